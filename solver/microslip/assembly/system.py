@@ -1,0 +1,32 @@
+"""What assembly (or matrices given by the user) hands on: K, M and the sparse maps R, loads, outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+
+@dataclass(frozen=True)
+class System:
+    """``M u'' + C u' + K u + R^T f_nl = f_ex`` on the free DOFs, rows split over the ranks of ``comm``.
+
+    The sparse maps are small and the same on every rank; their DOF axis counts the global PETSc rows.
+    """
+
+    comm: Any
+    K: Any                      # PETSc.Mat (n_dof, n_dof) N/m, without the joint springs
+    M: Any                      # PETSc.Mat (n_dof, n_dof) kg
+    C: Any | None               # PETSc.Mat N s/m, where the user gives one; otherwise damping is modal
+    R: sp.csr_matrix            # (3 n_pairs, n_dof) relative displacement, du = R u
+    loads: sp.csc_matrix        # (n_dof, n_loads) load shapes, per unit level [N/N]
+    outputs: sp.csr_matrix      # (n_outputs, n_dof)
+    dof: np.ndarray | None      # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed; None without a mesh
+    parts: np.ndarray | None = None     # (n_dof_owned,) connected part of each owned row, for messages on free bodies
+    part_names: tuple[str, ...] = ()    # what to call each part: its bodies
+
+    @property
+    def n_dof(self) -> int:
+        return self.K.getSize()[0]

@@ -1,0 +1,42 @@
+"""The record of a branch: what continuation hands on to the results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+STICK, SLIP, OPEN = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Point:
+    """A converged point of a curve.  Arrays are gathered on rank 0; counts and floats agree on all ranks.
+
+    Harmonic coefficients run mean, cos 1, sin 1, ..., cos H, sin H (N_H = 2 H + 1).
+    """
+
+    omega: float                # rad/s
+    response: np.ndarray        # (n_outputs, N_H) m
+    U: np.ndarray               # (n_pairs, 3, N_H) m
+    p: np.ndarray               # (n_pairs, 3, N_H) N
+    energy: np.ndarray          # (n_pairs,) friction loss J per cycle
+    state: np.ndarray           # (n_pairs,) uint8: STICK, SLIP, OPEN
+    unknowns: int               # of the reduced model at this point
+    newton: int                 # Newton iterations
+    krylov: int                 # GMRES iterations
+    friction: float             # J per cycle
+    damping: float              # J per cycle
+    input: float                # J per cycle
+    seconds: float              # wall time of this point
+    asked: bool = False         # one of [response] at
+    notes: tuple[str, ...] = ()
+
+
+@dataclass
+class Branch:
+    """The points of one level, in the order of the branch."""
+
+    level: float                            # N
+    points: list[Point] = field(default_factory=list)
+    failure: str | None = None              # why the branch ends early; None if it is complete

@@ -1,0 +1,52 @@
+"""Start PETSc and SLEPc once, with the options of this program only.
+
+Debian's Python packages of PETSc and SLEPc are found through a link that only its development packages
+install; :func:`locate` adds the packages' own folders instead, so that nobody has to set a variable.
+"""
+
+from __future__ import annotations
+
+import glob
+import importlib.util
+import os
+import sys
+
+PREFIXES = ("static_", "modes_", "hb_")
+_DEBIAN = {
+    "petsc4py": ("PETSC_DIR", "/usr/lib/petscdir/petsc*/*-real"),
+    "slepc4py": ("SLEPC_DIR", "/usr/lib/slepcdir/slepc*/*-real"),
+}
+
+
+def locate() -> None:
+    """Make petsc4py and slepc4py importable where Debian keeps them.  Local."""
+    for module, (variable, pattern) in _DEBIAN.items():
+        if variable in os.environ or importlib.util.find_spec(module) is not None:
+            continue
+        for folder in sorted(glob.glob(pattern), reverse=True):
+            packages = os.path.join(folder, "lib", "python3", "dist-packages")
+            if os.path.isdir(os.path.join(packages, module)):
+                os.environ[variable] = folder
+                sys.path.append(packages)
+                break
+
+
+def initialise(options: list[str] | None = None):
+    """Initialise MPI, PETSc and SLEPc and return ``(PETSc, SLEPc)``.  Collective on all ranks.
+
+    ``options`` are what followed ``--`` on the command line, already checked.  No ``.petscrc`` is read:
+    it could execute code from the working directory.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    locate()
+    import petsc4py
+
+    arguments = ["microslip", "-skip_petscrc", *(options or [])]
+    petsc4py.init(arguments)
+    import slepc4py
+
+    slepc4py.init(arguments)
+    from petsc4py import PETSc
+    from slepc4py import SLEPc
+
+    return PETSc, SLEPc
