@@ -1,0 +1,68 @@
+# cython: language_level=3, boundscheck=False, wraparound=False
+"""Bridge from NumPy arrays to aft_kernel.c; the meaning of every argument is stated there and in aft.py."""
+
+cdef extern from "aft_kernel.c" nogil:
+    ctypedef struct aft_tables:
+        Py_ssize_t N_H
+        Py_ssize_t N_t
+        Py_ssize_t stride
+        const double *E
+        const double *F
+        const double *S
+    ctypedef struct aft_pairs:
+        const double *mu
+        const double *N0
+        const double *k_t
+        const double *k_n
+        const unsigned char *separate
+        const double *U
+    int aft_leaves(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t n, unsigned char *leaves)
+    int aft_march(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t m, const Py_ssize_t *active, double *p,
+                  unsigned char *state, double *P)
+
+
+cdef class Sampling:
+    """Tables of one number of harmonics and samples, kept alive for the kernel."""
+
+    cdef aft_tables c
+    cdef object arrays
+
+    def __init__(self, Py_ssize_t N_H, const double[:, ::1] E, const double[:, ::1] F, const double[:, ::1] S):
+        self.arrays = (E, F, S)
+        self.c.N_H, self.c.N_t, self.c.stride = N_H, E.shape[0], E.shape[1]
+        self.c.E, self.c.F, self.c.S = &E[0, 0], &F[0, 0], &S[0, 0]
+
+
+cdef class Pairs:
+    """Parameters and harmonics of at least one pair, kept alive for the kernel."""
+
+    cdef aft_pairs c
+    cdef object arrays
+
+    def __init__(self, const double[:, :, ::1] U, const double[::1] mu, const double[::1] N0, const double[::1] k_t,
+                 const double[::1] k_n, const unsigned char[::1] separate):
+        self.arrays = (U, mu, N0, k_t, k_n, separate)
+        self.c.U, self.c.mu, self.c.N0 = &U[0, 0, 0], &mu[0], &N0[0]
+        self.c.k_t, self.c.k_n, self.c.separate = &k_t[0], &k_n[0], &separate[0]
+
+
+def leaves(Sampling sampling, Pairs pairs, unsigned char[::1] found):
+    """Set ``found`` (n,) to 1 where a pair leaves sticking."""
+    cdef int status
+    with nogil:
+        status = aft_leaves(&sampling.c, &pairs.c, found.shape[0], &found[0])
+    if status != 0:
+        raise MemoryError("contact kernel: no memory for its samples")
+
+
+def march(Sampling sampling, Pairs pairs, const Py_ssize_t[::1] active, double[:, :, ::1] p, unsigned char[::1] state,
+          double[:, :, ::1] P):
+    """Write p, state and, unless it is None, P of the ``active`` pairs; there must be at least one."""
+    cdef int status
+    cdef double *to_P = NULL
+    if P is not None:
+        to_P = &P[0, 0, 0]
+    with nogil:
+        status = aft_march(&sampling.c, &pairs.c, active.shape[0], &active[0], &p[0, 0, 0], &state[0], to_P)
+    if status != 0:
+        raise MemoryError("contact kernel: no memory for its samples")

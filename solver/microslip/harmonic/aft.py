@@ -1,0 +1,94 @@
+"""Harmonics of the contact forces by alternating frequency and time, with the exact derivative of the sampled law.
+
+docs/theory.md, section 6.  Local and NumPy only; the march itself is compiled (aft_kernel.c).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ..contact.law import ContactParameters
+from . import _aft
+from .fourier import analysis_matrix, cycle_work, synthesis_matrix
+
+
+@dataclass(frozen=True)
+class AftResult:
+    """Harmonics of p = f_nl - K_J du for n pairs, m of which are active."""
+
+    p: np.ndarray               # (n, 3, N_H) N; exactly 0 for pairs that are not active
+    state: np.ndarray           # (n,) uint8, in the kept period: STICK, SLIP, OPEN of contact/law.py
+    active: np.ndarray          # (m,) pairs with p or dp/dU not identically zero, ascending
+    P: np.ndarray | None        # (m, 3 N_H, 3 N_H) dp/dU [N/m], row and column = direction * N_H + coefficient
+
+
+def contact_harmonics(U: np.ndarray, parameters: ContactParameters, n_samples: int, tangents: bool = True) -> AftResult:
+    """Return the harmonics of the contact forces beyond the stuck springs under the periodic motion ``U``.
+
+    Local.  Marches the law of contact/law.py through two periods of ``n_samples`` each, from T = k_t du_t at the
+    first sample, and keeps the second.
+
+    Parameters
+    ----------
+    U : (n, 3, N_H) coefficients [mean, cos 1, sin 1, ...] of ``du`` in each pair's frame [m]; n may be 0
+    parameters : of the same n pairs
+    n_samples : N_t >= N_H
+    tangents : False leaves P out
+
+    Notes
+    -----
+    P is the derivative of the sampled law through both periods.  It jumps where a sample passes from stick to slip,
+    or from closed to open; there it is the derivative from one side.  A pair is active from the first time that it leaves
+    sticking in either period, if it opens, or if it starts with a gap.  A pair that only slid while the cycle
+    settled is active and in state STICK: it carries a constant p.  Where ``U`` or a parameter is not finite, p and P
+    of that pair are NaN.
+    """
+    n, _, N_H = U.shape
+    if parameters.n_pairs != n:
+        raise ValueError(f"harmonics of {n} pairs with parameters of {parameters.n_pairs}")
+    sampling = _sampling(N_H // 2, n_samples)
+    p, state = np.zeros((n, 3, N_H)), np.zeros(n, dtype=np.uint8)
+    active = np.empty(0, dtype=np.intp)
+    if n > 0:
+        pairs = _aft.Pairs(
+            np.ascontiguousarray(U, dtype=np.float64), parameters.mu, parameters.N0, parameters.k_t, parameters.k_n,
+            parameters.separate.view(np.uint8),
+        )
+        _aft.leaves(sampling, pairs, state)
+        active = np.flatnonzero(state)
+    P = np.empty((len(active), 3 * N_H, 3 * N_H)) if tangents else None
+    if len(active) > 0:
+        _aft.march(sampling, pairs, active, p, state, P)
+    return AftResult(p, state, active, P)
+
+
+@lru_cache(maxsize=16)
+def _sampling(H: int, N_t: int) -> _aft.Sampling:
+    """Return the kernel's tables, rows padded with zeros to a multiple of four."""
+    N_H = 2 * H + 1
+    stride = 4 * -(-N_H // 4)
+    E, F, S = np.zeros((N_t, stride)), np.zeros((N_t, stride)), np.zeros((N_t + 1, stride))
+    E[:, :N_H] = synthesis_matrix(H, N_t)
+    F[:, :N_H] = analysis_matrix(H, N_t).T
+    S[1:] = np.cumsum(F, axis=0)
+    S[N_t, 0], S[N_t, 1:] = 1.0, 0.0                    # what the sum is without roundoff
+    return _aft.Sampling(N_H, E, F, S)
+
+
+def pair_energy(U: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the friction loss per cycle e_i, the closed integral of T . d(du_t), (n,) [J], for (n, 3, N_H) of both.
+
+    docs/theory.md, eq. (6.3).  Positive where energy is lost.  ``p`` may stand for T: the springs k_t do no work in a cycle.
+    """
+    return cycle_work(p[:, :2], U[:, :2]).sum(axis=1)
+
+
+def contact_work(U: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return the work per cycle into the pairs, normal direction included, (n,) [J].
+
+    The normal spring loses nothing; its part, the sampling error of one-sided contact, closes the energy balance.
+    """
+    return cycle_work(p, U).sum(axis=1)
