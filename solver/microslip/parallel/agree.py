@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from .errors import MicroslipError
+from .errors import CaseError, MicroslipError
 
 
 def raise_together(comm, problem: str | None, error: type[MicroslipError]) -> None:
@@ -20,8 +20,8 @@ def raise_together(comm, problem: str | None, error: type[MicroslipError]) -> No
         raise error(text + where)
 
 
-def on_root(comm, function: Callable[..., Any], *args: Any) -> Any:
-    """Call ``function(*args)`` on rank 0 and return its result on every rank.
+def on_root(comm, function: Callable[..., Any], *args: Any, share: bool = True) -> Any:
+    """Call ``function(*args)`` on rank 0; return its result on every rank, or with ``share=False`` on rank 0 only.
 
     Collective on ``comm``: one broadcast.
 
@@ -30,17 +30,15 @@ def on_root(comm, function: Callable[..., Any], *args: Any) -> Any:
     Whatever ``function`` raises, on every rank: the same type of error with the same text.
     A ``SystemExit`` from a library becomes a ``CaseError``.
     """
-    from .errors import CaseError
-
-    outcome: tuple[bool, Any] = (True, None)
+    value, problem = None, None
     if comm.rank == 0:
         try:
-            outcome = (True, function(*args))
+            value = function(*args)
         except SystemExit as stop:                       # libraries that exit instead of raising
-            outcome = (False, CaseError(f"{getattr(function, '__name__', 'a library')} gave up: {stop}"))
-        except Exception as problem:                     # re-raised below, on every rank
-            outcome = (False, problem)
-    good, value = comm.bcast(outcome)
-    if not good:
-        raise value
-    return value
+            problem = CaseError(f"{getattr(function, '__name__', 'a library')} gave up: {stop}")
+        except Exception as found:                       # re-raised below, on every rank
+            problem = found
+    problem, shared = comm.bcast((problem, value if share else None))
+    if problem is not None:
+        raise problem
+    return shared if share else value

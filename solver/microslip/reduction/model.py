@@ -12,7 +12,7 @@ import numpy as np
 class ReducedModel:
     """Modes of (K_L, M) and static residuals, seen from pairs, loads and outputs (docs/theory.md, section 4).
 
-    Everything is replicated except ``G_static_owned``, whose rows live with their pairs.
+    Everything is replicated except ``G_static``, whose rows live with their pairs.
     """
 
     comm: Any
@@ -22,17 +22,31 @@ class ReducedModel:
     r: np.ndarray               # (3 n_pairs, n_phi) R phi
     b: np.ndarray               # (n_phi, n_loads) phi^T f
     o: np.ndarray               # (n_outputs, n_phi) output rows times phi
-    G_static_owned: np.ndarray  # (3 n_pairs_owned, 3 n_pairs) R K_L^-1 R^T [m/N]
+    G_static: np.ndarray        # (3 n_pairs, 3 n_pairs_owned) transposed rows of R K_L^-1 R^T [m/N]: a pair's column is contiguous
     du_static: np.ndarray       # (3 n_pairs, n_loads) R K_L^-1 f
     out_static: np.ndarray      # (n_outputs, n_loads) o K_L^-1 f
     out_R: np.ndarray           # (n_outputs, 3 n_pairs) o K_L^-1 R^T
+    load_static: np.ndarray     # (n_loads, n_loads) f^T K_L^-1 f
+    f: np.ndarray               # (n_loads, N_H) Fourier coefficients of the loads at unit level
 
     @property
     def n_pairs(self) -> int:
         return self.r.shape[0] // 3
 
     @property
+    def n_modes(self) -> int:
+        return len(self.omega_n)
+
+    @property
+    def N_H(self) -> int:
+        return self.f.shape[1]
+
+    @property
     def owned(self) -> slice:
+        """The pairs of this rank."""
+        return slice(self.pair_ranges[self.comm.rank], self.pair_ranges[self.comm.rank + 1])
+
+    @property
+    def owned_rows(self) -> slice:
         """Rows of the pairs of this rank."""
-        first, last = self.pair_ranges[self.comm.rank], self.pair_ranges[self.comm.rank + 1]
-        return slice(3 * first, 3 * last)
+        return slice(3 * self.owned.start, 3 * self.owned.stop)

@@ -1,0 +1,54 @@
+"""What is kept of a converged point: motion, forces, energies and states, gathered on rank 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..harmonic.aft import contact_work, pair_energy
+from ..harmonic.residual import HarmonicBalance
+from ..reduction import receptance
+from ..reduction.selection import Selection
+from .branch import Point
+from .corrector import Correction
+
+
+def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarray, selection: Selection,
+                 asked: bool) -> tuple[Point, np.ndarray]:
+    """Return the record of a converged point and which pairs of all have p != 0, (n_pairs,) bool.
+
+    Collective on ``problem.comm``.  State, energy and the set of moving pairs come from all pairs; ``p`` is that of the selected
+    pairs, which the motion solves for.
+    """
+    model, omega, U = problem.model, found.iterate.omega, found.iterate.U
+    everything = np.ones(model.n_pairs, dtype=bool)
+    of_all = problem.contact_forces(U, everything, tangents=False)
+    used = of_all if selected.all() else problem.contact_forces(U, selected, tangents=False)
+    p = problem.full_force(used)
+    shape = (model.n_pairs, 3, model.N_H)
+    U_all = problem._gather(U)
+    state = problem._gather(of_all.state)
+    energy = pair_energy(U_all, problem.full_force(of_all).reshape(shape))
+    moves = np.zeros(model.n_pairs, dtype=bool)
+    moves[of_all.active] = True
+    point = Point(
+        omega=omega, response=receptance.output_motion(model, problem.level, omega, p), U=U_all, p=p.reshape(shape),
+        energy=energy, state=state, unknowns=selection.unknowns(int(selected.sum()), model.n_modes, model.N_H),
+        newton=found.newton, krylov=found.krylov, friction=float(contact_work(U_all, p.reshape(shape)).sum()),
+        damping=damping_loss(problem, omega, p), input=input_work(problem, omega, p), seconds=0.0, asked=asked,
+    )
+    return point, moves
+
+
+def damping_loss(problem: HarmonicBalance, omega: float, p: np.ndarray) -> float:
+    """Return the viscous loss of all modes [J per cycle]: sum of 2 pi n^2 zeta_k omega_k omega |eta_kn|^2.  Local."""
+    model = problem.model
+    n = np.arange(model.N_H // 2 + 1)
+    eta = receptance.modal_motion(model, problem.level, omega, p)
+    return float(2.0 * np.pi * omega * np.sum(n**2 * (model.zeta * model.omega_n)[:, None] * np.abs(eta) ** 2))
+
+
+def input_work(problem: HarmonicBalance, omega: float, p: np.ndarray) -> float:
+    """Return the work of the loads [J per cycle]: closed integral of f . du over each load.  Local."""
+    y, f = receptance.load_motion(problem.model, problem.level, omega, p), problem.level * problem.model.f
+    n = np.arange(1, problem.model.N_H // 2 + 1)
+    return float(np.pi * np.sum(n * (f[:, 1::2] * y[:, 2::2] - f[:, 2::2] * y[:, 1::2])))

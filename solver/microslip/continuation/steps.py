@@ -1,0 +1,67 @@
+"""Step lengths: the arc-length norm, the length of the linear curve, growth and halving.
+
+The norm of a step from (U, omega) is relative (docs/theory.md, section 7),
+
+    ds^2 = |Delta U|^2 / |U|^2 + (Delta omega / omega_scale)^2,
+
+so that equal steps are equal turns of phase and equal ratios of amplitude: a resonance is resolved alike at every level,
+whatever its height, and a straight flank costs few points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..parallel.errors import CaseError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArcLength:
+    """Step lengths in the relative norm [-]."""
+
+    ds: float
+    ds_min: float
+    ds_max: float
+    turn: float = 0.12          # rad between two steps at which ds is kept: a straighter branch grows it
+    easy: int = 4               # Newton iterations at which ds is kept
+
+    def __post_init__(self):
+        if not 0.0 < self.ds_min <= self.ds <= self.ds_max:
+            raise CaseError(
+                f"[continuation] needs 0 < ds_min <= ds <= ds_max, got ds_min = {self.ds_min:g}, "
+                f"ds = {self.ds:g}, ds_max = {self.ds_max:g}"
+            )
+
+    def next(self, ds: float, newton: int, turn: float) -> float:
+        """Return the length of the next step after one that converged."""
+        by_curve = self.turn / max(turn, 1e-3)
+        by_newton = (self.easy / max(newton, 1)) ** 0.5
+        factor = min(max(min(by_curve, by_newton), 0.5), 1.5)
+        # the curve alone never asks for less than ds: that length already resolves the linear resonance
+        smallest = self.ds if by_newton >= 1.0 else self.ds_min
+        return min(max(ds * factor, min(smallest, 1.5 * ds)), self.ds_max)
+
+
+def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.ndarray) -> np.ndarray:
+    """Return frequencies [rad/s] between ``low`` and ``high`` that resolve every resonance in between.  Local."""
+    grids = [np.linspace(low, high, 60)]
+    for w, z in zip(omega_n, zeta):
+        if low < w < high:
+            half = w * max(z, 1e-6)
+            reach = np.arcsinh((high - low) / half)
+            grids.append(w + half * np.sinh(np.linspace(-reach, reach, 240)))
+    grid = np.unique(np.concatenate(grids))
+    return grid[(grid >= low) & (grid <= high)]
+
+
+def curve_length(comm, motions: list[np.ndarray], omegas: np.ndarray, omega_scale: float) -> float:
+    """Return the length of a sampled curve in the relative norm.
+
+    Collective on ``comm``.  ``motions`` holds this rank's rows at each of ``omegas``.
+    """
+    squares = [[float(np.vdot(b - a, b - a)), float(np.vdot(b, b))] for a, b in zip(motions, motions[1:])]
+    difference, size = comm.allreduce(np.array(squares)).T
+    relative = np.divide(difference, size, out=np.zeros_like(size), where=size > 0.0)
+    return float(np.sqrt(relative + (np.diff(omegas) / omega_scale) ** 2).sum())

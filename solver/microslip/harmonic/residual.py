@@ -1,0 +1,97 @@
+"""The harmonic-balance residual r(U, omega) = U - U_lin(omega) + G(omega) p(U) and its derivatives.
+
+docs/theory.md, section 5.  The rows of a pair live on the rank that owns it; ``p`` of the pairs that do not stick is
+gathered once an application.  ``p`` and dp/dU vanish where a pair sticks, so the cost follows the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..contact.law import ContactParameters
+from ..reduction import receptance
+from ..reduction.model import ReducedModel
+from .aft import contact_harmonics
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """Contact forces at one motion: what this rank evaluated and what all ranks gathered."""
+
+    state: np.ndarray           # (n_owned,) STICK, SLIP, OPEN
+    active_owned: np.ndarray    # (m,) pairs of this rank, counted from its first, with p or dp/dU not zero
+    P: np.ndarray | None        # (m, 3 N_H, 3 N_H) dp/dU of those [N/m]
+    active: np.ndarray          # (n_active,) the active pairs of all ranks, in rank order
+    p: np.ndarray               # (3 n_active, N_H) their forces [N]
+
+
+class HarmonicBalance:
+    """Residual and derivatives for one load level; ``selected`` pairs may slip or open, the others are held stuck."""
+
+    def __init__(self, model: ReducedModel, parameters: ContactParameters, n_samples: int, level: float):
+        self.model = model
+        self.comm = model.comm
+        self.parameters = parameters.take(np.arange(model.n_pairs)[model.owned])
+        self.n_samples = n_samples
+        self.level = level
+        self.n_owned = model.owned.stop - model.owned.start
+        self.shape = (self.n_owned, 3, model.N_H)
+
+    def contact_forces(self, U: np.ndarray, selected: np.ndarray, tangents: bool) -> ContactForces:
+        """Return the contact forces under the motion ``U`` (n_owned, 3, N_H) [m] of this rank's pairs.
+
+        Collective on ``comm``: one gather.  ``selected`` (n_pairs,) bool, the same on every rank.
+        """
+        chosen = np.flatnonzero(selected[self.model.owned])
+        all_chosen = len(chosen) == self.n_owned
+        parameters = self.parameters if all_chosen else self.parameters.take(chosen)
+        found = contact_harmonics(U if all_chosen else U[chosen], parameters, self.n_samples, tangents=tangents)
+        state = np.zeros(self.n_owned, dtype=np.uint8)
+        state[chosen] = found.state
+        active_owned = chosen[found.active]
+        p_owned = np.ascontiguousarray(found.p[found.active]).reshape(3 * len(active_owned), self.model.N_H)
+        active = self._gather(active_owned + self.model.owned.start)
+        return ContactForces(state, active_owned, found.P, active, self._gather(p_owned))
+
+    def _gather(self, owned: np.ndarray) -> np.ndarray:
+        """Concatenate the rows of all ranks in rank order.  Collective on ``comm``."""
+        return owned if self.comm.size == 1 else np.concatenate(self.comm.allgather(owned))
+
+    def full_force(self, forces: ContactForces) -> np.ndarray:
+        """Return p of all pairs, (3 n_pairs, N_H) [N], zero where they stick.  Local."""
+        p = np.zeros((self.model.n_pairs, 3, self.model.N_H))
+        p[forces.active] = forces.p.reshape(-1, 3, self.model.N_H)
+        return p.reshape(-1, self.model.N_H)
+
+    def linear_motion(self, omega: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return U_lin and d U_lin / d omega, each (n_owned, 3, N_H) [m], [m s].  Local."""
+        U_lin, dU_lin = receptance.linear_motion(self.model, self.level, omega)
+        return U_lin.reshape(self.shape), dU_lin.reshape(self.shape)
+
+    def receptance_at(self, omega: float, active: np.ndarray) -> ReceptanceColumns:
+        """Return G(omega) restricted to the columns of the ``active`` pairs.  Local."""
+        return ReceptanceColumns(self.model, omega, active)
+
+
+class ReceptanceColumns:
+    """Columns of G_n(omega), all harmonics, that belong to some pairs; rows are those of this rank's pairs."""
+
+    def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
+        columns = (3 * active[:, None] + np.arange(3)).ravel()
+        everything = len(active) == model.n_pairs and np.array_equal(active, np.arange(model.n_pairs))
+        self.G_static = model.G_static if everything else model.G_static[columns]
+        self.r_active = model.r if everything else model.r[columns]
+        self.r_owned = model.r[model.owned_rows]
+        self.c, self.dc = receptance.dynamic_part(model, omega)
+        self.shape = (-1, 3, model.N_H)
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
+        dynamic = self.r_owned @ receptance.modal(self.c, self.r_active.T @ p)
+        return ((p.T @ self.G_static).T + dynamic).reshape(self.shape)
+
+    def apply_derivative(self, p: np.ndarray) -> np.ndarray:
+        """Return (dG / d omega) p on this rank's pairs, (n_owned, 3, N_H) [m s].  Local."""
+        return (self.r_owned @ receptance.modal(self.dc, self.r_active.T @ p)).reshape(self.shape)

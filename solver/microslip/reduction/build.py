@@ -1,0 +1,68 @@
+"""Reduce a linearised structure to the receptance of its pairs, loads and outputs (docs/theory.md, section 4)."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..modes.constraint import static_columns
+from ..parallel.errors import CaseError
+from .model import ReducedModel
+
+
+def modal_damping(damping, omega_n: np.ndarray) -> np.ndarray:
+    """Return zeta, (n_phi,): a ratio for every mode, or alpha / (2 omega) + beta omega / 2 of C = alpha M + beta K_L.  Local."""
+    if damping.ratio is not None:
+        return np.full(len(omega_n), damping.ratio)
+    alpha, beta = damping.rayleigh
+    return alpha / (2.0 * omega_n) + beta * omega_n / 2.0
+
+
+def load_coefficients(loads, harmonics: int) -> np.ndarray:
+    """Return the Fourier coefficients of the loads at unit level, (n_loads, N_H): cos(n omega t + phase).  Local."""
+    f = np.zeros((len(loads), 2 * harmonics + 1))
+    for row, load in zip(f, loads):
+        if load.harmonic > harmonics:
+            raise CaseError(f"[[loads]] acts in harmonic {load.harmonic}, but [solver] harmonics = {harmonics}")
+        if load.harmonic == 0:
+            row[0] = np.cos(load.phase)
+        else:
+            row[2 * load.harmonic - 1: 2 * load.harmonic + 1] = np.cos(load.phase), -np.sin(load.phase)
+    return f
+
+
+def split_evenly(n: int, size: int) -> np.ndarray:
+    """Return (size + 1,) limits that split n items over ``size`` ranks; a rank may get none.  Local."""
+    return np.array([n * rank // size for rank in range(size + 1)])
+
+
+def reduce_structure(linearised, modes, scene) -> ReducedModel:
+    """Return the reduced model: 3 n_pairs + n_loads + n_outputs static solves with the kept factor.
+
+    Collective on the system's communicator.
+    """
+    system = linearised.system
+    comm, R, loads, outputs = system.comm, system.R, system.loads, system.outputs
+    pair_ranges = split_evenly(R.shape[0] // 3, comm.size)
+    n_rows, n_out = R.shape[0], outputs.shape[0]
+    everything = sp.vstack([R, outputs, loads.T], format="csr")
+    to_loads_and_outputs = static_columns(linearised, everything, sp.hstack([loads, outputs.T], format="csc"))
+    G_rows = static_columns(linearised, R, R.T.tocsc(), row_ranges=3 * pair_ranges)
+    n_load = loads.shape[1]
+    participation = owned_product(everything, modes.phi_owned, system)
+    return ReducedModel(
+        comm=comm, pair_ranges=pair_ranges, omega_n=modes.omega_n, zeta=modal_damping(scene.damping, modes.omega_n),
+        r=participation[:n_rows], o=participation[n_rows: n_rows + n_out], b=participation[n_rows + n_out:].T.copy(),
+        G_static=np.ascontiguousarray(G_rows.T),
+        du_static=to_loads_and_outputs[:n_rows, :n_load].copy(),
+        out_static=to_loads_and_outputs[n_rows: n_rows + n_out, :n_load].copy(),
+        out_R=to_loads_and_outputs[:n_rows, n_load:].T.copy(),
+        load_static=to_loads_and_outputs[n_rows + n_out:, :n_load].copy(),
+        f=load_coefficients(scene.loads, scene.solver.harmonics),
+    )
+
+
+def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system) -> np.ndarray:
+    """Return rows @ phi on every rank, (n_rows, n_phi).  Collective: one sum."""
+    first, last = system.K.getOwnershipRange()
+    return system.comm.allreduce(rows[:, first:last] @ phi_owned)

@@ -1,0 +1,35 @@
+"""Full displacement fields from a converged point of the reduced model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import receptance
+from .model import ReducedModel
+
+
+def displacement(linearised, modes, model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
+    """Return the harmonics of u on this rank's rows, (n_owned, N_H) [m].
+
+    Collective: one static solve with N_H right-hand sides.  u = K_L^-1 (f - R^T p) + phi c(omega) phi^T (f - R^T p), with
+    p (3 n_pairs, N_H) [N], docs/theory.md, section 4.
+    """
+    system = linearised.system
+    first, last = system.K.getOwnershipRange()
+    force = system.loads.tocsr()[first:last] @ (level * model.f) - system.R.T.tocsr()[first:last] @ p
+    c, _ = receptance.dynamic_part(model, omega)
+    q = level * model.b @ model.f - model.r.T @ p
+    return linearised.factor.solve(np.ascontiguousarray(force)) + modes.phi_owned @ receptance.modal(c, q)
+
+
+def node_fields(system, owned: np.ndarray) -> np.ndarray | None:
+    """Return fields per node, (n_nodes, 3, n_fields), in the order of Mesh.points, on rank 0 (None elsewhere).
+
+    Collective: one gather.  ``owned`` (n_owned, n_fields) are this rank's rows; fixed DOFs are zero.
+    """
+    gathered = system.comm.gather(owned, root=0)
+    if gathered is None:
+        return None
+    rows = np.concatenate(gathered)
+    rows = np.concatenate([rows, np.zeros((1, rows.shape[1]))])         # row -1: the fixed DOFs
+    return rows[system.dof]
