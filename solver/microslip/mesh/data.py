@@ -7,6 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 
+def place(point) -> str:
+    """Return a point as messages show it."""
+    return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"
+
+
 @dataclass(frozen=True)
 class ElementBlock:
     """Elements of one kind and one physical group, nodes in VTK order."""
@@ -36,6 +41,12 @@ class Mesh:
     elements: tuple[ElementBlock, ...]
     faces: tuple[FaceBlock, ...]
     node_groups: dict[str, np.ndarray]      # every named group, of any dimension: its node indices, sorted
+    notes: tuple[str, ...] = ()             # what was left out or assumed, for the log
+
+    @property
+    def diagonal(self) -> float:
+        """Diagonal of the bounding box [m]."""
+        return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
 
 @dataclass(frozen=True)

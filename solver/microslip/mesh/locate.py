@@ -1,0 +1,52 @@
+"""Find the nodes that loads and outputs name: by position, by number or by group."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..parallel.errors import CaseError, MeshError
+from .data import Mesh, place
+
+FAR = 0.1       # of the mesh's diagonal: a position this far from every node is a mistake
+
+
+def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str | None = None,
+              where: str = "") -> np.ndarray:  # fmt: skip
+    """Return the indices in ``mesh.points`` of what a load or an output names, (n,).  Local, rank 0.
+
+    Parameters
+    ----------
+    position : three coordinates [m]: the nearest node of the mesh
+    node : the user's node number
+    group : name of a group: all its nodes
+    where : what asks, for messages, as "[[loads]] 1"
+
+    Raises
+    ------
+    MeshError : no such node or group, or no node near the position
+    """
+    if position is not None:
+        nearest, distance = nearest_node(mesh, position)
+        if distance > FAR * mesh.diagonal:
+            raise MeshError(
+                f"{where} position = {place(position)} m is {distance:.3g} m from the nearest node "
+                f"({mesh.numbers[nearest]} at {place(mesh.points[nearest])} m), more than {FAR:.0%} of the mesh's "
+                "diagonal; positions are in metres, after [model] scale"
+            )
+        return np.array([nearest])
+    if node is not None:
+        found = np.flatnonzero(mesh.numbers == node)
+        if len(found) == 0:
+            raise MeshError(f"{where} node = {node}: no element of a body has a node of this number; node numbers run "
+                            f"from {mesh.numbers.min()} to {mesh.numbers.max()}")  # fmt: skip
+        return found
+    if group is not None:
+        return mesh.node_groups[group]
+    raise CaseError(f"{where} needs a position, a node or a group; dof is for scenes given as matrices")
+
+
+def nearest_node(mesh: Mesh, position) -> tuple[int, float]:
+    """Return the index of the node nearest to ``position`` and its distance [m].  Local, rank 0."""
+    distances = np.linalg.norm(mesh.points - np.asarray(position, dtype=float), axis=1)
+    nearest = int(np.argmin(distances))
+    return nearest, float(distances[nearest])

@@ -1,0 +1,312 @@
+"""Read Gmsh's own format, versions 2.2 and 4.1, text and binary, with the user's numbers and all groups."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from ..parallel.errors import MeshError
+from .file import KINDS, Cells, FileMesh, Group, index_of
+
+# Gmsh's element types; where its order of mid-side nodes is not VTK's, the permutation to VTK's.
+_TYPES = {
+    1: "line2", 2: "tri3", 3: "quad4", 4: "tet4", 5: "hex8", 6: "wedge6", 7: "pyramid5", 8: "line3", 9: "tri6",
+    10: "quad9", 11: "tet10", 12: "hex27", 13: "wedge18", 14: "pyramid14", 15: "point", 16: "quad8", 17: "hex20",
+    18: "wedge15", 19: "pyramid13",
+}  # fmt: skip
+_TO_VTK = {
+    "tet10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
+    "hex20": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15],
+    "wedge15": [0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11],
+}
+_DIMENSION = ("point", "curve", "surface", "volume")
+
+
+def read_msh(path: str) -> FileMesh:
+    """Read a Gmsh file.  Local.
+
+    Raises
+    ------
+    MeshError without the file's name: the file is truncated, damaged or of another version.
+    """
+    with open(path, "rb") as file:
+        content = file.read()
+    version, is_binary, order = _format(content)
+    names = _physical_names(content)
+    if version == "2.2":
+        numbers, points = _nodes_2(_section(content, "Nodes", is_binary), is_binary, order)
+        blocks = _elements_2(_section(content, "Elements", is_binary), is_binary, order)
+    else:
+        physical = {}
+        if b"$Entities" in content:
+            physical = _entities_4(_cursor(_section(content, "Entities", is_binary), is_binary, order, "Entities"))
+        numbers, points = _nodes_4(_cursor(_section(content, "Nodes", is_binary), is_binary, order, "Nodes"))
+        blocks = _elements_4(
+            _cursor(_section(content, "Elements", is_binary), is_binary, order, "Elements"), physical
+        )
+    return _compose(points, numbers, blocks, names)
+
+
+def _format(content: bytes) -> tuple[str, bool, str]:
+    """Return version, whether the file is binary, and its byte order."""
+    if not content.startswith(b"$MeshFormat"):
+        raise MeshError("this is not a Gmsh file: it does not begin with $MeshFormat")
+    lines = content[:200].split(b"\n", 2)
+    words = lines[1].split() if len(lines) > 2 else []
+    if len(words) < 3:
+        raise MeshError("the file is truncated in $MeshFormat")
+    version, is_binary, size = words[0].decode(errors="replace"), words[1] == b"1", words[2]
+    if version not in ("2.2", "4.1"):
+        raise MeshError(
+            f"Gmsh format {version} is not read, only 2.2 and 4.1; convert it: "
+            "gmsh FILE.msh -save -format msh41 -o NEW.msh"
+        )
+    if is_binary and size != b"8":
+        raise MeshError(f"a binary Gmsh file with {size.decode(errors='replace')}-byte numbers is not read, only 8")
+    if is_binary and b"$PartitionedEntities" in content or b"\n$PartitionedEntities" in content:
+        raise MeshError("the mesh is partitioned already; save it whole (this program partitions it by itself)")
+    return version, is_binary, "<" if not is_binary or lines[2][:4] == b"\1\0\0\0" else ">"
+
+
+def _section(content: bytes, name: str, is_binary: bool) -> bytes:
+    """Return what stands between $Name and $EndName."""
+    start = content.find(b"$" + name.encode())
+    if start < 0:
+        raise MeshError(f"the file has no ${name} section; it is truncated, or not a mesh")
+    start = content.find(b"\n", start) + 1
+    end = content.find(b"$End" + name.encode(), start)
+    if start == 0 or end < 0:
+        raise MeshError(f"the file is truncated: ${name} is not closed by $End{name}")
+    return content[start:end]
+
+
+def _physical_names(content: bytes) -> dict[tuple[int, int], str]:
+    """Return the names of the physical groups by dimension and tag."""
+    names = {}
+    if b"$PhysicalNames" in content:
+        for line in _section(content, "PhysicalNames", False).decode(errors="replace").splitlines()[1:]:
+            words = line.split(maxsplit=2)
+            if len(words) == 3:
+                names[int(words[0]), int(words[1])] = words[2].strip().strip('"')
+    return names
+
+
+class _Text:
+    """Numbers of a text section, taken in order."""
+
+    def __init__(self, section: bytes, name: str):
+        self.values, self.name, self.at = _numbers(section, name), name, 0
+
+    def doubles(self, n: int) -> np.ndarray:
+        taken = self.values[self.at : self.at + n]
+        if n < 0 or len(taken) < n:
+            raise MeshError(f"${self.name} ends early: it announces more than it holds; the file is damaged")
+        self.at += n
+        return taken
+
+    def ints(self, n: int) -> np.ndarray:
+        taken = self.doubles(n)
+        if not np.isfinite(taken).all():
+            raise MeshError(f"${self.name} holds a number that is not finite where a count or a tag is due")
+        return taken.astype(np.int64)
+
+    sizes = ints
+
+
+class _Binary:
+    """Numbers of a binary section, taken in order."""
+
+    def __init__(self, section: bytes, name: str, order: str):
+        self.section, self.name, self.order, self.at = section, name, order, 0
+
+    def _take(self, n: int, code: str) -> np.ndarray:
+        n_bytes = int(n) * np.dtype(code).itemsize
+        taken = self.section[self.at : self.at + n_bytes]
+        if n < 0 or len(taken) < n_bytes:
+            raise MeshError(f"${self.name} ends early: it announces more than it holds; the file is damaged")
+        self.at += n_bytes
+        return np.frombuffer(taken, dtype=self.order + code)
+
+    def doubles(self, n: int) -> np.ndarray:
+        return self._take(n, "f8").astype(float)
+
+    def ints(self, n: int) -> np.ndarray:
+        return self._take(n, "i4").astype(np.int64)
+
+    def sizes(self, n: int) -> np.ndarray:
+        return self._take(n, "i8").astype(np.int64)
+
+
+def _cursor(section: bytes, is_binary: bool, order: str, name: str) -> _Text | _Binary:
+    return _Binary(section, name, order) if is_binary else _Text(section, name)
+
+
+def _numbers(section: bytes, name: str) -> np.ndarray:
+    """Return all numbers of a text section."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")              # older NumPy only warns where the text stops being numbers
+        try:
+            return np.fromstring(section, sep=" ")
+        except (ValueError, DeprecationWarning):
+            word = next((word for word in section.split() if not _is_number(word)), b"")
+            raise MeshError(f"${name} holds {word.decode(errors='replace')[:40]!r} where a number is due") from None
+
+
+def _is_number(word: bytes) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _entities_4(cursor: _Text | _Binary) -> dict[tuple[int, int], np.ndarray]:
+    """Return the physical tags of every entity, by dimension and tag."""
+    physical = {}
+    for dimension, n_entities in enumerate(cursor.sizes(4)):
+        for _ in range(n_entities):
+            tag = int(cursor.ints(1)[0])
+            cursor.doubles(3 if dimension == 0 else 6)                      # bounding box
+            physical[dimension, tag] = np.abs(cursor.ints(cursor.sizes(1)[0]))
+            if dimension > 0:
+                cursor.ints(cursor.sizes(1)[0])                             # bounding entities
+    return physical
+
+
+def _nodes_4(cursor: _Text | _Binary) -> tuple[np.ndarray, np.ndarray]:
+    """Return node numbers and coordinates."""
+    n_blocks, n_nodes = cursor.sizes(4)[:2]
+    numbers, points = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
+    for _ in range(n_blocks):
+        dimension, _, is_parametric = cursor.ints(3)
+        n = int(cursor.sizes(1)[0])
+        numbers.append(cursor.sizes(n))
+        width = 3 + (int(dimension) if is_parametric else 0)
+        points.append(cursor.doubles(n * width).reshape(n, width)[:, :3])
+    if sum(map(len, numbers)) != n_nodes:
+        raise MeshError(f"$Nodes announces {n_nodes} nodes and holds {sum(map(len, numbers))}; the file is damaged")
+    return np.concatenate(numbers), np.concatenate(points)
+
+
+def _elements_4(cursor: _Text | _Binary, physical: dict[tuple[int, int], np.ndarray]) -> list[tuple]:
+    """Return (kind, element numbers, node numbers, physical tags) of every entity's elements."""
+    blocks = []
+    for _ in range(cursor.sizes(4)[0]):
+        dimension, entity, gmsh_type = (int(value) for value in cursor.ints(3))
+        n = int(cursor.sizes(1)[0])
+        kind, n_nodes = _kind(gmsh_type)
+        rows = cursor.sizes(n * (1 + n_nodes)).reshape(n, 1 + n_nodes)
+        blocks.append((kind, rows[:, 0], rows[:, 1:], physical.get((dimension, entity), ())))
+    return blocks
+
+
+def _nodes_2(section: bytes, is_binary: bool, order: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return node numbers and coordinates."""
+    count, _, rest = section.partition(b"\n")
+    n = _count(count, "Nodes")
+    if is_binary:
+        record = np.dtype([("number", order + "i4"), ("point", order + "f8", 3)])
+        if len(rest) < n * record.itemsize:
+            raise MeshError(f"$Nodes announces {n} nodes and holds fewer; the file is damaged")
+        records = np.frombuffer(rest[: n * record.itemsize], dtype=record)
+        return records["number"].astype(np.int64), records["point"].astype(float)
+    values = _numbers(rest, "Nodes")
+    if len(values) != 4 * n:
+        raise MeshError(f"$Nodes announces {n} nodes of 4 numbers and holds {len(values)} numbers; the file is damaged")
+    return values[0::4].astype(np.int64), values.reshape(n, 4)[:, 1:]
+
+
+def _elements_2(section: bytes, is_binary: bool, order: str) -> list[tuple]:
+    """Return (kind, element numbers, node numbers, physical tags) of every run of like elements."""
+    count, _, rest = section.partition(b"\n")
+    n, blocks = _count(count, "Elements"), []
+    cursor = _cursor(rest, is_binary, order, "Elements")
+    while n > 0:
+        if is_binary:
+            gmsh_type, n_run, n_tags = (int(value) for value in cursor.ints(3))
+            kind, n_nodes = _kind(gmsh_type)
+            rows = cursor.ints(n_run * (1 + n_tags + n_nodes)).reshape(n_run, 1 + n_tags + n_nodes)
+            numbers, tags, nodes = rows[:, 0], rows[:, 1 : 1 + n_tags], rows[:, 1 + n_tags :]
+        else:
+            rows = _run(cursor, n)
+            kind, n_tags = _kind(rows[0, 1])[0], rows[0, 2]
+            numbers, tags, nodes = rows[:, 0], rows[:, 3 : 3 + n_tags], rows[:, 3 + n_tags :]
+        n -= max(len(rows), 1)
+        physical = np.abs(tags[:, 0]) if n_tags else np.zeros(len(rows), dtype=np.int64)
+        for tag in np.unique(physical):
+            mine = physical == tag
+            blocks.append((kind, numbers[mine], nodes[mine], (tag,) if tag else ()))
+    return blocks
+
+
+def _run(cursor: _Text, n_left: int) -> np.ndarray:
+    """Return the next elements of one type and number of tags, one row each."""
+    start = cursor.at
+    _, gmsh_type, n_tags = cursor.ints(3)
+    width = 3 + int(n_tags) + _kind(int(gmsh_type))[1]
+    cursor.at = start
+    rows, n_try = cursor.ints(width).reshape(1, width), 64
+    while len(rows) < n_left:
+        n_ready = min(n_try, n_left - len(rows), (len(cursor.values) - cursor.at) // width)
+        ahead = cursor.ints(n_ready * width).reshape(n_ready, width)
+        alike = (ahead[:, 1] == gmsh_type) & (ahead[:, 2] == n_tags)
+        n_alike = n_ready if alike.all() else int(np.argmin(alike))
+        rows = np.concatenate([rows, ahead[:n_alike]])
+        cursor.at -= (n_ready - n_alike) * width
+        if n_alike < n_ready or n_ready == 0:
+            break
+        n_try *= 4
+    return rows
+
+
+def _count(word: bytes, name: str) -> int:
+    try:
+        return int(word)
+    except ValueError:
+        raise MeshError(f"${name} does not begin with a count; the file is damaged") from None
+
+
+def _kind(gmsh_type: int) -> tuple[str, int]:
+    if gmsh_type not in _TYPES:
+        raise MeshError(
+            f"$Elements holds Gmsh's element type {gmsh_type}, of order 3 or higher or not a finite element; "
+            "mesh with Mesh.ElementOrder 1 or 2"
+        )
+    kind = _TYPES[int(gmsh_type)]
+    return kind, KINDS[kind][1]
+
+
+def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names: dict) -> FileMesh:
+    """Join the blocks of like elements and group them by their physical tags."""
+    if len(np.unique(numbers)) != len(numbers):
+        twice = np.sort(numbers)[:-1][np.diff(np.sort(numbers)) == 0][0]
+        raise MeshError(f"$Nodes gives node number {twice} more than once")
+    cells, groups = [], {}
+    for name in names.values():
+        groups[name] = Group()
+    names = {**_unnamed(blocks, names), **names}
+    for kind in dict.fromkeys(block[0] for block in blocks):
+        mine = [block for block in blocks if block[0] == kind]
+        nodes = np.concatenate([block[2] for block in mine])
+        index, missing = index_of(numbers, nodes)
+        if len(missing):
+            raise MeshError(f"$Elements names node {missing[0]}, which $Nodes does not hold")
+        cells.append(Cells(kind, index[:, _TO_VTK.get(kind, slice(None))], np.concatenate([b[1] for b in mine])))
+        start = 0
+        for _, own, _, physical in mine:
+            for tag in physical:
+                name = names[KINDS[kind][0], int(tag)]
+                groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(start, start + len(own)))
+            start += len(own)
+    return FileMesh(points, numbers, tuple(cells), groups)
+
+
+def _unnamed(blocks: list[tuple], names: dict) -> dict[tuple[int, int], str]:
+    """Name the groups that have a tag only: by the tag, with the dimension where the tag alone is not unique."""
+    keys = {(KINDS[kind][0], int(tag)) for kind, _, _, physical in blocks for tag in physical} - set(names)
+    tags = [tag for _, tag in keys]
+    return {
+        (dimension, tag): str(tag) if tags.count(tag) == 1 else f"{_DIMENSION[dimension]} {tag}"
+        for dimension, tag in keys
+    }

@@ -1,0 +1,129 @@
+"""Split the mesh over the ranks: METIS parts of the elements, owners of the nodes, each rank's own elements."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+from ..parallel.agree import on_root
+from ..parallel.errors import CaseError
+from .data import DistributedMesh, LocalBlock, Mesh
+
+_CORNERS = {"tet4": 4, "tet10": 4, "hex8": 8, "hex20": 8, "wedge6": 6, "wedge15": 6}
+_FACE_CORNERS = 3       # elements that share this many corners share a face
+
+
+def distribute(mesh: Mesh | None, scene, comm) -> DistributedMesh:
+    """Give every rank a contiguous range of nodes and all elements that touch one of them.
+
+    Collective on ``comm``: one broadcast (the node order) and one scatter (the elements).
+
+    Parameters
+    ----------
+    mesh : the whole mesh on rank 0, None elsewhere
+
+    Notes
+    -----
+    A node at the border of several parts is owned by the lowest of them, so only the lower part assembles the
+    elements of both sides.  A rank may own nothing.
+    """
+    shares: list[tuple[LocalBlock, ...]] = []
+
+    def plan():
+        elements = _dual_graph(mesh)
+        order, rank_order, node_ranges = _order(mesh, elements, comm.size)
+        shares.extend(_shares(mesh, scene, order, rank_order, node_ranges))
+        return node_ranges, rank_order
+
+    node_ranges, rank_order = on_root(comm, plan)
+    blocks = comm.scatter(shares if comm.rank == 0 else None)
+    return DistributedMesh(comm, node_ranges, rank_order, blocks)
+
+
+def _dual_graph(mesh: Mesh) -> sp.csr_matrix:
+    """Return the graph of elements that share a face, (n_elements, n_elements)."""
+    corners = [block.nodes[:, : _CORNERS[block.kind]] for block in mesh.elements]
+    counts = np.concatenate([np.full(len(nodes), nodes.shape[1]) for nodes in corners])
+    indices = np.concatenate([nodes.ravel() for nodes in corners])
+    indptr = np.concatenate([[0], np.cumsum(counts)])
+    touches = sp.csr_matrix((np.ones(len(indices), dtype=np.int32), indices, indptr), (len(counts), len(mesh.points)))
+    shared = (touches @ touches.T).tocoo()
+    is_face = (shared.data >= _FACE_CORNERS) & (shared.row != shared.col)
+    return sp.csr_matrix((shared.data[is_face], (shared.row[is_face], shared.col[is_face])), shared.shape)
+
+
+def _order(mesh: Mesh, graph: sp.csr_matrix, n_ranks: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return element order, rank-ordered number of every node, and the node ranges of the ranks.
+
+    Elements run along the graph (Cuthill-McKee); a rank's nodes are numbered as these elements first touch them,
+    so that neighbours have near numbers.
+    """
+    order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
+    part = _parts(mesh, graph, n_ranks)
+    node, element = _incidence(mesh)
+    n_nodes = len(mesh.points)
+    owner = _lowest(part[element], node, n_nodes)
+    touched = _lowest(_inverse(order)[element], node, n_nodes)
+    rank_order = np.empty(n_nodes, dtype=np.int64)
+    rank_order[np.lexsort((np.arange(n_nodes), touched, owner))] = np.arange(n_nodes)
+    node_ranges = np.concatenate([[0], np.cumsum(np.bincount(owner, minlength=n_ranks))])
+    return order, rank_order, node_ranges
+
+
+def _inverse(order: np.ndarray) -> np.ndarray:
+    position = np.empty_like(order)
+    position[order] = np.arange(len(order))
+    return position
+
+
+def _lowest(value: np.ndarray, node: np.ndarray, n_nodes: int) -> np.ndarray:
+    """Return the lowest value at every node; each node occurs."""
+    falling = np.argsort(value, kind="stable")[::-1]
+    lowest = np.empty(n_nodes, dtype=value.dtype)
+    lowest[node[falling]] = value[falling]              # the last one written stays
+    return lowest
+
+
+def _parts(mesh: Mesh, graph: sp.csr_matrix, n_ranks: int) -> np.ndarray:
+    """Return the part of every element, balanced by number of nodes.  METIS where there is more than one part."""
+    n_elements = graph.shape[0]
+    n_parts = min(n_ranks, n_elements)
+    if n_parts == 1:
+        return np.zeros(n_elements, dtype=np.int64)
+    try:
+        import pymetis
+    except ImportError:
+        raise CaseError("several ranks need METIS; install it: pip install pymetis") from None
+    weights = np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.elements])
+    adjacency = pymetis.CSRAdjacency(graph.indptr.astype(np.int32), graph.indices.astype(np.int32))
+    _, part = pymetis.part_graph(n_parts, adjacency=adjacency, vweights=weights.astype(np.int32))
+    return np.asarray(part, dtype=np.int64)
+
+
+def _incidence(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Return node and element (counted over all blocks) of every element corner and mid-side."""
+    node = np.concatenate([block.nodes.ravel() for block in mesh.elements])
+    n_nodes = np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.elements])
+    return node, np.repeat(np.arange(len(n_nodes)), n_nodes)
+
+
+def _shares(mesh: Mesh, scene, order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
+    """Return every rank's blocks: all elements that touch one of its nodes, along the element order."""
+    n_ranks = len(node_ranges) - 1
+    body_of = {body.group: name for name, body in scene.bodies.items()}
+    position = _inverse(order)
+    shares: list[list[LocalBlock]] = [[] for _ in range(n_ranks)]
+    start = 0
+    for block in mesh.elements:
+        n_elements = len(block.nodes)
+        nodes = rank_order[block.nodes]
+        owner = np.searchsorted(node_ranges, nodes, side="right") - 1
+        along = np.argsort(position[start : start + n_elements])
+        start += n_elements
+        for rank in range(n_ranks):
+            mine = along[(owner[along] == rank).any(axis=1)]
+            if len(mine):
+                shares[rank].append(LocalBlock(block.kind, body_of[block.group], nodes[mine],
+                                               mesh.points[block.nodes[mine]], block.numbers[mine]))  # fmt: skip
+    return [tuple(share) for share in shares]

@@ -1,0 +1,63 @@
+"""Connected parts of the mesh: which bodies hang together by shared nodes, and what holds each of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from ..parallel.errors import MeshError
+from .data import ContactPairs, Mesh, place
+
+
+def connected_parts(mesh: Mesh, scene) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the part of every node, (n_nodes,), and what to call each part.  Local, rank 0.
+
+    Nodes of one element belong to one part; joints connect nothing here.
+    """
+    first = np.concatenate([np.repeat(block.nodes[:, 0], block.nodes.shape[1] - 1) for block in mesh.elements])
+    other = np.concatenate([block.nodes[:, 1:].ravel() for block in mesh.elements])
+    n_parts, part = _components(first, other, len(mesh.points))
+    body_of = {body.group: name for name, body in scene.bodies.items()}
+    bodies: list[list[str]] = [[] for _ in range(n_parts)]
+    for block in mesh.elements:
+        for i in np.unique(part[block.nodes[:, 0]]):
+            if body_of[block.group] not in bodies[i]:
+                bodies[i].append(body_of[block.group])
+    plain = [_list(names) for names in bodies]
+    return part, tuple(
+        name if plain.count(name) == 1 else f"{name} (a separate piece around {_centre(mesh, part == i)})"
+        for i, name in enumerate(plain)
+    )
+
+
+def check_held(part: np.ndarray, names: tuple[str, ...], mesh: Mesh, scene, pairs: ContactPairs) -> None:
+    """Raise MeshError for a part that neither has a support nor is joined to a part that has one.  Local, rank 0."""
+    n_parts = len(names)
+    held = np.zeros(n_parts, dtype=bool)
+    for support in scene.supports:
+        held[part[mesh.node_groups[support.group]]] = True
+    on_mesh = (pairs.node1 >= 0) & (pairs.node2 >= 0)
+    _, cluster = _components(part[pairs.node1[on_mesh]], part[pairs.node2[on_mesh]], n_parts)
+    for grounded in (pairs.node1[pairs.node2 < 0], pairs.node2[pairs.node1 < 0]):
+        held[part[grounded[grounded >= 0]]] = True
+    is_held = np.isin(cluster, cluster[held])
+    if not is_held.all():
+        free = [names[i] for i in np.flatnonzero(~is_held)]
+        raise MeshError(
+            f"nothing holds {'; '.join(free[:5])}{' and others' if len(free) > 5 else ''}: no support, and no joint to "
+            "a part that has one, so it can move freely; add [[supports]] or a joint, or merge the nodes where bodies touch"
+        )
+
+
+def _components(first: np.ndarray, second: np.ndarray, n: int) -> tuple[int, np.ndarray]:
+    graph = sp.coo_matrix((np.ones(len(first), dtype=np.int8), (first, second)), (n, n))
+    return connected_components(graph, directed=False)
+
+
+def _list(names: list[str]) -> str:
+    return ("body " if len(names) == 1 else "bodies ") + " and ".join(repr(name) for name in names)
+
+
+def _centre(mesh: Mesh, mine: np.ndarray) -> str:
+    return f"{place(mesh.points[mine].mean(axis=0))} m"

@@ -1,0 +1,229 @@
+"""Read the mesh file that a scene names, and keep of it what the scene uses."""
+
+from __future__ import annotations
+
+import difflib
+import os
+
+import numpy as np
+
+from ..parallel.errors import CaseError, MeshError
+from .data import ElementBlock, FaceBlock, Mesh, place
+from .file import KINDS, FileMesh, Group
+from .inp import read_inp
+from .msh import read_msh
+from .other import FORMATS, read_other
+
+SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15")
+_ADVICE = {
+    "hex27": "; in Gmsh set Mesh.SecondOrderIncomplete = 1 for hex20",
+    "wedge18": "; in Gmsh set Mesh.SecondOrderIncomplete = 1 for wedge15",
+}
+
+
+def read_mesh(scene) -> Mesh:
+    """Read, check and scale the mesh of ``scene``.  Local; call it on rank 0 only, through ``on_root``.
+
+    Volume elements that belong to a named group but to no body are left out, with a note in ``Mesh.notes``.
+
+    Raises
+    ------
+    MeshError, CaseError: one message that names the file and the cause.
+    """
+    path = os.path.join(str(scene.folder), str(scene.model.mesh))
+    file = _read_file(path)
+    try:
+        _check_points(file)
+        _check_groups(file, scene)
+        return _compose(path, file, scene)
+    except MeshError as problem:
+        raise type(problem)(f"{path}: {problem}") from None
+
+
+def _read_file(path: str) -> FileMesh:
+    ending = os.path.splitext(path)[1].lower()
+    readers = {".msh": read_msh, ".inp": read_inp, **{known: read_other for known in FORMATS}}
+    if ending not in readers:
+        raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not known; known are {', '.join(readers)}")
+    if not os.path.isfile(path):
+        raise CaseError(f"[model] mesh: there is no file {path}")
+    try:
+        return read_other(path, ending) if ending in FORMATS else readers[ending](path)
+    except (MeshError, OSError) as problem:
+        raise MeshError(f"{path}: {problem}") from None
+    except (ValueError, IndexError, OverflowError) as problem:
+        raise MeshError(f"{path}: the file is damaged, or not a mesh in the format of its ending ({problem})") from None
+
+
+def _check_points(file: FileMesh) -> None:
+    """Raise MeshError unless every coordinate is finite and every cell's nodes exist."""
+    bad = np.flatnonzero(~np.isfinite(file.points).all(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"{len(bad)} of {len(file.points)} nodes have a coordinate that is not a finite number, "
+            f"the first is node {file.numbers[bad[0]]} at {place(file.points[bad[0]])}"
+        )
+    for cells in file.cells:
+        outside = (cells.nodes < 0) | (cells.nodes >= len(file.points))
+        if outside.any():
+            number = cells.numbers[np.argmax(outside.any(axis=1))]
+            raise MeshError(f"{cells.kind} element {number} names a node that the file does not hold")
+
+
+def _check_groups(file: FileMesh, scene) -> None:
+    """Raise MeshError unless every group that the scene names exists."""
+    used = [(f"[bodies.{name}] group", body.group) for name, body in scene.bodies.items()]
+    used += [(f"[[supports]] {i} group", support.group) for i, support in enumerate(scene.supports, 1)]
+    for joint in scene.joints:
+        used += [(f"[[joints]] {joint.name!r} surfaces", group) for group in joint.surfaces or ()]
+    used += [(f"[[loads]] {i} group", load.group) for i, load in enumerate(scene.loads, 1) if load.group is not None]
+    for key, group in used:
+        if group not in file.groups:
+            hint = _existing(group, list(file.groups))
+            raise MeshError(f"{key} = {group!r}: there is no such group in the mesh{hint}")
+
+
+def _existing(word: str, names: list[str]) -> str:
+    if not names:
+        return "; it has no named groups at all (in Gmsh: Physical Volume and Physical Surface with names)"
+    by_lower = {name.lower(): name for name in names}
+    near = difflib.get_close_matches(word.lower(), by_lower, n=1)
+    shown = ", ".join(names[:30]) + (f", ... ({len(names)} in all)" if len(names) > 30 else "")
+    return (f"; nearest is {by_lower[near[0]]!r}" if near else "") + f"; it has: {shown}"
+
+
+def _compose(path: str, file: FileMesh, scene) -> Mesh:
+    """Keep the elements of the bodies and the nodes they use."""
+    notes = list(file.notes)
+    elements = []
+    for name, body in scene.bodies.items():
+        _check_kinds(name, body.group, file)
+    for kind in SOLIDS:
+        elements += _elements_of_kind(kind, file, scene, notes)
+    used = np.zeros(len(file.points), dtype=bool)
+    for block in elements:
+        used[block.nodes] = True
+    new = np.cumsum(used) - 1
+    elements = [ElementBlock(block.kind, block.group, new[block.nodes], block.numbers) for block in elements]
+    faces, node_groups = [], {}
+    for name, group in file.groups.items():
+        faces += _faces(name, group, file, used, new)
+        node_groups[name] = new[_group_nodes(group, file, used)]
+    if not used.all():
+        notes.append(f"{np.count_nonzero(~used)} nodes that no element of a body uses are left out")
+    mesh = Mesh(path, file.points[used] * float(scene.model.scale), file.numbers[used], tuple(elements), tuple(faces),
+                node_groups, tuple(notes))  # fmt: skip
+    _check_groups_on_bodies(mesh, scene)
+    return mesh
+
+
+def _check_kinds(body: str, group: str, file: FileMesh) -> None:
+    """Raise MeshError unless the group holds volume elements, all of kinds this program has."""
+    counts: dict[str, int] = {}
+    for block, rows in file.groups[group].cells.items():
+        if len(rows):
+            counts[file.cells[block].kind] = counts.get(file.cells[block].kind, 0) + len(rows)
+    solids = {kind: n for kind, n in counts.items() if kind not in KINDS or KINDS[kind][0] == 3}
+    if not solids:
+        held = ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "nodes only"
+        raise MeshError(f"[bodies.{body}] group = {group!r} holds no volume elements ({held})")
+    for kind, n in solids.items():
+        if kind not in SOLIDS:
+            raise MeshError(
+                f"[bodies.{body}] group = {group!r} holds {n} elements of kind {kind}, which is not supported "
+                f"(supported: {', '.join(SOLIDS)}){_ADVICE.get(kind, '')}"
+            )
+
+
+def _elements_of_kind(kind: str, file: FileMesh, scene, notes: list[str]) -> list[ElementBlock]:
+    """Return the elements of one kind, a block per body; an element stored twice counts once."""
+    blocks = [i for i, cells in enumerate(file.cells) if cells.kind == kind and len(cells.nodes)]
+    if not blocks:
+        return []
+    nodes = np.concatenate([file.cells[i].nodes for i in blocks])
+    numbers = np.concatenate([file.cells[i].numbers for i in blocks])
+    start = dict(zip(blocks, np.cumsum([0] + [len(file.cells[i].nodes) for i in blocks]), strict=False))
+    same = _same_elements(nodes)
+    names, n_unique = list(scene.bodies), same.max() + 1
+    body = np.full(n_unique, -1)
+    for i, name in enumerate(names):
+        mine = same[_rows(file.groups[scene.bodies[name].group], start)]
+        if (body[mine] >= 0).any():
+            first = mine[np.argmax(body[mine] >= 0)]
+            raise MeshError(f"{kind} element {numbers[same == first][0]} belongs to body {names[body[first]]!r} and to "
+                            f"body {name!r}; each element must belong to one body")  # fmt: skip
+        body[mine] = i
+    _note_left_out(kind, numbers, same, body, file, start, notes)
+    first = np.unique(same, return_index=True)[1]           # the first copy of each element, in the order of the file
+    first = np.sort(first)
+    found = []
+    for i, name in enumerate(names):
+        mine = first[body[same[first]] == i]
+        if len(mine):
+            found.append(ElementBlock(kind, scene.bodies[name].group, nodes[mine], numbers[mine]))
+    return found
+
+
+def _same_elements(nodes: np.ndarray) -> np.ndarray:
+    """Return a label per element that is equal where the nodes are the same (one element in several groups)."""
+    key = np.ascontiguousarray(np.sort(nodes, axis=1))
+    key = key.view(np.dtype((np.void, key.dtype.itemsize * key.shape[1]))).ravel()
+    return np.unique(key, return_inverse=True)[1].ravel()
+
+
+def _rows(group: Group, start: dict[int, int]) -> np.ndarray:
+    parts = [start[block] + rows for block, rows in group.cells.items() if block in start]
+    return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64)
+
+
+def _note_left_out(kind, numbers, same, body, file: FileMesh, start, notes: list[str]) -> None:
+    """Note elements of groups that are no body; raise MeshError for elements in no group at all."""
+    left_out = body < 0
+    if not left_out.any():
+        return
+    holders, is_named = [], np.zeros(len(body), dtype=bool)
+    for name, group in file.groups.items():
+        mine = same[_rows(group, start)]
+        is_named[mine] = True
+        if left_out[mine].any():
+            holders.append(name)
+    lost = np.flatnonzero(left_out & ~is_named)
+    if len(lost):
+        raise MeshError(
+            f"{len(lost)} {kind} elements, the first of them element {numbers[same == lost[0]][0]}, are in no named "
+            "group; name a group and a body for them, or delete them from the mesh"
+        )
+    notes.append(f"{np.count_nonzero(left_out)} {kind} elements of {', '.join(map(repr, holders))} belong to no body "
+                 "and are left out")  # fmt: skip
+
+
+def _faces(name: str, group: Group, file: FileMesh, used: np.ndarray, new: np.ndarray) -> list[FaceBlock]:
+    """Return the named faces of a group that lie on elements of bodies."""
+    found = []
+    for block, rows in group.cells.items():
+        cells = file.cells[block]
+        if KINDS.get(cells.kind, (0, 0))[0] == 2 and len(rows):
+            nodes = cells.nodes[rows]
+            nodes = nodes[used[nodes].all(axis=1)]
+            if len(nodes):
+                found.append(FaceBlock(cells.kind, name, new[nodes]))
+    return found
+
+
+def _group_nodes(group: Group, file: FileMesh, used: np.ndarray) -> np.ndarray:
+    named = np.zeros(len(used), dtype=bool)
+    named[group.nodes] = True
+    for block, rows in group.cells.items():
+        named[file.cells[block].nodes[rows]] = True
+    return np.flatnonzero(named & used)
+
+
+def _check_groups_on_bodies(mesh: Mesh, scene) -> None:
+    """Raise MeshError for a support, surface or load group without a node on a body."""
+    used = [(f"[[supports]] {i} group", support.group) for i, support in enumerate(scene.supports, 1)]
+    for joint in scene.joints:
+        used += [(f"[[joints]] {joint.name!r} surfaces", group) for group in joint.surfaces or ()]
+    used += [(f"[[loads]] {i} group", load.group) for i, load in enumerate(scene.loads, 1) if load.group is not None]
+    for key, group in used:
+        if len(mesh.node_groups[group]) == 0:
+            raise MeshError(f"{key} = {group!r}: no node of this group belongs to an element of a body")

@@ -1,0 +1,126 @@
+"""Contact surfaces: the outer faces of a group, their outward normals and tributary areas at the nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import elements
+from ..parallel.errors import Mesh, placeError
+from .data import Mesh, place
+
+MOST_TURN = 40.0        # degrees of a face from the mean normal of its node; beyond, the node lies on an edge
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The faces of a group, turned outward, and what they give their nodes."""
+
+    group: str
+    faces: tuple[np.ndarray, ...]   # per kind of face: (n_faces, n_face_nodes) index into Mesh.points
+    nodes: np.ndarray               # (n_nodes,) index into Mesh.points, sorted
+    normals: np.ndarray             # (n_nodes, 3) outward, unit, averaged over the faces by their tributary areas
+    areas: np.ndarray               # (n_nodes,) tributary areas [m2], positive; their sum is the area of the surface
+
+
+def surface_of(mesh: Mesh, group: str) -> Surface:
+    """Return the surface that a group stands for.  Local, rank 0.
+
+    The group's own faces where it has any; otherwise the outer faces of elements all of whose nodes are in it.
+
+    Raises
+    ------
+    MeshError : no such faces, faces inside a body, or an edge too sharp for one normal a node
+    """
+    faces = _outward_faces(mesh, group)
+    nodes = np.unique(np.concatenate([own.ravel() for own in faces.values()]))
+    area_normals, areas, parts = np.zeros((len(nodes), 3)), np.zeros(len(nodes)), []
+    for kind, own in faces.items():
+        at = np.searchsorted(nodes, own)
+        normal, area = face_normals(kind, mesh.points[own]), face_areas(kind, mesh.points[own])
+        np.add.at(areas, at, area)
+        np.add.at(area_normals, at, area[:, :, None] * normal)
+        parts.append((at, normal))
+    length = np.linalg.norm(area_normals, axis=1, keepdims=True)
+    normals = np.divide(area_normals, length, out=np.zeros_like(area_normals), where=length > 0.0)
+    for at, normal in parts:
+        _check_edges(mesh, group, nodes, at, np.einsum("fni,fni->fn", normal, normals[at]))
+    return Surface(group, tuple(faces.values()), nodes, normals, areas)
+
+
+def _outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
+    """Return the faces of the group by kind, as the elements list them: corners counter-clockwise seen from outside."""
+    outer, named, n_inside = {}, {}, 0
+    for block in mesh.faces:
+        if block.group == group:
+            named.setdefault(_n_corners(block.kind), []).append(_key(block.nodes, block.kind))
+    for kind, faces in _faces_within(mesh, mesh.node_groups[group]).items():
+        key = _key(faces, kind)
+        _, index, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
+        is_outer = count[index.ravel()] == 1
+        n_inside += np.count_nonzero(~is_outer)
+        outer[kind] = faces[is_outer]
+    if named:
+        outer = _only_named(mesh, group, outer, {n: np.concatenate(keys) for n, keys in named.items()})
+    outer = {kind: faces for kind, faces in outer.items() if len(faces)}
+    if not outer:
+        why = "they lie inside the mesh, where elements share nodes" if n_inside else "it holds no whole face"
+        raise MeshError(f"{mesh.path}: group {group!r} has no outer face of an element ({why}); a contact surface is a "
+                        "group of faces, and each body needs nodes of its own there")  # fmt: skip
+    return outer
+
+
+def _faces_within(mesh: Mesh, members: np.ndarray) -> dict[str, np.ndarray]:
+    """Return all element faces, by kind, whose nodes are all members of a set; an inner face comes twice."""
+    is_member = np.zeros(len(mesh.points), dtype=bool)
+    is_member[members] = True
+    found: dict[str, list[np.ndarray]] = {}
+    for block in mesh.elements:
+        near = block.nodes[np.count_nonzero(is_member[block.nodes], axis=1) >= 3]
+        for kind, local in elements.KINDS[block.kind].faces:
+            faces = near[:, local]
+            found.setdefault(kind, []).append(faces[is_member[faces].all(axis=1)])
+    return {kind: np.concatenate(found[kind]) for kind in sorted(found)}
+
+
+def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return the outer faces that the group names; MeshError where it names others."""
+    kept, n_found = {}, 0
+    for kind, faces in outer.items():
+        wanted = named.get(_n_corners(kind), np.empty((0, _n_corners(kind)), dtype=np.int64))
+        kept[kind] = faces[_isin_rows(_key(faces, kind), wanted)]
+        n_found += len(kept[kind])
+    n_named = sum(len(np.unique(keys, axis=0)) for keys in named.values())
+    if n_found < n_named:
+        raise MeshError(
+            f"{mesh.path}: {n_named - n_found} of {n_named} faces of group {group!r} are not outer faces of a body: "
+            "they lie inside the mesh, where elements share nodes, or on no element; bodies in contact need nodes of "
+            "their own"
+        )
+    return kept
+
+
+def _n_corners(kind: str) -> int:
+    return 3 if kind.startswith("tri") else 4
+
+
+def _key(faces: np.ndarray, kind: str) -> np.ndarray:
+    return np.sort(faces[:, : _n_corners(kind)], axis=1)
+
+
+def _isin_rows(rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return for every row whether it is among ``wanted``."""
+    index = np.unique(np.concatenate([wanted, rows]), axis=0, return_inverse=True)[1].ravel()
+    return np.isin(index[len(wanted) :], index[: len(wanted)])
+
+
+def _check_edges(mesh: Mesh, group: str, nodes: np.ndarray, at: np.ndarray, cosine: np.ndarray) -> None:
+    """Raise MeshError where a face turns away from the normal of its node by more than MOST_TURN."""
+    if (cosine < np.cos(np.radians(MOST_TURN))).any():
+        node = nodes[at.ravel()[np.argmin(cosine)]]
+        raise MeshError(
+            f"{mesh.path}: the faces of group {group!r} meet in a sharp edge at node {mesh.numbers[node]} "
+            f"{place(mesh.points[node])} m, where a contact pair would have two normals; "
+            "give the two sides of the edge as groups and joints of their own"
+        )
