@@ -52,6 +52,13 @@ class FileMesh:
     notes: tuple[str, ...] = ()
 
 
+def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:
+    """Name groups that have a dimension and a tag only: by the tag, with the dimension where the tag is not unique."""
+    tags = [tag for _, tag in keys]
+    word = ("point", "curve", "surface", "volume")
+    return {(dim, tag): str(tag) if tags.count(tag) == 1 else f"{word[dim]} {tag}" for dim, tag in sorted(keys)}
+
+
 def index_of(numbers: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the positions of ``wanted`` in ``numbers`` and the numbers that are not there.  Local."""
     if len(numbers) == 0:

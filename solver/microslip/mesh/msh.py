@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 from ..parallel.errors import MeshError
-from .file import KINDS, Cells, FileMesh, Group, index_of
+from .file import KINDS, Cells, FileMesh, Group, index_of, names_of_tags
 
 # Gmsh's element types; where its order of mid-side nodes is not VTK's, the permutation to VTK's.
 _TYPES = {
@@ -20,7 +20,6 @@ _TO_VTK = {
     "hex20": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15],
     "wedge15": [0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11],
 }
-_DIMENSION = ("point", "curve", "surface", "volume")
 
 
 def read_msh(path: str) -> FileMesh:
@@ -113,6 +112,9 @@ class _Text:
 
     sizes = ints
 
+    def finish(self) -> None:
+        _check_end(self.name, len(self.values) - self.at)
+
 
 class _Binary:
     """Numbers of a binary section, taken in order."""
@@ -136,6 +138,14 @@ class _Binary:
 
     def sizes(self, n: int) -> np.ndarray:
         return self._take(n, "i8").astype(np.int64)
+
+    def finish(self) -> None:
+        _check_end(self.name, len(self.section[self.at :].strip()))
+
+
+def _check_end(name: str, n_left: int) -> None:
+    if n_left:
+        raise MeshError(f"${name} holds more than it announces; the file is damaged")
 
 
 def _cursor(section: bytes, is_binary: bool, order: str, name: str) -> _Text | _Binary:
@@ -184,6 +194,7 @@ def _nodes_4(cursor: _Text | _Binary) -> tuple[np.ndarray, np.ndarray]:
         numbers.append(cursor.sizes(n))
         width = 3 + (int(dimension) if is_parametric else 0)
         points.append(cursor.doubles(n * width).reshape(n, width)[:, :3])
+    cursor.finish()
     if sum(map(len, numbers)) != n_nodes:
         raise MeshError(f"$Nodes announces {n_nodes} nodes and holds {sum(map(len, numbers))}; the file is damaged")
     return np.concatenate(numbers), np.concatenate(points)
@@ -198,6 +209,7 @@ def _elements_4(cursor: _Text | _Binary, physical: dict[tuple[int, int], np.ndar
         kind, n_nodes = _kind(gmsh_type)
         rows = cursor.sizes(n * (1 + n_nodes)).reshape(n, 1 + n_nodes)
         blocks.append((kind, rows[:, 0], rows[:, 1:], physical.get((dimension, entity), ())))
+    cursor.finish()
     return blocks
 
 
@@ -237,6 +249,7 @@ def _elements_2(section: bytes, is_binary: bool, order: str) -> list[tuple]:
         for tag in np.unique(physical):
             mine = physical == tag
             blocks.append((kind, numbers[mine], nodes[mine], (tag,) if tag else ()))
+    cursor.finish()
     return blocks
 
 
@@ -285,7 +298,8 @@ def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names
     cells, groups = [], {}
     for name in names.values():
         groups[name] = Group()
-    names = {**_unnamed(blocks, names), **names}
+    tagged = {(KINDS[kind][0], int(tag)) for kind, _, _, physical in blocks for tag in physical}
+    names = {**names_of_tags(tagged - set(names)), **names}
     for kind in dict.fromkeys(block[0] for block in blocks):
         mine = [block for block in blocks if block[0] == kind]
         nodes = np.concatenate([block[2] for block in mine])
@@ -300,13 +314,3 @@ def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names
                 groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(start, start + len(own)))
             start += len(own)
     return FileMesh(points, numbers, tuple(cells), groups)
-
-
-def _unnamed(blocks: list[tuple], names: dict) -> dict[tuple[int, int], str]:
-    """Name the groups that have a tag only: by the tag, with the dimension where the tag alone is not unique."""
-    keys = {(KINDS[kind][0], int(tag)) for kind, _, _, physical in blocks for tag in physical} - set(names)
-    tags = [tag for _, tag in keys]
-    return {
-        (dimension, tag): str(tag) if tags.count(tag) == 1 else f"{_DIMENSION[dimension]} {tag}"
-        for dimension, tag in keys
-    }

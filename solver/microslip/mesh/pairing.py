@@ -110,10 +110,10 @@ def _match(mesh: Mesh, joint, first: Surface, second: Surface) -> tuple[np.ndarr
         worst = side.nodes[np.argmax(distance)]
         raise MeshError(
             f"{mesh.path}: joint {joint.name!r}: {np.count_nonzero(lonely1)} of {len(points1)} nodes of "
-            f"{first.group!r} and {np.count_nonzero(lonely2)} of {len(points2)} nodes of {second.group!r} have no partner "
-            f"within {tolerance:.3g} m; the worst is node {mesh.numbers[worst]} of {side.group!r} at "
-            f"{place(mesh.points[worst])} m, {distance.max():.3g} m from the nearest node of the other side; mesh the two surfaces alike, or "
-            "state a larger tolerance in the joint"
+            f"{first.group!r} and {np.count_nonzero(lonely2)} of {len(points2)} nodes of {second.group!r} have no "
+            f"partner within {tolerance:.3g} m; the worst is node {mesh.numbers[worst]} of {side.group!r} at "
+            f"{place(mesh.points[worst])} m, {distance.max():.3g} m from the nearest node of the other side; "
+            "mesh the two surfaces alike, or state a larger tolerance in the joint"
         )
     for side, other, chosen in ((first, second, partner), (second, first, partner2)):
         nodes, count = np.unique(chosen, return_counts=True)
@@ -122,8 +122,8 @@ def _match(mesh: Mesh, joint, first: Surface, second: Surface) -> tuple[np.ndarr
             rivals = mesh.numbers[side.nodes[chosen == node]]
             raise MeshError(
                 f"{mesh.path}: joint {joint.name!r}: nodes {rivals[0]} and {rivals[1]} of {side.group!r} both lie "
-                f"within {tolerance:.3g} m of node {mesh.numbers[other.nodes[node]]} of {other.group!r}; state a smaller "
-                "tolerance, or remove the double node"
+                f"within {tolerance:.3g} m of node {mesh.numbers[other.nodes[node]]} of {other.group!r}; "
+                "state a smaller tolerance, or remove the double node"
             )
     return np.arange(len(points1)), partner
 
@@ -134,8 +134,8 @@ def _check_shared(mesh: Mesh, joint, first: Surface, second: Surface) -> None:
     if len(shared):
         raise MeshError(
             f"{mesh.path}: joint {joint.name!r}: {first.group!r} and {second.group!r} share {len(shared)} nodes (the "
-            f"first is node {mesh.numbers[shared].min()}), so the bodies are merged there and cannot slip; give each body "
-            "nodes of its own (mesh the bodies apart, without merging coincident nodes)"
+            f"first is node {mesh.numbers[shared].min()}), so the bodies are merged there and cannot slip; "
+            "give each body nodes of its own (mesh the bodies apart, without merging coincident nodes)"
         )
 
 
@@ -148,6 +148,6 @@ def _check_opposite(mesh: Mesh, joint, first: Surface, second: Surface, i1: np.n
         raise MeshError(
             f"{mesh.path}: joint {joint.name!r}: the sides do not face each other at "
             f"{np.count_nonzero(tilt > MOST_TILT)} of {len(tilt)} pairs: at node {mesh.numbers[worst]}, "
-            f"{place(mesh.points[worst])} m, the outward normals are {tilt.max():.0f} degrees from opposite (bound {MOST_TILT:.0f}); do the bodies overlap, or do the two "
-            "groups cover different faces?"
+            f"{place(mesh.points[worst])} m, the outward normals are {tilt.max():.0f} degrees from opposite "
+            f"(bound {MOST_TILT:.0f}); do the bodies overlap, or do the two groups cover different faces?"
         )

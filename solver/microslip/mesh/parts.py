@@ -46,7 +46,8 @@ def check_held(part: np.ndarray, names: tuple[str, ...], mesh: Mesh, scene, pair
         free = [names[i] for i in np.flatnonzero(~is_held)]
         raise MeshError(
             f"nothing holds {'; '.join(free[:5])}{' and others' if len(free) > 5 else ''}: no support, and no joint to "
-            "a part that has one, so it can move freely; add [[supports]] or a joint, or merge the nodes where bodies touch"
+            "a part that has one, so it can move freely; add [[supports]] or a joint, or merge the nodes where bodies "
+            "touch"
         )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import elements
-from ..parallel.errors import Mesh, placeError
+from ..parallel.errors import MeshError
 from .data import Mesh, place
 
 MOST_TURN = 40.0        # degrees of a face from the mean normal of its node; beyond, the node lies on an edge

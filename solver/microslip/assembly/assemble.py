@@ -1,0 +1,128 @@
+"""Assemble K and M of the free DOFs on every rank's own rows, and the maps that connect them to the scene."""
+
+from __future__ import annotations
+
+import numpy as np
+from petsc4py import PETSc
+
+from .. import elements
+from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
+from ..mesh.locate import find_node
+from ..mesh.parts import check_held, connected_parts
+from ..parallel.agree import on_root, raise_together
+from ..parallel.errors import CaseError, ResourceError
+from .blocks import BlockSum, NodePattern, expand, node_pattern
+from .check import check_elements
+from .maps import load_map, output_map, pair_map
+from .numbering import number_dofs
+from .system import System
+
+_CHUNK_BYTES = 8e6     # of element stiffness matrices held at a time
+
+
+def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, scene, comm) -> System:
+    """Return K, M, R, loads and outputs on the free DOFs.
+
+    Collective on ``comm``.
+
+    Parameters
+    ----------
+    mesh : the whole mesh on rank 0, None elsewhere
+    pairs : the contact pairs, on every rank
+
+    Raises
+    ------
+    MeshError, CaseError : inverted elements, a part that nothing holds, a load that moves nothing; on every rank
+    ResourceError : a rank's matrix has more entries than PETSc's integers count
+    """
+    check_elements(dmesh, scene)
+    is_fixed, part, part_names, load_nodes, output_nodes = on_root(comm, _read_off, mesh, pairs, scene)
+    to_mesh = np.argsort(dmesh.rank_order)
+    dof, row_ranges = number_dofs(dmesh, is_fixed[to_mesh])
+    n_dof = int(row_ranges[-1])
+    if n_dof == 0:
+        raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
+    K, M = _matrices(dmesh, dof, row_ranges, scene)
+    dof_of_mesh = dof[dmesh.rank_order]
+    first, last = dmesh.node_ranges[comm.rank : comm.rank + 2]
+    is_free = dof[first:last] >= 0
+    return System(
+        comm=comm, K=K, M=M, C=None,
+        R=pair_map(pairs, dof_of_mesh, n_dof),
+        loads=load_map(scene.loads, load_nodes, dof_of_mesh, n_dof),
+        outputs=output_map(scene.outputs, output_nodes, dof_of_mesh, n_dof),
+        dof=dof_of_mesh,
+        parts=np.repeat(part[to_mesh[first:last]], 3)[is_free.ravel()],
+        part_names=part_names,
+    )  # fmt: skip
+
+
+def _read_off(mesh: Mesh, pairs: ContactPairs, scene) -> tuple:
+    """Return what only the whole mesh tells: fixed DOFs by node, parts and their names, nodes of loads and outputs."""
+    is_fixed = np.zeros((len(mesh.points), 3), dtype=bool)
+    for support in scene.supports:
+        for axis in support.fix:
+            is_fixed[mesh.node_groups[support.group], "xyz".index(axis)] = True
+    part, part_names = connected_parts(mesh, scene)
+    check_held(part, part_names, mesh, scene, pairs)
+    load_nodes = [
+        find_node(mesh, position=load.position, node=load.node, group=load.group, where=f"[[loads]] {i}")
+        for i, load in enumerate(scene.loads, 1)
+    ]
+    output_nodes = [
+        find_node(mesh, position=output.position, node=output.node, where=f"[[outputs]] {output.name!r}")
+        for output in scene.outputs
+    ]
+    return is_fixed, part, part_names, load_nodes, output_nodes
+
+
+def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, scene):
+    """Return K and M as PETSc matrices with one sparsity pattern.  Collective on ``dmesh.comm``."""
+    pattern = node_pattern(dmesh)
+    comm = dmesh.comm
+    n_entries = 9 * len(pattern.indices)
+    too_many = n_entries > np.iinfo(PETSc.IntType).max
+    raise_together(
+        comm,
+        f"a rank's stiffness matrix has {n_entries} entries, more than the {PETSc.IntType.__name__} numbers of this "
+        "PETSc count; use more ranks, or a PETSc built with 64-bit indices" if too_many else None,
+        ResourceError,
+    )  # fmt: skip
+    n_owned = int(row_ranges[comm.rank + 1] - row_ranges[comm.rank])
+    indptr, columns, values = expand(pattern, _sums(dmesh, scene, pattern), dof, PETSc.IntType)
+    return [_petsc_matrix(comm, n_owned, (indptr, columns, values.pop(0))) for _ in range(2)]
+
+
+def _sums(dmesh: DistributedMesh, scene, pattern: NodePattern) -> list[BlockSum]:
+    """Return the sums of the element matrices, K and M.  Local."""
+    sums = [BlockSum(pattern, 3), BlockSum(pattern, 1)]
+    for block in dmesh.blocks:
+        _add_elements(block, scene, pattern, *sums)
+    return sums
+
+
+def _add_elements(block: LocalBlock, scene, pattern: NodePattern, K_sum: BlockSum, M_sum: BlockSum) -> None:
+    """Add a block's element matrices, a bounded number of elements at a time."""
+    body = scene.bodies[block.body]
+    material = scene.materials[body.material]
+    n_nodes = block.nodes.shape[1]
+    n_chunk = max(1, int(_CHUNK_BYTES / (8 * (3 * n_nodes) ** 2)))
+    for start in range(0, len(block.nodes), n_chunk):
+        chunk = slice(start, start + n_chunk)
+        K, M = elements.stiffness_mass(
+            block.kind, block.points[chunk], material.young, material.poisson, material.density,
+            integration=body.integration, incompatible_modes=body.incompatible_modes,
+        )  # fmt: skip
+        is_owned, positions = pattern.positions(block.nodes[chunk])
+        shape = (len(K), n_nodes, 3, n_nodes, 3)
+        K_sum.add(is_owned, positions, K.reshape(shape))
+        M_sum.add(is_owned, positions, M.reshape(shape)[:, :, :1, :, :1])      # M couples equal directions only
+
+
+def _petsc_matrix(comm, n_owned: int, csr: tuple[np.ndarray, np.ndarray, np.ndarray]):
+    """Return a symmetric AIJ matrix from this rank's rows.  Collective on ``comm``."""
+    size = ((n_owned, None), (n_owned, None))
+    matrix = PETSc.Mat().createAIJ(size, csr=csr, comm=comm)
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    matrix.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
+    return matrix

@@ -1,0 +1,130 @@
+"""Sum element matrices into sparse rows: 3 x 3 blocks between nodes first, single rows of the free DOFs at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..mesh.data import DistributedMesh
+
+_CHUNK_NODES = 500      # rows of nodes that are expanded at a time
+
+
+@dataclass(frozen=True)
+class NodePattern:
+    """Which nodes the owned nodes are coupled to; a compressed row per owned node, columns sorted."""
+
+    row_start: int              # first owned node, rank-ordered
+    indptr: np.ndarray          # (n_owned + 1,)
+    indices: np.ndarray         # (n_blocks,) rank-ordered column nodes
+    keys: np.ndarray            # (n_blocks,) row * n_nodes + column, rising; row counted from row_start
+    n_nodes: int                # of the whole mesh
+
+    def positions(self, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return which element rows are owned, (n_elements, n), and where their blocks lie, (n_rows, n)."""
+        n_owned = len(self.indptr) - 1
+        rows = nodes - self.row_start
+        is_owned = (rows >= 0) & (rows < n_owned)
+        element, local = np.nonzero(is_owned)
+        wanted = rows[element, local][:, None] * self.n_nodes + nodes[element]
+        # Elements come along the mesh, so a chunk's rows are near each other: search among them only.
+        owned_rows = rows[is_owned]
+        if len(owned_rows) == 0:
+            return is_owned, np.zeros((0, nodes.shape[1]), dtype=np.int64)
+        first, last = self.indptr[owned_rows.min()], self.indptr[owned_rows.max() + 1]
+        return is_owned, first + np.searchsorted(self.keys[first:last], wanted)
+
+
+def node_pattern(dmesh: DistributedMesh) -> NodePattern:
+    """Return the coupling of this rank's nodes.  Local."""
+    row_start, row_end = dmesh.node_ranges[dmesh.comm.rank : dmesh.comm.rank + 2]
+    n_nodes, n_owned = int(dmesh.node_ranges[-1]), int(row_end - row_start)
+    counts = [np.full(len(block.nodes), block.nodes.shape[1]) for block in dmesh.blocks]
+    indices = [block.nodes.ravel() for block in dmesh.blocks]
+    indptr = np.concatenate([[0], np.cumsum(np.concatenate(counts))]) if counts else np.zeros(1, dtype=np.int64)
+    column = np.concatenate(indices) if indices else np.zeros(0, dtype=np.int64)
+    touches = sp.csr_matrix((np.ones(len(column), dtype=np.int32), column, indptr), (len(indptr) - 1, n_nodes))
+    coupling = (touches[:, row_start:row_end].T @ touches).tocsr()
+    coupling.sort_indices()
+    row = np.repeat(np.arange(n_owned), np.diff(coupling.indptr))
+    keys = row * n_nodes + coupling.indices
+    return NodePattern(int(row_start), coupling.indptr.astype(np.int64), coupling.indices, keys, n_nodes)
+
+
+class BlockSum:
+    """Sums of element matrices per pair of nodes, ``data[i, j]`` component i of the row, j of the column node."""
+
+    def __init__(self, pattern: NodePattern, n_components: int):
+        self.pattern = pattern
+        self.data = np.zeros((n_components, n_components, len(pattern.indices)))
+
+    def add(self, is_owned: np.ndarray, positions: np.ndarray, matrices: np.ndarray) -> None:
+        """Add element matrices (n_elements, n, n_components, n, n_components) at ``positions`` of their owned rows."""
+        if positions.size == 0:
+            return
+        first = positions.min()
+        shifted = (positions - first).ravel()
+        n_components = len(self.data)
+        for i in range(n_components):
+            for j in range(n_components):
+                total = np.bincount(shifted, weights=matrices[:, :, i, :, j][is_owned].ravel())
+                self.data[i, j, first : first + len(total)] += total
+
+
+def expand(pattern: NodePattern, sums: list[BlockSum], dof: np.ndarray, integer) -> tuple:
+    """Return (indptr, columns, values of every sum) of the owned rows of free DOFs.  Local.
+
+    Parameters
+    ----------
+    sums : of three components, or of one: multiples of the unit block
+    dof : (n_nodes, 3) row of each rank-ordered node, -1 where fixed
+    integer : type of indptr and columns
+    """
+    n_owned = len(pattern.indptr) - 1
+    is_free = dof >= 0
+    row_is_free = is_free[pattern.row_start : pattern.row_start + n_owned]
+    free_before = np.concatenate([[0], np.cumsum(np.count_nonzero(is_free, axis=1)[pattern.indices])])
+    n_columns = np.diff(free_before[pattern.indptr])                # of each row of an owned node
+    indptr = np.concatenate([[0], np.cumsum(np.repeat(n_columns, 3)[row_is_free.ravel()])])
+    first_row = np.concatenate([[0], np.cumsum(np.count_nonzero(row_is_free, axis=1))])
+    columns = np.empty(indptr[-1], dtype=integer)
+    values = [np.empty(indptr[-1]) for _ in sums]
+    for start in range(0, n_owned, _CHUNK_NODES):                   # small pieces stay in the cache
+        end = min(start + _CHUNK_NODES, n_owned)
+        target = slice(indptr[first_row[start]], indptr[first_row[end]])
+        blocks = slice(pattern.indptr[start], pattern.indptr[end])
+        lines, columns_of_line = _lines(pattern, start, end, dof)
+        keep = np.repeat(row_is_free[start:end].ravel(), np.repeat(np.diff(pattern.indptr[start : end + 1]), 3))
+        keep = keep[:, None] & (columns_of_line >= 0)
+        kept = slice(None) if keep.all() else np.flatnonzero(keep)
+        columns[target] = columns_of_line.ravel()[kept]
+        for own, total in zip(values, sums, strict=True):
+            own[target] = _values_of_lines(lines, total.data[:, :, blocks]).ravel()[kept]
+    return indptr.astype(integer), columns, values
+
+
+def _lines(pattern: NodePattern, start: int, end: int, dof: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the three rows of every block go, (3, n_blocks), and the columns of these lines, (3 n_blocks, 3).
+
+    The three rows of a node with m blocks follow one another, m lines of three entries each: row i of the node's
+    k-th block is line ``3 * (blocks of nodes before) + i * m + k``.
+    """
+    indptr = pattern.indptr[start : end + 1] - pattern.indptr[start]
+    indices = pattern.indices[pattern.indptr[start] : pattern.indptr[end]]
+    m = np.diff(indptr)
+    first = np.arange(len(indices)) + np.repeat(2 * indptr[:-1], m)
+    lines = first + np.arange(3)[:, None] * np.repeat(m, m)
+    columns = np.empty((3 * len(indices), 3), dtype=dof.dtype)
+    columns[lines] = dof[indices]
+    return lines, columns
+
+
+def _values_of_lines(lines: np.ndarray, data: np.ndarray) -> np.ndarray:
+    """Return the entries of blocks (n_components, n_components, n_blocks) in the order of their lines."""
+    values = np.zeros((lines.size, 3))
+    for i in range(3):
+        for j in range(3) if len(data) == 3 else [i]:
+            values[lines[i], j] = data[i % len(data), j % len(data)]
+    return values

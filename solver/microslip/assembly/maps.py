@@ -1,0 +1,57 @@
+"""The small sparse maps between DOFs and what the scene names: contact pairs, loads, outputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..mesh.data import ContactPairs
+from ..parallel.errors import CaseError
+
+
+def pair_map(pairs: ContactPairs, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
+    """Return R, (3 n_pairs, n_dof): du = frame (u1 - u2) of every pair; fixed DOFs and ground drop out.  Local.
+
+    ``dof`` is (n_nodes, 3), the row of each node of ``Mesh.points``.
+    """
+    n = pairs.n_pairs
+    row = np.broadcast_to(np.arange(3 * n).reshape(n, 3, 1), (n, 3, 3))
+    R = sp.csr_matrix((3 * n, n_dof))
+    for node, sign in ((pairs.node1, 1.0), (pairs.node2, -1.0)):
+        own = np.where((node >= 0)[:, None], dof[node], -1)
+        column = np.broadcast_to(own[:, None, :], (n, 3, 3))
+        free = column >= 0
+        R = R + sp.csr_matrix((sign * pairs.frame[free], (row[free], column[free])), (3 * n, n_dof))
+    R.eliminate_zeros()
+    R.sort_indices()
+    return R
+
+
+def load_map(loads, nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csc_matrix:
+    """Return one column per load, (n_dof, n_loads): its direction, shared equally by its nodes [N/N].  Local.
+
+    Raises
+    ------
+    CaseError : a load acts on fixed DOFs only; the same on every rank
+    """
+    columns = [_row(load.direction, own, dof, n_dof) / len(own) for load, own in zip(loads, nodes, strict=True)]
+    for i, column in enumerate(columns, 1):
+        if column.count_nonzero() == 0:
+            raise CaseError(f"[[loads]] {i} acts only on degrees of freedom that a support fixes; it moves nothing")
+    return sp.vstack(columns).T.tocsc() if columns else sp.csc_matrix((n_dof, 0))
+
+
+def output_map(outputs, nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
+    """Return one row per output, (n_outputs, n_dof); a fixed DOF gives zero.  Local."""
+    rows = [_row(output.direction, own, dof, n_dof) for output, own in zip(outputs, nodes, strict=True)]
+    return sp.vstack(rows).tocsr() if rows else sp.csr_matrix((0, n_dof))
+
+
+def _row(direction, nodes: np.ndarray, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
+    """Return the sum over ``nodes`` of the displacement along ``direction`` as a row, (1, n_dof)."""
+    column = dof[nodes].ravel()
+    value = np.tile(np.asarray(direction, dtype=float), len(nodes))
+    free = column >= 0
+    row = sp.csr_matrix((value[free], (np.zeros(np.count_nonzero(free), dtype=int), column[free])), (1, n_dof))
+    row.eliminate_zeros()
+    return row
