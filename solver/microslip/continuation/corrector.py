@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
-from ..harmonic.residual import ContactForces, HarmonicBalance
+from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,36 @@ class Correction:
     krylov: int
     residual: float             # scaled 2-norm
     failure: str | None
+
+
+class Gatherer:
+    """Gathers the rows of all ranks in rank order and sums a few floats, in one call.  Sizes are agreed on once."""
+
+    def __init__(self, comm, n_owned: int, n_extras: int):
+        self.comm, self.n_extras = comm, n_extras
+        if comm.size > 1:
+            self.counts = np.array(comm.allgather(n_owned)) + n_extras
+            self.starts = np.concatenate([[0], np.cumsum(self.counts)])
+            self.buffer = np.empty(self.starts[-1])
+            self.rows = np.concatenate([np.arange(a + n_extras, b) for a, b in zip(self.starts, self.starts[1:])])
+            self.heads = self.starts[:-1, None] + np.arange(n_extras)
+
+    def __call__(self, owned: np.ndarray, extras: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rows of all ranks and the sums of the extras.  Collective."""
+        if self.comm.size == 1:
+            return owned, np.array(extras)
+        self.comm.Allgatherv(np.concatenate([extras, owned]), [self.buffer, self.counts])
+        return self.buffer[self.rows], self.buffer[self.heads].sum(axis=0)
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """What one Newton step holds fixed."""
+
+    forces: ContactForces
+    G: ReceptanceColumns
+    r_nu: np.ndarray            # (n_owned, 3, N_H) d r / d nu, scaled
+    gatherer: Gatherer
 
 
 class _ShellJacobian:
@@ -111,6 +141,23 @@ class Corrector:
             self._snes.getFunctionNorm(), failure,
         )
 
+    def residual_at(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of the scaled residual.  Collective."""
+        self._row, self._scaling, self._selected = row, scaling, selected
+        self._pack(iterate, self._x)
+        self._snes.computeFunction(self._x, self._r)
+        return self._r.getArray().copy()
+
+    def jacobian_times(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray,
+                       d_xi: np.ndarray, d_nu: float) -> np.ndarray:
+        """Return this rank's rows of the scaled Jacobian at ``iterate`` times (d_xi, d_nu).  Collective."""
+        self._row, self._scaling, self._selected = row, scaling, selected
+        self._pack(iterate, self._x)
+        self._linearise(self._snes, self._x, self._J, self._J)
+        self._pack(Iterate(d_xi * scaling.U, d_nu * scaling.omega), self._x)
+        self._J.mult(self._x, self._r)
+        return self._r.getArray().copy()
+
     # -- scaled unknowns in PETSc's vectors ------------------------------------------------------------------
 
     def _pack(self, iterate: Iterate, x) -> None:
@@ -121,57 +168,53 @@ class Corrector:
 
     def _unpack(self, x) -> Iterate:
         values = x.getArray(readonly=True)
-        nu = self._from_last(float(values[self.n_U]) if self.last else 0.0)
-        U = (values[: self.n_U] * self._scaling.U).reshape(self.problem.shape)
-        return Iterate(U, nu * self._scaling.omega)
+        return Iterate(self._motion(values), self._from_last(self._nu(values)) * self._scaling.omega)
+
+    def _motion(self, values: np.ndarray) -> np.ndarray:
+        return (values[: self.n_U] * self._scaling.U).reshape(self.problem.shape)
+
+    def _nu(self, values: np.ndarray) -> float:
+        """Return the scaled frequency where its row lives and 0 elsewhere, so that a sum over ranks gives it."""
+        return float(values[self.n_U]) if self.last else 0.0
 
     def _from_last(self, value: float) -> float:
         return value if self.comm.size == 1 else self.comm.bcast(value, root=self.comm.size - 1)
 
-    def _sum(self, value: float) -> float:
-        return value if self.comm.size == 1 else self.comm.allreduce(value)
-
-    # -- SNES callbacks --------------------------------------------------------------------------------------
+    # -- SNES callbacks: one gather each --------------------------------------------------------------------
 
     def _residual(self, snes, x, r) -> None:
-        iterate = self._unpack(x)
-        rows, row = self._evaluate(iterate)
-        values = r.getArray()
-        values[: self.n_U] = rows.ravel() / self._scaling.U
+        problem, row, scaling, values = self.problem, self._row, self._scaling, x.getArray(readonly=True)
+        U = self._motion(values)
+        plane_U = float(np.vdot(row.n_U, U - row.about.U)) / scaling.U
+        forces = problem.contact_forces(U, self._selected, tangents=False, extras=(plane_U, self._nu(values)))
+        plane_U, nu = forces.extras
+        out, omega = r.getArray(), nu * scaling.omega
+        out[: self.n_U] = np.nan                    # what a frequency below zero gets: a failed step, on every rank
+        if omega > 0.0:
+            U_lin, _ = problem.linear_motion(omega)
+            rows = U - U_lin + problem.receptance_at(omega, forces.active).apply(forces.p)
+            out[: self.n_U] = rows.ravel() / scaling.U
         if self.last:
-            values[self.n_U] = row
-
-    def _evaluate(self, iterate: Iterate) -> tuple[np.ndarray, float]:
-        problem, row, scaling = self.problem, self._row, self._scaling
-        d_nu = (iterate.omega - row.about.omega) / scaling.omega
-        d_xi = (iterate.U - row.about.U) / scaling.U
-        plane = self._sum(float(np.vdot(row.n_U, d_xi))) + row.n_omega * d_nu
-        if not iterate.omega > 0.0:                                 # a line search may try it: a failed step, on every rank
-            return np.full(problem.shape, np.nan), plane
-        forces = problem.contact_forces(iterate.U, self._selected, tangents=False)
-        U_lin, _ = problem.linear_motion(iterate.omega)
-        G = problem.receptance_at(iterate.omega, forces.active)
-        return iterate.U - U_lin + G.apply(forces.p), plane
+            out[self.n_U] = plane_U + row.n_omega * (nu - row.about.omega / scaling.omega)
 
     def _linearise(self, snes, x, J, B) -> None:
-        iterate = self._unpack(x)
-        self._forces: ContactForces = self.problem.contact_forces(iterate.U, self._selected, tangents=True)
-        self._G = self.problem.receptance_at(iterate.omega, self._forces.active)
-        _, dU_lin = self.problem.linear_motion(iterate.omega)
-        self._r_omega = self._G.apply_derivative(self._forces.p) - dU_lin
+        values = x.getArray(readonly=True)
+        forces = self.problem.contact_forces(self._motion(values), self._selected, tangents=True, extras=(self._nu(values),))
+        omega = forces.extras[0] * self._scaling.omega
+        G = self.problem.receptance_at(omega, forces.active)
+        _, dU_lin = self.problem.linear_motion(omega)
+        r_nu = (G.apply_derivative(forces.p) - dU_lin) * (self._scaling.omega / self._scaling.U)
+        self._linear = Linearisation(forces, G, r_nu, Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2))
         J.assemble()
 
     def apply_jacobian(self, x, y) -> None:
-        """Apply [I + G P, dr/domega; n_U, n_omega] in scaled unknowns.  Collective."""
-        values, forces, N_H = x.getArray(readonly=True), self._forces, self.problem.model.N_H
+        """Apply [I + G P, dr/dnu; n_U, n_omega] in scaled unknowns.  Collective: one gather."""
+        values, at, N_H = x.getArray(readonly=True), self._linear, self.problem.model.N_H
         d_xi = values[: self.n_U].reshape(self.problem.shape)
-        m = len(forces.active_owned)
-        dp = np.einsum("mij,mj->mi", forces.P, d_xi[forces.active_owned].reshape(m, 3 * N_H))
-        d_nu = self._from_last(float(values[self.n_U]) if self.last else 0.0)
-        dp_gathered = self.problem._gather(dp.reshape(3 * m, N_H))
-        rows = d_xi + self._G.apply(dp_gathered) + self._r_omega * (d_nu * self._scaling.omega / self._scaling.U)
-        plane = self._sum(float(np.vdot(self._row.n_U, d_xi))) + self._row.n_omega * d_nu
+        m = len(at.forces.active_owned)
+        dp = np.matmul(at.forces.P, d_xi[at.forces.active_owned].reshape(m, 3 * N_H, 1))
+        dp_all, (plane_U, d_nu) = at.gatherer(dp.ravel(), (float(np.vdot(self._row.n_U, d_xi)), self._nu(values)))
         out = y.getArray()
-        out[: self.n_U] = rows.ravel()
+        out[: self.n_U] = (d_xi + at.G.apply(dp_all.reshape(-1, N_H)) + d_nu * at.r_nu).ravel()
         if self.last:
-            out[self.n_U] = plane
+            out[self.n_U] = plane_U + self._row.n_omega * d_nu

@@ -25,8 +25,8 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
     used = of_all if selected.all() else problem.contact_forces(U, selected, tangents=False)
     p = problem.full_force(used)
     shape = (model.n_pairs, 3, model.N_H)
-    U_all = problem._gather(U)
-    state = problem._gather(of_all.state)
+    U_all = problem.gather(U)
+    state = problem.gather(of_all.state)
     energy = pair_energy(U_all, problem.full_force(of_all).reshape(shape))
     moves = np.zeros(model.n_pairs, dtype=bool)
     moves[of_all.active] = True
@@ -40,11 +40,12 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
 
 
 def damping_loss(problem: HarmonicBalance, omega: float, p: np.ndarray) -> float:
-    """Return the viscous loss of all modes [J per cycle]: sum of 2 pi n^2 zeta_k omega_k omega |eta_kn|^2.  Local."""
+    """Return the viscous loss [J per cycle], the sum over harmonics of pi n^2 omega eta_n^H (phi^T C phi) eta_n.  Local."""
     model = problem.model
     n = np.arange(model.N_H // 2 + 1)
     eta = receptance.modal_motion(model, problem.level, omega, p)
-    return float(2.0 * np.pi * omega * np.sum(n**2 * (model.zeta * model.omega_n)[:, None] * np.abs(eta) ** 2))
+    C_eta = model.C[:, None] * eta if model.C.ndim == 1 else model.C @ eta
+    return float(np.pi * omega * np.sum(n**2 * (eta.conj() * C_eta).real))
 
 
 def input_work(problem: HarmonicBalance, omega: float, p: np.ndarray) -> float:

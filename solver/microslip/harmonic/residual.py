@@ -25,6 +25,7 @@ class ContactForces:
     P: np.ndarray | None        # (m, 3 N_H, 3 N_H) dp/dU of those [N/m]
     active: np.ndarray          # (n_active,) the active pairs of all ranks, in rank order
     p: np.ndarray               # (3 n_active, N_H) their forces [N]
+    extras: tuple[float, ...]   # sums over the ranks of what each passed along
 
 
 class HarmonicBalance:
@@ -39,10 +40,12 @@ class HarmonicBalance:
         self.n_owned = model.owned.stop - model.owned.start
         self.shape = (self.n_owned, 3, model.N_H)
 
-    def contact_forces(self, U: np.ndarray, selected: np.ndarray, tangents: bool) -> ContactForces:
+    def contact_forces(self, U: np.ndarray, selected: np.ndarray, tangents: bool,
+                       extras: tuple[float, ...] = ()) -> ContactForces:
         """Return the contact forces under the motion ``U`` (n_owned, 3, N_H) [m] of this rank's pairs.
 
-        Collective on ``comm``: one gather.  ``selected`` (n_pairs,) bool, the same on every rank.
+        Collective on ``comm``: one gather, which also sums the ``extras`` of the ranks.  ``selected`` (n_pairs,) bool,
+        the same on every rank.
         """
         chosen = np.flatnonzero(selected[self.model.owned])
         all_chosen = len(chosen) == self.n_owned
@@ -52,10 +55,13 @@ class HarmonicBalance:
         state[chosen] = found.state
         active_owned = chosen[found.active]
         p_owned = np.ascontiguousarray(found.p[found.active]).reshape(3 * len(active_owned), self.model.N_H)
-        active = self._gather(active_owned + self.model.owned.start)
-        return ContactForces(state, active_owned, found.P, active, self._gather(p_owned))
+        active, p = active_owned + self.model.owned.start, p_owned
+        if self.comm.size > 1:
+            actives, forces, sums = zip(*self.comm.allgather((active, p_owned, np.array(extras))))
+            active, p, extras = np.concatenate(actives), np.concatenate(forces), tuple(sum(sums))
+        return ContactForces(state, active_owned, found.P, active, p, extras)
 
-    def _gather(self, owned: np.ndarray) -> np.ndarray:
+    def gather(self, owned: np.ndarray) -> np.ndarray:
         """Concatenate the rows of all ranks in rank order.  Collective on ``comm``."""
         return owned if self.comm.size == 1 else np.concatenate(self.comm.allgather(owned))
 

@@ -11,11 +11,11 @@ from .model import ReducedModel
 
 
 def modal_damping(damping, omega_n: np.ndarray) -> np.ndarray:
-    """Return zeta, (n_phi,): a ratio for every mode, or alpha / (2 omega) + beta omega / 2 of C = alpha M + beta K_L.  Local."""
+    """Return phi^T C phi, (n_phi,) [1/s]: 2 zeta omega_n, or alpha + beta omega_n^2 of C = alpha M + beta K_L.  Local."""
     if damping.ratio is not None:
-        return np.full(len(omega_n), damping.ratio)
+        return 2.0 * damping.ratio * omega_n
     alpha, beta = damping.rayleigh
-    return alpha / (2.0 * omega_n) + beta * omega_n / 2.0
+    return alpha + beta * omega_n**2
 
 
 def load_coefficients(loads, harmonics: int) -> np.ndarray:
@@ -51,7 +51,7 @@ def reduce_structure(linearised, modes, scene) -> ReducedModel:
     n_load = loads.shape[1]
     participation = owned_product(everything, modes.phi_owned, system)
     return ReducedModel(
-        comm=comm, pair_ranges=pair_ranges, omega_n=modes.omega_n, zeta=modal_damping(scene.damping, modes.omega_n),
+        comm=comm, pair_ranges=pair_ranges, omega_n=modes.omega_n, C=modal_damping(scene.damping, modes.omega_n),
         r=participation[:n_rows], o=participation[n_rows: n_rows + n_out], b=participation[n_rows + n_out:].T.copy(),
         G_static=np.ascontiguousarray(G_rows.T),
         du_static=to_loads_and_outputs[:n_rows, :n_load].copy(),

@@ -18,7 +18,7 @@ class ReducedModel:
     comm: Any
     pair_ranges: np.ndarray     # (size + 1,) rank r owns pairs pair_ranges[r]:pair_ranges[r + 1]
     omega_n: np.ndarray         # (n_phi,) rad/s
-    zeta: np.ndarray            # (n_phi,) -
+    C: np.ndarray               # phi^T C phi [1/s]: (n_phi,) 2 zeta omega_n of modal damping, or the full (n_phi, n_phi)
     r: np.ndarray               # (3 n_pairs, n_phi) R phi
     b: np.ndarray               # (n_phi, n_loads) phi^T f
     o: np.ndarray               # (n_outputs, n_phi) output rows times phi
@@ -36,6 +36,12 @@ class ReducedModel:
     @property
     def n_modes(self) -> int:
         return len(self.omega_n)
+
+    @property
+    def zeta(self) -> np.ndarray:
+        """Damping ratios, (n_phi,) [-]; of a full C its diagonal."""
+        diagonal = self.C if self.C.ndim == 1 else np.diag(self.C)
+        return diagonal / (2.0 * self.omega_n)
 
     @property
     def N_H(self) -> int:

@@ -3,9 +3,10 @@
 The receptance of harmonic n between any two of loads, pairs and outputs with modal participations x, y is
 (docs/theory.md, section 4)
 
-    A_n(omega) = A_static + sum_k x_k y_k c_kn,      c_kn = 1 / D_kn - 1 / omega_k^2,
-    D_kn = omega_k^2 - (n omega)^2 + 2 i zeta_k omega_k n omega.
+    A_n(omega) = A_static + x^T c_n y,      c_n = D_n^-1 - diag(1 / omega_k^2),
+    D_n = diag(omega_k^2 - (n omega)^2) + i n omega phi^T C phi,
 
+diagonal with modal damping, D_kn = omega_k^2 - (n omega)^2 + 2 i zeta_k omega_k n omega, and full otherwise.
 Harmonic coefficients are real, [mean, cos 1, sin 1, ...]; the complex amplitude of harmonic n is cos - i sin.
 """
 
@@ -16,23 +17,27 @@ import numpy as np
 from .model import ReducedModel
 
 
-def dynamic_stiffness(model: ReducedModel, omega: float) -> np.ndarray:
-    """Return D_kn, shape (n_phi, H + 1), complex [1/s2].  Local."""
-    n_omega = omega * np.arange(model.N_H // 2 + 1)
-    w, zeta = model.omega_n[:, None], model.zeta[:, None]
-    return w**2 - n_omega**2 + 2j * zeta * w * n_omega
-
-
 def dynamic_part(model: ReducedModel, omega: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return c_kn and d c_kn / d omega, each (n_phi, H + 1), complex [s2].  Local."""
+    """Return c_n and d c_n / d omega [s2], [s3], complex.  Local.
+
+    Shape (n_phi, H + 1) with modal damping, (H + 1, n_phi, n_phi) with a full damping matrix.
+    """
     n = np.arange(model.N_H // 2 + 1)
-    w, zeta = model.omega_n[:, None], model.zeta[:, None]
-    D = dynamic_stiffness(model, omega)
     n_omega = n * omega
-    # 1/D - 1/w^2 without cancellation far below the mode
-    c = (n_omega**2 - 2j * zeta * w * n_omega) / (w**2 * D)
-    dD = -2.0 * n * n_omega + 2j * zeta * w * n
-    return c, -dD / D**2
+    if model.C.ndim == 1:
+        w2, C = model.omega_n[:, None] ** 2, model.C[:, None]
+        D = w2 - n_omega**2 + 1j * C * n_omega
+        # 1 / D - 1 / w2 without cancellation far below the mode
+        return (n_omega**2 - 1j * C * n_omega) / (w2 * D), (2.0 * n * n_omega - 1j * C * n) / D**2
+    inverse, one = _inverse_full(model, omega), np.eye(model.n_modes)
+    dD = -2.0 * (n * n_omega)[:, None, None] * one + 1j * n[:, None, None] * model.C
+    return inverse - np.diag(1.0 / model.omega_n**2), -inverse @ dD @ inverse
+
+
+def _inverse_full(model: ReducedModel, omega: float) -> np.ndarray:
+    """Return D_n^-1 with a full damping matrix, (H + 1, n_phi, n_phi).  Local."""
+    n_omega = omega * np.arange(model.N_H // 2 + 1)[:, None, None]
+    return np.linalg.inv(np.diag(model.omega_n**2) - n_omega**2 * np.eye(model.n_modes) + 1j * n_omega * model.C)
 
 
 def to_complex(coefficients: np.ndarray) -> np.ndarray:
@@ -53,8 +58,9 @@ def to_real(amplitudes: np.ndarray) -> np.ndarray:
 
 
 def modal(c: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return the real coefficients of c * q for modal forces q, real coefficients (n_phi, N_H).  Local."""
-    return to_real(c * to_complex(q))
+    """Return the real coefficients of c_n q_n for modal forces q, real coefficients (n_phi, N_H).  Local."""
+    q_n = to_complex(q)
+    return to_real(c * q_n if c.ndim == 2 else np.einsum("hij,jh->ih", c, q_n))
 
 
 def linear_motion(model: ReducedModel, level: float, omega: float) -> tuple[np.ndarray, np.ndarray]:
@@ -82,6 +88,7 @@ def load_motion(model: ReducedModel, level: float, omega: float, p: np.ndarray) 
 
 
 def modal_motion(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
-    """Return the complex modal amplitudes eta_kn = phi_k^T (f - R^T p) / D_kn, (n_phi, H + 1).  Local."""
+    """Return the complex modal amplitudes eta_n = D_n^-1 phi^T (f - R^T p), (n_phi, H + 1).  Local."""
+    c, _ = dynamic_part(model, omega)
     q = level * model.b @ model.f - model.r.T @ p
-    return to_complex(q) / dynamic_stiffness(model, omega)
+    return to_complex(modal(c, q)) + to_complex(q) / model.omega_n[:, None] ** 2

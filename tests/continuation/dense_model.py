@@ -1,0 +1,55 @@
+"""Reduced models of small dense systems (tests/oracles/scenes.py), for tests of harmonic balance and continuation."""
+
+import numpy as np
+import scipy.linalg
+
+from microslip.contact.law import ContactParameters
+from microslip.continuation.follow import Sweep, follow_branch
+from microslip.continuation.steps import ArcLength, curve_length, linear_frequencies
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.reduction.build import split_evenly
+from microslip.reduction.model import ReducedModel
+from microslip.reduction.selection import AllPairs
+
+
+def reduced(system, comm, H, n_modes=None):
+    """Return the reduced model of a system and its contact parameters; all modes unless told."""
+    M, R, f = system["M"], system["R"], np.stack([load["vector"] for load in system["loads"]], axis=1)
+    k = np.stack([system["k_t"], system["k_t"], system["k_n"]], axis=1).ravel()
+    K_L = system["K"] + R.T @ (k[:, None] * R)
+    squares, phi = scipy.linalg.eigh(K_L, M)
+    omega_n, phi = np.sqrt(squares[:n_modes]), phi[:, :n_modes]
+    C = 2 * system["zeta"] * omega_n if "zeta" in system else phi.T @ system["C"] @ phi
+    flexibility = np.linalg.inv(K_L)
+    o = np.atleast_2d(system["output"])
+    ranges = split_evenly(len(R) // 3, comm.size)
+    rows = slice(3 * ranges[comm.rank], 3 * ranges[comm.rank + 1])
+    coefficients = np.zeros((len(system["loads"]), 2 * H + 1))
+    for row, load in zip(coefficients, system["loads"]):
+        n, phase = load["harmonic"], load["phase"]
+        row[max(2 * n - 1, 0)] = np.cos(phase)
+        if n > 0:
+            row[2 * n] = -np.sin(phase)
+    model = ReducedModel(
+        comm=comm, pair_ranges=ranges, omega_n=omega_n, C=C, r=R @ phi, b=phi.T @ f, o=o @ phi,
+        G_static=np.ascontiguousarray((R[rows] @ flexibility @ R.T).T), du_static=R @ flexibility @ f,
+        out_static=o @ flexibility @ f, out_R=o @ flexibility @ R.T, load_static=f.T @ flexibility @ f, f=coefficients,
+    )
+    return model, ContactParameters(*(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")))
+
+
+def branch(system, comm, level, *, low=None, high=None, H=3, n_samples=128, at=(), selection=AllPairs(), points=100,
+           down=False, tolerance=1e-9, ds_min=1e-4, n_modes=None):
+    """Follow the branch of one level between two frequencies [rad/s]."""
+    model, parameters = reduced(system, comm, H, n_modes)
+    problem = HarmonicBalance(model, parameters, n_samples, level)
+    low, high = low or system["omega"][0], high or system["omega"][1]
+    grid = linear_frequencies(low, high, model.omega_n, model.zeta)
+    ds = curve_length(comm, [problem.linear_motion(w)[0] for w in grid], grid, high - low) / points
+    start, stop = (high, low) if down else (low, high)
+    steps = ArcLength(ds=ds, ds_min=ds_min * ds, ds_max=2 * ds)
+    return follow_branch(problem, selection, Sweep(start, stop, tuple(at)), steps, tolerance=tolerance, max_points=20 * points)
+
+
+def amplitude(point, harmonic=1):
+    return np.hypot(*point.response[0, 2 * harmonic - 1: 2 * harmonic + 1])

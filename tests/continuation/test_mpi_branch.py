@@ -1,0 +1,195 @@
+"""Branches against exact results, an independent harmonic balance, and themselves; every test runs on any number of ranks."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from dense_model import amplitude, branch, reduced
+from mpi4py import MPI
+from oracles import harmonic_balance, scenes
+
+from microslip.continuation.corrector import ConstraintRow, Corrector, Iterate, Scaling
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
+
+COMM = MPI.COMM_WORLD          # the one- and two-pair systems leave ranks without pairs
+
+
+def load(system, key, value):
+    for entry in system["loads"]:
+        entry.setdefault(key, value)
+    return system
+
+
+def scene(name):
+    return load(scenes.SCENES[name](), "phase", 0.0)
+
+
+@pytest.mark.parametrize("X, frequencies", [
+    (0.5, (0.632495064828, 1.897248005129)), (1.5, (1.127402158122, 1.463083257582)), (2.0, (1.136206225921, 1.305151377843)),
+])
+def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, frequencies):
+    found = branch(scene("jenkins"), COMM, 0.8, H=1, n_samples=4096, at=frequencies)
+    asked = [point for point in found.points if point.asked]
+    assert found.failure is None
+    assert [point.omega for point in asked] == pytest.approx(frequencies, abs=1e-12)
+    # the sampled loop converges as N_t^-2; the exact amplitude is known to 12 digits
+    assert [amplitude(point) for point in asked] == pytest.approx([X, X], rel=2e-6)
+
+
+@pytest.mark.parametrize("name, level, omega", [
+    (name, *at[:2]) for name in ("spatial", "chain", "gap") for at in scenes.SCENES[name]()["levels"].values()])
+def test_points_are_solutions_of_an_independent_harmonic_balance(name, level, omega):
+    system = scene(name)
+    low = {"gap": system["omega"][0]}.get(name, system["omega"][0])
+    found = branch(system, COMM, level, low=low, H=5, n_samples=256, at=(omega,))
+    point = next(point for point in found.points if point.asked)
+    model, _ = reduced(system, COMM, 5)
+    # started from this point, so that the two codes mean the same solution where several exist
+    start = full_motion(system, level, point)
+    reference = harmonic_balance.solve(system, omega, level, H=5, n_samples=256, start=start)
+    assert reference.u_hat == pytest.approx(start, abs=1e-6 * np.abs(start).max())
+    assert np.array_equal(reference.state, point.state)
+    assert point.response[0] == pytest.approx(system["output"] @ reference.u_hat, abs=1e-6 * np.abs(start).max())
+
+
+def full_motion(system, level, point):
+    """Return the harmonics of u, (n, N_H), under the loads and the contact forces of a point."""
+    H = point.p.shape[-1] // 2
+    f = scenes.force_coefficients(system, level, H) - system["R"].T @ point.p.reshape(-1, 2 * H + 1)
+    K_L, C, M = scenes.stuck_stiffness(system), scenes.damping_matrix(system), system["M"]
+    u = np.empty_like(f)
+    u[:, 0] = np.linalg.solve(K_L, f[:, 0])
+    for n in range(1, H + 1):
+        Z = K_L - (n * point.omega) ** 2 * M + 1j * n * point.omega * C
+        u_n = np.linalg.solve(Z, f[:, 2 * n - 1] - 1j * f[:, 2 * n])
+        u[:, 2 * n - 1], u[:, 2 * n] = u_n.real, -u_n.imag
+    return u
+
+
+@pytest.mark.parametrize("name", ["jenkins", "spatial", "chain", "gap"])
+def test_energy_closes_at_every_point(name):
+    system = scene(name)
+    for level, *_ in system["levels"].values():
+        found = branch(system, COMM, level)
+        assert found.failure is None
+        closure = [abs(p.input - p.damping - p.friction) / p.input for p in found.points]
+        assert max(closure) < 1e-6
+        assert min(point.energy.min() for point in found.points) > -1e-9 * max(point.input for point in found.points)
+
+
+def test_linear_curve_is_met_to_roundoff_and_costs_no_newton_step():
+    system = scene("chain")
+    found = branch(system, COMM, 1e-3)
+    K_L, C = scenes.stuck_stiffness(system), scenes.damping_matrix(system)
+    for point in found.points:
+        Z = K_L - point.omega**2 * system["M"] + 1j * point.omega * C
+        force = 1e-3 * sum(entry["vector"] * np.exp(1j * entry["phase"]) for entry in map(as_array, system["loads"]))
+        exact = system["output"] @ np.linalg.solve(Z, force)
+        assert point.response[0, 1] - 1j * point.response[0, 2] == pytest.approx(exact, rel=1e-10)
+        assert point.newton <= 1 and not point.p.any()
+
+
+def as_array(entry):
+    return {**entry, "vector": np.asarray(entry["vector"])}
+
+
+def test_fold_is_passed_and_the_way_back_is_the_same_curve():
+    system = scene("gap")
+    up, down = branch(system, COMM, 0.1), branch(system, COMM, 0.1, down=True)
+    assert up.failure is None and down.failure is None
+    steps = np.diff([point.omega for point in up.points])
+    turns = int(np.sum(steps[1:] * steps[:-1] < 0))
+    assert turns >= 2 and turns % 2 == 0                    # forward, backward, forward
+    # every point of the way back lies on the way forward: solved again at its own frequency from the nearest point
+    forward = np.array([[p.omega, *p.response[0, 1:3]] for p in up.points])
+    for point in down.points[::5]:
+        here = np.array([point.omega, *point.response[0, 1:3]])
+        gap = distance_to_polyline(here, forward)
+        assert gap < 5e-3 * np.abs(forward[:, 1:]).max()
+
+
+def distance_to_polyline(point, line):
+    a, b = line[:-1], line[1:]
+    share = np.clip(np.sum((point - a) * (b - a), axis=1) / np.sum((b - a) ** 2, axis=1), 0.0, 1.0)
+    return np.linalg.norm(a + share[:, None] * (b - a) - point, axis=1).min()
+
+
+def test_jacobian_is_the_derivative_of_the_residual():
+    system = scene("chain")
+    model, parameters = reduced(system, COMM, 3)
+    problem = HarmonicBalance(model, parameters, 128, 100.0)
+    U, _ = problem.linear_motion(560.0)
+    everything = np.ones(model.n_pairs, dtype=bool)
+    corrector = Corrector(problem, 1e-9)
+    rng = np.random.default_rng(COMM.rank)
+    row = ConstraintRow(Iterate(U, 560.0), rng.standard_normal(U.shape), 0.7)
+    scaling, h, direction = Scaling(1e-4, 400.0), 1e-6, (rng.standard_normal(U.shape), 0.3)
+    here = Iterate(1.3 * U, 555.0)
+
+    def shifted(sign):
+        return Iterate(here.U + sign * h * scaling.U * direction[0], here.omega + sign * h * scaling.omega * direction[1])
+
+    plus, minus = (corrector.residual_at(shifted(sign), row, scaling, everything) for sign in (1.0, -1.0))
+    product = corrector.jacobian_times(here, row, scaling, everything, *direction)
+    corrector.destroy()
+    size = COMM.allreduce(np.abs(product).max() if product.size else 0.0, op=MPI.MAX)
+    assert (plus - minus) / (2 * h) == pytest.approx(product, abs=1e-6 * size)
+
+
+def test_all_ranks_together_agree_with_one_alone():
+    system = scene("chain")
+    together, alone = branch(system, COMM, 100.0), branch(system, MPI.COMM_SELF, 100.0)
+    peak = max(amplitude(point) for point in alone.points)
+    assert len(together.points) == len(alone.points)
+    for a, b in zip(together.points, alone.points):
+        assert a.omega == pytest.approx(b.omega, rel=1e-7)
+        assert a.response == pytest.approx(b.response, abs=1e-6 * peak)
+        assert np.array_equal(a.state, b.state)
+
+
+def test_in_point_check_removes_the_error_of_the_late_update():
+    system = scene("chain")
+    low, high = system["omega"]
+    at = tuple(np.linspace(low, high, 9)[1:-1])
+    asked = {}
+    for name, selection in {"all": AllPairs(), "late": NonStickingPairs(), "checked": NonStickingPairs(True)}.items():
+        found = branch(system, COMM, 10.0, at=at, selection=selection)
+        assert found.failure is None
+        asked[name] = np.array([point.response[0] for point in found.points if point.asked])
+    peak = np.abs(asked["all"]).max()
+    assert np.abs(asked["checked"] - asked["all"]).max() < 1e-7 * peak
+
+
+def test_energy_filter_drops_pairs_and_counts_fewer_unknowns():
+    system = scene("chain")
+    plain = branch(system, COMM, 10.0, selection=NonStickingPairs())
+    filtered = branch(system, COMM, 10.0, selection=DissipatingPairs(energy_tolerance=1e3))
+    N_H, n_modes = 7, 9
+    assert plain.points[0].unknowns == (n_modes + 3 * 2) * N_H              # Algorithm 1 starts with all pairs
+    assert filtered.points[-1].unknowns == n_modes * N_H                    # nothing dissipates a kilojoule
+    assert max(point.unknowns for point in plain.points[2:]) > n_modes * N_H
+
+
+def test_failure_names_the_frequency_and_keeps_the_points():
+    system = scene("gap")
+    found = branch(system, COMM, 0.2, points=12, ds_min=1.0, tolerance=1e-300)
+    assert found.failure is not None and "Hz" in found.failure
+
+
+def test_error_falls_as_modes_are_added():
+    system = scene("chain")
+    at = tuple(np.linspace(*system["omega"], 9)[1:-1])
+
+    def asked(n_modes):
+        return np.array([p.response[0] for p in branch(system, COMM, 10.0, at=at, n_modes=n_modes).points if p.asked])
+
+    exact = asked(9)
+    errors = [np.abs(asked(n_modes) - exact).max() / np.abs(exact).max() for n_modes in (3, 5, 8)]
+    assert errors[0] > 5 * errors[1] > 25 * errors[2] and errors[2] < 1e-3
+
+
+def test_records_are_complete():
+    point = branch(scene("chain"), COMM, 10.0).points[3]
+    assert {field.name for field in dataclasses.fields(point)} >= {"omega", "response", "U", "p", "energy", "state"}
+    assert point.U.shape == point.p.shape == (2, 3, 7)
