@@ -1,0 +1,62 @@
+"""Normals and tributary areas of element faces, from their curved surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .kinds import FACE_KINDS
+from .quadrature import Rule, square, triangle
+
+_RULES = {"quad4": square(2), "quad8": square(3), "tri3": triangle(3), "tri6": triangle(6)}
+
+
+def face_normals(kind, points):
+    """Return the unit normals of the curved faces at their nodes.
+
+    Local.
+
+    Parameters
+    ----------
+    kind : a key of ``FACE_KINDS``
+    points : (n_faces, n, 3) nodes of each face [m]; from outside, the corners turn left
+
+    Returns
+    -------
+    normals : (n_faces, n, 3) outward; zero at a node where the face has no tangent plane
+    """
+    normals = _area_vectors(points, FACE_KINDS[kind].derivatives(FACE_KINDS[kind].nodes))
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
+
+
+def face_nodal_areas(kind, points):
+    """Return the share of each node in the area of its face: positive, adding up to the area as integrated.
+
+    Local.
+
+    Parameters
+    ----------
+    kind, points : as in ``face_normals``
+
+    Returns
+    -------
+    areas : (n_faces, n) [m2]
+
+    Notes
+    -----
+    Node a gets the part ``integral N_a^2 / sum_b integral N_b^2`` of the face (lumping by the diagonal, after Hinton,
+    Rock and Zienkiewicz 1976). The integral of N_a itself, the consistent load, is negative at the corners of quad8
+    and zero at those of tri6: no area. On a flat rectangle a corner of quad8 gets 3/76 and a mid-side 4/19; on a
+    straight triangle a corner of tri6 gets 1/19 and a mid-side 16/57; quad4 and tri3 share equally.
+    """
+    rule: Rule = _RULES[kind]
+    size = np.linalg.norm(_area_vectors(points, FACE_KINDS[kind].derivatives(rule.points)), axis=-1)
+    squares = (size * rule.weights) @ FACE_KINDS[kind].values(rule.points) ** 2
+    area = size @ rule.weights
+    return squares * (area / squares.sum(axis=1))[:, None]
+
+
+def _area_vectors(points: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Return dx/dxi_1 x dx/dxi_2, (n_faces, n_xi, 3), for slopes (n_xi, 2, n)."""
+    tangents = np.einsum("qra,fai->rfqi", slopes, points)
+    return np.cross(tangents[0], tangents[1])

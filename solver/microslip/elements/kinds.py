@@ -1,0 +1,122 @@
+"""Element and face kinds: nodes, shape functions and faces.
+
+Node order is the one that VTK, meshio and Abaqus share. Shape functions are polynomials: each kind lists the monomials
+that span them, and the condition N_a(x_b) = delta_ab at the nodes gives the coefficients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """Shape functions N_a of one kind of element (or face) in reference coordinates xi, and its faces."""
+
+    name: str
+    nodes: np.ndarray               # (n_nodes, n_dim) reference coordinates of the nodes
+    exponents: np.ndarray           # (n_nodes, n_dim) monomials that span the shape functions
+    n_corners: int
+    faces: tuple[tuple[str, np.ndarray], ...] = ()      # (face kind, local nodes); corners turn left seen from outside
+    coefficients: np.ndarray = field(init=False)        # (n_nodes, n_nodes) N_a = sum_k monomial_k coefficients[k, a]
+
+    def __post_init__(self):
+        vandermonde = np.prod(self.nodes[:, None, :] ** self.exponents, axis=-1)
+        # All coefficients are multiples of 1/8: rounding to them takes the inversion's round-off away.
+        object.__setattr__(self, "coefficients", np.round(8.0 * np.linalg.inv(vandermonde)) / 8.0)
+
+    @property
+    def n_nodes(self) -> int:
+        return len(self.nodes)
+
+    def values(self, xi: np.ndarray) -> np.ndarray:
+        """Return N_a at the points xi (n_points, n_dim): (n_points, n_nodes)."""
+        return np.prod(xi[:, None, :] ** self.exponents, axis=-1) @ self.coefficients
+
+    def derivatives(self, xi: np.ndarray) -> np.ndarray:
+        """Return dN_a / dxi_r at the points xi (n_points, n_dim): (n_points, n_dim, n_nodes)."""
+        slopes = []
+        for r, exponent in enumerate(self.exponents.T):
+            lowered = self.exponents.copy()
+            lowered[:, r] = np.maximum(exponent - 1, 0)
+            slopes.append((exponent * np.prod(xi[:, None, :] ** lowered, axis=-1)) @ self.coefficients)
+        return np.stack(slopes, axis=1)
+
+
+def _with_mid_sides(corners, edges) -> np.ndarray:
+    """Return corners and the middles of the edges as one (n_nodes, n_dim) array."""
+    corners = np.array(corners, dtype=float)
+    middles = corners[np.array(edges, dtype=int).reshape(-1, 2)].mean(axis=1)
+    return np.concatenate([corners, middles])
+
+
+def _monomials(n_dim: int, keep) -> np.ndarray:
+    """Return the exponents from {0, 1, 2} ^ n_dim that ``keep`` accepts."""
+    return np.array([exponent for exponent in product(range(3), repeat=n_dim) if keep(*exponent)])
+
+
+def _serendipity(*exponent) -> bool:
+    """Say whether a monomial's degree, linear factors not counted, is at most 2 (hex20, quad8)."""
+    return sum(e for e in exponent if e > 1) <= 2
+
+
+def _multilinear(*exponent) -> bool:
+    return max(exponent) <= 1
+
+
+def _face(kind: str, *local: int) -> tuple[str, np.ndarray]:
+    return kind, np.array(local)
+
+
+_SQUARE = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+_SQUARE_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0)]
+_TRIANGLE = [(0, 0), (1, 0), (0, 1)]
+_TRIANGLE_EDGES = [(0, 1), (1, 2), (2, 0)]
+_HEXAHEDRON = [(x, y, z) for z in (-1, 1) for x, y in _SQUARE]
+_HEXAHEDRON_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+_TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+_TETRAHEDRON_EDGES = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+_WEDGE = [(x, y, z) for z in (-1, 1) for x, y in _TRIANGLE]
+_WEDGE_EDGES = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
+
+FACE_KINDS = {
+    kind.name: kind
+    for kind in (
+        Kind("quad4", _with_mid_sides(_SQUARE, []), _monomials(2, _multilinear), 4),
+        Kind("quad8", _with_mid_sides(_SQUARE, _SQUARE_EDGES), _monomials(2, _serendipity), 4),
+        Kind("tri3", _with_mid_sides(_TRIANGLE, []), _monomials(2, lambda x, y: x + y <= 1), 3),
+        Kind("tri6", _with_mid_sides(_TRIANGLE, _TRIANGLE_EDGES), _monomials(2, lambda x, y: x + y <= 2), 3),
+    )
+}
+
+KINDS = {
+    kind.name: kind
+    for kind in (
+        Kind("hex8", _with_mid_sides(_HEXAHEDRON, []), _monomials(3, _multilinear), 8, (
+            _face("quad4", 0, 4, 7, 3), _face("quad4", 1, 2, 6, 5), _face("quad4", 0, 1, 5, 4),
+            _face("quad4", 3, 7, 6, 2), _face("quad4", 0, 3, 2, 1), _face("quad4", 4, 5, 6, 7))),
+        Kind("hex20", _with_mid_sides(_HEXAHEDRON, _HEXAHEDRON_EDGES), _monomials(3, _serendipity), 8, (
+            _face("quad8", 0, 4, 7, 3, 16, 15, 19, 11), _face("quad8", 1, 2, 6, 5, 9, 18, 13, 17),
+            _face("quad8", 0, 1, 5, 4, 8, 17, 12, 16), _face("quad8", 3, 7, 6, 2, 19, 14, 18, 10),
+            _face("quad8", 0, 3, 2, 1, 11, 10, 9, 8), _face("quad8", 4, 5, 6, 7, 12, 13, 14, 15))),
+        Kind("tet4", _with_mid_sides(_TETRAHEDRON, []), _monomials(3, lambda x, y, z: x + y + z <= 1), 4, (
+            _face("tri3", 0, 1, 3), _face("tri3", 1, 2, 3), _face("tri3", 2, 0, 3), _face("tri3", 0, 2, 1))),
+        Kind("tet10", _with_mid_sides(_TETRAHEDRON, _TETRAHEDRON_EDGES),
+             _monomials(3, lambda x, y, z: x + y + z <= 2), 4, (
+            _face("tri6", 0, 1, 3, 4, 8, 7), _face("tri6", 1, 2, 3, 5, 9, 8),
+            _face("tri6", 2, 0, 3, 6, 7, 9), _face("tri6", 0, 2, 1, 6, 5, 4))),
+        # Nodes 3, 4, 5 lie on the side that the right-hand rule gives 0, 1, 2, as in Abaqus and meshio files (VTK's
+        # documentation says the opposite, its shape functions agree).
+        Kind("wedge6", _with_mid_sides(_WEDGE, []), _monomials(3, lambda x, y, z: x + y <= 1 and z <= 1), 6, (
+            _face("tri3", 0, 2, 1), _face("tri3", 3, 4, 5),
+            _face("quad4", 0, 1, 4, 3), _face("quad4", 1, 2, 5, 4), _face("quad4", 2, 0, 3, 5))),
+        Kind("wedge15", _with_mid_sides(_WEDGE, _WEDGE_EDGES),
+             _monomials(3, lambda x, y, z: x + y + max(z - 1, 0) <= 2), 6, (
+            _face("tri6", 0, 2, 1, 8, 7, 6), _face("tri6", 3, 4, 5, 9, 10, 11),
+            _face("quad8", 0, 1, 4, 3, 6, 13, 9, 12), _face("quad8", 1, 2, 5, 4, 7, 14, 10, 13),
+            _face("quad8", 2, 0, 3, 5, 8, 12, 11, 14))),
+    )
+}  # fmt: skip

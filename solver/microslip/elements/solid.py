@@ -1,0 +1,167 @@
+"""Stiffness and mass of isotropic solid elements, vectorised over elements (docs/theory.md, finite elements)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .kinds import KINDS, Kind
+from .quadrature import Rule, rules
+
+_CHUNK_ENTRIES = 2**18      # of the largest intermediate array: 2 MiB stay in a core's cache, larger ones do not
+
+
+def stiffness(kind, points, young, poisson, integration="full", incompatible_modes=True):
+    """Return the stiffness matrices of elements of one kind.
+
+    Local.
+
+    Parameters
+    ----------
+    kind : a key of ``KINDS``
+    points : (n_elements, n, 3) nodes of each element [m]
+    young, poisson : Young's modulus [Pa], Poisson's ratio [-]
+    integration : a key of ``INTEGRATIONS``
+    incompatible_modes : hex8 only: add three condensed bubble modes a direction, without which it locks in bending
+
+    Returns
+    -------
+    K : (n_elements, 3 n, 3 n) [N/m], DOF order x, y, z of node 0, then of node 1, ...
+
+    Raises
+    ------
+    ValueError : unknown kind or integration, or an element with det J <= 0 (``jacobian_minimum`` finds them first)
+
+    Notes
+    -----
+    For an isotropic material, with Lame's constants and G_ai,bj = integral of dN_a/dx_i dN_b/dx_j,
+    ``K_ai,bj = lam G_ai,bj + mu G_aj,bi + mu delta_ij G_ak,bk``: one product of matrices an element.
+    """
+    rule = rules(kind, integration)[0]
+    lam, mu = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), young / (2.0 * (1.0 + poisson))
+    with_modes = incompatible_modes and kind == "hex8"
+    n_elements, n = points.shape[:2]
+    n_functions = n + 3 if with_modes else n
+    K = np.empty((n_elements, 3 * n, 3 * n))
+    for chunk in _chunks(n_elements, 9 * n_functions**2):
+        dN, volumes = _gradients(KINDS[kind], points[chunk], rule)
+        if with_modes:
+            dN = np.concatenate([dN, _incompatible_gradients(KINDS[kind], points[chunk], rule, volumes)], axis=-1)
+        whole = _isotropic(dN, volumes, lam, mu)
+        K[chunk] = _condense(whole, 3 * n) if with_modes else whole
+    return K
+
+
+def mass(kind, points, density, integration="full"):
+    """Return the consistent mass matrices of elements of one kind: entry a, b couples u_x of a and b, u_y, u_z alike.
+
+    Local.  M_ai,bj = delta_ij M_ab; incompatible modes carry no mass.
+
+    Parameters
+    ----------
+    kind, points, integration : as in ``stiffness``
+    density : [kg/m3]
+
+    Returns
+    -------
+    M : (n_elements, n, n) [kg]
+    """
+    rule = rules(kind, integration)[1]
+    N = KINDS[kind].values(rule.points)
+    products = (N[:, :, None] * N[:, None, :]).reshape(len(N), -1)
+    n_elements, n = points.shape[:2]
+    M = np.empty((n_elements, n, n))
+    for chunk in _chunks(n_elements, 9 * len(N)):
+        _, det = _jacobians(KINDS[kind], points[chunk], rule.points)
+        M[chunk] = (density * _volumes(det, rule) @ products).reshape(-1, n, n)
+    return M
+
+
+def jacobian_minimum(kind, points, integration="full"):
+    """Return the smallest det J of each element over its quadrature points and nodes, (n_elements,) [m3].
+
+    Local.  Not positive where an element is inverted, degenerate or bent too far.
+    """
+    places = np.concatenate([KINDS[kind].nodes, *(rule.points for rule in rules(kind, integration))])
+    minimum = np.empty(len(points))
+    for chunk in _chunks(len(points), 9 * len(places)):
+        minimum[chunk] = _jacobians(KINDS[kind], points[chunk], places)[1].min(axis=1)
+    return minimum
+
+
+def _chunks(n_elements: int, n_entries: int):
+    """Yield slices of elements that need at most ``_CHUNK_ENTRIES`` at ``n_entries`` an element."""
+    n_chunk = max(1, _CHUNK_ENTRIES // n_entries)
+    for start in range(0, n_elements, n_chunk):
+        yield slice(start, start + n_chunk)
+
+
+def _jacobians(kind: Kind, points: np.ndarray, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return J_ri = dx_i / dxi_r, (3, 3, n_elements, n_xi), and det J, (n_elements, n_xi)."""
+    slopes = kind.derivatives(xi)
+    J = np.tensordot(slopes, points, axes=(2, 1)).transpose(1, 3, 2, 0)
+    J = np.ascontiguousarray(J)
+    return J, sum(J[0, i] * _cofactor(J, 0, i) for i in range(3))
+
+
+def _cofactor(J: np.ndarray, r: int, i: int) -> np.ndarray:
+    r1, r2, i1, i2 = (r + 1) % 3, (r + 2) % 3, (i + 1) % 3, (i + 2) % 3
+    return J[r1, i1] * J[r2, i2] - J[r1, i2] * J[r2, i1]
+
+
+def _volumes(det: np.ndarray, rule: Rule) -> np.ndarray:
+    """Return what each quadrature point stands for, w det J (n_elements, n_q) [m3]."""
+    n_bad = np.count_nonzero((det <= 0.0).any(axis=1))
+    if n_bad:
+        raise ValueError(f"{n_bad} of {len(det)} elements have det J <= 0, the least {det.min():.3e} m3")
+    return rule.weights * det
+
+
+def _gradients(kind: Kind, points: np.ndarray, rule: Rule) -> tuple[np.ndarray, np.ndarray]:
+    """Return dN_a / dx_i at the quadrature points, (n_elements, n_q, 3, n), and w det J, (n_elements, n_q)."""
+    J, det = _jacobians(kind, points, rule.points)
+    volumes = _volumes(det, rule)
+    return _transform(J, det, kind.derivatives(rule.points)), volumes
+
+
+def _transform(J: np.ndarray, det: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Return (n_elements, n_q, 3, m): derivatives by x from those by xi, (n_q, 3, m), through J^-1."""
+    inverse = np.empty((*det.shape, 3, 3))
+    for r in range(3):
+        for i in range(3):
+            inverse[..., i, r] = _cofactor(J, r, i) / det
+    return inverse @ slopes
+
+
+def _incompatible_gradients(kind: Kind, points: np.ndarray, rule: Rule, volumes: np.ndarray) -> np.ndarray:
+    """Return the gradients of the bubbles 1 - xi_k^2, (n_elements, n_q, 3, 3).
+
+    With J of the centre, times det J_centre / det J, their integral vanishes on any hexahedron, so that constant strain
+    does not excite them: the patch test holds (Taylor, Beresford and Wilson 1976).
+    """
+    J, det = _jacobians(kind, points, np.zeros((1, 3)))
+    slopes = -2.0 * rule.points[:, :, None] * np.eye(3)
+    at_centre = _transform(np.repeat(J, len(rule.weights), axis=-1), np.repeat(det, len(rule.weights), axis=1), slopes)
+    return at_centre * (det * rule.weights / volumes)[:, :, None, None]
+
+
+def _isotropic(dN: np.ndarray, volumes: np.ndarray, lam: float, mu: float) -> np.ndarray:
+    """Return K (n_elements, 3 m, 3 m) from the gradients (n_elements, n_q, 3, m) of m functions."""
+    n_elements, n_q, _, m = dN.shape
+    D = dN.reshape(n_elements, n_q, 3 * m)
+    weighted = D * volumes[:, :, None]
+    G = (D.transpose(0, 2, 1) @ weighted).reshape(n_elements, 3, m, 3, m)
+    trace = mu * (G[:, 0, :, 0] + G[:, 1, :, 1] + G[:, 2, :, 2])
+    K = np.empty((n_elements, m, 3, m, 3))
+    for i in range(3):
+        K[:, :, i, :, i] = (lam + mu) * G[:, i, :, i] + trace
+        for j in range(i):
+            block = lam * G[:, i, :, j] + mu * G[:, j, :, i]
+            K[:, :, i, :, j] = block
+            K[:, :, j, :, i] = block.transpose(0, 2, 1)
+    return K.reshape(n_elements, 3 * m, 3 * m)
+
+
+def _condense(K: np.ndarray, n_kept: int) -> np.ndarray:
+    """Return the stiffness that the first ``n_kept`` DOFs see where no force acts on the others."""
+    kept, rest = slice(0, n_kept), slice(n_kept, None)
+    return K[:, kept, kept] - K[:, kept, rest] @ np.linalg.solve(K[:, rest, rest], K[:, rest, kept])
