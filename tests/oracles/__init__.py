@@ -1,0 +1,1 @@
+"""Independent reference solutions: NumPy and SciPy only, no code shared with microslip."""
