@@ -128,7 +128,7 @@ def test_jacobian_is_the_derivative_of_the_residual():
     here = Iterate(1.3 * U, 555.0)
 
     def shifted(sign):
-        return Iterate(here.U + sign * h * scaling.U * direction[0], here.omega + sign * h * scaling.omega * direction[1])
+        return Iterate(here.U + sign * h * scaling.U * direction[0], here.parameter + sign * h * scaling.parameter * direction[1])
 
     plus, minus = (corrector.residual_at(shifted(sign), row, scaling, everything) for sign in (1.0, -1.0))
     product = corrector.jacobian_times(here, row, scaling, everything, *direction)

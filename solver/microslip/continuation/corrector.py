@@ -1,7 +1,7 @@
-"""The corrector: SNES on the harmonic-balance rows and one more row for the frequency.
+"""The corrector: SNES on the harmonic-balance rows and one more row for the parameter, frequency or level.
 
-Unknowns are scaled (docs/theory.md, section 7): xi = U / |U| of the last point, nu = omega / omega_scale.  The extra row is
-linear in (xi, nu): a plane normal to the predictor for arc-length steps, a fixed frequency otherwise.
+Unknowns are scaled (docs/theory.md, section 7): xi = U / |U| of the last point, nu = parameter / its scale.  The
+extra row is linear in (xi, nu): a plane normal to the predictor for arc-length steps, a fixed parameter otherwise.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumn
 
 @dataclass(frozen=True)
 class Iterate:
-    """A motion of this rank's pairs and the frequency, unscaled."""
+    """A motion of this rank's pairs and the parameter of the family, unscaled."""
 
     U: np.ndarray       # (n_owned, 3, N_H) m
-    omega: float        # rad/s
+    parameter: float    # frequency rad/s, or level N
 
 
 @dataclass(frozen=True)
@@ -27,19 +27,19 @@ class Scaling:
     """Units of the unknowns in SNES and in the arc-length norm."""
 
     U: float            # m
-    omega: float        # rad/s
+    parameter: float    # rad/s or N
 
 
 @dataclass(frozen=True)
 class ConstraintRow:
-    """The row n_U . (xi - xi_0) + n_omega (nu - nu_0) = 0 about the iterate ``about``."""
+    """The row n_U . (xi - xi_0) + n_nu (nu - nu_0) = 0 about the iterate ``about``."""
 
     about: Iterate
     n_U: np.ndarray     # (n_owned, 3, N_H) -
-    n_omega: float      # -
+    n_nu: float         # -
 
     @classmethod
-    def fixed_frequency(cls, about: Iterate) -> ConstraintRow:
+    def fixed_parameter(cls, about: Iterate) -> ConstraintRow:
         return cls(about, np.zeros_like(about.U), 1.0)
 
 
@@ -99,7 +99,7 @@ class Corrector:
 
     def __init__(self, problem: HarmonicBalance, tolerance: float):
         self.problem, self.comm = problem, problem.comm
-        self.last = self.comm.rank == self.comm.size - 1            # owns the row of the frequency
+        self.last = self.comm.rank == self.comm.size - 1            # owns the row of the parameter
         self.n_U = int(np.prod(problem.shape))
         self.tolerance = tolerance
         n_local = self.n_U + int(self.last)
@@ -154,7 +154,7 @@ class Corrector:
         self._row, self._scaling, self._selected = row, scaling, selected
         self._pack(iterate, self._x)
         self._linearise(self._snes, self._x, self._J, self._J)
-        self._pack(Iterate(d_xi * scaling.U, d_nu * scaling.omega), self._x)
+        self._pack(Iterate(d_xi * scaling.U, d_nu * scaling.parameter), self._x)
         self._J.mult(self._x, self._r)
         return self._r.getArray().copy()
 
@@ -164,17 +164,17 @@ class Corrector:
         values = x.getArray()
         values[: self.n_U] = iterate.U.ravel() / self._scaling.U
         if self.last:
-            values[self.n_U] = iterate.omega / self._scaling.omega
+            values[self.n_U] = iterate.parameter / self._scaling.parameter
 
     def _unpack(self, x) -> Iterate:
         values = x.getArray(readonly=True)
-        return Iterate(self._motion(values), self._from_last(self._nu(values)) * self._scaling.omega)
+        return Iterate(self._motion(values), self._from_last(self._nu(values)) * self._scaling.parameter)
 
     def _motion(self, values: np.ndarray) -> np.ndarray:
         return (values[: self.n_U] * self._scaling.U).reshape(self.problem.shape)
 
     def _nu(self, values: np.ndarray) -> float:
-        """Return the scaled frequency where its row lives and 0 elsewhere, so that a sum over ranks gives it."""
+        """Return the scaled parameter where its row lives and 0 elsewhere, so that a sum over ranks gives it."""
         return float(values[self.n_U]) if self.last else 0.0
 
     def _from_last(self, value: float) -> float:
@@ -188,27 +188,27 @@ class Corrector:
         plane_U = float(np.vdot(row.n_U, U - row.about.U)) / scaling.U
         forces = problem.contact_forces(U, self._selected, tangents=False, extras=(plane_U, self._nu(values)))
         plane_U, nu = forces.extras
-        out, omega = r.getArray(), nu * scaling.omega
-        out[: self.n_U] = np.nan                    # what a frequency below zero gets: a failed step, on every rank
-        if omega > 0.0:
-            U_lin, _ = problem.linear_motion(omega)
-            rows = U - U_lin + problem.receptance_at(omega, forces.active).apply(forces.p)
+        out, parameter = r.getArray(), nu * scaling.parameter
+        out[: self.n_U] = np.nan                    # what a parameter below zero gets: a failed step, on every rank
+        if parameter > 0.0:
+            U_lin, _ = problem.linear_motion(parameter)
+            rows = U - U_lin + problem.receptance_at(parameter, forces.active).apply(forces.p)
             out[: self.n_U] = rows.ravel() / scaling.U
         if self.last:
-            out[self.n_U] = plane_U + row.n_omega * (nu - row.about.omega / scaling.omega)
+            out[self.n_U] = plane_U + row.n_nu * (nu - row.about.parameter / scaling.parameter)
 
     def _linearise(self, snes, x, J, B) -> None:
         values = x.getArray(readonly=True)
         forces = self.problem.contact_forces(self._motion(values), self._selected, tangents=True, extras=(self._nu(values),))
-        omega = forces.extras[0] * self._scaling.omega
-        G = self.problem.receptance_at(omega, forces.active)
-        _, dU_lin = self.problem.linear_motion(omega)
-        r_nu = (G.apply_derivative(forces.p) - dU_lin) * (self._scaling.omega / self._scaling.U)
+        parameter = forces.extras[0] * self._scaling.parameter
+        G = self.problem.receptance_at(parameter, forces.active)
+        _, dU_lin = self.problem.linear_motion(parameter)
+        r_nu = (self.problem.force_derivative(G, forces.p) - dU_lin) * (self._scaling.parameter / self._scaling.U)
         self._linear = Linearisation(forces, G, r_nu, Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2))
         J.assemble()
 
     def apply_jacobian(self, x, y) -> None:
-        """Apply [I + G P, dr/dnu; n_U, n_omega] in scaled unknowns.  Collective: one gather."""
+        """Apply [I + G P, dr/dnu; n_U, n_nu] in scaled unknowns.  Collective: one gather."""
         values, at, N_H = x.getArray(readonly=True), self._linear, self.problem.model.N_H
         d_xi = values[: self.n_U].reshape(self.problem.shape)
         m = len(at.forces.active_owned)
@@ -217,4 +217,4 @@ class Corrector:
         out = y.getArray()
         out[: self.n_U] = (d_xi + at.G.apply(dp_all.reshape(-1, N_H)) + d_nu * at.r_nu).ravel()
         if self.last:
-            out[self.n_U] = plane_U + self._row.n_omega * d_nu
+            out[self.n_U] = plane_U + self._row.n_nu * d_nu

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..harmonic.residual import HarmonicBalance
+from ..harmonic.residual import HarmonicBalance, LevelFamily
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
 from .branch import Branch, Point
@@ -16,35 +16,38 @@ from .corrector import ConstraintRow, Correction, Corrector, Iterate, Scaling
 from .record import point_record
 from .steps import ArcLength
 
-OnPoint = Callable[[Point], None]
+
+# the way to a first point that Newton does not reach at once: steps over the level
+APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
+MOST_APPROACH_STEPS = 400
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """A frequency range and the direction in which it is followed."""
+    """A range of the parameter, frequency [rad/s] or level [N], and the direction in which it is followed."""
 
-    start: float                        # rad/s
-    stop: float                         # rad/s; below ``start`` for a sweep down
-    at: tuple[float, ...] = ()          # rad/s, frequencies that must be points
+    start: float
+    stop: float                         # below ``start`` for a sweep down
+    at: tuple[float, ...] = ()          # values that must be points
 
     @property
     def direction(self) -> float:
         return 1.0 if self.stop > self.start else -1.0
 
     @property
-    def omega_scale(self) -> float:
+    def scale(self) -> float:
         return abs(self.stop - self.start)
 
-    def beyond(self, omega: float) -> bool:
-        return self.direction * (omega - self.stop) >= 0.0
+    def beyond(self, parameter: float) -> bool:
+        return self.direction * (parameter - self.stop) >= 0.0
 
-    def before(self, omega: float) -> bool:
-        return self.direction * (omega - self.start) < 0.0
+    def before(self, parameter: float) -> bool:
+        return self.direction * (parameter - self.start) < 0.0
 
     def asked_between(self, a: float, b: float) -> list[float]:
-        """Return the asked frequencies strictly between two points, in the order of travel from a to b."""
+        """Return the asked values strictly between two points, in the order of travel from a to b."""
         low, high = min(a, b), max(a, b)
-        return sorted((w for w in self.at if low < w < high), reverse=b < a)
+        return sorted((value for value in self.at if low < value < high), reverse=b < a)
 
 
 @dataclass(frozen=True)
@@ -55,25 +58,28 @@ class State:
     selected: np.ndarray            # B of the next point
     size: float                     # |U| over all ranks [m]
     sticks: bool                    # no pair slips or opens: the point lies on the linear curve
-    newton: int
+
+
+def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
+    """Return the point of the chord from ``a`` to ``b`` at a value of the parameter.  Local."""
+    share = (parameter - a.parameter) / (b.parameter - a.parameter)
+    return Iterate(a.U + share * (b.U - a.U), parameter)
 
 
 class BranchFollower:
-    """The stepping loop of one level; what it knows of a point goes in and out as :class:`State`."""
+    """The stepping loop of one branch; what it knows of a point goes in and out as :class:`State`."""
 
-    def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength,
-                 tolerance: float, on_point: OnPoint):
+    def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, tolerance: float):
         self.problem, self.selection, self.sweep, self.steps = problem, selection, sweep, steps
-        self.comm = problem.comm
+        self.comm, self.tolerance = problem.comm, tolerance
         self.corrector = Corrector(problem, tolerance)
-        self.on_point = on_point
         self.clock = time.perf_counter()
 
     # -- one point ---------------------------------------------------------------------------------------------
 
     def solve(self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
         """Correct a guess; with the in-point check, again with the pairs that want to slip, until none is left out."""
-        scaling = Scaling(size, self.sweep.omega_scale)
+        scaling = Scaling(size or 1.0, self.sweep.scale)
         newton = krylov = 0
         while True:
             found = self.corrector.correct(guess, row, scaling, selected)
@@ -89,122 +95,80 @@ class BranchFollower:
             selected[left_out] = True
             guess = found.iterate
 
-    def accept(self, found: Correction, selected: np.ndarray, asked: bool = False, report: bool = True) -> tuple[State, Point]:
+    def solve_at(self, guess: Iterate, size: float, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
+        """Correct a guess at its own parameter."""
+        return self.solve(guess, ConstraintRow.fixed_parameter(guess), size, selected)
+
+    def accept(self, found: Correction, selected: np.ndarray, asked: bool = False) -> tuple[State, Point]:
         """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective."""
         point, moves = point_record(self.problem, found, selected, self.selection, asked)
         now = time.perf_counter()
-        point = replace(point, seconds=now - self.clock)
-        self.clock = now
-        state = State(found.iterate, self.selection.update(moves, point.state, point.energy),
-                      self.norm(found.iterate.U), not moves.any(), found.newton)
-        if report:
-            self.on_point(point)
-        return state, point
+        point, self.clock = replace(point, seconds=now - self.clock), now
+        B = self.selection.update(moves, point.state, point.energy)
+        return State(found.iterate, B, self.norm(found.iterate.U), not moves.any()), point
 
     def norm(self, U: np.ndarray) -> float:
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
 
-    def at_frequency(self, omega: float, guess: np.ndarray, size: float, selected: np.ndarray):
-        about = Iterate(guess, omega)
-        return self.solve(about, ConstraintRow.fixed_frequency(about), size, selected)
+    def length(self, d_xi: np.ndarray, d_nu: float) -> float:
+        return float(np.hypot(self.norm(d_xi), d_nu))
 
-    # -- the branch --------------------------------------------------------------------------------------------
+    # -- the first two points ----------------------------------------------------------------------------------
 
-    def start(self) -> tuple[State, Point]:
-        """Solve the first point from the linear response; if that fails, approach its level in steps."""
-        omega, n_pairs = self.sweep.start, self.problem.model.n_pairs
-        selected = self.selection.first(n_pairs)
-        U_lin, _ = self.problem.linear_motion(omega)
-        size = self.norm(U_lin) or 1.0
-        found, selected = self.at_frequency(omega, U_lin, size, selected)
-        if found.failure:
-            found, selected = self.raise_level(omega, selected, found)
-        return self.accept(found, selected, asked=omega in self.sweep.at)
+    def first(self) -> tuple[Correction, np.ndarray]:
+        """Solve the first point from the linear response."""
+        U_lin, _ = self.problem.linear_motion(self.sweep.start)
+        selected = self.selection.first(self.problem.model.n_pairs)
+        return self.solve_at(Iterate(U_lin, self.sweep.start), self.norm(U_lin), selected)
 
-    def raise_level(self, omega: float, selected: np.ndarray, first: Correction):
-        """Reach the level of this branch by steps from a lower one, each from the solution of the last."""
-        level = self.problem.level
-        share, step, U = 0.0, 0.25, np.zeros(self.problem.shape)
-        try:
-            while share < 1.0:
-                target = min(share + step, 1.0)
-                self.problem.level = target * level
-                U_lin, _ = self.problem.linear_motion(omega)
-                guess = U + (target - share) / target * U_lin
-                found, chosen = self.at_frequency(omega, guess, self.norm(U_lin) or 1.0, selected)
-                if found.failure is None:
-                    share, U = target, found.iterate.U
-                    continue
-                step /= 2.0
-                if step < 1e-3:
-                    raise ConvergenceError(
-                        f"hb: no convergence at the first frequency, {omega / 2 / np.pi:.6g} Hz, level {level:g} N: "
-                        f"{first.failure}; start further from a resonance or lower the level"
-                    )
-            return found, chosen
-        finally:
-            self.problem.level = level
+    def second(self, first: State) -> tuple[Correction, np.ndarray]:
+        """Solve the second point, a little further along the sweep; halve the way until it converges."""
+        way = min(self.linear_step(first, 0.5 * self.steps.ds), 0.5 * self.sweep.scale)
+        while True:
+            there = first.iterate.parameter + self.sweep.direction * way
+            U = self.problem.linear_motion(there)[0] if first.sticks else first.iterate.U
+            found, selected = self.solve_at(Iterate(U, there), first.size, first.selected)
+            if found.failure is None:
+                return found, selected
+            way /= 2.0
+            if way < self.steps.ds_min * self.sweep.scale:
+                raise ConvergenceError(self.message(first.iterate.parameter, found))
+
+    def linear_step(self, now: State, ds: float) -> float:
+        """Return the change of the parameter that makes a step ``ds`` along the linear curve."""
+        _, dU = self.problem.linear_motion(now.iterate.parameter)
+        slope = self.norm(dU) / now.size if now.size > 0.0 else 0.0
+        return ds / float(np.hypot(slope, 1.0 / self.sweep.scale))
+
+    # -- a step ------------------------------------------------------------------------------------------------
 
     def predict(self, before: State, now: State, ds: float) -> tuple[Iterate, ConstraintRow]:
         """Return the guess a step ``ds`` ahead and the row that holds the step.
 
-        On the linear curve (all pairs stuck) the guess is the linear response itself, at a fixed frequency; otherwise
+        On the linear curve (all pairs stuck) the guess is the linear response itself, at a fixed parameter; otherwise
         the secant through the last two points, and the plane normal to it.
         """
-        scale = self.sweep.omega_scale
-        d_xi = (now.iterate.U - before.iterate.U) / now.size
-        d_nu = (now.iterate.omega - before.iterate.omega) / scale
-        length = self.length(d_xi, d_nu)
+        d_U = now.iterate.U - before.iterate.U
+        d_parameter = now.iterate.parameter - before.iterate.parameter
         if now.sticks:
-            omega = now.iterate.omega + np.sign(d_nu) * self.linear_step(now, ds)
-            U_lin, _ = self.problem.linear_motion(omega)
-            guess = Iterate(U_lin, omega)
-            return guess, ConstraintRow.fixed_frequency(guess)
+            parameter = now.iterate.parameter + float(np.sign(d_parameter)) * self.linear_step(now, ds)
+            guess = Iterate(self.problem.linear_motion(parameter)[0], parameter)
+            return guess, ConstraintRow.fixed_parameter(guess)
+        d_xi, d_nu = d_U / now.size, d_parameter / self.sweep.scale
+        length = self.length(d_xi, d_nu)
         factor = ds / length
-        guess = Iterate(now.iterate.U + factor * (now.iterate.U - before.iterate.U),
-                        now.iterate.omega + factor * (now.iterate.omega - before.iterate.omega))
+        guess = Iterate(now.iterate.U + factor * d_U, now.iterate.parameter + factor * d_parameter)
         return guess, ConstraintRow(guess, d_xi / length, d_nu / length)
 
-    def linear_step(self, now: State, ds: float) -> float:
-        """Return the change of frequency [rad/s] that makes a step ``ds`` along the linear curve."""
-        _, dU = self.problem.linear_motion(now.iterate.omega)
-        slope = self.norm(dU) / now.size if now.size > 0.0 else 0.0
-        return ds / np.hypot(slope, 1.0 / self.sweep.omega_scale)
-
-    def length(self, d_xi: np.ndarray, d_nu: float) -> float:
-        return float(np.hypot(self.norm(d_xi), d_nu))
-
-    def turn(self, before: State, now: State, after: State) -> float:
+    def turn(self, before: Iterate, now: Iterate, after: Iterate, size: float) -> float:
         """Return the angle [rad] between the last two steps, in the norm of the step."""
-        scale, size = self.sweep.omega_scale, max(now.size, 1e-300)
-        a_xi, b_xi = (now.iterate.U - before.iterate.U) / size, (after.iterate.U - now.iterate.U) / size
-        a_nu = (now.iterate.omega - before.iterate.omega) / scale
-        b_nu = (after.iterate.omega - now.iterate.omega) / scale
+        size = max(size, 1e-300)
+        a_xi, b_xi = (now.U - before.U) / size, (after.U - now.U) / size
+        a_nu = (now.parameter - before.parameter) / self.sweep.scale
+        b_nu = (after.parameter - now.parameter) / self.sweep.scale
         dot = self.comm.allreduce(float(np.vdot(a_xi, b_xi))) + a_nu * b_nu
         cosine = dot / max(self.length(a_xi, a_nu) * self.length(b_xi, b_nu), 1e-300)
         return float(np.arccos(min(max(cosine, -1.0), 1.0)))
-
-    def second(self, first: State, ds: float) -> tuple[Correction, np.ndarray]:
-        """Solve the second point, a little further along the sweep, from the first; halve the way until it converges."""
-        step = self.linear_step(first, ds)
-        while True:
-            omega = first.iterate.omega + self.sweep.direction * min(step, 0.5 * self.sweep.omega_scale)
-            U_now, _ = self.problem.linear_motion(first.iterate.omega)
-            U_next, _ = self.problem.linear_motion(omega)
-            guess = U_next if first.sticks else first.iterate.U
-            found, selected = self.at_frequency(omega, guess, first.size or 1.0, first.selected)
-            if found.failure is None:
-                return found, selected
-            step /= 2.0
-            if step < self.steps.ds_min * self.sweep.omega_scale:
-                raise ConvergenceError(self.message(first.iterate.omega, found, step / self.sweep.omega_scale))
-
-    def message(self, omega: float, found: Correction, ds: float) -> str:
-        return (
-            f"hb: no convergence beyond {omega / 2 / np.pi:.6g} Hz ({omega:.6g} rad/s) at level {self.problem.level:g} N "
-            f"after {found.newton} iterations: {found.failure}; the step was halved down to {ds:.1e} "
-            f"([continuation] ds_min = {self.steps.ds_min:.1e}); reduce ds_min or ds, or the level"
-        )
 
     def step(self, before: State, now: State, ds: float) -> tuple[Correction, np.ndarray, float]:
         """Return the next converged point and the step that reached it, halved until Newton converges."""
@@ -215,81 +179,99 @@ class BranchFollower:
                 return found, selected, ds
             ds /= 2.0
             if ds < self.steps.ds_min:
-                raise ConvergenceError(self.message(now.iterate.omega, found, 2.0 * ds))
+                raise ConvergenceError(self.message(now.iterate.parameter, found))
 
     def turned_back(self, before: State, now: State, found: Correction, ds: float) -> bool:
-        """Tell whether a converged step fell back on the branch or jumped far from it: a sharper turn than 90 degrees."""
-        after = State(found.iterate, now.selected, now.size, False, found.newton)
-        return self.turn(before, now, after) > 0.5 * np.pi and ds > 8.0 * self.steps.ds_min
+        """Tell whether a step fell back on the branch or jumped off it: a turn of more than 90 degrees, but at a corner."""
+        turn = self.turn(before.iterate, now.iterate, found.iterate, now.size)
+        return turn > 0.5 * np.pi and ds > 8.0 * self.steps.ds_min
 
-    def asked_points(self, now: State, after: Correction, selected: np.ndarray) -> Iterator[Point]:
-        """Solve at the asked frequencies that a step has passed."""
-        a, b = now.iterate, after.iterate
-        for omega in self.sweep.asked_between(a.omega, b.omega):
-            share = (omega - a.omega) / (b.omega - a.omega)
-            found, used = self.at_frequency(omega, a.U + share * (b.U - a.U), now.size, now.selected | selected)
-            if found.failure:
-                raise ConvergenceError(self.message(omega, found, share))
-            yield self.accept(found, used, asked=True)[1]
+    def message(self, parameter: float, found: Correction) -> str:
+        return (
+            f"hb: no convergence beyond {self.problem.where(parameter)} after {found.newton} iterations: "
+            f"{found.failure or 'the branch turns back'}; the step was halved down to [continuation] "
+            f"ds_min = {self.steps.ds_min:.1e}: reduce ds_min or ds, or the level"
+        )
 
-    def finish(self, now: State, after: Correction, selected: np.ndarray) -> Point:
-        """Solve the last point at the end of the range, which a step has passed."""
-        a, b = now.iterate, after.iterate
-        share = (self.sweep.stop - a.omega) / (b.omega - a.omega)
-        found, used = self.at_frequency(self.sweep.stop, a.U + share * (b.U - a.U), now.size, now.selected | selected)
-        if found.failure:
-            raise ConvergenceError(self.message(self.sweep.stop, found, share))
-        return self.accept(found, used, asked=self.sweep.stop in self.sweep.at)[1]
+    # -- the branch --------------------------------------------------------------------------------------------
 
-    def points(self) -> Iterator[Point]:
+    def points(self) -> Iterator[tuple[State, Point]]:
         """Yield the points of the branch in order."""
-        before, point = self.start()
-        yield point
-        found, selected = self.second(before, 0.5 * self.steps.ds)
-        yield from self.asked_points(before, found, selected)
+        found, selected = self.first()
+        if found.failure:
+            found, selected = self.reach_level(found)
+        before, point = self.accept(found, selected, asked=self.sweep.start in self.sweep.at)
+        yield before, point
+        found, selected = self.second(before)
+        yield from self.asked(before, found.iterate, selected)
         now, point = self.accept(found, selected)
-        yield point
+        yield now, point
         ds = self.steps.ds
         while True:
             found, selected, ds = self.step(before, now, ds)
-            omega = found.iterate.omega
-            if self.sweep.beyond(omega):
-                end = replace(found, iterate=Iterate(found.iterate.U, omega))
-                yield from self.asked_points(now, self.clip(now, end), selected)
-                yield self.finish(now, end, selected)
+            if self.sweep.before(found.iterate.parameter):          # a fold has led back to the start of the range
                 return
-            if self.sweep.before(omega):
+            if self.sweep.beyond(found.iterate.parameter):
+                end = interpolate(now.iterate, found.iterate, self.sweep.stop)
+                yield from self.asked(now, end, selected)
+                yield self.solved(now, end, selected, asked=self.sweep.stop in self.sweep.at)
                 return
-            yield from self.asked_points(now, found, selected)
+            yield from self.asked(now, found.iterate, selected)
             after, point = self.accept(found, selected)
-            yield point
-            ds = self.steps.next(ds, found.newton, self.turn(before, now, after))
+            yield after, point
+            ds = self.steps.next(ds, found.newton, self.turn(before.iterate, now.iterate, after.iterate, now.size))
             before, now = now, after
 
-    def clip(self, now: State, found: Correction) -> Correction:
-        """Return the step cut off at the end of the range, by interpolation."""
-        a, b = now.iterate, found.iterate
-        share = (self.sweep.stop - a.omega) / (b.omega - a.omega)
-        return replace(found, iterate=Iterate(a.U + share * (b.U - a.U), self.sweep.stop))
+    def asked(self, now: State, there: Iterate, selected: np.ndarray) -> Iterator[tuple[State, Point]]:
+        """Solve at the asked values that a step has passed."""
+        for value in self.sweep.asked_between(now.iterate.parameter, there.parameter):
+            yield self.solved(now, interpolate(now.iterate, there, value), selected, asked=True)
+
+    def solved(self, now: State, guess: Iterate, selected: np.ndarray, asked: bool) -> tuple[State, Point]:
+        """Solve at the parameter of a guess between two points."""
+        found, used = self.solve_at(guess, now.size, now.selected | selected)
+        if found.failure:
+            raise ConvergenceError(self.message(guess.parameter, found))
+        return self.accept(found, used, asked=asked)
+
+    def reach_level(self, failed: Correction) -> tuple[Correction, np.ndarray]:
+        """Solve the first point another way: from a small level up, by arc length at its frequency, folds included."""
+        if isinstance(self.problem, LevelFamily):
+            raise ConvergenceError(self.message(self.sweep.start, failed))
+        level = self.problem.level
+        family = LevelFamily(self.problem, self.sweep.start)
+        for share in (1e-2, 1e-4):
+            way = BranchFollower(family, self.selection, Sweep(share * level, level), APPROACH, self.tolerance)
+            try:
+                for (state, point), _ in zip(way.points(), range(MOST_APPROACH_STEPS)):
+                    if state.iterate.parameter == level:
+                        there = Iterate(state.iterate.U, self.sweep.start)
+                        return self.solve_at(there, state.size, state.selected)
+            except ConvergenceError:
+                continue
+            finally:
+                way.corrector.destroy()
+        raise ConvergenceError(self.message(self.sweep.start, failed))
 
 
 def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, *, tolerance: float,
-                  max_points: int, on_point: OnPoint = lambda point: None) -> Branch:
-    """Follow the branch of one level.  Collective on ``problem.comm``.
+                  max_points: int, on_point: Callable[[Point], None] = lambda point: None) -> Branch:
+    """Follow the branch of one level over frequency.  Collective on ``problem.comm``.
 
     A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
     branch = Branch(problem.level)
-    follower = BranchFollower(problem, selection, sweep, steps, tolerance, on_point)
+    follower = BranchFollower(problem, selection, sweep, steps, tolerance)
     try:
-        for point in follower.points():
+        for _, point in follower.points():
             branch.points.append(point)
-            if len(branch.points) >= max_points:
-                branch.failure = f"{max_points} points without reaching {sweep.stop / 2 / np.pi:.6g} Hz; raise [response] points"
+            on_point(point)
+            if len(branch.points) == max_points:
+                branch.failure = f"{max_points} points without reaching {problem.where(sweep.stop)}: raise [response] points"
                 break
-    except ConvergenceError as problem_found:
-        branch.failure = str(problem_found)
+    except ConvergenceError as failure:
+        branch.failure = str(failure)
     finally:
         follower.corrector.destroy()
     return branch

@@ -7,6 +7,7 @@ import numpy as np
 from ..harmonic.aft import contact_work, pair_energy
 from ..harmonic.residual import HarmonicBalance
 from ..reduction import receptance
+from ..reduction.model import ReducedModel
 from ..reduction.selection import Selection
 from .branch import Point
 from .corrector import Correction
@@ -19,7 +20,8 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
     Collective on ``problem.comm``.  State, energy and the set of moving pairs come from all pairs; ``p`` is that of the selected
     pairs, which the motion solves for.
     """
-    model, omega, U = problem.model, found.iterate.omega, found.iterate.U
+    model, U = problem.model, found.iterate.U
+    omega, level = problem.omega_at(found.iterate.parameter), problem.level_at(found.iterate.parameter)
     everything = np.ones(model.n_pairs, dtype=bool)
     of_all = problem.contact_forces(U, everything, tangents=False)
     used = of_all if selected.all() else problem.contact_forces(U, selected, tangents=False)
@@ -31,25 +33,24 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
     moves = np.zeros(model.n_pairs, dtype=bool)
     moves[of_all.active] = True
     point = Point(
-        omega=omega, response=receptance.output_motion(model, problem.level, omega, p), U=U_all, p=p.reshape(shape),
+        omega=omega, response=receptance.output_motion(model, level, omega, p), U=U_all, p=p.reshape(shape),
         energy=energy, state=state, unknowns=selection.unknowns(int(selected.sum()), model.n_modes, model.N_H),
         newton=found.newton, krylov=found.krylov, friction=float(contact_work(U_all, p.reshape(shape)).sum()),
-        damping=damping_loss(problem, omega, p), input=input_work(problem, omega, p), seconds=0.0, asked=asked,
+        damping=damping_loss(model, level, omega, p), input=input_work(model, level, omega, p), seconds=0.0, asked=asked,
     )
     return point, moves
 
 
-def damping_loss(problem: HarmonicBalance, omega: float, p: np.ndarray) -> float:
+def damping_loss(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
     """Return the viscous loss [J per cycle], the sum over harmonics of pi n^2 omega eta_n^H (phi^T C phi) eta_n.  Local."""
-    model = problem.model
     n = np.arange(model.N_H // 2 + 1)
-    eta = receptance.modal_motion(model, problem.level, omega, p)
+    eta = receptance.modal_motion(model, level, omega, p)
     C_eta = model.C[:, None] * eta if model.C.ndim == 1 else model.C @ eta
     return float(np.pi * omega * np.sum(n**2 * (eta.conj() * C_eta).real))
 
 
-def input_work(problem: HarmonicBalance, omega: float, p: np.ndarray) -> float:
+def input_work(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
     """Return the work of the loads [J per cycle]: closed integral of f . du over each load.  Local."""
-    y, f = receptance.load_motion(problem.model, problem.level, omega, p), problem.level * problem.model.f
-    n = np.arange(1, problem.model.N_H // 2 + 1)
+    y, f = receptance.load_motion(model, level, omega, p), level * model.f
+    n = np.arange(1, model.N_H // 2 + 1)
     return float(np.pi * np.sum(n * (f[:, 1::2] * y[:, 2::2] - f[:, 2::2] * y[:, 1::2])))

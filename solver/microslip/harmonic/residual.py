@@ -29,7 +29,7 @@ class ContactForces:
 
 
 class HarmonicBalance:
-    """Residual and derivatives for one load level; ``selected`` pairs may slip or open, the others are held stuck."""
+    """Residual and derivatives over frequency at one level; ``selected`` pairs may slip or open, the others are held stuck."""
 
     def __init__(self, model: ReducedModel, parameters: ContactParameters, n_samples: int, level: float):
         self.model = model
@@ -71,14 +71,58 @@ class HarmonicBalance:
         p[forces.active] = forces.p.reshape(-1, 3, self.model.N_H)
         return p.reshape(-1, self.model.N_H)
 
-    def linear_motion(self, omega: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return U_lin and d U_lin / d omega, each (n_owned, 3, N_H) [m], [m s].  Local."""
-        U_lin, dU_lin = receptance.linear_motion(self.model, self.level, omega)
+    # -- the one-parameter family: here the frequency at a fixed level -----------------------------------------
+
+    def omega_at(self, parameter: float) -> float:
+        """Return the excitation frequency [rad/s]."""
+        return parameter
+
+    def level_at(self, parameter: float) -> float:
+        """Return the load level [N]."""
+        return self.level
+
+    def where(self, parameter: float) -> str:
+        """Name a point of the family in a message."""
+        omega = self.omega_at(parameter)
+        return f"{omega / 2 / np.pi:.6g} Hz ({omega:.6g} rad/s) at level {self.level_at(parameter):.4g} N"
+
+    def linear_motion(self, parameter: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return U_lin and its derivative with respect to the parameter, each (n_owned, 3, N_H).  Local."""
+        U_lin, dU_lin = receptance.linear_motion(self.model, self.level, parameter)
         return U_lin.reshape(self.shape), dU_lin.reshape(self.shape)
 
-    def receptance_at(self, omega: float, active: np.ndarray) -> ReceptanceColumns:
-        """Return G(omega) restricted to the columns of the ``active`` pairs.  Local."""
-        return ReceptanceColumns(self.model, omega, active)
+    def receptance_at(self, parameter: float, active: np.ndarray) -> ReceptanceColumns:
+        """Return G restricted to the columns of the ``active`` pairs.  Local."""
+        return ReceptanceColumns(self.model, parameter, active)
+
+    def force_derivative(self, G: ReceptanceColumns, p: np.ndarray) -> np.ndarray:
+        """Return (dG / d parameter) p on this rank's pairs, (n_owned, 3, N_H).  Local."""
+        return G.apply_derivative(p)
+
+
+class LevelFamily(HarmonicBalance):
+    """The same residual at a fixed frequency, with the load level as parameter."""
+
+    def __init__(self, of: HarmonicBalance, omega: float):
+        self.__dict__.update(of.__dict__)
+        self.omega = omega
+        unit, _ = receptance.linear_motion(self.model, 1.0, omega)
+        self.U_lin_per_newton = unit.reshape(self.shape)
+
+    def omega_at(self, parameter: float) -> float:
+        return self.omega
+
+    def level_at(self, parameter: float) -> float:
+        return parameter
+
+    def linear_motion(self, parameter: float) -> tuple[np.ndarray, np.ndarray]:
+        return parameter * self.U_lin_per_newton, self.U_lin_per_newton
+
+    def receptance_at(self, parameter: float, active: np.ndarray) -> ReceptanceColumns:
+        return ReceptanceColumns(self.model, self.omega, active)
+
+    def force_derivative(self, G: ReceptanceColumns, p: np.ndarray) -> np.ndarray:
+        return np.zeros(self.shape)
 
 
 class ReceptanceColumns:
