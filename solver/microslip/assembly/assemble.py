@@ -109,14 +109,13 @@ def _add_elements(block: LocalBlock, scene, pattern: NodePattern, K_sum: BlockSu
     n_chunk = max(1, int(_CHUNK_BYTES / (8 * (3 * n_nodes) ** 2)))
     for start in range(0, len(block.nodes), n_chunk):
         chunk = slice(start, start + n_chunk)
-        K, M = elements.stiffness_mass(
-            block.kind, block.points[chunk], material.young, material.poisson, material.density,
-            integration=body.integration, incompatible_modes=body.incompatible_modes,
-        )  # fmt: skip
+        points = block.points[chunk]
         is_owned, positions = pattern.positions(block.nodes[chunk])
-        shape = (len(K), n_nodes, 3, n_nodes, 3)
-        K_sum.add(is_owned, positions, K.reshape(shape))
-        M_sum.add(is_owned, positions, M.reshape(shape)[:, :, :1, :, :1])      # M couples equal directions only
+        K = elements.stiffness(block.kind, points, material.young, material.poisson, body.integration,
+                               body.incompatible_modes)  # fmt: skip
+        K_sum.add(is_owned, positions, K.reshape(-1, n_nodes, 3, n_nodes, 3))
+        M = elements.mass(block.kind, points, material.density, body.integration)
+        M_sum.add(is_owned, positions, M.reshape(-1, n_nodes, 1, n_nodes, 1))
 
 
 def _petsc_matrix(comm, n_owned: int, csr: tuple[np.ndarray, np.ndarray, np.ndarray]):

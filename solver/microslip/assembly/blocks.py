@@ -89,8 +89,8 @@ def expand(pattern: NodePattern, sums: list[BlockSum], dof: np.ndarray, integer)
     n_columns = np.diff(free_before[pattern.indptr])                # of each row of an owned node
     indptr = np.concatenate([[0], np.cumsum(np.repeat(n_columns, 3)[row_is_free.ravel()])])
     first_row = np.concatenate([[0], np.cumsum(np.count_nonzero(row_is_free, axis=1))])
-    columns = np.empty(indptr[-1], dtype=integer)
     values = [np.empty(indptr[-1]) for _ in sums]
+    columns = np.empty(indptr[-1], dtype=integer)
     for start in range(0, n_owned, _CHUNK_NODES):                   # small pieces stay in the cache
         end = min(start + _CHUNK_NODES, n_owned)
         target = slice(indptr[first_row[start]], indptr[first_row[end]])

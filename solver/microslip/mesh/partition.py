@@ -6,11 +6,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from .. import elements
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 from .data import DistributedMesh, LocalBlock, Mesh
 
-_CORNERS = {"tet4": 4, "tet10": 4, "hex8": 8, "hex20": 8, "wedge6": 6, "wedge15": 6}
 _FACE_CORNERS = 3       # elements that share this many corners share a face
 
 
@@ -43,7 +43,7 @@ def distribute(mesh: Mesh | None, scene, comm) -> DistributedMesh:
 
 def _dual_graph(mesh: Mesh) -> sp.csr_matrix:
     """Return the graph of elements that share a face, (n_elements, n_elements)."""
-    corners = [block.nodes[:, : _CORNERS[block.kind]] for block in mesh.elements]
+    corners = [block.nodes[:, : elements.KINDS[block.kind].n_corners] for block in mesh.elements]
     counts = np.concatenate([np.full(len(nodes), nodes.shape[1]) for nodes in corners])
     indices = np.concatenate([nodes.ravel() for nodes in corners])
     indptr = np.concatenate([[0], np.cumsum(counts)])

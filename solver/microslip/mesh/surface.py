@@ -38,7 +38,8 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
     area_normals, areas, parts = np.zeros((len(nodes), 3)), np.zeros(len(nodes)), []
     for kind, own in faces.items():
         at = np.searchsorted(nodes, own)
-        normal, area = face_normals(kind, mesh.points[own]), face_areas(kind, mesh.points[own])
+        normal = elements.face_normals(kind, mesh.points[own])
+        area = elements.face_nodal_areas(kind, mesh.points[own])
         np.add.at(areas, at, area)
         np.add.at(area_normals, at, area[:, :, None] * normal)
         parts.append((at, normal))
@@ -79,7 +80,7 @@ def _faces_within(mesh: Mesh, members: np.ndarray) -> dict[str, np.ndarray]:
     for block in mesh.elements:
         near = block.nodes[np.count_nonzero(is_member[block.nodes], axis=1) >= 3]
         for kind, local in elements.KINDS[block.kind].faces:
-            faces = near[:, local]
+            faces = near[:, list(local)]
             found.setdefault(kind, []).append(faces[is_member[faces].all(axis=1)])
     return {kind: np.concatenate(found[kind]) for kind in sorted(found)}
 

@@ -1,0 +1,227 @@
+"""K, M and the maps: equal to a plain serial assembly on any number of ranks, and right by mechanics."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from box_meshes import KINDS, box, joint, mesh_of, scene
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from microslip import elements
+from microslip.assembly.assemble import assemble
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.partition import distribute
+from microslip.parallel.errors import CaseError, MeshError
+
+comm = MPI.COMM_WORLD
+BOTTOM = {"base": lambda x: x[:, 2] == 0.0}
+STACK = {**BOTTOM, "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),
+         "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2)}  # fmt: skip
+
+
+def bend(mesh):
+    """Distort the mesh smoothly, so that no element is a brick."""
+    x, y, z = mesh.points.T.copy()
+    mesh.points[:] = np.stack([x + 0.1 * y * z, y + 0.1 * np.sin(x), z + 0.05 * x * y], axis=1)
+    return mesh
+
+
+def one_body(kind, n=(2, 2, 2)):
+    return bend(mesh_of(("block", kind, *box(kind, n)), groups=BOTTOM))
+
+
+def stack(kind="hex20"):
+    return bend(mesh_of(("low", kind, *box(kind)), ("high", kind, *box(kind, origin=(0, 0, 1))), groups=STACK))
+
+
+def system_of(mesh, case):
+    """Return system and pairs as run.py makes them; every rank holds the mesh, only rank 0 may use it."""
+    pairs = pair_contacts(mesh, case.joints)
+    on_root = mesh if comm.rank == 0 else None
+    return assemble(distribute(on_root, case, comm), on_root, pairs, case, comm), pairs
+
+
+def gathered(matrix):
+    """Return a PETSc matrix as a SciPy matrix on every rank."""
+    indptr, columns, values = matrix.getValuesCSR()
+    shape = (len(indptr) - 1, matrix.getSize()[1])
+    return sp.vstack(comm.allgather(sp.csr_matrix((values, columns, indptr), shape))).tocsr()
+
+
+def serial(mesh, case):
+    """Return K and M of all DOFs in the order of Mesh.points, element by element."""
+    n = 3 * len(mesh.points)
+    K, M = sp.lil_matrix((n, n)), sp.lil_matrix((n, n))
+    steel = case.materials["steel"]
+    for block in mesh.elements:
+        stiffness = elements.stiffness(block.kind, mesh.points[block.nodes], steel.young, steel.poisson)
+        mass = elements.mass(block.kind, mesh.points[block.nodes], steel.density)
+        for nodes, k, m in zip(block.nodes, stiffness, mass, strict=True):
+            rows = (3 * nodes[:, None] + np.arange(3)).ravel()
+            K[np.ix_(rows, rows)] += k
+            M[np.ix_(rows, rows)] += np.kron(m, np.eye(3))
+    return K.tocsr(), M.tocsr()
+
+
+def assert_equal_matrices(system, mesh, case):
+    kept = system.dof.ravel() >= 0
+    order = system.dof.ravel()[kept]
+    for own, reference in zip((system.K, system.M), serial(mesh, case), strict=True):
+        wanted = reference[kept][:, kept]
+        difference = gathered(own)[order][:, order] - wanted
+        assert abs(difference).max() <= 1e-12 * abs(wanted).max()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_equals_serial_assembly(kind):
+    mesh, case = one_body(kind), scene({"block": "block"}, [("base", ["x", "z"])])
+    system, _ = system_of(mesh, case)
+    assert system.n_dof == 3 * len(mesh.points) - 2 * len(mesh.node_groups["base"])
+    assert_equal_matrices(system, mesh, case)
+    assert (gathered(system.K).indptr == gathered(system.M).indptr).all()
+
+
+def test_mixed_kinds_and_a_fully_fixed_base():
+    mesh = bend(mesh_of(("low", "hex20", *box("hex20")), ("high", "hex20", *box("hex20", origin=(0, 0, 1))),
+                        ("side", "tet10", *box("tet10", (1, 1, 2), origin=(3, 0, 0))), groups=STACK))  # fmt: skip
+    mesh.node_groups["lower_top"] = np.flatnonzero((np.arange(len(mesh.points)) < 81) & np.isin(
+        np.arange(len(mesh.points)), mesh.elements[0].nodes[:, [4, 5, 6, 7, 12, 13, 14, 15]][1::2]))  # fmt: skip
+    case = scene({"low": "low", "high": "high", "side": "side"}, [("low", ["x", "y", "z"]), ("base", ["x", "y"]),
+                                                                 ("high", ["z"])])  # fmt: skip
+    system, _ = system_of(mesh, case)
+    assert (system.dof[mesh.node_groups["low"]] == -1).all()
+    assert_equal_matrices(system, mesh, case)
+
+
+def test_rows_are_contiguous_per_rank_and_node_after_node():
+    mesh, case = one_body("hex20"), scene({"block": "block"}, [("base", ["y"])])
+    system, _ = system_of(mesh, case)
+    dof = system.dof[system.dof >= 0]
+    np.testing.assert_array_equal(np.sort(dof), np.arange(system.n_dof))
+    free = system.dof[(system.dof >= 0).all(axis=1)]
+    np.testing.assert_array_equal(free - free[:, :1], np.tile([0, 1, 2], (len(free), 1)))
+    assert system.K.getOwnershipRange() == system.M.getOwnershipRange()
+    assert len(system.parts) == np.diff(system.K.getOwnershipRange())[0]
+
+
+def rigid_modes(mesh, system):
+    """Return the six rigid motions on the free rows, (n_dof, 6)."""
+    x, y, z = mesh.points.T
+    one, zero = np.ones(len(x)), np.zeros(len(x))
+    motions = [(one, zero, zero), (zero, one, zero), (zero, zero, one), (zero, -z, y), (z, zero, -x), (-y, x, zero)]
+    modes = np.zeros((system.n_dof, 6))
+    for column, motion in enumerate(motions):
+        field = np.stack(motion, axis=1)
+        modes[system.dof[system.dof >= 0], column] = field[system.dof >= 0]
+    return modes
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rigid_motion_costs_nothing_and_weighs_the_mass(kind):
+    """One node is fixed, so that the scene is valid; rows of elements without it see the whole motion."""
+    mesh, case = one_body(kind), scene({"block": "block"}, [("base", ["x"])])
+    mesh.node_groups["base"] = np.array([0])
+    system, _ = system_of(mesh, case)
+    K, modes = gathered(system.K), rigid_modes(mesh, system)
+    touching = np.unique(np.concatenate([b.nodes[(b.nodes == 0).any(axis=1)].ravel() for b in mesh.elements]))
+    far = np.setdiff1d(np.arange(len(mesh.points)), touching)
+    rows = system.dof[far].ravel()
+    assert abs(K @ modes)[rows].max() <= 1e-12 * abs(K).max() * abs(modes).max()
+    mass = modes[:, 1] @ gathered(system.M) @ modes[:, 1]
+    steel = case.materials["steel"]
+    volume = sum(elements.mass(b.kind, mesh.points[b.nodes], 1.0).sum() for b in mesh.elements)
+    assert mass == pytest.approx(steel.density * volume, rel=1e-12)
+
+
+def test_relative_motion_of_the_pairs():
+    mesh = stack()
+    case = scene({"low": "low", "high": "high"}, [("base", ["x", "y", "z"])], [joint()])
+    system, pairs = system_of(mesh, case)
+    assert system.R.shape == (3 * pairs.n_pairs, system.n_dof)
+    assert abs(system.R @ rigid_modes(mesh, system)[:, :3]).max() <= 1e-13
+    u = np.random.default_rng(3).normal(size=mesh.points.shape)
+    owned = np.zeros(system.n_dof)
+    owned[system.dof[system.dof >= 0]] = u[system.dof >= 0]
+    du = np.einsum("pij,pj->pi", pairs.frame, u[pairs.node1] - u[pairs.node2])
+    np.testing.assert_allclose(system.R @ owned, du.ravel(), atol=1e-13)
+    opens = np.zeros(system.n_dof)                          # body 1 is the lower one: pushed down it opens the contact
+    rows = system.dof[mesh.node_groups["low"], 2]
+    opens[rows[rows >= 0]] = -1.0
+    assert ((system.R @ opens)[2::3] > 0.9).all()
+
+
+def test_ground_and_fixed_partners_drop_out_of_R():
+    mesh = stack()
+    case = scene({"low": "low", "high": "high"}, [("low", ["x", "y", "z"])], [joint()])
+    system, pairs = system_of(mesh, case)
+    assert system.R.getnnz() <= 9 * pairs.n_pairs
+    u = rigid_modes(mesh, system)[:, 2]
+    np.testing.assert_allclose((system.R @ u).reshape(-1, 3), -pairs.frame[:, :, 2], atol=1e-13)
+
+
+def test_loads_and_outputs():
+    mesh = stack()
+    tip = int(mesh.numbers[-1])
+    case = scene(
+        {"low": "low", "high": "high"}, [("base", ["x", "y"])], [joint()],
+        loads=[{"node": tip, "direction": (0.0, 3.0, 4.0)}, {"group": "base", "direction": (5.0, 0.0, 2.0)}],
+        outputs=[{"name": "tip", "position": mesh.points[-1] + 1e-3, "direction": (0.0, 1.0, 0.0)},
+                 {"name": "fixed", "node": 1001, "direction": (1.0, 0.0, 0.0)}],
+    )  # fmt: skip
+    mesh_with_support = mesh
+    mesh_with_support.node_groups["base"] = np.flatnonzero(mesh.points[:, 2] < 0.06)
+    system, _ = system_of(mesh, case)
+    loads = system.loads.toarray()
+    assert loads.shape == (system.n_dof, 2)
+    np.testing.assert_allclose(loads[system.dof[-1], 0], (0.0, 3.0, 4.0))
+    assert loads[:, 0].sum() == 7.0 and loads[:, 1].sum() == pytest.approx(2.0)
+    outputs = system.outputs.toarray()
+    assert outputs[0, system.dof[-1, 1]] == 1.0 and abs(outputs[0]).sum() == 1.0
+    assert not outputs[1].any()
+
+
+def test_parts_of_the_rows():
+    mesh = stack()
+    case = scene({"disc": "low", "blade": "high"}, [("base", ["x", "y", "z"])], [joint()])
+    system, _ = system_of(mesh, case)
+    assert system.part_names == ("body 'disc'", "body 'blade'")
+    parts = np.concatenate(comm.allgather(system.parts))
+    rows = system.dof[mesh.node_groups["high"]].ravel()
+    assert (parts[rows] == 1).all() and np.count_nonzero(parts) == len(rows)
+
+
+def test_a_rank_may_own_nothing():
+    mesh, case = one_body("hex8", (1, 1, 1)), scene({"block": "block"}, [("base", ["x", "y", "z"])])
+    system, _ = system_of(mesh, case)
+    assert system.K.getLocalSize()[0] == (12 if comm.rank == 0 else 0)
+    assert_equal_matrices(system, mesh, case)
+    x, y = system.K.createVecs()
+    x.set(1.0)
+    system.K.mult(x, y)
+    assert np.isfinite(y.norm())
+
+
+def test_matrices_say_that_they_are_symmetric():
+    system, _ = system_of(one_body("tet4"), scene({"block": "block"}, [("base", ["x", "y", "z"])]))
+    assert system.K.isSymmetricKnown() == (True, True) and system.M.isSymmetricKnown() == (True, True)
+    assert PETSc.Mat.Type.SEQAIJ in system.K.getType() or PETSc.Mat.Type.MPIAIJ in system.K.getType()
+
+
+def test_inverted_elements_are_named_once():
+    mesh = one_body("hex8", (3, 2, 2))
+    for row in (1, 7):
+        mesh.elements[0].nodes[row] = mesh.elements[0].nodes[row][[4, 5, 6, 7, 0, 1, 2, 3]]
+    case = scene({"blade": "block"}, [("base", ["x", "y", "z"])])
+    with pytest.raises(MeshError, match=r"2 elements are inverted .*elements (2, 8|8, 2).* hex8 element [28] of body 'blade'"):
+        system_of(mesh, case)
+
+
+@pytest.mark.parametrize("supports, loads, error, message", [
+    ([], [], MeshError, "nothing holds body 'blade'"),
+    ([("base", ["x", "y", "z"])], [{"group": "base", "direction": (1, 0, 0)}], CaseError, r"\[\[loads\]\] 1 acts only on"),
+    ([("block", ["x", "y", "z"])], [], CaseError, "fix every degree of freedom"),
+    ([("base", ["x"])], [{"node": 5, "direction": (1, 0, 0)}], MeshError, r"\[\[loads\]\] 1 node = 5: no element"),
+])  # fmt: skip
+def test_scenes_that_cannot_move_or_cannot_stay(supports, loads, error, message):
+    with pytest.raises(error, match=message):
+        system_of(one_body("hex8"), scene({"blade": "block"}, supports, loads=loads))

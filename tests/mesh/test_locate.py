@@ -1,0 +1,64 @@
+"""Nodes by position, number and group; connected parts and what holds them."""
+
+import numpy as np
+import pytest
+from box_meshes import box, joint, mesh_of, scene
+
+from microslip.mesh.locate import find_node, nearest_node
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.parts import check_held, connected_parts
+from microslip.parallel.errors import CaseError, MeshError
+
+GROUPS = {"base": lambda x: x[:, 2] == 0.0,
+          "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < 27),
+          "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= 27)}  # fmt: skip
+
+
+def stack():
+    return mesh_of(("low", "hex8", *box("hex8")), ("high", "hex8", *box("hex8", origin=(0, 0, 1))), groups=GROUPS)
+
+
+def test_find_node():
+    mesh = stack()
+    (nearest,) = find_node(mesh, position=(0.51, 0.49, 2.01))
+    np.testing.assert_allclose(mesh.points[nearest], (0.5, 0.5, 2.0))
+    assert nearest_node(mesh, (0.5, 0.5, 2.1))[1] == pytest.approx(0.1)
+    assert mesh.numbers[find_node(mesh, node=1005)].tolist() == [1005]
+    assert len(find_node(mesh, group="base")) == 9
+
+
+def test_find_node_fails_with_one_message():
+    mesh = stack()
+    with pytest.raises(MeshError, match=r"\[\[loads\]\] 2 position = \(0, 0, 2000\) m is 2e\+03 m from the nearest node"):
+        find_node(mesh, position=(0, 0, 2000), where="[[loads]] 2")
+    with pytest.raises(MeshError, match=r"node = 7: no element .* numbers run from 1001 to 1054"):
+        find_node(mesh, node=7, where="[[outputs]] 'tip'")
+    with pytest.raises(CaseError, match="needs a position, a node or a group"):
+        find_node(mesh, where="[[loads]] 1")
+
+
+def test_parts_are_named_by_their_bodies():
+    mesh = stack()
+    part, names = connected_parts(mesh, scene({"disc": "low", "blade": "high"}))
+    assert names == ("body 'disc'", "body 'blade'")
+    assert np.bincount(part).tolist() == [27, 27]
+    _, names = connected_parts(mesh_of(("all", "hex8", mesh.points, np.vstack([mesh.elements[0].nodes, mesh.elements[1].nodes]))),
+                               scene({"all": "all"}))  # fmt: skip
+    assert names[0] == "body 'all' (a separate piece around (0.5, 0.5, 0.5) m)"
+
+
+@pytest.mark.parametrize("supports, joints, message", [
+    ([("base", "xyz")], [joint()], None),
+    ([("base", "xyz")], [], "nothing holds body 'blade': no support, and no joint"),
+    ([], [joint()], "nothing holds body 'disc'; body 'blade'"),
+])  # fmt: skip
+def test_every_part_must_be_held(supports, joints, message):
+    mesh = stack()
+    case = scene({"disc": "low", "blade": "high"}, supports, joints)
+    part, names = connected_parts(mesh, case)
+    pairs = pair_contacts(mesh, case.joints)
+    if message is None:
+        check_held(part, names, mesh, case, pairs)
+    else:
+        with pytest.raises(MeshError, match=message):
+            check_held(part, names, mesh, case, pairs)
