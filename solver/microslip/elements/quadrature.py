@@ -92,20 +92,21 @@ def tetrahedron(n: int) -> Rule:
 
 
 INTEGRATIONS = {
-    "full": "stiffness with all its rank and exact mass of elements with straight edges: positive definite",
-    "reduced": "hex20: stiffness 2x2x2, mass by Irons' 14 points (Ansys SOLID186); the other kinds as full",
-    "reduced-mass": "mass by the points of the stiffness, hex20 2x2x2 (CalculiX C3D20R, C3D15, C3D10, C3D6, C3D4)",
+    "full": "all the rank of the stiffness; the mass of elements with straight edges exact, always positive definite",
+    "reduced": "hex20: stiffness 2x2x2, mass by Irons' 14 points (Ansys SOLID186); other kinds as full",
+    "reduced-both": "mass by the same few points as the stiffness (CalculiX C3D20R, C3D15, C3D10, C3D4); "
+    "hex8 and wedge6 as full",
 }
 
+_WEDGE9 = tensor(triangle(3), gauss_line(3))
 # kind: rules of stiffness and mass for each of INTEGRATIONS
 _RULES = {
     "hex8": [(cube(2), cube(2))] * 3,
     "hex20": [(cube(3), cube(3)), (cube(2), irons14()), (cube(2), cube(2))],
     "tet4": [(tetrahedron(1), tetrahedron(4))] * 2 + [(tetrahedron(1), tetrahedron(1))],
     "tet10": [(tetrahedron(4), tetrahedron(14))] * 2 + [(tetrahedron(4), tetrahedron(4))],
-    "wedge6": [(tensor(triangle(3), gauss_line(2)), tensor(triangle(3), gauss_line(2)))] * 3,
-    "wedge15": [(tensor(triangle(3), gauss_line(3)), tensor(triangle(6), gauss_line(3)))] * 2
-    + [(tensor(triangle(3), gauss_line(3)), tensor(triangle(3), gauss_line(3)))],
+    "wedge6": [(tensor(triangle(3), gauss_line(2)),) * 2] * 3,
+    "wedge15": [(_WEDGE9, tensor(triangle(6), gauss_line(3)))] * 2 + [(_WEDGE9, _WEDGE9)],
 }
 
 

@@ -1,0 +1,183 @@
+"""Stiffness and mass against mechanics: rigid motion, patch test, inertia, rotation, bending."""
+
+import numpy as np
+import pytest
+from box_meshes import EDGES, KINDS, add_mid_sides, box
+from microslip import elements
+from microslip.elements import solid
+from small_fe import assemble, bent, dofs
+
+YOUNG, POISSON, DENSITY = 2.0e11, 0.3, 7800.0
+MASS_RANK = {"hex8": 8, "hex20": 8, "tet4": 1, "tet10": 4, "wedge6": 6, "wedge15": 9}       # by the points of K
+WITH_MODES = [(kind, True) for kind in KINDS] + [("hex8", False)]     # kind, incompatible_modes: hex8 alone has any
+
+
+def distorted(kind):
+    """Return the nodes (1, n, 3) of one element with curved edges, some 0.1 m in size."""
+    nodes = elements.KINDS[kind].nodes
+    return 0.1 * (nodes + 0.06 * np.random.default_rng(3).uniform(-1.0, 1.0, nodes.shape))[None]
+
+
+def rigid_motions(points):
+    """Return (3 n_points, 6): three translations, three rotations."""
+    turns = [np.cross(axis, points) for axis in np.eye(3)]
+    shifts = [np.tile(axis, (len(points), 1)) for axis in np.eye(3)]
+    return np.stack([motion.ravel() for motion in shifts + turns], axis=1)
+
+
+def rotation():
+    Q = np.linalg.qr(np.random.default_rng(5).standard_normal((3, 3)))[0]
+    return Q * np.linalg.det(Q)
+
+
+@pytest.mark.parametrize("integration", elements.INTEGRATIONS)
+@pytest.mark.parametrize("kind, incompatible_modes", WITH_MODES)
+def test_stiffness_is_symmetric_and_only_rigid_motion_is_free(kind, integration, incompatible_modes):
+    points = distorted(kind)
+    K = elements.stiffness(kind, points, YOUNG, POISSON, integration, incompatible_modes)[0]
+    scale = abs(K).max()
+    assert abs(K - K.T).max() < 1e-14 * scale
+    assert abs(K @ rigid_motions(points[0])).max() < 1e-13 * scale
+    # hex20 by 2x2x2 has 8 points with 6 strains: six mechanisms of one element, which a mesh does not share.
+    rank = 48 if kind == "hex20" and integration != "full" else len(K) - 6
+    values = np.linalg.eigvalsh(K) / scale
+    assert abs(values[: len(K) - rank]).max() < 1e-12
+    assert values[len(K) - rank] > 1e-4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_mass_of_full_integration_is_positive_definite_the_others_have_the_rank_of_their_points(kind):
+    points = distorted(kind)
+    for integration in elements.INTEGRATIONS:
+        values = np.linalg.eigvalsh(elements.mass(kind, points, DENSITY, integration)[0])
+        rank = {"full": len(values), "reduced": 14 if kind == "hex20" else len(values),
+                "reduced-both": MASS_RANK[kind]}[integration]  # fmt: skip
+        assert np.count_nonzero(values > 1e-4 * values[-1]) == rank
+        assert abs(values[: len(values) - rank]).max(initial=0.0) < 1e-13 * values[-1]
+
+
+@pytest.mark.parametrize("integration", elements.INTEGRATIONS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_mass_and_its_moments_are_those_of_the_body(kind, integration):
+    """A straight element moved rigidly has the inertia of its affine image; 1 x 2 x 3 m as reference."""
+    reference = elements.KINDS[kind].nodes * [1.0, 2.0, 3.0]
+    M = elements.mass(kind, reference[None], DENSITY, integration)[0]
+    family = kind.rstrip("0123456789")
+    volume = {"hex": 8.0, "tet": 1.0 / 6.0, "wedge": 1.0}[family] * 6.0
+    centre = {"hex": [0.0, 0.0, 0.0], "tet": [0.25, 0.25, 0.25], "wedge": [1.0 / 3.0, 1.0 / 3.0, 0.0]}[family]
+    centre = np.array(centre) * [1.0, 2.0, 3.0]
+    squares = {"hex": [1.0 / 3.0] * 3, "tet": [0.1] * 3, "wedge": [1.0 / 6.0, 1.0 / 6.0, 1.0 / 3.0]}[family]
+    assert M.sum() == pytest.approx(DENSITY * volume, rel=1e-14)
+    assert M.sum(axis=0) @ reference == pytest.approx(DENSITY * volume * centre, rel=1e-13, abs=1e-9)
+    if (kind, integration) != ("tet4", "reduced-both"):         # one point knows no second moment: the price of C3D4
+        second = np.diag(reference.T @ M @ reference)
+        assert second == pytest.approx(DENSITY * volume * np.array(squares) * [1.0, 4.0, 9.0], rel=1e-13)
+
+
+@pytest.mark.parametrize("kind, incompatible_modes", WITH_MODES)
+def test_stiffness_turns_with_the_element(kind, incompatible_modes):
+    points, Q = distorted(kind), rotation()
+    K = elements.stiffness(kind, points, YOUNG, POISSON, incompatible_modes=incompatible_modes)[0]
+    turned = elements.stiffness(kind, points @ Q.T, YOUNG, POISSON, incompatible_modes=incompatible_modes)[0]
+    T = np.kron(np.eye(len(points[0])), Q)
+    assert abs(turned - T @ K @ T.T).max() < 1e-13 * abs(K).max()
+
+
+@pytest.mark.parametrize("integration", elements.INTEGRATIONS)
+@pytest.mark.parametrize("kind, incompatible_modes", WITH_MODES)
+def test_patch_of_distorted_elements_carries_constant_strain(kind, integration, incompatible_modes):
+    points, nodes = box(kind.replace("20", "8").replace("10", "4").replace("15", "6"))
+    inside = ((points > 0.0) & (points < 1.0)).all(axis=1)
+    points[inside] += [0.11, -0.07, 0.09]
+    on_faces = np.count_nonzero((points > 0.0) & (points < 1.0), axis=1) == 2
+    points[on_faces] += 0.08 * np.random.default_rng(2).uniform(-1.0, 1.0, (on_faces.sum(), 3))
+    if kind in EDGES:
+        points, nodes = add_mid_sides(points, nodes, EDGES[kind])
+    K, _ = assemble(kind, points, nodes, YOUNG, POISSON, DENSITY, integration, incompatible_modes)
+    gradient = 1e-3 * np.array([[1.0, 0.4, -0.3], [0.2, -0.6, 0.5], [-0.1, 0.7, 0.8]])
+    exact = points @ gradient.T
+    free = dofs(_is_inner(points, nodes, kind))
+    u = exact.ravel().copy()
+    held = np.setdiff1d(np.arange(len(u)), free)
+    u[free] = np.linalg.solve(K[free][:, free].toarray(), -K[free][:, held] @ u[held])
+    assert abs(u - exact.ravel()).max() < 1e-12 * abs(exact).max()
+    strain = (gradient + gradient.T) / 2.0
+    lam, mu = YOUNG * POISSON / (1.0 + POISSON) / (1.0 - 2.0 * POISSON), YOUNG / 2.0 / (1.0 + POISSON)
+    stress = lam * np.trace(strain) * np.eye(3) + 2.0 * mu * strain
+    volume = elements.mass(kind, points[nodes], 1.0).sum()
+    assert u @ (K @ u) == pytest.approx(volume * np.sum(stress * strain), rel=1e-12)
+
+
+def _is_inner(points, nodes, kind):
+    """Return (n_points,) bool: no face that belongs to one element only has the point."""
+    rows = [row for _, local in elements.KINDS[kind].faces for row in nodes[:, local]]
+    keys = [tuple(sorted(row)) for row in rows]
+    counts = {key: keys.count(key) for key in set(keys)}
+    outer = np.unique(np.concatenate([row for row, key in zip(rows, keys) if counts[key] == 1]))
+    return ~np.isin(np.arange(len(points)), outer)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_many_elements_at_once_are_the_same_as_each_alone(kind):
+    points, nodes = box(kind, (3, 3, 4), (1.0, 1.5, 4.0))
+    x = bent(points)[nodes]
+    K, M = elements.stiffness(kind, x, YOUNG, POISSON), elements.mass(kind, x, DENSITY)
+    least = elements.jacobian_minimum(kind, x)
+    for i in range(0, len(x), 7):
+        alone = x[i : i + 1]
+        assert K[i] == pytest.approx(elements.stiffness(kind, alone, YOUNG, POISSON)[0], rel=1e-13, abs=1e-14 * K.max())
+        assert M[i] == pytest.approx(elements.mass(kind, alone, DENSITY)[0], rel=1e-13)
+        assert least[i] == pytest.approx(elements.jacobian_minimum(kind, alone)[0], rel=1e-13)
+
+
+def test_chunks_cover_all_elements(monkeypatch):
+    points, nodes = box("hex20", (2, 2, 3))
+    x = points[nodes]
+    whole = elements.stiffness("hex20", x, YOUNG, POISSON), elements.mass("hex20", x, DENSITY)
+    monkeypatch.setattr(solid, "_CHUNK_ENTRIES", 5 * 9 * 20**2)
+    parts = elements.stiffness("hex20", x, YOUNG, POISSON), elements.mass("hex20", x, DENSITY)
+    assert all(np.allclose(a, b, rtol=1e-13, atol=0.0) for a, b in zip(parts[1:], whole[1:]))
+    assert abs(parts[0] - whole[0]).max() < 1e-14 * whole[0].max()
+    assert elements.stiffness("hex20", x[:0], YOUNG, POISSON).shape == (0, 60, 60)
+    assert elements.mass("hex20", x[:0], DENSITY).shape == (0, 20, 20)
+    assert elements.jacobian_minimum("hex20", x[:0]).shape == (0,)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_jacobian_minimum_is_the_volume_ratio_and_negative_when_turned_inside_out(kind):
+    nodes = elements.KINDS[kind].nodes
+    stretched = (nodes * [1.0, 2.0, 3.0])[None]
+    assert elements.jacobian_minimum(kind, stretched)[0] == pytest.approx(6.0, rel=1e-13)
+    inverted = stretched * [1.0, 1.0, -1.0]
+    assert elements.jacobian_minimum(kind, inverted)[0] == pytest.approx(-6.0, rel=1e-13)
+    for matrix in (lambda: elements.stiffness(kind, inverted, YOUNG, POISSON), lambda: elements.mass(kind, inverted, 1.0)):
+        with pytest.raises(ValueError, match="1 of 1 elements have det J <= 0"):
+            matrix()
+
+
+def test_jacobian_minimum_looks_at_the_nodes_too():
+    """One corner pushed in: det J is positive at every quadrature point and negative at that corner alone."""
+    points = elements.KINDS["hex8"].nodes.copy()
+    points[6] = [0.1, 0.1, 0.1]
+    assert elements.jacobian_minimum("hex8", points[None])[0] < 0.0
+    assert elements.stiffness("hex8", points[None], YOUNG, POISSON).shape == (1, 24, 24)
+
+
+@pytest.mark.parametrize("incompatible_modes", [True, False])
+def test_one_layer_of_hex8_bends_exactly_with_incompatible_modes_and_locks_without(incompatible_modes):
+    """A bar 10 x 1 x 1 of five elements under end moments: w = M x^2 / (2 E I); nu = 0 for full hex8's known locking."""
+    points, nodes = box("hex8", (5, 1, 1), (10.0, 1.0, 1.0))
+    poisson = 0.3 if incompatible_modes else 0.0
+    K, _ = assemble("hex8", points, nodes, YOUNG, poisson, DENSITY, "full", incompatible_modes)
+    force = np.zeros(len(points) * 3)
+    end = points[:, 0] == 10.0
+    force[dofs(end, "x")] = np.where(points[end, 2] > 0.5, 0.5, -0.5)       # moment 1 N m about y, from z = 0 to 1
+    fixed = np.concatenate([dofs(points[:, 0] == 0.0, "x"), dofs((points[:, 0] == 0.0) & (points[:, 2] == 0.0), "z"),
+                            dofs((points == 0.0).all(axis=1), "y")])  # fmt: skip
+    free = np.setdiff1d(np.arange(len(force)), fixed)
+    w = np.zeros(len(force))
+    w[free] = np.linalg.solve(K[free][:, free].toarray(), force[free])
+    deflection = -w[dofs(end & (points[:, 2] == 0.0), "z")].mean()
+    exact = 10.0**2 / (2.0 * YOUNG / 12.0)
+    # Without the modes a square-sided element of side ratio 2 is 1 + 2^2 / 2 = 3 times too stiff (parasitic shear).
+    assert deflection == pytest.approx(exact if incompatible_modes else exact / 3.0, rel=1e-9)
