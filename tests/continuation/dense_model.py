@@ -8,6 +8,7 @@ from microslip.continuation.follow import Sweep, follow_branch
 from microslip.continuation.steps import ArcLength, curve_length, linear_frequencies
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction.build import split_evenly
+from microslip.reduction.columns import StaticColumns
 from microslip.reduction.model import ReducedModel
 from microslip.reduction.selection import AllPairs
 
@@ -24,6 +25,10 @@ def reduced(system, comm, H, n_modes=None):
     o = np.atleast_2d(system["output"])
     ranges = split_evenly(len(R) // 3, comm.size)
     rows = slice(3 * ranges[comm.rank], 3 * ranges[comm.rank + 1])
+
+    def columns(pairs):
+        return R[rows] @ flexibility @ R.reshape(-1, 3, R.shape[1])[pairs].reshape(-1, R.shape[1]).T
+
     coefficients = np.zeros((len(system["loads"]), 2 * H + 1))
     for row, load in zip(coefficients, system["loads"]):
         n, phase = load["harmonic"], load["phase"]
@@ -32,7 +37,7 @@ def reduced(system, comm, H, n_modes=None):
             row[2 * n] = -np.sin(phase)
     model = ReducedModel(
         comm=comm, pair_ranges=ranges, omega_n=omega_n, C=C, r=R @ phi, b=phi.T @ f, o=o @ phi,
-        G_static=np.ascontiguousarray((R[rows] @ flexibility @ R.T).T), du_static=R @ flexibility @ f,
+        G_static=StaticColumns(len(R) // 3, ranges[comm.rank + 1] - ranges[comm.rank], columns), du_static=R @ flexibility @ f,
         out_static=o @ flexibility @ f, out_R=o @ flexibility @ R.T, load_static=f.T @ flexibility @ f, f=coefficients,
     )
     return model, ContactParameters(*(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")))

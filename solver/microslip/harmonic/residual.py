@@ -92,7 +92,7 @@ class HarmonicBalance:
         return U_lin.reshape(self.shape), dU_lin.reshape(self.shape)
 
     def receptance_at(self, parameter: float, active: np.ndarray) -> ReceptanceColumns:
-        """Return G restricted to the columns of the ``active`` pairs.  Local."""
+        """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are new."""
         return ReceptanceColumns(self.model, parameter, active)
 
     def force_derivative(self, G: ReceptanceColumns, p: np.ndarray) -> np.ndarray:
@@ -129,10 +129,8 @@ class ReceptanceColumns:
     """Columns of G_n(omega), all harmonics, that belong to some pairs; rows are those of this rank's pairs."""
 
     def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
-        columns = (3 * active[:, None] + np.arange(3)).ravel()
-        everything = len(active) == model.n_pairs and np.array_equal(active, np.arange(model.n_pairs))
-        self.G_static = model.G_static if everything else model.G_static[columns]
-        self.r_active = model.r if everything else model.r[columns]
+        self.G_static = model.G_static.transposed(active)
+        self.r_active = model.r if len(active) == model.n_pairs else model.r[(3 * active[:, None] + np.arange(3)).ravel()]
         self.r_owned = model.r[model.owned_rows]
         self.c, self.dc = receptance.dynamic_part(model, omega)
         self.shape = (-1, 3, model.N_H)

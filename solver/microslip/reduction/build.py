@@ -7,6 +7,7 @@ import scipy.sparse as sp
 
 from ..modes.constraint import static_columns
 from ..parallel.errors import CaseError
+from .columns import StaticColumns
 from .model import ReducedModel
 
 
@@ -37,29 +38,40 @@ def split_evenly(n: int, size: int) -> np.ndarray:
 
 
 def reduce_structure(linearised, modes, scene) -> ReducedModel:
-    """Return the reduced model: 3 n_pairs + n_loads + n_outputs static solves with the kept factor.
+    """Return the reduced model: n_loads + n_outputs static solves now, those of the pairs when they first leave sticking.
 
     Collective on the system's communicator.
     """
     system = linearised.system
     comm, R, loads, outputs = system.comm, system.R, system.loads, system.outputs
-    pair_ranges = split_evenly(R.shape[0] // 3, comm.size)
-    n_rows, n_out = R.shape[0], outputs.shape[0]
+    n_rows, n_out, n_load = R.shape[0], outputs.shape[0], loads.shape[1]
     everything = sp.vstack([R, outputs, loads.T], format="csr")
-    to_loads_and_outputs = static_columns(linearised, everything, sp.hstack([loads, outputs.T], format="csc"))
-    G_rows = static_columns(linearised, R, R.T.tocsc(), row_ranges=3 * pair_ranges)
-    n_load = loads.shape[1]
+    static = static_columns(linearised, everything, sp.hstack([loads, outputs.T], format="csc"))
     participation = owned_product(everything, modes.phi_owned, system)
+    pair_ranges = split_evenly(n_rows // 3, comm.size)
     return ReducedModel(
         comm=comm, pair_ranges=pair_ranges, omega_n=modes.omega_n, C=modal_damping(scene.damping, modes.omega_n),
         r=participation[:n_rows], o=participation[n_rows: n_rows + n_out], b=participation[n_rows + n_out:].T.copy(),
-        G_static=np.ascontiguousarray(G_rows.T),
-        du_static=to_loads_and_outputs[:n_rows, :n_load].copy(),
-        out_static=to_loads_and_outputs[n_rows: n_rows + n_out, :n_load].copy(),
-        out_R=to_loads_and_outputs[:n_rows, n_load:].T.copy(),
-        load_static=to_loads_and_outputs[n_rows + n_out:, :n_load].copy(),
+        G_static=pair_columns(linearised, pair_ranges),
+        du_static=static[:n_rows, :n_load].copy(),
+        out_static=static[n_rows: n_rows + n_out, :n_load].copy(),
+        out_R=static[:n_rows, n_load:].T.copy(),
+        load_static=static[n_rows + n_out:, :n_load].copy(),
         f=load_coefficients(scene.loads, scene.solver.harmonics),
     )
+
+
+def pair_columns(linearised, pair_ranges: np.ndarray) -> StaticColumns:
+    """Return the columns of R K_L^-1 R^T, to be solved for with the kept factor when they are needed.  Local."""
+    R, comm = linearised.system.R, linearised.system.comm
+    R_T = R.T.tocsc()
+
+    def solve(pairs: np.ndarray) -> np.ndarray:
+        chosen = (3 * pairs[:, None] + np.arange(3)).ravel()
+        return static_columns(linearised, R, R_T[:, chosen], row_ranges=3 * pair_ranges)
+
+    n_owned = int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
+    return StaticColumns(R.shape[0] // 3, n_owned, solve)
 
 
 def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system) -> np.ndarray:

@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from .columns import StaticColumns
+
 
 @dataclass(frozen=True)
 class ReducedModel:
     """Modes of (K_L, M) and static residuals, seen from pairs, loads and outputs (docs/theory.md, section 4).
 
-    Everything is replicated except ``G_static``, whose rows live with their pairs.
+    Everything is replicated except the columns of ``G_static``, whose rows live with their pairs.
     """
 
     comm: Any
@@ -22,7 +24,7 @@ class ReducedModel:
     r: np.ndarray               # (3 n_pairs, n_phi) R phi
     b: np.ndarray               # (n_phi, n_loads) phi^T f
     o: np.ndarray               # (n_outputs, n_phi) output rows times phi
-    G_static: np.ndarray        # (3 n_pairs, 3 n_pairs_owned) transposed rows of R K_L^-1 R^T [m/N]: a pair's column is contiguous
+    G_static: StaticColumns     # columns of R K_L^-1 R^T, solved for on demand; rows of this rank's pairs
     du_static: np.ndarray       # (3 n_pairs, n_loads) R K_L^-1 f
     out_static: np.ndarray      # (n_outputs, n_loads) o K_L^-1 f
     out_R: np.ndarray           # (n_outputs, 3 n_pairs) o K_L^-1 R^T

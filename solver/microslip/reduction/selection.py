@@ -1,4 +1,4 @@
-"""Which contact pairs a method lets slip at the next frequency point (docs/theory.md, section 6).
+"""Which contact pairs a method lets slip at the next frequency point (docs/theory.md, section 8).
 
 Algorithm 1 of Yuan et al. (2020) starts with all pairs in the set B and updates B once a point, from the last solution.
 """

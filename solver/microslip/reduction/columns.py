@@ -1,0 +1,44 @@
+"""Columns of the static receptance G_static = R K_L^-1 R^T, solved for when a pair first leaves sticking."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+
+class StaticColumns:
+    """G_static by columns: p vanishes where a pair sticks, so only the others' columns are ever needed.
+
+    Parameters
+    ----------
+    n_pairs, n_owned : pairs in all, and those whose rows this rank keeps
+    solve : collective; takes pair numbers (m,) and returns this rank's rows of their columns, (3 n_owned, 3 m) [m/N]
+    """
+
+    def __init__(self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray]):
+        self._solve = solve
+        # transposed, so that a pair's columns lie together; pages that no pair needs are never touched
+        self._columns = np.empty((3 * n_pairs, 3 * n_owned))
+        self.known = np.zeros(n_pairs, dtype=bool)
+        self.batches = 0
+
+    def require(self, pairs: np.ndarray) -> None:
+        """Solve for the columns of ``pairs`` (m,) that are not known yet.  Collective; the same pairs on every rank."""
+        missing = pairs[~self.known[pairs]]
+        if len(missing) == 0:
+            return
+        self._columns[_rows(missing)] = self._solve(missing).T
+        self.known[missing] = True
+        self.batches += 1
+
+    def transposed(self, pairs: np.ndarray) -> np.ndarray:
+        """Return the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N].  Collective where some are new."""
+        self.require(pairs)
+        if len(pairs) == len(self.known) and np.array_equal(pairs, np.arange(len(pairs))):
+            return self._columns
+        return self._columns[_rows(pairs)]
+
+
+def _rows(pairs: np.ndarray) -> np.ndarray:
+    return (3 * np.asarray(pairs)[:, None] + np.arange(3)).ravel()
