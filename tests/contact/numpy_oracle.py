@@ -1,7 +1,11 @@
-"""The contact force of one pair and its derivative, sample by sample, straight from DESIGN's section on the contact element.
+"""The contact force of one pair and its derivative, sample by sample: the law in its simplest words.
 
-Shares nothing with the program: own Fourier sums, force T as the state (not the slider), values carried with gradients.
+    N = max(0, N0 - k_n du_z);  T_pred = T + k_t d(du_t);  |T_pred| <= mu N: stick, else T = mu N T_pred / |T_pred|
+
+Shares nothing with the program: own Fourier sums, the force T as state (not the slider), values carried with gradients.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,47 +19,61 @@ def rows(H, N_t):
     return np.column_stack(columns)
 
 
+@dataclass(frozen=True)
+class Marched:
+    """The kept period of one pair."""
+
+    p: np.ndarray           # (3, N_H)
+    P: np.ndarray           # (3 N_H, 3 N_H)
+    T: np.ndarray           # (N_t, 2)
+    N: np.ndarray           # (N_t,)
+    pattern: tuple          # what each sample of both periods did: slip in x, slip in y (or in the circle), open
+    margin: float           # least distance from a change of any of these, relative to the forces
+
+    @property
+    def state(self):
+        kept = self.pattern[len(self.N) - 1:]
+        return 2 if any(open_ for _, _, open_ in kept) else 1 if any(x or y for x, y, _ in kept) else 0
+
+
 def pair_harmonics(U, mu, N0, k_t, k_n, separate, N_t):
-    """Return p (3, N_H), P (3 N_H, 3 N_H), state, T (N_t, 2) and N (N_t,) of the kept period for U (3, N_H)."""
+    """March the pair with harmonics U (3, N_H) through two periods of N_t samples."""
     N_H = U.shape[1]
     E = rows(N_H // 2, N_t)
     du = E @ U.T
     gradient = [np.kron(np.eye(3), E[j]) for j in range(N_t)]        # (3, 3 N_H) of du at sample j
+    scale = np.abs(N0) + max(k_t, k_n) * np.abs(U).sum() + 1e-300
     T, dT = k_t * du[0, :2], k_t * gradient[0][:2]
-    slips, opens, forces, slopes, normals = False, False, [], [], []
+    pattern, margin, forces, slopes = [], 1.0, [], []
     for sample in range(1, 2 * N_t):
-        j, before, kept = sample % N_t, (sample - 1) % N_t, sample >= N_t
+        j, before = sample % N_t, (sample - 1) % N_t
         N, dN = N0 - k_n * du[j, 2], -k_n * gradient[j][2]
-        if not N > 0.0:
+        margin = min(margin, abs(N) / scale if k_n > 0.0 else 1.0)
+        is_open = not N > 0.0
+        if is_open:
             N, dN = 0.0, 0.0 * dN
         T = T + k_t * (du[j, :2] - du[before, :2])
         dT = dT + k_t * (gradient[j][:2] - gradient[before][:2])
-        if separate:
-            over = np.abs(T) > mu * N
-            dT = np.where(over[:, None], np.sign(T)[:, None] * mu * dN, dT)
-            T = np.where(over, np.sign(T) * mu * N, T)
-            slipped = over.any()
-        else:
-            size = np.hypot(*T)
-            slipped = size > mu * N
-            if slipped:
-                d = T / size
-                dT = mu * np.outer(d, dN) + mu * N / size * (dT - np.outer(d, d @ dT))
-                T = mu * N * d
-        if N == 0.0 or (mu == 0.0 and k_t > 0.0):                    # no friction: T is zero, whatever happens
+        limit, size = mu * N, np.abs(T) if separate else np.full(2, np.hypot(*T))
+        free = limit == 0.0 and k_t > 0.0                            # no friction: T is zero, whatever happens
+        slips = (size > limit) | free
+        margin = margin if free else min(margin, *np.abs(size - limit) / scale)
+        if free:
             T, dT = np.zeros(2), np.zeros_like(dT)
-            slipped = slipped or k_t > 0.0
-        if kept:
-            slips, opens = slips or slipped, opens or N == 0.0
+        elif separate:
+            T, dT = np.where(slips, np.sign(T) * limit, T), np.where(slips[:, None], np.outer(np.sign(T), mu * dN), dT)
+        elif slips[0]:
+            d = T / size
+            T, dT = limit * d, np.outer(d, mu * dN) + limit / size[0] * (dT - np.outer(d, d @ dT))
+        pattern.append((bool(slips[0]), bool(slips[1]), bool(is_open)))
+        if sample >= N_t:
             forces.append([*T, max(N0, 0.0) - N])
             slopes.append(np.vstack([dT, -dN]))
-            normals.append(N)
-    f_nl, df_nl, order = np.array(forces), np.array(slopes), np.arange(N_t)
+    f_nl, df_nl = np.array(forces), np.array(slopes)
     K_J = np.diag([k_t, k_t, k_n])
-    beyond = f_nl - du[order] @ K_J
-    d_beyond = df_nl - np.einsum("ab,jbh->jah", K_J, np.array(gradient))
     F = 2.0 / N_t * E.T
     F[0] /= 2.0
-    p = np.einsum("cj,ja->ac", F, beyond)
-    P = np.einsum("cj,jah->ach", F, d_beyond).reshape(3 * N_H, 3 * N_H)
-    return p, P, 2 if opens else 1 if slips else 0, f_nl[:, :2], np.array(normals)
+    p = np.einsum("cj,ja->ac", F, f_nl - du @ K_J)
+    P = np.einsum("cj,jah->ach", F, df_nl - np.einsum("ab,jbh->jah", K_J, np.array(gradient)))
+    N = max(N0, 0.0) - f_nl[:, 2]
+    return Marched(p, P.reshape(3 * N_H, 3 * N_H), f_nl[:, :2], N, tuple(pattern), margin)

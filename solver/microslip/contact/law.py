@@ -1,8 +1,9 @@
 """The contact law of a pair: two coupled Jenkins elements and a normal spring (docs/theory.md, section 3).
 
-Vectorised over pairs.  The compiled kernel of ``harmonic/aft.py`` marches these formulas through two periods, with their
-derivatives.  Each Jenkins element is a spring ``k_t`` in series with a slider at position ``w``: T = k_t (du_t - w).
-In this form p_t = T - k_t du_t = -k_t w is exactly zero, free of roundoff, until the slider moves for the first time.
+Vectorised over pairs.  The compiled kernel of ``harmonic/aft.py`` marches these formulas through two periods, with
+their derivatives.  Each Jenkins element is a spring ``k_t`` in series with a slider at position ``w``:
+T = k_t (du_t - w).  In this form p_t = T - k_t du_t = -k_t w is exactly zero, free of roundoff, until the slider moves
+for the first time.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ STICK, SLIP, OPEN = 0, 1, 2
 
 @dataclass(frozen=True)
 class ContactParameters:
-    """Parameters of ``n`` contact pairs, contiguous arrays of shape (n,); ValueError if one is negative or misshapen."""
+    """Parameters of ``n`` contact pairs, contiguous arrays (n,); ValueError if one is negative or misshapen."""
 
     mu: np.ndarray          # friction coefficient [-]
     N0: np.ndarray          # normal preload [N]; negative states an initial gap -N0 / k_n
@@ -32,7 +33,7 @@ class ContactParameters:
             if values.shape != (n,):
                 raise ValueError(f"{name} has shape {values.shape}, needs ({n},) like k_t")
             if name in ("mu", "k_t", "k_n") and np.any(values < 0.0):
-                raise ValueError(f"{name} of pair {np.argmin(values)} is negative: {values.min()}")
+                raise ValueError(f"{name} of pair {np.nanargmin(values)} is negative: {np.nanmin(values)}")
             object.__setattr__(self, name, values)
 
     @property

@@ -41,10 +41,9 @@ def contact_harmonics(U: np.ndarray, parameters: ContactParameters, n_samples: i
     Notes
     -----
     P is the derivative of the sampled law through both periods.  It jumps where a sample passes from stick to slip,
-    or from closed to open; there it is the derivative from one side.  A pair is active from the first time that it leaves
-    sticking in either period, if it opens, or if it starts with a gap.  A pair that only slid while the cycle
-    settled is active and in state STICK: it carries a constant p.  Where ``U`` or a parameter is not finite, p and P
-    of that pair are NaN.
+    or from closed to open; there it is the derivative from one side.  A pair is active if it leaves sticking in either
+    period, if it opens, or if it starts with a gap.  A pair that only slid while the cycle settled is active and in
+    state STICK: it carries a constant p.  A pair with NaN in ``U`` or in a parameter is active; its p and P are NaN.
     """
     n, _, N_H = U.shape
     if parameters.n_pairs != n:
@@ -81,7 +80,8 @@ def _sampling(H: int, N_t: int) -> _aft.Sampling:
 def pair_energy(U: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Return the friction loss per cycle e_i, the closed integral of T . d(du_t), (n,) [J], for (n, 3, N_H) of both.
 
-    docs/theory.md, eq. (6.3).  Positive where energy is lost.  ``p`` may stand for T: the springs k_t do no work in a cycle.
+    docs/theory.md, eq. (6.3).  Positive where energy is lost.  ``p`` may stand for T: the springs k_t do no work in
+    a cycle.
     """
     return cycle_work(p[:, :2], U[:, :2]).sum(axis=1)
 

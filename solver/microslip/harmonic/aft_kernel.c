@@ -1,18 +1,18 @@
 /* Contact forces over sampled periods and their exact derivatives: the compiled part of aft.py, included by _aft.pyx.
  *
  * The law is that of contact/law.py, marched through two periods of which the second is kept.  Written for the slider
- * position w (T = k_t (du_t - w)), so that p_t = -k_t w, and with the slip distance rho = mu N / k_t.  With r = du_t - w:
+ * position w (T = k_t (du_t - w)), so that p_t = -k_t w, and the slip distance rho = mu N / k_t.  With r = du_t - w:
  *
  *     circle     |r| <= rho: stick;   else  alpha = rho / |r|,  d = r / |r|,  w <- du_t - alpha r
  *     separate   the same for each direction by itself
  *
  * rho = 0 (open, or mu = 0) is free sliding: w <- du_t whatever r is, so that T and its derivative vanish.
  *
- * The derivative W = dw/dU has rows x, y and the columns of U_x, U_y, U_z.  A slip at sample j, with e = row j of E, does
+ * The derivative W = dw/dU has rows x, y and the columns of U_x, U_y, U_z.  A slip at sample j does, with row e of E,
  *
- *     W <- A W + [I - A, d mu k_n / k_t] (x) e,      circle A = alpha (I - d d^T);   separate A = diag(stays or not)
+ *     W <- A W + [I - A, d mu k_n / k_t] (x) e,      circle A = alpha (I - d d^T);   separate A = diag(1 if it stays)
  *
- * and W stays as it is while the pair sticks.  So dp_t/dU = -k_t sum over slips of (sum of F until the next slip) (x) W,
+ * and W stays as it is while the pair sticks.  So dp_t/dU = -k_t sum over slips of (sum of F until the next) (x) W,
  * a product of two thin matrices with one row a slip.
  *
  * LANES pairs are marched side by side; arrays of samples keep the lane as their last index.
@@ -21,7 +21,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#if defined(__x86_64__) && defined(__linux__) && defined(__GNUC__) && !defined(__clang__) && !defined(__INTEL_COMPILER)
+/* One copy of the kernel for each kind of processor, chosen when the module is loaded. */
+#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__) && !defined(__INTEL_COMPILER)
 #if __GNUC__ >= 12
 #define EVERY_MACHINE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
@@ -30,13 +31,15 @@
 #else
 #define EVERY_MACHINE
 #endif
-#if defined(__GNUC__)
 #define INLINED static inline __attribute__((always_inline))
-#else
-#define INLINED static inline
-#endif
+#define UNROLLED _Pragma("GCC unroll 8")
 
-enum { LANES = 8, CHUNK = 32 };                     /* pairs side by side; slips a matrix product takes at once */
+/* Four numbers; the compiler maps them on what the machine has.  Any address of a double may be read as one. */
+typedef double vec4 __attribute__((vector_size(32), aligned(8), may_alias));
+
+enum { LANES = 8 };                                 /* pairs side by side */
+enum { CHUNK = 32 };                                /* slips that a matrix product takes at once */
+enum { MOST_VEC = 2 };                              /* columns of its block in registers, in fours */
 enum { STICK = 0, SLIP = 1, OPEN = 2 };
 static const double NO_SLIP = -1.0;                 /* in place of alpha */
 static const double FORGOTTEN = 1e-20;              /* share of an older W that is below roundoff */
@@ -57,32 +60,33 @@ typedef struct {
 } aft_pairs;
 
 typedef struct {                                    /* one group of LANES pairs */
-    double mu[LANES], N0[LANES], k_t[LANES], k_n[LANES];
+    double N0[LANES], k_t[LANES], k_n[LANES];
+    double give[LANES];                             /* mu / k_t, slip distance per normal force */
     double *U;                                      /* (3, N_H, LANES) */
     double *du;                                     /* (N_t, 3, LANES) */
     double *rho;                                    /* (N_t, LANES) slip distance; infinite where k_t = 0 */
     double *closed;                                 /* (N_t, LANES) 1 where N > 0, else 0 */
-    double *w;                                      /* (N_t, 2, LANES) slider position in the kept period */
-    double *slips;                                  /* (2 N_t, 3, LANES) alpha, d of both periods; alpha = NO_SLIP: stick */
+    double *force;                                  /* (N_t, 3, LANES) p at the samples of the kept period */
+    double *slips;                                  /* (2 N_t, 3, LANES) alpha, d of both periods; NO_SLIP: stick */
     double slipped[LANES], opened[LANES];           /* in the kept period */
     double *p;                                      /* (3, N_H, LANES) */
-    Py_ssize_t *events;                             /* (2 N_t,) samples at which one pair slips, counted over both periods */
+    Py_ssize_t *events;                             /* (2 N_t,) samples of both periods at which one pair slips */
     double *W;                                      /* (CHUNK + 1, 2, 3, stride) */
     double *G;                                      /* (CHUNK, stride) */
     double *sum;                                    /* (stride, 2, 3, stride) */
 } aft_group;
 
-/* ---- samples ------------------------------------------------------------------------------------------------------ */
+/* ---- samples ----------------------------------------------------------------------------------------------------- */
 
 INLINED void gather(aft_group *group, const aft_pairs *pairs, const Py_ssize_t *chosen, Py_ssize_t N_H)
 {
     for (int l = 0; l < LANES; l++) {
         const Py_ssize_t i = chosen[l];
         const double *U = pairs->U + 3 * N_H * i;
-        group->mu[l] = pairs->mu[i];
         group->N0[l] = pairs->N0[i];
         group->k_t[l] = pairs->k_t[i];
         group->k_n[l] = pairs->k_n[i];
+        group->give[l] = pairs->k_t[i] > 0.0 ? pairs->mu[i] / pairs->k_t[i] : 0.0;
         for (Py_ssize_t c = 0; c < 3 * N_H; c++)
             group->U[c * LANES + l] = U[c];
     }
@@ -90,25 +94,28 @@ INLINED void gather(aft_group *group, const aft_pairs *pairs, const Py_ssize_t *
 
 INLINED void sample(aft_group *group, const aft_tables *t)
 {
-    for (Py_ssize_t j = 0; j < t->N_t; j++)
-        for (int a = 0; a < 3; a++) {
-            const double *e = t->E + j * t->stride, *U = group->U + a * t->N_H * LANES;
-            double du[LANES] = {0.0};
-            for (Py_ssize_t h = 0; h < t->N_H; h++)
-                for (int l = 0; l < LANES; l++)
-                    du[l] += e[h] * U[h * LANES + l];
-            memcpy(group->du + (3 * j + a) * LANES, du, sizeof du);
+    for (Py_ssize_t j = 0; j < t->N_t; j++) {
+        vec4 du[3][LANES / 4] = {{{0.0}}};
+        for (Py_ssize_t h = 0; h < t->N_H; h++) {
+            const double e = t->E[j * t->stride + h];
+            UNROLLED for (int a = 0; a < 3; a++) {
+                const vec4 *U = (const vec4 *)(group->U + (a * t->N_H + h) * LANES);
+                UNROLLED for (int v = 0; v < LANES / 4; v++)
+                    du[a][v] += e * U[v];
+            }
         }
+        memcpy(group->du + 3 * j * LANES, du, sizeof du);
+    }
     for (Py_ssize_t j = 0; j < t->N_t; j++)
         for (int l = 0; l < LANES; l++) {
             const double N = group->N0[l] - group->k_n[l] * group->du[(3 * j + 2) * LANES + l];
-            const double rho = N > 0.0 ? group->mu[l] * N / group->k_t[l] : 0.0;
+            const double rho = N > 0.0 ? group->give[l] * N : 0.0;
             group->closed[j * LANES + l] = N > 0.0 ? 1.0 : 0.0;
             group->rho[j * LANES + l] = group->k_t[l] > 0.0 ? rho : INFINITY;
         }
 }
 
-/* ---- which pairs leave sticking ----------------------------------------------------------------------------------- */
+/* ---- which pairs leave sticking ---------------------------------------------------------------------------------- */
 
 INLINED double amplitude_bound(const double *U, Py_ssize_t N_H)
 {
@@ -148,7 +155,7 @@ INLINED void test_samples(aft_group *group, const aft_pairs *pairs, const aft_ta
     }
 }
 
-/* ---- two periods -------------------------------------------------------------------------------------------------- */
+/* ---- two periods ------------------------------------------------------------------------------------------------- */
 
 /* One sample on all lanes: reads du, rho; moves w; writes alpha, d; marks lanes whose slider really moves. */
 INLINED void circle_step(const double *du, const double *rho, double *w, double *slip, double *slipped)
@@ -202,66 +209,66 @@ INLINED void march(aft_group *group, Py_ssize_t N_t, int separate)
                 separate_step(du, rho, w, slip, slipped);
             else
                 circle_step(du, rho, w, slip, slipped);
-            memcpy(group->w + 2 * j * LANES, w, sizeof w);
+            for (int l = 0; l < LANES; l++) {
+                double *force = group->force + 3 * j * LANES + l;
+                const int closed = group->closed[j * LANES + l] > 0.0;
+                force[0] = -group->k_t[l] * w[l];
+                force[LANES] = -group->k_t[l] * w[LANES + l];
+                force[2 * LANES] = closed ? 0.0 : group->N0[l] - group->k_n[l] * du[2 * LANES + l];
+                opened[l] = closed ? opened[l] : 1.0;
+            }
         }
     }
-    for (Py_ssize_t j = 0; j < N_t; j++)
-        for (int l = 0; l < LANES; l++)
-            opened[l] = group->closed[j * LANES + l] > 0.0 ? opened[l] : 1.0;
     memcpy(group->slipped, slipped, sizeof slipped);
     memcpy(group->opened, opened, sizeof opened);
 }
 
-/* p_t = -k_t w and p_z = max(-N0, 0) + min(0, N0 - k_n du_z), projected on the harmonics. */
+/* The samples of p on the harmonics.  An initial gap adds max(-N0, 0), the preload that closing it takes, to p_z. */
 INLINED void project(aft_group *group, const aft_tables *t)
 {
-    memset(group->p, 0, (size_t)(3 * t->N_H * LANES) * sizeof(double));
-    for (Py_ssize_t j = 0; j < t->N_t; j++) {
-        double lifted[LANES];
-        const double *w = group->w + 2 * j * LANES, *du_z = group->du + (3 * j + 2) * LANES;
-        for (int l = 0; l < LANES; l++)
-            lifted[l] = group->closed[j * LANES + l] > 0.0 ? 0.0 : group->N0[l] - group->k_n[l] * du_z[l];
-        for (Py_ssize_t c = 0; c < t->N_H; c++) {
+    for (Py_ssize_t c = 0; c < t->N_H; c++) {
+        vec4 p[3][LANES / 4] = {{{0.0}}};
+        for (Py_ssize_t j = 0; j < t->N_t; j++) {
             const double F = t->F[j * t->stride + c];
-            double *x = group->p + c * LANES, *y = x + t->N_H * LANES, *z = y + t->N_H * LANES;
-            for (int l = 0; l < LANES; l++) {
-                x[l] += F * w[l];
-                y[l] += F * w[LANES + l];
-                z[l] += F * lifted[l];
-            }
+            const vec4 *force = (const vec4 *)(group->force + 3 * j * LANES);
+            UNROLLED for (int a = 0; a < 3; a++)
+                UNROLLED for (int v = 0; v < LANES / 4; v++)
+                    p[a][v] += F * force[a * (LANES / 4) + v];
         }
+        for (int a = 0; a < 3; a++)
+            memcpy(group->p + (a * t->N_H + c) * LANES, p[a], sizeof p[a]);
     }
-    for (int l = 0; l < LANES; l++) {
-        for (Py_ssize_t c = 0; c < 2 * t->N_H; c++)
-            group->p[c * LANES + l] = 0.0 - group->k_t[l] * group->p[c * LANES + l];
+    for (int l = 0; l < LANES; l++)
         group->p[2 * t->N_H * LANES + l] += group->N0[l] < 0.0 ? -group->N0[l] : 0.0;
-    }
 }
 
-/* ---- derivatives -------------------------------------------------------------------------------------------------- */
+/* ---- derivatives ------------------------------------------------------------------------------------------------- */
 
-/* sum += G^T W over n rows: sum (stride, width), G (n, stride), W (n, width); blocks of 4 x n_cols stay in registers. */
-INLINED void add_block(double *sum, const double *G, const double *W, Py_ssize_t n, Py_ssize_t stride, Py_ssize_t width,
-                       const int n_cols)
+/* sum += G^T W over n rows: sum (stride, width), G (n, stride), W (n, width).  One block, 4 x 4 n_vec, in registers. */
+INLINED void add_block(double *sum, const double *G, const double *W, Py_ssize_t n, Py_ssize_t stride,
+                       Py_ssize_t width, const int n_vec)
 {
-    double block[4][8] = {{0.0}};
-    for (Py_ssize_t k = 0; k < n; k++)
-        for (int i = 0; i < 4; i++)
-            for (int q = 0; q < n_cols; q++)
-                block[i][q] += G[k * stride + i] * W[k * width + q];
-    for (int i = 0; i < 4; i++)
-        for (int q = 0; q < n_cols; q++)
-            sum[i * width + q] += block[i][q];
+    vec4 block[4][MOST_VEC] = {{{0.0}}};
+    for (Py_ssize_t k = 0; k < n; k++) {
+        const vec4 *row = (const vec4 *)(W + k * width);
+        UNROLLED for (int q = 0; q < n_vec; q++)
+            UNROLLED for (int i = 0; i < 4; i++)
+                block[i][q] += G[k * stride + i] * row[q];
+    }
+    UNROLLED for (int i = 0; i < 4; i++)
+        UNROLLED for (int q = 0; q < n_vec; q++)
+            ((vec4 *)(sum + i * width))[q] += block[i][q];
 }
 
-INLINED void add_product(double *sum, const double *G, const double *W, Py_ssize_t n, Py_ssize_t stride, Py_ssize_t width)
+INLINED void add_product(double *sum, const double *G, const double *W, Py_ssize_t n, Py_ssize_t stride,
+                         Py_ssize_t width)
 {
     for (Py_ssize_t i = 0; i < stride; i += 4) {
         Py_ssize_t q = 0;
-        for (; q + 8 <= width; q += 8)
-            add_block(sum + i * width + q, G + i, W + q, n, stride, width, 8);
-        if (q < width)
-            add_block(sum + i * width + q, G + i, W + q, n, stride, width, 4);
+        for (; q + 4 * MOST_VEC <= width; q += 4 * MOST_VEC)
+            add_block(sum + i * width + q, G + i, W + q, n, stride, width, MOST_VEC);
+        for (; q < width; q += 4)
+            add_block(sum + i * width + q, G + i, W + q, n, stride, width, 1);
     }
 }
 
@@ -274,8 +281,7 @@ INLINED slip_map map_of(const aft_group *group, Py_ssize_t k, int l, Py_ssize_t 
 {
     const double *slip = group->slips + 3 * k * LANES + l;
     const double alpha = slip[0], d[2] = {slip[LANES], slip[2 * LANES]};
-    const double closed = group->closed[(k < N_t ? k : k - N_t) * LANES + l];
-    const double rate = closed * group->mu[l] * group->k_n[l] / group->k_t[l];
+    const double grip = group->closed[(k < N_t ? k : k - N_t) * LANES + l] * group->give[l] * group->k_n[l];
     slip_map m;
     m.A[0][0] = separate ? (d[0] == 0.0) : alpha * d[1] * d[1];
     m.A[1][1] = separate ? (d[1] == 0.0) : alpha * d[0] * d[0];
@@ -283,24 +289,21 @@ INLINED slip_map map_of(const aft_group *group, Py_ssize_t k, int l, Py_ssize_t 
     for (int a = 0; a < 2; a++) {
         for (int b = 0; b < 2; b++)
             m.C[a][b] = (a == b) - m.A[a][b];
-        m.C[a][2] = d[a] * rate;
+        m.C[a][2] = d[a] * grip;
     }
     return m;
 }
 
-INLINED void move_slider(double *restrict after, const double *restrict before, const slip_map *m, const double *restrict e,
-                         Py_ssize_t stride)
+INLINED void move_slider(double *after, const double *before, const slip_map *m, const double *e, Py_ssize_t stride)
 {
     for (int b = 0; b < 3; b++) {
         const double *x = before + b * stride, *y = before + (3 + b) * stride;
         double *to_x = after + b * stride, *to_y = after + (3 + b) * stride;
-        const double xx = m->A[0][0], xy = m->A[0][1], yx = m->A[1][0], yy = m->A[1][1], cx = m->C[0][b], cy = m->C[1][b];
-        for (Py_ssize_t h = 0; h < stride; h += 4)
-            for (int q = 0; q < 4; q++) {
-                const double old_x = x[h + q], old_y = y[h + q];
-                to_x[h + q] = xx * old_x + xy * old_y + cx * e[h + q];
-                to_y[h + q] = yx * old_x + yy * old_y + cy * e[h + q];
-            }
+        for (Py_ssize_t h = 0; h < stride; h += 4) {
+            const vec4 old_x = *(const vec4 *)(x + h), old_y = *(const vec4 *)(y + h), new = *(const vec4 *)(e + h);
+            *(vec4 *)(to_x + h) = m->A[0][0] * old_x + m->A[0][1] * old_y + m->C[0][b] * new;
+            *(vec4 *)(to_y + h) = m->A[1][0] * old_x + m->A[1][1] * old_y + m->C[1][b] * new;
+        }
     }
 }
 
@@ -316,7 +319,7 @@ INLINED Py_ssize_t first_that_matters(const aft_group *group, Py_ssize_t n_befor
             const double x = M[a][0], y = M[a][1];
             for (int b = 0; b < 2; b++) {
                 M[a][b] = x * m.A[0][b] + y * m.A[1][b];
-                largest = fmax(largest, fabs(M[a][b]));
+                largest = fabs(M[a][b]) > largest ? fabs(M[a][b]) : largest;
             }
         }
     }
@@ -338,8 +341,7 @@ INLINED void sum_slider_derivative(aft_group *group, const aft_tables *t, int l,
     memset(group->sum, 0, (size_t)(stride * width) * sizeof(double));
     for (Py_ssize_t i = first_that_matters(group, n_before, l, N_t, separate); i < n_before; i++) {
         const slip_map m = map_of(group, group->events[i], l, N_t, separate);
-        move_slider(W, before, &m, t->E + group->events[i] * stride, stride);
-        memcpy(before, W, (size_t)width * sizeof(double));
+        move_slider(before, before, &m, t->E + group->events[i] * stride, stride);
     }
     Py_ssize_t n = 0, next = n_before < n_events ? group->events[n_before] - N_t : N_t;
     if (n_before > 0 && next > 0) {                         /* until the first slip of the kept period */
@@ -397,14 +399,14 @@ INLINED void differentiate(aft_group *group, const aft_tables *t, int l, int sep
             P_z[c * 3 * N_H + 2 * N_H + h] = -group->k_n[l] * group->sum[c * stride + h];
 }
 
-/* ---- entry points ------------------------------------------------------------------------------------------------- */
+/* ---- entry points ------------------------------------------------------------------------------------------------ */
 
 static int allocate(aft_group *group, const aft_tables *t)
 {
     const size_t N_H = (size_t)t->N_H, N_t = (size_t)t->N_t, s = (size_t)t->stride;
-    const size_t sizes[] = {3 * N_H * LANES, 3 * N_t * LANES, N_t * LANES, N_t * LANES, 2 * N_t * LANES, 6 * N_t * LANES,
-                            3 * N_H * LANES, (CHUNK + 1) * 6 * s, CHUNK * s, 6 * s * s};
-    double **arrays[] = {&group->U, &group->du, &group->rho, &group->closed, &group->w, &group->slips,
+    const size_t sizes[] = {3 * N_H * LANES, 3 * N_t * LANES, N_t * LANES, N_t * LANES, 3 * N_t * LANES,
+                            6 * N_t * LANES, 3 * N_H * LANES, (CHUNK + 1) * 6 * s, CHUNK * s, 6 * s * s};
+    double **arrays[] = {&group->U, &group->du, &group->rho, &group->closed, &group->force, &group->slips,
                          &group->p, &group->W, &group->G, &group->sum};
     size_t total = 0;
     for (int i = 0; i < 10; i++)
@@ -428,7 +430,7 @@ INLINED int is_finite(const aft_pairs *pairs, Py_ssize_t i, Py_ssize_t N_H)
     return zero == 0.0;
 }
 
-/* leaves[i] = 0 if pair i sticks, closed, at every sample of both periods, so that p and dp/dU vanish.  -1: no memory. */
+/* leaves[i] = 0 if pair i sticks, closed, at every sample, so that p and dp/dU vanish.  Returns -1 without memory. */
 EVERY_MACHINE
 int aft_leaves(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t n, unsigned char *leaves)
 {
@@ -473,8 +475,8 @@ INLINED void finish(aft_group *group, const aft_tables *t, const aft_pairs *pair
     }
 }
 
-/* March the m active pairs; writes their rows of p (n, 3, N_H) and state (n,), and all of P (m, 3 N_H, 3 N_H) or, where it is
- * NULL, nothing.  Pairs with one friction circle and with separate limits are grouped apart.  -1: no memory. */
+/* March the m active pairs: writes their rows of p (n, 3, N_H) and state (n,), and all of P (m, 3 N_H, 3 N_H) unless it
+ * is NULL.  Pairs with a friction circle and with separate limits are grouped apart.  Returns -1 without memory. */
 EVERY_MACHINE
 int aft_march(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t m, const Py_ssize_t *active, double *p,
               unsigned char *state, double *P)

@@ -1,6 +1,6 @@
-"""Real Fourier coefficients [mean, cos 1, sin 1, ..., cos H, sin H] and samples of a period (docs/theory.md, section 2).
+"""Real Fourier coefficients [mean, cos 1, sin 1, ..., cos H, sin H] and samples of a period.
 
-Coefficients run along the last axis.  NumPy only; every function is local.
+docs/theory.md, section 2.  Coefficients run along the last axis.  NumPy only; every function is local.
 """
 
 from __future__ import annotations

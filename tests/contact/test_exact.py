@@ -1,0 +1,190 @@
+"""Sampled contact loops against exact results; the numbers are those of the project's validation collection."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy_oracle import pair_harmonics
+
+from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
+from microslip.harmonic.aft import contact_harmonics, contact_work, pair_energy
+from microslip.harmonic.fourier import differentiate, synthesise
+
+
+def joint(n=1, mu=0.5, N0=6.0, k_t=2.0, k_n=4.0, separate=False):
+    ones = np.ones(n)
+    return ContactParameters(mu * ones, N0 * ones, k_t * ones, k_n * ones, np.full(n, separate))
+
+
+def motion(n=1, H=1, **coefficients):
+    """Harmonics (n, 3, 2 H + 1) from x=, y=, z= lists of leading coefficients."""
+    U = np.zeros((n, 3, 2 * H + 1))
+    for name, values in coefficients.items():
+        U[:, "xyz".index(name), : len(values)] = values
+    return U
+
+
+def friction(U, parameters, N_t):
+    """Return the harmonics of T, (n, 2, N_H)."""
+    return contact_harmonics(U, parameters, N_t).p[:, :2] + parameters.k_t[:, None, None] * U[:, :2]
+
+
+@pytest.mark.parametrize("separate", [False, True])
+@pytest.mark.parametrize("X", [1.6, 3.0, 5.0, 50.0])
+def test_loop_dissipates_4_mu_N0_times_the_slip(X, separate):
+    U, parameters = motion(x=[0.0, X]), joint(separate=separate)
+    found = contact_harmonics(U, parameters, 4096)
+    assert found.state[0] == SLIP
+    assert pair_energy(U, found.p)[0] == pytest.approx(4.0 * 3.0 * (X - 1.5), rel=1e-5)
+
+
+@pytest.mark.parametrize("X", [0.0, 0.3, 1.499999999])
+def test_below_the_limit_nothing_is_lost_and_p_is_exactly_zero(X):
+    found = contact_harmonics(motion(H=3, x=[0.0, X]), joint(), 128)
+    assert found.state[0] == STICK and len(found.active) == 0 and found.P.shape == (0, 21, 21)
+    assert np.all(found.p == 0.0)
+
+
+def test_jenkins_harmonic_and_its_convergence():
+    """The error depends on where the samples meet the corners of the loop; its envelope falls as N_t^-2."""
+    U, exact = motion(x=[0.0, 5.0]), np.array([0.0, 2.5231578773, -2.6738030439])       # f ~ a1 cos - b1 sin
+    for base in (128, 512, 2048):
+        N_t = np.arange(base, base + 64, 2)
+        errors = [np.abs(friction(U, joint(), n)[0, 0] - exact).max() for n in N_t]
+        assert 14.0 < np.max(errors * N_t**2) < 18.0
+
+
+def test_circle_path():
+    """The slider trails on a circle of radius sqrt(X^2 - d^2), its spring tangent to it."""
+    X, d, muN, k_t = 5.0, 1.5, 3.0, 2.0
+    U = motion(x=[0.0, X, 0.0], y=[0.0, 0.0, X])
+    T = friction(U, joint(), 16384)[0]
+    along, across = k_t * d**2 / X, muN * np.sqrt(1.0 - (d / X) ** 2)
+    assert np.allclose(T, [[0.0, along, -across], [0.0, across, along]], atol=2e-3)
+    loss = pair_energy(U, contact_harmonics(U, joint(), 16384).p)[0]
+    assert loss == pytest.approx(2.0 * np.pi * muN * np.sqrt(X**2 - d**2), rel=1e-3)
+
+
+def test_turning_the_path_turns_the_force_and_its_derivative():
+    rng = np.random.default_rng(2)
+    U, parameters = rng.standard_normal((30, 3, 7)), joint(30, N0=2.0, k_n=1.0)
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    turn = np.eye(3)
+    turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    plain, turned = contact_harmonics(U, parameters, 64), contact_harmonics(turn @ U, parameters, 64)
+    all_turn = np.kron(turn, np.eye(7))
+    assert np.allclose(turned.p, turn @ plain.p, atol=1e-12) and np.array_equal(turned.state, plain.state)
+    assert np.array_equal(turned.active, plain.active) and len(plain.active) == 30
+    assert np.allclose(turned.P, all_turn @ plain.P @ all_turn.T, atol=1e-11)
+
+
+def loop_area(corners):
+    u, T = np.array(corners).T
+    return 0.5 * abs(np.dot(u, np.roll(T, -1)) - np.dot(T, np.roll(u, -1)))
+
+
+def test_normal_load_that_follows_the_motion():
+    """u = X cos, N = N0 + gamma u: a loop with slanted friction sides, exact by its corners."""
+    X, mu, N0, k_t, gamma = 5.0, 0.5, 6.0, 2.0, 0.8
+    down = (k_t * X - mu * (2.0 * N0 + gamma * X)) / (k_t + mu * gamma)
+    up = (2.0 * mu * N0 - (k_t + mu * gamma) * X) / (k_t - mu * gamma)
+    corners = [(u, sign * mu * (N0 + gamma * u)) for u, sign in ((X, 1), (down, -1), (-X, -1), (up, 1))]
+    U = motion(x=[0.0, X], z=[0.0, -gamma * X / 4.0])
+    found = contact_harmonics(U, joint(mu=mu, N0=N0, k_t=k_t), 4096)
+    assert found.state[0] == SLIP
+    assert pair_energy(U, found.p)[0] == pytest.approx(loop_area(corners), rel=1e-5)
+
+
+def test_lift_off_lets_the_friction_go():
+    """As above with gamma X > N0: the pair opens below u = -N0 / gamma, and grips again without force."""
+    X, mu, N0, k_t, gamma = 5.0, 0.5, 6.0, 2.0, 2.0
+    down = (k_t * X - mu * (2.0 * N0 + gamma * X)) / (k_t + mu * gamma)
+    corners = [(X, mu * (N0 + gamma * X)), (down, -mu * (N0 + gamma * down)), (-N0 / gamma, 0.0)]
+    U = motion(x=[0.0, X], z=[0.0, -gamma * X / 4.0])
+    found = contact_harmonics(U, joint(mu=mu, N0=N0, k_t=k_t), 4096)
+    assert found.state[0] == OPEN
+    assert pair_energy(U, found.p)[0] == pytest.approx(loop_area(corners), rel=1e-4)
+    assert contact_work(U, found.p)[0] == pytest.approx(pair_energy(U, found.p)[0], rel=1e-4)
+
+
+def test_normal_force_of_an_opening_pair():
+    """f_z = min(k_n du_z, N0) for du_z = Z cos: mean and first harmonic of the clipped cosine."""
+    k_n, N0, Z = 4.0, 6.0, 4.0
+    th = np.arccos(N0 / (k_n * Z))                                  # closed from th to 2 pi - th
+    mean = (N0 * th - k_n * Z * np.sin(th)) / np.pi
+    first = (k_n * Z * (np.pi - th - np.sin(th) * np.cos(th)) + 2.0 * N0 * np.sin(th)) / np.pi
+    p = contact_harmonics(motion(z=[0.0, Z]), joint(), 8192).p[0]
+    assert np.allclose(p[2] + [0.0, k_n * Z, 0.0], [mean, first, 0.0], atol=1e-5)
+
+
+def test_pair_that_stays_open_exerts_its_preload_less():
+    """Far apart the preload of a closed pair is gone: f_z = N0; with a gap there was none: f_z = 0."""
+    U = motion(x=[0.0, 1.0], z=[100.0, 0.5])
+    for N0, f_z in ((6.0, 6.0), (-6.0, 0.0)):
+        found = contact_harmonics(U, joint(N0=N0), 64)
+        assert found.state[0] == OPEN
+        assert np.allclose(found.p[0], [[0.0, -2.0, 0.0], [0.0] * 3, [f_z - 400.0, -2.0, 0.0]], atol=1e-12)
+        assert np.allclose(found.P[0], np.diag([-2.0] * 6 + [-4.0] * 3), atol=1e-13)
+
+
+def test_gap_that_is_closed_all_the_time():
+    """Pressed by 5 N/k_n beyond the gap, the pair is linear about f_z = k_n (du_z + g0): p is a constant."""
+    found = contact_harmonics(motion(z=[-11.0 / 4.0, 0.5]), joint(N0=-6.0), 64)
+    assert found.state[0] == STICK and found.active.tolist() == [0]
+    assert np.allclose(found.p[0], [[0.0] * 3, [0.0] * 3, [6.0, 0.0, 0.0]], atol=1e-14)
+    assert np.abs(found.P).max() < 1e-14
+
+
+def test_separate_limits_are_two_elements_in_line():
+    U = motion(H=2, x=[0.2, 3.0, 1.0, 0.5], y=[-0.1, 1.0, -4.0, 0.0, 0.3])
+    both = contact_harmonics(U, joint(separate=True), 128).p
+    for a, name in enumerate("xy"):
+        alone = contact_harmonics(motion(H=2, **{name: U[0, a]}), joint(), 128).p
+        assert np.allclose(both[0, a], alone[0, a], atol=1e-13)
+    assert not np.allclose(both, contact_harmonics(U, joint(), 128).p, atol=0.1)
+
+
+def test_masing_loops_of_parallel_elements():
+    """Elements in parallel: the loss is 8 (integral of the backbone - X F / 2); F(u) = sum min(k_t u, mu N0)."""
+    n, X = 40, 3.0
+    parameters = replace(joint(n), N0=np.linspace(0.5, 15.0, n))
+    U = motion(n, x=[0.0, X])
+    d = 0.5 * parameters.N0 / 2.0
+    backbone = np.where(d < X, 2.0 * (d * X - 0.5 * d**2), X**2).sum()
+    F = 2.0 * np.minimum(d, X).sum()
+    loss = pair_energy(U, contact_harmonics(U, parameters, 4096).p).sum()
+    assert loss == pytest.approx(8.0 * (backbone - 0.5 * X * F), rel=1e-5)
+
+
+def test_energy_is_the_time_integral_of_friction_power():
+    rng = np.random.default_rng(6)
+    U, N_t = rng.standard_normal((1, 3, 7)), 4096
+    p = contact_harmonics(U, joint(N0=2.0, k_n=1.0), N_t).p
+    T = pair_harmonics(U[0], 0.5, 2.0, 2.0, 1.0, False, N_t).T
+    power = np.sum(T * synthesise(differentiate(U), N_t)[0, :2].T)
+    assert pair_energy(U, p)[0] == pytest.approx(2.0 * np.pi / N_t * power, rel=1e-12)
+    path = synthesise(U, N_t)[0, :2].T
+    steps, middle = np.roll(path, -1, axis=0) - path, 0.5 * (np.roll(T, -1, axis=0) + T)
+    assert pair_energy(U, p)[0] == pytest.approx(np.sum(middle * steps), rel=1e-4)
+
+
+def test_law_scales_with_force_and_with_length():
+    rng = np.random.default_rng(9)
+    U, parameters = rng.standard_normal((25, 3, 5)), joint(25, N0=2.0, k_n=1.0)
+    plain = contact_harmonics(U, parameters, 64)
+    for force, length in ((1e9, 1e-9), (1e-9, 1.0), (3.0, 1e6)):
+        scaled = ContactParameters(
+            parameters.mu, force * parameters.N0, force / length * parameters.k_t, force / length * parameters.k_n,
+            parameters.separate,
+        )
+        found = contact_harmonics(length * U, scaled, 64)
+        assert np.allclose(found.p / force, plain.p, rtol=0.0, atol=1e-12) and np.array_equal(found.state, plain.state)
+        assert np.allclose(found.P * length / force, plain.P, rtol=0.0, atol=1e-11)
+
+
+def test_more_samples_converge_to_the_same_force():
+    rng = np.random.default_rng(12)
+    U, parameters = 2.0 * rng.standard_normal((20, 3, 7)), joint(20, N0=6.0, k_n=1.0)
+    reference = contact_harmonics(U, parameters, 8192).p
+    coarse, fine = (np.abs(contact_harmonics(U, parameters, N_t).p - reference).max() for N_t in (128, 1024))
+    assert fine < 0.2 * coarse and fine < 5e-3 * np.abs(reference).max()
