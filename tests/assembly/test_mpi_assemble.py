@@ -8,6 +8,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from microslip import elements
+from microslip.assembly import assemble as assemble_module
+from microslip.assembly import blocks as blocks_module
 from microslip.assembly.assemble import assemble
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
@@ -79,6 +81,13 @@ def test_equals_serial_assembly(kind):
     assert system.n_dof == 3 * len(mesh.points) - 2 * len(mesh.node_groups["base"])
     assert_equal_matrices(system, mesh, case)
     assert (gathered(system.K).indptr == gathered(system.M).indptr).all()
+
+
+def test_small_pieces_give_the_same_matrices(monkeypatch):
+    monkeypatch.setattr(assemble_module, "_CHUNK_BYTES", 1e5)       # 3 elements at a time
+    monkeypatch.setattr(blocks_module, "_CHUNK_NODES", 7)
+    mesh, case = one_body("hex20"), scene({"block": "block"}, [("base", ["x", "z"])])
+    assert_equal_matrices(system_of(mesh, case)[0], mesh, case)
 
 
 def test_mixed_kinds_and_a_fully_fixed_base():

@@ -1,5 +1,7 @@
 """Contact pairs: frames from the true surface, areas that add up, parameters, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from box_meshes import KINDS, box, joint, mesh_of
@@ -104,10 +106,22 @@ def test_named_faces_choose_the_surface_whatever_their_order():
     half = faces[mesh.points[faces][:, :, 0].mean(axis=1) < 0.5]
     groups = {**mesh.node_groups, "half": np.unique(half)}
     for order in ([0, 1, 2, 3], [3, 2, 1, 0], [1, 2, 3, 0]):
-        named = type(mesh)(mesh.path, mesh.points, mesh.numbers, mesh.elements,
-                           (FaceBlock("quad4", "half", half[:, order]),), groups)  # fmt: skip
+        named = replace(mesh, faces=(FaceBlock("quad4", "half", half[:, order]),), node_groups=groups)
         with pytest.raises(MeshError, match="0 of 8 nodes of 'half' and 4 of 12 nodes of 'upper_bottom' have no partner"):
             pair_contacts(named, [joint(surfaces=("half", "upper_bottom"))])
+
+
+def test_a_hole_in_named_faces_stays_a_hole():
+    """The nodes of the middle face are all in the group, but the face is not."""
+    mesh, named = two_boxes("hex8", n=(3, 3, 1)), []
+    for body, group, local in (("lower", "lower_top", [4, 5, 6, 7]), ("upper", "upper_bottom", [0, 1, 2, 3])):
+        faces = next(block.nodes[:, local] for block in mesh.elements if block.group == body)
+        is_middle = np.linalg.norm(mesh.points[faces].mean(axis=1)[:, :2] - 0.5, axis=1) < 0.1
+        named.append(FaceBlock("quad4", group, faces[~is_middle]))
+    mesh = replace(mesh, faces=tuple(named))
+    pairs = pair_contacts(mesh, [joint()])
+    assert pairs.n_pairs == 16 and pairs.faces[0].shape == (8, 4)
+    assert pairs.area.sum() == pytest.approx(8 / 9)
 
 
 def test_unmatched_nodes_are_counted_and_located():

@@ -143,18 +143,18 @@ $EndEntities
 $Nodes
 1 6 11 77
 3 1 0 6
+77
 11
 22
 33
 44
 55
-77
+9 9 9
 0 0 0
 1 0 0
 0 1 0
 0 0 1
 1 1 1
-9 9 9
 $EndNodes
 $Elements
 3 3 1 9
@@ -203,7 +203,7 @@ BAD = {
     "NaN": (MSH.replace("0 1 0\n0 0 1\n1", "0 nan 0\n0 0 1\n1"), r"1 of 6 nodes .* the first is node 33 at \(0, nan, 0\)"),
     "word for a number": (MSH.replace("9 9 9", "9 oops 9"), r"'oops' where a number is due"),
     "missing node": (MSH.replace("8 11 22 33 44", "8 11 22 33 66"), r"names node 66, which \$Nodes does not hold"),
-    "double node": (MSH.replace("\n77\n0", "\n55\n0"), r"node number 55 more than once"),
+    "double node": (MSH.replace("\n77\n11", "\n55\n11"), r"node number 55 more than once"),
     "too few numbers": (MSH.replace("3 2 4 1\n", "3 2 4 2\n"), r"announces more than it holds"),
     "too many numbers": (MSH.replace("3 3 1 9", "2 3 1 9"), r"\$Elements holds more than it announces"),
     "too many announced": (MSH.replace("1 6 11 77", "1 7 11 77"), r"announces 7 nodes and holds 6"),
