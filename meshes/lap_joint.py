@@ -1,0 +1,75 @@
+"""Generate a lap joint: two beams of tetrahedra that overlap and touch on the lap; tet10 or tet4.
+
+    python meshes/lap_joint.py --out meshes/lap_joint.msh
+
+Axes: x along the beams from the clamped end, y across, z upwards; the contact is at z = 0, "beam_1" lies below it.
+The nodes of both beams coincide on the lap ("lap_1", "lap_2") without being shared.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, field, fields
+
+from blocks import KINDS, Body, box, jacobian_minimum, join
+from msh import summary, write_msh
+
+
+def _says(default, text: str):
+    return field(default=default, metadata={"help": text})
+
+
+@dataclass(frozen=True)
+class LapJoint:
+    """Lengths in m, and numbers of cells; a cell is six tetrahedra."""
+
+    length: float = _says(0.120, "of each beam")
+    overlap: float = _says(0.030, "length of the lap")
+    width: float = _says(0.020, "of the beams")
+    thickness: float = _says(0.005, "of each beam")
+    kind: str = _says("tet10", "tet10 or tet4; the other solid kinds work too")
+    n_free: int = _says(18, "cells along a beam outside the lap")
+    n_overlap: int = _says(4, "cells along the lap")
+    n_width: int = _says(2, "cells across the beams")
+    n_thickness: int = _says(3, "cells through a beam")
+
+
+def lap_joint(joint: LapJoint) -> dict[str, Body]:
+    """Return the bodies "beam_1", clamped at x = 0, and "beam_2", with the free end "tip".  Local."""
+    start, end = joint.length - joint.overlap, 2.0 * joint.length - joint.overlap
+    t = joint.thickness
+
+    def piece(x0, x1, z0, n, names):
+        return box(joint.kind, (x1 - x0, joint.width, t), (n, joint.n_width, joint.n_thickness), (x0, 0.0, z0), names)
+
+    bodies = {
+        "beam_1": join([piece(0.0, start, -t, joint.n_free, {"x0": "clamp"}),
+                        piece(start, joint.length, -t, joint.n_overlap, {"z1": "lap_1"})]),
+        "beam_2": join([piece(start, joint.length, 0.0, joint.n_overlap, {"z0": "lap_2"}),
+                        piece(joint.length, end, 0.0, joint.n_free, {"x1": "tip"})]),
+    }  # fmt: skip
+    if min(jacobian_minimum(body).min() for body in bodies.values()) <= 0.0:
+        raise ValueError("lengths must be positive, and the overlap shorter than a beam")
+    return bodies
+
+
+def main(arguments=None) -> None:
+    """Write the mesh that the command line asks for and print what it holds."""
+    show = argparse.ArgumentDefaultsHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
+    parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
+    parser.add_argument("--ascii", action="store_true", help="write text instead of binary")
+    for item in fields(LapJoint):
+        parser.add_argument("--" + item.name.replace("_", "-"), type=type(item.default), default=item.default,
+                            help=item.metadata["help"], choices=KINDS if item.name == "kind" else None)  # fmt: skip
+    given = vars(parser.parse_args(arguments))
+    try:
+        bodies = lap_joint(LapJoint(**{item.name: given[item.name] for item in fields(LapJoint)}))
+        write_msh(given["out"], bodies, binary=not given["ascii"])
+    except (ValueError, OSError) as problem:
+        parser.exit(2, f"{parser.prog}: {problem}\n")
+    print(f"{given['out']}\n{summary(bodies, [('lap_1', 'lap_2')])}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,322 @@
+"""The generated meshes: geometry against formulas, quality by an own evaluation, files as other readers see them."""
+
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import meshio
+import numpy as np
+import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from microslip.mesh.msh import read_msh
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.read import read_mesh
+
+MESHES = os.path.join(os.path.dirname(__file__), "..", "..", "meshes")
+sys.path.insert(0, os.path.abspath(MESHES))
+
+import blocks
+import picture
+from fan_sector import SIZES, Shape, fan_sector
+from lap_joint import LapJoint, lap_joint
+from msh import write_msh
+
+MESHIO_KIND = {"hex8": "hexahedron", "hex20": "hexahedron20", "tet4": "tetra", "tet10": "tetra10", "wedge6": "wedge",
+               "quad8": "quad8", "tri6": "triangle6"}  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=SIZES)
+def fan(request):
+    return request.param, fan_sector(Shape(), SIZES[request.param])
+
+
+@pytest.fixture(scope="module")
+def small():
+    return fan_sector(Shape(), SIZES["small"])
+
+
+def hex20_shapes(xi):
+    """Return the 20 serendipity functions at points (n, 3) in [-1, 1]^3; complex arguments allowed."""
+    bottom = [(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1)]
+    corners = np.array(bottom + [(x, y, 1) for x, y, _ in bottom])
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    nodes = np.concatenate([corners, [(corners[a] + corners[b]) // 2 for a, b in edges]])
+    factors = np.where(nodes == 0, 1 - xi[:, None] ** 2, 1 + nodes * xi[:, None])
+    shapes = factors.prod(axis=2) / np.where((nodes == 0).any(axis=1), 4, 8)
+    shapes[:, :8] *= (nodes[:8] * xi[:, None]).sum(axis=2) - 2
+    return shapes
+
+
+def hex20_determinants(body, xi):
+    """Return det J of every element at points xi, by complex steps of the shape functions."""
+    step = 1e-30
+    slopes = np.stack([hex20_shapes(xi + 1j * step * np.eye(3)[axis]).imag / step for axis in range(3)], axis=1)
+    return np.linalg.det(np.einsum("pan,enx->epax", slopes, body.points[body.elements], optimize=True))
+
+
+def cube_rule(n):
+    points, weights = np.polynomial.legendre.leggauss(n)
+    grid = np.stack(np.meshgrid(points, points, points, indexing="ij"), axis=-1).reshape(-1, 3)
+    return grid, np.einsum("i,j,k->ijk", weights, weights, weights).ravel()
+
+
+def n_parts(body):
+    first = np.repeat(body.elements[:, 0], body.elements.shape[1])
+    n = len(body.points)
+    return connected_components(coo_matrix((np.ones(len(first)), (first, body.elements.ravel())), (n, n)))[0]
+
+
+# Fan-blade sector
+
+
+def test_fan_jacobians_are_positive_at_corners_and_quadrature_points(fan):
+    _, bodies = fan
+    corners = np.stack(np.meshgrid([-1.0, 1.0], [-1.0, 1.0], [-1.0, 1.0]), axis=-1).reshape(-1, 3)
+    for body in bodies.values():
+        for places in (corners, cube_rule(2)[0], cube_rule(3)[0]):
+            determinants = hex20_determinants(body, places)
+            assert determinants.min() > 0.0
+        # no corner is nearly flat: worst over mean in an element
+        assert (determinants.min(axis=1) / determinants.mean(axis=1)).min() > 0.25
+        assert blocks.aspect_ratios(body).max() < 25.0
+
+
+def test_fan_jacobian_of_the_helper_is_that_of_the_shape_functions(small):
+    places, weights = cube_rule(3)
+    corners = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), axis=-1).reshape(-1, 3)
+    corners = corners[np.count_nonzero(corners == 0.0, axis=1) < 2]
+    body = small["blade"]
+    lowest = 8.0 * hex20_determinants(body, np.concatenate([places, corners])).min(axis=1)
+    assert np.allclose(blocks.jacobian_minimum(body), lowest, rtol=1e-9)
+    assert np.allclose(blocks.volumes(body), hex20_determinants(body, places) @ weights, rtol=1e-12)
+
+
+def test_fan_counts(fan):
+    size, bodies = fan
+    n_blade, n_disc = (len(bodies[name].points) for name in ("blade", "disc"))
+    n_pairs = len(bodies["blade"].face_nodes("blade_root"))
+    if size == "small":
+        assert 3000 <= n_blade + n_disc <= 5000 and 36 <= n_pairs <= 48
+    if size == "paper":
+        assert abs(n_blade - 27700) < 300 and abs(n_disc - 13800) < 300 and 200 <= n_pairs <= 230
+
+
+def test_fan_nodes_match_on_the_flanks_and_nowhere_else(fan):
+    _, bodies = fan
+    blade, disc = bodies["blade"], bodies["disc"]
+    root, slot = blade.face_nodes("blade_root"), disc.face_nodes("disc_slot")
+    distance, partner = cKDTree(disc.points[slot]).query(blade.points[root])
+    assert distance.max() < 1e-9
+    assert len(np.unique(partner)) == len(slot) == len(root)
+    elsewhere = np.setdiff1d(np.arange(len(blade.points)), root)
+    assert cKDTree(disc.points).query(blade.points[elsewhere])[0].min() > 1e-4
+    for body in bodies.values():
+        assert n_parts(body) == 1
+        assert len(cKDTree(body.points).query_pairs(1e-6)) == 0
+        assert np.array_equal(np.unique(body.elements), np.arange(len(body.points)))
+
+
+def test_fan_blade_stays_out_of_the_disc(small):
+    """Away from the flanks the blade's root lies on the slot's side of the disc's skin."""
+    blade, disc = small["blade"], small["disc"]
+    root = blade.face_nodes("blade_root")
+    nodes = np.setdiff1d(np.flatnonzero(blade.points[:, 2] < -0.010 - 1e-9), root)
+    (faces,) = blocks.skin(disc)
+    centres = disc.points[faces[:, 4:]].mean(axis=1)
+    corners = disc.points[faces]
+    normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    ends = np.abs(normals[:, 1]) > 0.9 * np.linalg.norm(normals, axis=1)          # front and rear do not face the blade
+    nearest = cKDTree(centres[~ends]).query(blade.points[nodes])[1]
+    height = np.einsum("ij,ij->i", blade.points[nodes] - centres[~ends][nearest], normals[~ends][nearest])
+    assert (height > 0.0).all()
+
+
+def test_fan_volumes(fan):
+    _, bodies = fan
+    s = Shape()
+    places, weights = cube_rule(3)
+    volume = {name: (hex20_determinants(body, places) @ weights).sum() for name, body in bodies.items()}
+
+    def aerofoil_area(z):
+        chord = s.chord_root + (s.chord_tip - s.chord_root) * z
+        return chord * (s.thickness_root + (s.thickness_tip - s.thickness_root) * z) * (s.edge + (1 - s.edge) * 2 / 3)
+
+    aerofoil = s.length * (aerofoil_area(0.0) + 4 * aerofoil_area(0.5) + aerofoil_area(1.0)) / 6
+    flank = s.flank_width * np.sqrt(0.5)
+    throat = s.throat_width
+    widest = throat + 2 * flank
+    lobe = (widest * 2 - 0.4 * s.lobe_height) / 2 * s.lobe_height
+    root = (s.neck_width + throat) / 2 * s.neck_height + (throat + widest) / 2 * flank + lobe
+    least = aerofoil + s.root_length * root + s.flare * aerofoil_area(0.0)
+    most = aerofoil + s.root_length * root + s.flare * s.neck_width * s.root_length
+    assert least < volume["blade"] < most
+
+    c = s.clearance
+    slot = ((s.neck_width + 2 * c + throat) / 2 * s.neck_height + (throat + widest) / 2 * flank
+            + (widest + c) * (s.lobe_height + c))  # fmt: skip
+    sector = np.pi / s.n_blades * (s.rim_radius**2 - s.bore_radius**2)
+    assert volume["disc"] == pytest.approx(s.root_length * (sector - slot), rel=5e-3)
+
+
+def test_fan_sectors_fit_each_other(small):
+    """The low cyclic face, turned by one sector about the engine's axis, is the high one."""
+    s, disc = Shape(), small["disc"]
+    low, high = (disc.points[disc.face_nodes(f"disc_cyclic_{side}")] for side in ("low", "high"))
+    axis = np.array([0.0, 0.0, -s.flare - s.rim_radius])
+    angle = 2 * np.pi / s.n_blades
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    assert cKDTree(high).query((low - axis) @ turn.T + axis)[0].max() < 1e-12
+    for name, radius in (("disc_base", s.bore_radius), ("disc_rim", s.rim_radius)):
+        distance = np.linalg.norm((disc.points[disc.face_nodes(name)] - axis)[:, [0, 2]], axis=1)
+        assert np.allclose(distance, radius, rtol=1e-12)
+
+
+def scene_of(path, first, second):
+    joint = SimpleNamespace(name="joint", surfaces=(first, second), tolerance=None, friction=0.3, gap=0.0, preload=5e7,
+                            tangential_stiffness=2e13, normal_stiffness=3e13, friction_limit="circle")  # fmt: skip
+    bodies = {name: SimpleNamespace(group=name) for name in ("blade", "disc")}
+    return SimpleNamespace(folder=os.path.dirname(path), model=SimpleNamespace(mesh=os.path.basename(path), scale=1.0),
+                           bodies=bodies, supports=(), joints=(joint,), loads=())  # fmt: skip
+
+
+def test_fan_as_the_program_sees_it(small, tmp_path):
+    path = str(tmp_path / "fan.msh")
+    write_msh(path, small)
+    scene = scene_of(path, "blade_root", "disc_slot")
+    mesh = read_mesh(scene)
+    assert {"blade", "disc", "blade_root", "disc_slot", "disc_base", "blade_tip"} <= set(mesh.node_groups)
+    pairs = pair_contacts(mesh, scene.joints)
+    s = Shape()
+    assert pairs.n_pairs == len(small["blade"].face_nodes("blade_root"))
+    assert pairs.area.min() > 0.0
+    assert pairs.area.sum() == pytest.approx(2 * s.flank_width * s.root_length, rel=0.02)
+    normals = pairs.frame[:, 2]
+    assert normals[:, 2].max() < -0.5                           # from the disc into the blade, which it holds down
+    closest = cKDTree(normals).query(normals, k=2)[0][:, 1]
+    assert closest.min() > 1e-3                                 # every pair has a frame of its own
+    assert np.degrees(np.arccos(-normals[:, 2])).mean() == pytest.approx(90 - s.flank_angle, abs=3.0)
+
+
+def test_fan_parameters_that_cannot_be_meshed_are_refused():
+    with pytest.raises(ValueError, match="inside out"):
+        fan_sector(Shape(n_blades=60), SIZES["small"])
+    with pytest.raises(ValueError, match="clearance must be positive"):
+        Shape(clearance=0.0)
+
+
+# Lap joint
+
+
+@pytest.mark.parametrize("kind", ["tet10", "tet4"])
+def test_lap_joint(kind):
+    joint = LapJoint(kind=kind)
+    bodies = lap_joint(joint)
+    first, second = (body.points[body.face_nodes(f"lap_{i}")] for i, body in enumerate(bodies.values(), 1))
+    distance, partner = cKDTree(second).query(first)
+    assert distance.max() < 1e-9 and len(np.unique(partner)) == len(first) == len(second)
+    assert np.allclose(np.ptp(first, axis=0), [joint.overlap, joint.width, 0.0])
+    if kind == "tet10":
+        assert 30 <= len(first) <= 60 and 2000 <= sum(len(body.points) for body in bodies.values()) <= 4000
+    triangles = [{tuple(np.round(body.points[row].ravel(), 9)) for row in np.sort(body.faces[name][0][:, :3], axis=1)}
+                 for body, name in zip(bodies.values(), ("lap_1", "lap_2"), strict=True)]  # fmt: skip
+    corners = [{frozenset(zip(*[iter(t)] * 3, strict=True)) for t in side} for side in triangles]
+    assert corners[0] == corners[1]                             # the same triangles on both sides
+    for body in bodies.values():
+        assert n_parts(body) == 1 and blocks.jacobian_minimum(body).min() > 0.0
+        assert blocks.volumes(body).sum() == pytest.approx(joint.length * joint.width * joint.thickness, rel=1e-12)
+    assert np.all(bodies["beam_1"].points[bodies["beam_1"].face_nodes("clamp"), 0] == 0.0)
+
+
+# Blocks of any kind
+
+
+@pytest.mark.parametrize("kind", blocks.KINDS)
+def test_box_is_filled_once_and_named(kind):
+    lengths = np.array([2.0, 3.0, 5.0])
+    body = blocks.box(kind, lengths, (2, 3, 2), origin=(1.0, 0.0, -1.0))
+    assert blocks.jacobian_minimum(body).min() > 0.0
+    assert blocks.volumes(body).sum() == pytest.approx(lengths.prod(), rel=1e-12)
+    assert body.points.min(axis=0) == pytest.approx([1.0, 0.0, -1.0])
+    flux = 0.0                                                  # divergence theorem over corner triangles of the skin
+    for faces in blocks.skin(body):
+        n_corners = {3: 3, 6: 3, 4: 4, 8: 4}[faces.shape[1]]
+        for i in range(1, n_corners - 1):
+            a, b, c = (body.points[faces[:, j]] for j in (0, i, i + 1))
+            flux += np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+    assert flux == pytest.approx(lengths.prod(), rel=1e-12)     # neighbours match inside, faces look outwards
+    for axis, side in enumerate(blocks.SIDES):
+        on_side = body.points[body.face_nodes(side), axis // 2]
+        assert np.allclose(on_side, body.points[:, axis // 2].max() if axis % 2 else body.points[:, axis // 2].min())
+
+
+def test_mid_side_nodes_lie_on_the_mapped_geometry():
+    def ring(u, v, w):
+        radius, angle = 1.0 + u, 0.5 * np.pi * v
+        return np.stack([radius * np.cos(angle), radius * np.sin(angle), w], axis=-1)
+
+    body = blocks.block("hex20", ring, (1, 2, 1), {"x1": "outside"})
+    assert np.allclose(np.linalg.norm(body.points[body.face_nodes("outside"), :2], axis=1), 2.0, rtol=1e-14)
+    assert blocks.volumes(body).sum() == pytest.approx(0.75 * np.pi, rel=2e-3)
+
+
+def test_join_merges_what_coincides_only():
+    parts = [blocks.box("hex20", (1, 1, 1), (1, 2, 2)), blocks.box("hex20", (1, 1, 1), (1, 2, 2), origin=(1, 0, 0))]
+    body = blocks.join(parts)
+    assert len(body.points) == len(blocks.box("hex20", (2, 1, 1), (2, 2, 2)).points)
+    assert n_parts(body) == 1
+    apart = blocks.join([parts[0], blocks.box("hex20", (1, 1, 1), (1, 2, 2), origin=(1 + 1e-6, 0, 0))])
+    assert len(apart.points) == 2 * len(parts[0].points)
+
+
+def test_bar_on_ground_touches_without_sharing():
+    bodies = blocks.stacked("hex20", (0.1, 0.01, 0.01), (10, 1, 1), ground_height=0.002)
+    bottom, top = bodies["bar"].face_nodes("bar_bottom"), bodies["ground"].face_nodes("ground_top")
+    assert len(bottom) == len(top)
+    assert cKDTree(bodies["ground"].points[top]).query(bodies["bar"].points[bottom])[0].max() < 1e-12
+
+
+# Files
+
+
+@pytest.mark.parametrize("binary", [True, False], ids=["binary", "text"])
+@pytest.mark.parametrize("kind", blocks.KINDS)
+def test_file_reads_back_as_written(kind, binary, tmp_path):
+    bodies = blocks.stacked(kind, (np.pi, 1.0, 1.0), (3, 1, 2), ground_height=0.5)
+    path = str(tmp_path / "bar.msh")
+    write_msh(path, bodies, binary=binary)
+    file = read_msh(path)
+    points = np.concatenate([body.points for body in bodies.values()])
+    assert np.array_equal(file.points, points)
+    assert set(file.groups) == {"bar", "ground"}.union(*(body.faces for body in bodies.values()))
+    start = 0
+    for name, body in bodies.items():
+        ((cells, rows),) = file.groups[name].cells.items()
+        assert file.cells[cells].kind == kind
+        assert np.array_equal(file.cells[cells].nodes[rows], body.elements + start)
+        for surface in body.faces:
+            read = np.concatenate([file.cells[i].nodes[rows].ravel() for i, rows in file.groups[surface].cells.items()])
+            assert np.array_equal(np.unique(read), body.face_nodes(surface) + start)
+        start += len(body.points)
+    if kind in MESHIO_KIND:                                     # meshio has no 15-node wedge in this format
+        mesh = meshio.read(path)
+        assert np.array_equal(mesh.points, points)
+        assert np.array_equal(mesh.cells_dict[MESHIO_KIND[kind]][: len(bodies["bar"].elements)], bodies["bar"].elements)
+
+
+def test_command_lines_run_from_any_folder(tmp_path):
+    def run(script, *arguments):
+        command = [sys.executable, os.path.abspath(os.path.join(MESHES, script)), *arguments]
+        plain = {**os.environ, "PYTHONPATH": ""}
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=plain, check=False)
+
+    done = run("fan_sector.py", "--size", "small", "--out", "fan.msh", "--twist", "20")
+    assert done.returncode == 0 and "46 pairs" in done.stdout, done.stderr
+    assert run("lap_joint.py", "--out", "lap.msh").returncode == 0
+    refused = run("fan_sector.py", "--out", "bad.msh", "--n-blades", "60")
+    assert refused.returncode == 2 and "inside out" in refused.stderr and "Traceback" not in refused.stderr
+    picture.draw(str(tmp_path / "lap.msh"), str(tmp_path / "lap.png"), dpi=40)
+    assert (tmp_path / "lap.png").stat().st_size > 5000
