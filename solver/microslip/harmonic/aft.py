@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..contact.law import ContactParameters
-from . import _aft
+from ._aft import Pairs, Sampling, leaves, march
 from .fourier import analysis_matrix, cycle_work, synthesis_matrix
 
 
@@ -52,20 +52,20 @@ def contact_harmonics(U: np.ndarray, parameters: ContactParameters, n_samples: i
     p, state = np.zeros((n, 3, N_H)), np.zeros(n, dtype=np.uint8)
     active = np.empty(0, dtype=np.intp)
     if n > 0:
-        pairs = _aft.Pairs(
+        pairs = Pairs(
             np.ascontiguousarray(U, dtype=np.float64), parameters.mu, parameters.N0, parameters.k_t, parameters.k_n,
             parameters.separate.view(np.uint8),
         )
-        _aft.leaves(sampling, pairs, state)
+        leaves(sampling, pairs, state)
         active = np.flatnonzero(state)
     P = np.empty((len(active), 3 * N_H, 3 * N_H)) if tangents else None
     if len(active) > 0:
-        _aft.march(sampling, pairs, active, p, state, P)
+        march(sampling, pairs, active, p, state, P)
     return AftResult(p, state, active, P)
 
 
 @lru_cache(maxsize=16)
-def _sampling(H: int, N_t: int) -> _aft.Sampling:
+def _sampling(H: int, N_t: int) -> Sampling:
     """Return the kernel's tables, rows padded with zeros to a multiple of four."""
     N_H = 2 * H + 1
     stride = 4 * -(-N_H // 4)
@@ -74,7 +74,7 @@ def _sampling(H: int, N_t: int) -> _aft.Sampling:
     F[:, :N_H] = analysis_matrix(H, N_t).T
     S[1:] = np.cumsum(F, axis=0)
     S[N_t, 0], S[N_t, 1:] = 1.0, 0.0                    # what the sum is without roundoff
-    return _aft.Sampling(N_H, E, F, S)
+    return Sampling(N_H, E, F, S)
 
 
 def pair_energy(U: np.ndarray, p: np.ndarray) -> np.ndarray:
