@@ -1,0 +1,19 @@
+"""Lists and near misses of words in messages."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known word nearest to ``word``, capitals aside, or None if none is near.  Local."""
+    by_lower = {name.lower(): name for name in known}
+    found = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.5)
+    return by_lower[found[0]] if found else None
+
+
+def listed(words: Iterable[str], last: str = "and") -> str:
+    """Return "a, b and c".  Local."""
+    *first, end = words
+    return f"{', '.join(first)} {last} {end}" if first else end

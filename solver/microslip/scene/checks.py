@@ -1,0 +1,101 @@
+"""What no single table of a scene can tell: names that refer to others, and files that must be there."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+from ..parallel.words import nearest
+from .schema import Scene
+
+
+def contradictions(scene: Scene) -> list[str]:
+    """Return what does not fit together between the tables of a scene, a text each.  Local."""
+    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_mode(scene), *_required(scene)]
+
+
+def _required(scene: Scene) -> list[str]:
+    """Tables that a model of this sort needs."""
+    needed = ["bodies"] if scene.model.mesh is not None else []
+    needed += ["damping"] if scene.model.damping is None else []
+    return [f"[{key}] is missing: expected {Scene.model_fields[key].description}" for key in needed if not getattr(scene, key)]
+
+
+def _materials(scene: Scene) -> list[str]:
+    """Bodies whose material is not there."""
+    found = []
+    for name, body in scene.bodies.items():
+        if body.material not in scene.materials:
+            near = nearest(body.material, scene.materials)
+            hint = f'nearest is "{near}"; ' if near else ""
+            known = f"known: {', '.join(scene.materials)}" if scene.materials else "there is no table [materials.NAME] at all"
+            found.append(f'[bodies.{name}] material = "{body.material}": there is no such material; {hint}{known}')
+    return found
+
+
+def _same_groups(scene: Scene) -> list[str]:
+    """Bodies that claim the same elements."""
+    first: dict[str, str] = {}
+    found = []
+    for name, body in scene.bodies.items():
+        if body.group in first:
+            found.append(f'[bodies.{name}] group = "{body.group}": [bodies.{first[body.group]}] has it already; '
+                         "each element belongs to one body")  # fmt: skip
+        first.setdefault(body.group, name)
+    return found
+
+
+def _same_names(scene: Scene) -> list[str]:
+    """Joints and outputs that share a name."""
+    found = []
+    for table in ("joints", "outputs"):
+        counts = Counter(entry.name for entry in getattr(scene, table))
+        found += [f'[[{table}]] name = "{name}" is used {n} times; each needs its own' for name, n in counts.items() if n > 1]
+    return found
+
+
+def _harmonics(scene: Scene) -> list[str]:
+    """Loads in a harmonic that the solution does not have."""
+    return [
+        f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = {scene.solver.harmonics} leaves it out; raise "
+        "that, or lower the load's"
+        for number, load in enumerate(scene.loads, 1)
+        if load.harmonic > scene.solver.harmonics
+    ]
+
+
+def _mode(scene: Scene) -> list[str]:
+    """A range around a mode that is not computed."""
+    mode, modes = scene.response.mode, scene.solver.modes
+    return [f"[response] mode = {mode}: only [solver] modes = {modes} are computed"] if mode and mode > modes else []
+
+
+def missing_files(scene: Scene) -> list[str]:
+    """Return which of the scene's files are not there, a text each.  Local."""
+    model = scene.model
+    named = [(f"[model] {key}", getattr(model, key)) for key in ("mesh", "stiffness", "mass", "damping")]
+    named += [(f'[[joints]] {i} ("{joint.name}") pairs', joint.pairs) for i, joint in enumerate(scene.joints, 1)]
+    return [found for where, file in named if file is not None and (found := _missing(where, file, scene.folder))]
+
+
+def _missing(where: str, file: str, folder: Path) -> str | None:
+    path = folder / file
+    try:
+        if path.is_file():
+            return None
+        fault = "that is a folder; a file is expected" if path.is_dir() else None
+    except (OSError, ValueError) as problem:        # a name too long, or with a null character
+        fault = str(problem)
+    return f'{where} = "{file}": {fault or absent(path)}'
+
+
+def absent(path: Path) -> str:
+    """Say that a file is not there, and what in its folder has nearly its name.  Local."""
+    folder = path.parent
+    if not folder.is_dir():
+        return f"there is no folder {folder}"
+    try:
+        near = nearest(path.name, [entry.name for entry in folder.iterdir()])
+    except OSError:
+        near = None
+    return f"there is no such file in {folder}" + (f'; nearest is "{near}"' if near else "")

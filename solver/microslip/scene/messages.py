@@ -1,0 +1,191 @@
+"""What pydantic finds in a scene, said in the scene's own words: table and key, what was found, what is expected."""
+
+from __future__ import annotations
+
+import math
+import types
+import typing
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from pydantic_core import ErrorDetails
+
+from ..parallel.words import listed, nearest
+from .not_yet import SUPPORTED
+from .schema import Body, Joint, Load, Material, Method, Output, Scene, Support, Table
+
+_NAMED: dict[str, type[Table]] = {"materials": Material, "bodies": Body}            # [materials.NAME]
+_LISTED: dict[str, type[Table]] = {"supports": Support, "joints": Joint, "loads": Load, "outputs": Output}     # [[loads]]
+_LONGEST = 60           # characters of a value that a message shows
+
+
+def in_words(problems: Iterable[ErrorDetails], raw: Mapping[str, Any]) -> list[str]:
+    """Return one text a mistake, unknown keys first.  Local.
+
+    A key that is missing because it is misspelled counts once, and so does a value that fits none of several types.
+    """
+    problems = _without_followers(list(problems))
+    unknown = [problem["loc"] for problem in problems if problem["type"] == "extra_forbidden"]
+    meant = {(*loc[:-1], nearest(str(loc[-1]), _model(loc[:-1]).model_fields)) for loc in unknown}
+    texts: dict[str, None] = {}
+    for problem in sorted(problems, key=lambda problem: problem["type"] != "extra_forbidden"):
+        if problem["type"] != "missing" or problem["loc"] not in meant:
+            texts[_in_words(problem, raw)] = None
+    return list(texts)
+
+
+def _without_followers(problems: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Leave out what only follows: that a list is too short because an entry of it is wrong."""
+    locs = [problem["loc"] for problem in problems]
+    return [problem for problem in problems if problem["type"] != "too_short"
+            or not any(loc[: len(problem["loc"])] == problem["loc"] != loc for loc in locs)]  # fmt: skip
+
+
+def _in_words(problem: ErrorDetails, raw: Mapping[str, Any]) -> str:
+    loc = problem["loc"]
+    if problem["type"] == "extra_forbidden":
+        return _unknown(loc, raw)
+    n_table = _depth(loc)
+    where, key = _header(loc[:n_table], raw), loc[n_table] if len(loc) > n_table else None
+    if key is None and problem["type"] == "value_error":
+        return f"{where}: {problem['ctx']['error']}"
+    expected = _expected(loc)
+    if problem["type"] == "missing" and len(loc) <= n_table + 1:
+        return f"{_join(where, key)} is missing: expected {expected}"
+    found = raw
+    for step in loc[: n_table + 1]:
+        found = found[step]  # type: ignore[index]
+    hint = _hint(loc, found)
+    return f"{_join(where, key)} = {shown(found)}: expected {expected}{hint}"
+
+
+def _depth(loc: tuple[int | str, ...]) -> int:
+    """Return how many steps of ``loc`` name the table that holds the key."""
+    if not loc or len(loc) == 1 and _is_key(str(loc[0])):
+        return 0
+    return min(len(loc), 2 if loc[0] in _NAMED or loc[0] in _LISTED else 1)
+
+
+def _is_key(name: str) -> bool:
+    field = Scene.model_fields.get(name)
+    return field is not None and field.annotation is str
+
+
+def _model(table: tuple[int | str, ...]) -> type[Table]:
+    """Return the model of a table."""
+    if not table:
+        return Scene
+    name = str(table[0])
+    if name in _NAMED or name in _LISTED:
+        return {**_NAMED, **_LISTED}[name]
+    return next(kind for kind in _alternatives(Scene.model_fields[name].annotation) if issubclass(kind, Table))
+
+
+def _alternatives(annotation: Any) -> tuple:
+    return typing.get_args(annotation) if isinstance(annotation, types.UnionType) else (annotation,)
+
+
+def _header(table: tuple[int | str, ...], raw: Mapping[str, Any]) -> str:
+    """Return a table as the scene heads it, numbered from 1 and with its name where it has one."""
+    if not table:
+        return ""
+    name = str(table[0])
+    if name in _NAMED:
+        return f"[{name}.{table[1]}]" if len(table) > 1 else f"[{name}]"
+    if name not in _LISTED:
+        return f"[{name}]"
+    if len(table) == 1:
+        return f"[[{name}]]"
+    number = int(table[1])
+    entry = raw[name][number]
+    own = entry.get("name") if isinstance(entry, Mapping) else None
+    return f"[[{name}]] {number + 1}" + (f' ("{own}")' if isinstance(own, str) and own else "")
+
+
+def _join(where: str, key: int | str | None) -> str:
+    return f"{where} {key}" if where and key is not None else f"{where}{key if key is not None else ''}"
+
+
+def _expected(loc: tuple[int | str, ...]) -> str:
+    """Return what is expected of the key, or of the table, that ``loc`` leads to."""
+    n_table = _depth(loc)
+    if len(loc) > n_table:
+        return str(_model(loc[:n_table]).model_fields[str(loc[n_table])].description)
+    if n_table == 2:
+        return f"a table with {listed(_model(loc).model_fields)}"
+    return str(Scene.model_fields[str(loc[0])].description)
+
+
+def _unknown(loc: tuple[int | str, ...], raw: Mapping[str, Any]) -> str:
+    """Say that a key is unknown, and what was probably meant."""
+    key, table = str(loc[-1]), loc[:-1]
+    known = _model(table).model_fields
+    near = nearest(key, known)
+    is_table = not table and isinstance(raw[key], Mapping | tuple)
+    places = [_any(name) for name in Scene.model_fields if not _is_key(name) and key in _model((name,)).model_fields]
+    hints = [f'nearest is "{near}"' if table or _is_key(near) else f"nearest is {_any(near)}"] if near else []
+    hints += [f"{listed(places, 'or')} has a key of this name"] if places and not is_table else []
+    where = f"[[{key}]]" if isinstance(raw.get(key), tuple) and is_table else f"[{key}]" if is_table else _join(_header(table, raw), key)
+    return f"{where}: unknown {'table' if is_table else 'key'}; {', and '.join(hints) or 'known: ' + ', '.join(known)}"
+
+
+def _any(name: str) -> str:
+    """Return a table as its kind is headed."""
+    return f"[{name}.NAME]" if name in _NAMED else f"[[{name}]]" if name in _LISTED else f"[{name}]"
+
+
+def _hint(loc: tuple[int | str, ...], found: Any) -> str:
+    """Return what else helps: the nearest word, the known methods, quotes that should not be there."""
+    numbers = found if isinstance(found, tuple) else (found,)
+    if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
+        return "; nan and inf are not numbers here"
+    field = loc[_depth(loc)] if len(loc) > _depth(loc) else None
+    if loc[0] in _NAMED and field is None and len(loc) == 2 and loc[1] in _model(loc).model_fields:
+        return f"; keys stand under a header [{loc[0]}.NAME]"
+    annotation = _model(loc[: _depth(loc)]).model_fields[str(field)].annotation if field is not None else None
+    words = _words(annotation)
+    if words and isinstance(found, str):
+        near = nearest(found, words)
+        known = f"; known: {', '.join(SUPPORTED)}" if annotation is Method else ""
+        return (f'; nearest is "{near}"' if near else "") + known
+    if isinstance(found, str) and _is_number(found) and not words:
+        return "; without quotes"
+    return ""
+
+
+def _words(annotation: Any) -> tuple[str, ...]:
+    """Return the words that a key accepts, if it accepts only some."""
+    words: tuple[str, ...] = ()
+    for kind in _alternatives(annotation):
+        if typing.get_origin(kind) is typing.Literal:
+            words += typing.get_args(kind)
+    return words
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def shown(value: Any) -> str:
+    """Return a value as a scene file writes it, shortened.  Local."""
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, tuple) and any(isinstance(entry, Mapping) for entry in value):
+        return "a list of tables"
+    text = _toml(value)
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 4] + " ..."
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, float):
+        short = f"{value:g}"
+        return short if "e" in short and float(short) == value else str(value)
+    return f'"{value}"'.replace("\n", "\\n") if isinstance(value, str) else str(value)

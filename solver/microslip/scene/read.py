@@ -1,0 +1,87 @@
+"""Read a scene file: text, TOML, schema, what this version does, what fits together, files that are there."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from ..parallel.errors import CaseError
+from .checks import absent, contradictions, missing_files
+from .messages import in_words
+from .not_yet import not_yet
+from .schema import Scene
+
+_LARGEST_FILE = 10_000_000      # bytes
+
+
+def read_scene(path: str | Path) -> Scene:
+    """Return the scene of a TOML file, checked in itself; the mesh is not opened.
+
+    Local.
+
+    Raises
+    ------
+    CaseError : one message that names the file, and of each mistake the table, the key, what was found and expected
+    """
+    path = Path(path)
+    text = _text(path)
+    raw = _tables(path, text)
+    try:
+        scene = Scene.model_validate(raw, context={"path": path.absolute(), "text": text})
+    except ValidationError as problem:
+        _refuse(path, in_words(problem.errors(include_url=False), raw))
+        raise AssertionError("a scene was refused without a reason") from problem
+    for problems in (not_yet, contradictions, missing_files):
+        _refuse(path, problems(scene))
+    return scene
+
+
+def _refuse(path: Path, problems: list[str]) -> None:
+    """Raise CaseError with all problems, if there are any."""
+    if len(problems) == 1:
+        raise CaseError(f"{path}: {problems[0]}") from None
+    if problems:
+        raise CaseError("\n  ".join([f"{path}: {len(problems)} mistakes", *problems])) from None
+
+
+def _text(path: Path) -> str:
+    try:
+        if path.is_dir():
+            raise CaseError(f"{path} is a folder; a scene file is expected")
+        if not path.exists():
+            raise CaseError(f"{path}: {absent(path.absolute())}")
+        if path.stat().st_size > _LARGEST_FILE:
+            raise CaseError(f"{path}: {path.stat().st_size / 1e6:.0f} MB are too much for a scene; a TOML file is expected")
+        return path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        raise CaseError(f"{path}: not a text file in UTF-8 (byte {problem.start}); a scene is a TOML file") from None
+    except (OSError, ValueError) as problem:
+        raise CaseError(f"{path}: {getattr(problem, 'strerror', None) or problem}") from None
+
+
+def _tables(path: Path, text: str) -> dict[str, Any]:
+    try:
+        return _frozen(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as problem:
+        raise CaseError(f"{path}: not valid TOML: {problem}{_line(str(problem), text)}") from None
+    except RecursionError:
+        raise CaseError(f"{path}: not a scene: lists or tables lie too deep in each other") from None
+
+
+def _line(problem: str, text: str) -> str:
+    """Return the line that a TOML error names, for the message."""
+    found = re.search(r"line (\d+)", problem)
+    lines = text.splitlines()
+    number = int(found[1]) if found else 0
+    return f": {lines[number - 1].strip()[:80]}" if 0 < number <= len(lines) else ""
+
+
+def _frozen(value: Any) -> Any:
+    """Return TOML's values with tuples for lists: a scene does not change."""
+    if isinstance(value, dict):
+        return {key: _frozen(entry) for key, entry in value.items()}
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value

@@ -1,0 +1,336 @@
+"""The keys of a scene file: one frozen model a table.
+
+Every key's description says what is expected of it, with its unit; messages quote it (messages.py).
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
+
+HIGHEST_FREQUENCY = 1e9         # Hz: beyond it a frequency is a slip of the pen
+LARGEST_NUMBER = 2**62          # of nodes and DOFs
+
+Method = Literal[
+    "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"
+]
+Axis = Literal["x", "y", "z"]
+
+
+def _not_zero(vector: tuple[float, float, float]) -> tuple[float, float, float]:
+    if not any(vector):
+        raise ValueError("zero vector")
+    return vector
+
+
+def _no_duplicates(values: tuple) -> tuple:
+    if len(set(values)) < len(values):
+        raise ValueError("an entry twice")
+    return values
+
+
+def _rising(limits: tuple[float, float]) -> tuple[float, float]:
+    if not limits[0] < limits[1]:
+        raise ValueError("not rising")
+    return limits
+
+
+Name = Annotated[str, Field(pattern=r'^[^\s,"/\\\x00-\x1f](?:[^,"/\\\x00-\x1f]*[^\s,"/\\\x00-\x1f])?$')]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Frequency = Annotated[float, Field(gt=0, le=HIGHEST_FREQUENCY)]
+Number = Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
+Vector = tuple[float, float, float]
+Direction = Annotated[Vector, AfterValidator(_not_zero)]
+
+
+class Table(BaseModel):
+    """A table of the scene: no other keys, no conversions, no NaN, not to be changed."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    def exactly_one(self, *keys: str) -> str:
+        """Return the one key of ``keys`` that is given; ValueError if it is none or several."""
+        given = [key for key in keys if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError(f"exactly one of {', '.join(keys)} is needed, found {' and '.join(given) or 'none'}")
+        return given[0]
+
+
+class Model(Table):
+    """[model]: a mesh, or matrices of another program."""
+
+    mesh: str | None = Field(None, min_length=1, description="the path of the mesh file, relative to the scene's folder")
+    scale: Positive = Field(1.0, description="metres per unit of the mesh, a number above 0")
+    stiffness: str | None = Field(None, min_length=1, description="the path of the stiffness matrix")
+    mass: str | None = Field(None, min_length=1, description="the path of the mass matrix")
+    damping: str | None = Field(None, min_length=1, description="the path of the damping matrix")
+    axis: Direction | None = Field(None, description="the axis of rotation, three numbers [x, y, z], not all 0")
+
+    @model_validator(mode="after")
+    def _mesh_or_matrices(self):
+        if self.exactly_one("mesh", "stiffness") == "mesh":
+            for key in ("mass", "damping"):
+                if getattr(self, key) is not None:
+                    raise ValueError(f"{key} belongs to a model given as matrices; this one has a mesh")
+        elif self.mass is None:
+            raise ValueError("mass is missing: a model given as matrices needs stiffness and mass")
+        elif "scale" in self.model_fields_set:
+            raise ValueError("scale belongs to a mesh; matrices are taken in SI units")
+        return self
+
+
+class Material(Table):
+    """[materials.NAME]: linear, isotropic."""
+
+    young: Positive = Field(description="Young's modulus in Pa, a number above 0")
+    poisson: float = Field(gt=-1, lt=0.5, description="Poisson's ratio, a number above -1 and below 0.5")
+    density: Positive = Field(description="the density in kg/m3, a number above 0")
+
+
+class Body(Table):
+    """[bodies.NAME]: which elements are what."""
+
+    group: str = Field(min_length=1, description="the name of a group of volume elements in the mesh")
+    material: str = Field(min_length=1, description="the NAME of a table [materials.NAME]")
+    integration: Literal["full", "reduced"] = Field("full", description='the quadrature, "full" or "reduced"')
+    incompatible_modes: bool = Field(True, description="true or false: incompatible modes in 8-node hexahedra")
+
+
+class Support(Table):
+    """[[supports]]: a group of nodes that is held."""
+
+    group: str = Field(min_length=1, description="the name of a group in the mesh")
+    fix: Annotated[tuple[Axis, ...], AfterValidator(_no_duplicates)] = Field(
+        min_length=1, description='the fixed directions, a list of "x", "y" and "z", each at most once'
+    )
+
+
+class Joint(Table):
+    """[[joints]]: two surfaces in contact, or pairs of DOFs."""
+
+    name: Name = Field(description="a name for pictures and messages, without comma, quote or slash")
+    surfaces: tuple[str, str] | None = Field(
+        None, description="the names of two different groups of faces in the mesh, body 1 and body 2"
+    )
+    pairs: str | None = Field(None, min_length=1, description="the path of a CSV file of contact pairs")
+    friction: NotNegative | None = Field(None, description="the friction coefficient, a number of at least 0")
+    tangential_stiffness: Positive | None = Field(None, description="the stiffness per unit area in N/m3, a number above 0")
+    normal_stiffness: Positive | None = Field(None, description="the stiffness per unit area in N/m3, a number above 0")
+    preload: NotNegative | Literal["static"] | None = Field(
+        None, description='the contact pressure at rest in Pa, a number of at least 0, or "static"'
+    )
+    gap: NotNegative = Field(0.0, description="the distance at rest in m, a number of at least 0")
+    friction_limit: Literal["circle", "separate"] = Field("circle", description='"circle" or "separate"')
+    tolerance: Positive | None = Field(
+        None, description="the distance in m within which nodes of the two surfaces form a pair, a number above 0"
+    )
+
+    @field_validator("surfaces")
+    @classmethod
+    def _two_surfaces(cls, surfaces):
+        if surfaces is not None and (surfaces[0] == surfaces[1] or not all(surfaces)):
+            raise ValueError("one surface twice")
+        return surfaces
+
+    @model_validator(mode="after")
+    def _complete(self):
+        needed = ["friction", "tangential_stiffness", "normal_stiffness"] + ["preload"] * (self.gap == 0.0)
+        if self.exactly_one("surfaces", "pairs") == "pairs":
+            given = sorted({*needed, "preload", "gap"} & self.model_fields_set)
+            if given:
+                raise ValueError(f"{given[0]} belongs to a joint of surfaces; a CSV file states it for each pair")
+            return self
+        for key in needed:
+            if getattr(self, key) is None:
+                raise ValueError(f"{key} is missing: expected {type(self).model_fields[key].description}")
+        if self.gap > 0.0 and self.preload:
+            raise ValueError(f"gap = {self.gap:g} with preload = {self.preload}: an open joint carries no preload; keep one")
+        return self
+
+
+class Statics(Table):
+    """[statics]: what the joint carries before it vibrates."""
+
+    rotation_speed: NotNegative = Field(0.0, description="the speed of rotation in rad/s, a number of at least 0")
+
+
+class Load(Table):
+    """[[loads]]: level x direction, in one harmonic."""
+
+    position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is loaded")
+    node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
+    group: str | None = Field(None, min_length=1, description="the name of a group in the mesh; its nodes share the load")
+    dof: Number | None = Field(None, description="a DOF number of the matrices, a whole number of at least 0")
+    direction: Direction | None = Field(None, description="three numbers [x, y, z], not all 0; each level multiplies them")
+    scale: float = Field(1.0, description="a number that each level multiplies, for a load on a dof")
+    harmonic: int = Field(1, ge=0, le=10_000, description="the harmonic of the load, a whole number of at least 0")
+    phase: float = Field(0.0, description="the phase in rad, a number")
+
+    @model_validator(mode="after")
+    def _place(self):
+        _check_place(self, self.exactly_one("position", "node", "group", "dof"))
+        return self
+
+
+class Output(Table):
+    """[[outputs]]: the displacement of one node along one direction."""
+
+    name: Name = Field(description="a name for tables and pictures, without comma, quote or slash")
+    position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is meant")
+    node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
+    dof: Number | None = Field(None, description="a DOF number of the matrices, a whole number of at least 0")
+    direction: Direction | None = Field(None, description="three numbers [x, y, z], not all 0")
+
+    @model_validator(mode="after")
+    def _place(self):
+        _check_place(self, self.exactly_one("position", "node", "dof"))
+        return self
+
+
+def _check_place(entry: Load | Output, key: str) -> None:
+    """Raise ValueError unless a node comes with a direction, and a dof without one."""
+    if key == "dof":
+        if entry.direction is not None:
+            raise ValueError("direction belongs to a node; a dof has its own")
+    elif entry.direction is None:
+        raise ValueError(f"direction is missing: expected {type(entry).model_fields['direction'].description}")
+    elif "scale" in entry.model_fields_set:
+        raise ValueError("scale belongs to a load on a dof; with a direction, state it there")
+
+
+class Damping(Table):
+    """[damping]: of every mode, or Rayleigh's."""
+
+    ratio: float | None = Field(None, ge=0, lt=1, description="the ratio to critical damping, a number of at least 0 and below 1")
+    rayleigh: tuple[NotNegative, NotNegative] | None = Field(
+        None, description="[alpha, beta] of C = alpha M + beta K in 1/s and s, two numbers of at least 0"
+    )
+
+    @model_validator(mode="after")
+    def _one(self):
+        self.exactly_one("ratio", "rayleigh")
+        return self
+
+
+class Response(Table):
+    """[response]: levels and frequencies of the curves."""
+
+    levels: Annotated[tuple[Positive, ...], AfterValidator(_no_duplicates)] = Field(
+        min_length=1, description="a list of load levels in N, numbers above 0, each once"
+    )
+    frequencies: Annotated[tuple[Frequency, Frequency], AfterValidator(_rising)] | None = Field(
+        None, description="two frequencies in Hz, above 0 and at most 1e9, the lower one first"
+    )
+    mode: int | None = Field(None, ge=1, description="the number of a mode, a whole number of at least 1")
+    span: Annotated[tuple[Positive, Positive], AfterValidator(_rising)] | None = Field(
+        None, description="two factors of the mode's frequency, above 0, the lower one first"
+    )
+    points: int = Field(100, ge=2, le=10_000_000, description="the number of points a level, a whole number of at least 2")
+    at: Annotated[tuple[Frequency, ...], AfterValidator(_no_duplicates)] = Field(
+        (), description="a list of frequencies in Hz, above 0, each once"
+    )
+    direction: Literal["up", "down"] = Field("up", description='the direction of the sweep, "up" or "down"')
+
+    @model_validator(mode="after")
+    def _range(self):
+        if self.exactly_one("frequencies", "mode") == "mode" and self.span is None:
+            raise ValueError("span is missing: with mode, expected " + str(Response.model_fields["span"].description))
+        if self.frequencies is None:
+            return self
+        if self.span is not None:
+            raise ValueError("span belongs to mode; with frequencies it means nothing")
+        low, high = self.frequencies
+        for frequency in self.at:
+            if not low <= frequency <= high:
+                raise ValueError(f"at holds {frequency:g} Hz, outside frequencies = [{low:g}, {high:g}]")
+        return self
+
+
+class Solver(Table):
+    """[solver]: the method and its accuracy."""
+
+    method: Method = Field("adaptive", description="a method's name")
+    modes: int = Field(20, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
+    harmonics: int = Field(3, ge=0, le=10_000, description="the highest harmonic, a whole number of at least 0")
+    samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")
+    energy_tolerance: NotNegative = Field(1e-10, description="the energy in J per cycle and pair, a number of at least 0")
+    tolerance: float = Field(1e-8, gt=0, lt=1, description="the relative tolerance of a point, a number above 0 and below 1")
+    in_point_check: bool = Field(False, description="true or false: check all pairs inside the point")
+    verify_modes: bool = Field(True, description="true or false: prove by a count that no mode is missed")
+
+    @model_validator(mode="after")
+    def _sampled(self):
+        if self.samples <= 2 * self.harmonics:
+            raise ValueError(
+                f"samples = {self.samples} do not resolve harmonics = {self.harmonics}; "
+                f"at least {2 * self.harmonics + 1} are needed, {max(128, 16 * self.harmonics)} are advised"
+            )
+        return self
+
+
+class Continuation(Table):
+    """[continuation]: lengths of the steps along the curve; each that is left out follows from [response] points."""
+
+    ds: Positive | None = Field(None, le=1, description="the first step as a fraction of the curve, above 0 and at most 1")
+    ds_min: Positive | None = Field(None, le=1, description="the shortest step as a fraction of the curve, above 0 and at most 1")
+    ds_max: Positive | None = Field(None, le=1, description="the longest step as a fraction of the curve, above 0 and at most 1")
+
+    @model_validator(mode="after")
+    def _ordered(self):
+        given = [(key, getattr(self, key)) for key in ("ds_min", "ds", "ds_max") if getattr(self, key) is not None]
+        for (lower, small), (upper, large) in pairwise(given):
+            if small > large:
+                raise ValueError(f"{lower} = {small:g} is above {upper} = {large:g}; ds_min <= ds <= ds_max is needed")
+        return self
+
+
+class Scene(Table):
+    """A scene file, checked; attributes are its keys."""
+
+    title: str = Field("", description="a text in quotes")
+    model: Model = Field(description="a table [model] with the mesh")
+    materials: dict[str, Material] = Field({}, description="tables [materials.NAME] with young, poisson and density")
+    bodies: dict[str, Body] = Field({}, description="tables [bodies.NAME] with group and material")
+    supports: tuple[Support, ...] = Field((), description="tables, each headed [[supports]], with group and fix")
+    joints: tuple[Joint, ...] = Field((), description="tables, each headed [[joints]], with name, surfaces, friction, ...")
+    statics: Statics | None = Field(None, description="a table [statics]")
+    loads: tuple[Load, ...] = Field(min_length=1, description="at least one table headed [[loads]], with position and direction")
+    outputs: tuple[Output, ...] = Field(
+        min_length=1, description="at least one table headed [[outputs]], with name, position and direction"
+    )
+    damping: Damping | None = Field(None, description="a table [damping] with ratio, or with rayleigh = [alpha, beta]")
+    response: Response = Field(description="a table [response] with levels and frequencies")
+    solver: Solver = Field(Solver(), description="a table [solver]")
+    continuation: Continuation | None = Field(None, description="a table [continuation]")
+
+    _path: Path = PrivateAttr(default=Path("scene.toml"))
+    _text: str = PrivateAttr(default="")
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Take the file's path and text from the validation's context."""
+        if context:
+            self._path, self._text = context["path"], context["text"]
+
+    @property
+    def path(self) -> Path:
+        """The scene file, absolute."""
+        return self._path
+
+    @property
+    def folder(self) -> Path:
+        """The folder that the scene's paths are relative to."""
+        return self._path.parent
+
+    @property
+    def name(self) -> str:
+        """The file's name without its ending."""
+        return self._path.stem
+
+    @property
+    def text(self) -> str:
+        """The file's text."""
+        return self._text
