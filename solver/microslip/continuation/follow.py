@@ -20,6 +20,7 @@ from .steps import ArcLength
 # the way to a first point that Newton does not reach at once: steps over the level
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
 MOST_APPROACH_STEPS = 400
+NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
 
 @dataclass(frozen=True)
@@ -265,8 +266,8 @@ def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, 
     follower = BranchFollower(problem, selection, sweep, steps, tolerance)
     try:
         for _, point in follower.points():
-            branch.points.append(point)
             on_point(point)
+            branch.points.append(point if problem.comm.rank == 0 else replace(point, U=NOTHING, p=NOTHING))
             if len(branch.points) == max_points:
                 branch.failure = f"{max_points} points without reaching {problem.where(sweep.stop)}: raise [response] points"
                 break

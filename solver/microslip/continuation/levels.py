@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -61,23 +62,27 @@ def arc_length_steps(continuation, points: int, curve: LinearCurve) -> ArcLength
 
     The keys of [continuation] are shares of the length of the linear curve.
     """
-    ds = curve.length * (continuation.ds or 1.0 / points)
-    ds_min = curve.length * continuation.ds_min if continuation.ds_min else ds / 1024.0
-    ds_max = curve.length * continuation.ds_max if continuation.ds_max else 2.0 * ds
+    asked = {key: getattr(continuation, key, None) for key in ("ds", "ds_min", "ds_max")}
+    ds = curve.length * (asked["ds"] or 1.0 / points)
+    ds_min = curve.length * asked["ds_min"] if asked["ds_min"] else ds / 1024.0
+    ds_max = curve.length * asked["ds_max"] if asked["ds_max"] else 2.0 * ds
     return ArcLength(ds=ds, ds_min=ds_min, ds_max=ds_max)
 
 
-def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep, curve: LinearCurve,
-                  on_level: Callable[[int, float], None], on_point: Callable[[int, Point], None]) -> Iterator[Branch]:
-    """Yield the branch of each level as it is done.  Collective.
+class Listener(Protocol):
+    """Who is told of levels and points as they come: the log and the result files."""
 
-    ``on_level`` and ``on_point`` are told the number of the level and what has come: for the log and the result files.
-    """
+    def level_started(self, number: int, level: float) -> None: ...
+
+    def point(self, point: Point) -> None: ...
+
+
+def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep, curve: LinearCurve,
+                  listener: Listener) -> Iterator[Branch]:
+    """Yield the branch of each level as it is done.  Collective."""
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
     for number, level in enumerate(scene.response.levels):
-        on_level(number, level)
+        listener.level_started(number, level)
         problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
-        yield follow_branch(
-            problem, selection, sweep, steps, tolerance=scene.solver.tolerance, max_points=10 * scene.response.points,
-            on_point=lambda point, number=number: on_point(number, point),
-        )
+        yield follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
+                            max_points=10 * scene.response.points, on_point=listener.point)

@@ -1,0 +1,148 @@
+"""The story of a run: one call a stage, from the scene to the response and its pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .assembly.assemble import assemble
+from .contact.law import ContactParameters
+from .continuation.levels import follow_levels, frequency_sweep, linear_curve
+from .linear.joint_springs import Linearised, linearise
+from .mesh.data import ContactPairs, Mesh
+from .mesh.pairing import pair_contacts
+from .mesh.partition import distribute
+from .mesh.read import read_mesh
+from .modes.eigen import Modes, lowest_modes
+from .parallel.agree import on_root
+from .parallel.errors import ConvergenceError
+from .parallel.log import RunLog
+from .parallel.versions import versions
+from .reduction import selection_of
+from .reduction.build import reduce_structure
+from .reduction.expand import node_fields, peak_displacement
+from .results.audit import audit_text
+from .results.plots import draw_all
+from .results.record import LinearCurve
+from .results.vtk import peak_fields, write_fields, write_modes
+from .results.writer import ResultWriter
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The linearised structure and its contact pairs."""
+
+    mesh: Mesh | None               # rank 0 only
+    pairs: ContactPairs
+    linearised: Linearised
+    modes: Modes
+
+
+def run(scene, comm, folder: Path, options: tuple[str, ...] = ()) -> None:
+    """Solve one scene, from mesh to response and pictures.
+
+    Collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank, before anything is solved or as soon as it is known
+    ConvergenceError : a level ended early, after everything that converged was written and drawn; on every rank
+    """
+    facts = {"scene": str(scene.path), "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
+    with RunLog(comm, str(folder / "run.log"), facts=facts) as log:
+        structure = build_structure(scene, comm, log)
+        with log.stage("static solutions of loads and outputs"):
+            model = reduce_structure(structure.linearised, structure.modes, scene)
+        with log.stage("response"):
+            branches = follow(scene, structure, model, folder, options, log)
+        with log.stage("fields for ParaView"):
+            write_shapes(structure, model, branches, folder)
+        with log.stage("pictures"):
+            on_root(comm, draw_all, str(folder / "results.h5"), str(folder))
+        log.note(f"results in {folder}")
+        structure.linearised.destroy()
+    failed = [branch for branch in branches if branch.failure]
+    if failed:
+        raise ConvergenceError("\n".join(f"level {branch.level:g} N ends after {len(branch.points)} points: {branch.failure}"
+                                         for branch in failed) + f"\nwhat converged is in {folder}")
+
+
+def build_structure(scene, comm, log: RunLog) -> Structure:
+    """Return the structure with all pairs stuck, factored, and its lowest modes.  Collective."""
+    with log.stage("mesh and contact pairs"):
+        mesh = on_root(comm, read_mesh, scene, share=False)
+        pairs = on_root(comm, pair_contacts, mesh, scene.joints)
+    with log.stage("partition"):
+        shares = distribute(mesh, scene, comm)
+    with log.stage("assembly"):
+        system = assemble(shares, mesh, pairs, scene, comm)
+    log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
+    with log.stage("factor of the stuck structure"):
+        linearised = linearise(system, pairs)
+    with log.stage("modes"):
+        modes = lowest_modes(linearised, scene.solver.modes, verify=scene.solver.verify_modes)
+    return Structure(mesh, pairs, linearised, modes)
+
+
+def follow(scene, structure: Structure, model, folder: Path, options, log: RunLog) -> list:
+    """Return the branches of all levels; write and log each point as it comes.  Collective."""
+    pairs, comm = structure.pairs, model.comm
+    sweep = frequency_sweep(scene.response, model.omega_n)
+    curve = linear_curve(model, sweep)
+    parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+    writer = ResultWriter(
+        comm, str(folder), scene, pairs, N_H=model.N_H, omega_n=model.omega_n, versions=versions(), options=options,
+        linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
+        node_numbers=None if structure.mesh is None else structure.mesh.numbers,
+    )
+    reporter = Reporter(log, writer, sweep, scene.response.levels)
+    branches = []
+    try:
+        for branch in follow_levels(scene, model, parameters, selection_of(scene.solver), sweep, curve, reporter):
+            branches.append(branch)
+            log.level_finished(branch.level, branch)
+            writer.level_finished(branch)
+    finally:
+        writer.close()
+    log.note(f"static columns: solved for {model.G_static.known.sum()} of {model.n_pairs} pairs, in {model.G_static.batches} batches")
+    log.note(audit_text(branches))
+    return branches
+
+
+class Reporter:
+    """Tells the log and the result files what comes."""
+
+    def __init__(self, log: RunLog, writer: ResultWriter, sweep, levels):
+        self.log, self.writer, self.sweep, self.levels = log, writer, sweep, levels
+
+    def level_started(self, number: int, level: float) -> None:
+        self.count = 0
+        self.level = level
+        self.log.level_started(level, self.sweep.start, self.sweep.stop, number, len(self.levels))
+        self.writer.level_started(level)
+
+    def point(self, point) -> None:
+        self.log.point(self.level, self.count, point)
+        self.writer.point(self.count, point)
+        self.count += 1
+
+
+def write_shapes(structure: Structure, model, branches, folder: Path) -> None:
+    """Write the modes and the motion at the peak of every level on the mesh.  Collective; rank 0 writes."""
+    system, comm = structure.linearised.system, model.comm
+    if system.dof is None:
+        return
+    shapes = node_fields(system, structure.modes.phi_owned)
+    on_root(comm, _write_modes, structure, model.omega_n, shapes, folder, share=False)
+    fields: dict[str, np.ndarray] = {}
+    for branch in branches:
+        found = peak_displacement(structure.linearised, structure.modes, model, branch)
+        if found is not None and comm.rank == 0:
+            fields.update(peak_fields(branch.level, *found))
+    on_root(comm, write_fields, str(folder / "peak_response.vtkhdf"), structure.mesh, fields, share=False)
+
+
+def _write_modes(structure: Structure, omega_n, shapes, folder: Path) -> None:
+    write_modes(str(folder / "modes.vtkhdf"), structure.mesh, omega_n, np.moveaxis(shapes, -1, 0))
