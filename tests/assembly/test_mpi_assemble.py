@@ -80,7 +80,7 @@ def test_equals_serial_assembly(kind):
     system, _ = system_of(mesh, case)
     assert system.n_dof == 3 * len(mesh.points) - 2 * len(mesh.node_groups["base"])
     assert_equal_matrices(system, mesh, case)
-    assert (gathered(system.K).indptr == gathered(system.M).indptr).all()
+    assert gathered(system.M).nnz < 0.4 * gathered(system.K).nnz
 
 
 def test_small_pieces_give_the_same_matrices(monkeypatch):
@@ -221,13 +221,14 @@ def test_inverted_elements_are_named_once():
     for row in (1, 7):
         mesh.elements[0].nodes[row] = mesh.elements[0].nodes[row][[4, 5, 6, 7, 0, 1, 2, 3]]
     case = scene({"blade": "block"}, [("base", ["x", "y", "z"])])
-    with pytest.raises(MeshError, match=r"2 elements are inverted .*elements (2, 8|8, 2).* hex8 element [28] of body 'blade'"):
+    named = r"2 elements are inverted .*elements (2, 8|8, 2).* hex8 element [28] of body 'blade'"
+    with pytest.raises(MeshError, match=named):
         system_of(mesh, case)
 
 
 @pytest.mark.parametrize("supports, loads, error, message", [
     ([], [], MeshError, "nothing holds body 'blade'"),
-    ([("base", ["x", "y", "z"])], [{"group": "base", "direction": (1, 0, 0)}], CaseError, r"\[\[loads\]\] 1 acts only on"),
+    ([("base", ["x", "y", "z"])], [{"group": "base", "direction": (1, 0, 0)}], CaseError, "1 acts only on degrees"),
     ([("block", ["x", "y", "z"])], [], CaseError, "fix every degree of freedom"),
     ([("base", ["x"])], [{"node": 5, "direction": (1, 0, 0)}], MeshError, r"\[\[loads\]\] 1 node = 5: no element"),
 ])  # fmt: skip

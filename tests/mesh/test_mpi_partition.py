@@ -12,7 +12,8 @@ CASE = scene({"left": "low", "right": "high"})
 
 
 def two_kinds():
-    return mesh_of(("low", "hex20", *box("hex20", (3, 2, 2))), ("high", "tet4", *box("tet4", (2, 2, 2), origin=(2, 0, 0))))
+    high = box("tet4", (2, 2, 2), origin=(2, 0, 0))
+    return mesh_of(("low", "hex20", *box("hex20", (3, 2, 2))), ("high", "tet4", *high))
 
 
 @pytest.mark.parametrize("mesh", [two_kinds()] + [mesh_of(("low", kind, *box(kind, (3, 2, 1)))) for kind in KINDS])

@@ -77,7 +77,10 @@ def _read_off(mesh: Mesh, pairs: ContactPairs, scene) -> tuple:
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, scene):
-    """Return K and M as PETSc matrices with one sparsity pattern.  Collective on ``dmesh.comm``."""
+    """Return K and M as PETSc matrices.  Collective on ``dmesh.comm``.
+
+    M couples equal directions only: its pattern is a third of K's, and part of it.
+    """
     pattern = node_pattern(dmesh)
     comm = dmesh.comm
     n_entries = 9 * len(pattern.indices)
@@ -89,8 +92,11 @@ def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, s
         ResourceError,
     )  # fmt: skip
     n_owned = int(row_ranges[comm.rank + 1] - row_ranges[comm.rank])
-    indptr, columns, values = expand(pattern, _sums(dmesh, scene, pattern), dof, PETSc.IntType)
-    return [_petsc_matrix(comm, n_owned, (indptr, columns, values.pop(0))) for _ in range(2)]
+    sums = _sums(dmesh, scene, pattern)
+    K = _petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
+    M = _petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
+    M.setOption(PETSc.Mat.Option.SPD, True)
+    return K, M
 
 
 def _sums(dmesh: DistributedMesh, scene, pattern: NodePattern) -> list[BlockSum]:
@@ -118,7 +124,7 @@ def _add_elements(block: LocalBlock, scene, pattern: NodePattern, K_sum: BlockSu
         M_sum.add(is_owned, positions, M.reshape(-1, n_nodes, 1, n_nodes, 1))
 
 
-def _petsc_matrix(comm, n_owned: int, csr: tuple[np.ndarray, np.ndarray, np.ndarray]):
+def _petsc_matrix(comm, n_owned: int, csr: tuple[np.ndarray, ...]):
     """Return a symmetric AIJ matrix from this rank's rows.  Collective on ``comm``."""
     size = ((n_owned, None), (n_owned, None))
     matrix = PETSc.Mat().createAIJ(size, csr=csr, comm=comm)

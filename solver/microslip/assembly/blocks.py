@@ -73,58 +73,52 @@ class BlockSum:
                 self.data[i, j, first : first + len(total)] += total
 
 
-def expand(pattern: NodePattern, sums: list[BlockSum], dof: np.ndarray, integer) -> tuple:
-    """Return (indptr, columns, values of every sum) of the owned rows of free DOFs.  Local.
+def expand(pattern: NodePattern, total: BlockSum, dof: np.ndarray, integer) -> tuple[np.ndarray, ...]:
+    """Return (indptr, columns, values) of the owned rows of free DOFs.  Local.
 
     Parameters
     ----------
-    sums : of three components, or of one: multiples of the unit block
+    total : sums of 3 x 3 blocks, or of one component: multiples of the unit block, which couple equal directions only
     dof : (n_nodes, 3) row of each rank-ordered node, -1 where fixed
     integer : type of indptr and columns
     """
     n_owned = len(pattern.indptr) - 1
     is_free = dof >= 0
     row_is_free = is_free[pattern.row_start : pattern.row_start + n_owned]
-    free_before = np.concatenate([[0], np.cumsum(np.count_nonzero(is_free, axis=1)[pattern.indices])])
-    n_columns = np.diff(free_before[pattern.indptr])                # of each row of an owned node
-    indptr = np.concatenate([[0], np.cumsum(np.repeat(n_columns, 3)[row_is_free.ravel()])])
+    in_block = is_free.sum(axis=1, keepdims=True) if len(total.data) == 3 else is_free      # columns, by row of a block
+    before = np.concatenate([np.zeros((1, in_block.shape[1]), dtype=int), np.cumsum(in_block[pattern.indices], axis=0)])
+    n_columns = np.broadcast_to(np.diff(before[pattern.indptr], axis=0), (n_owned, 3))
+    indptr = np.concatenate([[0], np.cumsum(n_columns[row_is_free])])
     first_row = np.concatenate([[0], np.cumsum(np.count_nonzero(row_is_free, axis=1))])
-    values = [np.empty(indptr[-1]) for _ in sums]
-    columns = np.empty(indptr[-1], dtype=integer)
+    values, columns = np.empty(indptr[-1]), np.empty(indptr[-1], dtype=integer)
     for start in range(0, n_owned, _CHUNK_NODES):                   # small pieces stay in the cache
         end = min(start + _CHUNK_NODES, n_owned)
         target = slice(indptr[first_row[start]], indptr[first_row[end]])
-        blocks = slice(pattern.indptr[start], pattern.indptr[end])
-        lines, columns_of_line = _lines(pattern, start, end, dof)
+        own_columns, own_values = _lines(pattern, start, end, dof, total.data)
         keep = np.repeat(row_is_free[start:end].ravel(), np.repeat(np.diff(pattern.indptr[start : end + 1]), 3))
-        keep = keep[:, None] & (columns_of_line >= 0)
+        keep = keep[:, None] & (own_columns >= 0)
         kept = slice(None) if keep.all() else np.flatnonzero(keep)
-        columns[target] = columns_of_line.ravel()[kept]
-        for own, total in zip(values, sums, strict=True):
-            own[target] = _values_of_lines(lines, total.data[:, :, blocks]).ravel()[kept]
+        columns[target] = own_columns.ravel()[kept]
+        values[target] = own_values.ravel()[kept]
     return indptr.astype(integer), columns, values
 
 
-def _lines(pattern: NodePattern, start: int, end: int, dof: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where the three rows of every block go, (3, n_blocks), and the columns of these lines, (3 n_blocks, 3).
+def _lines(pattern: NodePattern, start: int, end: int, dof: np.ndarray, data: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return columns and values of the rows of nodes ``start`` to ``end``, (3 n_blocks, n_components); -1 where fixed.
 
-    The three rows of a node with m blocks follow one another, m lines of three entries each: row i of the node's
-    k-th block is line ``3 * (blocks of nodes before) + i * m + k``.
+    The three rows of a node with m blocks follow one another, m lines each: row i of the node's k-th block is line
+    ``3 * (blocks of nodes before) + i * m + k``, with an entry for each column that it couples to.
     """
     indptr = pattern.indptr[start : end + 1] - pattern.indptr[start]
-    indices = pattern.indices[pattern.indptr[start] : pattern.indptr[end]]
-    m = np.diff(indptr)
-    first = np.arange(len(indices)) + np.repeat(2 * indptr[:-1], m)
-    lines = first + np.arange(3)[:, None] * np.repeat(m, m)
-    columns = np.empty((3 * len(indices), 3), dtype=dof.dtype)
-    columns[lines] = dof[indices]
-    return lines, columns
-
-
-def _values_of_lines(lines: np.ndarray, data: np.ndarray) -> np.ndarray:
-    """Return the entries of blocks (n_components, n_components, n_blocks) in the order of their lines."""
-    values = np.zeros((lines.size, 3))
+    blocks = slice(pattern.indptr[start], pattern.indptr[end])
+    neighbours = dof[pattern.indices[blocks]]
+    m, n_components = np.diff(indptr), len(data)
+    first = np.arange(len(neighbours)) + np.repeat(2 * indptr[:-1], m)
+    columns = np.empty((3 * len(neighbours), n_components), dtype=dof.dtype)
+    values = np.empty(columns.shape)
     for i in range(3):
-        for j in range(3) if len(data) == 3 else [i]:
-            values[lines[i], j] = data[i % len(data), j % len(data)]
-    return values
+        line = first + i * np.repeat(m, m)
+        columns[line] = neighbours if n_components == 3 else neighbours[:, i : i + 1]
+        for j in range(n_components):
+            values[line, j] = data[i % n_components, j, blocks]
+    return columns, values

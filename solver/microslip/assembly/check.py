@@ -22,9 +22,9 @@ def check_elements(dmesh: DistributedMesh, scene) -> None:
         lowest, number, kind, body = min((det, number, kind, body) for body, kind, number, det in bad)
         first = ", ".join(str(number) for _, _, number, _ in bad[:10]) + (", ..." if len(bad) > 10 else "")
         raise MeshError(
-            f"{len(bad)} elements are inverted or collapsed (elements {first}); the worst is {kind} element {number} "
-            f"of body {body!r} with det J = {lowest:.3g} m3, it must be > 0; check the order of its nodes, and whether "
-            "mid-side nodes lie far from the middle of their edges"
+            f"{scene.model.mesh}: {len(bad)} elements are inverted or collapsed (elements {first}); the worst is "
+            f"{kind} element {number} of body {body!r} with det J = {lowest:.3g} m3, it must be > 0; check the order of its "
+            "nodes, and whether mid-side nodes lie far from the middle of their edges"
         )
 
 

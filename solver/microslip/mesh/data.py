@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +65,7 @@ class LocalBlock:
 class DistributedMesh:
     """A rank's share of the mesh.  Nodes are renumbered so that each rank owns a contiguous range."""
 
-    comm: object
+    comm: Any
     node_ranges: np.ndarray     # (size + 1,) rank r owns rank-ordered nodes node_ranges[r]:node_ranges[r + 1]
     rank_order: np.ndarray      # (n_nodes,) rank-ordered number of each node of Mesh.points; same on every rank
     blocks: tuple[LocalBlock, ...]

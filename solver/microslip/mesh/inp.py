@@ -25,6 +25,7 @@ _EDGES = {
 _SOLIDS = {4: "tet4", 10: "tet10", 8: "hex8", 20: "hex20", 6: "wedge6", 15: "wedge15", 5: "pyramid5", 27: "hex27"}
 _SHELLS = {3: "tri3", 6: "tri6", 4: "quad4", 8: "quad8", 65: "tri6", 9: "quad9"}
 _LINES = {"T2D2": "line2", "T2D3": "line3", "T3D2": "line2", "T3D3": "line3", "B31": "line2", "B32": "line3"}
+_LONGEST = 10**8        # numbers in a generated set
 # Keywords that would change the mesh in ways that are not followed here.
 _REFUSED = {
     "INCLUDE": "write one file with everything in it",
@@ -110,8 +111,16 @@ def _numbers(lines: list[str], keyword: str) -> np.ndarray:
         try:
             return np.fromstring(" ".join(lines).replace(",", " "), sep=" ")
         except (ValueError, DeprecationWarning):
-            line = next((line for line in lines if re.search(r"[^-+.\d\s,eEdD]", line)), lines[0])
+            line = next((line for line in lines if not _is_numeric(line)), lines[0])
             raise MeshError(f"*{keyword} holds {line[:60]!r} where numbers are due") from None
+
+
+def _is_numeric(line: str) -> bool:
+    try:
+        [float(word) for word in line.split(",") if word.strip()]
+    except ValueError:
+        return False
+    return True
 
 
 def _take_nodes(content: _Content, parameters: dict, lines: list[str]) -> None:
@@ -121,7 +130,10 @@ def _take_nodes(content: _Content, parameters: dict, lines: list[str]) -> None:
     values = _numbers(lines, "NODE")
     if n_fields < 4 or len(values) != n_fields * len(lines):
         raise MeshError("*NODE: every line must hold a number and three coordinates; the file is damaged or truncated")
-    content.nodes.append(values.reshape(len(lines), n_fields)[:, :4])
+    table = values.reshape(len(lines), n_fields)[:, :4]
+    if not np.isfinite(table[:, 0]).all():
+        raise MeshError("*NODE: a node number is not a number; the file is damaged")
+    content.nodes.append(table)
     if "NSET" in parameters:
         content.add("NSET", parameters["NSET"], content.nodes[-1][:, 0].astype(np.int64))
 
@@ -169,6 +181,8 @@ def _take_set(content: _Content, keyword: str, parameters: dict, lines: list[str
     if "GENERATE" in parameters:
         for line in lines:
             first, last, *step = _numbers([line], keyword).astype(np.int64)
+            if not 0 <= first <= last <= first + _LONGEST:
+                raise MeshError(f"*{keyword}, GENERATE: {line!r} is not a range of numbers; the file is damaged")
             content.add(keyword, name, np.arange(first, last + 1, step[0] if step else 1))
         return
     words = [word.strip().strip('"') for line in lines for word in line.split(",") if word.strip()]
@@ -227,8 +241,8 @@ def _compose(content: _Content) -> FileMesh:
         source = groups.get(content.names.get(elset, elset), Group())
         for block, members in source.cells.items():
             groups[name].add_nodes(np.unique(cells[block].nodes[members]))
-    for name, parts in content.surfaces.items():
-        _add_surface(cells, groups.setdefault(name, Group()), parts)
+    for name, faces in content.surfaces.items():
+        _add_surface(cells, groups.setdefault(name, Group()), faces)
     notes = tuple(f"{n} lines of *ELEMENT, TYPE={word} are not read" for word, n in content.skipped.items())
     return FileMesh(points, numbers, tuple(cells), groups, notes)
 

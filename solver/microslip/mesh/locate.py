@@ -29,7 +29,7 @@ def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str 
         nearest, distance = nearest_node(mesh, position)
         if distance > FAR * mesh.diagonal:
             raise MeshError(
-                f"{where} position = {place(position)} m is {distance:.3g} m from the nearest node "
+                f"{mesh.path}: {where} position = {place(position)} m is {distance:.3g} m from the nearest node "
                 f"({mesh.numbers[nearest]} at {place(mesh.points[nearest])} m), more than {FAR:.0%} of the mesh's "
                 "diagonal; positions are in metres, after [model] scale"
             )
@@ -37,8 +37,8 @@ def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str 
     if node is not None:
         found = np.flatnonzero(mesh.numbers == node)
         if len(found) == 0:
-            raise MeshError(f"{where} node = {node}: no element of a body has a node of this number; node numbers run "
-                            f"from {mesh.numbers.min()} to {mesh.numbers.max()}")  # fmt: skip
+            raise MeshError(f"{mesh.path}: {where} node = {node}: no element of a body has a node of this number; "
+                            f"node numbers run from {mesh.numbers.min()} to {mesh.numbers.max()}")  # fmt: skip
         return found
     if group is not None:
         return mesh.node_groups[group]

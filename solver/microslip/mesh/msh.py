@@ -63,7 +63,7 @@ def _format(content: bytes) -> tuple[str, bool, str]:
         )
     if is_binary and size != b"8":
         raise MeshError(f"a binary Gmsh file with {size.decode(errors='replace')}-byte numbers is not read, only 8")
-    if is_binary and b"$PartitionedEntities" in content or b"\n$PartitionedEntities" in content:
+    if b"\n$PartitionedEntities" in content:
         raise MeshError("the mesh is partitioned already; save it whole (this program partitions it by itself)")
     return version, is_binary, "<" if not is_binary or lines[2][:4] == b"\1\0\0\0" else ">"
 
@@ -226,6 +226,8 @@ def _nodes_2(section: bytes, is_binary: bool, order: str) -> tuple[np.ndarray, n
     values = _numbers(rest, "Nodes")
     if len(values) != 4 * n:
         raise MeshError(f"$Nodes announces {n} nodes of 4 numbers and holds {len(values)} numbers; the file is damaged")
+    if not np.isfinite(values[0::4]).all():
+        raise MeshError("$Nodes holds a node number that is not a number; the file is damaged")
     return values[0::4].astype(np.int64), values.reshape(n, 4)[:, 1:]
 
 
@@ -235,15 +237,8 @@ def _elements_2(section: bytes, is_binary: bool, order: str) -> list[tuple]:
     n, blocks = _count(count, "Elements"), []
     cursor = _cursor(rest, is_binary, order, "Elements")
     while n > 0:
-        if is_binary:
-            gmsh_type, n_run, n_tags = (int(value) for value in cursor.ints(3))
-            kind, n_nodes = _kind(gmsh_type)
-            rows = cursor.ints(n_run * (1 + n_tags + n_nodes)).reshape(n_run, 1 + n_tags + n_nodes)
-            numbers, tags, nodes = rows[:, 0], rows[:, 1 : 1 + n_tags], rows[:, 1 + n_tags :]
-        else:
-            rows = _run(cursor, n)
-            kind, n_tags = _kind(rows[0, 1])[0], rows[0, 2]
-            numbers, tags, nodes = rows[:, 0], rows[:, 3 : 3 + n_tags], rows[:, 3 + n_tags :]
+        kind, n_tags, rows = _run_in_text(cursor, n) if isinstance(cursor, _Text) else _run_in_binary(cursor)
+        numbers, tags, nodes = rows[:, 0], rows[:, 1 : 1 + n_tags], rows[:, 1 + n_tags :]
         n -= max(len(rows), 1)
         physical = np.abs(tags[:, 0]) if n_tags else np.zeros(len(rows), dtype=np.int64)
         for tag in np.unique(physical):
@@ -253,11 +248,19 @@ def _elements_2(section: bytes, is_binary: bool, order: str) -> list[tuple]:
     return blocks
 
 
-def _run(cursor: _Text, n_left: int) -> np.ndarray:
-    """Return the next elements of one type and number of tags, one row each."""
+def _run_in_binary(cursor: _Binary) -> tuple[str, int, np.ndarray]:
+    """Return kind, number of tags and rows (number, tags, nodes) of the next block of elements."""
+    gmsh_type, n_run, n_tags = (int(value) for value in cursor.ints(3))
+    kind, n_nodes = _kind(gmsh_type)
+    return kind, n_tags, cursor.ints(n_run * (1 + n_tags + n_nodes)).reshape(n_run, 1 + n_tags + n_nodes)
+
+
+def _run_in_text(cursor: _Text, n_left: int) -> tuple[str, int, np.ndarray]:
+    """Return kind, number of tags and rows (number, tags, nodes) of the next elements of one type."""
     start = cursor.at
-    _, gmsh_type, n_tags = cursor.ints(3)
-    width = 3 + int(n_tags) + _kind(int(gmsh_type))[1]
+    _, gmsh_type, n_tags = (int(value) for value in cursor.ints(3))
+    kind, n_nodes = _kind(gmsh_type)
+    width = 3 + n_tags + n_nodes
     cursor.at = start
     rows, n_try = cursor.ints(width).reshape(1, width), 64
     while len(rows) < n_left:
@@ -270,7 +273,7 @@ def _run(cursor: _Text, n_left: int) -> np.ndarray:
         if n_alike < n_ready or n_ready == 0:
             break
         n_try *= 4
-    return rows
+    return kind, n_tags, np.delete(rows, (1, 2), axis=1)
 
 
 def _count(word: bytes, name: str) -> int:

@@ -79,7 +79,7 @@ def _read_quietly(source, file_format: str):
         raise
     except ImportError:
         raise MeshError("this format needs meshio; install it: pip install meshio") from None
-    except BaseException as problem:  # noqa: BLE001      meshio exits the interpreter on a bad file
+    except BaseException as problem:      # meshio exits the interpreter on a bad file
         text = str(problem) if not isinstance(problem, SystemExit) else ""
         cause = " ".join((said.getvalue() + " " + text).split()) or type(problem).__name__
         raise MeshError(
@@ -98,7 +98,8 @@ def _nastran_text(path: str) -> str:
 
 def _nastran_numbers(text: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the numbers of nodes and elements in the order of the file."""
-    nodes, elements = [], []
+    nodes: list[int] = []
+    elements: list[int] = []
     for line in text.splitlines():
         card = re.match(r"(GRID|C[A-Z]+\d?R?)(\*?)\s*(,?)", line)
         if card:

@@ -75,7 +75,7 @@ def _preload(joint, area: np.ndarray, k_n: np.ndarray) -> np.ndarray:
     if isinstance(joint.preload, str):
         raise CaseError(f"[[joints]] {joint.name!r} preload = {joint.preload!r} needs a [statics] solution, which this "
                         "program does not compute yet; state a pressure in Pa")  # fmt: skip
-    if joint.gap > 0.0 and joint.preload != 0.0:
+    if joint.gap > 0.0 and joint.preload:
         raise CaseError(f"[[joints]] {joint.name!r} has a gap of {joint.gap:g} m and a preload of {joint.preload:g} "
                         "Pa; an open joint carries no preload, set one of them to 0")  # fmt: skip
     return -joint.gap * k_n if joint.gap > 0.0 else joint.preload * area

@@ -44,10 +44,10 @@ def check_held(part: np.ndarray, names: tuple[str, ...], mesh: Mesh, scene, pair
     is_held = np.isin(cluster, cluster[held])
     if not is_held.all():
         free = [names[i] for i in np.flatnonzero(~is_held)]
+        shown = "; ".join(free[:5]) + (" and others" if len(free) > 5 else "")
         raise MeshError(
-            f"nothing holds {'; '.join(free[:5])}{' and others' if len(free) > 5 else ''}: no support, and no joint to "
-            "a part that has one, so it can move freely; add [[supports]] or a joint, or merge the nodes where bodies "
-            "touch"
+            f"{mesh.path}: nothing holds {shown}: no support, and no joint to a part that has one, so it can move freely; "
+            "add [[supports]] or a joint, or merge the nodes where bodies touch"
         )
 
 

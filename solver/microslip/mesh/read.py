@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 
 import numpy as np
 
 from ..parallel.errors import CaseError, MeshError
+from ..parallel.words import nearest
 from .data import ElementBlock, FaceBlock, Mesh, place
 from .file import KINDS, FileMesh, Group
 from .inp import read_inp
@@ -42,16 +42,17 @@ def read_mesh(scene) -> Mesh:
 
 def _read_file(path: str) -> FileMesh:
     ending = os.path.splitext(path)[1].lower()
-    readers = {".msh": read_msh, ".inp": read_inp, **{known: read_other for known in FORMATS}}
-    if ending not in readers:
-        raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not known; known are {', '.join(readers)}")
+    own_readers = {".msh": read_msh, ".inp": read_inp}
+    if ending not in own_readers and ending not in FORMATS:
+        known = ", ".join([*own_readers, *FORMATS])
+        raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not known; known are {known}")
     if not os.path.isfile(path):
         raise CaseError(f"[model] mesh: there is no file {path}")
     try:
-        return read_other(path, ending) if ending in FORMATS else readers[ending](path)
+        return read_other(path, ending) if ending in FORMATS else own_readers[ending](path)
     except (MeshError, OSError) as problem:
         raise MeshError(f"{path}: {problem}") from None
-    except (ValueError, IndexError, OverflowError) as problem:
+    except (ValueError, IndexError, ArithmeticError) as problem:
         raise MeshError(f"{path}: the file is damaged, or not a mesh in the format of its ending ({problem})") from None
 
 
@@ -86,10 +87,9 @@ def _check_groups(file: FileMesh, scene) -> None:
 def _existing(word: str, names: list[str]) -> str:
     if not names:
         return "; it has no named groups at all (in Gmsh: Physical Volume and Physical Surface with names)"
-    by_lower = {name.lower(): name for name in names}
-    near = difflib.get_close_matches(word.lower(), by_lower, n=1)
+    near = nearest(word, names)
     shown = ", ".join(names[:30]) + (f", ... ({len(names)} in all)" if len(names) > 30 else "")
-    return (f"; nearest is {by_lower[near[0]]!r}" if near else "") + f"; it has: {shown}"
+    return (f"; nearest is {near!r}" if near else "") + f"; it has: {shown}"
 
 
 def _compose(path: str, file: FileMesh, scene) -> Mesh:

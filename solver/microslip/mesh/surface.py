@@ -52,7 +52,9 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
 
 def _outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
     """Return the faces of the group by kind, as the elements list them: corners counter-clockwise seen from outside."""
-    outer, named, n_inside = {}, {}, 0
+    outer: dict[str, np.ndarray] = {}
+    named: dict[int, list[np.ndarray]] = {}
+    n_inside = 0
     for block in mesh.faces:
         if block.group == group:
             named.setdefault(_n_corners(block.kind), []).append(_key(block.nodes, block.kind))
