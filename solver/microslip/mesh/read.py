@@ -30,7 +30,7 @@ def read_mesh(scene) -> Mesh:
     ------
     MeshError, CaseError: one message that names the file and the cause.
     """
-    path = os.path.join(str(scene.folder), str(scene.model.mesh))
+    path = os.path.normpath(os.path.join(scene.folder, scene.model.mesh))
     file = _read_file(path)
     try:
         _check_points(file)
