@@ -10,8 +10,8 @@ from microslip.harmonic.fourier import (
     derivative_matrix,
     differentiate,
     n_coefficients,
-    synthesise,
     synthesis_matrix,
+    synthesise,
 )
 
 

@@ -7,6 +7,7 @@ cdef extern from "aft_kernel.c" nogil:
         Py_ssize_t N_t
         Py_ssize_t stride
         const double *E
+        const double *E_T
         const double *F
         const double *S
     ctypedef struct aft_pairs:
@@ -27,10 +28,11 @@ cdef class Sampling:
     cdef aft_tables c
     cdef object arrays
 
-    def __init__(self, Py_ssize_t N_H, const double[:, ::1] E, const double[:, ::1] F, const double[:, ::1] S):
-        self.arrays = (E, F, S)
-        self.c.N_H, self.c.N_t, self.c.stride = N_H, E.shape[0], E.shape[1]
-        self.c.E, self.c.F, self.c.S = &E[0, 0], &F[0, 0], &S[0, 0]
+    def __init__(self, const double[:, ::1] E, const double[:, ::1] E_T, const double[:, ::1] F,
+                 const double[:, ::1] S):
+        self.arrays = (E, E_T, F, S)
+        self.c.N_H, self.c.N_t, self.c.stride = E_T.shape[0], E_T.shape[1], E.shape[1]
+        self.c.E, self.c.E_T, self.c.F, self.c.S = &E[0, 0], &E_T[0, 0], &F[0, 0], &S[0, 0]
 
 
 cdef class Pairs:

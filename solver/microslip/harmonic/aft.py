@@ -74,7 +74,7 @@ def _sampling(H: int, N_t: int) -> Sampling:
     F[:, :N_H] = analysis_matrix(H, N_t).T
     S[1:] = np.cumsum(F, axis=0)
     S[N_t, 0], S[N_t, 1:] = 1.0, 0.0                    # what the sum is without roundoff
-    return Sampling(N_H, E, F, S)
+    return Sampling(E, np.ascontiguousarray(synthesis_matrix(H, N_t).T), F, S)
 
 
 def pair_energy(U: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -31,15 +31,14 @@
 #else
 #define EVERY_MACHINE
 #endif
+#if defined(__GNUC__)
 #define INLINED static inline __attribute__((always_inline))
-#define UNROLLED _Pragma("GCC unroll 8")
-
-/* Four numbers; the compiler maps them on what the machine has.  Any address of a double may be read as one. */
-typedef double vec4 __attribute__((vector_size(32), aligned(8), may_alias));
+#else
+#define INLINED static inline
+#endif
 
 enum { LANES = 8 };                                 /* pairs side by side */
 enum { CHUNK = 32 };                                /* slips that a matrix product takes at once */
-enum { MOST_VEC = 2 };                              /* columns of its block in registers, in fours */
 enum { STICK = 0, SLIP = 1, OPEN = 2 };
 static const double NO_SLIP = -1.0;                 /* in place of alpha */
 static const double FORGOTTEN = 1e-20;              /* share of an older W that is below roundoff */
@@ -49,6 +48,7 @@ typedef struct {
     Py_ssize_t N_H, N_t;
     Py_ssize_t stride;                              /* N_H rounded up to a multiple of 4; padded with zeros */
     const double *E;                                /* (N_t, stride) rows of the synthesis matrix */
+    const double *E_T;                              /* (N_H, N_t) its columns */
     const double *F;                                /* (N_t, stride) columns of the analysis matrix */
     const double *S;                                /* (N_t + 1, stride) their running sums, S_0 = 0 */
 } aft_tables;
@@ -62,21 +62,53 @@ typedef struct {
 typedef struct {                                    /* one group of LANES pairs */
     double N0[LANES], k_t[LANES], k_n[LANES];
     double give[LANES];                             /* mu / k_t, slip distance per normal force */
-    double *U;                                      /* (3, N_H, LANES) */
+    double *U;                                      /* (N_H, 3, LANES) */
     double *du;                                     /* (N_t, 3, LANES) */
     double *rho;                                    /* (N_t, LANES) slip distance; infinite where k_t = 0 */
     double *closed;                                 /* (N_t, LANES) 1 where N > 0, else 0 */
     double *force;                                  /* (N_t, 3, LANES) p at the samples of the kept period */
     double *slips;                                  /* (2 N_t, 3, LANES) alpha, d of both periods; NO_SLIP: stick */
     double slipped[LANES], opened[LANES];           /* in the kept period */
-    double *p;                                      /* (3, N_H, LANES) */
+    double *p;                                      /* (N_H, 3, LANES) */
     Py_ssize_t *events;                             /* (2 N_t,) samples of both periods at which one pair slips */
     double *W;                                      /* (CHUNK + 1, 2, 3, stride) */
     double *G;                                      /* (CHUNK, stride) */
-    double *sum;                                    /* (stride, 2, 3, stride) */
+    double *sum;                                    /* (N_H, 2, 3, stride) */
 } aft_group;
 
-/* ---- samples ----------------------------------------------------------------------------------------------------- */
+/* ---- matrix products -------------------------------------------------------------------------------------------- */
+
+/* add_product for a fixed number of rows: each pass over sum takes them all. */
+INLINED void add_rows(double *restrict sum, const double *G, const double *W, const int n, Py_ssize_t n_out,
+                      Py_ssize_t stride, const Py_ssize_t width)
+{
+    for (Py_ssize_t i = 0; i < n_out; i++) {
+        double *restrict to = sum + i * width;
+        for (Py_ssize_t q = 0; q < width; q++) {
+            double value = to[q];
+            for (int k = 0; k < n; k++)
+                value += G[k * stride + i] * W[k * width + q];
+            to[q] = value;
+        }
+    }
+}
+
+/* sum += G^T W over n rows: sum (n_out, width), G (n, stride) of which the first n_out columns count, W (n, width). */
+INLINED void add_product(double *sum, const double *G, const double *W, Py_ssize_t n, Py_ssize_t n_out,
+                         Py_ssize_t stride, const Py_ssize_t width)
+{
+    Py_ssize_t k = 0;
+    for (; k + 8 <= n; k += 8)
+        add_rows(sum, G + k * stride, W + k * width, 8, n_out, stride, width);
+    for (; k + 4 <= n; k += 4)
+        add_rows(sum, G + k * stride, W + k * width, 4, n_out, stride, width);
+    for (; k + 2 <= n; k += 2)
+        add_rows(sum, G + k * stride, W + k * width, 2, n_out, stride, width);
+    if (k < n)
+        add_rows(sum, G + k * stride, W + k * width, 1, n_out, stride, width);
+}
+
+/* ---- samples ---------------------------------------------------------------------------------------------------- */
 
 INLINED void gather(aft_group *group, const aft_pairs *pairs, const Py_ssize_t *chosen, Py_ssize_t N_H)
 {
@@ -87,25 +119,16 @@ INLINED void gather(aft_group *group, const aft_pairs *pairs, const Py_ssize_t *
         group->k_t[l] = pairs->k_t[i];
         group->k_n[l] = pairs->k_n[i];
         group->give[l] = pairs->k_t[i] > 0.0 ? pairs->mu[i] / pairs->k_t[i] : 0.0;
-        for (Py_ssize_t c = 0; c < 3 * N_H; c++)
-            group->U[c * LANES + l] = U[c];
+        for (int a = 0; a < 3; a++)
+            for (Py_ssize_t h = 0; h < N_H; h++)
+                group->U[(3 * h + a) * LANES + l] = U[a * N_H + h];
     }
 }
 
 INLINED void sample(aft_group *group, const aft_tables *t)
 {
-    for (Py_ssize_t j = 0; j < t->N_t; j++) {
-        vec4 du[3][LANES / 4] = {{{0.0}}};
-        for (Py_ssize_t h = 0; h < t->N_H; h++) {
-            const double e = t->E[j * t->stride + h];
-            UNROLLED for (int a = 0; a < 3; a++) {
-                const vec4 *U = (const vec4 *)(group->U + (a * t->N_H + h) * LANES);
-                UNROLLED for (int v = 0; v < LANES / 4; v++)
-                    du[a][v] += e * U[v];
-            }
-        }
-        memcpy(group->du + 3 * j * LANES, du, sizeof du);
-    }
+    memset(group->du, 0, (size_t)(3 * t->N_t * LANES) * sizeof(double));
+    add_product(group->du, t->E_T, group->U, t->N_H, t->N_t, t->N_t, 3 * LANES);
     for (Py_ssize_t j = 0; j < t->N_t; j++)
         for (int l = 0; l < LANES; l++) {
             const double N = group->N0[l] - group->k_n[l] * group->du[(3 * j + 2) * LANES + l];
@@ -115,7 +138,7 @@ INLINED void sample(aft_group *group, const aft_tables *t)
         }
 }
 
-/* ---- which pairs leave sticking ---------------------------------------------------------------------------------- */
+/* ---- which pairs leave sticking --------------------------------------------------------------------------------- */
 
 INLINED double amplitude_bound(const double *U, Py_ssize_t N_H)
 {
@@ -155,7 +178,7 @@ INLINED void test_samples(aft_group *group, const aft_pairs *pairs, const aft_ta
     }
 }
 
-/* ---- two periods ------------------------------------------------------------------------------------------------- */
+/* ---- two periods ------------------------------------------------------------------------------------------------ */
 
 /* One sample on all lanes: reads du, rho; moves w; writes alpha, d; marks lanes whose slider really moves. */
 INLINED void circle_step(const double *du, const double *rho, double *w, double *slip, double *slipped)
@@ -226,51 +249,13 @@ INLINED void march(aft_group *group, Py_ssize_t N_t, int separate)
 /* The samples of p on the harmonics.  An initial gap adds max(-N0, 0), the preload that closing it takes, to p_z. */
 INLINED void project(aft_group *group, const aft_tables *t)
 {
-    for (Py_ssize_t c = 0; c < t->N_H; c++) {
-        vec4 p[3][LANES / 4] = {{{0.0}}};
-        for (Py_ssize_t j = 0; j < t->N_t; j++) {
-            const double F = t->F[j * t->stride + c];
-            const vec4 *force = (const vec4 *)(group->force + 3 * j * LANES);
-            UNROLLED for (int a = 0; a < 3; a++)
-                UNROLLED for (int v = 0; v < LANES / 4; v++)
-                    p[a][v] += F * force[a * (LANES / 4) + v];
-        }
-        for (int a = 0; a < 3; a++)
-            memcpy(group->p + (a * t->N_H + c) * LANES, p[a], sizeof p[a]);
-    }
+    memset(group->p, 0, (size_t)(3 * t->N_H * LANES) * sizeof(double));
+    add_product(group->p, t->F, group->force, t->N_t, t->N_H, t->stride, 3 * LANES);
     for (int l = 0; l < LANES; l++)
-        group->p[2 * t->N_H * LANES + l] += group->N0[l] < 0.0 ? -group->N0[l] : 0.0;
+        group->p[2 * LANES + l] += group->N0[l] < 0.0 ? -group->N0[l] : 0.0;
 }
 
-/* ---- derivatives ------------------------------------------------------------------------------------------------- */
-
-/* sum += G^T W over n rows: sum (stride, width), G (n, stride), W (n, width).  One block, 4 x 4 n_vec, in registers. */
-INLINED void add_block(double *sum, const double *G, const double *W, Py_ssize_t n, Py_ssize_t stride,
-                       Py_ssize_t width, const int n_vec)
-{
-    vec4 block[4][MOST_VEC] = {{{0.0}}};
-    for (Py_ssize_t k = 0; k < n; k++) {
-        const vec4 *row = (const vec4 *)(W + k * width);
-        UNROLLED for (int q = 0; q < n_vec; q++)
-            UNROLLED for (int i = 0; i < 4; i++)
-                block[i][q] += G[k * stride + i] * row[q];
-    }
-    UNROLLED for (int i = 0; i < 4; i++)
-        UNROLLED for (int q = 0; q < n_vec; q++)
-            ((vec4 *)(sum + i * width))[q] += block[i][q];
-}
-
-INLINED void add_product(double *sum, const double *G, const double *W, Py_ssize_t n, Py_ssize_t stride,
-                         Py_ssize_t width)
-{
-    for (Py_ssize_t i = 0; i < stride; i += 4) {
-        Py_ssize_t q = 0;
-        for (; q + 4 * MOST_VEC <= width; q += 4 * MOST_VEC)
-            add_block(sum + i * width + q, G + i, W + q, n, stride, width, MOST_VEC);
-        for (; q < width; q += 4)
-            add_block(sum + i * width + q, G + i, W + q, n, stride, width, 1);
-    }
-}
+/* ---- derivatives ------------------------------------------------------------------------------------------------ */
 
 typedef struct {
     double A[2][2];
@@ -294,15 +279,18 @@ INLINED slip_map map_of(const aft_group *group, Py_ssize_t k, int l, Py_ssize_t 
     return m;
 }
 
+/* W after a slip; may be the same array as before. */
 INLINED void move_slider(double *after, const double *before, const slip_map *m, const double *e, Py_ssize_t stride)
 {
     for (int b = 0; b < 3; b++) {
         const double *x = before + b * stride, *y = before + (3 + b) * stride;
         double *to_x = after + b * stride, *to_y = after + (3 + b) * stride;
-        for (Py_ssize_t h = 0; h < stride; h += 4) {
-            const vec4 old_x = *(const vec4 *)(x + h), old_y = *(const vec4 *)(y + h), new = *(const vec4 *)(e + h);
-            *(vec4 *)(to_x + h) = m->A[0][0] * old_x + m->A[0][1] * old_y + m->C[0][b] * new;
-            *(vec4 *)(to_y + h) = m->A[1][0] * old_x + m->A[1][1] * old_y + m->C[1][b] * new;
+        const double xx = m->A[0][0], xy = m->A[0][1], yy = m->A[1][1], x_new = m->C[0][b], y_new = m->C[1][b];
+#pragma GCC ivdep
+        for (Py_ssize_t h = 0; h < stride; h++) {
+            const double old_x = x[h], old_y = y[h];
+            to_x[h] = xx * old_x + xy * old_y + x_new * e[h];
+            to_y[h] = xy * old_x + yy * old_y + y_new * e[h];
         }
     }
 }
@@ -338,7 +326,7 @@ INLINED void sum_slider_derivative(aft_group *group, const aft_tables *t, int l,
     }
     double *before = group->W, *W = group->W + width;       /* row 0 of W keeps the last state */
     memset(before, 0, (size_t)width * sizeof(double));
-    memset(group->sum, 0, (size_t)(stride * width) * sizeof(double));
+    memset(group->sum, 0, (size_t)(t->N_H * width) * sizeof(double));
     for (Py_ssize_t i = first_that_matters(group, n_before, l, N_t, separate); i < n_before; i++) {
         const slip_map m = map_of(group, group->events[i], l, N_t, separate);
         move_slider(before, before, &m, t->E + group->events[i] * stride, stride);
@@ -358,12 +346,12 @@ INLINED void sum_slider_derivative(aft_group *group, const aft_tables *t, int l,
             group->G[n * stride + c] =
                 next == j + 1 ? t->F[j * stride + c] : t->S[next * stride + c] - t->S[j * stride + c];
         if (++n == CHUNK) {
-            add_product(group->sum, group->G, W, n, stride, width);
+            add_product(group->sum, group->G, W, n, t->N_H, stride, width);
             memcpy(before, W + (n - 1) * width, (size_t)width * sizeof(double));
             n = 0;
         }
     }
-    add_product(group->sum, group->G, W, n, stride, width);
+    add_product(group->sum, group->G, W, n, t->N_H, stride, width);
 }
 
 /* P of lane l, (3 N_H, 3 N_H).  The normal force does not know the tangential motion. */
@@ -381,7 +369,7 @@ INLINED void differentiate(aft_group *group, const aft_tables *t, int l, int sep
     memset(P_z, 0, (size_t)(3 * N_H * N_H) * sizeof(double));
     if (!(group->opened[l] > 0.0))
         return;
-    memset(group->sum, 0, (size_t)(stride * stride) * sizeof(double));
+    memset(group->sum, 0, (size_t)(N_H * stride) * sizeof(double));
     Py_ssize_t n = 0;
     for (Py_ssize_t j = 0; j < N_t; j++) {
         if (group->closed[j * LANES + l] > 0.0)
@@ -389,23 +377,23 @@ INLINED void differentiate(aft_group *group, const aft_tables *t, int l, int sep
         memcpy(group->G + n * stride, t->F + j * stride, (size_t)stride * sizeof(double));
         memcpy(group->W + n * stride, t->E + j * stride, (size_t)stride * sizeof(double));
         if (++n == CHUNK) {
-            add_product(group->sum, group->G, group->W, n, stride, stride);
+            add_product(group->sum, group->G, group->W, n, N_H, stride, stride);
             n = 0;
         }
     }
-    add_product(group->sum, group->G, group->W, n, stride, stride);
+    add_product(group->sum, group->G, group->W, n, N_H, stride, stride);
     for (Py_ssize_t c = 0; c < N_H; c++)
         for (Py_ssize_t h = 0; h < N_H; h++)
             P_z[c * 3 * N_H + 2 * N_H + h] = -group->k_n[l] * group->sum[c * stride + h];
 }
 
-/* ---- entry points ------------------------------------------------------------------------------------------------ */
+/* ---- entry points ----------------------------------------------------------------------------------------------- */
 
 static int allocate(aft_group *group, const aft_tables *t)
 {
     const size_t N_H = (size_t)t->N_H, N_t = (size_t)t->N_t, s = (size_t)t->stride;
     const size_t sizes[] = {3 * N_H * LANES, 3 * N_t * LANES, N_t * LANES, N_t * LANES, 3 * N_t * LANES,
-                            6 * N_t * LANES, 3 * N_H * LANES, (CHUNK + 1) * 6 * s, CHUNK * s, 6 * s * s};
+                            6 * N_t * LANES, 3 * N_H * LANES, (CHUNK + 1) * 6 * s, CHUNK * s, 6 * N_H * s};
     double **arrays[] = {&group->U, &group->du, &group->rho, &group->closed, &group->force, &group->slips,
                          &group->p, &group->W, &group->G, &group->sum};
     size_t total = 0;
@@ -467,7 +455,7 @@ INLINED void finish(aft_group *group, const aft_tables *t, const aft_pairs *pair
         double *P_l = P == NULL ? NULL : P + size * size * place[l];
         state[chosen[l]] = group->opened[l] > 0.0 ? OPEN : group->slipped[l] > 0.0 ? SLIP : STICK;
         for (Py_ssize_t c = 0; c < size; c++)
-            p[size * chosen[l] + c] = finite ? group->p[c * LANES + l] : NAN;
+            p[size * chosen[l] + c] = finite ? group->p[(c % t->N_H * 3 + c / t->N_H) * LANES + l] : NAN;
         if (P_l != NULL && finite)
             differentiate(group, t, l, separate, P_l);
         for (Py_ssize_t c = 0; P_l != NULL && !finite && c < size * size; c++)
