@@ -11,7 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
+from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
+
+
+MANY_KRYLOV = 30        # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,16 @@ class _ShellJacobian:
         self.corrector.apply_jacobian(x, y)
 
 
+class _ShellPreconditioner:
+    """What PETSc calls to apply the preconditioner."""
+
+    def __init__(self, corrector: Corrector):
+        self.corrector = corrector
+
+    def apply(self, pc, x, y) -> None:
+        self.corrector.apply_preconditioner(x, y)
+
+
 class Corrector:
     """SNES with a matrix-free Jacobian, kept over the points of a level.  Collective on ``problem.comm``."""
 
@@ -102,6 +116,8 @@ class Corrector:
         self.last = self.comm.rank == self.comm.size - 1            # owns the row of the parameter
         self.n_U = int(np.prod(problem.shape))
         self.tolerance = tolerance
+        self._preconditioner: HarmonicPreconditioner | None = None
+        self._wants_preconditioner = False
         n_local = self.n_U + int(self.last)
         self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=self.comm)
         self._r = self._x.duplicate()
@@ -118,7 +134,9 @@ class Corrector:
         ksp.setType(PETSc.KSP.Type.GMRES)
         ksp.setGMRESRestart(100)
         ksp.setTolerances(rtol=1e-5, atol=0.0, max_it=300)
-        ksp.getPC().setType(PETSc.PC.Type.NONE)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(_ShellPreconditioner(self))
         snes.setFromOptions()
         return snes
 
@@ -133,6 +151,12 @@ class Corrector:
         self._pack(guess, self._x)
         self._snes.solve(None, self._x)
         reason = self._snes.getConvergedReason()
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE and self._preconditioner is None:
+            self._wants_preconditioner = True
+            self._pack(guess, self._x)
+            self._snes.solve(None, self._x)
+            reason = self._snes.getConvergedReason()
+        self._weigh_preconditioner()
         failure = None
         if reason <= 0:
             failure = f"SNES reason {reason}, scaled residual {self._snes.getFunctionNorm():.1e} (bound {self.tolerance:.1e})"
@@ -157,6 +181,12 @@ class Corrector:
         self._pack(Iterate(d_xi * scaling.U, d_nu * scaling.parameter), self._x)
         self._J.mult(self._x, self._r)
         return self._r.getArray().copy()
+
+    def _weigh_preconditioner(self) -> None:
+        """Ask for a (new) preconditioner at the next linearisation where GMRES needed many iterations a Newton step."""
+        newton = self._snes.getIterationNumber()
+        if newton > 0 and self._snes.getLinearSolveIterations() > MANY_KRYLOV * newton:
+            self._wants_preconditioner = True
 
     # -- scaled unknowns in PETSc's vectors ------------------------------------------------------------------
 
@@ -205,7 +235,18 @@ class Corrector:
         _, dU_lin = self.problem.linear_motion(parameter)
         r_nu = (self.problem.force_derivative(G, forces.p) - dU_lin) * (self._scaling.parameter / self._scaling.U)
         self._linear = Linearisation(forces, G, r_nu, Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2))
+        if self._wants_preconditioner:
+            self._preconditioner = HarmonicPreconditioner(self.problem, forces, G)
+            self._wants_preconditioner = False
         J.assemble()
+
+    def apply_preconditioner(self, x, y) -> None:
+        """Apply the preconditioner, the identity in micro-slip.  Collective."""
+        values, out = x.getArray(readonly=True), y.getArray()
+        out[:] = values
+        if self._preconditioner is not None:
+            d_xi = values[: self.n_U].reshape(self.problem.shape)
+            out[: self.n_U] = self._preconditioner.apply(d_xi).ravel()
 
     def apply_jacobian(self, x, y) -> None:
         """Apply [I + G P, dr/dnu; n_U, n_nu] in scaled unknowns.  Collective: one gather."""

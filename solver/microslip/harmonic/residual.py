@@ -135,6 +135,16 @@ class ReceptanceColumns:
         self.c, self.dc = receptance.dynamic_part(model, omega)
         self.shape = (-1, 3, model.N_H)
 
+    def rows(self, owned: np.ndarray) -> np.ndarray:
+        """Return the rows of some of this rank's pairs of the static part, (3 m, 3 n_active) [m/N].  Local."""
+        return self.G_static[:, (3 * owned[:, None] + np.arange(3)).ravel()].T
+
+    def dynamic_block(self, n: int) -> np.ndarray:
+        """Return r c_n r^T between the active pairs for harmonic n, (3 n_active, 3 n_active), complex [m/N].  Local."""
+        if self.c.ndim == 2:
+            return (self.r_active * self.c[:, n]) @ self.r_active.T
+        return self.r_active @ self.c[n] @ self.r_active.T
+
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
         dynamic = self.r_owned @ receptance.modal(self.c, self.r_active.T @ p)

@@ -1,0 +1,61 @@
+"""A preconditioner for wide slip: the Jacobian without the coupling between harmonics.
+
+docs/theory.md, section 5.  In micro-slip I + G P is close to the identity and GMRES needs nothing.  When most pairs slip, P takes away
+most of the joint's stiffness, and I + G P inherits the condition of the structure without its joint.  Harmonic by harmonic,
+
+    B_n = I + G_n(omega) P_n,
+
+with P_n the complex-linear part of dp_n / dU_n, has the same weakness and is small: 3 rows an active pair.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from ..reduction import receptance
+from .residual import ContactForces, HarmonicBalance, ReceptanceColumns
+
+
+class HarmonicPreconditioner:
+    """Factors of B_n for the pairs active at one point; applied to residuals near by.  Collective on ``problem.comm``."""
+
+    def __init__(self, problem: HarmonicBalance, forces: ContactForces, G: ReceptanceColumns):
+        self.problem, self.active_owned = problem, forces.active_owned
+        N_H = problem.model.N_H
+        P = problem.gather(complex_linear(forces.P, N_H))                       # (n_active, H + 1, 3, 3)
+        static = problem.gather(G.rows(forces.active_owned))                    # (3 n_active, 3 n_active)
+        self.factors = []
+        for n in range(N_H // 2 + 1):
+            G_n = static + G.dynamic_block(n)
+            columns = G_n.reshape(len(G_n), -1, 3)
+            G_P = np.einsum("rmi,mij->rmj", columns, P[:, n]).reshape(G_n.shape)
+            self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
+        counts = problem.comm.allgather(len(forces.active_owned))
+        first = 3 * sum(counts[: problem.comm.rank])
+        self.own = slice(first, first + 3 * len(forces.active_owned))
+
+    def apply(self, x: np.ndarray) -> np.ndarray:
+        """Return B^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""
+        rows = x[self.active_owned].reshape(-1, x.shape[-1])
+        amplitudes = receptance.to_complex(self.problem.gather(rows))
+        for n, factor in enumerate(self.factors):
+            amplitudes[:, n] = scipy.linalg.lu_solve(factor, amplitudes[:, n], check_finite=False)
+        y = x.copy()
+        y[self.active_owned] = receptance.to_real(amplitudes[self.own]).reshape(-1, 3, x.shape[-1])
+        return y
+
+
+def complex_linear(P: np.ndarray, N_H: int) -> np.ndarray:
+    """Return the complex-linear, harmonic-diagonal part of dp/dU, (m, H + 1, 3, 3), of blocks (m, 3 N_H, 3 N_H).  Local.
+
+    With amplitudes cos - i sin, the real map (cos, sin) -> (a cos + b sin, c cos + d sin) has the part (a + d) / 2 + i (b - c) / 2.
+    """
+    blocks = P.reshape(-1, 3, N_H, 3, N_H)
+    parts = np.empty((len(P), N_H // 2 + 1, 3, 3), dtype=complex)
+    parts[:, 0] = blocks[:, :, 0, :, 0]
+    for n in range(1, N_H // 2 + 1):
+        c, s = 2 * n - 1, 2 * n
+        parts[:, n] = 0.5 * (blocks[:, :, c, :, c] + blocks[:, :, s, :, s])
+        parts[:, n] += 0.5j * (blocks[:, :, c, :, s] - blocks[:, :, s, :, c])
+    return parts
