@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as sla
+
 from microslip import elements
 
 
@@ -35,7 +36,7 @@ def frequencies(K, M, fixed, n, n_rigid=0):
     shift = -1e-6 * (K.diagonal() / M.diagonal()).max() if n_rigid else 0.0
     start = np.random.default_rng(0).standard_normal(len(free))
     squares = sla.eigsh(K, n + n_rigid, M, sigma=shift, v0=start, return_eigenvectors=False)
-    return np.sqrt(np.sort(squares)[n_rigid:]) / (2.0 * np.pi)
+    return np.sqrt(np.maximum(np.sort(squares)[n_rigid:], 0.0)) / (2.0 * np.pi)      # round-off of a mechanism
 
 
 def bent(points: np.ndarray) -> np.ndarray:

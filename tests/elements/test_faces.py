@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from box_meshes import KINDS, box
+from small_fe import bent
+
 from microslip import elements
 from microslip.elements import FACE_KINDS, face_nodal_areas, face_normals
-from small_fe import bent
 
 CORNER_SHARE = {"quad4": 1.0 / 4.0, "quad8": 3.0 / 76.0, "tri3": 1.0 / 3.0, "tri6": 1.0 / 19.0}
 
@@ -61,7 +62,7 @@ def test_a_collapsed_face_has_no_normal_and_no_nan():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_faces_of_an_element_enclose_its_volume(kind):
-    """Divergence theorem on straight-edged elements: the area vectors add up to 0, their fluxes of x / 3 to the volume."""
+    """Divergence theorem on straight elements: area vectors add up to 0, their fluxes of x / 3 to the volume."""
     points, nodes = box(kind, (1, 1, 2), (1.0, 1.5, 4.0))
     x = points[nodes] @ np.array([[1.0, 0.2, 0.1], [0.3, 1.0, 0.0], [0.0, -0.2, 1.0]])
     closure, flux = np.zeros((len(x), 3)), np.zeros(len(x))

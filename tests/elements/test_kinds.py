@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from microslip.elements import FACE_KINDS, KINDS
 
 ALL = {**KINDS, **FACE_KINDS}

@@ -5,6 +5,7 @@ from math import factorial
 
 import numpy as np
 import pytest
+
 from microslip.elements import INTEGRATIONS, KINDS, quadrature
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from .kinds import FACE_KINDS
-from .quadrature import Rule, square, triangle
+from .quadrature import square, triangle
 
 _RULES = {"quad4": square(2), "quad8": square(3), "tri3": triangle(3), "tri6": triangle(6)}
 
 
-def face_normals(kind, points):
+def face_normals(kind: str, points: np.ndarray) -> np.ndarray:
     """Return the unit normals of the curved faces at their nodes.
 
     Local.
@@ -29,7 +29,7 @@ def face_normals(kind, points):
     return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
 
 
-def face_nodal_areas(kind, points):
+def face_nodal_areas(kind: str, points: np.ndarray) -> np.ndarray:
     """Return the share of each node in the area of its face: positive, adding up to the area as integrated.
 
     Local.
@@ -44,12 +44,13 @@ def face_nodal_areas(kind, points):
 
     Notes
     -----
-    Node a gets the part ``integral N_a^2 / sum_b integral N_b^2`` of the face (lumping by the diagonal, after Hinton,
-    Rock and Zienkiewicz 1976). The integral of N_a itself, the consistent load, is negative at the corners of quad8
-    and zero at those of tri6: no area. On a flat rectangle a corner of quad8 gets 3/76 and a mid-side 4/19; on a
-    straight triangle a corner of tri6 gets 1/19 and a mid-side 16/57; quad4 and tri3 share equally.
+    docs/theory.md, eq. (2.2): node a gets the part ``integral N_a^2 / sum_b integral N_b^2`` of the face (lumping by
+    the diagonal, after Hinton, Rock and Zienkiewicz 1976). The integral of N_a itself, the consistent load, is
+    negative at the corners of quad8 and zero at those of tri6: no area. On a flat rectangle a corner of quad8 gets
+    3/76 and a mid-side 4/19; on a straight triangle a corner of tri6 gets 1/19 and a mid-side 16/57; quad4 and tri3
+    share equally.
     """
-    rule: Rule = _RULES[kind]
+    rule = _RULES[kind]
     size = np.linalg.norm(_area_vectors(points, FACE_KINDS[kind].derivatives(rule.points)), axis=-1)
     squares = (size * rule.weights) @ FACE_KINDS[kind].values(rule.points) ** 2
     area = size @ rule.weights

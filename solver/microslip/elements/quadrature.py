@@ -1,7 +1,7 @@
 """Quadrature rules on the reference elements, and which of them a kind uses for stiffness and for mass.
 
-Reference domains: [-1, 1] in every direction of squares and hexahedra; the unit triangle and tetrahedron; wedges are the
-unit triangle times [-1, 1].
+Reference domains: [-1, 1] in every direction of squares and hexahedra; the unit triangle and tetrahedron; wedges are
+the unit triangle times [-1, 1].
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def triangle(n: int) -> Rule:
 
 
 def tetrahedron(n: int) -> Rule:
-    """Return a rule of n points on the unit tetrahedron: 1 (degree 1), 4 (degree 2), 14 (degree 5), weights positive."""
+    """Return a rule of n points on the unit tetrahedron: 1 (degree 1), 4 (degree 2) or 14 (degree 5)."""
     if n == 1:
         return simplex(3, (1.0, (0.25, 0.25, 0.25, 0.25)))
     if n == 4:

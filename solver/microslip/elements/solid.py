@@ -1,4 +1,4 @@
-"""Stiffness and mass of isotropic solid elements, vectorised over elements (docs/theory.md, finite elements)."""
+"""Stiffness and mass of isotropic solid elements, vectorised over elements (docs/theory.md, section 2)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,14 @@ from .quadrature import Rule, rules
 _CHUNK_ENTRIES = 2**18      # of the largest intermediate array: 2 MiB stay in a core's cache, larger ones do not
 
 
-def stiffness(kind, points, young, poisson, integration="full", incompatible_modes=True):
+def stiffness(
+    kind: str,
+    points: np.ndarray,
+    young: float,
+    poisson: float,
+    integration: str = "full",
+    incompatible_modes: bool = True,
+) -> np.ndarray:
     """Return the stiffness matrices of elements of one kind.
 
     Local.
@@ -33,8 +40,8 @@ def stiffness(kind, points, young, poisson, integration="full", incompatible_mod
 
     Notes
     -----
-    For an isotropic material, with Lame's constants and G_ai,bj = integral of dN_a/dx_i dN_b/dx_j,
-    ``K_ai,bj = lam G_ai,bj + mu G_aj,bi + mu delta_ij G_ak,bk``: one product of matrices an element.
+    docs/theory.md, eq. (2.1): with Lame's constants and G_ai,bj = integral of dN_a/dx_i dN_b/dx_j,
+    ``K_ai,bj = lam G_ai,bj + mu G_aj,bi + mu delta_ij G_ak,bk``, one product of matrices an element.
     """
     rule = rules(kind, integration)[0]
     lam, mu = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), young / (2.0 * (1.0 + poisson))
@@ -51,7 +58,7 @@ def stiffness(kind, points, young, poisson, integration="full", incompatible_mod
     return K
 
 
-def mass(kind, points, density, integration="full"):
+def mass(kind: str, points: np.ndarray, density: float, integration: str = "full") -> np.ndarray:
     """Return the consistent mass matrices of elements of one kind: entry a, b couples u_x of a and b, u_y, u_z alike.
 
     Local.  M_ai,bj = delta_ij M_ab; incompatible modes carry no mass.
@@ -76,7 +83,7 @@ def mass(kind, points, density, integration="full"):
     return M
 
 
-def jacobian_minimum(kind, points, integration="full"):
+def jacobian_minimum(kind: str, points: np.ndarray, integration: str = "full") -> np.ndarray:
     """Return the smallest det J of each element over its quadrature points and nodes, (n_elements,) [m3].
 
     Local.  Not positive where an element is inverted, degenerate or bent too far.
