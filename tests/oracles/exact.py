@@ -75,7 +75,8 @@ def jenkins_frequencies(X, F, *, m, c, k, k_t, muN):
     """
     a1, b1, _ = jenkins_harmonic(X, k_t, muN)
     K = k + a1 / X
-    roots = np.roots([m * m * X * X, 0.0, (c * c - 2.0 * K * m) * X * X, 2.0 * c * X * b1, K * K * X * X + b1 * b1 - F * F])
+    quartic = [m * m * X * X, 0.0, (c * c - 2.0 * K * m) * X * X, 2.0 * c * X * b1, K * K * X * X + b1 * b1 - F * F]
+    roots = np.roots(quartic)
     return np.sort(roots[(abs(roots.imag) < 1e-9 * abs(roots)) & (roots.real > 0.0)].real)
 
 
@@ -94,7 +95,7 @@ def jenkins_amplitude(omega, F, *, m, c, k, k_t, muN):
 
 @dataclass(frozen=True)
 class HalfCycle:
-    """Symmetric steady state of one mass: u(t) falls from X at t = 0 to -X at t = pi / omega; the load is F cos(omega t + phi)."""
+    """Symmetric steady state of one mass: u falls from X at t = 0 to -X at pi / omega; load F cos(omega t + phi)."""
 
     omega: float
     X: float
@@ -106,7 +107,7 @@ class HalfCycle:
     @property
     def is_valid(self):
         """True where the motion falls monotonically, so that no further stick or turn was overlooked."""
-        u, v = self(np.linspace(0.0, np.pi / self.omega, 2001)[1:-1])
+        _, v = self(np.linspace(0.0, np.pi / self.omega, 2001)[1:-1])
         return bool(self.X > 0.0 and (v < 0.0).all())
 
     def __call__(self, t):
@@ -130,7 +131,8 @@ def _forced_piece(m, c, kappa, g, F, omega, phi, t0, u0, v0):
     amplitude = F * np.exp(1j * phi) / (kappa - m * omega ** 2 + 1j * c * omega)
     roots = np.roots([m, c, kappa]).astype(complex)
     at_t0 = amplitude * np.exp(1j * omega * t0)
-    weights = np.linalg.solve(np.vstack([np.ones(2), roots]), [u0 + g / kappa - at_t0.real, v0 - (1j * omega * at_t0).real])
+    rest = [u0 + g / kappa - at_t0.real, v0 - (1j * omega * at_t0).real]
+    weights = np.linalg.solve(np.vstack([np.ones(2), roots]), rest)
 
     def motion(t):
         forced = amplitude * np.exp(1j * omega * np.asarray(t))
@@ -142,7 +144,7 @@ def _forced_piece(m, c, kappa, g, F, omega, phi, t0, u0, v0):
 
 
 def jenkins_steady_state(omega, F, *, m, c, k, k_t, muN):
-    """Return the exact steady state with all harmonics of one mass on a Jenkins element that slips once each way a cycle.
+    """Return the exact steady state, all harmonics, of one mass on a Jenkins element that slips once each way a cycle.
 
     Solved for X, phi and the end of sticking: u(stick) = X - 2 muN / k_t, u(pi / omega) = -X, v(pi / omega) = 0.
     For k_t -> infinity it tends to Den Hartog's motion, with an error of order 1 / sqrt(k_t).
@@ -270,7 +272,8 @@ class FrictionBar:
         """Return u(x) under a monotonic force P."""
         x, s = np.asarray(x, dtype=float), self.slip_length(P)
         u_s = self.q / self.k if s > 0.0 else abs(P) / self.stuck_stiffness
-        near, far = self.lam * (self.L - np.maximum(x, s)), self.lam * (self.L - s)     # cosh(near) / cosh(far) without overflow
+        # cosh(near) / cosh(far) without overflow
+        near, far = self.lam * (self.L - np.maximum(x, s)), self.lam * (self.L - s)
         stuck = u_s * np.exp(near - far) * (1.0 + np.exp(-2.0 * near)) / (1.0 + np.exp(-2.0 * far))
         y = np.maximum(s - x, 0.0)
         return np.sign(P) * (stuck + (self.stuck_force(s) * y + 0.5 * self.q * y * y) / self.EA * (s > 0.0))
@@ -290,12 +293,12 @@ class FrictionBar:
 
 
 def rigid_foundation_bar(P, EA, q):
-    """Return slip length, end displacement and loss per cycle of ``FrictionBar`` in the limit k -> infinity, P <= q L."""
+    """Return slip length, end displacement and loss per cycle of ``FrictionBar`` for k -> infinity, P <= q L."""
     return P / q, P * P / (2.0 * EA * q), 2.0 * P ** 3 / (3.0 * EA * q)
 
 
 def cattaneo_mindlin(Q, *, mu, P, a, G, nu):
-    """Return the tangential approach and the loss per cycle of +-Q of two equal spheres, contact radius a, normal force P."""
+    """Return the tangential approach of equal spheres (contact radius a, normal force P) and the loss of +-Q."""
     c, q = 2.0 * (2.0 - nu) / G, Q / (mu * P)
     rest = (1.0 - q) ** (2.0 / 3.0)
     displacement = 3.0 * mu * P * c / (16.0 * a) * (1.0 - rest)

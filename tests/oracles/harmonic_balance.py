@@ -1,4 +1,4 @@
-"""Harmonic balance of a small system in its full physical coordinates: dense, plain, with the sampled law of DESIGN.md.
+"""Harmonic balance of a small system in full physical coordinates: dense, plain, the sampled law of docs/theory.md.
 
 Unknowns are the harmonics of every DOF, (n, 2 H + 1).  The contact law is marched sample by sample over two periods
 from T = k_t du_t at the first sample.  Its derivative is taken by complex steps through the same march (a perturbation
@@ -11,8 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .scenes import (cycle_work, damping_matrix, force_coefficients, harmonic_basis, harmonic_coefficients, joint_stiffness,
-                     stuck_stiffness)
+from .scenes import (
+    cycle_work,
+    damping_matrix,
+    force_coefficients,
+    harmonic_basis,
+    harmonic_coefficients,
+    joint_stiffness,
+    stuck_stiffness,
+)
 
 
 @dataclass(frozen=True)
@@ -41,7 +48,7 @@ class Balance:
 
 
 def sampled_law(du, system):
-    """Return f_nl (n_samples, ..., n_pairs, 3) [N] and the states (..., n_pairs) for one period of du (the same shape) [m].
+    """Return f_nl (n_samples, ..., n_pairs, 3) [N] and the states (..., n_pairs) for a period of du, shaped alike [m].
 
     Complex ``du`` carry a derivative in their imaginary part: branches look at real parts only.
     """
@@ -61,7 +68,8 @@ def sampled_law(du, system):
         leaves = square.real > limit[k].real ** 2
         if leaves.any():
             T = np.where(leaves, limit[k] * T / np.sqrt(np.where(leaves, square, 1.0)), T)
-            slips |= leaves.any(axis=-1) & (k >= 0)
+            if k >= 0:      # a pair that settled touches its limit once a cycle; only roundoff makes it slip there
+                slips |= (square.real > (1.0 + 1e-9) * limit[k].real ** 2).any(axis=-1)
         f[k, ..., :2] = T
     return f, np.where((closing.real <= 0.0).any(axis=0), 2, np.where(slips, 1, 0))
 
@@ -135,7 +143,7 @@ def newton(system, omega, level, u_hat, n_samples, tolerance=1e-10, max_iteratio
         for factor in 0.5 ** np.arange(8):
             trial = u_hat + factor * d_u
             r = _residual(trial, Z, F, system, n_samples)
-            if np.linalg.norm(r) < max(history[-6:]):   # not monotone: samples that change state make it rise in between
+            if np.linalg.norm(r) < max(history[-6:]):   # not monotone: it rises where samples change state
                 break
         u_hat = trial
         history.append(np.linalg.norm(r))
@@ -145,8 +153,8 @@ def newton(system, omega, level, u_hat, n_samples, tolerance=1e-10, max_iteratio
 def solve(system, omega, level, *, H=15, n_samples=1024, start=None, tolerance=1e-10):
     """Return the ``Balance`` at one frequency and level.
 
-    Newton from ``start`` (harmonics of u, (n, any number)) or from the linear solution, with all pairs stuck, or all open
-    where every pair has a gap; where that fails, the level is raised in steps from a thousandth of it.
+    Newton from ``start`` (harmonics of u, (n, any number)) or from the linear solution, with all pairs stuck, or all
+    open where every pair has a gap; where that fails, the level is raised in steps from a thousandth of it.
 
     Raises
     ------
@@ -163,7 +171,7 @@ def solve(system, omega, level, *, H=15, n_samples=1024, start=None, tolerance=1
 
 
 def follow(system, omegas, level, *, H=15, n_samples=1024, start=None, tolerance=1e-10, smallest=1e-3):
-    """Return the ``Balance`` at each of ``omegas``, one from the other with a secant predictor and halved steps between.
+    """Return the ``Balance`` at each of ``omegas``, one from the other by a secant predictor and halved steps.
 
     A branch is followed in frequency only: a turning point on the way is an error.
 
@@ -177,15 +185,16 @@ def follow(system, omegas, level, *, H=15, n_samples=1024, start=None, tolerance
         step = goal - omega
         while omega != goal:
             ahead = omega + step if abs(goal - omega) > 1.001 * abs(step) else goal
-            trial, residual, iterations = newton(system, ahead, level, u_hat + slope * (ahead - omega), n_samples, tolerance, 15)
+            guess = u_hat + slope * (ahead - omega)
+            trial, residual, iterations = newton(system, ahead, level, guess, n_samples, tolerance, 15)
             if trial is not None:
                 slope = (trial - u_hat) / (ahead - omega)
                 omega, u_hat = ahead, trial
                 continue
             step *= 0.5
             if abs(step) < smallest * abs(goal - omega):
-                raise RuntimeError(f"{system['name']}: level {level:.4g} cannot be followed beyond omega = {omega:.6g}, "
-                                   f"|r| / |f_ex| = {residual:.1e}")
+                raise RuntimeError(f"{system['name']}: level {level:.4g} cannot be followed beyond omega = "
+                                   f"{omega:.6g}, |r| / |f_ex| = {residual:.1e}")
         points.append(_summary(system, omega, level, u_hat, n_samples, residual, iterations))
     return points
 

@@ -6,7 +6,8 @@ A system holds
     pair_dofs : (n_pairs, 6) DOF x1, y1, z1, x2, y2, z2 of each pair, -1 = ground; R (3 n_pairs, n) follows from it
     mu, N0, k_t, k_n : (n_pairs,) friction coefficient, preload (negative: gap -N0 / k_n), stiffness
     separate : (n_pairs,) bool, True where the two tangential directions slip on their own
-    loads : dictionaries with vector (n,) [N per unit level], harmonic, phase; force = level vector cos(harmonic omega t + phase)
+    loads : dictionaries with vector (n,) [N per unit level], harmonic and phase;
+        force = level vector cos(harmonic omega t + phase), harmonic 0: level vector
     output : (n,) row of the observed displacement
     omega : (low, high) band of interest [rad/s]
     levels : regime name -> (level, omega, state of each pair in the steady state: 0 stuck, 1 slips, 2 open at times)
@@ -104,25 +105,26 @@ def harmonic_coefficients(samples, H):
 
 
 def cycle_work(F, X):
-    """Return the closed integral of f dx over a cycle from coefficients (..., 2 H + 1) of force and displacement [J]."""
+    """Return the closed integral of f dx over a cycle from coefficients (..., 2 H + 1) of both [J]."""
     n = np.arange(1, F.shape[-1] // 2 + 1)
     return np.pi * np.sum(n * (F[..., 1::2] * X[..., 2::2] - F[..., 2::2] * X[..., 1::2]), axis=-1)
 
 
 def jenkins_mass():
-    """One mass on a Jenkins element, the system of VALIDATION.md: m = k = k_t = mu N = 1, c = 0.02."""
+    """One mass on a Jenkins element, as in docs/validation.md: m = k = k_t = mu N = 1, c = 0.02."""
     return make_system(
-        "jenkins mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=0.5, N0=2.0, k_t=1.0, k_n=1.0, C=np.array([[0.02]]),
-        loads=[{"vector": [1.0], "harmonic": 1}], output=[1.0], omega=(0.5, 2.0),
+        "jenkins mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=0.5, N0=2.0, k_t=1.0, k_n=1.0,
+        C=np.array([[0.02]]), loads=[{"vector": [1.0], "harmonic": 1}], output=[1.0], omega=(0.5, 2.0),
         levels={"stuck": (0.02, 1.3, (0,)), "onset": (0.8, 1.13, (1,)), "slip": (0.8, 1.2, (1,))})
 
 
 def spatial_mass():
-    """One mass with three coupled DOFs on one 3-D pair: elliptic sliding and a normal force that varies, lift-off when strong."""
+    """One mass with three coupled DOFs on one 3-D pair: elliptic sliding, varying normal force, lift-off."""
     return make_system(
         "spatial mass", np.diag([1.0, 1.2, 0.9]), [[1.0, 0.15, 0.10], [0.15, 1.3, -0.12], [0.10, -0.12, 1.5]],
         [[0, 1, 2, -1, -1, -1]], mu=0.4, N0=1.0, k_t=1.5, k_n=2.5, zeta=0.03,
-        loads=[{"vector": [1.0, 0.0, 0.3], "harmonic": 1}, {"vector": [0.0, 0.7, 0.0], "harmonic": 1, "phase": np.pi / 3},
+        loads=[{"vector": [1.0, 0.0, 0.3], "harmonic": 1},
+               {"vector": [0.0, 0.7, 0.0], "harmonic": 1, "phase": np.pi / 3},
                {"vector": [0.0, 0.1, 0.2], "harmonic": 2, "phase": 0.4}, {"vector": [0.05, 0.0, -0.1], "harmonic": 0}],
         output=[1.0, 0.0, 0.0], omega=(0.8, 2.4),
         levels={"stuck": (0.02, 1.5, (0,)), "slip": (0.4, 1.3, (1,)), "lift-off": (4.0, 1.1, (2,))})
@@ -146,22 +148,30 @@ def chain():
 
 
 def gap_mass():
-    """One mass that strikes a frictional stop after a gap: hardening, with two stable states between the turning points.
+    """One mass that strikes a frictional stop after a gap: hardening, two stable states between the turning points.
 
-    At "two states" the response of z has the amplitude 0.354 (never touches; reached from rest) or 2.60 (from below in omega).
+    At "two states" z has the amplitude 0.352 (never touches; reached from rest) or 2.322 (from below in omega); two
+    stable states exist between about omega = 1.19 and 1.29.
     """
     return make_system(
         "gap mass", np.eye(3), np.diag([1.5, 1.4, 1.0]), [[0, 1, 2, -1, -1, -1]], mu=0.3, N0=-1.5, k_t=0.5, k_n=3.0,
-        C=0.04 * np.eye(3), loads=[{"vector": [0.4, 0.2, 1.0], "harmonic": 1}], output=[0.0, 0.0, 1.0], omega=(0.6, 1.6),
+        C=0.06 * np.eye(3), loads=[{"vector": [0.4, 0.2, 1.0], "harmonic": 1}], output=[0.0, 0.0, 1.0],
+        omega=(0.6, 1.6),
         levels={"open": (0.02, 0.9, (2,)), "struck": (0.2, 1.15, (2,)), "two states": (0.2, 1.25, (2,))})
 
 
 def den_hartog_mass(beta=0.75, friction_ratio=0.2, k_t=2000.0):
-    """One undamped mass with (nearly) rigid Coulomb friction; level 1 is P = 1, omega = beta, mu N = friction_ratio."""
+    """One undamped mass with (nearly) rigid Coulomb friction; level 1 is P = 1, omega = beta, mu N = friction_ratio.
+
+    The element turns within sqrt(8 mu N / (k_t |u''|)) seconds: time integration needs several steps in that, some 1024
+    per period for the default; with too few it settles on a motion of three periods that the equation does not have.
+    """
     return make_system(
         "Den Hartog mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=1.0, N0=friction_ratio, k_t=k_t, k_n=1.0,
         C=np.zeros((1, 1)), loads=[{"vector": [1.0], "harmonic": 1}], output=[1.0], omega=(0.5, 1.6),
         levels={"slip": (1.0, beta, (1,))})
 
 
-SCENES = {"jenkins": jenkins_mass, "spatial": spatial_mass, "chain": chain, "gap": gap_mass, "den-hartog": den_hartog_mass}
+SCENES = {
+    "jenkins": jenkins_mass, "spatial": spatial_mass, "chain": chain, "gap": gap_mass, "den-hartog": den_hartog_mass,
+}

@@ -25,7 +25,8 @@ def beam_frequencies(n, *, length, EI, rhoA, ends=("clamped", "free"), shear_sti
     def determinant(a):     # a^2 = omega time
         w2 = a ** 4
         # w' = theta + compliance Q,  theta' = m,  m' = -Q - slender w2 theta,  Q' = -w2 w   (all without dimension)
-        A = np.array([[0.0, 1.0, 0.0, compliance], [0.0, 0.0, 1.0, 0.0], [0.0, -slender * w2, 0.0, -1.0], [-w2, 0.0, 0.0, 0.0]])
+        A = np.zeros((4, 4))
+        A[0, 1], A[0, 3], A[1, 2], A[2, 1], A[2, 3], A[3, 0] = 1.0, compliance, 1.0, -slender * w2, -1.0, -w2
         transfer = expm(A)[np.ix_(ENDS[ends[1]], kept)]
         return np.linalg.det(transfer) / np.cosh(a)
 
@@ -39,7 +40,7 @@ def beam_frequencies(n, *, length, EI, rhoA, ends=("clamped", "free"), shear_sti
 
 
 def timoshenko_rectangle(n, *, length, width, height, young, poisson, density, ends=("clamped", "free")):
-    """Return the n lowest frequencies [rad/s] of bending over ``height``, shear factor 10 (1 + nu) / (12 + 11 nu) (Cowper)."""
+    """Return the n lowest frequencies [rad/s] of bending over ``height``; shear factor 10 (1 + nu) / (12 + 11 nu)."""
     A, inertia = width * height, width * height ** 3 / 12.0
     kappa = 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson)
     return beam_frequencies(n, length=length, EI=young * inertia, rhoA=density * A, ends=ends, rhoI=density * inertia,
@@ -63,8 +64,8 @@ def _plate_tables(degree):
 def free_plate(n, *, ratio=1.0, poisson=0.3, thickness=0.0, degree=14, shear_factor=5.0 / 6.0):
     """Return the n lowest parameters omega a^2 sqrt(rho h / D) of a plate a x b free on all sides, ratio = a / b.
 
-    Kirchhoff's theory for ``thickness`` = 0, else Mindlin's with h / a = thickness (rotary inertia included).  Ritz with
-    products of Legendre polynomials up to ``degree`` in each direction; rigid-body motions are not counted.
+    Kirchhoff's theory for ``thickness`` = 0, else Mindlin's with h / a = thickness (rotary inertia included).  Ritz
+    with products of Legendre polynomials up to ``degree`` in each direction; rigid-body motions are not counted.
     """
     table = _plate_tables(degree)
 

@@ -6,7 +6,7 @@ so that only the 3 n_pairs relative displacements are iterated: du+ + D Gam f+ =
     generalised-alpha   Chung and Hulbert's, rho_inf sets the damping of the highest frequencies; 1 conserves energy
     exponential         exact for the linear part; the contact force is linear within a step
     explicit            leapfrog: Gam has no part in u, nothing is iterated; stable for small steps only
-The contact law is that of DESIGN.md sections 1 and 2 with f_nl = (T_x, T_y, max(N0, 0) - N); it starts from T = 0.
+The contact law is that of docs/theory.md, f_nl = (T_x, T_y, max(N0, 0) - N); it starts from T = 0.
 """
 
 from __future__ import annotations
@@ -17,7 +17,14 @@ from math import sqrt
 import numpy as np
 from scipy.linalg import expm
 
-from .scenes import cycle_work, damping_matrix, force_coefficients, harmonic_basis, harmonic_coefficients, joint_stiffness
+from .scenes import (
+    cycle_work,
+    damping_matrix,
+    force_coefficients,
+    harmonic_basis,
+    harmonic_coefficients,
+    joint_stiffness,
+)
 
 
 @dataclass(frozen=True)
@@ -101,43 +108,52 @@ class Contacts:
 
     def __init__(self, system, G):
         self.G, self.K_J = G, joint_stiffness(system)
-        self.pairs = list(zip(*(system[key].tolist() for key in ("mu", "N0", "k_t", "k_n", "separate"))))
-        self.stick_inverse = np.linalg.inv(np.eye(len(G)) + G * self.K_J)
+        self.pairs = list(zip(*(system[key].tolist() for key in ("mu", "N0", "k_t", "k_n", "separate")), strict=True))
+        self.one = np.eye(len(G))
+        self.stick_inverse = np.linalg.inv(self.one + G * self.K_J)
         self.f_rest = np.zeros(len(G))      # closed: f_z = max(N0, 0) - N0 + k_n du_z
         self.f_rest[2::3] = np.maximum(-system["N0"], 0.0)
         self.tangential = np.tile([1.0, 1.0, 0.0], len(self.pairs))
 
-    def law(self, du, f_stick, with_tangent=True):
-        """Return f (3 n_pairs,), its tangent (3 n_pairs, 3 n_pairs) and each pair's state.
+    def law(self, f_stick):
+        """Return f (3 n_pairs,), the rows of its tangent (three of three for each pair) and each pair's state.
 
-        ``f_stick`` is what the springs would carry if every pair stuck: predictor of T, unlimited normal force.
+        ``f_stick`` (list) is what the springs would carry if every pair stuck: predictor of T, unlimited normal force.
         """
-        f, J, state = [], np.zeros((len(du), len(du))) if with_tangent else None, []
+        f, rows, state = [], [], []
         for i, (mu, N0, k_t, k_n, separate) in enumerate(self.pairs):
-            Tx, Ty, fz = f_stick[3 * i:3 * i + 3]
-            closing = max(N0, 0.0) - fz             # N0 - k_n du_z
+            closing = max(N0, 0.0) - f_stick[3 * i + 2]             # N0 - k_n du_z
             N, dN = (closing, -k_n) if closing > 0.0 else (0.0, 0.0)
-            T, J_t, slips = _limit_separate(Tx, Ty, mu, N, dN, k_t) if separate else _limit_circle(Tx, Ty, mu, N, dN, k_t)
-            f += [T[0], T[1], max(N0, 0.0) - N]
+            limit = _limit_separate if separate else _limit_circle
+            (Tx, Ty), rows_t, slips = limit(f_stick[3 * i], f_stick[3 * i + 1], mu, N, dN, k_t)
+            f += [Tx, Ty, max(N0, 0.0) - N]
+            rows.append((*rows_t, (0.0, 0.0, -dN)))
             state.append(2 if closing <= 0.0 else int(slips))
-            if with_tangent:
-                J[3 * i:3 * i + 2, 3 * i:3 * i + 3] = J_t
-                J[3 * i + 2, 3 * i + 2] = -dN
-        return np.array(f), J, state
+        return np.array(f), rows, state
+
+    def tangent(self, rows):
+        """Return d f / d du, (3 n_pairs, 3 n_pairs) [N/m]; pairs do not feel each other."""
+        J = np.zeros_like(self.one)
+        for i, block in enumerate(rows):
+            J[3 * i:3 * i + 3, 3 * i:3 * i + 3] = block
+        return J
 
     def step(self, du_free, du, f, max_iterations=50):
-        """Return du, f and states at the end of a step that starts from ``du`` and ``f``; Newton from the stuck solution."""
+        """Return du, f and states at the end of a step from ``du`` and ``f``; Newton from the stuck solution."""
         base = self.f_rest + self.tangential * (f - self.K_J * du)      # f_stick = base + K_J du+
         new = self.stick_inverse @ (du_free - self.G @ base)
-        scale = 1e-14 * (np.abs(new).max() + np.abs(du_free).max()) + 1e-300
+        f_new, rows, state = self.law((base + self.K_J * new).tolist())
+        if not any(state):
+            return new, f_new, state
+        bound = 1e-14 * (max(map(abs, new.tolist())) + max(map(abs, du_free.tolist())))
         for _ in range(max_iterations):
-            f_stick = base + self.K_J * new
-            f_new, J, state = self.law(new, f_stick.tolist())
             gap = du_free - new - self.G @ f_new
-            if np.abs(gap).max() <= scale:
+            if max(map(abs, gap.tolist())) <= bound:
                 return new, f_new, state
-            new = new + np.linalg.solve(np.eye(len(new)) + self.G @ J, gap)
-        raise RuntimeError(f"contact step: no convergence, residual {np.abs(gap).max():.2e} m; take smaller steps")
+            new = new + np.linalg.solve(self.one + self.G @ self.tangent(rows), gap)
+            f_new, rows, state = self.law((base + self.K_J * new).tolist())
+        raise RuntimeError(f"contact step: no convergence, residual {np.abs(gap).max():.2e} m (bound {bound:.1e}); "
+                           "take smaller steps")
 
 
 def _limit_circle(Tx, Ty, mu, N, dN, k_t):
@@ -147,7 +163,8 @@ def _limit_circle(Tx, Ty, mu, N, dN, k_t):
         return (Tx, Ty), ((k_t, 0.0, 0.0), (0.0, k_t, 0.0)), False
     x, y = Tx / size, Ty / size
     turn, grow = limit * k_t / size, mu * dN
-    return (limit * x, limit * y), ((turn * y * y, -turn * x * y, grow * x), (-turn * x * y, turn * x * x, grow * y)), True
+    rows = ((turn * y * y, -turn * x * y, grow * x), (-turn * x * y, turn * x * x, grow * y))
+    return (limit * x, limit * y), rows, True
 
 
 def _limit_separate(Tx, Ty, mu, N, dN, k_t):
@@ -187,8 +204,8 @@ class March:
         du = system["R"] @ u
         f_stick = s.f_rest + s.K_J * du
         f_stick.reshape(-1, 3)[:, :2] = T
-        f, _, _ = s.law(du, f_stick.tolist(), with_tangent=False)
-        a = np.linalg.solve(system["M"], self.f_ex[:, 0] - damping_matrix(system) @ v - system["K"] @ u - system["R"].T @ f)
+        f, _, _ = s.law(f_stick.tolist())
+        a = self._acceleration(u, v, f)
         if self.explicit:
             return np.concatenate([u, v - 0.5 * self.h * a]), du, f
         return np.concatenate([u, v, a])[:len(self.scheme.Phi)], du, f
@@ -198,10 +215,12 @@ class March:
         v = z[self.n:2 * self.n]
         if not self.explicit:
             return v
-        system = self.system
-        a = np.linalg.solve(system["M"], self.f_ex[:, 0] - damping_matrix(system) @ v
-                            - system["K"] @ z[:self.n] - system["R"].T @ f)
-        return v + 0.5 * self.h * a
+        return v + 0.5 * self.h * self._acceleration(z[:self.n], v, f)
+
+    def _acceleration(self, u, v, f):
+        """Return u'' at the start of a period."""
+        s = self.system
+        return np.linalg.solve(s["M"], self.f_ex[:, 0] - damping_matrix(s) @ v - s["K"] @ u - s["R"].T @ f)
 
     def period(self, z, du, f, ramp=None):
         """Return z, du, f after one period and the records u, du, f, state at the end of every step.
@@ -250,7 +269,8 @@ def steady_state(system, omega, level, *, n_steps=1024, harmonics=15, scheme="ge
         march = March(system, omega, level, steps, scheme, **options)
         z, du, f = march.begin(np.asarray(u), np.asarray(v), T)
         before, change = None, np.inf
-        while change > tolerance:
+        last_cycle = max_cycles if steps == n_steps else max_cycles // 4     # coarse steps need not settle
+        while change > tolerance and cycles < last_cycle:
             ramp = None
             if cycles < ramp_cycles:
                 ramp = (cycles + (np.arange(steps) + 1.0) / steps) / ramp_cycles
@@ -259,10 +279,10 @@ def steady_state(system, omega, level, *, n_steps=1024, harmonics=15, scheme="ge
             if before is not None and cycles > ramp_cycles:
                 change = np.abs(records[0] - before).max() / max(np.abs(records[0]).max(), 1e-300)
             before = records[0]
-            if not np.isfinite(before).all() or cycles >= max_cycles:
-                raise RuntimeError(f"{system['name']}: not periodic at omega = {omega:.6g}, level {level:.4g} after "
-                                   f"{cycles} cycles, change {change:.2e} (tolerance {tolerance:.1e})")
         u, v, T = z[:n], march.velocity(z, du, f), f.reshape(-1, 3)[:, :2].copy()
+    if not change <= tolerance:
+        raise RuntimeError(f"{system['name']}: not periodic at omega = {omega:.6g}, level {level:.4g} after {cycles} "
+                           f"cycles of {n_steps} steps, change {change:.2e} (tolerance {tolerance:.1e})")
     return _summary(system, omega, level, records, march.f_ex, harmonics, change, cycles, (u, v, T))
 
 
