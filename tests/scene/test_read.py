@@ -76,6 +76,7 @@ def test_windows_files_are_read(tmp_path):
     ("[materials.", "[material.", "[material]: unknown table; nearest is [materials.NAME]"),
     ("title", "titel", 'titel: unknown key; nearest is "title"'),
     ("title", "density = 1\ntitle", "density: unknown key; [materials.NAME] has a key of this name"),
+    ("[damping]", "[zzz]", "[zzz]: unknown table; known: [model], [materials.NAME], [bodies.NAME], [[supports]], [[joints]]"),
     ("points = 98", "tolerance = 1e-8", "[response] tolerance: unknown key; [[joints]] or [solver] has a key of this name"),
     ("points = 98", "zzz = 1", "[response] zzz: unknown key; known: levels, frequencies, mode, span, points, at, direction"),
     ('"adaptive-energy"', '"adaptive_energi"', '[solver] method = "adaptive_energi": expected a method\'s name; nearest is '
@@ -155,7 +156,8 @@ def test_windows_files_are_read(tmp_path):
     ('"fan_sector.msh"', '"none/fan.msh"', '[model] mesh = "none/fan.msh": there is no folder '),
     ('"fan_sector.msh"', '"."', '[model] mesh = ".": that is a folder'),
     # TOML itself
-    ("points = 98", "points 98", "not valid TOML: Expected '=' after a key in a key/value pair (at line 52, column 8): points 98"),
+    ("points = 98", "points 98", "not valid TOML: Expected '=' after a key in a key/value pair (at line 52, "
+     "column 8): points 98"),
     ("points = 98", "points = 98\npoints = 99", "not valid TOML: Cannot overwrite a value (at line 53"),
 ])  # fmt: skip
 def test_a_mistake_gives_one_message(tmp_path, old, new, expected):

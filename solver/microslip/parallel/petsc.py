@@ -6,6 +6,7 @@ install; :func:`locate` adds the packages' own folders instead, so that nobody h
 
 from __future__ import annotations
 
+import ctypes
 import glob
 import importlib.util
 import os
@@ -50,3 +51,21 @@ def initialise(options: list[str] | None = None):
     from slepc4py import SLEPc
 
     return PETSc, SLEPc
+
+
+def unused_options(options: tuple[str, ...]) -> list[str]:
+    """Return the names of ``options`` (names and values as given to PETSc) that no solver has asked for so far.
+
+    Local; the same on every rank.  petsc4py does not pass on what PETSc notes, so its library is asked itself.
+    """
+    from petsc4py import PETSc
+
+    library = ctypes.CDLL(PETSc.__file__)
+    used = ctypes.c_int(0)
+    found = []
+    for name in options:
+        if name.startswith("-") and name[1:].startswith(PREFIXES):
+            library.PetscOptionsUsed(None, name[1:].encode(), ctypes.byref(used))
+            if not used.value:
+                found.append(name)
+    return found

@@ -7,9 +7,12 @@ from collections.abc import Iterable
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """Return the known word nearest to ``word``, capitals aside, or None if none is near.  Local."""
+    """Return the known word nearest to ``word``, capitals aside, or the first it abbreviates, or None.  Local."""
     by_lower = {name.lower(): name for name in known}
-    found = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.5)
+    word = word.lower()
+    found = difflib.get_close_matches(word, by_lower, n=1)
+    if not found and len(word) > 2:
+        found = [name for name in by_lower if name.startswith(word)]
     return by_lower[found[0]] if found else None
 
 

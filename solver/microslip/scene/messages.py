@@ -119,14 +119,21 @@ def _expected(loc: tuple[int | str, ...]) -> str:
 def _unknown(loc: tuple[int | str, ...], raw: Mapping[str, Any]) -> str:
     """Say that a key is unknown, and what was probably meant."""
     key, table = str(loc[-1]), loc[:-1]
-    known = _model(table).model_fields
+    if not table and isinstance(raw[key], Mapping | tuple):
+        return _unknown_table(key, isinstance(raw[key], tuple))
+    known = [name for name in _model(table).model_fields if table or _is_key(name)]
     near = nearest(key, known)
-    is_table = not table and isinstance(raw[key], Mapping | tuple)
     places = [_any(name) for name in Scene.model_fields if not _is_key(name) and key in _model((name,)).model_fields]
-    hints = [f'nearest is "{near}"' if table or _is_key(near) else f"nearest is {_any(near)}"] if near else []
-    hints += [f"{listed(places, 'or')} has a key of this name"] if places and not is_table else []
-    where = f"[[{key}]]" if isinstance(raw.get(key), tuple) and is_table else f"[{key}]" if is_table else _join(_header(table, raw), key)
-    return f"{where}: unknown {'table' if is_table else 'key'}; {', and '.join(hints) or 'known: ' + ', '.join(known)}"
+    hints = [f'nearest is "{near}"'] if near else []
+    hints += [f"{listed(places, 'or')} has a key of this name"] if places else []
+    return f"{_join(_header(table, raw), key)}: unknown key; {', and '.join(hints) or 'known: ' + ', '.join(known)}"
+
+
+def _unknown_table(name: str, is_list: bool) -> str:
+    known = [known for known in Scene.model_fields if not _is_key(known)]
+    near = nearest(name, known)
+    hint = f"nearest is {_any(near)}" if near else f"known: {', '.join(map(_any, known))}"
+    return f"{f'[[{name}]]' if is_list else f'[{name}]'}: unknown table; {hint}"
 
 
 def _any(name: str) -> str:

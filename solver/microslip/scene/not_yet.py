@@ -16,6 +16,7 @@ def not_yet(scene: Scene) -> list[str]:
         (scene.model.stiffness is not None, "[model] stiffness", _MATRICES),
         (scene.model.axis is not None, "[model] axis", _STATICS),
         (scene.statics is not None, "[statics]", _STATICS),
+        (scene.solver.harmonics == 0, "[solver] harmonics = 0", "this version needs at least harmonic 1"),
         (scene.solver.method not in SUPPORTED, f'[solver] method = "{scene.solver.method}"', _METHOD),
     ]
     for number, joint in enumerate(scene.joints, 1):

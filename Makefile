@@ -1,0 +1,81 @@
+# make demo   everything a bare Debian 12 needs, then the demo scene to its pictures
+# make test   the same set-up, then all tests: style, types, one, two and three ranks
+# make setup  the set-up alone        make docs  the documentation        make clean  back to the sources
+
+.PHONY: demo test setup docs clean
+.NOTPARALLEL:
+.DELETE_ON_ERROR:
+
+PACKAGES = gcc libc6-dev python3 python3-dev python3-venv \
+	python3-numpy python3-scipy python3-matplotlib \
+	python3-petsc4py python3-petsc4py-real python3-slepc4py python3-slepc4py-real \
+	python3-mpi4py python3-h5py-mpi openmpi-bin libopenblas0-pthread
+
+# Debian's packages belong to this Python, which need not be the first on the PATH.
+PYTHON = /usr/bin/python3
+VENV = .venv
+IN_VENV = $(VENV)/bin/python
+PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint .ci/constraints.txt
+KERNEL = solver/microslip/harmonic/_aft.pyx solver/microslip/harmonic/aft_kernel.c
+GENERATORS = $(wildcard meshes/*.py)
+
+# Open MPI refuses root and more ranks than cores unless asked; one BLAS thread a rank.
+export OMPI_ALLOW_RUN_AS_ROOT = 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM = 1
+export OPENBLAS_NUM_THREADS ?= 1
+export MPIRUN = mpirun.openmpi
+# What this set-up brings fits together; what else the user has installed is left out of it.
+export PYTHONNOUSERSITE = 1
+unexport PYTHONPATH PYTHONHOME PETSC_DIR PETSC_ARCH SLEPC_DIR VIRTUAL_ENV PIP_USER PIP_TARGET
+
+demo: $(VENV)/installed meshes/fan_small.msh
+	$(IN_VENV) -m microslip run jobs/fan_small.toml --out results/fan_small
+	@echo; echo "The pictures are here:"; ls -1 results/fan_small/*.png
+
+test: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
+	$(IN_VENV) -m ruff check .
+	$(IN_VENV) -m mypy
+	@for ranks in 3 2; do \
+		echo "tests on $$ranks ranks"; \
+		$(MPIRUN) --oversubscribe -n $$ranks $(IN_VENV) -m pytest -q -p no:cacheprovider \
+			$$(find tests -name 'test_mpi_*.py' | sort) || exit 1; \
+	done
+	$(IN_VENV) -m pytest -q
+
+docs: $(VENV)/installed $(VENV)/docs-tools
+	$(IN_VENV) -m sphinx -W --keep-going -b html docs docs/_build/html
+	@echo "The documentation is here: docs/_build/html/index.html"
+
+setup: $(VENV)/installed
+
+meshes/fan_small.msh: $(GENERATORS) $(VENV)/python
+	$(IN_VENV) meshes/fan_sector.py --size small --out $@
+
+# -- the steps of the set-up, each with a file that says it is done ----------------------------------------------------
+
+$(VENV)/packages: .ci/packages
+	@mkdir -p $(VENV)
+	@.ci/packages $(PACKAGES)
+	@touch $@
+
+$(VENV)/python: $(VENV)/packages .ci/constraints.txt
+	$(PYTHON) -m venv --system-site-packages $(VENV)
+	$(PIP) pymetis meshio 'pydantic>=2' rich 'Cython>=3' wheel
+	@touch $@
+
+$(VENV)/installed: $(VENV)/python setup.py pyproject.toml $(KERNEL)
+	$(IN_VENV) -m pip --disable-pip-version-check --quiet install --no-build-isolation --no-deps --editable .
+	@touch $@
+
+$(VENV)/test-tools: $(VENV)/python
+	$(PIP) pytest hypothesis ruff mypy
+	@touch $@
+
+$(VENV)/docs-tools: $(VENV)/python
+	$(PIP) sphinx myst-parser
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build dist results docs/_build solver/*.egg-info meshes/*.msh .pytest_cache .mypy_cache .ruff_cache
+	find solver tests meshes jobs -name __pycache__ -prune -exec rm -rf {} +
+	rm -f solver/microslip/harmonic/_aft.c solver/microslip/harmonic/_aft*.so

@@ -1,0 +1,14 @@
+"""The compiled contact kernel; everything else about the package is in pyproject.toml."""
+
+from Cython.Build import cythonize
+from setuptools import Extension, setup
+
+kernel = Extension(
+    "microslip.harmonic._aft",
+    ["solver/microslip/harmonic/_aft.pyx"],
+    depends=["solver/microslip/harmonic/aft_kernel.c"],
+    # no errno and no floating-point traps: the loops over samples become vector instructions
+    extra_compile_args=["-O3", "-fno-math-errno", "-fno-trapping-math"],
+)
+
+setup(ext_modules=cythonize([kernel], language_level=3))

@@ -1,0 +1,109 @@
+"""The program: start MPI and PETSc, read what is asked, do it, and end with a status that says how it went."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import NoReturn
+
+from .command_line import Command, parse
+from .parallel.agree import on_root
+from .parallel.ending import conclude, launcher_rank, require
+from .parallel.errors import Interrupted
+from .parallel.petsc import initialise, unused_options
+
+# before anything imports NumPy or Matplotlib
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # ranks, not threads, share the processors
+os.environ["MPLBACKEND"] = "Agg"                        # pictures are files, also where there is a screen
+
+
+def console() -> NoReturn:
+    """Run the program with the arguments of the process and end it."""
+    sys.exit(main(sys.argv[1:]))
+
+
+def main(arguments: list[str]) -> int:
+    """Run the program and return its exit status.  Collective on all ranks."""
+    comm = _world()
+    return conclude(comm, lambda: _perform(parse(arguments), comm))
+
+
+def _world():
+    """Return the communicator of all ranks, or None where mpi4py is missing."""
+    try:
+        from mpi4py import MPI
+    except ImportError:
+        return None
+    return MPI.COMM_WORLD
+
+
+def _perform(command: Command, comm) -> int:
+    """Do what the command line asks for and return the exit status.  Collective on ``comm``."""
+    if command.name == "doctor":
+        return _doctor()
+    if command.name == "plot":
+        return _plot(command, comm)
+    return _solve(command, comm)
+
+
+def _doctor() -> int:
+    from .doctor import examine
+
+    lines, is_well = examine()
+    if launcher_rank() == 0:
+        print("\n".join(lines))
+    return 0 if is_well else 2
+
+
+def _plot(command: Command, comm) -> int:
+    from .doctor import faults
+
+    require(comm, faults("matplotlib", "h5py"))
+    from .results.plots import draw_all
+
+    out = Path(command.file).parent if command.out is None else command.out
+    files = on_root(comm, draw_all, command.file, str(out)) if comm is not None else draw_all(command.file, str(out))
+    if launcher_rank() == 0:
+        print("\n".join(map(str, files)) if files else f"{command.file} holds no converged point; nothing is drawn")
+    return 0
+
+
+def _solve(command: Command, comm) -> int:
+    """Run or check a scene.  Collective on ``comm``."""
+    from .doctor import faults
+
+    require(comm, faults("pydantic", "mpi4py"))
+    from .scene.read import read_scene
+
+    scene = on_root(comm, read_scene, command.file)
+    with suppress(ImportError):                 # what is missing is named with the rest, below
+        initialise(list(command.petsc))
+    require(comm, faults())
+    stop_on(signal.SIGTERM)                     # PETSc has taken it for a message of its own
+    from . import run
+
+    if command.name == "check":
+        run.check(scene, comm)
+        return 0
+    out = Path("results", scene.name) if command.out is None else command.out
+    run.run(scene, comm, out, command.petsc)
+    unused = unused_options(command.petsc)
+    require(comm, f"{unused[0]}: no solver of this run reads this PETSc option; the results in {out} were made without it"
+            if unused else None)  # fmt: skip
+    return 0
+
+
+def stop_on(number: signal.Signals) -> None:
+    """Make a signal end the program as an interruption.  Local."""
+
+    def stop(number: int, frame) -> NoReturn:
+        raise Interrupted(f"stopped by {signal.Signals(number).name}")
+
+    signal.signal(number, stop)
+
+
+if __name__ == "__main__":
+    console()

@@ -1,0 +1,139 @@
+"""The command line: commands and their options, and the PETSc options that follow ``--``."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from . import __version__
+from .parallel.errors import CaseError
+from .parallel.petsc import PREFIXES
+from .parallel.words import listed, nearest
+
+_DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
+_EPILOG = f"""\
+In parallel: mpirun -n N microslip run SCENE.toml
+PETSc options follow --, each with the prefix of its solver: {', '.join('-' + prefix for prefix in PREFIXES)}
+Exit status: 0 done; 2 the scene, the mesh or an option is at fault; 3 the computation could not be finished, what
+converged is kept; 4 memory or disk; 5 stopped by a signal; 70 a defect of the program."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """What the command line asks for."""
+
+    name: str                           # run, check, plot or doctor
+    file: str = ""                      # the scene, or the results to plot
+    out: Path | None = None             # None: the default of the command
+    petsc: tuple[str, ...] = ()         # what followed ``--``, checked
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse that raises CaseError instead of ending the process."""
+
+    def error(self, message: str) -> NoReturn:
+        raise CaseError(f"{message}; try: {self.prog} --help")
+
+
+def parse(arguments: list[str]) -> Command:
+    """Return the command of a command line without the program's name.  Local.
+
+    Raises
+    ------
+    CaseError : an unknown command or option, with the nearest known word
+    SystemExit : after --help and --version
+    """
+    cut = arguments.index("--") if "--" in arguments else len(arguments)
+    own, petsc = arguments[:cut], arguments[cut + 1:]
+    parser, commands = _parsers()
+    word = next((argument for argument in own if not argument.startswith("-")), None)
+    if word is None and not {"-h", "--help", "--version"} & set(own):
+        raise CaseError(f"a command is missing: {listed(commands, 'or')}; try: microslip --help")
+    if word is not None and word not in commands:
+        raise CaseError(f"unknown command {word!r}{_near(word, commands)}; commands are {listed(commands)}")
+    for argument in own:
+        if argument.startswith(tuple(f"-{prefix}" for prefix in PREFIXES)):
+            raise CaseError(f"{argument}: PETSc options follow --, as in: microslip run SCENE.toml -- {argument}")
+    given, unknown = parser.parse_known_args(own)
+    if unknown:
+        raise CaseError(_unknown(unknown[0], commands.get(given.command, parser)))
+    if petsc and given.command != "run":
+        raise CaseError(f"PETSc options after -- belong to the command run; {given.command} solves nothing")
+    return Command(given.command, getattr(given, "file", ""), getattr(given, "out", None), petsc_options(petsc))
+
+
+def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
+    """Return the parser of the program and those of its commands."""
+    parser = _Parser("microslip", description=_DESCRIPTION, epilog=_EPILOG, allow_abbrev=False,
+                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser.add_argument("--version", action="version", version=f"microslip {__version__}")
+    group = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    known = {
+        "run": ("one scene, from the mesh to the response and its pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
+        "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
+        "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
+        "doctor": ("print versions, and what is missing with the command that brings it", None, None),
+    }
+    commands: dict[str, _Parser] = {}
+    for name, (summary, file, out) in known.items():
+        after = " [-- PETSc options]" if name == "run" else ""
+        command = group.add_parser(name, help=summary, description=summary.capitalize() + ".", allow_abbrev=False)
+        if file is not None:
+            command.add_argument("file", metavar=file)
+        if out is not None:
+            command.add_argument("--out", metavar="DIR", type=Path, help=f"folder for what is written (default: {out})")
+        command.usage = command.format_usage().removeprefix("usage: ").strip() + after
+        commands[name] = command
+    return parser, commands
+
+
+def _near(word: str, known) -> str:
+    found = nearest(word, known)
+    return f"; nearest is {found}" if found else ""
+
+
+def _unknown(argument: str, command: _Parser) -> str:
+    """Say what is wrong with an argument that a command does not take."""
+    name = argument.split("=")[0]
+    if name.startswith("-"):
+        known = [option for action in command._actions for option in action.option_strings]
+        return f"unknown option {name}{_near(name, known)}; {command.prog} knows {listed(known)}"
+    return f"{argument!r} is one argument too many; usage: {command.usage}"
+
+
+def petsc_options(arguments: list[str]) -> tuple[str, ...]:
+    """Return the options for PETSc as given, if each has a prefix of this program.  Local.
+
+    Raises
+    ------
+    CaseError : a name without such a prefix, or a value without a name
+    """
+    prefixes = listed([f"-{prefix}" for prefix in PREFIXES], "or")
+    for i, argument in enumerate(arguments):
+        if _is_name(argument):
+            name = argument.lstrip("-")
+            if argument != f"-{name}" or not name.startswith(PREFIXES) or name in PREFIXES:
+                hint = _with_prefix(name)
+                raise CaseError(f"{argument}: not an option of this program's solvers; they begin with {prefixes}{hint}")
+        elif i == 0 or not _is_name(arguments[i - 1]):
+            raise CaseError(f"{argument!r} after --: an option's name is missing before it; names begin with {prefixes}")
+    return tuple(arguments)
+
+
+def _is_name(argument: str) -> bool:
+    """Return whether an argument is an option's name, and not a value such as -1e-3."""
+    return len(argument) > 1 and argument[0] == "-" and (argument[1].isalpha() or argument[1] in "-_")
+
+
+def _with_prefix(name: str) -> str:
+    """Return what was probably meant by an option without one of the prefixes."""
+    first, _, rest = name.partition("_")
+    if name == "out":
+        return "; --out stands before --"
+    places = {"eps": "modes_", "st": "modes_", "snes": "hb_", "ksp": "hb_", "mat": "static_", "pc": "static_"}
+    if first in places:
+        return f"; perhaps -{places[first]}{name}"
+    near = nearest(first + "_", PREFIXES)
+    return f"; nearest is -{near}{rest}" if near and rest else ""

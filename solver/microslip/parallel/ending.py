@@ -1,0 +1,128 @@
+"""The end of the program: every rank with the same exit status, every problem said once, no rank left waiting.
+
+Problems that all ranks agreed on reach :func:`conclude` on all of them.  What one rank met alone, while the others wait
+for it in some collective call, ends the job by MPI's Abort: nothing else would.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+import time
+import traceback
+from array import array
+from collections.abc import Callable
+
+from .errors import CaseError, Interrupted, MicroslipError, ResourceError
+
+GRACE = 20.0            # s that the ranks may arrive apart with a problem they agreed on
+GRACE_OF_SIGNAL = 2.0   # s: longer than mpirun waits before it kills the ranks that follow another one's Abort
+DEFECT = 70
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
+_PETSC_OUT_OF_MEMORY = 55
+_LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
+
+
+def conclude(comm, action: Callable[[], int | None]) -> int:
+    """Do ``action`` and return the exit status, the largest of all ranks.
+
+    Collective on ``comm``, which may be None where MPI is missing.  Does not return from a defect, nor from a problem that
+    other ranks do not know of, if there are several ranks.
+    """
+    try:
+        status, problem = action() or 0, None
+    except SystemExit as stop:                  # argparse, after --help
+        status, problem = stop.code if isinstance(stop.code, int) else int(stop.code is not None), None
+    except BaseException as found:
+        problem = expected(found)
+        if problem is None:
+            return _defect(comm, found)
+        status = problem.exit_status
+    if comm is None or comm.size == 1:
+        if launcher_rank() > 0:         # without MPI: the launcher ends rank 0, too, as soon as one rank ends
+            time.sleep(1.0)
+        elif problem is not None:
+            _say(str(problem))
+        return status
+    return _together(comm, status, problem)
+
+
+def expected(problem: BaseException) -> MicroslipError | None:
+    """Return a problem as one that the user, the machine or a signal made, or None if it is a defect.  Local."""
+    if isinstance(problem, MicroslipError):
+        return problem
+    if isinstance(problem, MemoryError) or getattr(problem, "ierr", None) == _PETSC_OUT_OF_MEMORY:
+        return ResourceError(f"not enough memory ({problem or 'no more could be had'}); use more ranks on more machines, or "
+                             "a smaller model")  # fmt: skip
+    if isinstance(problem, KeyboardInterrupt):
+        return Interrupted("interrupted from the keyboard")
+    if isinstance(problem, BrokenPipeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())      # what is left to flush goes nowhere
+        return Interrupted("the reader of the output went away")
+    if isinstance(problem, OSError) and problem.errno in _DISK:
+        where = f"{problem.filename}: " if problem.filename else ""
+        return ResourceError(f"{where}{problem.strerror}; make room, or choose another disk with --out")
+    return None
+
+
+def launcher_rank() -> int:
+    """Return this process's rank as its launcher tells it: known before MPI starts, and without MPI.  Local."""
+    ranks = [os.environ[name] for name in _LAUNCHERS if os.environ.get(name, "").isdigit()]
+    return int(ranks[0]) if ranks else 0
+
+
+def require(comm, problem: str | None) -> None:
+    """Raise CaseError on every rank if any rank passes a ``problem``.  Collective on ``comm``, which may be None."""
+    from .agree import raise_together
+
+    if comm is not None:
+        raise_together(comm, problem, CaseError)
+    elif problem:
+        raise CaseError(problem)
+
+
+def _say(text: str) -> None:
+    """Write a problem to standard error at once."""
+    sys.stdout.flush()
+    sys.stderr.write(f"microslip: error: {text}\n")
+    sys.stderr.flush()
+
+
+def _defect(comm, problem: BaseException) -> int:
+    """Show the traceback of a mistake of this program, and end all ranks."""
+    rank = "" if comm is None or comm.size == 1 else f" on rank {comm.rank} of {comm.size}"
+    trace = "".join(traceback.format_exception(problem))
+    _say(f"a defect of the program{rank}; please report it with these lines and run.log\n{trace}")
+    if rank:
+        comm.Abort(DEFECT)
+    return DEFECT
+
+
+def _together(comm, status: int, problem: MicroslipError | None) -> int:
+    """Wait for all ranks, let the first with a problem say it, and return the largest status.  Collective.
+
+    A rank that has a problem waits for a while only; a rank without one waits for those that still compute.
+    """
+    found = array("i", 2 * comm.size * [0])
+    grace = None if problem is None else GRACE_OF_SIGNAL if isinstance(problem, Interrupted) else GRACE
+    if not _arrives(comm.Iallgather(array("i", [status, problem is not None]), found), grace):
+        _say(f"{problem} (rank {comm.rank} of {comm.size}, alone)")
+        comm.Abort(status)
+    if not _arrives(comm.Ibarrier(), GRACE):    # a rank has waited in vain, has said so and ends this one, too
+        comm.Abort(status)
+    speaker = next((rank for rank in range(comm.size) if found[2 * rank + 1]), None)
+    if comm.rank == speaker:
+        _say(str(problem))
+    comm.Barrier()              # a launcher kills the others as soon as one rank ends with a status
+    return max(found[::2])
+
+
+def _arrives(request, grace: float | None) -> bool:
+    """Wait for a request, for ``grace`` seconds at most; sleeping, as other ranks may still compute."""
+    began = time.monotonic()
+    while not request.Test():
+        if grace is not None and time.monotonic() - began > grace:
+            return False
+        time.sleep(0.002)
+    return True

@@ -1,0 +1,49 @@
+"""The command line: what is asked arrives, and a word that nobody knows is an error that offers the nearest known one."""
+
+from pathlib import Path
+
+import pytest
+
+from microslip.command_line import Command, parse
+from microslip.parallel.errors import CaseError
+
+
+@pytest.mark.parametrize("line, command", [
+    ("run fan.toml", Command("run", "fan.toml")),
+    ("run --out here fan.toml", Command("run", "fan.toml", Path("here"))),
+    ("run fan.toml -- -hb_snes_monitor -static_mat_mumps_cntl_1 -1e-3",
+     Command("run", "fan.toml", None, ("-hb_snes_monitor", "-static_mat_mumps_cntl_1", "-1e-3"))),
+    ("check fan.toml", Command("check", "fan.toml")),
+    ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
+    ("doctor", Command("doctor")),
+])  # fmt: skip
+def test_what_is_asked_arrives(line, command):
+    assert parse(line.split()) == command
+
+
+@pytest.mark.parametrize("line, message", [
+    ("", "a command is missing: run, check, plot or doctor"),
+    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, check, plot and doctor"),
+    ("fan.toml", "unknown command 'fan.toml'; commands are"),
+    ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),
+    ("run fan.toml --oout x", "unknown option --oout; nearest is --out"),
+    ("run fan.toml --ou x", "unknown option --ou; nearest is --out"),
+    ("run fan.toml --out", "argument --out: expected one argument"),
+    ("run fan.toml other.toml", "'other.toml' is one argument too many; usage: microslip run [-h] [--out DIR] SCENE.toml"),
+    ("run fan.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
+    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the command run; check solves nothing"),
+    ("run fan.toml -- -snes_monitor", "perhaps -hb_snes_monitor"),
+    ("run fan.toml -- -statc_ksp_rtol 1", "-statc_ksp_rtol: not an option of this program's solvers; they begin with "
+     "-static_, -modes_ or -hb_; nearest is -static_ksp_rtol"),
+    ("run fan.toml -- -dll_append lib.so", "-dll_append: not an option of this program's solvers"),
+    ("run fan.toml -- -options_file x", "-options_file: not an option of this program's solvers"),
+    ("run fan.toml -- --out x", "--out: not an option of this program's solvers; they begin with -static_, -modes_ or -hb_; "
+     "--out stands before --"),
+    ("run fan.toml -- -hb_", "-hb_: not an option"),
+    ("run fan.toml -- x -hb_snes_monitor", "'x' after --: an option's name is missing before it"),
+    ("run fan.toml -- -hb_snes_max_it 3 4", "'4' after --: an option's name is missing before it"),
+])  # fmt: skip
+def test_what_nobody_knows_is_an_error(line, message):
+    with pytest.raises(CaseError) as found:
+        parse(line.split())
+    assert message in str(found.value)

@@ -1,0 +1,60 @@
+"""The program as it is started: one message on any number of ranks, the promised status, no traceback, no hang."""
+
+import pytest
+from processes import microslip
+from scene_files import write_scene
+
+import microslip as package
+from microslip import doctor
+
+
+def test_it_knows_its_version():
+    done = microslip("--version")
+    assert (done.returncode, done.stdout) == (0, f"microslip {package.__version__}\n")
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_misspelled_key_gives_one_message(tmp_path, ranks):
+    write_scene(tmp_path, "friction =", "friktion =")
+    done = microslip("run", "fan.toml", ranks=ranks, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    expected = 'microslip: error: fan.toml: [[joints]] 1 ("dovetail") friktion: unknown key; nearest is "friction"\n'
+    assert done.stderr.count(expected) == 1
+    assert done.stderr.count("error") == 1
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize("arguments, message", [
+    (("run", "none.toml"), "there is no such file"),
+    (("run", "fan.toml", "--ot", "x"), "unknown option --ot; nearest is --out"),
+    (("run", "fan.toml", "--", "-snes_monitor"), "perhaps -hb_snes_monitor"),
+])  # fmt: skip
+def test_two_ranks_say_once_what_is_wrong(tmp_path, arguments, message):
+    write_scene(tmp_path)
+    done = microslip(*arguments, ranks=2, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("microslip: error: ") == 1
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_the_doctor_finds_this_machine_well():
+    done = microslip("doctor")
+    assert done.returncode == 0
+    assert all(part.name in done.stdout for part in doctor.PARTS)
+    assert done.stdout.endswith("everything is there\n")
+
+
+def test_the_doctor_names_what_is_missing_and_what_brings_it(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "h5py", None)
+    lines, is_well = doctor.examine()
+    assert not is_well
+    assert any("h5py" in line and "missing" in line and "apt-get install python3-h5py-mpi" in line for line in lines)
+    assert "h5py: missing" in doctor.faults()
+
+
+def test_complex_numbers_are_refused(monkeypatch):
+    monkeypatch.setattr(doctor, "_is_real", lambda PETSc: False)
+    assert "petsc4py: built with complex numbers, real ones are needed: sudo apt-get" in doctor.faults("petsc4py")

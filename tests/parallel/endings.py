@@ -1,0 +1,65 @@
+"""Endings that a run can take, on the ranks that the name says: started by test_ending.py, not a test itself."""
+
+import os
+import signal
+import sys
+import time
+
+from mpi4py import MPI
+
+from microslip.__main__ import stop_on
+from microslip.parallel import ending
+from microslip.parallel.agree import on_root, raise_together
+from microslip.parallel.errors import CaseError, ConvergenceError
+
+COMM = MPI.COMM_WORLD
+
+
+def agreed():
+    raise_together(COMM, "the first is wrong" if COMM.rank == 1 else None, CaseError)
+
+
+def met_by_root():
+    on_root(COMM, open, "/no/such/file")
+
+
+def alone_while_others_wait():
+    if COMM.rank == 1:
+        raise ConvergenceError("one rank did not converge")
+    COMM.Barrier()
+
+
+def alone_after_others_finished():
+    if COMM.rank == 1:
+        time.sleep(0.3)
+        raise ConvergenceError("one rank did not converge")
+
+
+def defect_while_others_wait():
+    if COMM.rank == 1:
+        raise ZeroDivisionError("a mistake")
+    COMM.Barrier()
+
+
+def out_of_memory():
+    if COMM.rank == 1:
+        bytearray(10**16)
+    COMM.Barrier()
+
+
+def exits():
+    if COMM.rank == 1:
+        sys.exit(3)
+
+
+def waits_for_a_signal():
+    with open(sys.argv[2] + str(COMM.rank), "w") as file:
+        file.write(f"{os.getpid()}\n")
+    for _ in range(3000):
+        time.sleep(0.01)
+
+
+if __name__ == "__main__":
+    ending.GRACE = 0.5
+    stop_on(signal.SIGTERM)
+    sys.exit(ending.conclude(COMM, globals()[sys.argv[1]]))

@@ -1,0 +1,74 @@
+"""The end of the program: one message, one status, and no rank left waiting, whatever happened on which rank."""
+
+import errno
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from processes import LIMIT, MPIRUN, environment, python, wait_for
+
+from microslip.parallel.ending import conclude, expected
+from microslip.parallel.errors import CaseError, ConvergenceError, Interrupted, ResourceError
+
+ENDINGS = Path(__file__).with_name("endings.py")
+
+
+@pytest.mark.parametrize("problem, status", [
+    (CaseError("x"), 2), (ConvergenceError("x"), 3), (ResourceError("x"), 4), (Interrupted("x"), 5),
+    (MemoryError(), 4), (OSError(errno.ENOSPC, "No space left on device", "frf.csv"), 4), (KeyboardInterrupt(), 5),
+])  # fmt: skip
+def test_each_problem_has_its_status(problem, status, capsys):
+    def action():
+        raise problem
+
+    assert conclude(None, action) == status
+    said = capsys.readouterr().err
+    assert said.count("microslip: error: ") == 1
+    assert "Traceback" not in said
+
+
+def test_a_full_disk_is_named_with_its_file():
+    assert "frf.csv: No space left on device" in str(expected(OSError(errno.ENOSPC, "No space left on device", "frf.csv")))
+
+
+def test_a_defect_shows_its_traceback(capsys):
+    assert conclude(None, lambda: 1 // 0) == 70
+    said = capsys.readouterr().err
+    assert "a defect of the program" in said
+    assert "ZeroDivisionError" in said
+
+
+def test_what_went_well_says_nothing(capsys):
+    assert conclude(None, lambda: None) == 0
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize("ending, status, message", [
+    ("agreed", 2, "the first is wrong (rank 1; 1 of 2 ranks affected)"),
+    ("alone_while_others_wait", 3, "one rank did not converge (rank 1 of 2, alone)"),
+    ("alone_after_others_finished", 3, "one rank did not converge"),
+    ("defect_while_others_wait", 70, "a defect of the program on rank 1 of 2"),
+    ("out_of_memory", 4, "not enough memory"),
+])  # fmt: skip
+def test_two_ranks_end_together_and_say_it_once(ending, status, message):
+    done = python(ENDINGS, ending, ranks=2)
+    assert done.returncode == status
+    assert done.stderr.count("microslip: error: ") == 1
+    assert message in done.stderr
+    assert ("Traceback" in done.stderr) == (status == 70)
+
+
+def test_a_signal_to_one_rank_ends_both(tmp_path):
+    command = [MPIRUN, "--oversubscribe", "-n", "2", sys.executable, str(ENDINGS), "waits_for_a_signal", str(tmp_path / "pid")]
+    job = subprocess.Popen(command, env=environment(), stderr=subprocess.PIPE, text=True)
+    try:
+        wait_for(tmp_path / "pid0")
+        os.kill(int(wait_for(tmp_path / "pid1")), signal.SIGTERM)
+        said = job.communicate(timeout=LIMIT)[1]
+    finally:
+        job.kill()
+    assert job.returncode == 5
+    assert said.count("microslip: error: stopped by SIGTERM") == 1
