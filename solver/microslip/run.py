@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from .assembly.assemble import assemble
+from .assembly.check import check_elements
 from .contact.law import ContactParameters
 from .continuation.levels import follow_levels, frequency_sweep, linear_curve
 from .linear.joint_springs import Linearised, linearise
@@ -16,6 +17,7 @@ from .mesh.pairing import pair_contacts
 from .mesh.partition import distribute
 from .mesh.read import read_mesh
 from .modes.eigen import Modes, lowest_modes
+from .needs import needs
 from .parallel.agree import on_root
 from .parallel.errors import ConvergenceError
 from .parallel.log import RunLog
@@ -74,6 +76,8 @@ def build_structure(scene, comm, log: RunLog) -> Structure:
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, scene, share=False)
         pairs = on_root(comm, pair_contacts, mesh, scene.joints)
+    for note in on_root(comm, lambda: mesh.notes):
+        log.note(note)
     with log.stage("partition"):
         shares = distribute(mesh, scene, comm)
     with log.stage("assembly"):
@@ -146,3 +150,20 @@ def write_shapes(structure: Structure, model, branches, folder: Path) -> None:
 
 def _write_modes(structure: Structure, omega_n, shapes, folder: Path) -> None:
     write_modes(str(folder / "modes.vtkhdf"), structure.mesh, omega_n, np.moveaxis(shapes, -1, 0))
+
+
+def check(scene, comm) -> None:
+    """Read and pair the mesh, check its elements, and print what a run will need; nothing is solved.
+
+    Collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, MeshError : on every rank
+    """
+    mesh = on_root(comm, read_mesh, scene, share=False)
+    pairs = on_root(comm, pair_contacts, mesh, scene.joints)
+    check_elements(distribute(mesh, scene, comm), scene)
+    lines = on_root(comm, needs, scene, mesh, pairs)
+    if comm.rank == 0:
+        print("\n".join(lines))

@@ -5,7 +5,7 @@ import scipy.linalg
 
 from microslip.contact.law import ContactParameters
 from microslip.continuation.follow import Sweep, follow_branch
-from microslip.continuation.steps import ArcLength, curve_length, linear_frequencies
+from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequencies
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction.build import split_evenly
 from microslip.reduction.columns import StaticColumns
@@ -50,7 +50,7 @@ def branch(system, comm, level, *, low=None, high=None, H=3, n_samples=128, at=(
     problem = HarmonicBalance(model, parameters, n_samples, level)
     low, high = low or system["omega"][0], high or system["omega"][1]
     grid = linear_frequencies(low, high, model.omega_n, model.zeta)
-    ds = curve_length(comm, [problem.linear_motion(w)[0] for w in grid], grid, high - low) / points
+    ds = arc_lengths(comm, [problem.linear_motion(w)[0] for w in grid], grid, high - low)[-1] / points
     start, stop = (high, low) if down else (low, high)
     steps = ArcLength(ds=ds, ds_min=ds_min * ds, ds_max=2 * ds)
     return follow_branch(problem, selection, Sweep(start, stop, tuple(at)), steps, tolerance=tolerance, max_points=20 * points)

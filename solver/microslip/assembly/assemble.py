@@ -36,7 +36,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, sce
     ResourceError : a rank's matrix has more entries than PETSc's integers count
     """
     check_elements(dmesh, scene)
-    is_fixed, part, part_names, load_nodes, output_nodes = on_root(comm, _read_off, mesh, pairs, scene)
+    is_fixed, part, part_names, load_nodes, output_nodes = on_root(comm, read_off, mesh, pairs, scene)
     to_mesh = np.argsort(dmesh.rank_order)
     dof, row_ranges = number_dofs(dmesh, is_fixed[to_mesh])
     n_dof = int(row_ranges[-1])
@@ -57,7 +57,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, sce
     )  # fmt: skip
 
 
-def _read_off(mesh: Mesh, pairs: ContactPairs, scene) -> tuple:
+def read_off(mesh: Mesh, pairs: ContactPairs, scene) -> tuple:
     """Return what only the whole mesh tells: fixed DOFs by node, parts and their names, nodes of loads and outputs."""
     is_fixed = np.zeros((len(mesh.points), 3), dtype=bool)
     for support in scene.supports:

@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-STICK, SLIP, OPEN = 0, 1, 2
-
 
 @dataclass(frozen=True)
 class Point:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -13,10 +14,12 @@ from ..harmonic.residual import HarmonicBalance
 from ..parallel.errors import CaseError
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
-from ..reduction.selection import Selection
+from ..reduction.selection import AllPairs, Selection
 from .branch import Branch, Point
+from .corrector import Correction, Iterate
 from .follow import Sweep, follow_branch
-from .steps import ArcLength, curve_length, linear_frequencies
+from .record import point_record
+from .steps import ArcLength, arc_lengths, linear_frequencies
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class LinearCurve:
 
     omega: np.ndarray           # (n,) rad/s
     response: np.ndarray        # (n, n_outputs, N_H) m/N
-    length: float               # in the norm of the steps
+    s: np.ndarray               # (n,) its length up to each point, in the norm of the steps
 
 
 def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
@@ -49,23 +52,42 @@ def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
 
 
 def linear_curve(model: ReducedModel, sweep: Sweep) -> LinearCurve:
-    """Return the stuck curve over the range, every resonance in it resolved.  Collective."""
+    """Return the stuck curve over the range, every resonance in it resolved.  Collective.
+
+    Its length is that of the pairs' motion; of the outputs' where there is no pair.
+    """
     omega = linear_frequencies(min(sweep.start, sweep.stop), max(sweep.start, sweep.stop), model.omega_n, model.zeta)
     none = np.zeros((3 * model.n_pairs, model.N_H))
     response = np.array([receptance.output_motion(model, 1.0, w, none) for w in omega])
-    motions = [receptance.linear_motion(model, 1.0, w)[0] for w in omega]
-    return LinearCurve(omega, response, curve_length(model.comm, motions, omega, sweep.scale))
+    motions = [receptance.linear_motion(model, 1.0, w)[0] for w in omega] if model.n_pairs else list(response)
+    return LinearCurve(omega, response, arc_lengths(model.comm, motions, omega, sweep.scale))
+
+
+def linear_branch(problem: HarmonicBalance, sweep: Sweep, curve: LinearCurve, n_points: int,
+                  on_point: Callable[[Point], None]) -> Branch:
+    """Return a branch known to be linear, at equal steps of its length and where asked; nothing is solved.  Collective."""
+    omegas = np.interp(np.linspace(0.0, curve.s[-1], n_points), curve.s, curve.omega)
+    branch, everything = Branch(problem.level), np.ones(problem.model.n_pairs, dtype=bool)
+    clock = time.perf_counter()
+    for omega in np.union1d(omegas, sweep.at)[:: int(sweep.direction)]:
+        on_curve = Correction(Iterate(problem.linear_motion(omega)[0], float(omega)), 0, 0, 0.0, None)
+        point, _ = point_record(problem, on_curve, everything, AllPairs(), omega in sweep.at)
+        now = time.perf_counter()
+        point, clock = replace(point, seconds=now - clock), now
+        on_point(point)
+        branch.points.append(point)
+    return branch
 
 
 def arc_length_steps(continuation, points: int, curve: LinearCurve) -> ArcLength:
     """Return the step lengths: the linear curve in ``points`` steps, unless [continuation] says otherwise.  Local.
 
-    The keys of [continuation] are shares of the length of the linear curve.
+    The keys of [continuation] are shares of that length.
     """
     asked = {key: getattr(continuation, key, None) for key in ("ds", "ds_min", "ds_max")}
-    ds = curve.length * (asked["ds"] or 1.0 / points)
-    ds_min = curve.length * asked["ds_min"] if asked["ds_min"] else ds / 1024.0
-    ds_max = curve.length * asked["ds_max"] if asked["ds_max"] else 2.0 * ds
+    ds = curve.s[-1] * (asked["ds"] or 1.0 / points)
+    ds_min = curve.s[-1] * asked["ds_min"] if asked["ds_min"] else ds / 1024.0
+    ds_max = curve.s[-1] * asked["ds_max"] if asked["ds_max"] else 2.0 * ds
     return ArcLength(ds=ds, ds_min=ds_min, ds_max=ds_max)
 
 
@@ -84,5 +106,8 @@ def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, sel
     for number, level in enumerate(scene.response.levels):
         listener.level_started(number, level)
         problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
-        yield follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
-                            max_points=10 * scene.response.points, on_point=listener.point)
+        if model.n_pairs == 0:
+            yield linear_branch(problem, sweep, curve, scene.response.points, listener.point)
+        else:
+            yield follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
+                                max_points=10 * scene.response.points, on_point=listener.point)

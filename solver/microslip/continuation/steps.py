@@ -56,12 +56,13 @@ def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.nd
     return grid[(grid >= low) & (grid <= high)]
 
 
-def curve_length(comm, motions: list[np.ndarray], omegas: np.ndarray, omega_scale: float) -> float:
-    """Return the length of a sampled curve in the relative norm.
+def arc_lengths(comm, motions: list[np.ndarray], omegas: np.ndarray, omega_scale: float) -> np.ndarray:
+    """Return the length of a sampled curve up to each of its points, (n,), in the relative norm.
 
     Collective on ``comm``.  ``motions`` holds this rank's rows at each of ``omegas``.
     """
     squares = [[float(np.vdot(b - a, b - a)), float(np.vdot(b, b))] for a, b in zip(motions, motions[1:])]
     difference, size = comm.allreduce(np.array(squares)).T
     relative = np.divide(difference, size, out=np.zeros_like(size), where=size > 0.0)
-    return float(np.sqrt(relative + (np.diff(omegas) / omega_scale) ** 2).sum())
+    pieces = np.sqrt(relative + (np.diff(omegas) / omega_scale) ** 2)
+    return np.concatenate([[0.0], np.cumsum(pieces)])
