@@ -1,0 +1,86 @@
+"""Files that are either whole or not there, and what to say when the disk refuses.  Rank 0 only."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from .errors import CaseError, MicroslipError, ResourceError
+
+_FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.ENOENT, errno.ENAMETOOLONG,
+              errno.EEXIST, errno.ELOOP, errno.EINVAL}  # fmt: skip
+
+
+@contextmanager
+def said_of(path: str) -> Iterator[None]:
+    """Turn what the system reports while ``path`` is written into an error with an exit status.  Local.
+
+    Raises
+    ------
+    CaseError : the place cannot be written to (status 2)
+    ResourceError : the disk is full or fails (status 4)
+    """
+    try:
+        yield
+    except MicroslipError:
+        raise
+    except (OSError, RuntimeError) as problem:              # HDF5 reports a full disk at close as RuntimeError
+        number = _errno(problem)
+        cause = os.strerror(number) if number else " ".join(str(problem).split())[:200]
+        if number in _FORBIDDEN:
+            raise CaseError(f"{path}: cannot be written: {cause}; choose another folder with --out") from problem
+        raise ResourceError(f"{path}: could not be written: {cause}; make room or choose another disk with --out") from problem
+
+
+def _errno(problem: BaseException) -> int | None:
+    """Return the system's error number; HDF5 hides it in its text."""
+    if isinstance(problem, OSError) and problem.errno:
+        return problem.errno
+    found = re.search(r"errno = (\d+)", str(problem))
+    return int(found[1]) if found else None
+
+
+@contextmanager
+def written_whole(path: str) -> Iterator[str]:
+    """Yield the name of a file beside ``path`` that takes its place when the block ends without an error.  Local.
+
+    Whoever is killed meanwhile leaves the old file untouched.
+
+    Raises
+    ------
+    CaseError, ResourceError : as :func:`said_of`
+    """
+    beside = path + ".part"
+    with said_of(path):
+        try:
+            yield beside
+            _to_disk(beside)
+            os.replace(beside, path)
+            _to_disk(os.path.dirname(path) or ".")
+        except BaseException:
+            with suppress(OSError):
+                os.remove(beside)
+            raise
+
+
+def _to_disk(path: str) -> None:
+    """Wait until a file, or the names in a folder, have reached the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def make_folder(folder: str) -> None:
+    """Create a folder for results if there is none.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : as :func:`said_of`
+    """
+    with said_of(folder):
+        os.makedirs(folder, exist_ok=True)

@@ -1,0 +1,236 @@
+"""The log of a run: run.log, and what the screen shows meanwhile.  Rank 0 writes; every rank may call.
+
+Every call is local except where it says *Collective*: opening, the end of a stage and the closing table reduce times
+and memory over the ranks.  None of them is entered when an exception passes through, so that an error of one rank
+cannot leave the others waiting here.  What is shown changes no result.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import shlex
+import socket
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import __version__
+from .agree import on_root
+from .files import make_folder, said_of
+from .screen import Screen
+
+_KIB = 1024.0 if sys.platform == "darwin" else 1.0          # ru_maxrss counts bytes there
+_HEAD = (f"{'point':>7} {'frequency_Hz':>12} {'amplitude_m':>12} {'slip':>5} {'open':>5} {'unknowns':>8} "
+         f"{'newton':>6} {'gmres':>5} {'seconds':>8}")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What a finished stage took."""
+
+    name: str
+    depth: int                  # stages it lies in
+    seconds: float              # wall time, the slowest rank
+    memory: float               # peak resident memory until its end, sum over ranks [MiB]
+    memory_largest: float       # the same of the largest rank [MiB]
+
+
+class RunLog:
+    """Lines of run.log and of the screen, stage by stage and point by point.
+
+    Collective on ``comm`` (opening).  ``path`` None writes no file.  ``interactive`` None asks whether standard error is
+    a terminal: then the screen shows a bar, otherwise one plain line a point.  ``screen`` False shows nothing at all.
+    ``facts`` are further lines of the header: versions, method, PETSc options.  The header is written on entry.
+
+    Used as a context manager it closes itself, and says so when an exception ends the run.
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank, if the file cannot be written
+    """
+
+    def __init__(self, comm, path: str | None = None, interactive: bool | None = None, *, screen: bool = True,
+                 command: str | None = None, facts: Mapping[str, str] | None = None):
+        self.comm = comm
+        self.stages: list[Stage] = []
+        self._began = time.perf_counter()
+        self._depth = 0
+        self._unfinished = ""               # a line of the file and the screen that waits for its numbers
+        self._closed = False
+        self._of_level = ""
+        self._file = on_root(comm, _open, path, share=False) if path is not None else None
+        hosts = comm.gather(socket.gethostname())
+        self._screen = Screen(interactive if screen and comm.rank == 0 else False, silent=not screen or comm.rank > 0)
+        if comm.rank == 0:
+            self._header(hosts, command, facts or {})
+
+    def __enter__(self) -> RunLog:
+        return self
+
+    def __exit__(self, kind, problem, trace) -> None:
+        self.close("" if problem is None else f"{kind.__name__}: {problem}" if str(problem) else kind.__name__)
+
+    # -- lines -------------------------------------------------------------------------------------------------
+
+    def note(self, text: str) -> None:
+        """Write plain lines.  Local; rank 0 writes."""
+        self._line(text)
+
+    def _line(self, text: str, *, on_screen: bool = True) -> None:
+        self._write(("\n" if self._unfinished else "") + text + "\n")
+        if on_screen:
+            self._screen.line(text)
+        self._unfinished = ""
+
+    def _write(self, text: str) -> None:
+        """Append to the file; if the disk refuses, say so once and go on without: a lost log loses no result."""
+        if self._file is None:
+            return
+        try:
+            self._file.write(text)
+            self._file.flush()
+        except OSError as problem:
+            name, self._file = self._file.name, None
+            self._screen.line(f"{name}: no longer written: {problem.strerror}")
+
+    def _header(self, hosts: list[str], command: str | None, facts: Mapping[str, str]) -> None:
+        names = sorted(set(hosts))
+        ranks = f"{len(hosts)} rank{'s' if len(hosts) > 1 else ''} on " + ", ".join(
+            f"{name} ({hosts.count(name)})" if len(names) > 1 else name for name in names)  # fmt: skip
+        lines = {"date": time.strftime("%Y-%m-%d %H:%M:%S %z"), "command": command or _command(), "ranks": ranks,
+                 "python": sys.version.split()[0], "numpy": np.__version__, **facts}  # fmt: skip
+        width = max(len(name) for name in lines)
+        self._line("\n".join([f"microslip {__version__}", *(f"{name:<{width}}  {text}" for name, text in lines.items()), ""]))
+
+    # -- stages ------------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Time a stage and record the peak memory so far.  Collective on ``comm`` at its end, unless it raises.
+
+        Stages may lie in each other.
+        """
+        depth, began = self._depth, time.perf_counter()
+        self._depth += 1
+        self._begin_line("  " * depth + name)
+        try:
+            yield
+        except BaseException as problem:
+            self._screen.clear()
+            self._line(f"{'  ' * depth}{name} ended after {time.perf_counter() - began:.3g} s by {type(problem).__name__}")
+            raise
+        finally:
+            self._depth = depth
+        memory, largest, seconds = self._measure(time.perf_counter() - began)
+        self.stages.append(Stage(name, depth, seconds, memory, largest))
+        self._screen.clear()
+        self._end_line("  " * depth + name, f"{seconds:>10.3f} s {memory:>8.0f} MiB")
+
+    def _measure(self, seconds: float) -> tuple[float, float, float]:
+        """Return peak memory summed and of the largest rank [MiB], and the time of the slowest rank.  Collective."""
+        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB / 1024.0
+        memory, times = zip(*self.comm.allgather((own, seconds)))
+        return sum(memory), max(memory), max(times)
+
+    def _begin_line(self, name: str) -> None:
+        self._write(("\n" if self._unfinished else "") + name)
+        self._unfinished = name
+        self._screen.begin(name)
+
+    def _end_line(self, name: str, numbers: str) -> None:
+        whole = f"{name:<40}{numbers}"
+        self._write((whole[len(name) :] if self._unfinished == name else whole) + "\n")
+        self._unfinished = ""
+        self._screen.line(whole)
+
+    # -- levels and points -------------------------------------------------------------------------------------
+
+    def level_started(self, level: float, omega_start: float, omega_stop: float, index: int = 0, n_levels: int = 1) -> None:
+        """Announce a level [N] and its range [rad/s], the ``index``-th of ``n_levels`` from 0.  Local."""
+        start, stop = omega_start / 2.0 / np.pi, omega_stop / 2.0 / np.pi
+        self._of_level = f"level {index + 1} of {n_levels}: {level:g} N"
+        head = f"{self._of_level}, {start:.6g} to {stop:.6g} Hz"
+        self._line(f"{head}\n{_HEAD}", on_screen=not self._screen.interactive)
+        self._screen.bar(self._of_level, start, stop)
+
+    def point(self, level: float, i: int, point) -> None:
+        """Report the ``i``-th converged point of a level, a :class:`~microslip.continuation.branch.Point`.  Local.
+
+        The amplitude is that of harmonic 1 of the first output.
+        """
+        if self.comm.rank > 0:
+            return
+        frequency, amplitude = point.omega / 2.0 / np.pi, float(np.hypot(*point.response[0, 1:3]))
+        n_slip, n_open = np.count_nonzero(point.state == 1), np.count_nonzero(point.state == 2)
+        line = (f"{i:>7} {frequency:>12.8g} {amplitude:>12.5e} {n_slip:>5} {n_open:>5} {point.unknowns:>8} "
+                f"{point.newton:>6} {point.krylov:>5} {point.seconds:>8.4f}")  # fmt: skip
+        notes = "".join(f"\n{'':>8}{note}" for note in point.notes)
+        self._line(line + notes, on_screen=not self._screen.interactive)
+        self._screen.advance(frequency, amplitude, n_slip + n_open, i + 1)
+
+    def level_finished(self, level: float, branch) -> None:
+        """Sum up a level, a :class:`~microslip.continuation.branch.Branch`: its peak, or why it ended early.  Local."""
+        self._screen.clear()
+        if self.comm.rank > 0:
+            return
+        self._line(f"{self._of_level or f'{level:g} N'}: {_summary(level, branch.points)}")
+        if branch.failure:
+            self._line(f"  stopped early: {branch.failure}")
+
+    # -- the end -----------------------------------------------------------------------------------------------
+
+    def close(self, failure: str = "") -> None:
+        """Write the table of stages and close the file.  Collective on ``comm`` without ``failure``, local with it.
+
+        A second call does nothing.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self._screen.clear()
+        seconds = time.perf_counter() - self._began
+        if not failure:
+            memory, largest, seconds = self._measure(seconds)
+            self.stages.append(Stage("total", 0, seconds, memory, largest))
+        if self.stages:
+            self._line("\n" + self.table(seconds))
+        self._line(f"ended by {failure}" if failure else "done")
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+    def table(self, seconds: float) -> str:
+        """Return the stages as a table; shares are of ``seconds``.  Local."""
+        rows = [f"{'stage':<40}{'seconds':>10}{'share':>7}{'peak memory, MiB: all ranks':>29}{'largest':>9}"]
+        for stage in self.stages:
+            rows.append(f"{'  ' * stage.depth + stage.name:<40}{stage.seconds:>10.3f}{stage.seconds / max(seconds, 1e-9):>7.1%}"
+                        f"{stage.memory:>29.0f}{stage.memory_largest:>9.0f}")  # fmt: skip
+        return "\n".join(rows)
+
+
+def _summary(level: float, points) -> str:
+    """Return the essential numbers of a level's points."""
+    if not points:
+        return "no point converged"
+    amplitudes = [float(np.hypot(*point.response[0, 1:3])) for point in points]
+    top = points[int(np.argmax(amplitudes))]
+    n_slip, n_open = np.count_nonzero(top.state == 1), np.count_nonzero(top.state == 2)
+    per_newton = f" ({max(amplitudes) / level:.4e} m/N)" if level else ""
+    return (f"{len(points)} points in {sum(point.seconds for point in points):.3g} s; peak {max(amplitudes):.4e} m{per_newton} "
+            f"at {top.omega / 2.0 / np.pi:.7g} Hz, {n_slip} of {len(top.state)} pairs slip, {n_open} open")  # fmt: skip
+
+
+def _open(path: str):
+    """Create the log file and its folder."""
+    make_folder(os.path.dirname(path) or ".")
+    with said_of(path):
+        return open(path, "w", encoding="utf-8", errors="replace")
+
+
+def _command() -> str:
+    return shlex.join([os.path.basename(sys.argv[0] or "python"), *sys.argv[1:]])

@@ -1,0 +1,52 @@
+"""Energy audit: the work of the loads per cycle is what damping and friction take."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..continuation.branch import Branch
+from .measures import amplitude
+
+BOUND = 1e-6            # closure beyond which a point deserves a second look
+_NOTHING = 1e-10        # of pi F a, the most work that a load F can do per cycle at amplitude a
+
+
+def closure(work: np.ndarray, damping: np.ndarray, friction: np.ndarray, most_work: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return |input - damping - friction| over the input, (n,) [-].  Local.
+
+    Parameters
+    ----------
+    work, damping, friction : (n,) J per cycle
+    most_work : (n,) pi F a [J per cycle]; where the input is less than 1e-10 of it (no damping, no slip), the closure
+        is relative to that instead, for the input is nothing but rounding
+    """
+    gap = np.abs(work - damping - friction)
+    scale = np.maximum(np.maximum(np.abs(work), np.abs(damping) + np.abs(friction)), _NOTHING * np.abs(most_work))
+    return np.divide(gap, scale, out=np.zeros_like(gap), where=gap > 0.0)
+
+
+def energy_closure(branch: Branch) -> np.ndarray:
+    """Return the closure of the energy balance at each point of a branch, (n_points,) [-].  Local, on rank 0."""
+    work, damping, friction = (np.array([getattr(point, name) for point in branch.points], dtype=float)
+                               for name in ("input", "damping", "friction"))  # fmt: skip
+    largest = np.array([amplitude(point.response).max(initial=0.0) for point in branch.points])
+    return closure(work, damping, friction, np.pi * branch.level * largest)
+
+
+def audit_text(branches: list[Branch]) -> str:
+    """Return the audit of all levels as a small table for the log.  Local, on rank 0."""
+    lines = ["energy balance, input = damping + friction [J per cycle]",
+             f"  {'level_N':>10} {'largest closure':>15} {'at Hz':>12} {'input there':>12} {'friction at peak':>16}"]  # fmt: skip
+    for branch in branches:
+        if not branch.points:
+            lines.append(f"  {branch.level:>10.6g} {'no point':>15}")
+            continue
+        closures = energy_closure(branch)
+        worst = branch.points[int(np.argmax(closures))]
+        top = max(branch.points, key=lambda point: amplitude(point.response[0]))
+        lines.append(f"  {branch.level:>10.6g} {closures.max():>15.1e} {worst.omega / 2 / np.pi:>12.7g} "
+                     f"{worst.input:>12.4e} {top.friction:>16.4e}")  # fmt: skip
+        n_beyond = np.count_nonzero(closures > BOUND)
+        if n_beyond:
+            lines.append(f"  {n_beyond} of {len(closures)} points close worse than {BOUND:.0e}; lower [solver] tolerance")
+    return "\n".join(lines)

@@ -1,0 +1,222 @@
+"""Pictures along the curves: response, states of the pairs, unknowns, energy."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.lines import Line2D
+
+from .audit import BOUND, closure
+from .measures import amplitude, counts, peak
+from .record import STOPPED, LevelResult, ResultFile
+from .style import (
+    FAINT,
+    INK,
+    LINEAR,
+    MOST_NAMED,
+    MOST_PANELS,
+    STATE_COLOURS,
+    STATE_NAMES,
+    STATE_STYLES,
+    WIDTH,
+    Page,
+    level_colours,
+    level_name,
+    panels,
+    plain,
+    scaled,
+    some,
+)  # fmt: skip
+
+_ROWS = 5               # outputs in one picture
+_WIDE = 200.0           # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
+_APART = 30.0           # ratio of the peaks of two levels beyond which it is
+_DECADES = 1e-7         # a logarithmic axis shows no less than this of the largest
+
+
+def draw_response(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw amplitude, and amplitude per newton with the linear curve, of every output.  Local; returns the files."""
+    drawn = _with_colours(results)
+    files = []
+    for first in range(0, len(results.outputs), _ROWS):
+        outputs = list(enumerate(results.outputs))[first : first + _ROWS]
+        n_rows = len(outputs)
+        handles = _level_handles(drawn, results.linear is not None, peaks=True)
+        says = "response, harmonic 1: amplitude, and amplitude per newton of load"
+        page = Page(results, says, WIDTH, 0.35 + 2.35 * n_rows, handles)
+        axes = page.grid(n_rows, 2).subplots(sharex=True, squeeze=False)
+        for (k, name), row in zip(outputs, axes):
+            _response_row(results, drawn, k, row, name if len(results.outputs) > 1 else "")
+        for ax in axes[-1]:
+            ax.set_xlabel("frequency [Hz]")
+        _limit(axes.ravel(), results)
+        number = f"_{first // _ROWS + 1:02d}" if len(results.outputs) > _ROWS else ""
+        files.append(page.save(f"{out_dir}/response{number}.png"))
+    return files
+
+
+def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> None:
+    """Draw output k into two axes."""
+    curves = [amplitude(level.response[:, k]) for level, _ in drawn]
+    per_newton = [a / abs(level.level) if level.level else np.full_like(a, np.nan) for a, (level, _) in zip(curves, drawn)]
+    for ax, values, unit in ((row[0], curves, "m"), (row[1], per_newton, "m/N")):
+        linear = [amplitude(results.linear.response[:, k])] if results.linear and unit == "m/N" else []
+        factor, unit_name = scaled(_joined([*values, *linear]), unit)
+        if results.linear and linear:
+            ax.plot(results.linear.frequency, factor * linear[0], zorder=1.5, **LINEAR)
+        for a, (level, colour) in zip(values, drawn):
+            _curve(ax, level, factor * a, colour)
+            top = peak(level.response, k)
+            if top is not None:
+                ax.plot(level.frequency[top], factor * a[top], "o", ms=4.0, mfc="white", mec=colour, mew=1.1, zorder=4)
+        ax.set_ylabel(f"{plain(name, 24) + ', ' if name else ''}amplitude [{unit_name}]")
+        _choose_scale(ax, [factor * a for a in (*values, *linear)], compare=unit == "m")
+
+
+def draw_states(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw how many pairs stick, slip and are open along the curve of each level.  Local; returns the files."""
+    levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
+    if not levels or results.joint.n_pairs == 0:
+        return []
+    handles = [Line2D([], [], color=c, ls=s, lw=1.5, label=n) for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)]
+    handles.append(Line2D([], [], color=FAINT, ls=":", lw=1.0, label="peak of the response"))
+    page, axes = _panels(results, f"states of the {results.joint.n_pairs} contact pairs along the curve", levels, handles)
+    for ax, level in zip(axes, levels):
+        for number, colour, style in zip(counts(level.state).T, STATE_COLOURS, STATE_STYLES):
+            _curve(ax, level, number, colour, style)
+        ax.axvline(level.frequency[peak(level.response)], color=FAINT, ls=":", lw=1.0, zorder=0.5)
+        ax.set_ylim(-0.03 * results.joint.n_pairs, 1.05 * results.joint.n_pairs)
+        ax.set_ylabel("pairs")
+    return [page.save(f"{out_dir}/states.png")]
+
+
+def draw_rom_size(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw the unknowns of the reduced model along the curve of every level.  Local; returns the files."""
+    drawn = _with_colours(results)
+    says = f"unknowns of the model along the curve, method {plain(results.method)}"
+    page = Page(results, says, 4.6, 2.6, _level_handles(drawn, False))
+    ax = page.figure.add_subplot(page.grid(1, 1)[0, 0])
+    for (level, colour), width in zip(drawn, np.linspace(3.0, 1.2, len(drawn))):       # equal curves show under each other
+        _curve(ax, level, level.unknowns, colour, lw=width if len(drawn) > 1 else 1.2)
+    largest = max((level.unknowns.max(initial=1) for level, _ in drawn), default=1)
+    ax.set_ylim(0.0, 1.08 * max(largest, 1))
+    ax.set_xlabel("frequency [Hz]")
+    ax.set_ylabel("unknowns")
+    _limit([ax], results)
+    return [page.save(f"{out_dir}/rom_size.png")]
+
+
+def draw_energy(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw input, damping and friction per cycle for each level, and how well they balance.  Local; returns the files."""
+    levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
+    if not levels:
+        return []
+    parts = (("input", "input", INK, "-"), ("damping", "viscous damping", "#0072b2", "--"),
+             ("friction", "friction", "#d55e00", "-."))  # fmt: skip
+    handles = [Line2D([], [], color=c, ls=s, lw=1.2, label=label) for _, label, c, s in parts]
+    says = "energy per cycle along the curve, and the closure |input \u2212 damping \u2212 friction| / input"
+    page, axes = _panels(results, says, levels, handles, foot=1.5)
+    for ax, level in zip(axes, levels):
+        factor, unit = scaled(np.concatenate([getattr(level, name) for name, *_ in parts]), "J")
+        for name, _, colour, style in parts:
+            _curve(ax, level, factor * getattr(level, name), colour, style)
+        ax.set_ylabel(f"energy [{unit}]")
+        largest = factor * max(getattr(level, name).max() for name, *_ in parts)
+        ax.set_ylim(-0.03 * (largest or 1.0), 1.06 * (largest or 1.0))
+    _draw_closure(axes[-1], results)
+    return [page.save(f"{out_dir}/energy.png")]
+
+
+def _draw_closure(ax, results: ResultFile) -> None:
+    """Draw the closure of all levels."""
+    ax.set_yscale("log")
+    drawn = [(level, colour) for level, colour in _with_colours(results) if len(level.frequency)]
+    lowest = BOUND
+    for level, colour in drawn:
+        most_work = np.pi * level.level * amplitude(level.response).max(axis=1, initial=0.0)
+        gap = np.maximum(closure(level.input, level.damping, level.friction, most_work), 1e-16)
+        _curve(ax, level, gap, colour)
+        lowest = min(lowest, gap.min(initial=lowest))
+    ax.axhline(BOUND, color=FAINT, lw=0.8, ls="--")
+    ax.set_ylim(0.3 * lowest, max(ax.get_ylim()[1], 10.0 * BOUND))
+    ax.set_title("closure, all levels", loc="left")
+    if len(drawn) > 1:
+        named = [Line2D([], [], color=colour, lw=1.5, label=f"{level.level:g} N") for level, colour in some(drawn, 7)]
+        ax.legend(handles=named, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=len(named), borderaxespad=0.2,
+                  columnspacing=1.2)  # fmt: skip
+    ax.set_ylabel("closure [-]")
+    ax.set_xlabel("frequency [Hz]")
+    _limit([ax], results)
+
+
+# -- shared ----------------------------------------------------------------------------------------------------
+
+
+def _with_colours(results: ResultFile) -> list[tuple[LevelResult, np.ndarray]]:
+    return list(zip(results.levels, level_colours(len(results.levels))))
+
+
+def _level_handles(drawn, linear: bool, peaks: bool = False) -> list[Line2D]:
+    handles = [Line2D([], [], color=colour, lw=1.5, label=level_name(level)) for level, colour in some(drawn, MOST_NAMED)]
+    if linear:
+        handles.append(Line2D([], [], label="all stuck, linear", **LINEAR))
+    if peaks:
+        handles.append(Line2D([], [], color="none", marker="o", ms=4.0, mfc="white", mec=INK, label="peak"))
+    return handles
+
+
+def _panels(results: ResultFile, says: str, levels: list[LevelResult], handles, foot: float = 0.0):
+    """Return a page and its axes, one a level; with ``foot`` [in] one more across the page below them."""
+    n_rows, n_columns = panels(len(levels))
+    if len(levels) < len(results.levels):
+        says += f"; {len(levels)} of {len(results.levels)} levels"
+    row = 1.75 if n_columns < 3 else 1.5
+    heights = [row] * n_rows + ([foot] if foot else [])
+    page = Page(results, says, WIDTH if n_columns > 1 else 4.6, 0.3 + sum(heights), handles)
+    cells = page.grid(len(heights), n_columns, height_ratios=heights)
+    axes = [page.figure.add_subplot(cells[divmod(i, n_columns)]) for i in range(len(levels))]
+    for i, (ax, level) in enumerate(zip(axes, levels)):
+        ax.set_title(level_name(level, short=True), loc="left")
+        if i + n_columns >= len(levels):
+            ax.set_xlabel("frequency [Hz]")
+    _limit(axes, results)
+    return page, axes + ([page.figure.add_subplot(cells[n_rows, :])] if foot else [])
+
+
+def _curve(ax, level: LevelResult, values, colour, style="-", lw=1.2) -> None:
+    """Draw values in the order of the branch: folds show; a single point and an early end are marked."""
+    ax.plot(level.frequency, values, ls=style, lw=lw, color=colour, marker="." if len(level.frequency) < 3 else None, ms=5.0)
+    if level.status == STOPPED and len(level.frequency):
+        ax.plot(level.frequency[-1], values[-1], "x", color=colour, ms=5.0, mew=1.2, zorder=5)
+
+
+def _joined(values) -> np.ndarray:
+    return np.concatenate([np.zeros(0), *values])
+
+
+def _choose_scale(ax, curves, *, compare: bool) -> None:
+    """Choose a logarithmic axis where a curve spans decades, or (``compare``) the peaks of the curves do."""
+    curves = [a[np.isfinite(a) & (a > 0.0)] for a in curves]
+    curves = [a for a in curves if len(a)]
+    if not curves:
+        return
+    peaks, largest = [a.max() for a in curves], max(a.max() for a in curves)
+    real = [a[a > _DECADES * largest] for a in curves if a.max() > _DECADES * largest]
+    span = max(a.max() / a.min() for a in real)
+    real_peaks = [top for top in peaks if top > _DECADES * largest]
+    if span > _WIDE or (compare and max(real_peaks) / min(real_peaks) > _APART):
+        ax.set_yscale("log")
+        ax.set_ylim(0.7 * min(a.min() for a in real), 1.5 * largest)
+    else:
+        ax.set_ylim(0.0, 1.06 * largest)
+
+
+def _limit(axes, results: ResultFile) -> None:
+    """Give all axes the range of frequencies of all levels; a single frequency gets a margin."""
+    frequency = _joined([level.frequency for level in results.levels])
+    if len(frequency) == 0:
+        return
+    low, high = frequency.min(), frequency.max()
+    margin = 0.01 * (high - low) if high > low else 0.01 * abs(high) or 1.0
+    for ax in axes:
+        ax.set_xlim(low - margin, high + margin)
+        ax.locator_params(axis="x", nbins=4 if ax.get_subplotspec().get_position(ax.figure).width < 0.3 else 7)

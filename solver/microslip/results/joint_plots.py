@@ -1,0 +1,230 @@
+"""Pictures on the joint: states and friction losses of the pairs at the peak of each level, on the surfaces laid flat."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LogNorm
+from matplotlib.patches import Patch as Swatch
+
+from .measures import counts, peak
+from .record import LevelResult, ResultFile
+from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, level_name, plain, scaled, some
+from .unroll import Patch, patches
+
+_MM = 1e3
+_MOST_PATCHES = 12
+_MOST_HEIGHT = 8.6              # in, of all blocks
+_LOWEST, _DEEPEST = 0.34, 2.6   # in, height of a surface: a thin strip is stretched, a small one not blown up
+_NO_LOSS = "#ececec"
+_LOSS_DECADES = 1e-4
+
+
+def draw_slip_map(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw stick, slip and separation on the contact surfaces at the peak of each level.  Local; returns the files."""
+    handles = [Swatch(facecolor=c, edgecolor=FAINT, lw=0.4, label=n) for c, n in zip(STATE_COLOURS, STATE_NAMES)]
+    colours = np.array([matplotlib.colors.to_rgba(c) for c in STATE_COLOURS])
+
+    def colour(level: LevelResult, at: int) -> np.ndarray:
+        return colours[level.state[at]]
+
+    def says(level: LevelResult, at: int) -> str:
+        _, n_slip, n_open = counts(level.state[at])
+        moving = [f"{n} {name}" for n, name in ((n_slip, "slip"), (n_open, "open")) if n]
+        return ", ".join(moving) or "all stick"
+
+    what = "states of the contact pairs at the peak of each level"
+    return _draw(results, f"{out_dir}/slip_map.png", what, colour, says, handles)
+
+
+def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw the friction loss per area and cycle at the peak of each level, in one colour scale.  Local; returns the files."""
+    area = results.joint.area
+    per_area = bool(np.isfinite(area).all() and (area > 0.0).all())
+    share = area if per_area else np.ones_like(area)
+    unit = "J/m\u00b2" if per_area else "J"
+    at_peaks = [level.energy[peak(level.response)] / share for level in results.levels if len(level.frequency)]
+    losses = np.concatenate([np.zeros(0), *at_peaks])
+    losses = losses[np.isfinite(losses) & (losses > 0.0)]
+    palette = matplotlib.colormaps["inferno_r"]
+    most = losses.max(initial=1e-300)
+    scale = LogNorm(min(max(losses.min(initial=most), _LOSS_DECADES * most), 0.1 * most), most, clip=True)
+
+    def colour(level: LevelResult, at: int) -> np.ndarray:
+        loss = level.energy[at] / share
+        rgba = np.tile(matplotlib.colors.to_rgba(_NO_LOSS), (len(loss), 1))
+        has_loss = np.isfinite(loss) & (loss > 0.0)
+        if has_loss.any():
+            rgba[has_loss] = palette(0.04 + 0.92 * scale(loss[has_loss]))
+        return rgba
+
+    def says(level: LevelResult, at: int) -> str:
+        factor, prefix = scaled(level.energy[at].sum(), "J")
+        return f"{factor * level.energy[at].sum():.3g} {prefix}"
+
+    what = "friction loss per cycle" + (" and area" if per_area else " of each pair") + " at the peak of each level"
+    bar = None if len(losses) == 0 else (matplotlib.colors.ListedColormap(palette(np.linspace(0.04, 0.96, 256))), scale,
+                                      f"friction loss per cycle [{unit}]")  # fmt: skip
+    return _draw(results, f"{out_dir}/energy_map.png", what if len(losses) else what + ": none", colour, says,
+                 [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="no loss")], bar)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A block for each level, with the patches row by row, all to one scale; inches."""
+
+    level_columns: int
+    patch_columns: int
+    label: float                # height of the line above each patch
+    scale: float                # in per m
+    stretch: float              # of y against x
+    widths: np.ndarray          # (patch_columns,) of the columns of patches
+    heights: np.ndarray         # of the rows of patches
+
+    LEFT, BELOW, TITLE, GAP, LABEL = 0.48, 0.38, 0.20, 0.14, 0.15
+
+    @property
+    def block(self) -> tuple[float, float]:
+        """Width and height of a block."""
+        return (float(self.widths.sum()) + len(self.widths) * self.GAP,
+                self.TITLE + float(self.heights.sum()) + len(self.heights) * (self.GAP + self.label))  # fmt: skip
+
+    def height(self, n_levels: int) -> float:
+        return math.ceil(n_levels / self.level_columns) * self.block[1] + self.BELOW
+
+    def corner(self, k: int) -> tuple[float, float]:
+        """Return the upper left corner of patch k in its block."""
+        row, column = divmod(k, self.patch_columns)
+        return (float(self.widths[:column].sum()) + column * self.GAP,
+                self.TITLE + float(self.heights[:row].sum()) + row * (self.GAP + self.label) + self.label)  # fmt: skip
+
+
+def choose_layout(sizes: np.ndarray, n_levels: int, labelled: bool) -> Layout:
+    """Return the layout with the largest pictures that fits a page; ``sizes`` (n_patches, 2) [m].  Local."""
+    layouts = [_layout(sizes, level_columns, patch_columns, labelled)
+               for level_columns in range(1, n_levels + 1) for patch_columns in range(1, len(sizes) + 1)]  # fmt: skip
+    found = [layout for layout in layouts if layout is not None]
+
+    def rank(layout: Layout) -> tuple[float, float, float]:
+        height = layout.height(n_levels)
+        return round(max(0.0, height - _MOST_HEIGHT), 1), -round(layout.scale, 6), height
+
+    return min(found, key=rank)
+
+
+def _layout(sizes: np.ndarray, level_columns: int, patch_columns: int, labelled: bool) -> Layout | None:
+    """Return the layout with these columns that fills the width, None where the gaps alone are wider."""
+    n_rows = math.ceil(len(sizes) / patch_columns)
+    grid = np.zeros((n_rows * patch_columns, 2))
+    grid[: len(sizes)] = sizes
+    grid = grid.reshape(n_rows, patch_columns, 2)
+    widths, heights = grid[:, :, 0].max(axis=0), grid[:, :, 1].max(axis=1)
+    free = WIDTH - Layout.LEFT - 0.1 - level_columns * patch_columns * Layout.GAP
+    largest = max(sizes.max(), 1e-9)
+    scale = min(free / (level_columns * max(widths.sum(), 0.02 * largest)), _DEEPEST / max(heights.max(), 0.02 * largest))
+    if scale <= 0.0:
+        return None
+    stretch = max(1.0, _LOWEST / (scale * max(heights.min(), 0.02 * largest)))
+    return Layout(level_columns, patch_columns, Layout.LABEL if labelled else 0.0, scale, stretch, scale * widths,
+                  np.maximum(scale * stretch * heights, 0.05))  # fmt: skip
+
+
+def _draw(results: ResultFile, path: str, says: str, colour, level_says, handles, bar=None) -> list[str]:
+    """Draw every level's surfaces; ``colour`` returns (n_pairs, 4) at a point of a level."""
+    levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
+    surfaces = patches(results.joint)
+    if not levels or not surfaces:
+        return []
+    shown = sorted(sorted(surfaces, key=lambda patch: -len(patch.pairs))[:_MOST_PATCHES], key=surfaces.index)
+    labelled = len(surfaces) > 1
+    layout = choose_layout(np.array([patch.size for patch in shown]), len(levels), labelled)
+    says += _remarks(results, levels, surfaces, shown, layout)
+    height = layout.height(len(levels))
+    page = Page(results, says, WIDTH, height + (0.56 if bar else 0.0), handles)
+    for i, level in enumerate(levels):
+        row, column = divmod(i, layout.level_columns)
+        x, y = layout.LEFT + column * layout.block[0], page.top + row * layout.block[1]
+        at = peak(level.response)
+        page.text(x, y + 0.04, f"{level_name(level, short=True)}, {level.frequency[at]:.5g} Hz: {level_says(level, at)}")
+        is_last = i + layout.level_columns >= len(levels)
+        _block(page, layout, shown, (x, y), colour(level, at), column == 0, is_last)
+    if bar:
+        _colour_bar(page, *bar)
+    return [page.save(path)]
+
+
+def _remarks(results: ResultFile, levels, surfaces, shown, layout: Layout) -> str:
+    """Return what the heading adds: what is left out, and what is not to scale."""
+    remarks = f"; peak of {plain(results.outputs[0], 30)}" if len(results.outputs) > 1 else ""
+    if len(shown) < len(surfaces):
+        remarks += f"; {len(shown)} of {len(surfaces)} surfaces"
+    if len(levels) < len(results.levels):
+        remarks += f"; {len(levels)} of {len(results.levels)} levels"
+    if not all(patch.to_scale for patch in shown):
+        return remarks + "; pairs in the order of their numbers"
+    return remarks + (f"; across stretched {layout.stretch:.2g} times" if layout.stretch > 1.01 else "")
+
+
+def _block(page: Page, layout: Layout, shown: list[Patch], corner, rgba, is_first: bool, is_last: bool) -> None:
+    """Draw the surfaces of one level; ``corner`` is the upper left one, in inches from the upper left of the page."""
+    along = {patch.x_label for patch in shown}
+    for k, patch in enumerate(shown):
+        x, y = np.add(corner, layout.corner(k))
+        size = layout.scale * patch.size * [1.0, layout.stretch]
+        ax = page.axes(x, y, *np.maximum(size, 0.05))
+        if layout.label:
+            room = int(3 + 15 * layout.widths[k % layout.patch_columns])
+            page.text(x, y - 0.02, plain(patch.label, room), va="bottom", fontsize=7, color="#555555")
+        _surface(ax, patch, rgba, layout.scale)
+        _ticks(ax, patch, is_first and k % layout.patch_columns == 0, is_last and k + layout.patch_columns >= len(shown), along)
+
+
+def _surface(ax, patch: Patch, rgba: np.ndarray, scale: float) -> None:
+    """Draw one patch: a coloured cell for each pair and face, the faces' edges; dots where there are no faces."""
+    unit = _MM if patch.to_scale else 1.0
+    low, high = patch.corners.min(axis=0), patch.corners.max(axis=0)
+    if patch.cells:
+        shades = rgba[patch.cell_pair]
+        ax.add_collection(PolyCollection([unit * (cell - low) for cell in patch.cells], facecolors=shades, edgecolors=shades,
+                                         linewidths=0.2, clip_on=False))  # fmt: skip
+        ax.add_collection(PolyCollection([unit * (ring - low) for ring in patch.outlines], facecolors="none",
+                                         edgecolors="#5f5f5f", linewidths=0.3, alpha=0.7, clip_on=False))  # fmt: skip
+    else:
+        diameter = min(max(0.8 * 72.0 * scale * patch.spacing, 1.5), 12.0)      # points
+        ax.scatter(*(unit * (patch.points - low)).T, c=rgba[patch.pairs], s=diameter**2, edgecolors="#5f5f5f", linewidths=0.3,
+                   clip_on=False)  # fmt: skip
+    extent = np.maximum(unit * (high - low), 1e-12)
+    ax.set_xlim(0.0, extent[0])
+    ax.set_ylim(0.0, extent[1])
+
+
+def _ticks(ax, patch: Patch, has_y: bool, has_x: bool, along: set[str]) -> None:
+    """Label the outer axes in millimetres; ``along`` are the directions of all patches above each other."""
+    ax.grid(False)
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    if not patch.to_scale:
+        ax.set_xticks([])
+        ax.set_yticks([])
+        return
+    ax.tick_params(length=2.0, pad=1.5, color=INK, labelbottom=has_x, labelleft=has_y)
+    ax.locator_params(axis="x", nbins=6)
+    ax.locator_params(axis="y", nbins=3)
+    if has_x:
+        ax.set_xlabel(f"mm along {patch.x_label}" if patch.x_label and len(along) == 1 else "mm", labelpad=1.0)
+    if has_y:
+        ax.set_ylabel("mm", labelpad=2.0)
+
+
+def _colour_bar(page: Page, palette, scale, label: str) -> None:
+    """Draw the colour scale at the foot of the page."""
+    width = min(4.0, page.width - 1.0)
+    ax = page.axes((page.width - width) / 2.0, page.height - 0.54, width, 0.1)
+    bar = page.figure.colorbar(ScalarMappable(scale, palette), cax=ax, orientation="horizontal", extend="min")
+    bar.set_label(label, labelpad=1.0)
+    bar.outline.set_linewidth(0.4)

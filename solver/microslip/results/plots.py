@@ -1,0 +1,32 @@
+"""Every picture of a run, from its result file alone."""
+
+from __future__ import annotations
+
+import matplotlib
+
+from ..parallel.files import make_folder, said_of
+from .curve_plots import draw_energy, draw_response, draw_rom_size, draw_states
+from .joint_plots import draw_energy_map, draw_slip_map
+from .read import read_results
+from .style import RC
+
+PICTURES = (draw_response, draw_states, draw_slip_map, draw_rom_size, draw_energy, draw_energy_map)
+
+
+def draw_all(results_path: str, out_dir: str) -> list[str]:
+    """Draw all pictures of a result file into a folder and return the files.  Local: one rank; no MPI, no PETSc.
+
+    response.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png.  What a scene does not have (a joint,
+    a converged point) leaves out the pictures of it.
+
+    Raises
+    ------
+    CaseError : the result file cannot be read (as :func:`read_results`), or the folder cannot be written to
+    ResourceError : the disk is full
+    """
+    results = read_results(results_path, motion=False)
+    make_folder(out_dir)
+    if not any(len(level.frequency) for level in results.levels):
+        return []
+    with matplotlib.rc_context(RC), said_of(out_dir):
+        return [file for draw in PICTURES for file in draw(results, out_dir)]

@@ -1,0 +1,155 @@
+"""Read results.h5.  The file may come from anywhere: nothing outside it is opened, and every shape is checked."""
+
+from __future__ import annotations
+
+import os
+
+import h5py
+import numpy as np
+
+from ..parallel.errors import CaseError
+from .record import JOINT_DATA, LEVEL_DATA, MOTION, Joint, LevelResult, LinearCurve, ResultFile
+from .writer import FORMAT, FORMAT_VERSION
+
+_MOST_GAIN = 2000       # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
+_MOST_TEXTS = 100_000
+
+
+def read_results(path: str, motion: bool = True) -> ResultFile:
+    """Read a result file.  Local; no MPI and no PETSc.
+
+    ``motion`` False leaves the large arrays du and p out.
+
+    Raises
+    ------
+    CaseError : no such file, truncated or damaged, another kind of file, another version of the format, or a file that
+        refers to other files
+    """
+    if not os.path.isfile(path):
+        raise CaseError(f"{path}: no such file; the result file of a run is results.h5 in its folder")
+    try:
+        with h5py.File(path, "r") as file:
+            _check_format(path, file)
+            return _read(path, _Reader(path, file), motion)
+    except CaseError:
+        raise
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError) as problem:
+        cause = " ".join(str(problem).split())[:200]
+        raise CaseError(f"{path}: cannot be read as a result file; it is truncated, damaged or no HDF5 file ({cause})") from None
+
+
+def _check_format(path: str, file: h5py.File) -> None:
+    """Raise CaseError unless the file is ours and of this version."""
+    if _attribute(file, "format") != FORMAT:
+        raise CaseError(f"{path}: an HDF5 file, but not one with microslip results")
+    version = int(file.attrs["format_version"])
+    if version != FORMAT_VERSION:
+        age = "an older" if version < FORMAT_VERSION else "a newer"
+        raise CaseError(f"{path}: written by {age} version of the program (format {version}, this one reads {FORMAT_VERSION}); "
+                        "run the scene again, or use that version")  # fmt: skip
+
+
+def _attribute(item, name: str) -> str:
+    value = item.attrs.get(name, "")
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
+
+
+class _Reader:
+    """Datasets of a file by name, refused where they would make HDF5 open other files or swell."""
+
+    def __init__(self, path: str, file: h5py.File):
+        self.path, self.file = path, file
+
+    def __contains__(self, name: str) -> bool:
+        return self._item(name) is not None
+
+    def group(self, name: str) -> h5py.Group:
+        item = self._item(name)
+        if not isinstance(item, h5py.Group):
+            raise CaseError(f"{self.path}: group {name!r} is missing; the file is damaged or was edited")
+        return item
+
+    def _item(self, name: str):
+        """Return a group or dataset, None if there is none; each part of its name must be a plain link."""
+        item = self.file
+        for part in name.split("/"):
+            link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
+            if link is None:
+                return None
+            if not isinstance(link, h5py.HardLink):
+                raise CaseError(f"{self.path}: {name!r} is a link to another place or file; such files are refused")
+            item = item[part]
+        return item
+
+    def _dataset(self, name: str) -> h5py.Dataset:
+        item = self._item(name)
+        if not isinstance(item, h5py.Dataset):
+            raise CaseError(f"{self.path}: dataset {name!r} is missing; the file is damaged or was edited")
+        if item.is_virtual or item.external:
+            raise CaseError(f"{self.path}: dataset {name!r} keeps its values in another file; such files are refused")
+        if item.size and item.nbytes > _MOST_GAIN * max(item.id.get_storage_size(), 1):
+            raise CaseError(f"{self.path}: dataset {name!r} claims {item.nbytes} bytes and holds {item.id.get_storage_size()}")
+        return item
+
+    def array(self, name: str, kind: str, shape: tuple[int | None, ...]) -> np.ndarray:
+        """Return numbers as type ``kind`` and of ``shape``, where None is any length."""
+        dataset = self._dataset(name)
+        fits = dataset.ndim == len(shape) and all(want in (None, have) for want, have in zip(shape, dataset.shape))
+        if dataset.dtype.kind not in "iufb" or not fits:
+            wanted = "x".join("n" if want is None else str(want) for want in shape)
+            raise CaseError(f"{self.path}: dataset {name!r} is {dataset.dtype} {dataset.shape}, not numbers {wanted}")
+        return dataset[()].astype(kind, copy=False)
+
+    def texts(self, name: str) -> list[str]:
+        """Return one text or several as a list."""
+        dataset = self._dataset(name)
+        if h5py.check_string_dtype(dataset.dtype) is None or dataset.ndim > 1 or dataset.size > _MOST_TEXTS:
+            raise CaseError(f"{self.path}: dataset {name!r} is {dataset.dtype} {dataset.shape}, not text")
+        values = np.atleast_1d(dataset.asstr(errors="replace")[()])
+        return [str(value) for value in values]
+
+
+def _read(path: str, reader: _Reader, motion: bool) -> ResultFile:
+    outputs = tuple(reader.texts("outputs/name"))
+    joint = _joint(reader)
+    levels = tuple(_level(reader, f"levels/{name}", len(outputs), joint.n_pairs, motion)
+                   for name in sorted(reader.group("levels")))  # fmt: skip
+    title, name, method, text = (reader.texts(f"scene/{item}")[0] for item in ("title", "name", "method", "text"))
+    versions = dict(zip(reader.texts("versions/name"), reader.texts("versions/version")))
+    return ResultFile(path, title, name, method, text, tuple(reader.texts("options")), versions, outputs,
+                      reader.array("modes/frequency_Hz", "f8", (None,)), joint, _linear(reader, len(outputs)), levels)
+
+
+def _linear(reader: _Reader, n_outputs: int) -> LinearCurve | None:
+    if "linear" not in reader:
+        return None
+    frequency = reader.array("linear/frequency_Hz", "f8", (None,))
+    return LinearCurve(frequency, reader.array("linear/response_per_N", "f8", (len(frequency), n_outputs, None)))
+
+
+def _joint(reader: _Reader) -> Joint:
+    n_pairs = len(reader.array("joint/mu", "f8", (None,)))
+    columns = {name: reader.array(f"joint/{name}", kind, (n_pairs, *shape)) for name, shape, kind, _ in JOINT_DATA}
+    names = tuple(reader.texts("joint/names"))
+    faces = tuple(reader.array(f"joint/faces/{name}", "i8", (None, None)) for name in sorted(reader.group("joint/faces")))
+    if any(len(part) and not 0 <= part.min() <= part.max() < n_pairs for part in (*faces,)) or not all(
+            0 <= i < len(names) for i in columns["joint"]):  # fmt: skip
+        raise CaseError(f"{reader.path}: the joint names pairs that are not there; the file is damaged or was edited")
+    return Joint(names=names, faces=faces, **columns)
+
+
+def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bool) -> LevelResult:
+    n, _, N_H = reader.array(f"{group}/response", "f8", (None, n_outputs, None)).shape
+    if N_H < 3 or N_H % 2 == 0:
+        raise CaseError(f"{reader.path}: dataset '{group}/response' has {N_H} coefficients, not 2 H + 1")
+    shapes = {"response": (n_outputs, N_H), "energy": (n_pairs,), "state": (n_pairs,), "du": (n_pairs, 3, N_H),
+              "p": (n_pairs, 3, N_H)}  # fmt: skip
+    arrays = {name: reader.array(f"{group}/{dataset}", kind, (n, *shapes.get(name, ())))
+              if motion or name not in MOTION else None for dataset, name, _, kind, _ in LEVEL_DATA}  # fmt: skip
+    attributes = reader.group(group)
+    for name, values in arrays.items():
+        if values is not None and values.dtype.kind == "f" and not np.isfinite(values).all():
+            raise CaseError(f"{reader.path}: {name} of '{group}' is not finite everywhere; the file is damaged or was edited")
+    return LevelResult(level=float(attributes.attrs["level_N"]), status=_attribute(attributes, "status"),
+                       failure=_attribute(attributes, "failure"),
+                       notes=np.array(reader.texts(f"{group}/notes"), dtype=object)[:n], **arrays)  # type: ignore[arg-type]

@@ -1,0 +1,139 @@
+"""The looks that all pictures share: fonts, colours, units, headings, grids of panels.  No pyplot, no global state."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+import warnings
+from collections.abc import Sequence
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from .record import STOPPED, LevelResult, ResultFile
+
+WIDTH = 7.1             # in: the two columns of a page
+DPI = 200
+MOST_PANELS = 12        # small multiples in one picture
+MOST_NAMED = 12         # levels named in a legend
+
+RC = {
+    "font.family": "DejaVu Sans", "font.size": 8.0, "axes.titlesize": 8.0, "axes.labelsize": 8.0, "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0, "legend.fontsize": 7.0, "legend.frameon": False, "legend.handlelength": 1.8,
+    "axes.linewidth": 0.6, "lines.linewidth": 1.2, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.grid": True, "grid.linewidth": 0.4, "grid.color": "#dddddd", "axes.axisbelow": True, "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6, "xtick.minor.width": 0.4, "ytick.minor.width": 0.4, "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-3, 5), "figure.dpi": DPI, "text.usetex": False, "axes.unicode_minus": True,
+}  # fmt: skip
+
+# Okabe and Ito: told apart by all kinds of colour vision, and in grey by their lightness
+STATE_COLOURS = ("#56b4e9", "#d55e00", "#1a1a1a")
+STATE_NAMES = ("stick", "slip", "open")
+STATE_STYLES = ("-", "-", "--")
+INK, FAINT = "#1a1a1a", "#8a8a8a"
+LINEAR = {"color": "#b9b9b9", "lw": 3.2, "solid_capstyle": "butt"}      # a broad line that shows under the others
+_LEVELS = "viridis"
+
+
+def level_colours(n: int) -> np.ndarray:
+    """Return a colour for each of n levels, dark to light."""
+    return matplotlib.colormaps[_LEVELS](np.linspace(0.0, 0.8, n) if n > 1 else [0.25])
+
+
+def scaled(values, unit: str) -> tuple[float, str]:
+    """Return a factor and the unit with the prefix that suits the largest of ``values``."""
+    sizes = np.abs(values)
+    largest = float(sizes[np.isfinite(sizes)].max(initial=0.0))
+    if largest == 0.0:
+        return 1.0, unit
+    exponent = min(max(3 * math.floor(math.log10(largest) / 3.0 + 1e-9), -15), 3 if unit.startswith("J") else 0)
+    prefix = {3: "k", 0: "", -3: "m", -6: "\u00b5", -9: "n", -12: "p", -15: "f"}[exponent]
+    return 10.0**-exponent, prefix + unit
+
+
+def plain(text: str, most: int = 60) -> str:
+    """Return a user's text on one line, short enough, and without anything that would be set as a formula."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    line = line if len(line) <= most else line[: most - 1].rstrip() + "\u2026"
+    return line.replace("$", r"\$")
+
+
+def level_name(level: LevelResult, short: bool = False) -> str:
+    """Return a level for a legend or, ``short``, a small panel, with where or that it stopped if it did."""
+    name = f"{level.level:g} N"
+    if len(level.frequency) == 0:
+        return name + ", no point"
+    if level.status != STOPPED:
+        return name
+    return name + (" (stopped)" if short else f", stopped at {level.frequency[-1]:.5g} Hz")
+
+
+def some(items: Sequence, most: int) -> list:
+    """Return at most ``most`` items, evenly spread, the first and the last among them."""
+    if len(items) <= most:
+        return list(items)
+    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))]
+
+
+class Page:
+    """A figure with a heading and a legend above a field for axes; sizes in inches, ``height`` that of the field.
+
+    The heading is the scene's title and, in a second line, what is shown.
+    """
+
+    LINE, ENTRY, MARGIN = 0.145, 0.155, 0.08
+
+    def __init__(self, results: ResultFile, says: str, width: float, height: float, handles: Sequence = ()):
+        title = textwrap.wrap(plain(results.title, 300), int(14 * width), max_lines=2, placeholder=" \u2026")
+        lines = textwrap.wrap(says, int(16 * width))
+        columns = legend_columns([handle.get_label() for handle in handles], width)
+        text_height = self.LINE * (len(title) + len(lines))
+        self.top = self.MARGIN + text_height + (0.1 + self.ENTRY * math.ceil(len(handles) / columns) if handles else 0.06)
+        self.width, self.height = width, height + self.top
+        self.figure = Figure(figsize=(self.width, self.height))
+        self.text(self.MARGIN, self.MARGIN, "\n".join(title), weight="bold")
+        self.text(self.MARGIN, self.MARGIN + self.LINE * len(title), "\n".join(lines))
+        if handles:
+            at = (self.MARGIN / width, 1.0 - (self.MARGIN + text_height + 0.03) / self.height)
+            self.figure.legend(handles=list(handles), loc="upper left", bbox_to_anchor=at, ncol=columns, borderaxespad=0.0,
+                               borderpad=0.0, columnspacing=1.4, handletextpad=0.6)  # fmt: skip
+        self.field = (0.0, 0.0, 1.0, 1.0 - self.top / self.height)
+
+    def text(self, x: float, y: float, text: str, **options) -> None:
+        """Write below and right of a point, in inches from the upper left corner."""
+        looks = {"va": "top", "color": INK, "linespacing": 1.25, **options}
+        self.figure.text(x / self.width, 1.0 - y / self.height, text, **looks)
+
+    def axes(self, x: float, y: float, width: float, height: float):
+        """Return axes whose upper left corner is at a point, in inches from the upper left corner."""
+        return self.figure.add_axes((x / self.width, 1.0 - (y + height) / self.height, width / self.width, height / self.height))
+
+    def grid(self, n_rows: int, n_columns: int, **options):
+        """Return the cells of a grid in the field, laid out so that nothing is cut off."""
+        self.figure.set_layout_engine("constrained", rect=self.field, w_pad=0.05, h_pad=0.05)
+        return self.figure.add_gridspec(n_rows, n_columns, **options)
+
+    def save(self, path: str) -> str:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Glyph .* missing")       # a title in letters that the font lacks: boxes
+            self.figure.savefig(path, dpi=DPI)
+        return path
+
+
+def legend_columns(labels: Sequence[str], width: float) -> int:
+    """Return in how many columns a legend fits, with as few rows as possible; matplotlib fills the first columns most."""
+    for rows in range(1, len(labels) + 1):
+        columns = math.ceil(len(labels) / rows)
+        short, n_long = divmod(len(labels), columns)
+        ends = np.cumsum([0] + [short + (k < n_long) for k in range(columns)])
+        longest = [max(map(len, labels[i:j])) for i, j in zip(ends, ends[1:])]
+        if sum(0.40 + 0.058 * n for n in longest) < width - 0.1:
+            return columns
+    return 1
+
+
+def panels(n: int) -> tuple[int, int]:
+    """Return rows and columns of a grid for n small pictures."""
+    columns = {1: 1, 2: 2, 3: 3, 4: 2, 5: 3, 6: 3, 9: 3}.get(n, 4)
+    return max(1, math.ceil(n / columns)), columns

@@ -1,0 +1,52 @@
+"""frf.csv: one row a converged point and output, on the disk as soon as the point is."""
+
+from __future__ import annotations
+
+import csv
+import os
+
+import numpy as np
+
+from ..continuation.branch import Point
+from ..parallel.files import said_of
+from .measures import amplitude, counts, phase
+
+HEADER = ("level_N", "point", "frequency_Hz", "output", "amplitude_m", "phase_rad", "mean_m", "sticking", "slipping", "open",
+          "unknowns", "newton", "friction_J", "damping_J", "input_J", "seconds")  # fmt: skip
+NAME = "frf.csv"
+
+
+class ResponseTable:
+    """The table of a run, created with its header.  Rank 0 only.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+
+    def __init__(self, folder: str, outputs: tuple[str, ...]):
+        self.path = os.path.join(folder, NAME)
+        self.outputs = outputs
+        with said_of(self.path):
+            self._file = open(self.path, "w", encoding="utf-8", newline="")
+            self._rows = csv.writer(self._file, lineterminator="\n")
+            self._rows.writerow(HEADER)
+            self._file.flush()
+
+    def add(self, level: float, i: int, point: Point) -> None:
+        """Append the ``i``-th point of a level [N], counted from 0; flushed before this returns."""
+        shared = [*(int(n) for n in counts(point.state)), point.unknowns, point.newton,
+                  *_digits(point.friction, point.damping, point.input), f"{point.seconds:.4g}"]  # fmt: skip
+        with said_of(self.path):
+            for name, u in zip(self.outputs, point.response, strict=True):
+                own = _digits(float(amplitude(u)), float(phase(u)), u[0])
+                self._rows.writerow([*_digits(level), i, *_digits(point.omega / (2.0 * np.pi)), name, *own, *shared])
+            self._file.flush()
+
+    def close(self) -> None:
+        with said_of(self.path):
+            self._file.close()
+
+
+def _digits(*values: float) -> list[str]:
+    return [f"{value:.13g}" for value in values]

@@ -1,0 +1,183 @@
+"""Contact surfaces laid flat: connected patches of faces in plane coordinates, a cell for each pair.  NumPy and SciPy only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from .record import Joint
+
+# nodes of a face in turn around it, by their number
+RING = {3: (0, 1, 2), 4: (0, 1, 2, 3), 6: (0, 3, 1, 4, 2, 5), 8: (0, 4, 1, 5, 2, 6, 3, 7)}
+_FLAT = np.cos(np.radians(60.0))        # normals further apart than this from their mean: the patch is rolled off
+_ELONGATED = 1.3                        # ratio of extents above which the longer one is drawn along x
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A connected part of a joint in plane coordinates [m], seen from body 1."""
+
+    label: str
+    x_label: str                        # the model axis that x follows, "" if none
+    pairs: np.ndarray                   # (m,) indices of pairs
+    points: np.ndarray                  # (m, 2) where they lie
+    cells: list[np.ndarray]             # (k, 2) polygons; one for each face and pair
+    cell_pair: np.ndarray               # (n_cells,) the pair that a cell belongs to
+    outlines: list[np.ndarray]          # (k, 2) the faces
+    spacing: float                      # between neighbouring pairs [m]
+    to_scale: bool = True               # False where the pairs have no position: a grid by their numbers
+
+    @property
+    def size(self) -> np.ndarray:
+        """Extent of faces, or of points with half their spacing around them, (2,) m."""
+        return np.ptp(self.corners, axis=0)
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Points (k, 2) that span the extent."""
+        margin = 0.0 if self.outlines else 0.5 * self.spacing
+        return np.concatenate([self.points - margin, self.points + margin, *self.outlines])
+
+
+def patches(joint: Joint) -> list[Patch]:
+    """Return the contact surfaces of all joints, in the order of their first pairs.  Local.
+
+    Pairs that no face names make one patch a joint, without cells.
+    """
+    found = []
+    part = _parts(joint)
+    parts = [np.flatnonzero(part == i) for i in np.unique(part)]
+    parts.sort(key=lambda pairs: (joint.joint[pairs[0]], pairs[0]))
+    for pairs in parts:
+        siblings = [other for other in parts if joint.joint[other[0]] == joint.joint[pairs[0]]]
+        found.append(_patch(joint, pairs, joint.names[joint.joint[pairs[0]]] + _which(joint, pairs, siblings)))
+    return found
+
+
+def _which(joint: Joint, pairs: np.ndarray, siblings: list[np.ndarray]) -> str:
+    """Return where a patch lies among the patches of its joint: the coordinate in which they differ most."""
+    if len(siblings) == 1:
+        return ""
+    centres = np.array([joint.position[other].mean(axis=0) for other in siblings])
+    if not np.isfinite(centres).all():
+        return ""
+    k = int(np.argmax(np.ptp(centres, axis=0)))
+    return f" at {'xyz'[k]} = {1e3 * joint.position[pairs, k].mean():.3g} mm".replace("-", "\u2212")
+
+
+def _parts(joint: Joint) -> np.ndarray:
+    """Return a part number for every pair, (n_pairs,): pairs joined by faces share it."""
+    n = joint.n_pairs
+    ends = [np.zeros((0, 2), dtype=int)]
+    for faces in joint.faces:
+        ends += [faces[:, [0, k]] for k in range(1, faces.shape[1])]
+    a, b = np.concatenate(ends).T
+    lonely = np.setdiff1d(np.arange(n), np.concatenate([a, b]))
+    for name in np.unique(joint.joint[lonely]):
+        own = lonely[joint.joint[lonely] == name]
+        a, b = np.concatenate([a, own[:1].repeat(len(own))]), np.concatenate([b, own])
+    return connected_components(sp.coo_matrix((np.ones(len(a)), (a, b)), shape=(n, n)), directed=False)[1]
+
+
+def _patch(joint: Joint, pairs: np.ndarray, label: str) -> Patch:
+    position, normal = joint.position[pairs], joint.frame[pairs, 2]
+    is_placed = np.isfinite(position).all() and np.isfinite(normal).all()
+    if not is_placed or (len(pairs) > 1 and np.ptp(position, axis=0).max() == 0.0):
+        return Patch(label, "", pairs, _number_grid(len(pairs)), [], np.zeros(0, dtype=int), [], 1.0, to_scale=False)
+    mean = normal.mean(axis=0)
+    length = np.linalg.norm(mean)
+    is_flat = length > 0.0 and (normal @ mean >= _FLAT * length).all()
+    points, x_axis, around = _project(position, mean / length) if is_flat else _roll_off(position, normal)
+    where = np.full(joint.n_pairs, -1)
+    where[pairs] = np.arange(len(pairs))
+    cells, cell_pair, outlines = [], [], []
+    for faces in joint.faces:
+        for face in faces[where[faces[:, 0]] >= 0] if faces.shape[1] in RING else ():
+            in_turn = face[list(RING[len(face)])]
+            ring = _unwrapped(points[where[in_turn]], around)
+            outlines.append(ring)
+            cells += _cells(ring, len(face) in (6, 8))
+            cell_pair += list(in_turn)
+    return Patch(label, _axis_name(x_axis), pairs, points, cells, np.array(cell_pair, dtype=int), outlines, _spacing(points))
+
+
+def _spacing(points: np.ndarray) -> float:
+    """Return the distance to the nearest neighbour that nearly all points keep; that of a single point is arbitrary."""
+    if len(points) < 2:
+        return 1e-3
+    return float(np.quantile(cKDTree(points).query(points, k=2)[0][:, 1], 0.1))
+
+
+def _project(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return coordinates in the mean plane, the longer extent along x; x in the model's axes; no period."""
+    offset = position - position.mean(axis=0)
+    axis = int(np.argmin(np.abs(normal)))
+    x = np.eye(3)[axis] - normal[axis] * normal
+    x /= np.linalg.norm(x)
+    y = np.cross(normal, x)
+    flat = np.column_stack([offset @ x, offset @ y])
+    extent, directions = np.linalg.eigh(flat.T @ flat)
+    if extent[1] > _ELONGATED**2 * extent[0]:
+        x = directions[0, 1] * x + directions[1, 1] * y
+        x *= np.sign(x[np.argmax(np.abs(x))])
+    return np.column_stack([offset @ x, offset @ np.cross(normal, x)]), x, 0.0
+
+
+def _roll_off(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return coordinates on the cylinder that fits best, cut where it is widest open; x in the model's axes; the period."""
+    axis = np.linalg.eigh(normal.T @ normal)[1][:, 0]
+    axis *= np.sign(axis[np.argmax(np.abs(axis))])
+    side = np.eye(3)[np.argmin(np.abs(axis))]
+    a = np.cross(axis, side)
+    a /= np.linalg.norm(a)
+    across = np.stack([a, np.cross(axis, a)])
+    n, q = normal @ across.T, position @ across.T
+    # q = centre + radius n, for centre and radius
+    rows = np.concatenate([np.column_stack([np.ones(len(n)), np.zeros(len(n)), n[:, 0]]),
+                           np.column_stack([np.zeros(len(n)), np.ones(len(n)), n[:, 1]])])  # fmt: skip
+    radius = abs(np.linalg.lstsq(rows, np.concatenate([q[:, 0], q[:, 1]]), rcond=None)[0][2])
+    angle = np.arctan2(n[:, 1], n[:, 0])
+    turned = np.sort(angle)
+    gaps = np.append(np.diff(turned), turned[0] + 2.0 * np.pi - turned[-1])
+    cut = turned[(np.argmax(gaps) + 1) % len(turned)]
+    angle = np.mod(angle - cut + 1e-9, 2.0 * np.pi)
+    return np.column_stack([radius * angle, position @ axis]), np.zeros(3), 2.0 * np.pi * radius
+
+
+def _unwrapped(ring: np.ndarray, period: float) -> np.ndarray:
+    """Return a face whose nodes lie on both sides of the cut in one piece."""
+    if period and np.ptp(ring[:, 0]) > period / 2.0:
+        ring = ring.copy()
+        ring[ring[:, 0] < period / 2.0, 0] += period
+    return ring
+
+
+def _cells(ring: np.ndarray, has_middles: bool) -> list[np.ndarray]:
+    """Return the part of a face nearest to each node of its ring, where every second one may be the middle of a side."""
+    centre = ring.mean(axis=0)
+    after, inner = (ring + np.roll(ring, -1, axis=0)) / 2.0, (ring + centre) / 2.0
+    cells = []
+    for i, node in enumerate(ring):
+        sides = [node, after[i - 1], after[i]]
+        if not has_middles:
+            cells.append(np.array([sides[0], sides[1], centre, sides[2]]))
+        elif i % 2 == 0:
+            cells.append(np.array([sides[0], sides[1], inner[i], sides[2]]))
+        else:
+            cells.append(np.array([sides[0], sides[1], inner[i - 1], centre, inner[(i + 1) % len(ring)], sides[2]]))
+    return cells
+
+
+def _number_grid(n: int) -> np.ndarray:
+    """Return places for n pairs by number, row by row, about 4 times as wide as high."""
+    columns = max(1, int(np.ceil(2.0 * np.sqrt(n))))
+    return np.column_stack([np.arange(n) % columns, -(np.arange(n) // columns)]).astype(float)
+
+
+def _axis_name(x: np.ndarray) -> str:
+    k = int(np.argmax(np.abs(x)))
+    return "xyz"[k] if abs(x[k]) > 0.9 else ""

@@ -1,0 +1,95 @@
+"""Fields on the mesh for ParaView: VTKHDF unstructured grids.  Rank 0 only.
+
+Elements keep the node order of :class:`~microslip.mesh.data.Mesh`, which is VTK's; nodes keep the order of the file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import h5py
+import numpy as np
+
+from ..mesh.data import Mesh
+from ..parallel.files import written_whole
+
+VERSION = (2, 1)
+CELL_TYPE = {"tet4": 10, "hex8": 12, "wedge6": 13, "tet10": 24, "hex20": 25, "wedge15": 26}
+
+
+def write_modes(path: str, mesh: Mesh, omega_n: np.ndarray, fields: np.ndarray) -> None:
+    """Write mode shapes as point vectors ``mode_01_102.3Hz``, ....  Local, on rank 0.
+
+    Parameters
+    ----------
+    path : ends in .vtkhdf
+    omega_n : (n_modes,) rad/s
+    fields : (n_modes, n_nodes, 3) displacements in the order of ``mesh.points``
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+    digits = max(2, len(str(len(omega_n))))
+    hertz = [f"{f:.1f}Hz" if f >= 1.0 else f"{f:.3g}Hz" for f in omega_n / (2.0 * np.pi)]
+    write_fields(path, mesh, {f"mode_{i + 1:0{digits}d}_{name}": field
+                              for i, (name, field) in enumerate(zip(hertz, fields, strict=True))})  # fmt: skip
+
+
+def peak_fields(level: float, frequency: float, u: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the vectors of a response for :func:`write_fields`: mean, cos 1 (real part) and sin 1 (minus the imaginary part).
+
+    Local.  u(t) = mean + cos1 cos(omega t) + sin1 sin(omega t) + ..., complex amplitude cos1 - i sin1.
+
+    Parameters
+    ----------
+    level : N
+    frequency : Hz
+    u : (n_nodes, 3, N_H) m
+    """
+    name = f"{level:g}N_{frequency:.6g}Hz"
+    return {f"{name}_{part}": u[:, :, k] for k, part in enumerate(("mean", "cos1", "sin1"))}
+
+
+def write_fields(path: str, mesh: Mesh, fields: Mapping[str, np.ndarray]) -> None:
+    """Write named point fields, (n_nodes, 3) or (n_nodes,) each, in the order of ``mesh.points``.  Local, on rank 0.
+
+    With them come ``node`` and ``element``, the numbers of the user's file, and ``body``, the element's physical
+    group, counted from 0 in the order of ``mesh.elements``.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+    groups = list(dict.fromkeys(block.group for block in mesh.elements))
+    with written_whole(path) as beside, h5py.File(beside, "w") as file:
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = np.array(VERSION, dtype="i8")
+        root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", len("UnstructuredGrid")))
+        _write_grid(root, mesh)
+        for name, values in fields.items():
+            _pack(root, f"PointData/{name}", np.asarray(values, dtype="f4" if values.dtype == "f4" else "f8"))
+        _pack(root, "PointData/node", mesh.numbers.astype("i8"))
+        _pack(root, "CellData/element", np.concatenate([block.numbers for block in mesh.elements]).astype("i8"))
+        body = [np.full(len(block.nodes), groups.index(block.group)) for block in mesh.elements]
+        _pack(root, "CellData/body", np.concatenate(body).astype("i4"))
+
+
+def _write_grid(root: h5py.Group, mesh: Mesh) -> None:
+    """Write points, connectivity and cell types of one piece."""
+    connectivity = np.concatenate([block.nodes.ravel() for block in mesh.elements])
+    sizes = np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.elements])
+    types = np.concatenate([np.full(len(block.nodes), CELL_TYPE[block.kind]) for block in mesh.elements])
+    for name, count in (("NumberOfPoints", len(mesh.points)), ("NumberOfCells", len(sizes)),
+                        ("NumberOfConnectivityIds", len(connectivity))):  # fmt: skip
+        root.create_dataset(name, data=np.array([count], dtype="i8"))
+    _pack(root, "Points", mesh.points.astype("f8"))
+    _pack(root, "Connectivity", connectivity.astype("i8"))
+    _pack(root, "Offsets", np.concatenate([[0], np.cumsum(sizes)]).astype("i8"))
+    _pack(root, "Types", types.astype("u1"))
+
+
+def _pack(root: h5py.Group, name: str, values: np.ndarray) -> None:
+    """Write an array, packed where it is large."""
+    packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.nbytes > 4096 else {}
+    root.create_dataset(name, data=values, **packing)

@@ -1,0 +1,153 @@
+"""Write results as they come: a row of frf.csv a point, results.h5 at the end of every level."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterable, Mapping
+
+import h5py
+import numpy as np
+
+from .. import __version__
+from ..continuation.branch import Branch, Point
+from ..parallel.agree import on_root
+from ..parallel.files import make_folder, written_whole
+from .record import COMPLETE, JOINT_DATA, LEVEL_DATA, RUNNING, STOPPED, Joint, LevelResult, LinearCurve, joint_of, level_result
+from .table import ResponseTable
+
+FORMAT, FORMAT_VERSION = "microslip results", 1
+NAME = "results.h5"
+
+
+class ResultWriter:
+    """The result files of a run in ``folder``, which is created; results of an earlier run there are replaced.
+
+    Collective on ``comm``, as are all methods but ``level_started`` and ``close``: rank 0 writes, and every rank hears of a
+    full disk.
+
+    Parameters
+    ----------
+    scene : with title, name, text, outputs (each with a name) and solver.method
+    pairs : mesh.data.ContactPairs
+    N_H : coefficients a DOF, 2 H + 1
+    omega_n : (n_modes,) rad/s
+    linear : the response with all pairs stuck, per newton; may be left out
+    node_numbers : (n_nodes,) the user's node numbers, on rank 0; None without a mesh
+    versions : versions of what the run used, by name
+    options : what followed ``--`` on the command line
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank, if the folder or a file cannot be written
+    """
+
+    def __init__(self, comm, folder: str, scene, pairs, *, N_H: int, omega_n: np.ndarray, linear: LinearCurve | None = None,
+                 node_numbers: np.ndarray | None = None, versions: Mapping[str, str] | None = None,
+                 options: Iterable[str] = ()):
+        self.comm, self.folder = comm, folder
+        self.path = os.path.join(folder, NAME)
+        outputs = tuple(output.name for output in scene.outputs)
+        self._sizes = (len(outputs), pairs.n_pairs, N_H)
+        self._index, self._level = -1, 0.0              # of the level at work
+        self._points: list[Point] = []                  # on rank 0
+        head = (scene, outputs, omega_n, linear, {"microslip": __version__, **(versions or {})}, tuple(options))
+        self._table = on_root(comm, self._create, head, pairs, node_numbers, share=False)
+
+    def _create(self, head: tuple, pairs, node_numbers) -> ResponseTable:
+        """Create both files, without levels."""
+        make_folder(self.folder)
+        table = ResponseTable(self.folder, head[1])
+        with written_whole(self.path) as beside, h5py.File(beside, "w") as file:
+            _write_head(file, *head)
+            _write_joint(file.create_group("joint"), joint_of(pairs, node_numbers))
+            file.create_group("levels")
+        return table
+
+    def level_started(self, level: float) -> None:
+        """Begin the next level [N].  Local."""
+        self._index, self._level, self._points = self._index + 1, level, []
+
+    def point(self, i: int, point: Point) -> None:
+        """Append the ``i``-th converged point of the level, counted from 0, to frf.csv."""
+        on_root(self.comm, self._add, i, point, share=False)
+
+    def _add(self, i: int, point: Point) -> None:
+        self._points.append(point)
+        self._table.add(self._level, i, point)
+
+    def level_finished(self, branch: Branch) -> None:
+        """Write the level to results.h5, complete or stopped early."""
+        on_root(self.comm, self._save, branch.points, STOPPED if branch.failure else COMPLETE, branch.failure, share=False)
+
+    def save(self) -> None:
+        """Write what the level at work has so far to results.h5: before a time limit, or when something else failed."""
+        if self._index >= 0:
+            on_root(self.comm, self._save, self._points, RUNNING, None, share=False)
+
+    def _save(self, points: list[Point], status: str, failure: str | None) -> None:
+        """Replace results.h5 by itself with the level at work added."""
+        level = level_result(self._level, points, self._sizes, status, failure)
+        name = f"levels/{self._index:04d}"
+        with written_whole(self.path) as beside:
+            shutil.copyfile(self.path, beside)
+            with h5py.File(beside, "r+") as file:
+                if name in file:
+                    del file[name]
+                _write_level(file.create_group(name), level)
+
+    def close(self) -> None:
+        """Close frf.csv; results.h5 is closed between the levels.  Local, so that an error of one rank may pass through."""
+        if self._table is not None:
+            self._table.close()
+
+
+def _write_head(file: h5py.File, scene, outputs, omega_n, linear: LinearCurve | None, versions: dict, options: tuple) -> None:
+    file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
+    file.attrs["coefficients"] = "last axis: mean, cos 1, sin 1, ..., cos H, sin H"
+    _texts(file, "outputs/name", outputs)
+    for name, text in (("text", scene.text), ("title", scene.title or scene.name), ("name", scene.name),
+                       ("method", scene.solver.method)):  # fmt: skip
+        _texts(file, f"scene/{name}", text)
+    _texts(file, "versions/name", versions.keys())
+    _texts(file, "versions/version", versions.values())
+    _texts(file, "options", options)
+    _array(file, "modes/frequency_Hz", np.asarray(omega_n, dtype="f8") / (2.0 * np.pi), "Hz")
+    if linear is not None:
+        _array(file, "linear/frequency_Hz", linear.frequency, "Hz")
+        _array(file, "linear/response_per_N", linear.response, "m/N")
+
+
+def _write_joint(group: h5py.Group, joint: Joint) -> None:
+    _texts(group, "names", joint.names)
+    for name, shape, kind, unit in JOINT_DATA:
+        _array(group, name, np.asarray(getattr(joint, name), dtype=kind).reshape(joint.n_pairs, *shape), unit)
+    group.create_group("faces")
+    for i, faces in enumerate(joint.faces):
+        _array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")
+
+
+def _write_level(group: h5py.Group, level: LevelResult) -> None:
+    group.attrs["level_N"], group.attrs["status"], group.attrs["failure"] = level.level, level.status, _clean(level.failure)
+    _texts(group, "notes", level.notes)
+    for dataset, name, _, _, unit in LEVEL_DATA:
+        _array(group, dataset, getattr(level, name), unit)
+
+
+def _array(group: h5py.Group, name: str, values: np.ndarray, unit: str) -> None:
+    """Write an array; large ones are compressed, mostly for the zeros of pairs that stick."""
+    values = np.asarray(values)
+    packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.nbytes > 4096 else {}
+    dataset = group.create_dataset(name, data=values, **packing)
+    dataset.attrs["unit"] = unit
+
+
+def _texts(group: h5py.Group, name: str, texts) -> None:
+    """Write one text or several as UTF-8."""
+    data = _clean(texts) if isinstance(texts, str) else np.array([_clean(text) for text in texts], dtype=object)
+    group.create_dataset(name, data=data, dtype=h5py.string_dtype("utf-8"))
+
+
+def _clean(text: str) -> str:
+    """Return a text that HDF5 can hold: it would end at a zero byte."""
+    return text.replace("\0", "\ufffd")

@@ -1,0 +1,51 @@
+"""Files that are whole or not there."""
+
+import errno
+import os
+
+import pytest
+
+from microslip.parallel.errors import CaseError, ResourceError
+from microslip.parallel.files import make_folder, said_of, written_whole
+
+
+def test_the_new_file_appears_at_the_end(tmp_path):
+    path = tmp_path / "x"
+    path.write_text("old")
+    with written_whole(str(path)) as beside:
+        with open(beside, "w") as file:
+            file.write("new")
+        assert path.read_text() == "old" and os.path.dirname(beside) == str(tmp_path)
+    assert path.read_text() == "new" and os.listdir(tmp_path) == ["x"]
+
+
+@pytest.mark.parametrize("problem", [KeyboardInterrupt, ValueError])
+def test_what_goes_wrong_leaves_the_old_file(tmp_path, problem):
+    path = tmp_path / "x"
+    path.write_text("old")
+    with pytest.raises(problem):
+        with written_whole(str(path)) as beside:
+            open(beside, "w").close()
+            raise problem
+    assert path.read_text() == "old" and os.listdir(tmp_path) == ["x"]
+
+
+@pytest.mark.parametrize("problem, error", [
+    (OSError(errno.ENOSPC, "No space left on device"), ResourceError), (OSError(errno.EIO, "x"), ResourceError),
+    (PermissionError(errno.EACCES, "x"), CaseError), (NotADirectoryError(errno.ENOTDIR, "x"), CaseError),
+    (OSError("Can't write data (file write failed: errno = 28, error message = 'No space left on device')"), ResourceError),
+    (RuntimeError("Can't decrement id ref count (file write failed: errno = 28)"), ResourceError), (CaseError("own"), CaseError),
+])  # fmt: skip
+def test_errors_of_the_system_get_their_status(problem, error):
+    with pytest.raises(error) as caught:
+        with said_of("/some/file"):
+            raise problem
+    assert "own" in str(caught.value) or "/some/file" in str(caught.value)
+
+
+def test_a_folder_in_the_place_of_a_file(tmp_path):
+    (tmp_path / "x").write_text("")
+    make_folder(str(tmp_path / "a" / "b"))
+    make_folder(str(tmp_path / "a" / "b"))
+    with pytest.raises(CaseError, match="another folder"):
+        make_folder(str(tmp_path / "x" / "b"))

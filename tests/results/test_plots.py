@@ -1,0 +1,200 @@
+"""Pictures: drawn for every kind of result, whole, with what they claim in them."""
+
+import dataclasses
+import os
+
+import h5py
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.image import imread
+from synthetic_results import branch, curve, no_pairs, pairs_of, two_flanks, write
+
+from microslip.parallel.errors import CaseError
+from microslip.results import curve_plots, joint_plots, style
+from microslip.results.plots import draw_all
+from microslip.results.read import read_results
+
+ALL = {"response.png", "states.png", "slip_map.png", "rom_size.png", "energy.png", "energy_map.png"}
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    return two_flanks(5, 1)
+
+
+@pytest.fixture(autouse=True)
+def coarse(monkeypatch):
+    """Render few pixels: the layout is that of the real pictures."""
+    monkeypatch.setattr(style, "DPI", 60)
+
+
+def drawn(tmp_path, branches, pairs, **options):
+    files = draw_all(write(tmp_path, branches, pairs, **options), str(tmp_path / "out"))
+    assert all(os.path.dirname(file) == str(tmp_path / "out") for file in files)
+    for file in files:
+        picture = imread(file)[:, :, :3]
+        assert picture.std() > 0.01
+        # nothing touches the rim, so nothing is cut off
+        rim = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
+        assert rim.min() > 0.99, file
+    return {os.path.basename(file) for file in files}
+
+
+@pytest.fixture
+def pages(monkeypatch):
+    """Keep the pages that would be saved instead of rendering them."""
+    kept = {}
+    monkeypatch.setattr(style.Page, "save", lambda page, path: kept.setdefault(os.path.basename(path), page) and path)
+    return kept
+
+
+def draw_only(draw, path):
+    with matplotlib.rc_context(style.RC):
+        return draw(read_results(path, motion=False), "out")
+
+
+def texts(page):
+    return [text.get_text() for text in page.figure.findobj(matplotlib.text.Text)]
+
+
+@pytest.mark.filterwarnings("error")
+def test_four_levels_with_slip(tmp_path, pairs):
+    assert drawn(tmp_path, [branch(level, pairs) for level in (1.0, 3.0, 5.0, 8.0)], pairs) == ALL
+
+
+@pytest.mark.filterwarnings("error")
+def test_levels_that_stopped_and_single_points(tmp_path, pairs):
+    stopped, empty, single = branch(5.0, pairs), branch(6.0, pairs), branch(8.0, pairs, n_points=1)
+    stopped.points[20:], empty.points[:] = [], []
+    stopped.failure = empty.failure = "hb: no convergence"
+    assert drawn(tmp_path, [branch(0.0, pairs), stopped, empty, single], pairs) == ALL
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_linear_scene_has_no_pictures_of_a_joint(tmp_path):
+    assert drawn(tmp_path, [branch(1.0, no_pairs())], no_pairs()) == {"response.png", "rom_size.png", "energy.png"}
+
+
+@pytest.mark.filterwarnings("error")
+def test_pairs_without_positions_titles_with_formulas(tmp_path):
+    nowhere = pairs_of(np.full((7, 3), np.nan), np.tile(np.eye(3), (7, 1, 1)), np.ones(7), ("a",) * 7, ())
+    title = "50 $ to 100 $, x_1^2 \\frac{ \n\u4e2d " + 40 * "many words "
+    assert drawn(tmp_path, [branch(8.0, nowhere)], nowhere, title=title, linear=False) == ALL
+
+
+def test_nothing_converged_nothing_drawn(tmp_path, pairs):
+    assert drawn(tmp_path, [], pairs) == set()
+
+
+def test_a_file_that_is_no_result_is_status_2(tmp_path):
+    (tmp_path / "x.h5").write_text("no")
+    with pytest.raises(CaseError, match="no HDF5 file"):
+        draw_all(str(tmp_path / "x.h5"), str(tmp_path))
+
+
+def test_a_folder_that_cannot_be_written_to_is_status_2(tmp_path, pairs):
+    path = write(tmp_path, [branch(8.0, pairs)], pairs)
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(CaseError, match="taken"):
+        draw_all(path, str(tmp_path / "taken"))
+
+
+def test_pictures_do_without_the_large_arrays(tmp_path, pairs, pages):
+    path = write(tmp_path, [branch(8.0, pairs)], pairs)
+    with h5py.File(path, "r+") as file:
+        del file["levels/0000/du"], file["levels/0000/p"]
+    assert len(draw_all(path, str(tmp_path))) == 6
+
+
+def test_response_shows_each_level_its_peak_and_the_linear_curve(tmp_path, pairs, pages):
+    found = [branch(level, pairs) for level in (1.0, 8.0)]
+    draw_only(curve_plots.draw_response, write(tmp_path, found, pairs))
+    left, right = pages["response.png"].figure.axes
+    assert left.get_ylabel() == "amplitude [mm]" and right.get_ylabel() == "amplitude [mm/N]"
+    assert left.get_yscale() == "linear"
+    size = np.array([np.hypot(*point.response[0, 1:3]) for point in found[1].points])
+    lines = [line for line in left.lines if len(line.get_xdata()) == len(size)]
+    assert lines[1].get_ydata() == pytest.approx(1e3 * size)
+    peaks = [line for line in left.lines if line.get_marker() == "o"]
+    assert peaks[1].get_ydata() == pytest.approx([1e3 * size.max()])
+    assert len(right.lines) == len(left.lines) + 1
+    names = [text.get_text() for text in pages["response.png"].figure.legends[0].get_texts()]
+    assert names == ["1 N", "8 N", "all stuck, linear", "peak"]
+
+
+def test_curves_over_decades_are_logarithmic(tmp_path, pairs, pages):
+    wide = branch(8.0, pairs)
+    frequencies = np.geomspace(20.0, 800.0, len(wide.points))
+    for i, (f, u) in enumerate(zip(frequencies, curve(8.0, 1, frequencies, 0.0))):
+        wide.points[i] = dataclasses.replace(wide.points[i], omega=2 * np.pi * f, response=u)
+    draw_only(curve_plots.draw_response, write(tmp_path, [wide], pairs, linear=False))
+    assert [ax.get_yscale() for ax in pages["response.png"].figure.axes] == ["log", "log"]
+
+
+def test_an_output_that_does_not_move_is_drawn(tmp_path, pairs, pages):
+    found = branch(8.0, pairs, n_outputs=2)
+    found.points[:] = [dataclasses.replace(point, response=point.response * [[1.0], [0.0]]) for point in found.points]
+    draw_only(curve_plots.draw_response, write(tmp_path, [found], pairs, outputs=("tip", "node")))
+    assert len(pages["response.png"].figure.axes) == 4
+
+
+def test_many_outputs_and_levels_go_on_several_pages(tmp_path, pairs, pages):
+    found = [branch(level, pairs, n_outputs=7, n_points=9) for level in np.arange(1.0, 16.0)]
+    path = write(tmp_path, found, pairs, outputs=[f"u{i}" for i in range(7)])
+    assert len(draw_only(curve_plots.draw_response, path)) == 2
+    draw_only(curve_plots.draw_states, path)
+    assert len(pages["states.png"].figure.axes) == style.MOST_PANELS
+    assert any("12 of 15 levels" in text for text in texts(pages["states.png"]))
+
+
+def test_states_add_up_to_all_pairs(tmp_path, pairs, pages):
+    draw_only(curve_plots.draw_states, write(tmp_path, [branch(8.0, pairs)], pairs))
+    (ax,) = pages["states.png"].figure.axes
+    curves = [line.get_ydata() for line in ax.lines if len(line.get_xdata()) > 2]
+    assert len(curves) == 3 and (sum(curves) == pairs.n_pairs).all() and curves[1].max() > 20
+
+
+def test_slip_map_colours_each_pair_by_its_state_at_the_peak(tmp_path, pairs, pages):
+    found = branch(8.0, pairs)
+    draw_only(joint_plots.draw_slip_map, write(tmp_path, [found], pairs))
+    top = max(found.points, key=lambda point: np.hypot(*point.response[0, 1:3]))
+    colours = np.array([matplotlib.colors.to_rgba(colour) for colour in style.STATE_COLOURS])
+    axes = pages["slip_map.png"].figure.axes
+    assert len(axes) == 2
+    rings = pairs.faces[0][:, [0, 4, 1, 5, 2, 6, 3, 7]].reshape(2, -1)
+    for ax, ring in zip(axes, rings):
+        assert np.array_equal(ax.collections[0].get_facecolor(), colours[top.state[ring]])
+    n_slip, n_open = np.sum(top.state == 1), np.sum(top.state == 2)
+    assert any(f"{n_slip} slip, {n_open} open" in text for text in texts(pages["slip_map.png"]))
+
+
+def test_energy_map_has_one_scale_and_none_when_all_stick(tmp_path, pairs, pages):
+    path = write(tmp_path / "a", [branch(level, pairs) for level in (1.0, 5.0, 8.0)], pairs)
+    draw_only(joint_plots.draw_energy_map, path)
+    assert len(pages["energy_map.png"].figure.axes) == 3 * 2 + 1
+    pages.clear()
+    draw_only(joint_plots.draw_energy_map, write(tmp_path / "b", [branch(0.5, pairs)], pairs))
+    assert len(pages["energy_map.png"].figure.axes) == 2
+    assert any("none" in text for text in texts(pages["energy_map.png"]))
+
+
+@pytest.mark.parametrize("sizes, n_levels", [
+    ([(0.066, 0.012)] * 2, 4), ([(0.05, 0.05)], 8), ([(1.0, 1e-4)], 4), ([(0.01, 0.01)] * 12, 12), ([(1e-3, 1e-3)], 1),
+    ([(0.3, 0.02), (0.01, 0.01)], 5),
+])  # fmt: skip
+def test_layouts_fit_the_page(sizes, n_levels):
+    layout = joint_plots.choose_layout(np.array(sizes), n_levels, len(sizes) > 1)
+    assert layout.level_columns * layout.block[0] + layout.LEFT <= style.WIDTH
+    assert layout.height(n_levels) < 12.0
+    for k, size in enumerate(sizes):
+        x, y = layout.corner(k)
+        assert x + layout.scale * size[0] <= layout.block[0] and y + layout.scale * layout.stretch * size[1] <= layout.block[1]
+
+
+def test_units_suit_the_values():
+    assert style.scaled(np.array([2e-3, -4e-4]), "m")[1] == "mm"
+    assert style.scaled(np.array([3.0]), "J") == (1.0, "J")
+    assert style.scaled(np.array([2e-7]), "m/N") == (pytest.approx(1e9), "nm/N")
+    assert style.scaled(np.zeros(3), "m") == (1.0, "m") and style.scaled(np.zeros(0), "m") == (1.0, "m")
+    assert style.scaled(np.array([1e-3]), "m")[1] == "mm"

@@ -1,0 +1,165 @@
+"""frf.csv and results.h5: what is written is what was found, when it was found."""
+
+import csv
+import os
+
+import h5py
+import numpy as np
+import pytest
+from mpi4py import MPI
+from synthetic_results import branch, no_pairs, scene, two_flanks, write, writer_of
+
+from microslip.parallel.errors import CaseError, ResourceError
+from microslip.results import writer as writer_module
+from microslip.results.read import read_results
+
+HEADER = ("level_N,point,frequency_Hz,output,amplitude_m,phase_rad,mean_m,sticking,slipping,open,unknowns,newton,"
+          "friction_J,damping_J,input_J,seconds")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def pairs():
+    return two_flanks(4, 1)
+
+
+def rows_of(folder):
+    with open(folder / "frf.csv", encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_every_point_is_a_row_an_output_with_its_numbers(tmp_path, pairs):
+    found = branch(5.0, pairs, n_outputs=2, n_points=5)
+    write(tmp_path, [found], pairs, outputs=("tip", "mid, at \u00bd"))
+    assert (tmp_path / "frf.csv").read_text(encoding="utf-8").splitlines()[0] == HEADER
+    rows = rows_of(tmp_path)
+    assert [(row["point"], row["output"]) for row in rows[:3]] == [("0", "tip"), ("0", "mid, at \u00bd"), ("1", "tip")]
+    assert len(rows) == 10
+    point, row = found.points[2], rows[5]
+    assert float(row["frequency_Hz"]) == pytest.approx(point.omega / 2 / np.pi, rel=1e-12)
+    mean, c, s = point.response[1, :3]
+    a, angle = float(row["amplitude_m"]), float(row["phase_rad"])
+    assert (a * np.cos(angle), -a * np.sin(angle)) == pytest.approx((c, s), rel=1e-9)
+    assert float(row["mean_m"]) == pytest.approx(mean, rel=1e-12)
+    assert [int(row[name]) for name in ("sticking", "slipping", "open")] == [np.sum(point.state == k) for k in range(3)]
+    assert float(row["input_J"]) == pytest.approx(point.input, rel=1e-12)
+
+
+def test_a_point_is_on_the_disk_before_the_next_is_solved(tmp_path, pairs):
+    found = branch(5.0, pairs, n_points=3)
+    writer = writer_of(tmp_path, pairs)
+    writer.level_started(5.0)
+    for i, point in enumerate(found.points):
+        writer.point(i, point)
+        assert len(rows_of(tmp_path)) == i + 1
+    writer.close()
+
+
+def test_result_file_gives_back_everything(tmp_path, pairs):
+    found = [branch(level, pairs, n_points=6) for level in (1.0, 8.0)]
+    results = read_results(write(tmp_path, found, pairs))
+    assert results.title == scene().title and results.scene_text == scene().text and results.method == "adaptive"
+    assert results.options == ("-hb_snes_max_it", "30") and results.versions["numpy"] == np.__version__
+    assert results.mode_frequency == pytest.approx([100.0, 312.5])
+    assert [level.level for level in results.levels] == [1.0, 8.0]
+    for level, expected in zip(results.levels, found):
+        assert level.status == "complete" and level.failure == ""
+        assert level.frequency == pytest.approx([point.omega / 2 / np.pi for point in expected.points], rel=1e-15)
+        for name, of_point in (("response", "response"), ("du", "U"), ("p", "p"), ("energy", "energy"), ("state", "state"),
+                               ("unknowns", "unknowns"), ("seconds", "seconds"), ("input", "input")):  # fmt: skip
+            assert np.array_equal(getattr(level, name), [getattr(point, of_point) for point in expected.points]), name
+    joint = results.joint
+    assert joint.names == ("dovetail",) and np.array_equal(joint.frame, pairs.frame) and np.array_equal(joint.area, pairs.area)
+    assert joint.node1[0] == 1001 and np.array_equal(joint.faces[0], pairs.faces[0])
+
+
+def test_layout_is_the_one_that_scripts_know(tmp_path, pairs):
+    write(tmp_path, [branch(5.0, pairs, n_points=4)], pairs)
+    with h5py.File(tmp_path / "results.h5") as file:
+        level = file["levels/0000"]
+        n_pairs = pairs.n_pairs
+        shapes = {"frequency_Hz": (4,), "response": (4, 1, 7), "du": (4, n_pairs, 3, 7), "p": (4, n_pairs, 3, 7),
+                  "energy_J": (4, n_pairs), "state": (4, n_pairs), "seconds": (4,)}  # fmt: skip
+        assert {name: level[name].shape for name in shapes} == shapes
+        assert level.attrs["level_N"] == 5.0 and level.attrs["status"] == "complete"
+        assert file["modes/frequency_Hz"].shape == (2,) and file["joint/position"].shape == (n_pairs, 3)
+
+
+def test_a_level_that_stopped_keeps_its_points_and_the_reason(tmp_path, pairs):
+    found = branch(8.0, pairs, n_points=4)
+    found.failure = "hb: no convergence beyond 100.1 Hz"
+    empty = branch(9.0, pairs, n_points=4)
+    empty.points.clear()
+    empty.failure = "hb: no convergence at the first frequency"
+    levels = read_results(write(tmp_path, [found, empty], pairs)).levels
+    assert [(level.status, level.failure) for level in levels] == [("failed", found.failure), ("failed", empty.failure)]
+    assert [len(level.frequency) for level in levels] == [4, 0]
+    assert levels[1].du.shape == (0, pairs.n_pairs, 3, 7)
+
+
+def test_a_level_at_work_can_be_saved_and_is_replaced_when_it_ends(tmp_path, pairs):
+    found = branch(8.0, pairs, n_points=4)
+    writer = writer_of(tmp_path, pairs)
+    writer.save()
+    writer.level_started(8.0)
+    for i, point in enumerate(found.points):
+        writer.point(i, point)
+        if i == 1:
+            writer.save()
+            (level,) = read_results(writer.path).levels
+            assert level.status == "running" and len(level.frequency) == 2
+    writer.level_finished(found)
+    writer.close()
+    (level,) = read_results(writer.path).levels
+    assert level.status == "complete" and len(level.frequency) == 4
+
+
+def test_a_scene_without_joint_or_linear_curve(tmp_path):
+    results = read_results(write(tmp_path, [branch(1.0, no_pairs(), n_points=3)], no_pairs(), linear=False))
+    assert results.joint.n_pairs == 0 and results.joint.names == () and results.linear is None
+    assert results.levels[0].state.shape == (3, 0)
+
+
+def test_texts_with_zero_bytes_and_other_letters_are_kept(tmp_path):
+    results = read_results(write(tmp_path, [], no_pairs(), title="a\0b \u4e2d $x$", outputs=("\u00fc",)))
+    assert results.title == "a\ufffdb \u4e2d $x$" and results.outputs == ("\u00fc",)
+
+
+def test_whoever_dies_while_writing_leaves_the_last_file(tmp_path, pairs, monkeypatch):
+    found = branch(8.0, pairs, n_points=3)
+    path = write(tmp_path, [found], pairs)
+    before = open(path, "rb").read()
+    writer = writer_of(tmp_path / "other", pairs)
+    os.replace(path, writer.path)
+    writer.level_started(9.0)
+
+    def dies(group, level):
+        group.create_dataset("half", data=1.0)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(writer_module, "_write_level", dies)
+    with pytest.raises(KeyboardInterrupt):
+        writer.save()
+    writer.close()
+    assert open(writer.path, "rb").read() == before
+    assert sorted(os.listdir(tmp_path / "other")) == ["frf.csv", "results.h5"]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")
+def test_a_full_disk_is_status_4(tmp_path, pairs):
+    os.symlink("/dev/full", tmp_path / "frf.csv")
+    with pytest.raises(ResourceError, match="frf.csv.*No space left"):
+        writer_of(tmp_path, pairs)
+
+
+def test_a_folder_that_cannot_be_is_status_2(tmp_path, pairs):
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(CaseError, match="taken.*cannot be written"):
+        writer_of(tmp_path / "taken" / "results", pairs)
+
+
+def test_zeros_of_stuck_pairs_take_no_room(tmp_path):
+    pairs = two_flanks()
+    path = write(tmp_path, [branch(0.5, pairs, n_points=98)], pairs, comm=MPI.COMM_SELF)
+    with h5py.File(path) as file:
+        p = file["levels/0000/p"]
+        assert p.id.get_storage_size() < 0.02 * p.nbytes
