@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from .selection import DissipatingPairs, NonStickingPairs, Selection
+from .selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
 
 METHODS = {
+    "receptance": lambda solver: AllPairs(),
     "adaptive": lambda solver: NonStickingPairs(solver.in_point_check),
     "adaptive-energy": lambda solver: DissipatingPairs(solver.in_point_check, solver.energy_tolerance),
 }

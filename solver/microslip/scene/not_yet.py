@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .schema import Scene
 
-SUPPORTED = ("adaptive", "adaptive-energy")     # names of the registry in reduction/
+SUPPORTED = ("adaptive", "adaptive-energy", "receptance")     # names of the registry in reduction/
 _METHOD = f"this version has no such method yet; it has {', '.join(SUPPORTED)}"
 _MATRICES = "this version does not read scenes given as matrices yet; give [model] mesh"
 _STATICS = "this version has no static solution yet; give each joint its preload in Pa, and leave out [statics] and axis"
