@@ -1,0 +1,151 @@
+"""The one factor of K_L, kept for static solves, modes and expansions; every solve is checked by its true residual."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+import scipy.sparse as sp
+from petsc4py import PETSc
+
+from ..parallel.errors import ConvergenceError
+from .dense import column_norms, diagonal_owned, multiply, summed, wrap
+from .free_motion import explain_singular, is_singular
+from .mumps import SINGULAR, factorise, solve_block
+
+RESIDUAL_LIMIT = 1e-6           # |A x - b| / |b| of an answer
+_ROUNDING_LIMIT = 1e-3          # the same where rounding of A x explains it: a soft joint under a stiff structure
+_REFINE_ABOVE = 1e-9            # one step of iterative refinement beyond this
+_N_PROBES = 4                   # columns of the randomised residual
+
+
+class Factor:
+    """Cholesky factor of a symmetric positive definite matrix; docs/theory.md, section 3.
+
+    Attributes
+    ----------
+    A : PETSc.Mat (n_dof, n_dof), kept by the caller
+    ksp : PETSc.KSP that holds the factor
+    info : ordering, entries, memory [MB], seconds of the factorisation; solves, seconds and worst residual since
+    """
+
+    def __init__(self, A: PETSc.Mat, system=None, prefix: str = "static_", what: str = "K_L"):
+        """Factor A.
+
+        Collective on A's communicator.
+
+        Parameters
+        ----------
+        A : flagged as symmetric positive definite
+        system : what can name the parts of the structure: ``comm``, ``parts``, ``part_names``, ``dof``; or None
+        prefix : of the PETSc options
+        what : how messages call A
+
+        Raises
+        ------
+        CaseError : A is singular: the message says which part moves freely, and how; on every rank
+        ResourceError : not enough memory
+        """
+        self.A, self.what, self.prefix = A, what, prefix
+        self.comm = A.comm.tompi4py()
+        self.ksp, self.info = factorise(A, prefix, what)
+        self.diagonal_owned = diagonal_owned(A)
+        self.info.update(solves=0, solve_seconds=0.0, residual=0.0)
+        if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.ksp):
+            self.destroy()
+            explain_singular(A, system, what)
+
+    def destroy(self) -> None:
+        """Free the factor.  Collective."""
+        self.ksp.destroy()
+
+    def solve(self, B_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of A^-1 B.
+
+        Collective on A's communicator.
+
+        Parameters
+        ----------
+        B_owned : (n_owned, m) this rank's rows of the right-hand sides; m the same on every rank
+
+        Returns
+        -------
+        X_owned : (n_owned, m), column-major
+
+        Raises
+        ------
+        ConvergenceError : the true residual is above ``RESIDUAL_LIMIT``; on every rank
+        """
+        B_owned = np.asfortranarray(B_owned, dtype=float)
+        if B_owned.shape[1] == 0:
+            return np.zeros_like(B_owned)
+        start = perf_counter()
+        return self._checked(B_owned, solve_block(self.ksp, B_owned), start)
+
+    def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
+        """Return this rank's rows of A^-1 B for sparse right-hand sides, the same B (n_dof, m) on every rank.
+
+        Collective on A's communicator.  MUMPS then skips the branches of its elimination tree that B does not touch: a
+        third less time for the columns of R^T.  Otherwise as :meth:`solve`.
+        """
+        row_start, row_end = self.A.getOwnershipRange()
+        B_owned = B.tocsr()[row_start:row_end]
+        if self.info["package"] != "mumps" or B.shape[1] == 0:
+            return self.solve(B_owned.toarray(order="F"))
+        start = perf_counter()
+        return self._checked(B_owned, self._solve_by_columns(B), start)
+
+    def _solve_by_columns(self, B: sp.csc_matrix) -> np.ndarray:
+        """Return A^-1 B, unchecked.  Collective.  MUMPS wants all of a sparse B on rank 0, by columns."""
+        n_dof, m = B.shape
+        here = self.comm.rank == 0
+        columns = B.T.tocsr() if here else sp.csr_matrix((0, n_dof))
+        columns.sort_indices()
+        csr = (columns.indptr.astype(PETSc.IntType), columns.indices.astype(PETSc.IntType), columns.data.astype(float))
+        X_owned = np.zeros((self.A.getLocalSize()[0], m), order="F")
+        B_transposed = PETSc.Mat().createAIJ(((m * here, m), (n_dof * here, n_dof)), csr=csr, comm=self.comm)
+        B_virtual = PETSc.Mat().createTranspose(B_transposed)
+        X = wrap(X_owned, self.comm)
+        self.ksp.getPC().getFactorMatrix().matSolve(B_virtual, X)
+        for matrix in (X, B_virtual, B_transposed):
+            matrix.destroy()
+        return X_owned
+
+    def _checked(self, B_owned, X_owned: np.ndarray, start: float) -> np.ndarray:
+        """Return X, refined once where the residual asks for it; raise if it stays too large.  Collective."""
+        error, limit = self.relative_residual(B_owned, X_owned)
+        if np.isfinite(error) and error > _REFINE_ABOVE:
+            R_owned = (B_owned.toarray() if sp.issparse(B_owned) else B_owned) - multiply(self.A, X_owned)
+            refined_owned = X_owned + solve_block(self.ksp, R_owned)
+            refined, limit = self.relative_residual(B_owned, refined_owned)
+            if refined < error:
+                X_owned, error = refined_owned, refined
+        if not error <= limit:
+            raise ConvergenceError(
+                f"{self.what}: static solve with residual |A x - b| = {error:.1e} |b|, limit {limit:.0e}; the matrix is nearly "
+                "singular or badly scaled: compare the joint's stiffnesses with the structure's")
+        self.info["solves"] += X_owned.shape[1]
+        self.info["solve_seconds"] += perf_counter() - start
+        self.info["residual"] = max(self.info["residual"], error)
+        return X_owned
+
+    def relative_residual(self, B_owned, X_owned: np.ndarray) -> tuple[float, float]:
+        """Return the largest |A x - b| / |b| of the columns (the root of the sum of squares, if many), and its limit.
+
+        Collective.  Beyond ``_N_PROBES`` columns, random sums of them are multiplied by A instead of all: with each
+        column scaled by 1 / |b| and random signs, the expected square of the residual of such a sum is the sum of all
+        squares, so that one bad column shows, at the price of four products.
+        """
+        m = X_owned.shape[1]
+        if sp.issparse(B_owned):
+            norms = np.sqrt(summed(self.comm, np.asarray(B_owned.multiply(B_owned).sum(axis=0)).ravel()))
+        else:
+            norms = column_norms(self.comm, B_owned)
+        scale = np.divide(1.0, norms, out=np.ones(m), where=norms > 0.0)    # of a zero column, x itself is the error
+        signs = np.eye(m) if m <= _N_PROBES else np.random.default_rng(m).choice([-1.0, 1.0], (m, _N_PROBES))
+        probes = scale[:, None] * signs
+        X_probed = X_owned @ probes
+        residual = multiply(self.A, X_probed) - B_owned @ probes
+        rounding = 100.0 * np.finfo(float).eps * column_norms(self.comm, self.diagonal_owned[:, None] * X_probed)
+        limit = max(RESIDUAL_LIMIT, min(_ROUNDING_LIMIT, float(np.max(rounding))))
+        return float(np.max(column_norms(self.comm, residual))), limit

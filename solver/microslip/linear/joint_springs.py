@@ -1,0 +1,83 @@
+"""The structure with every contact pair stuck: K_L = K + R^T K_J R, and its factor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from petsc4py import PETSc
+
+from ..assembly.system import System
+from ..mesh.data import ContactPairs
+from ..parallel.errors import CaseError
+from .factor import Factor
+
+
+@dataclass(frozen=True)
+class Linearised:
+    """The stuck structure, ``M u'' + C u' + K_L u = f``, rows split as in ``system``."""
+
+    system: System
+    K_L: PETSc.Mat              # (n_dof, n_dof) N/m, symmetric positive definite
+    M: PETSc.Mat                # (n_dof, n_dof) kg
+    factor: Factor              # of K_L
+
+    def destroy(self) -> None:
+        """Free K_L and its factor; K and M belong to the system.  Collective."""
+        self.factor.destroy()
+        self.K_L.destroy()
+
+
+def linearise(system: System, pairs: ContactPairs) -> Linearised:
+    """Return the structure with all pairs stuck, factored.
+
+    Collective on ``system.comm``.
+
+    Raises
+    ------
+    CaseError : a matrix or joint stiffness is not a finite number, or K_L is singular (the message names the part that
+        moves freely); on every rank
+    ResourceError : not enough memory for the factor
+    """
+    K_J = joint_stiffness(pairs)
+    if len(K_J) != system.R.shape[0]:
+        raise CaseError(f"R has {system.R.shape[0]} rows for {pairs.n_pairs} pairs; it needs three a pair")
+    for name, matrix in (("stiffness matrix", system.K), ("mass matrix", system.M)):
+        if not np.isfinite(matrix.norm(PETSc.NormType.FROBENIUS)):
+            raise CaseError(f"the {name} has entries that are not finite numbers; check the material data and the mesh")
+    K_L = add_springs(system.K, (system.R.T @ sp.diags(K_J) @ system.R).tocsr())
+    return Linearised(system, K_L, system.M, Factor(K_L, system))
+
+
+def joint_stiffness(pairs: ContactPairs) -> np.ndarray:
+    """Return the diagonal of K_J, (3 n_pairs,) [N/m]: k_t, k_t, k_n of each pair.  Local.
+
+    Raises
+    ------
+    CaseError : a stiffness is negative or not a finite number
+    """
+    K_J = np.column_stack([pairs.k_t, pairs.k_t, pairs.k_n]).astype(float).ravel()
+    bad = np.flatnonzero(~(np.isfinite(K_J) & (K_J >= 0.0)))
+    if len(bad):
+        raise CaseError(f"[[joints]] {pairs.joint[bad[0] // 3]!r}: contact stiffness {K_J[bad[0]]} N/m of pair {bad[0] // 3}; "
+                        "it must be a finite number, not negative")
+    return K_J
+
+
+def add_springs(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:
+    """Return K plus a small symmetric matrix known on every rank, as a new AIJ matrix flagged as SPD.
+
+    Collective on K's communicator.
+    """
+    row_start, row_end = K.getOwnershipRange()
+    owned = springs[row_start:row_end]
+    owned.sort_indices()
+    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
+    S = PETSc.Mat().createAIJ(K.getSizes(), csr=csr, comm=K.comm)
+    K_L = K.duplicate(copy=True)
+    K_L.axpy(1.0, S, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    S.destroy()
+    K_L.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    K_L.setOption(PETSc.Mat.Option.SPD, True)
+    return K_L

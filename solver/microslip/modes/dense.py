@@ -1,0 +1,59 @@
+"""All modes of a small structure by LAPACK on rank 0."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from petsc4py import PETSc
+
+from ..parallel.agree import on_root
+from ..parallel.errors import CaseError
+
+_MASSLESS = 1e-15               # theta / largest theta of a motion without mass
+
+
+def dense_modes(linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
+    """Return the ``n_wanted`` largest (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 falling, phi^T M phi = I.
+
+    Collective: K_L and M are gathered on rank 0, the modes broadcast.  M phi = theta K_L phi is solved, so that M may be
+    singular and the low modes stay accurate beside very stiff springs.
+
+    Raises
+    ------
+    CaseError : M is indefinite, or fewer motions than ``n_wanted`` have mass; on every rank
+    """
+    K_L, M = gathered(linearised.K_L), gathered(linearised.M)
+    theta, phi = on_root(linearised.system.comm, _solve, K_L, M, n_wanted)
+    row_start, row_end = linearised.M.getOwnershipRange()
+    return theta, np.asfortranarray(phi[row_start:row_end]), {"method": "LAPACK", "basis": linearised.M.getSize()[0]}
+
+
+def _solve(K_L: np.ndarray, M: np.ndarray, n_wanted: int) -> tuple[np.ndarray, np.ndarray]:
+    theta, x = scipy.linalg.eigh(0.5 * (M + M.T), 0.5 * (K_L + K_L.T))
+    theta, x = theta[::-1], x[:, ::-1]
+    if theta[-1] < -1e-12 * theta[0]:
+        raise CaseError(f"the mass matrix is indefinite: z^T M z = {theta[-1]:.1e} z^T K_L z s2 for some motion; it must not be "
+                        "negative")
+    n_found = int(np.count_nonzero(theta > _MASSLESS * theta[0]))
+    if n_found < n_wanted:
+        raise CaseError(f"[solver] modes = {n_wanted}, but the structure has only {n_found}: its mass matrix leaves "
+                        f"{len(theta) - n_found} motions without mass")
+    x = x[:, :n_wanted]
+    mass, stiffness = (np.einsum("ij,ij->j", x, A @ x) for A in (M, K_L))
+    theta = mass / stiffness                        # the small ones to full relative accuracy
+    order = np.argsort(-theta)
+    return theta[order], (x / np.sqrt(mass))[:, order]
+
+
+def gathered(A: PETSc.Mat) -> np.ndarray | None:
+    """Return a small matrix as a full array on rank 0, None elsewhere.  Collective."""
+    n = A.getSize()[0]
+    everything = np.arange(n if A.comm.rank == 0 else 0, dtype=PETSc.IntType)
+    rows = PETSc.IS().createGeneral(everything, comm=PETSc.COMM_SELF)
+    (local,) = A.createSubMatrices(rows, rows)
+    indptr, columns, values = local.getValuesCSR()
+    full = np.zeros((len(everything), len(everything)))
+    full[np.repeat(np.arange(len(everything)), np.diff(indptr)), columns] = values
+    local.destroy()
+    rows.destroy()
+    return full if A.comm.rank == 0 else None

@@ -1,0 +1,151 @@
+"""The lowest modes phi of (K_L, M): solved with the kept factor, checked, and proved complete."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ..linear.dense import column_norms, gram, multiply
+from ..parallel.errors import CaseError, ConvergenceError
+from . import krylov_schur
+from .dense import dense_modes
+from .inertia import count_below, find_gap
+from .lanczos import block_lanczos
+
+RESIDUAL_LIMIT = 1e-5           # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
+_ROUNDING = 1e-13               # the same beside |diag(K_L) phi|, where rounding of K_L phi explains it
+_DENSE = 400                    # DOFs up to which LAPACK is the quickest
+_BLOCK = 8                      # vectors solved for together
+_GUARD = 2                      # modes beyond the wanted ones, to find a gap for the proof
+_MAX_TRIES = 5
+_EQUAL = 1e-6                   # relative difference of components that count as equally large
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Undamped modes of the stuck structure, M-normalised, rising."""
+
+    omega_n: np.ndarray         # (n,) rad/s
+    phi_owned: np.ndarray       # (n_owned, n) this rank's rows [kg^-1/2]
+    info: dict[str, Any] = field(default_factory=dict)     # method, seconds, residual, proof
+
+
+def lowest_modes(linearised, n_modes: int, verify: bool = True) -> Modes:
+    """Return the ``n_modes`` lowest modes of (K_L, M).
+
+    Collective on the system's communicator.
+
+    Parameters
+    ----------
+    linearised : ``K_L``, ``M``, ``factor`` of K_L, ``system``
+    verify : prove by the inertia of K_L - sigma M that no mode is missing: one more factorisation
+
+    Returns
+    -------
+    Modes : phi^T M phi = I; the largest component of each mode is positive, whatever the partition
+
+    Raises
+    ------
+    CaseError : more modes asked for than there are DOFs, or motions with mass
+    ConvergenceError : not converged, a residual too large, or a mode missing after all tries; on every rank
+    """
+    start = perf_counter()
+    n_dof = linearised.M.getSize()[0]
+    if not 1 <= n_modes <= n_dof:
+        raise CaseError(f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; "
+                        f"ask for 1 to {n_dof} modes")
+    theta, phi_owned, info = _solve(linearised, n_modes, verify)
+    eigenvalues, phi_owned = 1.0 / theta[:n_modes], phi_owned[:, :n_modes]
+    phi_owned = phi_owned * _signs(linearised, phi_owned)
+    info["residual"] = _check(linearised, eigenvalues, phi_owned)
+    info["seconds"] = perf_counter() - start
+    return Modes(np.sqrt(eigenvalues), np.asfortranarray(phi_owned), info)
+
+
+def _solve(linearised, n_modes: int, verify: bool) -> tuple[np.ndarray, np.ndarray, dict]:
+    """Return at least ``n_modes`` (theta, phi) and how they were found, complete if ``verify``.  Collective."""
+    n_dof = linearised.M.getSize()[0]
+    if n_dof <= _DENSE or 3 * n_modes > n_dof:
+        return dense_modes(linearised, n_modes)         # all of the spectrum: nothing can be missing
+    n_wanted, block, missing = n_modes + _GUARD * verify, _BLOCK, 0
+    for _ in range(_MAX_TRIES):
+        theta, phi_owned, info = _iterate(linearised, n_wanted, block)
+        if len(theta) < n_modes:
+            raise CaseError(f"[solver] modes = {n_modes}, but the structure has only {len(theta)}: its mass matrix leaves "
+                            f"{n_dof - len(theta)} motions without mass")
+        if not verify or info.get("complete"):
+            return theta, phi_owned, info
+        gap = find_gap(1.0 / theta, n_modes)
+        if gap is None:                                 # a cluster: look further up
+            n_wanted = min(2 * n_wanted, n_dof // 2)
+            continue
+        n_below, sigma = gap
+        missing = count_below(linearised.K_L, linearised.M, sigma) - n_below
+        if missing == 0:
+            return theta, phi_owned, info | {"proof": f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz"}
+        n_wanted, block = n_wanted + max(missing, 0), block + max(missing, _BLOCK)
+    if missing == 0:
+        raise ConvergenceError(f"modes: no gap in frequency found above mode {n_modes} among {n_wanted}; ask for fewer or more "
+                               "[solver] modes, or set verify_modes = false")
+    raise ConvergenceError(f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "
+                           "found; ask for more [solver] modes")
+
+
+def _iterate(linearised, n_wanted: int, block: int) -> tuple[np.ndarray, np.ndarray, dict]:
+    """Return (theta, phi, info) by block Lanczos; by SLEPc where an option says so.  Collective."""
+    if krylov_schur.is_chosen():
+        return krylov_schur.slepc_modes(linearised, n_wanted)
+    theta, phi_owned, info = block_lanczos(linearised.factor, linearised.M, n_wanted, block)
+    return theta, phi_owned, {"method": "block Lanczos"} | info
+
+
+def _check(linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> float:
+    """Return the largest relative residual; raise if a mode is wrong or not M-orthonormal.  Collective."""
+    comm = linearised.system.comm
+    Mphi_owned = multiply(linearised.M, phi_owned)
+    inertia_owned = Mphi_owned * eigenvalues
+    size = column_norms(comm, inertia_owned)
+    error = column_norms(comm, multiply(linearised.K_L, phi_owned) - inertia_owned)
+    rounding = _ROUNDING * column_norms(comm, linearised.factor.diagonal_owned[:, None] * phi_owned)
+    wrong = ~(error <= RESIDUAL_LIMIT * size + rounding)
+    if wrong.any():
+        k = int(np.argmax(wrong))
+        raise ConvergenceError(f"mode {k + 1} at {np.sqrt(eigenvalues[k]) / (2 * np.pi):.6g} Hz: |K_L phi - omega^2 M phi| = "
+                               f"{error[k] / size[k]:.1e} |omega^2 M phi|, limit {RESIDUAL_LIMIT:.0e}")
+    skewness = float(np.max(np.abs(gram(comm, phi_owned, Mphi_owned) - np.eye(len(eigenvalues)))))
+    if not skewness <= 1e-8:
+        raise ConvergenceError(f"modes: |phi^T M phi - I| = {skewness:.1e}, limit 1e-8; ask for fewer [solver] modes")
+    return float(np.max(error / size))
+
+
+def _signs(linearised, phi_owned: np.ndarray) -> np.ndarray:
+    """Return (n,) signs that make the largest component of each mode positive.  Collective.
+
+    Of components that are equally large, as in a symmetric structure, the first in the order of the user's nodes decides,
+    not the first row, which depends on the partition.
+    """
+    comm, columns = linearised.system.comm, np.arange(phi_owned.shape[1])
+    phi_owned = np.vstack([phi_owned, np.ones(len(columns))])           # one row more, last in order: a rank may own none
+    nobody = np.iinfo(np.int64).max
+    number = np.append(_user_order(linearised), nobody)
+    largest = np.max(comm.allgather(np.max(np.abs(phi_owned[:-1]), axis=0, initial=0.0)), axis=0)
+    order = np.where(np.abs(phi_owned) >= (1.0 - _EQUAL) * largest, number[:, None], nobody)
+    first = np.argmin(order, axis=0)
+    numbers, signs = map(np.array, zip(*comm.allgather((order[first, columns], np.sign(phi_owned[first, columns])))))
+    return signs[np.argmin(numbers, axis=0), columns]
+
+
+def _user_order(linearised) -> np.ndarray:
+    """Return (n_owned,) the place of each owned row in an order that does not depend on the partition.  Local."""
+    row_start, row_end = linearised.M.getOwnershipRange()
+    dof = linearised.system.dof
+    if dof is None:
+        return np.arange(row_start, row_end)
+    number = np.empty(row_end - row_start, dtype=np.int64)
+    rows = dof.ravel()
+    is_owned = (rows >= row_start) & (rows < row_end)
+    number[rows[is_owned] - row_start] = np.flatnonzero(is_owned)
+    return number

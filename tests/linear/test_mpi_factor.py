@@ -1,0 +1,200 @@
+"""The factor of K_L: true residuals, springs, retries, and the part that moves freely where there is no factor."""
+
+import lattices
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from lattices import distributed, split_rows
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from microslip.linear import mumps
+from microslip.linear.factor import Factor
+from microslip.linear.joint_springs import joint_stiffness, linearise
+from microslip.parallel.errors import CaseError, ConvergenceError, ResourceError
+
+comm = MPI.COMM_WORLD
+SHAPE = (6, 3, 2)
+
+
+def spd(A, empty_rank=None):
+    matrix = distributed(comm, A, split_rows(A.shape[0], comm.size, empty_rank))
+    matrix.setOption(PETSc.Mat.Option.SPD, True)
+    return matrix
+
+
+def owned(matrix, full):
+    return full[slice(*matrix.getOwnershipRange())]
+
+
+def random_columns(n_dof, m):
+    return np.random.default_rng(m).standard_normal((n_dof, m))
+
+
+@pytest.fixture(params=[None, 0, 1], ids=["all", "rank 0 empty", "rank 1 empty"])
+def joined(request):
+    system, pairs = lattices.lattice(comm, SHAPE, empty_rank=request.param)
+    linearised = linearise(system, pairs)
+    yield linearised, pairs
+    linearised.destroy()
+
+
+def test_stuck_springs_restore_the_uncut_lattice(joined):
+    linearised, _ = joined
+    expected = owned(linearised.K_L, lattices.lattice_stiffness(SHAPE)).toarray()
+    indptr, columns, values = linearised.K_L.getValuesCSR() if comm.size == 1 else local_rows(linearised.K_L)
+    found = sp.csr_matrix((values, columns, indptr), expected.shape).toarray()
+    np.testing.assert_allclose(found, expected, atol=1e-9 * abs(lattices.STIFFNESS).max())
+
+
+def local_rows(A):
+    rows = [A.getRow(row) for row in range(*A.getOwnershipRange())]
+    indptr = np.concatenate([[0], np.cumsum([len(columns) for columns, _ in rows])]).astype(int)
+    empty = [np.zeros(0)]
+    return indptr, np.concatenate([c for c, _ in rows] + empty).astype(int), np.concatenate([v for _, v in rows] + empty)
+
+
+@pytest.mark.parametrize("m", [0, 1, 3, 40])
+def test_solutions_and_their_residual(joined, m):
+    linearised, _ = joined
+    K_L = lattices.lattice_stiffness(SHAPE)
+    B = random_columns(K_L.shape[0], m)
+    X_owned = linearised.factor.solve(owned(linearised.K_L, B))
+    X_sparse_owned = linearised.factor.solve_sparse(sp.csc_matrix(B))
+    X = np.linalg.solve(K_L.toarray(), B)
+    for found in (X_owned, X_sparse_owned):
+        np.testing.assert_allclose(found, owned(linearised.K_L, X), rtol=0, atol=1e-12 * np.abs(X).max(initial=1e-30))
+    assert linearised.factor.info["solves"] == 2 * m
+
+
+def test_joint_stiffness_runs_over_directions_first():
+    _, pairs = lattices.lattice(comm, SHAPE, k_t=2.0, k_n=5.0)
+    assert joint_stiffness(pairs)[:6].tolist() == [2.0, 2.0, 5.0, 2.0, 2.0, 5.0]
+
+
+def test_negative_and_infinite_input_is_refused():
+    system, pairs = lattices.lattice(comm, SHAPE, k_t=-1.0)
+    with pytest.raises(CaseError, match="'cut'.*-1.0 N/m of pair 0"):
+        linearise(system, pairs)
+    system, pairs = lattices.lattice(comm, SHAPE)
+    if comm.rank == comm.size - 1:
+        system.K.setValue(system.n_dof - 1, system.n_dof - 1, np.nan)
+    system.K.assemble()
+    with pytest.raises(CaseError, match="stiffness matrix .* not finite"):
+        linearise(system, pairs)
+
+
+@pytest.mark.parametrize("springs, motions", [
+    ({"k_t": 0.0}, r"2 motions, translation along y and z among them"),
+    ({"k_n": 0.0}, r"one motion, translation along x among them"),
+    ({"k_t": 0.0, "k_n": 0.0}, r"3 motions, translation along x and y and z"),
+])  # fmt: skip
+@pytest.mark.parametrize("empty_rank", [None, 0])
+def test_a_body_that_its_joint_does_not_hold_is_named(springs, motions, empty_rank):
+    system, pairs = lattices.lattice(comm, SHAPE, walls=False, empty_rank=empty_rank, **springs)
+    with pytest.raises(CaseError, match=motions) as error:
+        linearise(system, pairs)
+    assert "body 'right'" in str(error.value) and "body 'left'" not in str(error.value)
+
+
+def test_free_structures_without_a_mesh_and_with_one():
+    points, K = lattices.truss()
+    with pytest.raises(CaseError, match="6 motions.*the structure.*most at DOF"):
+        Factor(spd(K))
+    system = named(points)
+    with pytest.raises(CaseError, match="6 motions, translation along x and y and z"):
+        Factor(spd(K), system)
+    hinge = sp.diags(1.0e7 * (np.arange(points.size) < 3))
+    with pytest.raises(CaseError, match="3 motions, by rotation"):
+        Factor(spd(K + hinge), system)
+
+
+def named(points):
+    class System:
+        dof, parts, part_names = np.arange(points.size).reshape(-1, 3), None, ()
+    return System
+
+
+def test_indefinite_matrices_and_rows_without_stiffness():
+    _, K = lattices.truss()
+    with pytest.raises(CaseError, match="not positive definite.*release energy"):
+        Factor(spd(K - 1.0e4 * sp.identity(K.shape[0])))
+    K = lattices.chain(9, True).tolil()
+    K[4, :] = 0.0
+    K[:, 4] = 0.0
+    with pytest.raises(CaseError, match="1 of 9 degrees of freedom .* DOF 4"):
+        Factor(spd(K.tocsr()))
+
+
+def test_soft_springs_under_a_stiff_structure_are_not_singular():
+    """A truss held by springs 1e-6 as stiff as its bars: the solution is the rigid motion on the springs."""
+    points, K = lattices.truss()
+    soft = 10.0
+    factor = Factor(spd(K + soft * sp.identity(K.shape[0])), named(points))
+    push = np.tile([1.0, 0.0, 0.0], len(points))[:, None]
+    np.testing.assert_allclose(factor.solve(owned(factor.A, push)), owned(factor.A, push / soft), rtol=1e-8, atol=1e-10)
+    factor.destroy()
+
+
+def test_a_wrong_solution_does_not_pass():
+    factor = Factor(spd(lattices.chain(60, True)))
+    B_owned = owned(factor.A, random_columns(60, 20))
+    X_owned = factor.solve(B_owned)
+    wrong = X_owned.copy()
+    wrong[:, 13] *= 1.01
+    error, limit = factor.relative_residual(B_owned, wrong)
+    assert 0.003 < error < 0.03 and error > limit
+    factor.A.scale(1.1)                                 # the factor is now that of another matrix
+    factor.A.shift(2.0)
+    with pytest.raises(ConvergenceError, match="residual"):
+        factor.solve(B_owned)
+    factor.destroy()
+
+
+def test_too_little_workspace_is_asked_for_again(monkeypatch):
+    K = lattices.lattice_stiffness((14, 9, 8))
+    codes = []
+    report = mumps._report
+    monkeypatch.setattr(mumps, "_report", lambda ksp: codes.append(report(ksp)["code"]) or report(ksp))
+    monkeypatch.setattr(mumps, "_RELAXATION", (-70, -70, 100))
+    factor = Factor(spd(K))
+    assert codes[0] in (-8, -9) and codes[-1] == 0
+    factor.destroy()
+    monkeypatch.setattr(mumps, "_RELAXATION", (-70,))
+    with pytest.raises(ResourceError, match="not enough memory"):
+        Factor(spd(K))
+
+
+def test_options_come_last():
+    options = PETSc.Options()
+    options["static_mat_mumps_icntl_7"] = 0
+    factor = Factor(spd(lattices.chain(60, True)))
+    assert factor.info["ordering"] == "AMD"
+    factor.destroy()
+    options.delValue("static_mat_mumps_icntl_7")
+    options["static_pc_type"] = "jacobi"
+    with pytest.raises(CaseError, match="-static_pc_type jacobi"):
+        Factor(spd(lattices.chain(60, True)))
+    options.delValue("static_pc_type")
+
+
+def test_repeated_solves_leave_no_memory_behind():
+    K = lattices.lattice_stiffness((6, 5, 5))
+    factor = Factor(spd(K))
+    B = sp.random(K.shape[0], 12, 0.01, format="csc", random_state=0)
+    B_owned = owned(factor.A, B.toarray())
+
+    def repeat(n):
+        for _ in range(n):
+            factor.solve(B_owned)
+            factor.solve_sparse(B)
+        return resident_memory()
+
+    settled = repeat(20)
+    assert repeat(100) - settled < 3e6                  # 200 solves; one block of solutions kept each time: 9 MB
+    factor.destroy()
+
+
+def resident_memory():
+    with open("/proc/self/statm") as status:
+        return int(status.read().split()[1]) * 4096

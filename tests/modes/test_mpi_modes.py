@@ -1,0 +1,222 @@
+"""Modes against lattices with known frequencies and Ansys' own matrices; multiplicity, completeness, signs."""
+
+from pathlib import Path
+
+import lattices
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from lattices import distributed, split_rows
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from microslip.linear.dense import gram, multiply
+from microslip.linear.factor import Factor
+from microslip.linear.joint_springs import Linearised, linearise
+from microslip.modes import eigen
+from microslip.modes.eigen import lowest_modes
+from microslip.modes.inertia import count_below, find_gap
+from microslip.parallel.errors import CaseError, ConvergenceError
+
+comm = MPI.COMM_WORLD
+SMALL, LARGE = (6, 3, 2), (12, 7, 6)            # 108 DOFs: LAPACK; 1512: block Lanczos
+
+
+class Bare:
+    """A system of two matrices."""
+
+    def __init__(self, dof=None):
+        self.comm, self.dof, self.parts, self.part_names = comm, dof, None, ()
+
+
+def structure(K, M, empty_rank=None, dof=None):
+    ranges = split_rows(K.shape[0], comm.size, empty_rank)
+    K_L, M = distributed(comm, K, ranges), distributed(comm, M, ranges)
+    K_L.setOption(PETSc.Mat.Option.SPD, True)
+    return Linearised(Bare(dof), K_L, M, Factor(K_L))
+
+
+def chains(n_chains, n=20):
+    """Return K of equal chains beside each other, and the frequencies of one at unit mass."""
+    return sp.kron(sp.identity(n_chains), lattices.chain(n, True)).tocsr(), 2 * np.sin(np.arange(1, n + 1) * np.pi / (2 * n + 2))
+
+
+def assert_modes(linearised, modes):
+    """Residual and orthonormality, by plain products."""
+    M_phi = multiply(linearised.M, modes.phi_owned)
+    residual = multiply(linearised.K_L, modes.phi_owned) - M_phi * modes.omega_n**2
+    size = gram(comm, M_phi, M_phi).diagonal() * modes.omega_n**4
+    assert np.all(gram(comm, residual, residual).diagonal() < 1e-12 * size)
+    np.testing.assert_allclose(gram(comm, modes.phi_owned, M_phi), np.eye(len(modes.omega_n)), atol=1e-10)
+    assert np.all(np.diff(modes.omega_n) >= 0.0)
+
+
+@pytest.mark.parametrize("shape, n_modes", [(SMALL, 1), (SMALL, 20), (SMALL, 108), (LARGE, 1), (LARGE, 30)])
+@pytest.mark.parametrize("empty_rank", [None, 1])
+def test_frequencies_of_a_lattice(shape, n_modes, empty_rank):
+    system, pairs = lattices.lattice(comm, shape, empty_rank=empty_rank)
+    linearised = linearise(system, pairs)
+    modes = lowest_modes(linearised, n_modes)
+    np.testing.assert_allclose(modes.omega_n, lattices.lattice_frequencies(shape)[:n_modes], rtol=1e-11)
+    assert_modes(linearised, modes)
+    linearised.destroy()
+
+
+@pytest.mark.parametrize("solver", [None, "krylovschur"])
+def test_ansys_beam_with_its_own_matrices(solver):
+    """Clamped beam of hex20, frequencies by Ansys; bending modes are double (tests/data/README.md)."""
+    with np.load(Path(__file__).parents[1] / "data" / "ansys_hex_beam.npz") as data:
+        K, M = (sp.csr_matrix((data[f"{name}_data"], data[f"{name}_indices"], data[f"{name}_indptr"])) for name in "KM")
+    K, M = K + sp.triu(K, 1).T, sp.kron(M + sp.triu(M, 1).T, sp.identity(3)).tocsr()
+    if solver:
+        PETSc.Options()["modes_eps_type"] = solver
+    linearised = structure(K, M)
+    modes = lowest_modes(linearised, 6)
+    PETSc.Options().delValue("modes_eps_type")
+    ansys = [1283.20036921, 1283.20036921, 5781.97486169, 6919.39887714, 6919.39887714, 10172.61497694]
+    np.testing.assert_allclose(modes.omega_n / (2 * np.pi), ansys, rtol=1e-11)
+    assert_modes(linearised, modes)
+    assert ("SLEPc" in modes.info["method"]) == bool(solver)
+    linearised.destroy()
+
+
+@pytest.mark.parametrize("n_modes, multiplicity", [(35, 30), (20, 30), (3, 12)])
+def test_multiple_modes_are_all_found(n_modes, multiplicity):
+    """More equal modes than the block is wide, also with the last wanted one among them."""
+    K, omega = chains(multiplicity, n=450 // multiplicity)
+    linearised = structure(K, sp.identity(K.shape[0]))
+    modes = lowest_modes(linearised, n_modes)
+    np.testing.assert_allclose(modes.omega_n, np.sort(np.repeat(omega, multiplicity))[:n_modes], rtol=1e-11)
+    assert_modes(linearised, modes)
+    linearised.destroy()
+
+
+def test_a_multiple_mode_spans_the_exact_subspace():
+    K, _ = chains(3, n=150)
+    linearised = structure(K, sp.identity(450))
+    modes = lowest_modes(linearised, 3)
+    shape = np.sqrt(2.0 / 151) * np.sin(np.arange(1, 151) * np.pi / 151)
+    exact = sp.kron(sp.identity(3), shape[:, None]).toarray()[slice(*linearised.M.getOwnershipRange())]
+    cosines = np.linalg.svd(gram(comm, exact, modes.phi_owned), compute_uv=False)
+    np.testing.assert_allclose(cosines, 1.0, atol=1e-10)
+    linearised.destroy()
+
+
+@pytest.mark.parametrize("n_dof", [300, 600])
+def test_motions_without_mass(n_dof):
+    """Twelve of the masses of a chain are not zero: the twelve modes are those of the condensed chain."""
+    mass = np.zeros(n_dof)
+    mass[5::n_dof // 12] = 2.0
+    K, loaded = lattices.chain(n_dof, True), np.flatnonzero(mass)
+    flexibility = np.linalg.inv(K.toarray())[np.ix_(loaded, loaded)]
+    omega = np.sort((2.0 * np.linalg.eigvalsh(flexibility)) ** -0.5)
+    linearised = structure(K, sp.diags(mass))
+    for n_modes in (5, len(loaded)):
+        np.testing.assert_allclose(lowest_modes(linearised, n_modes).omega_n, omega[:n_modes], rtol=1e-9)
+    with pytest.raises(CaseError, match=f"modes = 20, but the structure has only {len(loaded)}"):
+        lowest_modes(linearised, 20)
+    linearised.destroy()
+
+
+def test_low_modes_stay_accurate_beside_very_stiff_springs():
+    """Two unit masses, each on a unit spring, joined by a spring of 1e12: omega = 1 and sqrt(1 + 2e12)."""
+    joined = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    linearised = structure(sp.csr_matrix(np.eye(2) + 1.0e12 * joined), sp.identity(2))
+    np.testing.assert_allclose(lowest_modes(linearised, 2).omega_n, [1.0, np.sqrt(1.0 + 2.0e12)], rtol=1e-4)
+    linearised.destroy()
+    linearised = structure(sp.csr_matrix(np.eye(2) + 1.0e6 * joined), sp.identity(2))
+    np.testing.assert_allclose(lowest_modes(linearised, 2).omega_n, [1.0, np.sqrt(1.0 + 2.0e6)], rtol=1e-10)
+    linearised.destroy()
+
+
+def test_more_modes_than_dofs():
+    linearised = structure(lattices.chain(7, True), sp.identity(7))
+    with pytest.raises(CaseError, match="modes = 8, but the structure has 7 degrees of freedom"):
+        lowest_modes(linearised, 8)
+    linearised.destroy()
+
+
+@pytest.mark.parametrize("n_below", [0, 1, 7, 100, 599])
+def test_inertia_counts_the_modes_below_a_shift(n_below):
+    linearised = structure(lattices.chain(600, True), sp.identity(600))
+    eigenvalues = np.append(4 * np.sin(np.arange(601) * np.pi / 1202) ** 2, 5.0)        # from 0, for the gap below the first
+    sigma = 0.5 * (eigenvalues[n_below] + eigenvalues[n_below + 1])
+    assert count_below(linearised.K_L, linearised.M, sigma) == n_below
+    linearised.destroy()
+
+
+def test_gap_above_the_wanted_modes():
+    assert find_gap(np.array([1.0, 2.0, 3.0]), 1) == (1, 1.5)
+    assert find_gap(np.array([1.0, 2.0, 2.0, 3.0]), 2) == (3, 2.5)
+    assert find_gap(np.array([1.0, 2.0, 2.0]), 2) is None
+
+
+@pytest.mark.parametrize("always", [False, True])
+def test_a_missed_mode_is_noticed(monkeypatch, always):
+    """A solver that skips the third mode, once or always: found by the count, and repaired or reported."""
+    solve, calls = eigen.block_lanczos, []
+
+    def forgetful(*args):
+        theta, phi_owned, info = solve(*args)
+        calls.append(len(theta))
+        if always or len(calls) == 1:
+            theta, phi_owned = np.delete(theta, 2), np.delete(phi_owned, 2, axis=1)
+        return theta, phi_owned, info
+
+    monkeypatch.setattr(eigen, "block_lanczos", forgetful)
+    linearised = structure(lattices.chain(450, True), sp.identity(450))
+    if always:
+        with pytest.raises(ConvergenceError, match=r"\+1 modes lie below"):
+            lowest_modes(linearised, 6)
+    else:
+        exact = 2 * np.sin(np.arange(1, 7) * np.pi / 902)
+        np.testing.assert_allclose(lowest_modes(linearised, 6).omega_n, exact, rtol=1e-10)
+        assert len(calls) == 2
+    linearised.destroy()
+
+
+def test_wrong_modes_are_refused(monkeypatch):
+    solve = eigen.block_lanczos
+
+    def inaccurate(*args):
+        theta, phi_owned, info = solve(*args)
+        return theta, phi_owned + 1e-3 * np.roll(phi_owned, 1, axis=1), info
+
+    monkeypatch.setattr(eigen, "block_lanczos", inaccurate)
+    linearised = structure(lattices.chain(450, True), sp.identity(450))
+    with pytest.raises(ConvergenceError, match="mode 1 at .* Hz"):
+        lowest_modes(linearised, 6)
+    linearised.destroy()
+
+
+def test_signs_do_not_depend_on_the_partition():
+    """A symmetric chain: equal largest components at both ends of odd modes; the user's first one is positive."""
+    n, reverse = 455, np.arange(455)[::-1]              # all lobes of modes 1 to 4 peak at a mass
+    for dof in (None, np.stack([reverse, np.full(n, -1), np.full(n, -1)], axis=1)):
+        linearised = structure(lattices.chain(n, True), sp.identity(n), empty_rank=0, dof=dof)
+        modes = lowest_modes(linearised, 4)
+        phi = np.concatenate(comm.allgather(modes.phi_owned))
+        phi = phi if dof is None else phi[reverse]      # by the user's numbers
+        exact = np.sqrt(2.0 / (n + 1)) * np.sin(np.outer(np.arange(1, n + 1), np.arange(1, 5)) * np.pi / (n + 1))
+        np.testing.assert_allclose(phi, exact, atol=1e-8)
+        linearised.destroy()
+
+
+def test_the_kept_factor_is_the_only_one_of_K_L():
+    """Modes factor nothing but K_L - sigma M for the proof, by SLEPc neither, and leave the factor as it was."""
+    linearised = structure(lattices.chain(600, True), sp.identity(600))
+    PETSc.Log.begin()
+    event = PETSc.Log.Event("MatCholFctrNum")
+    b_owned = np.ones((linearised.M.getLocalSize()[0], 1))
+    x_owned = linearised.factor.solve(b_owned)
+    for solver in (None, "krylovschur", "krylovschur"):
+        if solver:
+            PETSc.Options()["modes_eps_type"] = solver
+        before = event.getPerfInfo()["count"]
+        lowest_modes(linearised, 5, verify=False)
+        assert event.getPerfInfo()["count"] == before
+        lowest_modes(linearised, 5, verify=True)
+        assert event.getPerfInfo()["count"] == before + 1
+    PETSc.Options().delValue("modes_eps_type")
+    np.testing.assert_array_equal(linearised.factor.solve(b_owned), x_owned)
+    linearised.destroy()

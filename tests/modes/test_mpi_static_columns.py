@@ -1,0 +1,79 @@
+"""Static columns and static modes against dense inverses of small lattices."""
+
+import lattices
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from mpi4py import MPI
+
+from microslip.linear.dense import multiply
+from microslip.linear.joint_springs import joint_stiffness, linearise
+from microslip.modes.constraint import static_columns, static_modes
+
+comm = MPI.COMM_WORLD
+SHAPE = (6, 3, 2)
+
+
+@pytest.fixture(params=[None, 1], ids=["all", "rank 1 empty"])
+def joined(request):
+    system, pairs = lattices.lattice(comm, SHAPE, empty_rank=request.param, k_t=3.0e5)
+    linearised = linearise(system, pairs)
+    yield linearised, pairs
+    linearised.destroy()
+
+
+def inverse(system, pairs):
+    K = lattices.lattice_stiffness(SHAPE, cut=SHAPE[0] // 2)
+    return np.linalg.inv((K + system.R.T @ sp.diags(joint_stiffness(pairs)) @ system.R).toarray())
+
+
+@pytest.mark.parametrize("batch", [None, 1, 5])
+def test_flexibility_of_the_pairs(joined, batch):
+    linearised, pairs = joined
+    system = linearised.system
+    exact = system.R @ inverse(system, pairs) @ system.R.T
+    found = static_columns(linearised, system.R, system.R.T.tocsc(), batch=batch)
+    np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max())
+    ranges = np.array([0] + [len(exact)] * comm.size)                  # all rows on rank 0
+    found = static_columns(linearised, system.R, system.R.T.tocsc(), row_ranges=ranges, batch=batch)
+    np.testing.assert_allclose(found, exact[ranges[comm.rank]:ranges[comm.rank + 1]], atol=1e-13 * abs(exact).max())
+
+
+@pytest.mark.parametrize("m_left, m_right", [(0, 3), (3, 0), (0, 0), (2, 7), (7, 2)])
+def test_shapes_and_the_smaller_side(joined, m_left, m_right):
+    """The solves are as many as the columns of the smaller side that are not zero."""
+    linearised, pairs = joined
+    n_dof = linearised.system.n_dof
+    left = sp.random(m_left, n_dof, 0.1, format="csr", random_state=1)
+    right = sp.random(n_dof, m_right, 0.1, format="csc", random_state=2)
+    exact = left @ inverse(linearised.system, pairs) @ right
+    before = linearised.factor.info["solves"]
+    found = static_columns(linearised, left, right)
+    assert found.shape == (m_left, m_right)
+    np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max(initial=0.0))
+    assert linearised.factor.info["solves"] - before == min(m_left, m_right)
+    ranges = np.arange(comm.size + 1) * m_left // comm.size
+    mine = static_columns(linearised, left, right, row_ranges=ranges)
+    np.testing.assert_allclose(mine, found[ranges[comm.rank]:ranges[comm.rank + 1]], rtol=1e-12)
+
+
+def test_columns_of_zeros_cost_nothing(joined):
+    linearised, _ = joined
+    right = sp.csc_matrix(([2.0], ([4], [3])), shape=(linearised.system.n_dof, 6))
+    before = linearised.factor.info["solves"]
+    found = static_columns(linearised, linearised.system.R, right)
+    assert linearised.factor.info["solves"] == before + 1
+    assert np.count_nonzero(found.any(axis=0)) == 1 and found[:, 3].any()
+
+
+@pytest.mark.parametrize("rows", [None, np.array([7]), np.array([5, 0, 2])])
+def test_static_modes_carry_unit_dp(joined, rows):
+    linearised, pairs = joined
+    R, K_J = linearised.system.R, joint_stiffness(pairs)
+    psi_owned = static_modes(linearised, pairs, rows)
+    rows = np.arange(R.shape[0]) if rows is None else rows
+    row_start, row_end = linearised.K_L.getOwnershipRange()
+    load = (R.T @ sp.diags(K_J)).tocsr()[row_start:row_end, rows].toarray()
+    assert psi_owned.shape == load.shape
+    residual = multiply(linearised.K_L, psi_owned) + load
+    np.testing.assert_allclose(residual, 0.0, atol=1e-12 * K_J.max())
