@@ -2,6 +2,8 @@
 
 import dataclasses
 import os
+import subprocess
+import sys
 
 import h5py
 import matplotlib
@@ -59,16 +61,12 @@ def texts(page):
 
 
 @pytest.mark.filterwarnings("error")
-def test_four_levels_with_slip(tmp_path, pairs):
-    assert drawn(tmp_path, [branch(level, pairs) for level in (1.0, 3.0, 5.0, 8.0)], pairs) == ALL
-
-
-@pytest.mark.filterwarnings("error")
-def test_levels_that_stopped_and_single_points(tmp_path, pairs):
+def test_all_pictures_of_levels_that_went_well_and_others(tmp_path, pairs):
+    """Beside whole ones: an unloaded level, one that broke off, one without any point, one with a single point."""
     stopped, empty, single = branch(5.0, pairs), branch(6.0, pairs), branch(8.0, pairs, n_points=1)
     stopped.points[20:], empty.points[:] = [], []
     stopped.failure = empty.failure = "hb: no convergence"
-    assert drawn(tmp_path, [branch(0.0, pairs), stopped, empty, single], pairs) == ALL
+    assert drawn(tmp_path, [branch(0.0, pairs), branch(3.0, pairs), stopped, empty, single], pairs) == ALL
 
 
 @pytest.mark.filterwarnings("error")
@@ -79,7 +77,7 @@ def test_a_linear_scene_has_no_pictures_of_a_joint(tmp_path):
 @pytest.mark.filterwarnings("error")
 def test_pairs_without_positions_titles_with_formulas(tmp_path):
     nowhere = pairs_of(np.full((7, 3), np.nan), np.tile(np.eye(3), (7, 1, 1)), np.ones(7), ("a",) * 7, ())
-    title = "50 $ to 100 $, x_1^2 \\frac{ \n\u4e2d " + 40 * "many words "
+    title = "$\\frac{$ x_1^2 \n\u4e2d " + 40 * "many words "
     assert drawn(tmp_path, [branch(8.0, nowhere)], nowhere, title=title, linear=False) == ALL
 
 
@@ -119,6 +117,8 @@ def test_response_shows_each_level_its_peak_and_the_linear_curve(tmp_path, pairs
     peaks = [line for line in left.lines if line.get_marker() == "o"]
     assert peaks[1].get_ydata() == pytest.approx([1e3 * size.max()])
     assert len(right.lines) == len(left.lines) + 1
+    per_newton = [line for line in right.lines if len(line.get_xdata()) == len(size)]
+    assert per_newton[1].get_ydata() == pytest.approx(1e3 * size / 8.0)
     names = [text.get_text() for text in pages["response.png"].figure.legends[0].get_texts()]
     assert names == ["1 N", "8 N", "all stuck, linear", "peak"]
 
@@ -167,6 +167,24 @@ def test_slip_map_colours_each_pair_by_its_state_at_the_peak(tmp_path, pairs, pa
         assert np.array_equal(ax.collections[0].get_facecolor(), colours[top.state[ring]])
     n_slip, n_open = np.sum(top.state == 1), np.sum(top.state == 2)
     assert any(f"{n_slip} slip, {n_open} open" in text for text in texts(pages["slip_map.png"]))
+
+
+def test_energy_map_takes_rounding_of_a_stuck_pair_for_no_loss(tmp_path, pairs, pages):
+    found = branch(0.5, pairs)
+    found.points[:] = [dataclasses.replace(point, energy=point.energy + 1e-20) for point in found.points]
+    draw_only(joint_plots.draw_energy_map, write(tmp_path, [found], pairs))
+    assert any("none" in text for text in texts(pages["energy_map.png"]))
+
+
+def test_energy_of_pairs_without_areas_is_that_of_each_pair(tmp_path, pages):
+    nowhere = pairs_of(np.full((7, 3), np.nan), np.tile(np.eye(3), (7, 1, 1)), np.ones(7), ("a",) * 7, ())
+    draw_only(joint_plots.draw_energy_map, write(tmp_path, [branch(8.0, nowhere)], nowhere))
+    assert "friction loss per cycle [J]" in texts(pages["energy_map.png"])
+
+
+def test_pictures_need_no_petsc():
+    code = "import sys, microslip.results.plots; sys.exit('petsc4py' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_energy_map_has_one_scale_and_none_when_all_stick(tmp_path, pairs, pages):

@@ -12,6 +12,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch as Swatch
 
+from ..contact.law import STICK
 from .measures import counts, peak
 from .record import LevelResult, ResultFile
 from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, level_name, plain, scaled, some
@@ -45,22 +46,26 @@ def draw_slip_map(results: ResultFile, out_dir: str) -> list[str]:
 def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
     """Draw the friction loss per area and cycle at the peak of each level, in one colour scale.  Local; returns the files."""
     area = results.joint.area
-    per_area = bool(np.isfinite(area).all() and (area > 0.0).all())
+    per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())     # matrices come without areas
     share = area if per_area else np.ones_like(area)
     unit = "J/m\u00b2" if per_area else "J"
-    at_peaks = [level.energy[peak(level.response)] / share for level in results.levels if len(level.frequency)]
+
+    def loss_at(level: LevelResult, at: int) -> np.ndarray:
+        # a pair that sticks loses nothing; what its record holds is rounding
+        return np.where(level.state[at] == STICK, 0.0, np.maximum(level.energy[at], 0.0)) / share
+
+    at_peaks = [loss_at(level, peak(level.response) or 0) for level in results.levels if len(level.frequency)]
     losses = np.concatenate([np.zeros(0), *at_peaks])
-    losses = losses[np.isfinite(losses) & (losses > 0.0)]
+    losses = losses[losses > 0.0]
     palette = matplotlib.colormaps["inferno_r"]
     most = losses.max(initial=1e-300)
     scale = LogNorm(min(max(losses.min(initial=most), _LOSS_DECADES * most), 0.1 * most), most, clip=True)
 
     def colour(level: LevelResult, at: int) -> np.ndarray:
-        loss = level.energy[at] / share
+        loss = loss_at(level, at)
         rgba = np.tile(matplotlib.colors.to_rgba(_NO_LOSS), (len(loss), 1))
-        has_loss = np.isfinite(loss) & (loss > 0.0)
-        if has_loss.any():
-            rgba[has_loss] = palette(0.04 + 0.92 * scale(loss[has_loss]))
+        if (loss > 0.0).any():
+            rgba[loss > 0.0] = palette(0.04 + 0.92 * scale(loss[loss > 0.0]))
         return rgba
 
     def says(level: LevelResult, at: int) -> str:
