@@ -19,9 +19,11 @@ PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint
 KERNEL = solver/microslip/harmonic/_aft.pyx solver/microslip/harmonic/aft_kernel.c
 GENERATORS = $(wildcard meshes/*.py)
 
-# Open MPI refuses root and more ranks than cores unless asked; one BLAS thread a rank.
+# Open MPI refuses root and more ranks than cores unless asked; a waiting rank leaves its core to others; one BLAS
+# thread a rank.
 export OMPI_ALLOW_RUN_AS_ROOT = 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM = 1
+export OMPI_MCA_mpi_yield_when_idle = 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPIRUN = mpirun.openmpi
 # What this set-up brings fits together; what else the user has installed is left out of it.
@@ -48,12 +50,12 @@ docs: $(VENV)/installed $(VENV)/docs-tools
 
 setup: $(VENV)/installed
 
-meshes/fan_small.msh: $(GENERATORS) $(VENV)/python
+meshes/fan_small.msh: $(GENERATORS) | $(VENV)/python
 	$(IN_VENV) meshes/fan_sector.py --size small --out $@
 
 # -- the steps of the set-up, each with a file that says it is done ----------------------------------------------------
 
-$(VENV)/packages: .ci/packages
+$(VENV)/packages: .ci/packages Makefile
 	@mkdir -p $(VENV)
 	@.ci/packages $(PACKAGES)
 	@touch $@
