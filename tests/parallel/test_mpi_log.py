@@ -115,6 +115,13 @@ def test_an_error_closes_the_log_without_waiting_for_other_ranks(path):
     COMM.Barrier()                      # nobody waits in a reduction of the log
 
 
+def test_an_error_is_left_to_the_end_of_the_program_to_say(path, capsys):
+    with pytest.raises(CaseError):
+        with RunLog(COMM, path, False):
+            raise CaseError("element 7 is inverted")
+    assert "element 7" not in capsys.readouterr().out
+
+
 def test_a_file_that_cannot_be_written_is_told_on_every_rank(path, tmp_path):
     folder = COMM.bcast(str(tmp_path))
     if COMM.rank == 0:

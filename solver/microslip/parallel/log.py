@@ -199,7 +199,7 @@ class RunLog:
             self.stages.append(Stage("total", 0, seconds, memory, largest))
         if self.stages:
             self._line("\n" + self.table(seconds))
-        self._line(f"ended by {failure}" if failure else "done")
+        self._line(f"ended by {failure}" if failure else "done", on_screen=not failure)    # the end of the program says it
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -233,4 +233,5 @@ def _open(path: str):
 
 
 def _command() -> str:
-    return shlex.join([os.path.basename(sys.argv[0] or "python"), *sys.argv[1:]])
+    program = os.path.basename(sys.argv[0] or "python")
+    return shlex.join(["microslip" if program == "__main__.py" else program, *sys.argv[1:]])
