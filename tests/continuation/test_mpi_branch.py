@@ -115,6 +115,22 @@ def distance_to_polyline(point, line):
     return np.linalg.norm(a + share[:, None] * (b - a) - point, axis=1).min()
 
 
+def test_second_point_does_not_jump_over_the_folds_beside_the_first():
+    found = branch(scene("spatial"), COMM, 0.8, low=0.97, high=1.9, H=5, points=30)
+    assert found.failure is None
+    assert max(amplitude(point) for point in found.points) > 3.5        # 2.1 at the start; the peak lies between two folds
+
+
+def test_branch_that_leaves_the_range_at_its_start_says_so():
+    found = branch(scene("spatial"), COMM, 0.8, low=0.98, high=1.9, H=5, points=30)
+    assert found.points and "back out of the range" in found.failure
+
+
+def test_first_point_that_newton_misses_is_reached_over_the_level():
+    found = branch(scene("spatial"), COMM, 1.5, low=0.97, high=1.9, points=30)
+    assert found.failure is None and found.points[0].omega == 0.97
+
+
 def test_jacobian_is_the_derivative_of_the_residual():
     system = scene("chain")
     model, parameters = reduced(system, COMM, 3)

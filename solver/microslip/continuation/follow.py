@@ -48,7 +48,7 @@ class Sweep:
     def asked_between(self, a: float, b: float) -> list[float]:
         """Return the asked values strictly between two points, in the order of travel from a to b."""
         low, high = min(a, b), max(a, b)
-        return sorted((value for value in self.at if low < value < high), reverse=b < a)
+        return sorted((value for value in self.at if low < value < high), reverse=bool(b < a))
 
 
 @dataclass(frozen=True)
@@ -97,8 +97,9 @@ class BranchFollower:
             guess = found.iterate
 
     def solve_at(self, guess: Iterate, size: float, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
-        """Correct a guess at its own parameter."""
-        return self.solve(guess, ConstraintRow.fixed_parameter(guess), size, selected)
+        """Correct a guess at its own parameter; the answer carries exactly that value, not its last bit's rounding."""
+        found, selected = self.solve(guess, ConstraintRow.fixed_parameter(guess), size, selected)
+        return replace(found, iterate=Iterate(found.iterate.U, guess.parameter)), selected
 
     def accept(self, found: Correction, selected: np.ndarray, asked: bool = False) -> tuple[State, Point]:
         """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective."""
@@ -123,17 +124,31 @@ class BranchFollower:
         return self.solve_at(Iterate(U_lin, self.sweep.start), self.norm(U_lin), selected)
 
     def second(self, first: State) -> tuple[Correction, np.ndarray]:
-        """Solve the second point, a little further along the sweep; halve the way until it converges."""
+        """Solve the second point, a little further along the sweep; halve the way until it converges nearby.
+
+        A point further off than ``ds_max`` may lie beyond folds, with the resonance between them.  It is taken only where none
+        is nearer: where the set B has changed since the first point, and the solution with it.
+        """
         way = min(self.linear_step(first, 0.5 * self.steps.ds), 0.5 * self.sweep.scale)
+        far = None
         while True:
             there = first.iterate.parameter + self.sweep.direction * way
             U = self.problem.linear_motion(there)[0] if first.sticks else first.iterate.U
             found, selected = self.solve_at(Iterate(U, there), first.size, first.selected)
             if found.failure is None:
-                return found, selected
+                if self.distance(first, found.iterate) <= self.steps.ds_max:
+                    return found, selected
+                far = far or (found, selected)
             way /= 2.0
             if way < self.steps.ds_min * self.sweep.scale:
+                if far:
+                    return far
                 raise ConvergenceError(self.message(first.iterate.parameter, found))
+
+    def distance(self, now: State, there: Iterate) -> float:
+        """Return the length of a step in its own norm."""
+        d_xi = (there.U - now.iterate.U) / (now.size or 1.0)
+        return self.length(d_xi, (there.parameter - now.iterate.parameter) / self.sweep.scale)
 
     def linear_step(self, now: State, ds: float) -> float:
         """Return the change of the parameter that makes a step ``ds`` along the linear curve."""
@@ -210,8 +225,9 @@ class BranchFollower:
         ds = self.steps.ds
         while True:
             found, selected, ds = self.step(before, now, ds)
-            if self.sweep.before(found.iterate.parameter):          # a fold has led back to the start of the range
-                return
+            if self.sweep.before(found.iterate.parameter):
+                raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, "
+                                       f"{self.problem.where(self.sweep.start)}; begin the range further off, or sweep the other way")
             if self.sweep.beyond(found.iterate.parameter):
                 end = interpolate(now.iterate, found.iterate, self.sweep.stop)
                 yield from self.asked(now, end, selected)
