@@ -16,6 +16,7 @@ from microslip.linear.joint_springs import Linearised, linearise
 from microslip.modes import eigen
 from microslip.modes.eigen import lowest_modes
 from microslip.modes.inertia import count_below, find_gap
+from microslip.modes.rayleigh import sharpened
 from microslip.parallel.errors import CaseError, ConvergenceError
 
 comm = MPI.COMM_WORLD
@@ -126,6 +127,19 @@ def test_low_modes_stay_accurate_beside_very_stiff_springs():
     linearised.destroy()
     linearised = structure(sp.csr_matrix(np.eye(2) + 1.0e6 * joined), sp.identity(2))
     np.testing.assert_allclose(lowest_modes(linearised, 2).omega_n, [1.0, np.sqrt(1.0 + 2.0e6)], rtol=1e-10)
+    linearised.destroy()
+
+
+def test_low_frequencies_of_a_fine_mesh_are_sharpened():
+    """The first eigenvalues of a long chain lie 1e8 below the largest: the quotient brings them back from an error of 1e-6."""
+    n = 12_000
+    linearised = structure(lattices.chain(n, True), sp.identity(n))
+    angle = np.arange(1, 3) * np.pi / (n + 1)
+    exact = 4.0 * np.sin(0.5 * angle) ** 2
+    phi = np.sqrt(2.0 / (n + 1)) * np.sin(np.outer(np.arange(1, n + 1), angle))
+    phi_owned = phi[slice(*linearised.M.getOwnershipRange())]
+    np.testing.assert_allclose(sharpened(linearised, exact * (1.0 + 1e-6), phi_owned), exact, rtol=1e-13)
+    np.testing.assert_allclose(lowest_modes(linearised, 2, verify=False).omega_n, np.sqrt(exact), rtol=1e-13)
     linearised.destroy()
 
 

@@ -9,40 +9,50 @@ from petsc4py import PETSc
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 
-_MASSLESS = 1e-15               # theta / largest theta of a motion without mass
+_MASSLESS = 1e-13               # eigenvalue of M, scaled to a unit diagonal, of a motion without mass
 
 
-def dense_modes(linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
+def dense_modes(linearised, n_wanted: int, n_least: int) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return the ``n_wanted`` largest (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 falling, phi^T M phi = I.
+
+    All there are, where fewer motions have mass.
 
     Collective: K_L and M are gathered on rank 0, the modes broadcast.  M phi = theta K_L phi is solved, so that M may be
     singular and the low modes stay accurate beside very stiff springs.
 
     Raises
     ------
-    CaseError : M is indefinite, or fewer motions than ``n_wanted`` have mass; on every rank
+    CaseError : M is indefinite, or fewer motions than ``n_least`` have mass; on every rank
     """
     K_L, M = gathered(linearised.K_L), gathered(linearised.M)
-    theta, phi = on_root(linearised.system.comm, _solve, K_L, M, n_wanted)
+    theta, phi = on_root(linearised.system.comm, _solve, K_L, M, n_wanted, n_least)
     row_start, row_end = linearised.M.getOwnershipRange()
     return theta, np.asfortranarray(phi[row_start:row_end]), {"method": "LAPACK", "basis": linearised.M.getSize()[0]}
 
 
-def _solve(K_L: np.ndarray, M: np.ndarray, n_wanted: int) -> tuple[np.ndarray, np.ndarray]:
+def _solve(K_L: np.ndarray, M: np.ndarray, n_wanted: int, n_least: int) -> tuple[np.ndarray, np.ndarray]:
     theta, x = scipy.linalg.eigh(0.5 * (M + M.T), 0.5 * (K_L + K_L.T))
     theta, x = theta[::-1], x[:, ::-1]
     if theta[-1] < -1e-12 * theta[0]:
         raise CaseError(f"the mass matrix is indefinite: z^T M z = {theta[-1]:.1e} z^T K_L z s2 for some motion; it must not be "
                         "negative")
-    n_found = int(np.count_nonzero(theta > _MASSLESS * theta[0]))
-    if n_found < n_wanted:
-        raise CaseError(f"[solver] modes = {n_wanted}, but the structure has only {n_found}: its mass matrix leaves "
+    n_found = _rank(M)
+    if n_found < n_least:
+        raise CaseError(f"[solver] modes = {n_least}, but the structure has only {n_found}: its mass matrix leaves "
                         f"{len(theta) - n_found} motions without mass")
-    x = x[:, :n_wanted]
+    x = x[:, :min(n_wanted, n_found)]
     mass, stiffness = (np.einsum("ij,ij->j", x, A @ x) for A in (M, K_L))
     theta = mass / stiffness                        # the small ones to full relative accuracy
     order = np.argsort(-theta)
     return theta[order], (x / np.sqrt(mass))[:, order]
+
+
+def _rank(M: np.ndarray) -> int:
+    """Return the number of motions with mass, whatever the units and sizes of the masses."""
+    mass = M.diagonal()
+    size = np.sqrt(mass[mass > 0.0])
+    scaled = M[np.ix_(mass > 0.0, mass > 0.0)] / np.outer(size, size)
+    return int(np.count_nonzero(np.linalg.eigvalsh(scaled) > _MASSLESS)) if len(size) else 0
 
 
 def gathered(A: PETSc.Mat) -> np.ndarray | None:

@@ -14,6 +14,7 @@ from . import krylov_schur
 from .dense import dense_modes
 from .inertia import count_below, find_gap
 from .lanczos import block_lanczos
+from .rayleigh import sharpened
 
 RESIDUAL_LIMIT = 1e-5           # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
 _ROUNDING = 1e-13               # the same beside |diag(K_L) phi|, where rounding of K_L phi explains it
@@ -33,7 +34,7 @@ class Modes:
     info: dict[str, Any] = field(default_factory=dict)     # method, seconds, residual, proof
 
 
-def lowest_modes(linearised, n_modes: int, verify: bool = True) -> Modes:
+def lowest_modes(linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False) -> Modes:
     """Return the ``n_modes`` lowest modes of (K_L, M).
 
     Collective on the system's communicator.
@@ -42,6 +43,7 @@ def lowest_modes(linearised, n_modes: int, verify: bool = True) -> Modes:
     ----------
     linearised : ``K_L``, ``M``, ``factor`` of K_L, ``system``
     verify : prove by the inertia of K_L - sigma M that no mode is missing: one more factorisation
+    fewer_will_do : return all there are where fewer motions have mass
 
     Returns
     -------
@@ -54,27 +56,34 @@ def lowest_modes(linearised, n_modes: int, verify: bool = True) -> Modes:
     """
     start = perf_counter()
     n_dof = linearised.M.getSize()[0]
+    if fewer_will_do:
+        n_modes = min(n_modes, n_dof)
     if not 1 <= n_modes <= n_dof:
         raise CaseError(f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; "
                         f"ask for 1 to {n_dof} modes")
-    theta, phi_owned, info = _solve(linearised, n_modes, verify)
-    eigenvalues, phi_owned = 1.0 / theta[:n_modes], phi_owned[:, :n_modes]
-    phi_owned = phi_owned * _signs(linearised, phi_owned)
+    theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify)
+    phi_owned = phi_owned[:, :n_modes]
+    eigenvalues = sharpened(linearised, 1.0 / theta[:n_modes], phi_owned)
+    order = np.argsort(eigenvalues)
+    eigenvalues, phi_owned = eigenvalues[order], phi_owned[:, order] * _signs(linearised, phi_owned[:, order])
     info["residual"] = _check(linearised, eigenvalues, phi_owned)
     info["seconds"] = perf_counter() - start
     return Modes(np.sqrt(eigenvalues), np.asfortranarray(phi_owned), info)
 
 
-def _solve(linearised, n_modes: int, verify: bool) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Return at least ``n_modes`` (theta, phi) and how they were found, complete if ``verify``.  Collective."""
+def _solve(linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.ndarray, np.ndarray, dict]:
+    """Return at least ``n_modes`` (theta, phi) and how they were found, complete if ``verify``.  Collective.
+
+    All there are, at least ``n_least``, where no more motions have mass.
+    """
     n_dof = linearised.M.getSize()[0]
     if n_dof <= _DENSE or 3 * n_modes > n_dof:
-        return dense_modes(linearised, n_modes)         # all of the spectrum: nothing can be missing
+        return dense_modes(linearised, n_modes, n_least)    # all of the spectrum: nothing can be missing
     n_wanted, block, missing = n_modes + _GUARD * verify, _BLOCK, 0
     for _ in range(_MAX_TRIES):
         theta, phi_owned, info = _iterate(linearised, n_wanted, block)
-        if len(theta) < n_modes:
-            raise CaseError(f"[solver] modes = {n_modes}, but the structure has only {len(theta)}: its mass matrix leaves "
+        if len(theta) < n_least:
+            raise CaseError(f"[solver] modes = {n_least}, but the structure has only {len(theta)}: its mass matrix leaves "
                             f"{n_dof - len(theta)} motions without mass")
         if not verify or info.get("complete"):
             return theta, phi_owned, info
