@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from .assembly.assemble import read_off
+from .assembly.matrices import GivenStructure
 from .mesh.data import ContactPairs, Mesh, place
+from .parallel.errors import CaseError
+from .scene.schema import DEFAULT_MODES
 
 # measured on the hex20 fan-blade sector of 122,124 DOF: 1.0 GB for the factor and 4 GiB in all at most (docs/guide.md)
 _FACTOR_GB, _MEASURED_DOF = 1.0, 122_124
@@ -20,7 +23,6 @@ def needs(scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
     """
     is_fixed, _, part_names, load_nodes, output_nodes = read_off(mesh, pairs, scene)
     n_dof = int((~is_fixed).sum())
-    N_H, n_pairs = 2 * scene.solver.harmonics + 1, pairs.n_pairs
     kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
     lines = [
         f"scene      {scene.path}: no fault found",
@@ -31,21 +33,53 @@ def needs(scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
         *_joints(pairs),
         *(f"load {i}     {_at(mesh, load, nodes)}" for i, (load, nodes) in enumerate(zip(scene.loads, load_nodes), 1)),
         *(f"output     {out.name}: {_at(mesh, out, nodes)}" for out, nodes in zip(scene.outputs, output_nodes)),
-        f"method     {scene.solver.method}: {scene.solver.modes} modes, harmonics 0 to {scene.solver.harmonics}, "
-        f"{scene.solver.samples} samples; at most {(scene.solver.modes + 3 * n_pairs) * N_H} unknowns with all pairs slipping",
+        *_solution(scene, n_dof, pairs.n_pairs),
+    ]
+    return lines
+
+
+def needs_of_matrices(scene, given: GivenStructure) -> list[str]:
+    """Return the same lines for a scene given as matrices.  Local, on rank 0.
+
+    Raises
+    ------
+    CaseError : more modes than DOFs
+    """
+    massless = f"; {given.n_massless} DOF without mass" if given.n_massless else ""
+    damping = "" if given.C is None else f", damping {given.C.nnz}"
+    return [
+        f"scene      {scene.path}: no fault found",
+        f"matrices   {given.n_dof} DOF{massless}; entries: stiffness {given.K.nnz}, mass {given.M.nnz}{damping}",
+        *_joints(given.pairs),
+        *(f"load {i}     DOF {load.dof}, scale {load.scale:g}, harmonic {load.harmonic}"
+          for i, load in enumerate(scene.loads, 1)),
+        *(f"output     {output.name}: DOF {output.dof}" for output in scene.outputs),
+        *_solution(scene, given.n_dof, given.pairs.n_pairs),
+    ]
+
+
+def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
+    """Say how the scene is solved, and what that takes."""
+    solver = scene.solver
+    modes, N_H = solver.modes or min(DEFAULT_MODES, n_dof), 2 * solver.harmonics + 1
+    if modes > n_dof:
+        raise CaseError(f"{scene.path}: [solver] modes = {modes}, but there are {n_dof} DOF; ask for fewer, or leave modes out")
+    return [
+        f"method     {solver.method}: {modes} modes, harmonics 0 to {solver.harmonics}, {solver.samples} samples; "
+        f"at most {(modes + 3 * n_pairs) * N_H} unknowns with all pairs slipping",
         f"response   {len(scene.response.levels)} levels of about {scene.response.points} points",
         f"memory     about {_FACTOR_GB * (n_dof / _MEASURED_DOF) ** (4 / 3):.2g} GB for the factor (solid meshes), "
         f"{72e-9 * n_pairs**2:.2g} GB for static columns if every pair slips",
     ]
-    return lines
 
 
 def _joints(pairs: ContactPairs) -> list[str]:
     lines = []
     for name in dict.fromkeys(pairs.joint):
         own = np.array([joint == name for joint in pairs.joint])
-        N0 = pairs.N0[own]
-        lines.append(f"joint      {name}: {own.sum()} pairs on {pairs.area[own].sum():.6g} m2, normal preload {N0[N0 > 0].sum():.4g} N in all, "
+        N0, area = pairs.N0[own], pairs.area[own].sum()
+        where = f" on {area:.6g} m2" if np.isfinite(area) else ""        # matrices come without areas
+        lines.append(f"joint      {name}: {own.sum()} pairs{where}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
                      f"{np.count_nonzero(N0 < 0)} with a gap")
     return lines
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from .assembly.assemble import assemble
 from .assembly.check import check_elements
+from .assembly.matrices import distribute_structure, read_structure
+from .assembly.system import System
 from .contact.law import ContactParameters
 from .continuation.levels import follow_levels, frequency_sweep, linear_curve
 from .linear.joint_springs import Linearised, linearise
@@ -17,7 +19,7 @@ from .mesh.pairing import pair_contacts
 from .mesh.partition import distribute
 from .mesh.read import read_mesh
 from .modes.eigen import Modes, lowest_modes
-from .needs import needs
+from .needs import needs, needs_of_matrices
 from .parallel.agree import on_root
 from .parallel.errors import ConvergenceError
 from .parallel.log import RunLog
@@ -30,20 +32,21 @@ from .results.plots import draw_all
 from .results.record import LinearCurve
 from .results.vtk import peak_fields, write_fields, write_modes
 from .results.writer import ResultWriter
+from .scene.schema import DEFAULT_MODES
 
 
 @dataclass(frozen=True)
 class Structure:
     """The linearised structure and its contact pairs."""
 
-    mesh: Mesh | None               # rank 0 only
+    mesh: Mesh | None               # rank 0 only; None of a scene given as matrices
     pairs: ContactPairs
     linearised: Linearised
     modes: Modes
 
 
 def run(scene, comm, folder: Path, options: tuple[str, ...] = ()) -> None:
-    """Solve one scene, from mesh to response and pictures.
+    """Solve one scene, from mesh or matrices to response and pictures.
 
     Collective on ``comm``.
 
@@ -73,6 +76,18 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = ()) -> None:
 
 def build_structure(scene, comm, log: RunLog) -> Structure:
     """Return the structure with all pairs stuck, factored, and its lowest modes.  Collective."""
+    mesh, system, pairs = (from_matrices if scene.model.mesh is None else from_mesh)(scene, comm, log)
+    log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
+    with log.stage("factor of the stuck structure"):
+        linearised = linearise(system, pairs)
+    with log.stage("modes"):
+        n_modes = scene.solver.modes
+        modes = lowest_modes(linearised, n_modes or DEFAULT_MODES, scene.solver.verify_modes, fewer_will_do=n_modes is None)
+    return Structure(mesh, pairs, linearised, modes)
+
+
+def from_mesh(scene, comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs]:
+    """Return mesh (on rank 0), matrices and pairs of a scene with a mesh.  Collective."""
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, scene, share=False)
         pairs = on_root(comm, pair_contacts, mesh, scene.joints)
@@ -82,12 +97,15 @@ def build_structure(scene, comm, log: RunLog) -> Structure:
         shares = distribute(mesh, scene, comm)
     with log.stage("assembly"):
         system = assemble(shares, mesh, pairs, scene, comm)
-    log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
-    with log.stage("factor of the stuck structure"):
-        linearised = linearise(system, pairs)
-    with log.stage("modes"):
-        modes = lowest_modes(linearised, scene.solver.modes, verify=scene.solver.verify_modes)
-    return Structure(mesh, pairs, linearised, modes)
+    return mesh, system, pairs
+
+
+def from_matrices(scene, comm, log: RunLog) -> tuple[None, System, ContactPairs]:
+    """Return matrices and pairs of a scene given as matrices.  Collective."""
+    with log.stage("matrices and contact pairs"):
+        given = on_root(comm, read_structure, scene, share=False)
+        system, pairs = distribute_structure(given, scene, comm)
+    return None, system, pairs
 
 
 def follow(scene, structure: Structure, model, folder: Path, options, log: RunLog) -> list:
@@ -153,7 +171,7 @@ def _write_modes(structure: Structure, omega_n, shapes, folder: Path) -> None:
 
 
 def check(scene, comm) -> None:
-    """Read and pair the mesh, check its elements, and print what a run will need; nothing is solved.
+    """Read mesh and pairs, or matrices, check them, and print what a run will need; nothing is solved.
 
     Collective on ``comm``.
 
@@ -161,9 +179,12 @@ def check(scene, comm) -> None:
     ------
     CaseError, MeshError : on every rank
     """
-    mesh = on_root(comm, read_mesh, scene, share=False)
-    pairs = on_root(comm, pair_contacts, mesh, scene.joints)
-    check_elements(distribute(mesh, scene, comm), scene)
-    lines = on_root(comm, needs, scene, mesh, pairs)
+    if scene.model.mesh is None:
+        lines = on_root(comm, lambda: needs_of_matrices(scene, read_structure(scene)))
+    else:
+        mesh = on_root(comm, read_mesh, scene, share=False)
+        pairs = on_root(comm, pair_contacts, mesh, scene.joints)
+        check_elements(distribute(mesh, scene, comm), scene)
+        lines = on_root(comm, needs, scene, mesh, pairs)
     if comm.rank == 0:
         print("\n".join(lines))

@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from ..linear.dense import gram, multiply
 from ..modes.constraint import static_columns
 from ..parallel.errors import CaseError
+from ..parallel.ownership import split_evenly
 from .columns import StaticColumns
 from .model import ReducedModel
+
+_COUPLES = 1e-12            # |C_ij| / sqrt(C_ii C_jj) between modes beyond which a damping matrix is kept full
+_ROUNDING = 1e-9            # negative eigenvalue of phi^T C phi over the largest that counts as zero
 
 
 def modal_damping(damping, omega_n: np.ndarray) -> np.ndarray:
@@ -17,6 +22,26 @@ def modal_damping(damping, omega_n: np.ndarray) -> np.ndarray:
         return 2.0 * damping.ratio * omega_n
     alpha, beta = damping.rayleigh
     return alpha + beta * omega_n**2
+
+
+def projected_damping(C, phi_owned: np.ndarray, comm) -> np.ndarray:
+    """Return phi^T C phi of the user's C [1/s]: its diagonal (n_phi,) where nothing couples the modes, else (n_phi, n_phi).
+
+    Collective: one sum.
+
+    Raises
+    ------
+    CaseError : C feeds energy into a motion; on every rank
+    """
+    modal = gram(comm, phi_owned, multiply(C, phi_owned))
+    modal = 0.5 * (modal + modal.T)
+    least, most = np.linalg.eigvalsh(modal)[[0, -1]]
+    if least < -_ROUNDING * max(most, -least):
+        raise CaseError(f"[model] damping: z^T C z = {least:.3g} z^T M z 1/s for some motion z (of others up to {most:.3g}): "
+                        "the damping matrix feeds energy in, so that no vibration is steady; it must not be negative")
+    size = np.sqrt(np.abs(np.diag(modal)))
+    is_coupled = np.abs(modal - np.diag(np.diag(modal))) > _COUPLES * np.outer(size, size)
+    return modal if is_coupled.any() else np.diag(modal).copy()
 
 
 def load_coefficients(loads, harmonics: int) -> np.ndarray:
@@ -32,11 +57,6 @@ def load_coefficients(loads, harmonics: int) -> np.ndarray:
     return f
 
 
-def split_evenly(n: int, size: int) -> np.ndarray:
-    """Return (size + 1,) limits that split n items over ``size`` ranks; a rank may get none.  Local."""
-    return np.array([n * rank // size for rank in range(size + 1)])
-
-
 def reduce_structure(linearised, modes, scene) -> ReducedModel:
     """Return the reduced model: n_loads + n_outputs static solves now, those of the pairs when they first leave sticking.
 
@@ -49,8 +69,9 @@ def reduce_structure(linearised, modes, scene) -> ReducedModel:
     static = static_columns(linearised, everything, sp.hstack([loads, outputs.T], format="csc"))
     participation = owned_product(everything, modes.phi_owned, system)
     pair_ranges = split_evenly(n_rows // 3, comm.size)
+    C = modal_damping(scene.damping, modes.omega_n) if system.C is None else projected_damping(system.C, modes.phi_owned, comm)
     return ReducedModel(
-        comm=comm, pair_ranges=pair_ranges, omega_n=modes.omega_n, C=modal_damping(scene.damping, modes.omega_n),
+        comm=comm, pair_ranges=pair_ranges, omega_n=modes.omega_n, C=C,
         r=participation[:n_rows], o=participation[n_rows: n_rows + n_out], b=participation[n_rows + n_out:].T.copy(),
         G_static=pair_columns(linearised, pair_ranges),
         du_static=static[:n_rows, :n_load].copy(),

@@ -4,21 +4,57 @@ from __future__ import annotations
 
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 from ..parallel.words import nearest
-from .schema import Scene
+from .schema import DEFAULT_MODES, Scene
 
 
 def contradictions(scene: Scene) -> list[str]:
     """Return what does not fit together between the tables of a scene, a text each.  Local."""
-    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_mode(scene), *_required(scene)]
+    sort = _of_matrices if scene.model.mesh is None else _of_a_mesh
+    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_mode(scene), *sort(scene),
+            *_damping(scene)]  # fmt: skip
 
 
-def _required(scene: Scene) -> list[str]:
-    """Tables that a model of this sort needs."""
-    needed = ["bodies"] if scene.model.mesh is not None else []
-    needed += ["damping"] if scene.model.damping is None else []
-    return [f"[{key}] is missing: expected {Scene.model_fields[key].description}" for key in needed if not getattr(scene, key)]
+def _of_a_mesh(scene: Scene) -> list[str]:
+    """What is missing beside a mesh, and what belongs to matrices."""
+    found = [] if scene.bodies else [f"[bodies] is missing: expected {Scene.model_fields['bodies'].description}"]
+    for where, joint in _numbered(scene, "joints"):
+        if joint.pairs is not None:
+            found.append(f"{where} pairs: belongs to a model given as matrices; with a mesh, name two surfaces")
+    for where, entry in _numbered(scene, "loads", "outputs"):
+        if entry.dof is not None:
+            found.append(f"{where} dof: belongs to a model given as matrices; with a mesh, name a position or a node")
+    return found
+
+
+def _of_matrices(scene: Scene) -> list[str]:
+    """What belongs to a mesh."""
+    held = (("[materials.NAME]", scene.materials), ("[bodies.NAME]", scene.bodies), ("[[supports]]", scene.supports))
+    found = [f"{table}: belongs to a mesh; matrices hold all that already" for table, entries in held if entries]
+    for where, joint in _numbered(scene, "joints"):
+        if joint.surfaces is not None:
+            found.append(f"{where} surfaces: belongs to a mesh; with matrices, give pairs, the path of a CSV file")
+    for where, entry in _numbered(scene, "loads", "outputs"):
+        if entry.dof is None:
+            found.append(f"{where}: a model given as matrices has no nodes; name a dof, a row of the matrices counted from 0")
+    return found
+
+
+def _numbered(scene: Scene, *tables: str) -> list[tuple[str, Any]]:
+    """Return the entries of some lists of tables, each with its header as messages show it."""
+    return [(f"[[{table}]] {number}" + (f' ("{name}")' if (name := getattr(entry, "name", None)) else ""), entry)
+            for table in tables for number, entry in enumerate(getattr(scene, table), 1)]  # fmt: skip
+
+
+def _damping(scene: Scene) -> list[str]:
+    """No damping, or twice."""
+    if scene.damping is None and scene.model.damping is None:
+        return [f"[damping] is missing: expected {Scene.model_fields['damping'].description}"]
+    if scene.damping is not None and scene.model.damping is not None:
+        return ["[damping]: the model has a damping matrix already, [model] damping; keep one of them"]
+    return []
 
 
 def _materials(scene: Scene) -> list[str]:
@@ -66,7 +102,7 @@ def _harmonics(scene: Scene) -> list[str]:
 
 def _mode(scene: Scene) -> list[str]:
     """A range around a mode that is not computed."""
-    mode, modes = scene.response.mode, scene.solver.modes
+    mode, modes = scene.response.mode, scene.solver.modes or DEFAULT_MODES
     return [f"[response] mode = {mode}: only [solver] modes = {modes} are computed"] if mode and mode > modes else []
 
 

@@ -13,6 +13,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, 
 
 HIGHEST_FREQUENCY = 1e9         # Hz: beyond it a frequency is a slip of the pen
 LARGEST_NUMBER = 2**62          # of nodes and DOFs
+DEFAULT_MODES = 20              # fewer where the structure has fewer
 
 Method = Literal[
     "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"
@@ -140,7 +141,7 @@ class Joint(Table):
     def _complete(self):
         needed = ["friction", "tangential_stiffness", "normal_stiffness"] + ["preload"] * (self.gap == 0.0)
         if self.exactly_one("surfaces", "pairs") == "pairs":
-            given = sorted({*needed, "preload", "gap"} & self.model_fields_set)
+            given = sorted({*needed, "preload", "gap", "tolerance"} & self.model_fields_set)
             if given:
                 raise ValueError(f"{given[0]} belongs to a joint of surfaces; a CSV file states it for each pair")
             return self
@@ -254,7 +255,7 @@ class Solver(Table):
     """[solver]: the method and its accuracy."""
 
     method: Method = Field("adaptive", description="a method's name")
-    modes: int = Field(20, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
+    modes: int | None = Field(None, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
     harmonics: int = Field(3, ge=0, le=10_000, description="the highest harmonic, a whole number of at least 0")
     samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")
     energy_tolerance: NotNegative = Field(1e-10, description="the energy in J per cycle and pair, a number of at least 0")
@@ -292,7 +293,7 @@ class Scene(Table):
     """A scene file, checked; attributes are its keys."""
 
     title: str = Field("", description="a text in quotes")
-    model: Model = Field(description="a table [model] with the mesh")
+    model: Model = Field(description="a table [model] with mesh, or with stiffness and mass")
     materials: dict[str, Material] = Field({}, description="tables [materials.NAME] with young, poisson and density")
     bodies: dict[str, Body] = Field({}, description="tables [bodies.NAME] with group and material")
     supports: tuple[Support, ...] = Field((), description="tables, each headed [[supports]], with group and fix")
