@@ -10,16 +10,14 @@ import numpy as np
 
 from ..linear.dense import column_norms, gram, multiply
 from ..parallel.errors import CaseError, ConvergenceError
-from . import krylov_schur
 from .dense import dense_modes
 from .inertia import count_below, find_gap
-from .lanczos import block_lanczos
+from .krylov_schur import slepc_modes
 from .rayleigh import sharpened
 
 RESIDUAL_LIMIT = 1e-5           # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
 _ROUNDING = 1e-13               # the same beside |diag(K_L) phi|, where rounding of K_L phi explains it
 _DENSE = 400                    # DOFs up to which LAPACK is the quickest
-_BLOCK = 8                      # vectors solved for together
 _GUARD = 2                      # modes beyond the wanted ones, to find a gap for the proof
 _MAX_TRIES = 5
 _EQUAL = 1e-6                   # relative difference of components that count as equally large
@@ -79,9 +77,9 @@ def _solve(linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.nda
     n_dof = linearised.M.getSize()[0]
     if n_dof <= _DENSE or 3 * n_modes > n_dof:
         return dense_modes(linearised, n_modes, n_least)    # all of the spectrum: nothing can be missing
-    n_wanted, block, missing = n_modes + _GUARD * verify, _BLOCK, 0
+    n_wanted, missing = n_modes + _GUARD * verify, 0
     for _ in range(_MAX_TRIES):
-        theta, phi_owned, info = _iterate(linearised, n_wanted, block)
+        theta, phi_owned, info = slepc_modes(linearised, n_wanted)
         if len(theta) < n_least:
             raise CaseError(f"[solver] modes = {n_least}, but the structure has only {len(theta)}: its mass matrix leaves "
                             f"{n_dof - len(theta)} motions without mass")
@@ -95,20 +93,12 @@ def _solve(linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.nda
         missing = count_below(linearised.K_L, linearised.M, sigma) - n_below
         if missing == 0:
             return theta, phi_owned, info | {"proof": f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz"}
-        n_wanted, block = n_wanted + max(missing, 0), block + max(missing, _BLOCK)
+        n_wanted += max(missing, _GUARD)
     if missing == 0:
         raise ConvergenceError(f"modes: no gap in frequency found above mode {n_modes} among {n_wanted}; ask for fewer or more "
                                "[solver] modes, or set verify_modes = false")
     raise ConvergenceError(f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "
                            "found; ask for more [solver] modes")
-
-
-def _iterate(linearised, n_wanted: int, block: int) -> tuple[np.ndarray, np.ndarray, dict]:
-    """Return (theta, phi, info) by block Lanczos; by SLEPc where an option says so.  Collective."""
-    if krylov_schur.is_chosen():
-        return krylov_schur.slepc_modes(linearised, n_wanted)
-    theta, phi_owned, info = block_lanczos(linearised.factor, linearised.M, n_wanted, block)
-    return theta, phi_owned, {"method": "block Lanczos"} | info
 
 
 def _check(linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""The lowest modes by SLEPc, shift-invert at 0 with the kept factor: for other solvers of SLEPc, and as a second way."""
+"""The lowest modes by SLEPc: Krylov-Schur, shift-invert at 0 with the kept factor."""
 
 from __future__ import annotations
 
@@ -7,21 +7,15 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from ..parallel.errors import ConvergenceError
-from .lanczos import TOLERANCE
 
 PREFIX = "modes_"
-
-
-def is_chosen() -> bool:
-    """Return whether an option asks for a solver of SLEPc, as in ``-modes_eps_type krylovschur``.  Local."""
-    return PETSc.Options().hasName(f"{PREFIX}eps_type")
+TOLERANCE = 1e-10               # relative error of an eigenvalue that counts as converged
 
 
 def slepc_modes(linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 falling, phi^T M phi = I.
 
-    Collective.  SLEPc solves with the kept factor.  Its single vectors make this two to three times slower than
-    :func:`~microslip.modes.lanczos.block_lanczos`.
+    Collective.  SLEPc solves with the kept factor; options with the prefix ``modes_`` choose another of its solvers.
 
     Raises
     ------
@@ -72,9 +66,12 @@ def _solves_with(factor) -> PETSc.KSP:
 
 
 def _check_modes(eps: SLEPc.EPS, n_wanted: int) -> None:
-    """Raise ConvergenceError unless ``n_wanted`` modes converged.  Local; counts agree on all ranks."""
+    """Raise ConvergenceError unless ``n_wanted`` modes converged, or all there are: the Krylov space broke down.
+
+    Local; counts agree on all ranks.
+    """
     n_found = eps.getConverged()
-    if n_found < n_wanted:
+    if n_found < n_wanted and eps.getConvergedReason() != SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN:
         raise ConvergenceError(
             f"{n_found} of {n_wanted} modes after {eps.getIterationNumber()} iterations (reason {eps.getConvergedReason()}); "
             f"try -{PREFIX}eps_ncv {4 * n_wanted}")
@@ -89,6 +86,7 @@ def _converged(eps: SLEPc.EPS, linearised) -> tuple[np.ndarray, np.ndarray, dict
         eigenvalues[k] = complex(eps.getEigenpair(k, vector)).real
         phi_owned[:, k] = vector.getArray()
     vector.destroy()
-    info = {"method": f"SLEPc {eps.getType()}", "basis": eps.getDimensions()[1], "restarts": eps.getIterationNumber()}
+    info = {"method": f"SLEPc {eps.getType()}", "basis": eps.getDimensions()[1], "restarts": eps.getIterationNumber(),
+            "complete": eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN}
     order = np.argsort(eigenvalues)
     return 1.0 / eigenvalues[order], np.asfortranarray(phi_owned[:, order]), info
