@@ -1,0 +1,86 @@
+"""Points at given frequencies are those of the followed branch; runs on any number of ranks."""
+
+import numpy as np
+import pytest
+from dense_model import branch, reduced
+from mpi4py import MPI
+from oracles import scenes
+
+from microslip.continuation.corrector import Iterate
+from microslip.continuation.grid import at_frequencies, secant
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.reduction.selection import AllPairs, NonStickingPairs
+
+COMM, ALL = MPI.COMM_WORLD, AllPairs()
+
+
+def chain():
+    system = scenes.SCENES["chain"]()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    return system
+
+
+def grid(system, level, omegas, selection=ALL, tolerance=1e-10):
+    model, parameters = reduced(system, COMM, 3)
+    return at_frequencies(HarmonicBalance(model, parameters, 128, level), selection, omegas, tolerance=tolerance)
+
+
+@pytest.mark.parametrize("level", [1e-3, 10.0])
+def test_points_of_a_branch_are_found_again_at_its_frequencies(level):
+    followed = branch(chain(), COMM, level, points=40, tolerance=1e-10)
+    found = grid(chain(), level, [point.omega for point in followed.points])
+    assert found.failure is None and len(found.points) == len(followed.points)
+    peak = max(np.abs(point.response).max() for point in followed.points)
+    for a, b in zip(found.points, followed.points):
+        assert a.omega == pytest.approx(b.omega, rel=1e-14) and a.asked
+        assert a.response == pytest.approx(b.response, abs=1e-8 * peak)
+        assert np.array_equal(a.state, b.state)
+
+
+def test_the_order_of_the_frequencies_is_kept_and_does_not_matter():
+    low, high = chain()["omega"]
+    omegas = np.linspace(low, high, 16)
+    up, down = grid(chain(), 10.0, omegas), grid(chain(), 10.0, omegas[::-1])
+    assert [point.omega for point in down.points] == pytest.approx(omegas[::-1], rel=1e-14)
+    peak = max(np.abs(point.response).max() for point in up.points)
+    for a, b in zip(up.points, down.points[::-1]):
+        assert a.response == pytest.approx(b.response, abs=1e-8 * peak)
+
+
+def test_frequencies_beyond_a_fold_are_reached_along_the_branch():
+    system, omegas = chain(), np.linspace(*chain()["omega"], 15)
+    followed = branch(system, COMM, 50.0, at=omegas, tolerance=1e-10)
+    assert min(np.diff([point.omega for point in followed.points])) < -1.0      # it folds back
+    found = grid(system, 50.0, omegas)
+    assert found.failure is None and len(found.points) == 15
+    peak = max(np.abs(point.response).max() for point in followed.points)
+    for point in found.points:
+        there = [other for other in followed.points if other.omega == pytest.approx(point.omega, rel=1e-12)]
+        assert min(np.abs(point.response - other.response).max() for other in there) < 1e-7 * peak
+    assert max(point.newton for point in found.points) > 20                      # one solve of Newton's ends after 20
+
+
+def test_in_point_check_makes_adaptive_exact_also_here():
+    omegas = np.linspace(*chain()["omega"], 13)
+    exact = grid(chain(), 20.0, omegas)
+    late, checked = (grid(chain(), 20.0, omegas, NonStickingPairs(check)) for check in (False, True))
+    peak = max(np.abs(point.response).max() for point in exact.points)
+
+    def difference(found):
+        return max(np.abs(a.response - b.response).max() for a, b in zip(found.points, exact.points)) / peak
+
+    assert difference(checked) < 1e-8 < difference(late)
+
+
+def test_a_frequency_out_of_reach_is_named_and_the_points_before_it_are_kept():
+    found = grid(chain(), 100.0, [500.0, 560.0], tolerance=1e-300)
+    assert found.failure is not None and "Hz" in found.failure
+
+
+def test_secant_is_left_where_it_would_reach_too_far_or_back():
+    a, b = Iterate(np.array([0.0]), 1.0), Iterate(np.array([1.0]), 2.0)
+    assert secant(a, b, 3.0).U == pytest.approx([2.0])
+    assert secant(None, b, 3.0).U == pytest.approx([1.0])
+    assert secant(a, b, 4.5).U == pytest.approx([1.0])
+    assert secant(a, b, 1.5).U == pytest.approx([1.0])
