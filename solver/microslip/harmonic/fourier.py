@@ -1,6 +1,6 @@
 """Real Fourier coefficients [mean, cos 1, sin 1, ..., cos H, sin H] and samples of a period.
 
-docs/theory.md, section 2.  Coefficients run along the last axis.  NumPy only; every function is local.
+docs/theory.md, sections 5 and 6.  Coefficients run along the last axis.  NumPy only; every function is local.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def derivative_matrix(H: int) -> np.ndarray:
 def cycle_work(force: np.ndarray, U: np.ndarray) -> np.ndarray:
     """Return the closed integral of force du over a period, (...), for coefficients (..., N_H) of both.
 
-    docs/theory.md, eq. (2.4): pi sum_n n (F_cos U_sin - F_sin U_cos); means do no work.
+    docs/theory.md, eq. (6.3): pi sum_n n (F_cos U_sin - F_sin U_cos); means do no work.
     """
     n = np.arange(1, U.shape[-1] // 2 + 1)
     return np.pi * ((force[..., 1::2] * U[..., 2::2] - force[..., 2::2] * U[..., 1::2]) @ n)

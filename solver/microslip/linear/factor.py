@@ -20,7 +20,7 @@ _N_PROBES = 4                   # columns of the randomised residual
 
 
 class Factor:
-    """Cholesky factor of a symmetric positive definite matrix; docs/theory.md, section 3.
+    """Cholesky factor of a symmetric positive definite matrix; docs/theory.md, section 4.
 
     Attributes
     ----------

@@ -59,7 +59,7 @@ def _solve_right(linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: sl
 def static_modes(linearised, pairs, rows: np.ndarray | None = None) -> np.ndarray:
     """Return psi = -K_L^-1 R^T K_J, one column per unit ``dp``: this rank's rows, (n_owned, n_psi) [-].
 
-    Collective on the system's communicator.  docs/theory.md, section 3.
+    Collective on the system's communicator.  docs/theory.md, section 4.
 
     Parameters
     ----------
