@@ -97,7 +97,9 @@ class Body(Table):
 
     group: str = Field(min_length=1, description="the name of a group of volume elements in the mesh")
     material: str = Field(min_length=1, description="the NAME of a table [materials.NAME]")
-    integration: Literal["full", "reduced"] = Field("full", description='the quadrature, "full" or "reduced"')
+    integration: Literal["full", "reduced", "reduced-both"] = Field(
+        "full", description='the quadrature, "full", "reduced" or "reduced-both"'
+    )
     incompatible_modes: bool = Field(True, description="true or false: incompatible modes in 8-node hexahedra")
 
 
