@@ -20,6 +20,7 @@ from .steps import ArcLength
 # the way to a first point that Newton does not reach at once: steps over the level
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
 MOST_APPROACH_STEPS = 400
+FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
 
@@ -245,11 +246,28 @@ class BranchFollower:
             yield self.solved(now, interpolate(now.iterate, there, value), selected, asked=True)
 
     def solved(self, now: State, guess: Iterate, selected: np.ndarray, asked: bool) -> tuple[State, Point]:
-        """Solve at the parameter of a guess between two points."""
+        """Solve at the parameter of a guess on the chord from the last point, at once or by way of points in between."""
         found, used = self.solve_at(guess, now.size, now.selected | selected)
         if found.failure:
-            raise ConvergenceError(self.message(guess.parameter, found))
+            found, used = self.approach(now, guess, now.selected | selected)
         return self.accept(found, used, asked=asked)
+
+    def approach(self, now: State, goal: Iterate, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
+        """Solve at the parameter of ``goal`` in steps of the parameter from the last point, halved until Newton converges."""
+        here, towards = now.iterate, goal
+        way = 0.5 * (goal.parameter - here.parameter)
+        while True:
+            is_last = abs(goal.parameter - here.parameter) <= 1.001 * abs(way)
+            there = goal.parameter if is_last else here.parameter + way
+            found, used = self.solve_at(interpolate(here, towards, there), now.size, selected)
+            if found.failure is None and is_last:
+                return found, used
+            if found.failure is None:
+                here, towards, selected = found.iterate, interpolate(here, found.iterate, goal.parameter), used
+                continue
+            way /= 2.0
+            if abs(way) < FINEST_WAY * abs(goal.parameter - now.iterate.parameter):
+                raise ConvergenceError(self.message(here.parameter, found))
 
     def reach_level(self, failed: Correction) -> tuple[Correction, np.ndarray]:
         """Solve the first point another way: from a small level up, by arc length at its frequency, folds included."""
