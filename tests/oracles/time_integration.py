@@ -5,14 +5,18 @@ Every scheme is brought to one linear step of its state z (u comes first in z) w
 so that only the 3 n_pairs relative displacements are iterated: du+ + D Gam f+ = D z_free.  Schemes:
     generalised-alpha   Chung and Hulbert's, rho_inf sets the damping of the highest frequencies; 1 conserves energy
     exponential         exact for the linear part; the contact force is linear within a step
-    explicit            leapfrog: Gam has no part in u, nothing is iterated; stable for small steps only
-The contact law is that of docs/theory.md, f_nl = (T_x, T_y, max(N0, 0) - N); it starts from T = 0.
+    explicit            leapfrog: Gam has no part in u, nothing is iterated, so it is the fastest where small steps are
+                        needed anyway; stable up to h omega_max = 2
+The contact law is that of docs/theory.md, f_nl = (T_x, T_y, max(N0, 0) - N); it starts from T = 0.  Within a step,
+    path      solves it exactly for du that moves along a straight line: the default, second order in the step
+    return    returns radially to the friction circle of the step's end, as the sampled law of harmonic balance does:
+              first order where the direction of slip turns, or where a pair closes
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import atan, atan2, cos, exp, hypot, log, sin, sqrt, tan
 
 import numpy as np
 from scipy.linalg import expm
@@ -24,6 +28,7 @@ from .scenes import (
     harmonic_basis,
     harmonic_coefficients,
     joint_stiffness,
+    stuck_frequencies,
 )
 
 
@@ -93,6 +98,10 @@ def explicit(system, h):
     """Return the leapfrog scheme with z = (u, v half a step before)."""
     M, K, C, R = system["M"], system["K"], damping_matrix(system), system["R"]
     n, one = len(M), np.eye(len(M))
+    fastest = stuck_frequencies(system).max()
+    if h * fastest >= 2.0:
+        raise ValueError(f"{system['name']}: leapfrog is unstable, h omega_max = {h * fastest:.3g} of 2; "
+                         "take more steps or a smaller coarse")
     kick = h * np.linalg.inv(M + 0.5 * h * C)
     v_rows = np.hstack([-kick @ K, kick @ (M / h - 0.5 * C)])
     Phi = np.vstack([np.hstack([one, np.zeros_like(M)]) + h * v_rows, v_rows])
@@ -106,8 +115,9 @@ SCHEMES = {"generalised-alpha": generalised_alpha, "exponential": exponential, "
 class Contacts:
     """The pairs of a system in plain floats, and the step equation du + G f(du) = du_free."""
 
-    def __init__(self, system, G):
+    def __init__(self, system, G, law="return"):
         self.G, self.K_J = G, joint_stiffness(system)
+        self.follows_path = {"return": False, "path": True}[law]
         self.pairs = list(zip(*(system[key].tolist() for key in ("mu", "N0", "k_t", "k_n", "separate")), strict=True))
         self.one = np.eye(len(G))
         self.stick_inverse = np.linalg.inv(self.one + G * self.K_J)
@@ -131,6 +141,20 @@ class Contacts:
             state.append(2 if closing <= 0.0 else int(slips))
         return np.array(f), rows, state
 
+    def along_path(self, f, f_stick, f_before, state):
+        """Return ``f`` with the T that the exact law has after a straight step, for the pairs that slip or open."""
+        f = f.tolist()
+        for i, (mu, N0, _, _, separate) in enumerate(self.pairs):
+            j, rest = 3 * i, max(N0, 0.0)
+            if state[i]:
+                (Tx, Ty), ex, ey = f_before[j:j + 2], f_stick[j] - f_before[j], f_stick[j + 1] - f_before[j + 1]
+                normal = (self.closing_before[i], rest - f_stick[j + 2], mu)
+                if separate:
+                    f[j], f[j + 1] = (straight_step((T, 0.0), (e, 0.0), *normal)[0] for T, e in ((Tx, ex), (Ty, ey)))
+                else:
+                    f[j:j + 2] = straight_step((Tx, Ty), (ex, ey), *normal)
+        return np.array(f)
+
     def tangent(self, rows):
         """Return d f / d du, (3 n_pairs, 3 n_pairs) [N/m]; pairs do not feel each other."""
         J = np.zeros_like(self.one)
@@ -140,13 +164,18 @@ class Contacts:
 
     def step(self, du_free, du, f, max_iterations=50):
         """Return du, f and states at the end of a step from ``du`` and ``f``; Newton from the stuck solution."""
+        self.closing_before = [max(N0, 0.0) - fz for (_, N0, *_), fz in
+                               zip(self.pairs, (self.f_rest + self.K_J * du)[2::3].tolist(), strict=True)]
+        f_before = f.tolist()
         base = self.f_rest + self.tangential * (f - self.K_J * du)      # f_stick = base + K_J du+
         new = self.stick_inverse @ (du_free - self.G @ base)
         f_new, rows, state = self.law((base + self.K_J * new).tolist())
         if not any(state):
             return new, f_new, state
-        bound = 1e-14 * (max(map(abs, new.tolist())) + max(map(abs, du_free.tolist())))
+        bound = 1e-13 * (max(map(abs, new.tolist())) + max(map(abs, du_free.tolist())))
         for _ in range(max_iterations):
+            if self.follows_path:       # its tangent differs from that of the radial return by the turn within a step
+                f_new = self.along_path(f_new, (base + self.K_J * new).tolist(), f_before, state)
             gap = du_free - new - self.G @ f_new
             if max(map(abs, gap.tolist())) <= bound:
                 return new, f_new, state
@@ -154,6 +183,41 @@ class Contacts:
             f_new, rows, state = self.law((base + self.K_J * new).tolist())
         raise RuntimeError(f"contact step: no convergence, residual {np.abs(gap).max():.2e} m (bound {bound:.1e}); "
                            "take smaller steps")
+
+
+def straight_step(T, e, closing, closing_new, mu):
+    """Return the friction force (2,) after a step in which du_t and du_z move along a straight line.
+
+    ``e`` = k_t d(du_t); the force moves by it while it sticks.  ``closing`` = N0 - k_n du_z at both ends, negative
+    where open.  Once the growing |T| - mu N reaches zero the pair slips for the rest of the step, |T| = mu N, and the
+    angle psi from e to T obeys d(psi) = -sin(psi) |de| / (mu N), so that tan(psi / 2) decays exponentially.
+    """
+    (Tx, Ty), (ex, ey) = T, e
+    if closing_new <= 0.0:
+        return [0.0, 0.0]
+    if closing < 0.0:       # closes on the way
+        share = closing_new / (closing_new - closing)
+        Tx, Ty, ex, ey, closing = 0.0, 0.0, share * ex, share * ey, 0.0
+    growth = mu * (closing_new - closing)
+    if hypot(Tx + ex, Ty + ey) <= mu * closing_new:
+        return [Tx + ex, Ty + ey]
+    # |T + xi e|^2 = (mu N(xi))^2 where it begins to slip
+    a, b = ex * ex + ey * ey - growth * growth, Tx * ex + Ty * ey - mu * closing * growth
+    c = min(0.0, Tx * Tx + Ty * Ty - (mu * closing) ** 2)
+    root = sqrt(max(0.0, b * b - a * c))
+    xi = -c / (b + root) if b > 0.0 else (root - b) / a if a != 0.0 else 0.0
+    xi = min(1.0, max(0.0, xi))
+    Tx, Ty, limit = Tx + xi * ex, Ty + xi * ey, mu * closing + xi * growth
+    size, end = hypot(ex, ey), mu * closing_new
+    if size == 0.0:
+        return [end * Tx / limit, end * Ty / limit]
+    ex, ey, length = ex / size, ey / size, (1.0 - xi) * size
+    if limit <= 1e-14 * end:
+        return [end * ex, end * ey]
+    mean = (end - limit) / log(end / limit) if abs(end - limit) > 1e-6 * end else 0.5 * (end + limit)
+    half = atan2(Ty * ex - Tx * ey, limit + Tx * ex + Ty * ey)      # psi / 2
+    psi = 2.0 * atan(tan(half) * exp(-length / mean))
+    return [end * (ex * cos(psi) - ey * sin(psi)), end * (ey * cos(psi) + ex * sin(psi))]
 
 
 def _limit_circle(Tx, Ty, mu, N, dN, k_t):
@@ -186,14 +250,14 @@ def _limit_separate(Tx, Ty, mu, N, dN, k_t):
 class March:
     """One period after another with a fixed number of steps."""
 
-    def __init__(self, system, omega, level, n_steps, scheme, **options):
+    def __init__(self, system, omega, level, n_steps, scheme, law="path", **options):
         self.system, self.omega, self.n_steps = system, omega, n_steps
         self.h = 2.0 * np.pi / omega / n_steps
         self.scheme = SCHEMES[scheme](system, self.h, **options)
         self.explicit = scheme == "explicit"
         n = len(system["M"])
         D = np.hstack([system["R"], np.zeros((len(system["R"]), len(self.scheme.Phi) - n))])
-        self.contacts, self.D, self.n = Contacts(system, D @ self.scheme.Gam), D, n
+        self.contacts, self.D, self.n = Contacts(system, D @ self.scheme.Gam, law), D, n
         H = max(load["harmonic"] for load in system["loads"])
         self.f_ex = force_coefficients(system, level, H) @ harmonic_basis(H, n_steps)       # (n, n_steps)
         self.b = (self.scheme.B0 @ self.f_ex + self.scheme.B1 @ np.roll(self.f_ex, -1, axis=1)).T.copy()
@@ -255,7 +319,7 @@ def steady_state(system, omega, level, *, n_steps=1024, harmonics=15, scheme="ge
     ramp_cycles : the load grows linearly over so many periods, so that the beginning leaves no slip of its own
     start : u (n,), v (n,), T (n_pairs, 2) at t = 0 instead of rest; no ramp then
     coarse : the transient is marched with n_steps / coarse steps first
-    options : rho_inf for generalised-alpha
+    options : law, "path" or "return"; rho_inf for generalised-alpha
 
     Raises
     ------
@@ -265,7 +329,7 @@ def steady_state(system, omega, level, *, n_steps=1024, harmonics=15, scheme="ge
     u, v, T = start if start is not None else (np.zeros(n), np.zeros(n), np.zeros((n_pairs, 2)))
     ramp_cycles = 0 if start is not None else ramp_cycles
     cycles = 0
-    for steps in ([n_steps // coarse] if coarse > 1 and scheme != "explicit" else []) + [n_steps]:
+    for steps in ([n_steps // coarse] if coarse > 1 else []) + [n_steps]:
         march = March(system, omega, level, steps, scheme, **options)
         z, du, f = march.begin(np.asarray(u), np.asarray(v), T)
         before, change = None, np.inf
