@@ -20,7 +20,7 @@ from microslip.modes.rayleigh import sharpened
 from microslip.parallel.errors import CaseError, ConvergenceError
 
 comm = MPI.COMM_WORLD
-SMALL, LARGE = (6, 3, 2), (12, 7, 6)            # 108 DOFs: LAPACK; 1512: block Lanczos
+SMALL, LARGE = (6, 3, 2), (12, 7, 6)            # 108 DOFs: LAPACK; 1512: SLEPc
 
 
 class Bare:
@@ -154,10 +154,30 @@ def test_inertia_counts_the_modes_below_a_shift(n_below):
     linearised.destroy()
 
 
-def test_gap_above_the_wanted_modes():
+def test_gap_that_proves_the_wanted_modes():
+    """Above them, or just below the cluster that they end in."""
     assert find_gap(np.array([1.0, 2.0, 3.0]), 1) == (1, 1.5)
     assert find_gap(np.array([1.0, 2.0, 2.0, 3.0]), 2) == (3, 2.5)
-    assert find_gap(np.array([1.0, 2.0, 2.0]), 2) is None
+    for cluster, n_below in (([1.0, 2.0, 2.0], 1), ([1.0, 2.0], 1), ([2.0, 2.0], 0)):
+        found, sigma = find_gap(np.array(cluster), 2)
+        assert found == n_below and 1.99999 < sigma < 2.0
+
+
+def test_a_mode_missed_below_a_cluster_is_noticed(monkeypatch):
+    """Many equal modes above a lower one that the solver skips at first."""
+    solve, calls = eigen.slepc_modes, []
+
+    def forgetful(*args):
+        theta, phi_owned, info = solve(*args)
+        calls.append(len(theta))
+        return (theta[1:], phi_owned[:, 1:], info) if len(calls) == 1 else (theta, phi_owned, info)
+
+    monkeypatch.setattr(eigen, "slepc_modes", forgetful)
+    stiffness = np.where(np.arange(450) == 200, 0.999, np.where(np.arange(450) < 400, 1.0, 2.0))
+    linearised = structure(sp.diags(stiffness).tocsr(), sp.identity(450))
+    np.testing.assert_allclose(lowest_modes(linearised, 5).omega_n**2, [0.999, 1.0, 1.0, 1.0, 1.0], rtol=1e-10)
+    assert len(calls) == 2
+    linearised.destroy()
 
 
 @pytest.mark.parametrize("always", [False, True])

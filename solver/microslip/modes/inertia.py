@@ -9,21 +9,24 @@ from ..linear.dense import column_norms, multiply
 from ..linear.mumps import SINGULAR, factorise, solve_block
 from ..parallel.errors import ConvergenceError
 
-_GAP = 1e-6                     # (next - last) / last of omega_n^2 between which sigma fits
+_GAP = 1e-6                     # (next - last) / last of omega_n^2 that parts two modes; closer ones count as equal
 _RESIDUAL = 1e-6                # of a solve with the factor: beyond, small pivots may have spoiled the count
 
 
-def find_gap(eigenvalues: np.ndarray, n_wanted: int) -> tuple[int, float] | None:
-    """Return (n_below, sigma) with sigma in the first gap above the ``n_wanted``-th eigenvalue; None without one.  Local.
+def find_gap(eigenvalues: np.ndarray, n_wanted: int) -> tuple[int, float]:
+    """Return (n_below, sigma): a count of n_below modes below sigma proves that the first ``n_wanted`` are the lowest.  Local.
 
-    ``eigenvalues`` (n,) omega_n^2 rising, [rad2/s2].
+    Sigma lies in the first gap above them.  If they end in a cluster without an end in sight, it lies just below the
+    cluster: any of its modes are as good as others.  ``eigenvalues`` (n,) omega_n^2 rising, [rad2/s2].
     """
-    lower, upper = eigenvalues[n_wanted - 1:-1], eigenvalues[n_wanted:]
-    gaps = np.flatnonzero(upper - lower > _GAP * upper)
-    if len(gaps) == 0:
-        return None
-    k = int(gaps[0])
-    return n_wanted + k, float(0.5 * (lower[k] + upper[k]))
+    is_gap = np.append(np.diff(eigenvalues) > _GAP * eigenvalues[1:], False)
+    above = np.flatnonzero(is_gap[n_wanted - 1:])
+    if len(above):
+        last = n_wanted - 1 + int(above[0])
+        return last + 1, float(0.5 * (eigenvalues[last] + eigenvalues[last + 1]))
+    below = np.flatnonzero(is_gap)
+    first = int(below[-1]) + 1 if len(below) else 0
+    return first, float((1.0 - 0.5 * _GAP) * eigenvalues[first])
 
 
 def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float) -> int:
