@@ -159,23 +159,31 @@ class BranchFollower:
 
     # -- a step ------------------------------------------------------------------------------------------------
 
-    def predict(self, before: State, now: State, ds: float) -> tuple[Iterate, ConstraintRow]:
+    def predict(self, earlier: State | None, before: State, now: State, ds: float) -> tuple[Iterate, ConstraintRow]:
         """Return the guess a step ``ds`` ahead and the row that holds the step.
 
         On the linear curve (all pairs stuck) the guess is the linear response itself, at a fixed parameter; otherwise
-        the secant through the last two points, and the plane normal to it.
+        the parabola through the last three points (the secant where there are two), and the plane normal to the secant.
         """
-        d_U = now.iterate.U - before.iterate.U
-        d_parameter = now.iterate.parameter - before.iterate.parameter
+        d_U, d_parameter, length = self.difference(before, now, now.size)
         if now.sticks:
             parameter = now.iterate.parameter + float(np.sign(d_parameter)) * self.linear_step(now, ds)
             guess = Iterate(self.problem.linear_motion(parameter)[0], parameter)
             return guess, ConstraintRow.fixed_parameter(guess)
-        d_xi, d_nu = d_U / now.size, d_parameter / self.sweep.scale
-        length = self.length(d_xi, d_nu)
-        factor = ds / length
-        guess = Iterate(now.iterate.U + factor * d_U, now.iterate.parameter + factor * d_parameter)
-        return guess, ConstraintRow(guess, d_xi / length, d_nu / length)
+        U = now.iterate.U + ds / length * d_U
+        parameter = now.iterate.parameter + ds / length * d_parameter
+        if earlier is not None and not before.sticks:
+            e_U, e_parameter, e_length = self.difference(earlier, before, now.size)
+            share = ds * (ds + length) / (length + e_length)            # Newton's divided differences in the arc length
+            U += share * (d_U / length - e_U / e_length)
+            parameter += share * (d_parameter / length - e_parameter / e_length)
+        guess = Iterate(U, parameter)
+        return guess, ConstraintRow(guess, d_U / (now.size * length), d_parameter / (self.sweep.scale * length))
+
+    def difference(self, a: State, b: State, size: float) -> tuple[np.ndarray, float, float]:
+        """Return the step from a to b: its motion, its parameter and its length in the norm about ``size``."""
+        d_U, d_parameter = b.iterate.U - a.iterate.U, b.iterate.parameter - a.iterate.parameter
+        return d_U, d_parameter, self.length(d_U / size, d_parameter / self.sweep.scale)
 
     def turn(self, before: Iterate, now: Iterate, after: Iterate, size: float) -> float:
         """Return the angle [rad] between the last two steps, in the norm of the step."""
@@ -187,10 +195,10 @@ class BranchFollower:
         cosine = dot / max(self.length(a_xi, a_nu) * self.length(b_xi, b_nu), 1e-300)
         return float(np.arccos(min(max(cosine, -1.0), 1.0)))
 
-    def step(self, before: State, now: State, ds: float) -> tuple[Correction, np.ndarray, float]:
+    def step(self, earlier: State | None, before: State, now: State, ds: float) -> tuple[Correction, np.ndarray, float]:
         """Return the next converged point and the step that reached it, halved until Newton converges."""
         while True:
-            guess, row = self.predict(before, now, ds)
+            guess, row = self.predict(earlier, before, now, ds)
             found, selected = self.solve(guess, row, now.size, now.selected)
             if found.failure is None and not self.turned_back(before, now, found, ds):
                 return found, selected, ds
@@ -223,9 +231,9 @@ class BranchFollower:
         yield from self.asked(before, found.iterate, selected)
         now, point = self.accept(found, selected)
         yield now, point
-        ds = self.steps.ds
+        ds, earlier = self.steps.ds, None
         while True:
-            found, selected, ds = self.step(before, now, ds)
+            found, selected, ds = self.step(earlier, before, now, ds)
             if self.sweep.before(found.iterate.parameter):
                 raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, "
                                        f"{self.problem.where(self.sweep.start)}; begin the range further off, or sweep the other way")
@@ -238,7 +246,7 @@ class BranchFollower:
             after, point = self.accept(found, selected)
             yield after, point
             ds = self.steps.next(ds, found.newton, self.turn(before.iterate, now.iterate, after.iterate, now.size))
-            before, now = now, after
+            earlier, before, now = before, now, after
 
     def asked(self, now: State, there: Iterate, selected: np.ndarray) -> Iterator[tuple[State, Point]]:
         """Solve at the asked values that a step has passed."""
