@@ -85,13 +85,13 @@ def _reach(follower: BranchFollower, before: State | None, now: State, omega: fl
 
 def _follow_to(follower: BranchFollower, before: State | None, now: State, omega: float) -> tuple[State, Point]:
     """Return the point at which the branch, followed from ``now`` towards ``omega``, first has that frequency."""
-    way, ds, spent = omega - now.iterate.parameter, follower.steps.ds, Spent()
+    way, ds, earlier, spent = omega - now.iterate.parameter, follower.steps.ds, None, Spent()
     follower.sweep = Sweep(now.iterate.parameter, now.iterate.parameter + float(np.copysign(follower.sweep.scale, way)))
     if before is None or (now.iterate.parameter - before.iterate.parameter) * way <= 0.0:
         before = None
         found, selected = follower.second(now)
     else:
-        found, selected, ds = follower.step(before, now, ds)
+        found, selected, ds = follower.step(earlier, before, now, ds)
     for _ in range(MOST_STEPS):
         if (found.iterate.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
             spent.add(found.newton, found.krylov)
@@ -101,8 +101,8 @@ def _follow_to(follower: BranchFollower, before: State | None, now: State, omega
         spent.add(point.newton, point.krylov, point.seconds)
         if before is not None:
             ds = follower.steps.next(ds, found.newton, follower.turn(before.iterate, now.iterate, after.iterate, now.size))
-        before, now = now, after
-        found, selected, ds = follower.step(before, now, ds)
+        earlier, before, now = before, now, after
+        found, selected, ds = follower.step(earlier, before, now, ds)
     raise ConvergenceError(f"hb: {follower.problem.where(omega)} not reached in {MOST_STEPS} steps along the branch; ask for "
                            "frequencies closer to each other")
 

@@ -91,6 +91,19 @@ def arc_length_steps(continuation, points: int, curve: LinearCurve) -> ArcLength
     return ArcLength(ds=ds, ds_min=ds_min, ds_max=ds_max)
 
 
+def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: LinearCurve) -> np.ndarray:
+    """Return the pairs by falling share of the friction limit, or of the preload, that the linear peak takes up.
+
+    Local.  Only the order of static solves depends on it.
+    """
+    at_peak = curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))]
+    U = np.abs(receptance.linear_motion_of_all(model, 1.0, at_peak)).reshape(model.n_pairs, 3, -1).sum(axis=2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = np.stack([parameters.k_t * np.hypot(U[:, 0], U[:, 1]) / (parameters.mu * parameters.N0),
+                           parameters.k_n * U[:, 2] / parameters.N0])
+    return np.argsort(-np.nan_to_num(shares, nan=0.0, posinf=1e300, neginf=1e300).max(axis=0), kind="stable")
+
+
 class Listener(Protocol):
     """Who is told of levels and points as they come: the log and the result files."""
 
@@ -103,6 +116,7 @@ def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, sel
                   listener: Listener) -> Iterator[Branch]:
     """Yield the branch of each level as it is done.  Collective."""
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
+    model.G_static.likely = likely_to_slip(model, parameters, curve)
     for number, level in enumerate(scene.response.levels):
         listener.level_started(number, level)
         problem = HarmonicBalance(model, parameters, scene.solver.samples, level)

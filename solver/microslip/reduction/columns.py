@@ -7,8 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 
+BATCH = 24          # pairs solved for together: a few more right-hand sides cost little beside another pass
+
+
 class StaticColumns:
     """G_static by columns: p vanishes where a pair sticks, so only the others' columns are ever needed.
+
+    Pairs that are likely to follow the missing ones are solved for with them, ``BATCH`` at a time, in the order of ``likely``.
 
     Parameters
     ----------
@@ -21,6 +26,7 @@ class StaticColumns:
         # transposed, so that a pair's columns lie together; pages that no pair needs are never touched
         self._columns = np.empty((3 * n_pairs, 3 * n_owned))
         self.known = np.zeros(n_pairs, dtype=bool)
+        self.likely = np.empty(0, dtype=int)
         self.batches = 0
 
     def require(self, pairs: np.ndarray) -> None:
@@ -28,6 +34,8 @@ class StaticColumns:
         missing = pairs[~self.known[pairs]]
         if len(missing) == 0:
             return
+        others = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
+        missing = np.concatenate([missing, others[: max(BATCH - len(missing), 0)]])
         self._columns[_rows(missing)] = self._solve(missing).T
         self.known[missing] = True
         self.batches += 1

@@ -63,6 +63,13 @@ def modal(c: np.ndarray, q: np.ndarray) -> np.ndarray:
     return to_real(c * q_n if c.ndim == 2 else np.einsum("hij,jh->ih", c, q_n))
 
 
+def linear_motion_of_all(model: ReducedModel, level: float, omega: float) -> np.ndarray:
+    """Return U_lin of all pairs, (3 n_pairs, N_H) [m].  Local."""
+    f = level * model.f
+    c, _ = dynamic_part(model, omega)
+    return model.du_static @ f + model.r @ modal(c, model.b @ f)
+
+
 def linear_motion(model: ReducedModel, level: float, omega: float) -> tuple[np.ndarray, np.ndarray]:
     """Return U_lin and d U_lin / d omega of this rank's pairs, each (3 n_owned, N_H) [m], [m s].  Local."""
     f = level * model.f
