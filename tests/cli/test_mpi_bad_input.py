@@ -1,0 +1,126 @@
+"""What is wrong with a mesh or a scene is said once, in one message, with status 2 on every rank, and nothing hangs."""
+
+import signal
+
+import pytest
+from lap_joint import LapJoint, lap_joint
+from msh import write_msh
+
+from microslip.__main__ import main
+
+SCENE = """\
+[model]
+mesh = "lap.msh"
+[materials.steel]
+young = 210e9
+poisson = 0.3
+density = 7800.0
+[bodies.left]
+group = "beam_1"
+material = "steel"
+[bodies.right]
+group = "beam_2"
+material = "steel"
+[[supports]]
+group = "clamp"
+fix = ["x", "y", "z"]
+[[joints]]
+name = "lap"
+surfaces = ["lap_1", "lap_2"]
+friction = 0.3
+tangential_stiffness = 1e12
+normal_stiffness = 1e12
+preload = 1e6
+[[loads]]
+group = "tip"
+direction = [0.0, 0.0, 1.0]
+[[outputs]]
+name = "tip"
+position = [0.21, 0.0, 0.0]
+direction = [0.0, 0.0, 1.0]
+[damping]
+ratio = 0.01
+[response]
+levels = [1.0]
+frequencies = [10.0, 1000.0]
+[solver]
+modes = 5
+"""
+
+
+@pytest.fixture(scope="module")
+def mesh(comm, tmp_path_factory):
+    """The lines of a small Gmsh file of two overlapping beams; the same on every rank."""
+    path = tmp_path_factory.mktemp("mesh") / "lap.msh"
+    write_msh(str(path), lap_joint(LapJoint(kind="hex8", n_free=2, n_overlap=2, n_width=1, n_thickness=1)), binary=False)
+    return comm.bcast(path.read_text().splitlines())
+
+
+@pytest.fixture
+def said(comm, shared_path, capfd):
+    """Return what to call with a scene and the lines of a mesh: runs the program and gives its messages.  Collective."""
+    handler = signal.getsignal(signal.SIGTERM)
+
+    def run(scene, lines, command="run"):
+        if comm.rank == 0:
+            (shared_path / "lap.toml").write_text(scene)
+            (shared_path / "lap.msh").write_text("\n".join(lines) + "\n")
+        comm.Barrier()
+        out = ["--out", str(shared_path / "out")] if command == "run" else []
+        status = main([command, str(shared_path / "lap.toml"), *out])
+        assert set(comm.allgather(status)) == {2}
+        return "".join(comm.allgather(capfd.readouterr().err))
+
+    yield run
+    signal.signal(signal.SIGTERM, handler)
+
+
+def number(lines, section, i):
+    """Return the index of the i-th entry of a section of the file."""
+    return lines.index(section) + 2 + i
+
+
+def with_nan(lines):
+    row = number(lines, "$Nodes", 4)
+    x = lines[row].split()
+    return [*lines[:row], f"{x[0]} {x[1]} nan {x[3]}", *lines[row + 1:]]
+
+
+def with_inverted_element(lines):
+    row = next(row for row in range(number(lines, "$Elements", 0), len(lines)) if lines[row].split()[1] == "5")
+    words = lines[row].split()
+    return [*lines[:row], " ".join([*words[:-8], *words[-4:], *words[-8:-4]]), *lines[row + 1:]]
+
+
+@pytest.mark.parametrize("change, messages", [
+    (with_nan, ["1 of ", "not a finite number", "node 5 at"]),
+    (with_inverted_element, ["1 elements are inverted or collapsed", "det J = -"]),
+    (lambda lines: lines[: len(lines) // 2], ["the file is truncated"]),
+    (lambda lines: ["not a mesh"], ["this is not a Gmsh file"]),
+])  # fmt: skip
+def test_a_bad_mesh(said, mesh, change, messages):
+    text = said(SCENE, change(mesh))
+    assert text.count("microslip: error: ") == 1
+    assert "Traceback" not in text
+    assert all(message in text for message in ["lap.msh", *messages])
+
+
+@pytest.mark.parametrize("old, new, messages", [
+    ('"clamp"', '"clmp"', ["[[supports]] 1 group = 'clmp'", "nearest is 'clamp'", "it has: "]),
+    ('"lap_2"', '"clamp"', ["joint 'lap'", "have no partner within", "the worst is node"]),
+    (SCENE[SCENE.index("[[supports]]"):SCENE.index("[[joints]]")], "", ["nothing holds body 'left'", "it can move freely"]),
+    (SCENE[SCENE.index("[[joints]]"):SCENE.index("[[loads]]")], "", ["nothing holds body 'right'", "it can move freely"]),
+    ("modes = 5", "modes = 5000", ["[solver] modes = 5000, but the structure has", "degrees of freedom"]),
+    ("[0.21, 0.0, 0.0]", "[26.0, 0.0, 0.0]", ["[[outputs]] 'tip' position", "from the nearest node"]),
+])  # fmt: skip
+def test_a_scene_that_does_not_fit_its_mesh(said, mesh, old, new, messages):
+    text = said(SCENE.replace(old, new, 1), mesh)
+    assert text.count("microslip: error: ") == 1
+    assert "Traceback" not in text
+    assert all(message in text for message in messages)
+
+
+def test_the_check_finds_it_as_well(said, mesh):
+    text = said(SCENE, with_nan(mesh), command="check")
+    assert text.count("microslip: error: ") == 1
+    assert "not a finite number" in text
