@@ -39,7 +39,7 @@ test: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
 	$(IN_VENV) -m mypy
 	@for ranks in 3 2; do \
 		echo "tests on $$ranks ranks"; \
-		$(MPIRUN) --oversubscribe -n $$ranks $(IN_VENV) -m pytest -q -p no:cacheprovider \
+		$(MPIRUN) --oversubscribe -n $$ranks $(IN_VENV) -m pytest -q --color=no -p no:cacheprovider \
 			$$(find tests -name 'test_mpi_*.py' | sort) || exit 1; \
 	done
 	$(IN_VENV) -m pytest -q

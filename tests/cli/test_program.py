@@ -1,6 +1,7 @@
 """The program as it is started: one message on any number of ranks, the promised status, no traceback, no hang."""
 
 import pytest
+from lap_scene import SCENE, write_mesh
 from processes import microslip
 from scene_files import write_scene
 
@@ -38,6 +39,22 @@ def test_two_ranks_say_once_what_is_wrong(tmp_path, arguments, message):
     assert done.stderr.count("microslip: error: ") == 1
     assert message in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path):
+    write_mesh(tmp_path / "lap.msh")
+    (tmp_path / "lap.toml").write_text(SCENE)
+    options = ("-static_mat_mumps_icntl_14", "30", "-hb_snes_max_it", "15")
+    done = microslip("run", "lap.toml", "--", *options, ranks=2, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    written = {path.name for path in (tmp_path / "results" / "lap").iterdir()}
+    assert {"frf.csv", "results.h5", "run.log", "response.png"} <= written
+    done = microslip("run", "lap.toml", "--out", "again", "--", *options, "-hb_snes_maxit", "15", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == ("microslip: error: -hb_snes_maxit: no solver of this run reads this PETSc option; the results in again "
+                           "were made without it\n")  # fmt: skip
+    assert microslip("plot", "again/results.h5", "--out", "pictures", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "pictures" / "response.png").exists()
 
 
 def test_the_doctor_finds_this_machine_well():
