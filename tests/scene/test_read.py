@@ -143,6 +143,12 @@ def test_windows_files_are_read(tmp_path):
     ("[damping]", '[[outputs]]\nname = "mid_blade"\nnode = 3\ndirection = [0, 0, 1]\n[damping]', '[[outputs]] name = '
      '"mid_blade" is used 2 times'),
     ('"mid_blade"', '"mid,blade"', '[[outputs]] 1 ("mid,blade") name = "mid,blade": expected a name'),
+    # what belongs to matrices
+    ("position = [0.0, 0.02, 0.10]\ndirection = [1.0, 0.0, 0.0]", "dof = 3", "[[loads]] 1 dof: belongs to a model given as "
+     "matrices; with a mesh, name a position or a node"),
+    ("position = [0.0, 0.0, 0.26]\ndirection = [1.0, 0.0, 0.0]", "dof = 3", '[[outputs]] 1 ("mid_blade") dof: belongs to'),
+    (GOOD[GOOD.index("surfaces"):GOOD.index("friction_limit")], 'pairs = "fan_sector.msh"\n', '[[joints]] 1 ("dovetail") pairs: '
+     "belongs to a model given as matrices; with a mesh, name two surfaces"),
     # what this version does not do
     ("[solver]", "[statics]\nrotation_speed = 100.0\n[solver]", "[statics]: this version has no static solution yet"),
     ("preload = 5.0e7", 'preload = "static"', '[[joints]] 1 ("dovetail") preload = "static": this version has no static'),

@@ -57,6 +57,8 @@ def _order(header: list[str], where: str) -> list[int]:
         if name not in COLUMNS:
             near = nearest(name, COLUMNS)
             faults.append(f'"{name[:20]}" is unknown' + (f', nearest is "{near}"' if near else ""))
+    if ";" in header[0]:
+        faults = ["values are separated by semicolons, not by commas"]
     if faults:
         raise CaseError(f"{where}: the header must name the columns {','.join(COLUMNS)}: {'; '.join(faults[:3])}")
     return [header.index(name) for name in COLUMNS]

@@ -54,9 +54,10 @@ def explain_singular(A: PETSc.Mat, system, what: str) -> NoReturn:
                         f"z^T diag z, most at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}; "
                         "support it, or make its joint stiffer")
     free = _by_part(comm, A, diagonal, Z_owned[:, :n_free], system)
+    hold = "Hold it in the stiffness matrix" if getattr(system, "dof", None) is None else "Add [[supports]]"
     many = "at least " if n_free == strains.size else ""
-    raise CaseError(f"{what} is singular: {many}{_count(n_free)} without any strain: {'; '.join(free)}. Add [[supports]], or a "
-                    "joint with stiffness in these directions")
+    raise CaseError(f"{what} is singular: {many}{_count(n_free)} without any strain: {'; '.join(free)}. {hold}, or add "
+                    "a joint with stiffness in these directions")
 
 
 def _softest_motions(A: PETSc.Mat, diagonal: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ from .record import Joint
 RING = {3: (0, 1, 2), 4: (0, 1, 2, 3), 6: (0, 3, 1, 4, 2, 5), 8: (0, 4, 1, 5, 2, 6, 3, 7)}
 _FLAT = np.cos(np.radians(60.0))        # normals further apart than this from their mean: the patch is rolled off
 _ELONGATED = 1.3                        # ratio of extents above which the longer one is drawn along x
+_PLACES = 20                            # in a row of a grid by number, at least: few pairs make no large picture
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,8 @@ class Patch:
     def corners(self) -> np.ndarray:
         """Points (k, 2) that span the extent."""
         margin = 0.0 if self.outlines else 0.5 * self.spacing
-        return np.concatenate([self.points - margin, self.points + margin, *self.outlines])
+        row_end = np.zeros((0, 2)) if self.to_scale else np.array([[_PLACES - 0.5, 0.0]])
+        return np.concatenate([self.points - margin, self.points + margin, row_end, *self.outlines])
 
 
 def patches(joint: Joint) -> list[Patch]:
@@ -174,7 +176,7 @@ def _cells(ring: np.ndarray, has_middles: bool) -> list[np.ndarray]:
 
 def _number_grid(n: int) -> np.ndarray:
     """Return places for n pairs by number, row by row, about 4 times as wide as high."""
-    columns = max(1, int(np.ceil(2.0 * np.sqrt(n))))
+    columns = max(_PLACES, int(np.ceil(2.0 * np.sqrt(n))))
     return np.column_stack([np.arange(n) % columns, -(np.arange(n) // columns)]).astype(float)
 
 

@@ -32,7 +32,7 @@ def _of_a_mesh(scene: Scene) -> list[str]:
 def _of_matrices(scene: Scene) -> list[str]:
     """What belongs to a mesh."""
     held = (("[materials.NAME]", scene.materials), ("[bodies.NAME]", scene.bodies), ("[[supports]]", scene.supports))
-    found = [f"{table}: belongs to a mesh; matrices hold all that already" for table, entries in held if entries]
+    found = [f"{table}: belongs to a mesh; the matrices must hold it already" for table, entries in held if entries]
     for where, joint in _numbered(scene, "joints"):
         if joint.surfaces is not None:
             found.append(f"{where} surfaces: belongs to a mesh; with matrices, give pairs, the path of a CSV file")

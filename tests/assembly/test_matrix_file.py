@@ -1,0 +1,105 @@
+"""Matrices of other programs arrive whatever the format, and every fault of a file gives one message that names it."""
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+
+from microslip.assembly.matrix_file import read_matrix
+from microslip.parallel.errors import CaseError, ResourceError
+
+K = np.array([[4.0, -1.0, 0.0], [-1.0, 3.0, 0.5], [0.0, 0.5, 2.0e6]])
+
+
+def save(path, value, **others):
+    """Write ``value``, and further variables, in the format of the path's ending."""
+    if path.suffix.lower() == ".mtx":
+        scipy.io.mmwrite(str(path), value, precision=17)
+    elif path.suffix == ".mat":
+        scipy.io.savemat(path, {"value": value, **others})
+    elif sp.issparse(value):
+        sp.save_npz(path, value)
+    else:
+        np.savez(path, value=value, **others)
+    return path
+
+
+def message(path):
+    with pytest.raises(CaseError) as found:
+        read_matrix(path, "[model] stiffness", "K")
+    assert str(found.value).startswith(f"{path}: [model] stiffness")
+    return str(found.value).removeprefix(f"{path}: [model] stiffness")
+
+
+@pytest.mark.parametrize("ending", ["mtx", "mat", "npz"])
+@pytest.mark.parametrize("form", [np.array, sp.csr_matrix, sp.csc_matrix, sp.coo_matrix])
+def test_every_format_holds_the_same_matrix(tmp_path, ending, form):
+    found = read_matrix(save(tmp_path / f"K.{ending}", form(K)), "[model] stiffness", "K")
+    assert found.dtype == float and sp.isspmatrix_csr(found)
+    np.testing.assert_array_equal(found.toarray(), K)
+
+
+@pytest.mark.parametrize("ending", ["mat", "npz"])
+def test_of_several_variables_the_one_named_like_the_matrix_is_taken(tmp_path, ending):
+    path = save(tmp_path / f"model.{ending}", 7.0 * K, K=K)
+    np.testing.assert_array_equal(read_matrix(path, "[model] stiffness", "K").toarray(), K)
+    with pytest.raises(CaseError, match="one variable, or with one named M; this one has K, value"):
+        read_matrix(path, "[model] mass", "M")
+
+
+def test_entries_that_a_file_repeats_are_added_and_whole_numbers_will_do(tmp_path):
+    path = tmp_path / "K.MTX"
+    path.write_text("%%MatrixMarket matrix coordinate integer symmetric\n% a comment\n2 2 3\n1 1 2\n1 1 3\n2 1 -1\n")
+    np.testing.assert_array_equal(read_matrix(path, "[model] stiffness", "K").toarray(), [[5.0, -1.0], [-1.0, 0.0]])
+
+
+def test_what_rounding_left_of_symmetry_is_evened_out(tmp_path):
+    noisy = K * (1.0 + 1e-12 * np.random.default_rng(1).standard_normal(K.shape))
+    found = read_matrix(save(tmp_path / "K.npz", noisy), "[model] stiffness", "K").toarray()
+    np.testing.assert_array_equal(found, found.T)
+    np.testing.assert_allclose(found, K, rtol=1e-11)
+
+
+@pytest.mark.parametrize("value, expected", [
+    (np.ones((3, 2)), " has the shape (3, 2); a matrix must be square"),
+    (np.zeros((0, 0)), " has the shape (0, 0); a matrix must be square"),
+    (np.ones((2, 2, 2)), " has the shape (2, 2, 2); a matrix must be square"),
+    (K * (1.0 + 0.1j), " is complex; microslip takes real matrices: damping goes into [model] damping or [damping]"),
+    (np.where(K == 0.5, np.nan, K), " has an entry in row 1 that is not a finite number (rows count from 0)"),
+    (np.where(K == 3.0, np.inf, K), " has an entry in row 1 that is not a finite number"),
+    (100.0 * np.tril(K) + K, " is not symmetric: entries (0, 1) and (1, 0), counted from 0, are -1 and -101; both triangles are "
+     "needed, or a Matrix Market file that says 'symmetric' in its first line"),
+    (np.array([["a"]]), " holds no numbers"),
+])  # fmt: skip
+def test_a_faulty_matrix_is_named(tmp_path, value, expected):
+    assert message(save(tmp_path / "K.npz", value)).startswith(expected)
+
+
+HEAD = "%%MatrixMarket matrix coordinate real symmetric\n"
+
+
+@pytest.mark.parametrize("name, content, expected", [
+    ("K.txt", "1 2\n", ": ending '.txt' is not one of .mtx, .npz, .mat"),
+    ("K.mtx", "", " is not a Matrix Market file; its first line must begin with %%MatrixMarket matrix"),
+    ("K.mtx", "1 1 2.0\n", " is not a Matrix Market file"),
+    ("K.mtx", HEAD.replace("real", "pattern") + "2 2 1\n1 1\n", " is a pattern without numbers"),
+    ("K.mtx", HEAD + "2 2 3\n1 1 1.0\n", " cannot be read as a matrix: "),
+    ("K.mtx", HEAD + "2 2 1\n3 1 1.0\n", " cannot be read as a matrix: row index exceeds matrix dimensions"),
+    ("K.mtx", HEAD + "2 2 1\n1 1 abc\n", " cannot be read as a matrix: "),
+    ("K.npz", "nothing", " is not a file of scipy.sparse.save_npz or numpy.savez"),
+    ("K.mat", "nothing", " cannot be read as a matrix: "),
+])  # fmt: skip
+def test_a_file_that_holds_no_matrix_is_named(tmp_path, name, content, expected):
+    (tmp_path / name).write_text(content)
+    assert message(tmp_path / name).startswith(expected)
+
+
+def test_pickled_objects_are_refused(tmp_path):
+    np.savez(tmp_path / "K.npz", value=np.array([{}], dtype=object))
+    assert "Object arrays cannot be loaded" in message(tmp_path / "K.npz")
+
+
+def test_a_file_that_claims_more_than_memory_holds(tmp_path):
+    (tmp_path / "K.mtx").write_text("%%MatrixMarket matrix array real general\n10000000 10000000\n1.0\n")
+    with pytest.raises(ResourceError, match="not enough memory to read it"):
+        read_matrix(tmp_path / "K.mtx", "[model] stiffness", "K")
