@@ -7,6 +7,7 @@ from lap_scene import SCENE, write_mesh
 
 from microslip.__main__ import main
 
+
 @pytest.fixture(scope="module")
 def mesh(comm, tmp_path_factory):
     """The lines of a small Gmsh file of two overlapping beams; the same on every rank."""

@@ -30,7 +30,8 @@ def on_root(comm, function: Callable[..., Any], *args: Any, share: bool = True) 
     Whatever ``function`` raises, on every rank: the same type of error with the same text.
     A ``SystemExit`` from a library becomes a ``CaseError``.
     """
-    value, problem = None, None
+    value: Any = None
+    problem: Exception | None = None
     if comm.rank == 0:
         try:
             value = function(*args)
