@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import scipy.io
+import scipy.sparse as sp
 
 from microslip.assembly.pair_file import COLUMNS
 from microslip.parallel.log import RunLog
@@ -23,7 +24,8 @@ def write_matrix_scene(folder: Path, system: dict, levels, frequencies, *, at=()
     go to [response], all other keys to [solver].
     """
     for name in {"K", "M", "C"} & set(system):
-        scipy.io.mmwrite(folder / f"{name}.mtx", np.asarray(system[name], dtype=float), precision=17)
+        matrix = system[name] if sp.issparse(system[name]) else np.asarray(system[name], dtype=float)
+        scipy.io.mmwrite(folder / f"{name}.mtx", matrix, precision=17)
     (folder / "pairs.csv").write_text("\n".join([",".join(COLUMNS), *_pair_lines(system)]) + "\n")
     path = folder / "scene.toml"
     path.write_text("\n".join([*_model(system), *_places(system, outputs), *_response(levels, frequencies, at, solver)]) + "\n")
@@ -49,9 +51,9 @@ def _places(system: dict, outputs) -> list[str]:
     lines = []
     for load in system["loads"]:
         for dof in np.flatnonzero(load["vector"]):
-            lines += ["[[loads]]", f"dof = {dof}", f"scale = {load['vector'][dof]!r}", f"harmonic = {load['harmonic']}",
+            lines += ["[[loads]]", f"dof = {dof}", f"scale = {float(load['vector'][dof])!r}", f"harmonic = {load['harmonic']}",
                       f"phase = {load.get('phase', 0.0)!r}"]  # fmt: skip
-    for dof in range(len(system["M"])) if outputs is None else outputs:
+    for dof in range(system["M"].shape[0]) if outputs is None else outputs:
         lines += ["[[outputs]]", f'name = "{dof}"', f"dof = {dof}"]
     return lines
 

@@ -128,7 +128,8 @@ def follow(scene, structure: Structure, model, folder: Path, options, log: RunLo
             writer.level_finished(branch)
     finally:
         writer.close()
-    log.note(f"static columns: solved for {model.G_static.known.sum()} of {model.n_pairs} pairs, in {model.G_static.batches} batches")
+    columns = model.G_static
+    log.note(f"static columns: solved for {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
     log.note(audit_text(branches))
     return branches
 
@@ -160,13 +161,14 @@ def write_shapes(structure: Structure, model, branches, folder: Path) -> None:
     on_root(comm, _write_modes, structure, model.omega_n, shapes, folder, share=False)
     fields: dict[str, np.ndarray] = {}
     for branch in branches:
-        found = peak_displacement(structure.linearised, structure.modes, model, branch)
-        if found is not None and comm.rank == 0:
-            fields.update(peak_fields(branch.level, *found))
+        frequency, u = peak_displacement(structure.linearised, structure.modes, model, branch)
+        if u is not None:
+            fields.update(peak_fields(branch.level, frequency, u))
     on_root(comm, write_fields, str(folder / "peak_response.vtkhdf"), structure.mesh, fields, share=False)
 
 
 def _write_modes(structure: Structure, omega_n, shapes, folder: Path) -> None:
+    assert structure.mesh is not None, "called on rank 0 of a scene with a mesh"
     write_modes(str(folder / "modes.vtkhdf"), structure.mesh, omega_n, np.moveaxis(shapes, -1, 0))
 
 

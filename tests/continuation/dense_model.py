@@ -43,7 +43,7 @@ def reduced(system, comm, H, n_modes=None):
     return model, ContactParameters(*(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")))
 
 
-def branch(system, comm, level, *, low=None, high=None, H=3, n_samples=128, at=(), selection=AllPairs(), points=100,
+def branch(system, comm, level, *, low=None, high=None, H=3, n_samples=128, at=(), selection=None, points=100,
            down=False, tolerance=1e-9, ds_min=1e-4, n_modes=None):
     """Follow the branch of one level between two frequencies [rad/s]."""
     model, parameters = reduced(system, comm, H, n_modes)
@@ -53,7 +53,7 @@ def branch(system, comm, level, *, low=None, high=None, H=3, n_samples=128, at=(
     ds = arc_lengths(comm, [problem.linear_motion(w)[0] for w in grid], grid, high - low)[-1] / points
     start, stop = (high, low) if down else (low, high)
     steps = ArcLength(ds=ds, ds_min=ds_min * ds, ds_max=2 * ds)
-    return follow_branch(problem, selection, Sweep(start, stop, tuple(at)), steps, tolerance=tolerance, max_points=20 * points)
+    return follow_branch(problem, selection or AllPairs(), Sweep(start, stop, tuple(at)), steps, tolerance=tolerance, max_points=20 * points)
 
 
 def amplitude(point, harmonic=1):

@@ -44,6 +44,8 @@ def test_points_are_solutions_of_an_independent_harmonic_balance(name, level, om
     low = {"gap": system["omega"][0]}.get(name, system["omega"][0])
     found = branch(system, COMM, level, low=low, H=5, n_samples=256, at=(omega,))
     point = next(point for point in found.points if point.asked)
+    if COMM.rank > 0:                                       # motions and forces are recorded on rank 0
+        return
     model, _ = reduced(system, COMM, 5)
     # started from this point, so that the two codes mean the same solution where several exist
     start = full_motion(system, level, point)
@@ -208,4 +210,4 @@ def test_error_falls_as_modes_are_added():
 def test_records_are_complete():
     point = branch(scene("chain"), COMM, 10.0).points[3]
     assert {field.name for field in dataclasses.fields(point)} >= {"omega", "response", "U", "p", "energy", "state"}
-    assert point.U.shape == point.p.shape == (2, 3, 7)
+    assert point.U.shape == point.p.shape == ((2, 3, 7) if COMM.rank == 0 else (0, 3, 0))

@@ -169,6 +169,6 @@ def _distribute(matrix: sp.csr_matrix | None, comm) -> PETSc.Mat:
 
 def _scatter(values: np.ndarray | None, counts: np.ndarray, kind: type, comm) -> np.ndarray:
     """Return this rank's ``counts[rank]`` of rank 0's values.  Collective."""
-    own = np.empty(counts[comm.rank], dtype=kind)
+    own: np.ndarray = np.empty(counts[comm.rank], dtype=kind)
     comm.Scatterv(None if values is None else [np.ascontiguousarray(values, dtype=kind), counts], own)
     return own

@@ -87,7 +87,8 @@ def _check_header(path: Path, where: str) -> None:
 
 def _check_sort(value, where: str) -> None:
     """Raise CaseError unless a file held a table of real numbers, square and not empty."""
-    kind, shape = getattr(value, "dtype", np.dtype(object)).kind, getattr(value, "shape", ())
+    kind = getattr(value, "dtype", np.dtype(object)).kind
+    shape: tuple[int, ...] = getattr(value, "shape", ())
     if kind == "c":
         raise CaseError(f"{where} is complex; microslip takes real matrices: damping goes into [model] damping or [damping]")
     if kind not in "biuf":
@@ -109,4 +110,5 @@ def _check_symmetry(matrix: sp.csr_matrix, where: str) -> None:
         at = np.argmax(skew.data)
         i, j = skew.row[at], skew.col[at]
         raise CaseError(f"{where} is not symmetric: entries ({i}, {j}) and ({j}, {i}), counted from 0, are {matrix[i, j]:g} and "
-                        f"{matrix[j, i]:g}; both triangles are needed, or a Matrix Market file that says 'symmetric' in its first line")
+                        f"{matrix[j, i]:g}; both triangles are needed, or a Matrix Market file "
+                        "that says 'symmetric' in its first line")

@@ -14,7 +14,6 @@ from petsc4py import PETSc
 from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
 
-
 MANY_KRYLOV = 50        # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
 
 
@@ -234,7 +233,8 @@ class Corrector:
         G = self.problem.receptance_at(parameter, forces.active)
         _, dU_lin = self.problem.linear_motion(parameter)
         r_nu = (self.problem.force_derivative(G, forces.p) - dU_lin) * (self._scaling.parameter / self._scaling.U)
-        self._linear = Linearisation(forces, G, r_nu, Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2))
+        gatherer = Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2)
+        self._linear = Linearisation(forces, G, r_nu, gatherer)
         if self._wants_preconditioner:
             self._preconditioner = HarmonicPreconditioner(self.problem, forces, G)
             self._wants_preconditioner = False
@@ -253,6 +253,7 @@ class Corrector:
         values, at, N_H = x.getArray(readonly=True), self._linear, self.problem.model.N_H
         d_xi = values[: self.n_U].reshape(self.problem.shape)
         m = len(at.forces.active_owned)
+        assert at.forces.P is not None, "made of a linearisation"
         dp = np.matmul(at.forces.P, d_xi[at.forces.active_owned].reshape(m, 3 * N_H, 1))
         dp_all, (plane_U, d_nu) = at.gatherer(dp.ravel(), (float(np.vdot(self._row.n_U, d_xi)), self._nu(values)))
         out = y.getArray()

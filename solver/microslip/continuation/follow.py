@@ -16,11 +16,11 @@ from .corrector import ConstraintRow, Correction, Corrector, Iterate, Scaling
 from .record import point_record
 from .steps import ArcLength
 
-
 # the way to a first point that Newton does not reach at once: steps over the level
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
 MOST_APPROACH_STEPS = 400
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
+MOST_TURN = 0.0         # at a corner; beyond, the branch is followed back
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
 
@@ -204,7 +204,24 @@ class BranchFollower:
                 return found, selected, ds
             ds /= 2.0
             if ds < self.steps.ds_min:
-                raise ConvergenceError(self.message(now.iterate.parameter, found))
+                return *self.corner(before, now, found), 8.0 * self.steps.ds_min
+
+    def corner(self, before: State, now: State, failed: Correction) -> tuple[Correction, np.ndarray]:
+        """Return a point just beyond a corner of the branch, at a fixed parameter.
+
+        Where a sample of a pair begins or ends to slip the branch has a corner, and on the plane normal to its old direction
+        Newton may go back and forth between the two sides.  The parameter alone knows no direction.
+        """
+        forward = np.sign(now.iterate.parameter - before.iterate.parameter) or self.sweep.direction
+        for direction in (forward, -forward):
+            for share in 2.0 ** -np.arange(6):
+                there = now.iterate.parameter + direction * share * self.steps.ds_min * self.sweep.scale
+                found, selected = self.solve_at(Iterate(now.iterate.U, there), now.size, now.selected)
+                if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
+                    turn = self.turn(before.iterate, now.iterate, found.iterate, now.size)
+                    if direction == forward or turn < MOST_TURN:
+                        return found, selected
+        raise ConvergenceError(self.message(now.iterate.parameter, failed))
 
     def turned_back(self, before: State, now: State, found: Correction, ds: float) -> bool:
         """Tell whether a step fell back on the branch or jumped off it: a turn of more than 90 degrees, but at a corner."""
@@ -236,7 +253,7 @@ class BranchFollower:
             found, selected, ds = self.step(earlier, before, now, ds)
             if self.sweep.before(found.iterate.parameter):
                 raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, "
-                                       f"{self.problem.where(self.sweep.start)}; begin the range further off, or sweep the other way")
+                                       f"{self.problem.where(self.sweep.start)}; begin further off, or sweep the other way")
             if self.sweep.beyond(found.iterate.parameter):
                 end = interpolate(now.iterate, found.iterate, self.sweep.stop)
                 yield from self.asked(now, end, selected)
@@ -286,7 +303,7 @@ class BranchFollower:
         for share in (1e-2, 1e-4):
             way = BranchFollower(family, self.selection, Sweep(share * level, level), APPROACH, self.tolerance)
             try:
-                for (state, point), _ in zip(way.points(), range(MOST_APPROACH_STEPS)):
+                for (state, _), _ in zip(way.points(), range(MOST_APPROACH_STEPS)):
                     if state.iterate.parameter == level:
                         there = Iterate(state.iterate.U, self.sweep.start)
                         return self.solve_at(there, state.size, state.selected)

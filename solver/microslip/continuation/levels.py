@@ -42,7 +42,8 @@ def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
         low, high = response.frequencies
     else:
         if response.mode > len(omega_n):
-            raise CaseError(f"[response] mode = {response.mode}, but only {len(omega_n)} modes were computed; raise [solver] modes")
+            raise CaseError(f"[response] mode = {response.mode}, but only {len(omega_n)} modes were computed; "
+                            "raise [solver] modes")
         low, high = (share * omega_n[response.mode - 1] / (2 * np.pi) for share in response.span)
     outside = [f for f in response.at if not low <= f <= high]
     if outside:
@@ -112,8 +113,8 @@ class Listener(Protocol):
     def point(self, point: Point) -> None: ...
 
 
-def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep, curve: LinearCurve,
-                  listener: Listener) -> Iterator[Branch]:
+def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep,
+                  curve: LinearCurve, listener: Listener) -> Iterator[Branch]:
     """Yield the branch of each level as it is done.  Collective."""
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
     model.G_static.likely = likely_to_slip(model, parameters, curve)

@@ -1,7 +1,8 @@
 """A preconditioner for wide slip: the Jacobian without the coupling between harmonics.
 
-docs/theory.md, eq. (5.3).  In micro-slip I + G P is close to the identity and GMRES needs nothing.  When most pairs slip, P takes away
-most of the joint's stiffness, and I + G P inherits the condition of the structure without its joint.  Harmonic by harmonic,
+docs/theory.md, eq. (5.3).  In micro-slip I + G P is close to the identity and GMRES needs nothing.  When most pairs slip,
+P takes away most of the joint's stiffness, and I + G P inherits the condition of the structure without its joint.  Harmonic by
+harmonic,
 
     B_n = I + G_n(omega) P_n,
 
@@ -22,6 +23,7 @@ class HarmonicPreconditioner:
 
     def __init__(self, problem: HarmonicBalance, forces: ContactForces, G: ReceptanceColumns):
         self.problem, self.active_owned = problem, forces.active_owned
+        assert forces.P is not None, "made of a linearisation"
         N_H = problem.model.N_H
         P = problem.gather(complex_linear(forces.P, N_H))                       # (n_active, H + 1, 3, 3)
         static = problem.gather(G.rows(forces.active_owned))                    # (3 n_active, 3 n_active)
@@ -49,7 +51,8 @@ class HarmonicPreconditioner:
 def complex_linear(P: np.ndarray, N_H: int) -> np.ndarray:
     """Return the complex-linear, harmonic-diagonal part of dp/dU, (m, H + 1, 3, 3), of blocks (m, 3 N_H, 3 N_H).  Local.
 
-    With amplitudes cos - i sin, the real map (cos, sin) -> (a cos + b sin, c cos + d sin) has the part (a + d) / 2 + i (b - c) / 2.
+    With amplitudes cos - i sin, the real map (cos, sin) -> (a cos + b sin, c cos + d sin) has the part
+    (a + d) / 2 + i (b - c) / 2.
     """
     blocks = P.reshape(-1, 3, N_H, 3, N_H)
     parts = np.empty((len(P), N_H // 2 + 1, 3, 3), dtype=complex)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from .selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
 
-METHODS = {
+METHODS: dict[str, Callable[[Any], Selection]] = {
     "receptance": lambda solver: AllPairs(),
     "adaptive": lambda solver: NonStickingPairs(solver.in_point_check),
     "adaptive-energy": lambda solver: DissipatingPairs(solver.in_point_check, solver.energy_tolerance),

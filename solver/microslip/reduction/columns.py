@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-
 BATCH = 24          # pairs solved for together: a few more right-hand sides cost little beside another pass
 
 

@@ -16,7 +16,9 @@ from ..contact.law import OPEN
 class Selection(Protocol):
     """What continuation needs of a method: its set B and the size of its reduced model."""
 
-    checks_in_point: bool
+    @property
+    def checks_in_point(self) -> bool:
+        """Whether all pairs are evaluated at each converged point, and those that want to slip are let slip there."""
 
     def first(self, n_pairs: int) -> np.ndarray:
         """Return B of the first point, (n_pairs,) bool."""
