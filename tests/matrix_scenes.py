@@ -53,7 +53,7 @@ def _places(system: dict, outputs) -> list[str]:
         for dof in np.flatnonzero(load["vector"]):
             lines += ["[[loads]]", f"dof = {dof}", f"scale = {float(load['vector'][dof])!r}", f"harmonic = {load['harmonic']}",
                       f"phase = {load.get('phase', 0.0)!r}"]  # fmt: skip
-    for dof in range(system["M"].shape[0]) if outputs is None else outputs:
+    for dof in range(len(system["M"])) if outputs is None else outputs:
         lines += ["[[outputs]]", f'name = "{dof}"', f"dof = {dof}"]
     return lines
 
