@@ -20,7 +20,6 @@ from .steps import ArcLength
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
 MOST_APPROACH_STEPS = 400
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
-MOST_TURN = 0.0         # at a corner; beyond, the branch is followed back
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
 
@@ -210,17 +209,14 @@ class BranchFollower:
         """Return a point just beyond a corner of the branch, at a fixed parameter.
 
         Where a sample of a pair begins or ends to slip the branch has a corner, and on the plane normal to its old direction
-        Newton may go back and forth between the two sides.  The parameter alone knows no direction.
+        Newton may go back and forth between the two sides.  A fixed parameter favours none.
         """
-        forward = np.sign(now.iterate.parameter - before.iterate.parameter) or self.sweep.direction
-        for direction in (forward, -forward):
-            for share in 2.0 ** -np.arange(6):
-                there = now.iterate.parameter + direction * share * self.steps.ds_min * self.sweep.scale
-                found, selected = self.solve_at(Iterate(now.iterate.U, there), now.size, now.selected)
-                if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
-                    turn = self.turn(before.iterate, now.iterate, found.iterate, now.size)
-                    if direction == forward or turn < MOST_TURN:
-                        return found, selected
+        direction = np.sign(now.iterate.parameter - before.iterate.parameter) or self.sweep.direction
+        for share in 2.0 ** -np.arange(6):
+            there = now.iterate.parameter + direction * share * self.steps.ds_min * self.sweep.scale
+            found, selected = self.solve_at(Iterate(now.iterate.U, there), now.size, now.selected)
+            if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
+                return found, selected
         raise ConvergenceError(self.message(now.iterate.parameter, failed))
 
     def turned_back(self, before: State, now: State, found: Correction, ds: float) -> bool:
