@@ -92,7 +92,10 @@ def _follow_to(follower: BranchFollower, before: State | None, now: State, omega
         found, selected = follower.second(now)
     else:
         found, selected, ds = follower.step(earlier, before, now, ds)
+    start = now.iterate.parameter
     for _ in range(MOST_STEPS):
+        if (start - found.iterate.parameter) * follower.sweep.direction > follower.sweep.scale:
+            break
         if (found.iterate.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
             spent.add(found.newton, found.krylov)
             last, point = follower.solved(now, interpolate(now.iterate, found.iterate, omega), selected, asked=True)
@@ -103,8 +106,8 @@ def _follow_to(follower: BranchFollower, before: State | None, now: State, omega
             ds = follower.steps.next(ds, found.newton, follower.turn(before.iterate, now.iterate, after.iterate, now.size))
         earlier, before, now = before, now, after
         found, selected, ds = follower.step(earlier, before, now, ds)
-    raise ConvergenceError(f"hb: {follower.problem.where(omega)} not reached in {MOST_STEPS} steps along the branch; ask for "
-                           "frequencies closer to each other")
+    raise ConvergenceError(f"hb: {follower.problem.where(omega)} not reached along the branch from "
+                           f"{follower.problem.where(start)}; ask for frequencies closer to each other")
 
 
 @dataclass

@@ -1,0 +1,167 @@
+"""What methods did at the points of some levels, and the table and the plot made of it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import machine
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+ARC, REFERENCE, CONDENSED = "receptance, by arc length", "receptance", "condensed full set, dense"
+RUBIN, RUBIN_BOUND = "plain Rubin, dense", "one LU of plain Rubin's size"
+PER_POINT = ("index", "omega", "response", "wall", "cpu", "evaluations", "newton", "krylov", "unknowns")
+COLUMNS = (
+    "level_N", "method", "points_of_curve", "points_solved", "unknowns_min", "unknowns_max", "ms_a_point", "cpu_ms_a_point",
+    "evaluations", "newton", "krylov", "difference_from_condensed", "difference_from_receptance", "condensed_over_this",
+    "rubin_over_this", "failure",
+)
+TITLES = (
+    "level, N", "method", "unknowns", "points solved", "ms a point", "CPU ms", "evaluations", "Newton", "GMRES",
+    "from the condensed full set", "from `receptance`", "condensed / this", "plain Rubin / this",
+)
+
+
+@dataclass
+class Row:
+    """What one method did at some points of one level."""
+
+    level: float
+    method: str
+    index: list[int] = field(default_factory=list)          # of its points among all points of the level
+    omega: list[float] = field(default_factory=list)        # rad/s
+    response: list[np.ndarray] = field(default_factory=list)    # (n_outputs, N_H) m
+    wall: list[float] = field(default_factory=list)         # s
+    cpu: list[float] = field(default_factory=list)          # s
+    evaluations: list[int] = field(default_factory=list)    # of the contact law over pairs
+    newton: list[int] = field(default_factory=list)
+    krylov: list[int] = field(default_factory=list)
+    unknowns: list[int] = field(default_factory=list)
+    failure: str | None = None
+
+    def add(self, index: int, omega: float, response: np.ndarray, lap: tuple[float, float, int], newton: int, krylov: int,
+            unknowns: int) -> None:
+        """Take the numbers of a point; ``lap`` is wall time, processor time and evaluations."""
+        for name, value in zip(PER_POINT, (index, omega, response, *lap, newton, krylov, unknowns)):
+            getattr(self, name).append(value)
+
+    def mean(self, name: str) -> float:
+        return float(np.mean(getattr(self, name)))
+
+
+def difference(row: Row, other: Row) -> float:
+    """Return the largest difference of the response at points both have, relative to the peak of ``other``; nan without one."""
+    theirs = {i: k for k, i in enumerate(other.index)}
+    common = [(k, theirs[i]) for k, i in enumerate(row.index) if i in theirs and row.omega[k] == other.omega[theirs[i]]]
+    if not common:
+        return float("nan")
+    peak = np.max([np.abs(response).max(axis=1) for response in other.response], axis=0)
+    return max(float(np.max(np.abs(row.response[k] - other.response[j]) / peak[:, None])) for k, j in common)
+
+
+class Comparison:
+    """The rows of all levels and methods, and the records of the table."""
+
+    def __init__(self, rows: list[Row]):
+        self.rows = {(row.level, row.method): row for row in rows}
+        self.levels = sorted({row.level for row in rows})
+        self.methods = list(dict.fromkeys(row.method for row in rows))
+        self.n_points = {level: len(self.rows[level, REFERENCE].index) for level in self.levels}
+
+    def records(self) -> Iterator[dict]:
+        """Yield a record a level and method, and one a method over all levels."""
+        for level in self.levels:
+            for method in self.methods:
+                yield self.record(method, [level], f"{level:g}")
+        if len(self.levels) > 1:
+            for method in self.methods:
+                yield self.record(method, self.levels, "all")
+
+    def record(self, method: str, levels: list[float], name: str) -> dict:
+        """Return the numbers of a method over some levels; speed-ups are ratios of processor time."""
+        rows = [self.rows[level, method] for level in levels]
+        cpu, rubin = self.mean(method, levels, "cpu"), RUBIN if RUBIN in self.methods else RUBIN_BOUND
+        means = {quantity: self.mean(method, levels, quantity) for quantity in ("evaluations", "newton", "krylov")}
+        differences = {baseline: max(difference(row, self.rows[row.level, baseline]) for row in rows) for baseline in (CONDENSED, REFERENCE)}
+        return dict(zip(COLUMNS, (
+            name, method, sum(self.n_points[level] for level in levels), sum(len(row.index) for row in rows),
+            min(min(row.unknowns) for row in rows), max(max(row.unknowns) for row in rows),
+            1e3 * self.mean(method, levels, "wall"), 1e3 * cpu, *means.values(),
+            *(float("nan") if baseline == method else value for baseline, value in differences.items()),
+            self.mean(CONDENSED, levels, "cpu") / cpu, self.mean(rubin, levels, "cpu") / cpu,
+            "; ".join(row.failure for row in rows if row.failure),
+        )))
+
+    def mean(self, method: str, levels: list[float], quantity: str) -> float:
+        """Return a mean a point, each level weighted with the points of its curve."""
+        weights = [self.n_points[level] for level in levels]
+        return float(np.average([self.rows[level, method].mean(quantity) for level in levels], weights=weights))
+
+    # -- files --------------------------------------------------------------------------------------------------------
+
+    def write(self, head: list[str], folder: Path) -> str:
+        """Write table, numbers and plot; return the page with the table."""
+        folder.mkdir(parents=True, exist_ok=True)
+        found = list(self.records())
+        lines = ["| " + " | ".join(TITLES) + " |", "| " + " | ".join(["---"] * 2 + ["---:"] * (len(TITLES) - 2)) + " |"]
+        lines += ["| " + " | ".join(cells(record)) + " |" for record in found]
+        text = machine.page("Methods side by side", [*(f"- {note}" for note in head), "", *lines, "", "![](img/bench_methods.png)"])
+        (folder / "bench_methods.md").write_text(text)
+        with open(folder / "bench_methods.csv", "w", newline="") as file:
+            writer = csv.DictWriter(file, COLUMNS)
+            writer.writeheader()
+            writer.writerows(found)
+        self.draw(folder / "img" / "bench_methods.png")
+        return text
+
+    def draw(self, path: Path) -> None:
+        """Draw time a point by level and method, and the differences along the strongest level."""
+        figure, (bars, curve) = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
+        width, at = 0.8 / len(self.methods), np.arange(len(self.levels))
+        for k, method in enumerate(self.methods):
+            heights = [1e3 * self.rows[level, method].mean("cpu") for level in self.levels]
+            bars.bar(at + (k - 0.5 * (len(self.methods) - 1)) * width, heights, width, label=method, color=f"C{k}")
+        bars.set(yscale="log", ylabel="processor time a point, ms", xlabel="level, N")
+        bars.set_xticks(at, [f"{level:g}" for level in self.levels])
+        bars.set_ylim(top=30 * bars.get_ylim()[1])
+        bars.legend(fontsize=7, ncols=2, loc="upper left")
+        reference = self.rows[self.levels[-1], REFERENCE]
+        peak = max(np.abs(response).max() for response in reference.response)
+        for k, method in enumerate(self.methods):
+            row = self.rows[self.levels[-1], method]
+            if method not in (ARC, REFERENCE, RUBIN_BOUND):
+                error = [np.abs(own - reference.response[i]).max() / peak for i, own in zip(row.index, row.response)]
+                style = ".-" if len(error) > 20 else "o"
+                curve.plot(np.array(row.omega) / 2 / np.pi, np.maximum(error, 1e-16), style, label=method, color=f"C{k}", ms=4)
+        curve.set(yscale="log", xlabel="frequency, Hz", ylabel=f"difference from receptance / peak, {self.levels[-1]:g} N")
+        curve.legend(fontsize=7)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=150)
+        plt.close(figure)
+
+
+def cells(record: dict) -> list[str]:
+    """Return the cells of a record in the table."""
+    low, high = record["unknowns_min"], record["unknowns_max"]
+    solved, of_curve = record["points_solved"], record["points_of_curve"]
+    differences = (record["difference_from_condensed"], record["difference_from_receptance"])
+    return [
+        record["level_N"], record["method"] + (" (failed)" if record["failure"] else ""),
+        f"{low:,}" + (f" to {high:,}" if high > low else ""), f"{solved}" + (f" of {of_curve}" if solved < of_curve else ""),
+        *(number(record[key]) for key in ("ms_a_point", "cpu_ms_a_point", "evaluations", "newton", "krylov")),
+        *("–" if value != value else f"{value:.1e}" for value in differences),
+        *(number(record[key]) for key in ("condensed_over_this", "rubin_over_this")),
+    ]
+
+
+def number(value: float) -> str:
+    """Return a number with three digits, or all before the point; a dash for nan."""
+    if value != value:
+        return "–"
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"

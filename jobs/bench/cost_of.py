@@ -1,0 +1,134 @@
+"""One measurement of costs.py, in a process or job of its own so that its memory is its own: prints a line of JSON.
+
+    [mpirun -n 2] python jobs/bench/cost_of.py '{"kind": "joint", "n_pairs": 200, "share": 0.3, "H": 3, "points": 6}'
+    [mpirun -n 2] python jobs/bench/cost_of.py '{"kind": "scene", "scene": "jobs/fan_small.toml", "level": 15, "points": 98}'
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # before NumPy is loaded
+import json
+import sys
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from microslip.parallel.petsc import initialise
+
+initialise()
+from mpi4py import MPI
+from prepared import prepare
+from stopwatch import Stopwatch
+from synthetic import frequencies, joint_model, joint_problem
+
+from microslip.contact.law import STICK
+from microslip.continuation import corrector, follow
+from microslip.continuation.grid import at_frequencies
+from microslip.harmonic import preconditioner, residual
+from microslip.reduction.columns import StaticColumns
+from microslip.reduction.selection import AllPairs
+
+# what is timed, each function without the others in this list that it calls
+GROUPS = [
+    (residual, "contact_harmonics", "AFT"),
+    (residual.HarmonicBalance, "contact_forces", "choosing pairs, gathering p"),
+    (residual.ReceptanceColumns, "__init__", "columns of G: picking"),
+    (StaticColumns, "require", "columns of G: static solves"),
+    (residual.ReceptanceColumns, "apply", "G p"),
+    (residual.HarmonicBalance, "linear_motion", "linear motion"),
+    (corrector.Gatherer, "__call__", "gathers of Krylov products"),
+    (corrector.Corrector, "apply_jacobian", "Krylov products, besides G p"),
+    (corrector.Corrector, "apply_preconditioner", "preconditioner: applying"),
+    (preconditioner.HarmonicPreconditioner, "__init__", "preconditioner: factoring"),
+    (corrector.Corrector, "_residual", "residual, besides"),
+    (corrector.Corrector, "_linearise", "Jacobian, besides"),
+    (corrector.Corrector, "correct", "PETSc: GMRES, SNES, calls"),
+    (follow, "point_record", "record of the point"),
+]
+
+
+class Meter:
+    """Wall and processor time of the points of a run, by group of functions."""
+
+    def __init__(self, comm, watch: Stopwatch):
+        self.comm, self.watch, self.points = comm, watch, []
+        self.restart()
+
+    def restart(self) -> None:
+        self.watch.reset()
+        self.start = time.perf_counter(), time.process_time()
+
+    def point(self, point) -> None:
+        now = time.perf_counter(), time.process_time()
+        wall, cpu = now[0] - self.start[0], now[1] - self.start[1]
+        self.points.append((wall, cpu, point, dict(self.watch.seconds), dict(self.watch.calls)))
+        self.restart()
+
+    def report(self, skip: int) -> dict:
+        """Return means a point, without the first ``skip``.  Collective: times of the slowest rank, memory of all."""
+        kept = self.points[skip:]
+        groups = {group for *_, seconds, _ in kept for group in seconds}
+        wall, cpu = (float(np.mean([entry[k] for entry in kept])) for k in (0, 1))
+        by_group = {group: float(np.mean([entry[3].get(group, 0.0) for entry in kept])) for group in sorted(groups)}
+        by_group["the rest"] = cpu - sum(by_group.values())
+        calls = {group: float(np.mean([entry[4].get(group, 0) for entry in kept])) for group in sorted(groups)}
+        points = [entry[2] for entry in kept]
+        memory = self.comm.allreduce(peak_memory())
+        return {
+            "points": len(points), "seconds": self.comm.allreduce(wall, op=MPI.MAX), "cpu": self.comm.allreduce(cpu, op=MPI.MAX),
+            "groups": by_group, "calls": calls, "newton": mean(points, "newton"), "krylov": mean(points, "krylov"),
+            "not_sticking": float(np.mean([np.count_nonzero(point.state != STICK) for point in points])), "memory_MiB": memory,
+        }
+
+
+def peak_memory() -> float:
+    """Return the peak resident memory of this process [MiB]; what getrusage tells may be that of the process that started it."""
+    status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
+    return int(status["VmHWM"].split()[0]) / 1024.0
+
+
+def mean(points, name: str) -> float:
+    return float(np.mean([getattr(point, name) for point in points]))
+
+
+def of_joint(comm, n_pairs: int, share: float, H: int, points: int) -> dict:
+    """Return the costs a point of a synthetic joint; the first point, which starts from the stuck motion, is left out."""
+    model = joint_model(comm, n_pairs, H)
+    model.G_static.require(np.arange(n_pairs))
+    problem = joint_problem(model, share)
+    with Stopwatch(GROUPS) as watch:
+        meter = Meter(comm, watch)
+        branch = at_frequencies(problem, AllPairs(), frequencies(points + 1), tolerance=1e-8, on_point=meter.point)
+    found = meter.report(skip=1)
+    return {"n_pairs": n_pairs, "share": share, "H": H, "unknowns": 3 * n_pairs * model.N_H, "failure": branch.failure, **found}
+
+
+def of_scene(comm, scene: str, level: float, points: int) -> dict:
+    """Return the costs of set-up and response of a scene at one level, followed by arc length."""
+    prepared = prepare(scene, comm, points)
+    problem, tolerance = prepared.problem(level), prepared.scene.solver.tolerance
+    with Stopwatch(GROUPS) as watch:
+        meter = Meter(comm, watch)
+        branch = follow.follow_branch(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance=tolerance,
+                                      max_points=10 * points, on_point=meter.point)
+    model, found = prepared.model, meter.report(skip=0)
+    return {
+        "level": level, "n_dof": prepared.structure.linearised.system.n_dof, "n_pairs": model.n_pairs, "n_modes": model.n_modes,
+        "H": model.N_H // 2, "unknowns": 3 * model.n_pairs * model.N_H, "failure": branch.failure,
+        "stages": [asdict(stage) for stage in prepared.stages], **found,
+    }
+
+
+def main() -> None:
+    request, comm = json.loads(sys.argv[1]), MPI.COMM_WORLD
+    found = {"joint": of_joint, "scene": of_scene}[request.pop("kind")](comm, **request)
+    if comm.rank == 0:
+        print(json.dumps({"ranks": comm.size, **found}), flush=True)
+
+
+if __name__ == "__main__":
+    main()

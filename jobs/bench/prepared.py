@@ -1,0 +1,54 @@
+"""A scene made ready for its response: what every benchmark starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from microslip.contact.law import ContactParameters
+from microslip.continuation.follow import Sweep
+from microslip.continuation.levels import LinearCurve, arc_length_steps, frequency_sweep, linear_curve
+from microslip.continuation.steps import ArcLength
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.parallel.agree import on_root
+from microslip.parallel.log import RunLog, Stage
+from microslip.reduction.build import reduce_structure
+from microslip.reduction.model import ReducedModel
+from microslip.run import Structure, build_structure
+from microslip.scene.read import read_scene
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A reduced scene, all static columns solved for, and the time and memory of each stage."""
+
+    scene: Any
+    structure: Structure
+    model: ReducedModel
+    parameters: ContactParameters
+    sweep: Sweep
+    curve: LinearCurve
+    steps: ArcLength
+    stages: list[Stage]
+
+    def problem(self, level: float) -> HarmonicBalance:
+        return HarmonicBalance(self.model, self.parameters, self.scene.solver.samples, level)
+
+
+def prepare(path: str, comm, points: int | None = None) -> Prepared:
+    """Return a scene, reduced; ``points`` a level in place of the scene's.  Collective on ``comm``."""
+    scene = on_root(comm, read_scene, path)
+    with RunLog(comm, screen=False) as log:
+        structure = build_structure(scene, comm, log)
+        with log.stage("static solutions of loads and outputs"):
+            model = reduce_structure(structure.linearised, structure.modes, scene)
+        with log.stage("static columns of all pairs"):
+            model.G_static.require(np.arange(model.n_pairs))
+    pairs = structure.pairs
+    parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+    sweep = frequency_sweep(scene.response, model.omega_n)
+    curve = linear_curve(model, sweep)
+    steps = arc_length_steps(scene.continuation, points or scene.response.points, curve)
+    return Prepared(scene, structure, model, parameters, sweep, curve, steps, log.stages)

@@ -1,0 +1,99 @@
+"""Reduced models of any number of pairs without finite elements, for the growth of the response part.
+
+The joint is a square patch of pairs.  Without its springs it gives under a force by F, which decays with distance; with the
+springs K_J = k I and one more compliance C of modes by
+
+    G_static = (F^-1 + K_J / (1 - beta))^-1 + r Omega^-2 r^T,        |K_J^(1/2) r Omega^-2 r^T K_J^(1/2)| = beta,
+
+so that K_J^(1/2) G_static K_J^(1/2) < 1 as in any structure.  The modes move the patch smoothly; the first one resonates
+below the frequencies used here and the load presses it.  The friction limits are set from the stuck motion, so that the wanted
+share of pairs slips.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from microslip.contact.law import ContactParameters
+from microslip.harmonic.fourier import synthesise
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.reduction import receptance
+from microslip.reduction.build import split_evenly
+from microslip.reduction.columns import StaticColumns
+from microslip.reduction.model import ReducedModel
+
+K_T = 2e7                   # N/m, of each pair and direction
+OMEGA = 600.0               # rad/s, the middle of the frequencies to solve at
+BETA = 0.2                  # share of the compliance that modes carry
+DECAY = 0.15                # of the patch's side over which F falls by e
+SLIPS, HOLDS = 0.7, 3.0     # friction limit of slipping and of other pairs over the largest force while stuck
+
+
+def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
+    """Return the reduced model of a joint of ``n_pairs`` pairs, loaded with unit level.  Collective on ``comm``."""
+    rng = np.random.default_rng(1)
+    x = patch(n_pairs)
+    G_local = local_compliance(x)
+    omega_n = 560.0 * np.linspace(1.0, 40.0, n_modes)
+    r = smooth_shapes(x, n_modes, rng)
+    compliance = r / omega_n
+    r *= np.sqrt(BETA / K_T) / np.linalg.norm(compliance, 2)
+    ranges = split_evenly(n_pairs, comm.size)
+    own = np.arange(3 * ranges[comm.rank], 3 * ranges[comm.rank + 1])
+
+    def columns(pairs: np.ndarray) -> np.ndarray:
+        chosen = (3 * pairs[:, None] + np.arange(3)).ravel()
+        local = np.where(own[:, None] % 3 == chosen % 3, G_local[own[:, None] // 3, chosen // 3], 0.0)
+        return local + (r[own] / omega_n**2) @ r[chosen].T
+
+    b = np.zeros((n_modes, 1))
+    b[0] = 1.0
+    du_static = (r / omega_n**2) @ b
+    f = np.zeros((1, 2 * H + 1))
+    f[0, 1] = 1.0
+    o = rng.standard_normal((1, n_modes))
+    return ReducedModel(
+        comm=comm, pair_ranges=ranges, omega_n=omega_n, C=2e-2 * omega_n, r=r, b=b, o=o,
+        G_static=StaticColumns(n_pairs, len(own) // 3, columns), du_static=du_static, out_static=(o / omega_n**2) @ b,
+        out_R=(o / omega_n**2) @ r.T, load_static=(b.T / omega_n**2) @ b, f=f,
+    )
+
+
+def patch(n_pairs: int) -> np.ndarray:
+    """Return positions on a unit square, (n_pairs, 2)."""
+    side = int(np.ceil(np.sqrt(n_pairs)))
+    grid = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), axis=-1).reshape(-1, 2) / side
+    return grid[:n_pairs]
+
+
+def local_compliance(x: np.ndarray) -> np.ndarray:
+    """Return (F^-1 + K_J / (1 - beta))^-1 of one direction, (n_pairs, n_pairs) [m/N], for F = 4 exp(-distance) / k."""
+    distance = np.linalg.norm(x[:, None] - x, axis=2)
+    F = 4.0 / K_T * np.exp(-distance / DECAY)
+    return np.linalg.solve(np.eye(len(x)) + K_T / (1.0 - BETA) * F, F)
+
+
+def smooth_shapes(x: np.ndarray, n_modes: int, rng) -> np.ndarray:
+    """Return the motion of the pairs in smooth shapes, (3 n_pairs, n_modes)."""
+    waves = rng.uniform(0.5, 3.0, (n_modes, 2))
+    phases, directions = rng.uniform(0.0, 2 * np.pi, n_modes), rng.standard_normal((n_modes, 3)) * [1.0, 1.0, 0.1]
+    shapes = 1.0 + 0.6 * np.cos(np.pi * x @ waves.T + phases)
+    return (shapes[:, None, :] * directions.T).reshape(-1, n_modes)
+
+
+def joint_problem(model: ReducedModel, share: float, n_samples: int = 128, level: float = 1.0) -> HarmonicBalance:
+    """Return the problem in which about a ``share`` of the pairs slips at OMEGA.  Collective on the model's communicator."""
+    U, _ = receptance.linear_motion(model, level, OMEGA)
+    rows = model.comm.allgather(U.reshape(-1, 3, model.N_H))
+    du_t = synthesise(np.concatenate(rows)[:, :2], 64)
+    most = K_T * np.linalg.norm(du_t, axis=1).max(axis=1)
+    slips = np.arange(model.n_pairs) * 7919 % model.n_pairs < share * model.n_pairs
+    ones, mu = np.ones(model.n_pairs), 0.3
+    N0 = np.where(slips, SLIPS, HOLDS) * most / mu
+    parameters = ContactParameters(mu * ones, N0, K_T * ones, K_T * ones, np.zeros(model.n_pairs, dtype=bool))
+    return HarmonicBalance(model, parameters, n_samples, level)
+
+
+def frequencies(n: int) -> np.ndarray:
+    """Return ``n`` frequencies about OMEGA [rad/s], a few per mille apart as along a curve."""
+    return OMEGA * (1.0 + 2e-3 * (np.arange(n) - n // 2))

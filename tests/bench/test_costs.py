@@ -1,0 +1,54 @@
+"""The synthetic joint is a structure, slips as asked, and its costs add up."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cost_of
+import costs
+import numpy as np
+import pytest
+from mpi4py import MPI
+from synthetic import K_T, frequencies, joint_model, joint_problem
+
+from microslip.continuation.grid import at_frequencies
+from microslip.reduction.selection import AllPairs
+
+COMM = MPI.COMM_SELF
+
+
+def test_synthetic_joint_is_passive_and_its_compliance_decays_with_distance():
+    model = joint_model(COMM, 49, 2)
+    G = model.G_static.transposed(np.arange(49)).T
+    assert pytest.approx(G.T, abs=1e-12 * G.max()) == G
+    squares = np.linalg.eigvalsh(K_T * G)
+    assert 0.0 < squares[0] and squares[-1] < 1.0
+    residual = G - (model.r / model.omega_n**2) @ model.r.T
+    assert np.linalg.eigvalsh(residual)[0] > 0.0
+    assert abs(residual[0, 3 * 48]) < 1e-3 * residual[0, 3] < 1e-3 * residual[0, 0]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_the_share_of_pairs_asked_for_slips(share):
+    problem = joint_problem(joint_model(COMM, 40, 2), share, n_samples=64)
+    points = at_frequencies(problem, AllPairs(), frequencies(3), tolerance=1e-8).points
+    assert [np.count_nonzero(point.state) for point in points] == 3 * [40 * share]
+
+
+def test_costs_of_the_parts_add_up():
+    found = cost_of.of_joint(COMM, n_pairs=20, share=0.5, H=2, points=3)
+    assert found["failure"] is None and found["not_sticking"] == 10 and found["points"] == 3
+    assert sum(found["groups"].values()) == pytest.approx(found["cpu"])
+    assert min(found["groups"].values()) >= -1e-4 * found["cpu"]
+    assert found["calls"]["G p"] > found["krylov"] >= found["newton"] > 1
+    text = "\n".join(costs.of_growth([{"ranks": 1, **found}]))
+    assert "| 20, 10, 2 | 1 | 300 |" in text
+    assert costs.work_of_G({"ranks": 1, **found}) == (2.0 * 60 * 30 * 5, 8.0 * 60 * 30)
+
+
+def test_one_measurement_is_a_command():
+    script = Path(costs.__file__).with_name("cost_of.py")
+    request = {"kind": "joint", "n_pairs": 8, "share": 0.5, "H": 1, "points": 2}
+    found = subprocess.run([sys.executable, str(script), json.dumps(request)], stdout=subprocess.PIPE, text=True, check=True)
+    assert json.loads(found.stdout)["ranks"] == 1

@@ -1,0 +1,233 @@
+"""The drivers of the benchmark solve the same equations: every method meets every other one on small systems."""
+
+import csv
+import time
+from types import SimpleNamespace
+
+import comparison
+import methods
+import numpy as np
+import pytest
+import scipy.linalg
+from box_meshes import box, joint, mesh_of, scene
+from comparison import CONDENSED, REFERENCE, RUBIN, Comparison, Row
+from condensed import CondensedFullSet, jacobian, solve_dense
+from dense_model import reduced
+from matrix_scenes import write_matrix_scene
+from mpi4py import MPI
+from oracles import scenes
+from rubin import build_rubin
+from stopwatch import Stopwatch
+
+from microslip.assembly.assemble import assemble
+from microslip.contact.law import ContactParameters
+from microslip.continuation.corrector import Iterate
+from microslip.continuation.grid import at_frequencies
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.linear.joint_springs import linearise
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.partition import distribute
+from microslip.modes.eigen import lowest_modes
+from microslip.reduction.build import reduce_structure
+from microslip.reduction.selection import AllPairs, NonStickingPairs
+from microslip.run import Structure
+
+COMM = MPI.COMM_SELF
+
+
+# -- the condensed full set -------------------------------------------------------------------------------------------
+
+
+def chain_problem(level):
+    system = scenes.chain()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    model, parameters = reduced(system, COMM, 3)
+    return HarmonicBalance(model, parameters, 128, level), np.linspace(*system["omega"], 15)
+
+
+@pytest.mark.parametrize("level", [0.1, 10.0, 30.0])
+def test_methods_agree_at_every_frequency(level):
+    problem, omegas = chain_problem(level)
+    points = at_frequencies(problem, AllPairs(), omegas, tolerance=1e-11).points
+    checked = at_frequencies(problem, NonStickingPairs(True), omegas, tolerance=1e-11).points
+    with methods.contact_counter() as watch:
+        row = methods.condensed_at(problem, points, list(range(len(points))), 1e-11, watch)
+    peak = max(np.abs(point.response).max() for point in points)
+    assert row.failure is None and row.index == list(range(15))
+    for point, other, response in zip(points, checked, row.response):
+        assert response == pytest.approx(point.response, abs=1e-8 * peak)
+        assert other.response == pytest.approx(point.response, abs=1e-8 * peak)
+    assert set(row.unknowns) == {2 * 3 * 7} and min(row.evaluations) >= 2
+
+
+def test_dense_jacobian_is_the_derivative_of_the_residual():
+    problem, _ = chain_problem(30.0)
+    full, omega, rng = CondensedFullSet(problem, 1e-9), 560.0, np.random.default_rng(1)
+    U_lin, _ = problem.linear_motion(omega)
+    G = problem.receptance_at(omega, np.arange(2))
+    G_n = np.stack([G.G_static.T + G.dynamic_block(n) for n in range(4)])
+    U, direction = 1.3 * U_lin, rng.standard_normal(U_lin.shape)
+    h = 1e-6 * np.abs(U).max()
+    plus, minus = (full._evaluate(U + sign * h * direction, U_lin, G_n)[2] for sign in (1.0, -1.0))
+    forces = full._evaluate(U, U_lin, G_n)[1]
+    product = jacobian(G_n, forces.P, forces.active) @ direction.ravel()
+    assert len(forces.active) == 2 and np.abs(product - direction.ravel()).max() > 0.1
+    assert ((plus - minus) / (2 * h)).ravel() == pytest.approx(product, abs=1e-6 * np.abs(product).max())
+
+
+def test_dense_solution():
+    rng = np.random.default_rng(1)
+    A, b = rng.standard_normal((30, 30)), rng.standard_normal(30)
+    assert solve_dense(A.copy(), b) == pytest.approx(np.linalg.solve(A, b), rel=1e-10)
+
+
+def test_newton_that_does_not_converge_says_so():
+    problem, _ = chain_problem(30.0)
+    found = CondensedFullSet(problem, 1e-300).correct(Iterate(problem.linear_motion(560.0)[0], 560.0), 1.0)
+    assert found.failure is not None
+
+
+# -- plain Rubin ------------------------------------------------------------------------------------------------------
+
+
+def two_boxes(n_modes):
+    """Return a structure of two boxes with a joint between them, its scene and its reduced model."""
+    groups = {"base": lambda x: x[:, 2] == 0.0,
+              "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),
+              "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2)}  # fmt: skip
+    mesh = mesh_of(("low", "hex8", *box("hex8")), ("high", "hex8", *box("hex8", origin=(0.0, 0.0, 1.0))), groups=groups)
+    case = scene(
+        {"low": "low", "high": "high"}, [("base", ["x", "y", "z"])], [joint(tangential_stiffness=2e11, normal_stiffness=3e11, preload=100.0)],
+        [{"position": (1.0, 1.0, 1.5), "direction": (1.0, 0.4, 0.1), "scale": 1.0, "harmonic": 1, "phase": 0.3}],
+        [{"name": "top", "position": (0.0, 0.5, 2.0), "direction": (0.0, 1.0, 0.0)}])
+    case.damping = SimpleNamespace(ratio=0.02, rayleigh=None)
+    case.solver = SimpleNamespace(harmonics=3)
+    pairs = pair_contacts(mesh, case.joints)
+    linearised = linearise(assemble(distribute(mesh, case, COMM), mesh, pairs, case, COMM), pairs)
+    structure = Structure(mesh, pairs, linearised, lowest_modes(linearised, n_modes))
+    return structure, case, reduce_structure(linearised, structure.modes, case)
+
+
+@pytest.mark.parametrize("level", [0.05, 4.0])
+def test_plain_rubin_meets_receptance_and_comes_closer_with_more_modes(level):
+    structure, _, model = two_boxes(135)                                            # all modes: exact
+    pairs = structure.pairs
+    N0 = np.where(np.arange(9) % 2 == 0, pairs.N0, 100.0 * pairs.N0)                # the others hold the upper box
+    problem = HarmonicBalance(model, ContactParameters(pairs.mu, N0, pairs.k_t, pairs.k_n, pairs.separate), 64, level)
+    omegas = model.omega_n[0] * np.linspace(0.95, 1.05, 9)
+    points = at_frequencies(problem, AllPairs(), omegas, tolerance=1e-9).points
+    assert (max(np.count_nonzero(point.state) for point in points) > 3) == (level > 1.0)
+    peak, errors = max(np.abs(point.response).max() for point in points), []
+    for n_modes in (6, 24):
+        rubin = build_rubin(*two_boxes(n_modes)[:2])
+        with methods.contact_counter() as watch:
+            row = methods.rubin_at(rubin, problem, points, [2, 4, 6], 1e-9, watch)
+        assert row.failure is None and set(row.unknowns) == {(n_modes + 6 * 9 + 1) * 7}
+        errors.append(max(np.abs(response - points[i].response).max() for i, response in zip(row.index, row.response)) / peak)
+    assert errors[1] < 0.1 * errors[0] and errors[1] < 1e-3
+
+
+def test_free_bodies_of_plain_rubin_have_the_modes_of_the_joined_structure():
+    structure, case, model = two_boxes(30)
+    rubin = build_rubin(structure, case)
+    theta, phi = scipy.linalg.eigh(rubin.M, rubin.K_L)
+    omega_n, phi = 1.0 / np.sqrt(theta[:-5:-1]), phi[:, :-5:-1]
+    assert omega_n == pytest.approx(model.omega_n[:4], rel=1e-5)
+    C = phi.T @ rubin.C @ phi * omega_n[:, None] * omega_n                          # modes normalised to M
+    assert pytest.approx(np.diag(2 * 0.02 * omega_n), abs=1e-6 * omega_n[0]) == C
+
+
+def test_modes_that_leave_no_residual_flexibility_are_refused():
+    structure, case, _ = two_boxes(60)
+    with pytest.raises(ValueError, match="fewer modes"):
+        build_rubin(structure, case)
+
+
+def test_pairs_that_share_a_node_are_refused():
+    structure, case, _ = two_boxes(6)
+    structure.pairs.node1[1] = structure.pairs.node1[0]
+    with pytest.raises(ValueError, match="independent"):
+        build_rubin(structure, case)
+
+
+# -- the table --------------------------------------------------------------------------------------------------------
+
+
+def row_of(level, method, indices, milliseconds, responses, unknowns=10):
+    row = Row(level, method)
+    for i, response in zip(indices, responses):
+        row.add(i, 100.0 + i, np.array([[0.0, response]]), (2e-3 * milliseconds, 1e-3 * milliseconds, 3), 2, 4, unknowns)
+    return row
+
+
+def all_rows():
+    rows = []
+    for level, n in ((1.0, 2), (5.0, 6)):
+        rows += [row_of(level, REFERENCE, range(n), level, [1.0] * n), row_of(level, "adaptive", range(n), 2 * level, [1.0] * (n - 1) + [1.1]),
+                 row_of(level, CONDENSED, [0, n - 1], 100.0 * level, [1.0, 2.0]), row_of(level, RUBIN, [n - 1], 1e4 * level, [1.0])]
+    return rows
+
+
+def test_records_compare_at_common_points_and_weight_levels_with_their_points():
+    found = {(record["level_N"], record["method"]): record for record in Comparison(all_rows()).records()}
+    assert found["1", "adaptive"]["difference_from_receptance"] == pytest.approx(0.1)
+    assert found["5", "adaptive"]["difference_from_condensed"] == pytest.approx(0.9 / 2.0)
+    assert np.isnan(found["5", REFERENCE]["difference_from_receptance"])
+    assert found["5", "adaptive"]["rubin_over_this"] == pytest.approx(5e4 / 10.0)
+    of_all = found["all", REFERENCE]
+    assert of_all["cpu_ms_a_point"] == pytest.approx((2 * 1.0 + 6 * 5.0) / 8) and of_all["points_of_curve"] == 8
+    assert of_all["condensed_over_this"] == pytest.approx(100.0)
+
+
+def test_points_at_other_frequencies_are_not_compared():
+    one, other = row_of(1.0, "a", [0, 1], 1.0, [1.0, 1.0]), row_of(1.0, "b", [0, 1], 1.0, [1.0, 3.0])
+    other.omega[1] += 1e-9
+    assert comparison.difference(one, other) == 0.0
+
+
+def test_points_spread_over_the_curve_with_its_peak():
+    assert methods.spread(100, 4, 50) == [20, 40, 50, 79]
+    assert methods.spread(5, 0, 2) == methods.spread(5, 9, 2) == [0, 1, 2, 3, 4]
+    assert methods.spread(5, 1, 4) == [4]
+
+
+def test_frequencies_behind_a_fold_are_left_out():
+    points = [SimpleNamespace(omega=omega) for omega in (1.0, 2.0, 1.5, 1.8, 2.5)]
+    assert methods.going_on(points, 1.0) == [1.0, 2.0, 2.5]
+    assert methods.going_on(points[::-1], -1.0) == [2.5, 1.8, 1.5, 1.0]
+
+
+# -- measuring --------------------------------------------------------------------------------------------------------
+
+
+def test_stopwatch_counts_each_function_without_those_it_calls_and_leaves_no_trace():
+    class Work:
+        def outer(self):
+            self.inner()
+            time.sleep(0.02)
+
+        def inner(self):
+            time.sleep(0.05)
+
+    before = dict(vars(Work))
+    with Stopwatch([(Work, "outer", "outer"), (Work, "inner", "inner")], clock=time.perf_counter) as watch:
+        Work().outer()
+    assert dict(vars(Work)) == before and watch.calls == {"outer": 1, "inner": 1}
+    assert 0.02 <= watch.seconds["outer"] < 0.05 <= watch.seconds["inner"]
+
+
+def test_one_command_writes_table_numbers_and_plot(tmp_path, monkeypatch, capsys):
+    system = scenes.chain()
+    path = write_matrix_scene(tmp_path, system, [1.0, 10.0], system["omega"], points=12, outputs=[6], harmonics=2, samples=64)
+    monkeypatch.setattr("sys.argv", ["methods.py", str(path), "--dense-points", "3", "--rubin-points", "0", "--out", str(tmp_path / "out")])
+    methods.main()
+    assert "condensed full set" in capsys.readouterr().out
+    with open(tmp_path / "out" / "bench_methods.csv") as file:
+        records = list(csv.DictReader(file))
+    assert len(records) == 3 * 6 and not any(record["failure"] for record in records)
+    for record in records:
+        if record["method"] in (REFERENCE, comparison.ARC):
+            assert float(record["difference_from_condensed"]) < 1e-7
+    assert (tmp_path / "out" / "bench_methods.md").read_text().count("| condensed full set, dense |") == 3
+    assert (tmp_path / "out" / "img" / "bench_methods.png").stat().st_size > 10_000
