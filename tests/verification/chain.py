@@ -1,0 +1,78 @@
+"""The whole chain in memory: from a scene file to its branches, without result files.  For the studies of this folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from microslip.parallel.petsc import initialise
+
+initialise()            # before anything imports PETSc; does nothing where it has been done
+
+from microslip.contact.law import ContactParameters
+from microslip.continuation.levels import follow_levels, frequency_sweep, linear_curve
+from microslip.parallel.log import RunLog
+from microslip.reduction import selection_of
+from microslip.reduction.build import reduce_structure
+from microslip.reduction.model import ReducedModel
+from microslip.results.audit import energy_closure
+from microslip.run import Structure, build_structure
+from microslip.scene.read import read_scene
+
+
+@dataclass(frozen=True)
+class Chain:
+    """What a scene has become; its matrices are freed."""
+
+    structure: Structure
+    model: ReducedModel
+    branches: list
+    n_rows: int                 # matrix rows of this rank
+
+    @property
+    def worst_closure(self) -> float:
+        """The largest error of the energy balance over all points, relative to the input.  On rank 0."""
+        return max(energy_closure(branch).max() for branch in self.branches)
+
+
+class Silent:
+    """A listener to branches that says nothing."""
+
+    def level_started(self, number, level): ...
+
+    def point(self, point): ...
+
+
+def solve(path: Path, comm) -> Chain:
+    """Return the branches of every level of a scene file.  Collective on ``comm``.
+
+    The stages are those of ``microslip.run``; a branch that ends early is an error here.
+    """
+    scene = read_scene(path)
+    structure = structure_of(scene, comm)
+    model = reduce_structure(structure.linearised, structure.modes, scene)
+    pairs, sweep = structure.pairs, frequency_sweep(scene.response, model.omega_n)
+    parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+    branches = list(follow_levels(scene, model, parameters, selection_of(scene.solver), sweep, linear_curve(model, sweep), Silent()))
+    first, last = structure.linearised.M.getOwnershipRange()
+    structure.linearised.destroy()
+    failures = [branch.failure for branch in branches if branch.failure]
+    assert not failures, failures
+    return Chain(structure, model, branches, last - first)
+
+
+def structure_of(scene, comm) -> Structure:
+    """Return the structure with all pairs stuck and its modes.  Collective on ``comm``."""
+    return build_structure(scene, comm, RunLog(comm, screen=False))
+
+
+def asked(branch) -> list:
+    """Return the points of a branch at the frequencies of [response] ``at``."""
+    return [point for point in branch.points if point.asked]
+
+
+def amplitudes(branch, output=0) -> np.ndarray:
+    """Return the amplitudes of harmonic 1 along a branch, (n_points,) [m]."""
+    return np.array([np.hypot(*point.response[output, 1:3]) for point in branch.points])

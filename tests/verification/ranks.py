@@ -1,0 +1,150 @@
+"""One rank against several: the same scene alone and together, inside one job.
+
+    PYTHONPATH=solver:tests:meshes mpirun --oversubscribe -n 2 python tests/verification/ranks.py
+    PYTHONPATH=solver:tests:meshes mpirun --oversubscribe -n 3 python tests/verification/ranks.py
+
+Every rank solves the scene on its own (COMM_SELF) and then all of them together (COMM_WORLD). The mesh is cut, rows and contact
+pairs are owned by different ranks, sums run in another order: what is left is the error of the solvers.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from blocks import stacked
+from lap_joint import LapJoint, lap_joint
+from mpi4py import MPI
+from msh import write_msh
+from verification import chain
+
+SCENE = """\
+[model]
+mesh = "{name}.msh"
+
+[materials.steel]
+young = 210e9
+poisson = 0.3
+density = 7850.0
+
+{bodies}
+[[supports]]
+group = "{clamp}"
+fix = ["x", "y", "z"]
+
+[[joints]]
+name = "joint"
+surfaces = ["{first}", "{second}"]
+friction = 0.3
+tangential_stiffness = {k_t}
+normal_stiffness = {k_n}
+preload = {preload}
+
+[[loads]]
+position = {loaded}
+direction = {direction}
+
+[[outputs]]
+name = "loaded"
+position = {loaded}
+direction = {direction}
+
+[damping]
+ratio = {damping}
+
+[response]
+levels = {levels}
+frequencies = {frequencies}
+at = {at}
+points = {points}
+
+[solver]
+method = "adaptive"
+in_point_check = true
+modes = {modes}
+harmonics = 3
+samples = 128
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, its mesh, and what differs from the other scenes."""
+
+    bodies: dict
+    keys: dict
+
+
+def lap(kind: str, low: float, high: float, **cells) -> Case:
+    """Return the lap joint, coarse, all stuck and in micro-slip, between two frequencies [Hz]."""
+    return Case(lap_joint(LapJoint(kind=kind, **cells)), dict(
+        clamp="clamp", first="lap_1", second="lap_2", k_t=1e13, k_n=2e13, preload=1e7, loaded=[0.21, 0.01, 0.0],
+        direction=[0.0, 1.0, 0.0], levels=[0.1, 2.0], frequencies=[low, high], points=25, modes=12,
+        damping=2e-3))
+
+
+def two_elements() -> Case:
+    """Return a cube of one element on a held one, sheared across: with three ranks one owns no element and no row."""
+    return Case(stacked("hex8", (0.02, 0.02, 0.02), (1, 1, 1), ground_height=0.02), dict(
+        clamp="ground_base", first="bar_bottom", second="ground_top", k_t=1e12, k_n=2e12, preload=1e6, loaded=[0.0, 0.0, 0.02],
+        direction=[1.0, 0.3, 0.0], levels=[0.5, 6.0], frequencies=[6700.0, 7040.0], points=20, modes=6,
+        damping=2e-3))
+
+
+CASES = {
+    "two hex8": two_elements(),
+    "lap joint of tet4": lap("tet4", 518.0, 546.0, n_free=8, n_overlap=3, n_thickness=1),
+    "lap joint of tet10": lap("tet10", 354.0, 372.0),
+}
+
+
+def write_case(folder: Path, case: Case) -> Path:
+    """Write mesh and scene; return the scene's path.  Local."""
+    write_msh(str(folder / "case.msh"), case.bodies)
+    bodies = "".join(f'[bodies.{name}]\ngroup = "{name}"\nmaterial = "steel"\n\n' for name in case.bodies)
+    (folder / "case.toml").write_text(SCENE.format(name="case", bodies=bodies, at=np.linspace(*case.keys["frequencies"], 10)[1:-1].tolist(),
+                                                    **case.keys))
+    return folder / "case.toml"
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far the answers of one rank and of several lie apart."""
+
+    frequencies: float          # largest relative difference
+    response: float             # largest difference at the same frequencies, over the peak of their level
+    closure: float              # of the energy, at the worst point
+    states: list[int]           # of the pairs at these frequencies
+    shares: list[tuple[int, int]]       # matrix rows and contact pairs of each rank
+
+
+def difference(path: Path, comm) -> Difference:
+    """Solve a scene on ``comm`` and on each rank alone.  Collective on ``comm``; the same answer on every rank."""
+    alone, together = chain.solve(path, MPI.COMM_SELF), chain.solve(path, comm)
+    response, states = 0.0, set()
+    for a, b in zip(alone.branches, together.branches, strict=True):
+        peak = chain.amplitudes(a).max()
+        for p, q in zip(chain.asked(a), chain.asked(b), strict=True):
+            response = max(response, np.abs(p.response - q.response).max() / peak)
+        states |= {int(state) for point in chain.asked(a) for state in point.state}
+    found = (np.abs(together.model.omega_n / alone.model.omega_n - 1.0).max(), response, together.worst_closure)
+    return Difference(
+        *(float(comm.allreduce(value, op=MPI.MAX)) for value in found),
+        states=sorted(states),
+        shares=comm.allgather((together.n_rows, together.model.owned.stop - together.model.owned.start)))
+
+
+def main():
+    comm = MPI.COMM_WORLD
+    for name, case in CASES.items():
+        with tempfile.TemporaryDirectory() as folder:
+            found = difference(write_case(Path(folder), case), comm)
+        if comm.rank == 0:
+            print(f"| {comm.size} | {name} | {found.frequencies:.1e} | {found.response:.1e} | {found.closure:.1e} | "
+                  f"{found.states} | {'; '.join(map(str, found.shares))} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
