@@ -47,8 +47,8 @@ def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
         low, high = (share * omega_n[response.mode - 1] / (2 * np.pi) for share in response.span)
     highest = float(np.max(omega_n, initial=0.0)) / (2 * np.pi)
     if len(omega_n) and low > 10.0 * highest:
-        raise CaseError(f"[response] starts at {low:g} Hz, far above the highest of the {len(omega_n)} modes computed, {highest:.4g} Hz; "
-                        "check the unit (Hz), or raise [solver] modes")
+        raise CaseError(f"[response] starts at {low:g} Hz, far above the highest of the {len(omega_n)} modes computed, "
+                        f"{highest:.4g} Hz; check the unit (Hz), or raise [solver] modes")
     outside = [f for f in response.at if not low <= f <= high]
     if outside:
         raise CaseError(f"[response] at = {outside[0]:g} Hz lies outside {low:.6g} to {high:.6g} Hz")
