@@ -111,3 +111,9 @@ def test_one_pair_and_no_pair():
     (patch,) = patches(joint(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), ()))
     assert len(patch.points) == 1 and (patch.size > 0.0).all()
     assert patches(joint(np.zeros((0, 3)), np.zeros((0, 3)), ())) == []
+
+
+def test_few_pairs_without_positions_take_a_place_each_in_a_wide_row():
+    nowhere = np.full((3, 3), np.nan)
+    (patch,) = patches(joint(nowhere, np.tile([0.0, 0.0, 1.0], (3, 1)), ()))
+    assert patch.size == pytest.approx([20.0, 1.0])

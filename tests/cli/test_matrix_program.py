@@ -1,0 +1,42 @@
+"""Scenes given as matrices, as a user starts them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matrix_scenes import write_matrix_scene
+from oracles import scenes
+from processes import microslip
+
+JOBS = Path(__file__).parents[2] / "jobs"
+
+
+@pytest.mark.parametrize("name, said", [
+    ("jenkins", ["matrices   1 DOF; entries: stiffness 1, mass 1, damping 1", "slider: 1 pairs, normal preload 2 N in all",
+                 "method     receptance: 1 modes, harmonics 0 to 15"]),
+    ("spatial", ["matrices   3 DOF; entries: stiffness 9, mass 3", "load 5     DOF 2, scale -0.1, harmonic 0", "output     z: DOF 2",
+                 "method     receptance: 3 modes"]),
+])  # fmt: skip
+def test_the_scenes_of_jobs_are_sound(name, said):
+    done = microslip("check", JOBS / f"{name}.toml")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert all(text in done.stdout for text in said)
+
+
+def test_a_run_leaves_curves_and_pictures_and_nothing_for_paraview(tmp_path):
+    write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02, 0.4], (1.0, 1.6), outputs=[0, 2], points=12)
+    done = microslip("run", "scene.toml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"frf.csv", "results.h5", "run.log", "response.png", "states.png", "slip_map.png", "rom_size.png", "energy.png",
+                       "energy_map.png"}  # fmt: skip
+    rows = (tmp_path / "out" / "frf.csv").read_text().splitlines()
+    assert len(rows) > 2 * 2 * 12 // 2 and not any("nan" in row for row in rows)
+
+
+def test_two_ranks_say_once_what_is_wrong(tmp_path):
+    write_matrix_scene(tmp_path, {**scenes.spatial_mass(), "M": np.eye(2)}, [0.4], (1.0, 1.6), outputs=[0])
+    for command in ("check", "run"):
+        done = microslip(command, "scene.toml", ranks=2, cwd=tmp_path)
+        assert done.returncode == 2 and "Traceback" not in done.stderr
+        assert done.stderr.count("M.mtx: [model] mass is 2 x 2, but the stiffness 3 x 3") == 1
