@@ -119,8 +119,11 @@ class BranchFollower:
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
 
     def length(self, d_xi: np.ndarray, d_nu: float) -> float:
-        """Return the length of a step.  The mean does not count: it drifts with the slip in which sliders settle, and turns sharply
-        where that ends, while the branch goes straight on."""
+        """Return the length of a step.
+
+        The mean does not count: it drifts with the slip in which sliders settle, and turns sharply where that ends, while the
+        branch goes straight on.
+        """
         return float(np.hypot(self.norm(vibration(d_xi)), d_nu))
 
     # -- the first two points ----------------------------------------------------------------------------------
