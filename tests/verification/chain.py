@@ -50,7 +50,11 @@ def solve(path: Path, comm) -> Chain:
 
     The stages are those of ``microslip.run``; a branch that ends early is an error here.
     """
-    scene = read_scene(path)
+    return solve_scene(read_scene(path), comm)
+
+
+def solve_scene(scene, comm) -> Chain:
+    """Return the same of a scene.  Collective on ``comm``."""
     structure = structure_of(scene, comm)
     model = reduce_structure(structure.linearised, structure.modes, scene)
     pairs, sweep = structure.pairs, frequency_sweep(scene.response, model.omega_n)

@@ -15,7 +15,9 @@ from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import HarmonicBalance
 from .newton import Gatherer, Linearisation, NewtonStep
 
+PATIENCE, LEAST_PROGRESS = 4, 0.5       # Newton gives up where so many iterations leave more than this share of the residual
 MANY_KRYLOV = 50        # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
+_NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ class Corrector:
         self.tolerance = tolerance
         self._step = NewtonStep(problem)
         self._wants_preconditioner = False
+        self._history: list[float] = []
         n_local = self.n_U + int(self.last)
         self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=self.comm)
         self._r = self._x.duplicate()
@@ -100,6 +103,7 @@ class Corrector:
         snes.setFunction(self._residual, self._r)
         snes.setJacobian(self._linearise, self._J)
         snes.setTolerances(rtol=0.0, atol=self.tolerance, stol=0.0, max_it=20)
+        snes.setConvergenceTest(self._converged)
         ksp = snes.getKSP()
         ksp.setOptionsPrefix("hb_newton_")          # the options -hb_ksp_ are those of the GMRES inside
         ksp.setType(PETSc.KSP.Type.PYTHON)
@@ -107,6 +111,19 @@ class Corrector:
         ksp.getPC().setType(PETSc.PC.Type.NONE)
         snes.setFromOptions()
         return snes
+
+    def _converged(self, snes, iteration: int, norms) -> PETSc.SNES.ConvergedReason | None:
+        """Tell SNES when to stop: at the tolerance, or where the residual has fallen too little for some iterations.  Local."""
+        reasons, norm = PETSc.SNES.ConvergedReason, norms[2]
+        del self._history[iteration:]
+        self._history.append(norm)
+        if norm <= snes.getTolerances()[1]:
+            return reasons.CONVERGED_FNORM_ABS
+        if not np.isfinite(norm):
+            return reasons.DIVERGED_FUNCTION_DOMAIN
+        if iteration >= PATIENCE and norm > LEAST_PROGRESS * self._history[iteration - PATIENCE]:
+            return reasons.DIVERGED_LOCAL_MIN
+        return None
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
@@ -120,7 +137,7 @@ class Corrector:
         self._pack(guess, self._x)
         self._snes.solve(None, self._x)
         reason = self._snes.getConvergedReason()
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE and self._step.preconditioner is None:
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:         # with a preconditioner made here and now
             self._wants_preconditioner = True
             self._pack(guess, self._x)
             self._snes.solve(None, self._x)
@@ -128,7 +145,8 @@ class Corrector:
         self._weigh_preconditioner()
         failure = None
         if reason <= 0:
-            failure = f"SNES reason {reason}, scaled residual {self._snes.getFunctionNorm():.1e} (bound {self.tolerance:.1e})"
+            failure = (f"SNES {_NAMES.get(reason, reason)}, scaled residual {self._snes.getFunctionNorm():.1e} "
+                       f"(bound {self.tolerance:.1e})")
         return Correction(
             self._unpack(self._x), self._snes.getIterationNumber(), self._snes.getLinearSolveIterations(),
             self._snes.getFunctionNorm(), failure,

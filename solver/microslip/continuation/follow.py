@@ -5,9 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
+from ..contact.law import STICK
+from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.residual import HarmonicBalance, LevelFamily
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
@@ -20,6 +23,7 @@ from .steps import ArcLength
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
 MOST_APPROACH_STEPS = 400
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
+FAR_AHEAD = 4.0         # lengths of the last step beyond which a parabola says nothing
 FARTHEST = 4.0          # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
@@ -60,6 +64,7 @@ class State:
     selected: np.ndarray            # B of the next point
     size: float                     # |U| over all ranks [m]
     sticks: bool                    # no pair slips or opens: the point lies on the linear curve
+    slides: bool                    # no pair sticks: the mean of the slip may not be determined
 
 
 def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
@@ -113,7 +118,8 @@ class BranchFollower:
         now = time.perf_counter()
         point, self.clock = replace(point, seconds=now - self.clock), now
         B = self.selection.update(moves, point.state, point.energy)
-        return State(found.iterate, B, self.norm(found.iterate.U), not moves.any()), point
+        slides = bool((point.state != STICK).all())
+        return State(found.iterate, B, self.norm(found.iterate.U), not moves.any(), slides), point
 
     def norm(self, U: np.ndarray) -> float:
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
@@ -182,7 +188,7 @@ class BranchFollower:
             return guess, ConstraintRow.fixed_parameter(guess)
         U = now.iterate.U + ds / length * d_U
         parameter = now.iterate.parameter + ds / length * d_parameter
-        if earlier is not None and not before.sticks:
+        if earlier is not None and not before.sticks and ds < FAR_AHEAD * length:
             e_U, e_parameter, e_length = self.difference(earlier, before, now.size)
             share = ds * (ds + length) / (length + e_length)            # Newton's divided differences in the arc length
             U += share * (d_U / length - e_U / e_length)
@@ -217,6 +223,28 @@ class BranchFollower:
             ds /= 2.0
             if ds < self.steps.ds_min:
                 return *self.corner(before, now, found), 8.0 * self.steps.ds_min
+            if now.slides and self.problem.held_at is None and self.is_loose:
+                raise ConvergenceError(self.message(now.iterate.parameter, found))
+
+    @cached_property
+    def is_loose(self) -> bool:
+        return is_held_by_its_joint_alone(self.problem)
+
+    def hold(self, now: State) -> State | None:
+        """Return the point from which to go on with the mean slip held; None where that is of no help.  Collective."""
+        if self.problem.held_at is not None or not now.slides or not self.is_loose:
+            return None
+        self.problem.hold_mean_slip(now.iterate.U, now.selected)
+        return now
+
+    def let_go(self, now: State) -> State | None:
+        """Return the point with the mean slip no longer held, None where Newton does not find it.  Collective."""
+        held_at, self.problem.held_at = self.problem.held_at, None
+        found, selected = self.solve_at(now.iterate, now.size, now.selected)
+        if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
+            return replace(now, iterate=found.iterate, selected=selected)
+        self.problem.held_at = held_at
+        return None
 
     def corner(self, before: State, now: State, failed: Correction) -> tuple[Correction, np.ndarray]:
         """Return a point just beyond a corner of the branch, at a fixed parameter.
@@ -259,7 +287,14 @@ class BranchFollower:
         yield now, point
         ds, earlier = self.steps.ds, None
         while True:
-            found, selected, ds = self.step(earlier, before, now, ds)
+            try:
+                found, selected, ds = self.step(earlier, before, now, ds)
+            except ConvergenceError:
+                held = self.hold(now)
+                if held is None:
+                    raise
+                now, ds = held, 0.25 * self.steps.ds
+                continue
             if self.sweep.before(found.iterate.parameter):
                 raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, "
                                        f"{self.problem.where(self.sweep.start)}; begin further off, or sweep the other way")
@@ -272,6 +307,8 @@ class BranchFollower:
             after, point = self.accept(found, selected)
             yield after, point
             ds = self.steps.next(ds, found.newton, self.turn(before.iterate, now.iterate, after.iterate, now.size))
+            if self.problem.held_at is not None and not after.slides:
+                after = self.let_go(after) or after
             earlier, before, now = before, now, after
 
     def asked(self, now: State, there: Iterate, selected: np.ndarray) -> Iterator[tuple[State, Point]]:
@@ -315,6 +352,7 @@ class BranchFollower:
                 for (state, _), _ in zip(way.points(), range(MOST_APPROACH_STEPS)):
                     if state.iterate.parameter == level:
                         there = Iterate(state.iterate.U, self.sweep.start)
+                        self.problem.held_at = family.held_at
                         return self.solve_at(there, state.size, state.selected)
             except ConvergenceError:
                 continue

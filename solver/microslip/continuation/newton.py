@@ -165,6 +165,7 @@ class NewtonStep:
         self._ksp.setOperators(self._A)
         self._ksp.setType(PETSc.KSP.Type.GMRES)
         self._ksp.setGMRESRestart(100)
+        self._ksp.setPCSide(PETSc.PC.Side.RIGHT)        # the residual that counts is the true one
         self._ksp.setTolerances(rtol=1e-3, atol=0.0, max_it=300)        # Newton makes up for it; fewer products in all
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)

@@ -12,6 +12,8 @@ from ..reduction.selection import Selection
 from .branch import Point
 from .corrector import Correction
 
+HELD = "mean slip held by springs"      # the note of such a point
+
 
 def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarray, selection: Selection,
                  asked: bool) -> tuple[Point, np.ndarray]:
@@ -37,6 +39,7 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
         energy=energy, state=state, unknowns=selection.unknowns(int(selected.sum()), model.n_modes, model.N_H),
         newton=found.newton, krylov=found.krylov, friction=float(contact_work(U_all, p.reshape(shape)).sum()),
         damping=damping_loss(model, level, omega, p), input=input_work(model, level, omega, p), seconds=0.0, asked=asked,
+        notes=() if problem.held_at is None else (HELD,),
     )
     return point, moves
 

@@ -17,6 +17,8 @@ import scipy.linalg
 from ..reduction import receptance
 from .residual import ContactForces, HarmonicBalance, ReceptanceColumns
 
+REGULAR = 1.0 - 1e-3        # of P in B_n: without its joint, a body that nothing else holds would make B_n singular
+
 
 class HarmonicPreconditioner:
     """Factors of B_n for the pairs active at one point; applied to residuals near by.  Collective on ``problem.comm``."""
@@ -31,7 +33,7 @@ class HarmonicPreconditioner:
         for n in range(N_H // 2 + 1):
             G_n = static + G.dynamic_block(n)
             columns = G_n.reshape(len(G_n), -1, 3)
-            G_P = np.einsum("rmi,mij->rmj", columns, P[:, n]).reshape(G_n.shape)
+            G_P = REGULAR * np.einsum("rmi,mij->rmj", columns, P[:, n]).reshape(G_n.shape)
             self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
         counts = problem.comm.allgather(len(forces.active_owned))
         first = 3 * sum(counts[: problem.comm.rank])

@@ -15,6 +15,7 @@ from ..linear.dense import summed
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
 from .aft import contact_harmonics
+from .mean_slip import hold_mean_slip
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,7 @@ class HarmonicBalance:
         self.parameters = parameters.take(np.arange(model.n_pairs)[model.owned])
         self.n_samples = n_samples
         self.level = level
+        self.held_at: np.ndarray | None = None      # (n_owned, 2) mean of p_t about which the mean slip is held [N]
         self.n_owned = model.owned.stop - model.owned.start
         self.shape = (self.n_owned, 3, model.N_H)
 
@@ -52,6 +54,8 @@ class HarmonicBalance:
         all_chosen = len(chosen) == self.n_owned
         parameters = self.parameters if all_chosen else self.parameters.take(chosen)
         found = contact_harmonics(U if all_chosen else U[chosen], parameters, self.n_samples, tangents=tangents)
+        if self.held_at is not None:
+            hold_mean_slip(found, self.held_at if all_chosen else self.held_at[chosen])
         state = np.zeros(self.n_owned, dtype=np.uint8)
         state[chosen] = found.state
         active_owned = chosen[found.active]
@@ -69,6 +73,11 @@ class HarmonicBalance:
     def gather_sum(self, partial: np.ndarray) -> np.ndarray:
         """Return the sum over the ranks.  Collective on ``comm``."""
         return partial if self.comm.size == 1 else summed(self.comm, partial)
+
+    def hold_mean_slip(self, U: np.ndarray, selected: np.ndarray) -> None:
+        """From now on hold the mean slip about what it is at ``U``, a solution, which stays one.  Collective."""
+        forces = self.contact_forces(U, selected, tangents=False)
+        self.held_at = self.full_force(forces).reshape(-1, 3, self.model.N_H)[self.model.owned, :2, 0].copy()
 
     def full_force(self, forces: ContactForces) -> np.ndarray:
         """Return p of all pairs, (3 n_pairs, N_H) [N], zero where they stick.  Local."""

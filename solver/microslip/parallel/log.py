@@ -169,8 +169,7 @@ class RunLog:
         n_slip, n_open = np.count_nonzero(point.state == 1), np.count_nonzero(point.state == 2)
         line = (f"{i:>7} {frequency:>12.8g} {amplitude:>12.5e} {n_slip:>5} {n_open:>5} {point.unknowns:>8} "
                 f"{point.newton:>6} {point.krylov:>5} {point.seconds:>8.4f}")  # fmt: skip
-        notes = "".join(f"\n{'':>8}{note}" for note in point.notes)
-        self._line(line + notes, on_screen=not self._screen.interactive)
+        self._line(line, on_screen=not self._screen.interactive)
         self._screen.advance(frequency, amplitude, n_slip + n_open, i + 1)
 
     def level_finished(self, level: float, branch) -> None:
@@ -179,6 +178,9 @@ class RunLog:
         if self.comm.rank > 0:
             return
         self._line(f"{self._of_level or f'{level:g} N'}: {_summary(level, branch.points)}")
+        for note, points in _noted(branch.points).items():
+            low, high = (f(point.omega for point in points) / 2.0 / np.pi for f in (min, max))
+            self._line(f"  {note}: {len(points)} of {len(branch.points)} points, {low:.6g} to {high:.6g} Hz")
         if branch.failure:
             self._line(f"  stopped early: {branch.failure}")
 
@@ -223,6 +225,15 @@ def _summary(level: float, points) -> str:
     per_newton = f" ({max(amplitudes) / level:.4e} m/N)" if level else ""
     return (f"{len(points)} points in {sum(point.seconds for point in points):.3g} s; peak {max(amplitudes):.4e} m{per_newton} "
             f"at {top.omega / 2.0 / np.pi:.7g} Hz, {n_slip} of {len(top.state)} pairs slip, {n_open} open")  # fmt: skip
+
+
+def _noted(points) -> dict[str, list]:
+    """Return the points that carry a note, by note."""
+    found: dict[str, list] = {}
+    for point in points:
+        for note in point.notes:
+            found.setdefault(note, []).append(point)
+    return found
 
 
 def _open(path: str):

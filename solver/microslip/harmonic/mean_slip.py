@@ -1,0 +1,49 @@
+"""Springs that hold the mean slip of a body that nothing else holds (docs/theory.md, eq. 5.6).
+
+The friction of a pair that slips in every cycle has forgotten where the pair was before: it does not change with the mean of the
+tangential motion.  Where all pairs of a body slip, and nothing but the joint holds it, the body may stand anywhere, or creep.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse.linalg as sla
+
+from .aft import AftResult
+
+HOLD = 1e-3         # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
+
+
+def hold_mean_slip(found: AftResult, about: np.ndarray) -> None:
+    """Add the springs to the forces and their derivative, in place.  Local.
+
+    The slider of a pair stands at w = -p_t / k_t: a spring from its mean to where p_t has the mean ``about`` (n, 2) [N]
+    takes its share of their difference.
+    """
+    found.p[found.active, :2, 0] -= HOLD * (found.p[found.active, :2, 0] - about[found.active])
+    if found.P is not None:
+        N_H = found.p.shape[2]
+        found.P[:, [0, N_H]] *= 1.0 - HOLD
+
+
+def is_held_by_its_joint_alone(problem) -> bool:
+    """Tell whether the mean slip is undetermined once every pair slips.  Collective; static columns of all pairs are needed.
+
+    The joint's tangential springs then carry all but a share ``HOLD`` of the force against some motion: the largest eigenvalue of
+    k_t^1/2 G_tt k_t^1/2, which is k / (k + rest) for that motion, lies so close to 1.
+    """
+    model, comm = problem.model, problem.comm
+    tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
+    n_owned = model.owned.stop - model.owned.start
+    own = (3 * np.arange(n_owned)[:, None] + np.arange(2)).ravel()
+    rows = comm.gather(model.G_static.transposed(np.arange(model.n_pairs))[np.ix_(tangential, own)].T)
+    roots = comm.gather(np.repeat(np.sqrt(problem.parameters.k_t), 2))
+    largest = 0.0
+    if comm.rank == 0:
+        root = np.concatenate(roots)
+        flexibility = root[:, None] * np.concatenate(rows) * root
+        if len(root) > 2:
+            largest = float(sla.eigsh(flexibility, k=1, tol=1e-6, v0=np.ones(len(root)), return_eigenvectors=False)[0])
+        else:
+            largest = float(np.linalg.eigvalsh(flexibility)[-1])
+    return comm.bcast(largest) > 1.0 - HOLD
