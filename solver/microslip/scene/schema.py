@@ -256,7 +256,7 @@ class Response(Table):
 class Solver(Table):
     """[solver]: the method and its accuracy."""
 
-    method: Method = Field("adaptive", description="a method's name")
+    method: Method = Field("receptance", description="a method's name")
     modes: int | None = Field(None, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
     harmonics: int = Field(3, ge=0, le=10_000, description="the highest harmonic, a whole number of at least 0")
     samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")
