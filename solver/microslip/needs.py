@@ -7,7 +7,7 @@ import numpy as np
 from .assembly.assemble import read_off
 from .assembly.matrices import GivenStructure
 from .mesh.data import ContactPairs, Mesh, place
-from .modes.limits import refuse_too_many
+from .modes.limits import FEW, refuse_too_many
 from .scene.schema import DEFAULT_ACCURACY
 
 # measured on the hex20 fan-blade sector of 122,124 DOF: 1.0 GB for the factor and 4 GiB in all at most (docs/guide.md)
@@ -63,12 +63,13 @@ def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
     solver = scene.solver
     refuse_too_many(solver.modes, n_dof, scene.path)
     slipping = 3 * n_pairs * (2 * solver.harmonics + 1)
-    modes = (f"modes      {solver.modes}, as [solver] modes says" if solver.modes else
-             f"modes      picked at run time for [solver] accuracy = {solver.accuracy or DEFAULT_ACCURACY:g}")  # fmt: skip
+    modes = f"picked at run time for [solver] accuracy = {solver.accuracy or DEFAULT_ACCURACY:g}"
+    if solver.modes or n_dof <= FEW:
+        modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     return [
         f"method     {solver.method}: harmonics 0 to {solver.harmonics}, {solver.samples} samples; at most {slipping} unknowns "
         f"with all pairs slipping{'' if solver.method == 'receptance' else ', besides those of the modes'}",
-        modes,
+        f"modes      {modes}",
         f"response   {len(scene.response.levels)} levels of about {scene.response.points} points",
         f"memory     about {_FACTOR_GB * (n_dof / _MEASURED_DOF) ** (4 / 3):.2g} GB for the factor (solid meshes), "
         f"{72e-9 * n_pairs**2:.2g} GB for static columns if every pair slips",

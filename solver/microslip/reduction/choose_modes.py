@@ -6,12 +6,11 @@ import numpy as np
 
 from ..modes.band import frequency_band
 from ..modes.eigen import Modes, first_of, is_complete, lowest_modes
-from ..modes.limits import SHARE, most_modes
+from ..modes.limits import FEW, SHARE, most_modes
 from ..parallel.errors import CaseError
 from ..scene.schema import DEFAULT_ACCURACY
 from .left_out import LeftOut, left_out
 
-_FEW = 20               # a structure of so many DOFs keeps all of its modes
 _AT_ONCE = 400          # DOFs up to which LAPACK finds all modes at once
 _START, _MOST = 16, 600     # modes of the first batch, each further one has twice as many; and of the last
 _EQUAL = 1e-6           # relative difference of equal frequencies, which are kept or left out together
@@ -30,7 +29,7 @@ def choose_modes(linearised, pairs, scene) -> tuple[Modes, str]:
     solver, n_dof = scene.solver, linearised.system.n_dof
     if solver.modes is not None:
         return lowest_modes(linearised, solver.modes, solver.verify_modes), f"modes: {solver.modes}, as [solver] modes says"
-    if n_dof <= _FEW:
+    if n_dof <= FEW:
         modes = lowest_modes(linearised, n_dof, solver.verify_modes, fewer_will_do=True)
         return modes, f"modes: all {len(modes.omega_n)} there are"
     return _fewest(linearised, pairs, scene, solver.accuracy or DEFAULT_ACCURACY)

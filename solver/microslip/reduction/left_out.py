@@ -82,16 +82,20 @@ def left_out(linearised, modes, pairs, scene) -> LeftOut:
 
 
 def _through_the_joint(model: ReducedModel, at: Resonance, h: int, of_load, of_output, level: float) -> np.ndarray:
-    """Return the sum over the harmonics n of (4.5) but for load and output themselves, (n, n_outputs) [m/N].  Local."""
+    """Return the sum over the harmonics n of (4.5) but for load and output themselves, (n, n_outputs) [m/N].  Local.
+
+    The drag of a full damping matrix is no part of the static solution: it counts with 1 + rho.
+    """
     error = np.zeros_like(of_output)
     for n in range(1, model.N_H // 2 + 1):
+        rho = gains(model, n * at.omega)[:, None]
         force, motion = (_content(n, h) * at.p / level)[:, None], _content(n, h) * at.pairs
-        if n == h:
-            load = of_load[:, None]
-            force, motion = force + at.drag[:, None] / level, motion + at.drag_adjoint
-            error += gains(model, n * at.omega)[:, None] * ((load + force) * (of_output + motion) - load * of_output)
-        else:
-            error += gains(model, n * at.omega)[:, None] * force * motion
+        if n != h:
+            error += rho * force * motion
+            continue
+        load, drag = of_load[:, None], at.drag[:, None] / level
+        error += rho * ((load + force) * (of_output + motion) - load * of_output)
+        error += (1.0 + rho) * (drag * (of_output + motion + at.drag_adjoint) + (load + force) * at.drag_adjoint)
     return error
 
 
@@ -105,16 +109,22 @@ def _content(n: int, h: int) -> float:
 
 
 def gains(model: ReducedModel, n_omega: float) -> np.ndarray:
-    """Return rho of (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out up to n omega.  Local.
+    """Return rho of (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out, at n omega.  Local.
 
-    Below its resonance that of the first mode left out, else the height of a resonance.
+    omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first mode left out its
+    parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
     """
-    first, zeta = np.append(model.omega_n[1:], np.inf), np.append(np.minimum.accumulate(model.zeta[::-1])[::-1][1:], 0.0)
-    s = n_omega / first
+    first, zeta = np.append(model.omega_n[1:], np.inf), _of_left_out(model.zeta, np.minimum)
+    s, damped = n_omega / first, 2.0 * n_omega * _of_left_out(model.zeta / model.omega_n, np.maximum)
     with np.errstate(divide="ignore", invalid="ignore"):
-        below = np.abs(s**2 - 2j * zeta * s) / np.abs(1.0 - s**2 + 2j * zeta * s)
-        at_resonance = 1.1 * np.sqrt(1.0 + 4.0 * zeta**2) / (2.0 * zeta)
+        below = np.hypot(s**2, damped) / np.abs(1.0 - s**2 + 2j * zeta * s)
+        at_resonance = 1.1 * np.sqrt(1.0 + 4.0 * zeta**2) / (2.0 * zeta) + damped
     return np.where(s < 1.0, below, at_resonance)
+
+
+def _of_left_out(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
+    """Return the extreme value of the modes left out where 1 to n are kept, (n,); beyond the n, that of the last one."""
+    return extreme.accumulate(np.append(values[1:], values[-1])[::-1])[::-1]
 
 
 def residual_norms(linearised, modes, X_owned: np.ndarray) -> np.ndarray:
