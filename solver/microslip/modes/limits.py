@@ -27,4 +27,4 @@ def refuse_too_many(n_modes: int | None, n_dof: int, path) -> None:
                         f"{most_modes(n_dof)}, or leave modes out: the program then picks as many as its accuracy needs")
     raise CaseError(f"{where}: more than a third of the {n_dof} modes there are. That takes full matrices of {n_dof} x {n_dof} "
                     f"({8e-9 * n_dof**2:.2g} GB each) and up to hours, and cannot be interrupted; ask for at most "
-                    f"{most_modes(n_dof)}, or leave modes out: the program then picks as many as its accuracy needs, seldom over 50")
+                    f"{most_modes(n_dof)}, or leave modes out: the program then picks as many as its accuracy needs")
