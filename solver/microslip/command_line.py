@@ -17,7 +17,8 @@ _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml
 PETSc options follow --, each with the prefix of its solver: {', '.join('-' + prefix for prefix in PREFIXES)}
 Exit status: 0 done; 2 the scene, the mesh or an option is at fault; 3 the computation could not be finished, what
-converged is kept; 4 memory or disk; 5 stopped by a signal; 70 a defect of the program."""
+converged is kept; 4 memory or disk; 5 stopped by a signal: frf.csv keeps every point and results.h5 every level finished
+until then; 70 a defect of the program."""
 
 
 @dataclass(frozen=True)

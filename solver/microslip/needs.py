@@ -7,8 +7,8 @@ import numpy as np
 from .assembly.assemble import read_off
 from .assembly.matrices import GivenStructure
 from .mesh.data import ContactPairs, Mesh, place
-from .parallel.errors import CaseError
-from .scene.schema import DEFAULT_MODES
+from .modes.limits import FEW, refuse_too_many
+from .scene.schema import DEFAULT_ACCURACY
 
 # measured on the hex20 fan-blade sector of 122,124 DOF: 1.0 GB for the factor and 4 GiB in all at most (docs/guide.md)
 _FACTOR_GB, _MEASURED_DOF = 1.0, 122_124
@@ -19,7 +19,7 @@ def needs(scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
 
     Raises
     ------
-    MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node
+    MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
     is_fixed, _, part_names, load_nodes, output_nodes = read_off(mesh, pairs, scene)
     n_dof = int((~is_fixed).sum())
@@ -43,7 +43,7 @@ def needs_of_matrices(scene, given: GivenStructure) -> list[str]:
 
     Raises
     ------
-    CaseError : more modes than DOFs
+    CaseError : too many modes
     """
     massless = f"; {given.n_massless} DOF without mass" if given.n_massless else ""
     damping = "" if given.C is None else f", damping {given.C.nnz}"
@@ -61,12 +61,15 @@ def needs_of_matrices(scene, given: GivenStructure) -> list[str]:
 def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
     """Say how the scene is solved, and what that takes."""
     solver = scene.solver
-    modes, N_H = solver.modes or min(DEFAULT_MODES, n_dof), 2 * solver.harmonics + 1
-    if modes > n_dof:
-        raise CaseError(f"{scene.path}: [solver] modes = {modes}, but there are {n_dof} DOF; ask for fewer, or leave modes out")
+    refuse_too_many(solver.modes, n_dof, scene.path)
+    slipping = 3 * n_pairs * (2 * solver.harmonics + 1)
+    modes = f"picked at run time for [solver] accuracy = {solver.accuracy or DEFAULT_ACCURACY:g}"
+    if solver.modes or n_dof <= FEW:
+        modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     return [
-        f"method     {solver.method}: {modes} modes, harmonics 0 to {solver.harmonics}, {solver.samples} samples; "
-        f"at most {(modes + 3 * n_pairs) * N_H} unknowns with all pairs slipping",
+        f"method     {solver.method}: harmonics 0 to {solver.harmonics}, {solver.samples} samples; at most {slipping} unknowns "
+        f"with all pairs slipping{'' if solver.method == 'receptance' else ', besides those of the modes'}",
+        f"modes      {modes}",
         f"response   {len(scene.response.levels)} levels of about {scene.response.points} points",
         f"memory     about {_FACTOR_GB * (n_dof / _MEASURED_DOF) ** (4 / 3):.2g} GB for the factor (solid meshes), "
         f"{72e-9 * n_pairs**2:.2g} GB for static columns if every pair slips",

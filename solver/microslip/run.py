@@ -18,7 +18,8 @@ from .mesh.data import ContactPairs, Mesh
 from .mesh.pairing import pair_contacts
 from .mesh.partition import distribute
 from .mesh.read import read_mesh
-from .modes.eigen import Modes, lowest_modes
+from .modes.eigen import Modes
+from .modes.limits import refuse_too_many
 from .needs import needs, needs_of_matrices
 from .parallel.agree import on_root
 from .parallel.errors import ConvergenceError
@@ -26,13 +27,13 @@ from .parallel.log import RunLog
 from .parallel.versions import versions
 from .reduction import selection_of
 from .reduction.build import reduce_structure
+from .reduction.choose_modes import choose_modes
 from .reduction.expand import node_fields, peak_displacement
 from .results.audit import audit_text
 from .results.plots import draw_all
 from .results.record import LinearCurve
 from .results.vtk import peak_fields, write_fields, write_modes
 from .results.writer import ResultWriter
-from .scene.schema import DEFAULT_MODES
 
 
 @dataclass(frozen=True)
@@ -78,11 +79,12 @@ def build_structure(scene, comm, log: RunLog) -> Structure:
     """Return the structure with all pairs stuck, factored, and its lowest modes.  Collective."""
     mesh, system, pairs = (from_matrices if scene.model.mesh is None else from_mesh)(scene, comm, log)
     log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
+    refuse_too_many(scene.solver.modes, system.n_dof, scene.path)
     with log.stage("factor of the stuck structure"):
-        linearised = linearise(system, pairs)
+        linearised = linearise(system, pairs, str(scene.path))
     with log.stage("modes"):
-        n_modes = scene.solver.modes
-        modes = lowest_modes(linearised, n_modes or DEFAULT_MODES, scene.solver.verify_modes, fewer_will_do=n_modes is None)
+        modes, why = choose_modes(linearised, pairs, scene)
+    log.note(why)
     return Structure(mesh, pairs, linearised, modes)
 
 

@@ -166,7 +166,7 @@ def test_every_rank_hears_of_a_mistake(shared_path, system, expected):
 def test_outputs_and_modes_beyond_the_matrices(shared_path):
     with pytest.raises(CaseError, match=r"\[\[outputs\]\] 1 dof = 3: the matrices have DOFs 0 to 2"):
         reduced(shared_path, scenes.spatial_mass(), outputs=[3])
-    with pytest.raises(CaseError, match="modes = 4, but the structure has 3 degrees of freedom"):
+    with pytest.raises(CaseError, match=r"scene.toml: \[solver\] modes = 4: the structure has only 3 degrees of freedom"):
         reduced(shared_path, scenes.spatial_mass(), modes=4)
 
 
@@ -174,5 +174,5 @@ def test_a_part_that_nothing_holds_is_named(shared_path):
     system = scenes.spatial_mass()
     K = scipy.linalg.block_diag(system["K"], [[5.0, -5.0], [-5.0, 5.0]])
     system.update(K=K, M=np.eye(5), loads=[{"vector": np.eye(5)[0], "harmonic": 1}])
-    with pytest.raises(CaseError, match="the part of 2 DOFs with DOF 3 moves freely.*Hold it in the stiffness matrix, or add a joint"):
+    with pytest.raises(CaseError, match="the part of 2 DOFs with DOF 3 moves freely.*in the stiffness matrix, or by .*joint"):
         reduced(shared_path, system)

@@ -215,6 +215,17 @@ def test_energy_filter_drops_pairs_and_counts_fewer_unknowns():
     assert max(point.unknowns for point in plain.points[2:]) > n_modes * N_H
 
 
+def test_receptance_counts_the_pairs_that_couple():
+    stuck = branch(scene("chain"), COMM, 1e-3, selection=AllPairs())
+    assert {point.unknowns for point in stuck.points} == {0}
+    found = branch(scene("chain"), COMM, 10.0, selection=AllPairs())
+    unknowns = [point.unknowns for point in found.points]
+    assert max(unknowns) > 0
+    if COMM.rank == 0:
+        moving = [int((point.p != 0.0).any(axis=(1, 2)).sum()) for point in found.points]
+        assert unknowns == [3 * n * 7 for n in moving]
+
+
 def test_failure_names_the_frequency_and_keeps_the_points():
     system = scene("gap")
     found = branch(system, COMM, 0.2, points=12, ds_min=1.0, tolerance=1e-300)

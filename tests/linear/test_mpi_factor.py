@@ -85,9 +85,9 @@ def test_negative_and_infinite_input_is_refused():
 
 
 @pytest.mark.parametrize("springs, motions", [
-    ({"k_t": 0.0}, r"2 motions, translation along y and z among them"),
-    ({"k_n": 0.0}, r"one motion, translation along x among them"),
-    ({"k_t": 0.0, "k_n": 0.0}, r"3 motions, translation along x and y and z"),
+    ({"k_t": 0.0}, r"moves freely in 2 ways \(translation along y and z\)"),
+    ({"k_n": 0.0}, r"moves freely in one way \(translation along x\)"),
+    ({"k_t": 0.0, "k_n": 0.0}, r"moves freely in 3 ways \(translation along x, y and z\)"),
 ])  # fmt: skip
 @pytest.mark.parametrize("empty_rank", [None, 0])
 def test_a_body_that_its_joint_does_not_hold_is_named(springs, motions, empty_rank):
@@ -97,15 +97,31 @@ def test_a_body_that_its_joint_does_not_hold_is_named(springs, motions, empty_ra
     assert "body 'right'" in str(error.value) and "body 'left'" not in str(error.value)
 
 
+def test_bodies_that_move_together_are_named_together():
+    """Two joined halves without walls: three motions of both, not three of each."""
+    system, _ = lattices.lattice(comm, SHAPE)
+    K, n_end = lattices.lattice_stiffness(SHAPE).tolil(), 3 * SHAPE[1] * SHAPE[2]
+    for row in [*range(n_end), *range(K.shape[0] - n_end, K.shape[0])]:
+        K[row, row] -= lattices.STIFFNESS[row % 3]
+    with pytest.raises(CaseError, match=r"body 'left' and body 'right' together move freely in 3 ways \(translation along x, y and z\)"):
+        Factor(spd(K.tocsr()), system)
+
+
+def test_a_singular_structure_names_the_scene_file():
+    system, pairs = lattices.lattice(comm, SHAPE, walls=False, k_t=0.0)
+    with pytest.raises(CaseError, match=r"^fan.toml: K_L, the stiffness with all pairs stuck, is singular: body 'right' moves freely"):
+        linearise(system, pairs, "fan.toml")
+
+
 def test_free_structures_without_a_mesh_and_with_one():
     points, K = lattices.truss()
-    with pytest.raises(CaseError, match="6 motions.*the structure.*most at DOF"):
+    with pytest.raises(CaseError, match="the structure moves freely in 6 ways.*most at DOF"):
         Factor(spd(K))
     system = named(points)
-    with pytest.raises(CaseError, match="6 motions, translation along x and y and z"):
+    with pytest.raises(CaseError, match=r"6 ways \(translation along x, y and z, 3 rotations\)"):
         Factor(spd(K), system)
     hinge = sp.diags(1.0e7 * (np.arange(points.size) < 3))
-    with pytest.raises(CaseError, match="3 motions, by rotation"):
+    with pytest.raises(CaseError, match=r"3 ways \(3 rotations\)"):
         Factor(spd(K + hinge), system)
 
 

@@ -54,7 +54,7 @@ def test_a_scene_survives_a_broadcast_and_stays_as_it_is(tmp_path):
 
 def test_what_may_be_left_out_has_the_documented_default(tmp_path):
     scene = read_scene(write_scene(tmp_path, GOOD[GOOD.index("[solver]"):], ""))
-    assert (scene.solver.method, scene.solver.modes, scene.solver.harmonics, scene.solver.samples) == ("adaptive", None, 3, 128)
+    assert (scene.solver.method, scene.solver.modes, scene.solver.harmonics, scene.solver.samples) == ("receptance", None, 3, 128)
     assert (scene.solver.tolerance, scene.solver.verify_modes, scene.solver.in_point_check) == (1e-8, True, False)
     assert (scene.response.direction, scene.continuation, scene.model.scale) == ("up", None, 1.0)
     assert scene.bodies["blade"].incompatible_modes is True

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..contact.law import ContactParameters
 from ..harmonic.residual import HarmonicBalance
+from ..modes.band import frequency_band
 from ..parallel.errors import CaseError
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
@@ -38,13 +39,7 @@ def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
     ------
     CaseError : the mode asked for was not computed, or a frequency of ``at`` lies outside the range
     """
-    if response.frequencies is not None:
-        low, high = response.frequencies
-    else:
-        if response.mode > len(omega_n):
-            raise CaseError(f"[response] mode = {response.mode}, but only {len(omega_n)} modes were computed; "
-                            "raise [solver] modes")
-        low, high = (share * omega_n[response.mode - 1] / (2 * np.pi) for share in response.span)
+    low, high = frequency_band(response, omega_n)
     highest = float(np.max(omega_n, initial=0.0)) / (2 * np.pi)
     if len(omega_n) and low > 10.0 * highest:
         raise CaseError(f"[response] starts at {low:g} Hz, far above the highest of the {len(omega_n)} modes computed, "

@@ -36,7 +36,7 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
     moves[of_all.active] = True
     point = Point(
         omega=omega, response=receptance.output_motion(model, level, omega, p), U=U_all, p=p.reshape(shape),
-        energy=energy, state=state, unknowns=selection.unknowns(int(selected.sum()), model.n_modes, model.N_H),
+        energy=energy, state=state, unknowns=selection.unknowns(selected, moves, model.n_modes, model.N_H),
         newton=found.newton, krylov=found.krylov, friction=float(contact_work(U_all, p.reshape(shape)).sum()),
         damping=damping_loss(model, level, omega, p), input=input_work(model, level, omega, p), seconds=0.0, asked=asked,
         notes=() if problem.held_at is None else (HELD,),

@@ -12,6 +12,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from ..parallel.errors import CaseError
+from ..parallel.words import listed
 from .dense import diagonal_owned, gram, multiply, summed
 from .mumps import factorise, solve_block
 
@@ -54,10 +55,10 @@ def explain_singular(A: PETSc.Mat, system, what: str) -> NoReturn:
                         f"z^T diag z, most at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}; "
                         "support it, or make its joint stiffer")
     free = _by_part(comm, A, diagonal, Z_owned[:, :n_free], system)
-    hold = "Hold it in the stiffness matrix" if getattr(system, "dof", None) is None else "Add [[supports]]"
-    many = "at least " if n_free == strains.size else ""
-    raise CaseError(f"{what} is singular: {many}{_count(n_free)} without any strain: {'; '.join(free)}. {hold}, or add "
-                    "a joint with stiffness in these directions")
+    hold = "in the stiffness matrix" if getattr(system, "dof", None) is None else "by [[supports]]"
+    many = f"; at least {n_free} free motions in all" if n_free == strains.size else ""
+    raise CaseError(f"{what}, the stiffness with all pairs stuck, is singular: {'; '.join(free)}{many}. Hold these directions: "
+                    f"{hold}, or by [[joints]] to what is held (a joint holds only along directions in which it has stiffness)")
 
 
 def _softest_motions(A: PETSc.Mat, diagonal: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray]:
@@ -90,27 +91,44 @@ def _orthonormal(comm, diagonal: np.ndarray, Z_owned: np.ndarray) -> np.ndarray:
 
 
 def _by_part(comm, A: PETSc.Mat, diagonal: np.ndarray, Z_owned: np.ndarray, system) -> list[str]:
-    """Return a phrase for each part that the free motions Z (Z^T D Z = I) move.  Collective."""
+    """Return a phrase for each group of parts that move together in the free motions Z (Z^T D Z = I).  Collective."""
     parts = getattr(system, "parts", None)
     parts = np.zeros(len(diagonal), dtype=int) if parts is None else parts
     names = getattr(system, "part_names", ()) or ("the structure",)
+    shares = [gram(comm, Z_owned, (diagonal * (parts == part))[:, None] * Z_owned) for part in range(len(names))]
     phrases = []
-    for part, name in enumerate(names):
-        weight = diagonal * (parts == part)
-        n_motions = int(np.count_nonzero(np.linalg.eigvalsh(gram(comm, Z_owned, weight[:, None] * Z_owned)) > _HELD))
-        if n_motions:
-            phrases.append(f"{name} moves freely ({_count(n_motions)}{_how(comm, A, weight, Z_owned, system)})")
-    return phrases or [f"most at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}"]
+    for group in _moving_together(shares):
+        weight = diagonal * np.isin(parts, group)
+        n_motions = int(np.count_nonzero(np.linalg.eigvalsh(sum(shares[part] for part in group)) > _HELD))
+        who = listed([names[part] for part in group]) + (" together" if len(group) > 1 else "")
+        verb = "moves" if len(group) == 1 else "move"
+        phrases.append(f"{who} {verb} freely in {_ways(n_motions)} ({_how(comm, A, weight, Z_owned, n_motions, system)})")
+    return phrases or [f"something moves freely, most at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}"]
 
 
-def _how(comm, A: PETSc.Mat, weight: np.ndarray, Z_owned: np.ndarray, system) -> str:
-    """Return which translations of a part lie in the span of Z, in words.  Collective.
+def _moving_together(shares: list[np.ndarray]) -> list[list[int]]:
+    """Return the groups of parts that take part in the same free motions.  Local.
 
-    ``weight`` (n_owned,) is D on the part and 0 elsewhere.  Without a mesh, the row that moves most is all there is.
+    The shares B_i = Z^T D_i Z of the parts add up to the identity; parts that move on their own have B_i B_j = 0.
+    """
+    groups: list[list[int]] = []
+    for part, B in enumerate(shares):
+        if np.linalg.norm(B, 2) <= _HELD:
+            continue
+        joined = [group for group in groups if any(np.linalg.norm(B @ shares[other], 2) > _HELD for other in group)]
+        groups = [group for group in groups if group not in joined] + [sorted(sum(joined, [part]))]
+    return sorted(groups)
+
+
+def _how(comm, A: PETSc.Mat, weight: np.ndarray, Z_owned: np.ndarray, n_motions: int, system) -> str:
+    """Return the free motions of a group of parts in words: which translations lie in the span of Z, and how many rotations.
+
+    Collective.  ``weight`` (n_owned,) is D on the group and 0 elsewhere.  Without a mesh, the row that moves most is all
+    there is.
     """
     if getattr(system, "dof", None) is None:
         moved = weight * np.max(np.abs(Z_owned), axis=1, initial=0.0)
-        return f", most at {_name_of_row(_largest_row(comm, A, moved), system)}"
+        return f"most at {_name_of_row(_largest_row(comm, A, moved), system)}"
     row_start, row_end = A.getOwnershipRange()
     T_owned = np.zeros((len(weight), 3))                        # translations of the part along x, y, z
     for axis in range(3):
@@ -123,16 +141,19 @@ def _how(comm, A: PETSc.Mat, weight: np.ndarray, Z_owned: np.ndarray, system) ->
     shares, axes = np.linalg.eigh(G)
     free_axes = axes[:, shares > _ALL].T + 0.0
     aligned = ["xyz"[axis] for axis in range(3) if G[axis, axis] > _ALL]
-    if len(free_axes) == 0:
-        return ", by rotation"
-    if len(aligned) == len(free_axes):
-        return f", translation along {' and '.join(aligned)} among them"
-    directions = " and ".join("(" + ", ".join(f"{c:.2f}" for c in axis) + ")" for axis in free_axes)
-    return f", translation along {directions} among them"
+    words = []
+    if len(aligned) == len(free_axes) > 0:
+        words.append(f"translation along {listed(aligned)}")
+    elif len(free_axes):
+        words.append("translation along " + listed(["(" + ", ".join(f"{c:.2f}" for c in axis) + ")" for axis in free_axes]))
+    if n_motions > len(free_axes):
+        n = n_motions - len(free_axes)
+        words.append("a rotation" if n == 1 else f"{n} rotations")
+    return ", ".join(words)
 
 
-def _count(n: int) -> str:
-    return "one motion" if n == 1 else f"{n} motions"
+def _ways(n: int) -> str:
+    return "one way" if n == 1 else f"{n} ways"
 
 
 def _random(comm, n_owned: int, m: int) -> np.ndarray:

@@ -29,10 +29,10 @@ class Linearised:
         self.K_L.destroy()
 
 
-def linearise(system: System, pairs: ContactPairs) -> Linearised:
+def linearise(system: System, pairs: ContactPairs, where: str = "") -> Linearised:
     """Return the structure with all pairs stuck, factored.
 
-    Collective on ``system.comm``.
+    Collective on ``system.comm``.  ``where`` is the scene file, for messages.
 
     Raises
     ------
@@ -47,7 +47,11 @@ def linearise(system: System, pairs: ContactPairs) -> Linearised:
         if not np.isfinite(matrix.norm(PETSc.NormType.FROBENIUS)):
             raise CaseError(f"the {name} has entries that are not finite numbers; check the material data and the mesh")
     K_L = add_springs(system.K, (system.R.T @ sp.diags(K_J) @ system.R).tocsr())
-    return Linearised(system, K_L, system.M, Factor(K_L, system))
+    try:
+        return Linearised(system, K_L, system.M, Factor(K_L, system))
+    except CaseError as problem:
+        K_L.destroy()
+        raise CaseError(f"{where}: {problem}" if where else str(problem)) from problem
 
 
 def joint_stiffness(pairs: ContactPairs) -> np.ndarray:

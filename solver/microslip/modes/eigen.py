@@ -13,6 +13,7 @@ from ..parallel.errors import CaseError, ConvergenceError
 from .dense import dense_modes
 from .inertia import count_below, find_gap
 from .krylov_schur import slepc_modes
+from .limits import SHARE
 from .rayleigh import orthonormalised, sharpened
 
 RESIDUAL_LIMIT = 1e-5           # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
@@ -69,13 +70,33 @@ def lowest_modes(linearised, n_modes: int, verify: bool = True, fewer_will_do: b
     return Modes(np.sqrt(eigenvalues), np.asfortranarray(phi_owned), info)
 
 
+def first_of(modes: Modes, n_modes: int) -> Modes:
+    """Return the first ``n_modes`` of some modes, the others' memory freed with them.  Local."""
+    return Modes(modes.omega_n[:n_modes].copy(), modes.phi_owned[:, :n_modes].copy(order="F"), modes.info)
+
+
+def is_complete(linearised, modes: Modes, n_modes: int) -> bool:
+    """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: one factorisation, if any."""
+    if "restarts" not in modes.info or modes.info["complete"]:
+        return True                                         # all of the spectrum
+    n_below, sigma = find_gap(modes.omega_n**2, n_modes)
+    is_proved = count_below(linearised.K_L, linearised.M, sigma) == n_below
+    if is_proved:
+        modes.info["proof"] = _proof(n_below, sigma)
+    return is_proved
+
+
+def _proof(n_below: int, sigma: float) -> str:
+    return f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz"
+
+
 def _solve(linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return at least ``n_modes`` (theta, phi) and how they were found, complete if ``verify``.  Collective.
 
     All there are, at least ``n_least``, where no more motions have mass.
     """
     n_dof = linearised.M.getSize()[0]
-    if n_dof <= _DENSE or 3 * n_modes > n_dof:
+    if n_dof <= _DENSE or SHARE * n_modes > n_dof:
         return dense_modes(linearised, n_modes, n_least)    # all of the spectrum: nothing can be missing
     n_wanted = n_modes + _GUARD * verify
     for _ in range(_MAX_TRIES):
@@ -88,7 +109,7 @@ def _solve(linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.nda
         n_below, sigma = find_gap(1.0 / theta, n_modes)
         missing = count_below(linearised.K_L, linearised.M, sigma) - n_below
         if missing == 0:
-            return theta, phi_owned, info | {"proof": f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz"}
+            return theta, phi_owned, info | {"proof": _proof(n_below, sigma)}
         n_wanted += max(missing, _GUARD)
     raise ConvergenceError(f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "
                            "found; ask for more [solver] modes")

@@ -33,8 +33,8 @@ class Selection(Protocol):
         energy : (n_pairs,) friction loss [J per cycle]
         """
 
-    def unknowns(self, n_selected: int, n_modes: int, N_H: int) -> int:
-        """Return the number of unknowns of the reduced model with ``n_selected`` pairs in B."""
+    def unknowns(self, selected: np.ndarray, moves: np.ndarray, n_modes: int, N_H: int) -> int:
+        """Return the size of the reduced model at a point, with ``selected`` pairs in B and p not zero in those that move."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,8 @@ class NonStickingPairs:
     def update(self, moves: np.ndarray, state: np.ndarray, energy: np.ndarray) -> np.ndarray:
         return moves
 
-    def unknowns(self, n_selected: int, n_modes: int, N_H: int) -> int:
-        return (n_modes + 3 * n_selected) * N_H
+    def unknowns(self, selected: np.ndarray, moves: np.ndarray, n_modes: int, N_H: int) -> int:
+        return (n_modes + 3 * int(selected.sum())) * N_H
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,11 @@ class DissipatingPairs(NonStickingPairs):
 
 @dataclass(frozen=True)
 class AllPairs:
-    """`receptance`: no pair is ever dropped; the unknowns are the harmonics of du."""
+    """`receptance`: no pair is ever dropped.
+
+    The unknowns are the harmonics of ``du``.  Of the pairs with p = 0 they follow from those of the others, du = du_lin - G p,
+    without an equation to solve: only the others couple, and only they count.
+    """
 
     checks_in_point: bool = False
 
@@ -75,5 +79,5 @@ class AllPairs:
     def update(self, moves: np.ndarray, state: np.ndarray, energy: np.ndarray) -> np.ndarray:
         return np.ones(len(moves), dtype=bool)
 
-    def unknowns(self, n_selected: int, n_modes: int, N_H: int) -> int:
-        return 3 * n_selected * N_H
+    def unknowns(self, selected: np.ndarray, moves: np.ndarray, n_modes: int, N_H: int) -> int:
+        return 3 * int(moves.sum()) * N_H

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..parallel.words import nearest
-from .schema import DEFAULT_MODES, Scene
+from .schema import Scene
 
 
 def contradictions(scene: Scene) -> list[str]:
@@ -102,8 +102,8 @@ def _harmonics(scene: Scene) -> list[str]:
 
 def _mode(scene: Scene) -> list[str]:
     """A range around a mode that is not computed."""
-    mode, modes = scene.response.mode, scene.solver.modes or DEFAULT_MODES
-    return [f"[response] mode = {mode}: only [solver] modes = {modes} are computed"] if mode and mode > modes else []
+    mode, modes = scene.response.mode, scene.solver.modes
+    return [f"[response] mode = {mode}: only [solver] modes = {modes} are computed"] if mode and modes and mode > modes else []
 
 
 def missing_files(scene: Scene) -> list[str]:

@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, 
 
 HIGHEST_FREQUENCY = 1e9         # Hz: beyond it a frequency is a slip of the pen
 LARGEST_NUMBER = 2**62          # of nodes and DOFs
-DEFAULT_MODES = 20              # fewer where the structure has fewer
+DEFAULT_ACCURACY = 1e-3
 
 Method = Literal[
     "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"
@@ -256,7 +256,10 @@ class Response(Table):
 class Solver(Table):
     """[solver]: the method and its accuracy."""
 
-    method: Method = Field("adaptive", description="a method's name")
+    method: Method = Field("receptance", description="a method's name")
+    accuracy: float | None = Field(
+        None, gt=0, lt=1, description="the accuracy that decides on the number of modes, a number above 0 and below 1"
+    )
     modes: int | None = Field(None, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
     harmonics: int = Field(3, ge=0, le=10_000, description="the highest harmonic, a whole number of at least 0")
     samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")

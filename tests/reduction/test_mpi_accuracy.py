@@ -1,0 +1,155 @@
+"""`accuracy`: the bound of what the modes left out change, and the modes picked by it."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from matrix_scenes import asked, branches_of, write_matrix_scene
+from mpi4py import MPI
+
+from microslip.linear.joint_springs import linearise
+from microslip.modes.eigen import lowest_modes
+from microslip.modes.limits import most_modes, refuse_too_many
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError
+from microslip.parallel.log import RunLog
+from microslip.reduction import choose_modes, receptance
+from microslip.reduction.left_out import gains, left_out, residual_norms, slipping_share
+from microslip.run import build_structure, from_matrices
+from microslip.scene.read import read_scene
+
+comm = MPI.COMM_WORLD
+
+
+def chain(n, damping=None):
+    """Return n unit masses in a row on springs of 1e6 N/m, with a slider at its end and three along it."""
+    K = sp.diags([np.r_[np.full(n - 1, 2.0), 1.0], -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1], format="csc") * 1e6
+    end, dofs = n - 1, -np.ones((4, 6), dtype=int)
+    dofs[:, 0], dofs[1, 3], dofs[3, 3] = [end, n // 2, 3 * n // 4, n // 4], n // 2 + 1, n // 4 + 1
+    load = np.zeros(n)
+    load[end] = 1.0
+    system = {"K": K, "M": sp.identity(n, format="csc"), "pair_dofs": dofs, "mu": np.full(4, 0.3), "k_n": np.full(4, 1e6),
+              "N0": np.array([20.0, 400.0, 10.0, 400.0]), "k_t": np.array([2e3, 1e6, 1e3, 1e6]) * 200 / n,
+              "separate": np.zeros(4, dtype=bool), "loads": [{"vector": load, "harmonic": 1}]}  # fmt: skip
+    if damping is None:
+        return system | {"zeta": 0.01}
+    C = (damping * K).tolil()
+    C[n // 2, n // 2] += 3.0
+    return system | {"C": C.tocsc()}
+
+
+def written(folder, system, **solver):
+    """Write a scene around the first mode of a chain.  Collective: rank 0 writes."""
+    n = system["K"].shape[0]
+    omega = 2e3 * np.sin(np.pi / (4 * n + 2))
+    keys = {"outputs": [n - 1, n // 3], "points": 30, "harmonics": 3, **solver}
+    sweep = {"levels": [0.5, 4.0, 12.0], "frequencies": [0.9 * omega, 1.15 * omega]}
+    at = list(np.linspace(0.95, 1.12, 8) * omega)
+    on_root(comm, lambda: write_matrix_scene(folder, system | {"M": system["M"].tocsc()}, at=at, **sweep, **keys), share=False)
+    return folder / "scene.toml"
+
+
+def structure_of(path):
+    lines = []
+    log = RunLog(comm, screen=False)
+    log.note = lines.append
+    return build_structure(read_scene(path), comm, log), lines[-1]
+
+
+def all_modes(path):
+    """Return scene, pairs, stuck structure and all of its modes."""
+    scene = read_scene(path)
+    _, system, pairs = from_matrices(scene, comm, RunLog(comm, screen=False))
+    linearised = linearise(system, pairs)
+    return scene, pairs, linearised, lowest_modes(linearised, system.n_dof)
+
+
+def test_gains_cover_every_mode_left_out():
+    class Model:
+        omega_n = np.array([10.0, 12.0, 30.0, 31.0, 80.0])
+        zeta = np.array([0.01, 0.2, 0.01, 0.3, 0.05])
+        C, N_H = 2.0 * zeta * omega_n, 3
+    for omega in np.linspace(0.1, 60.0, 400):
+        c = np.abs(receptance.dynamic_part(Model, omega)[0][:, 1]) * Model.omega_n**2
+        exact = np.array([c[m:].max() for m in range(1, 5)])
+        assert np.all(gains(Model, omega)[:4] >= (1.0 - 1e-12) * exact)
+
+
+def test_residual_norms_are_sums_over_the_modes_left_out(shared_path):
+    _, _, linearised, modes = all_modes(written(shared_path, chain(40)))
+    x = np.random.default_rng(1).standard_normal((40, 2)) @ np.array([[1.0, 0.3j, 1.0], [0.5j, 1.0, 0.0]])
+    first, last = linearised.M.getOwnershipRange()
+    phi = np.concatenate(comm.allgather(modes.phi_owned))
+    share = np.abs(phi.T @ x / modes.omega_n[:, None]) ** 2
+    exact = [share[m:].sum(axis=0) for m in range(1, 41)]
+    found = residual_norms(linearised, modes, x[first:last]) ** 2
+    np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12 * share.sum())
+    linearised.destroy()
+
+
+@pytest.mark.parametrize("n, damping, asked_for", [(60, None, (1e-1, 1e-3, 1e-4)), (40, 1e-4, (1e-1, 1e-2))], ids=["modal", "full"])
+def test_the_true_error_stays_within_what_was_asked(shared_path, n, damping, asked_for):
+    def curves(**solver):
+        path = written(shared_path, chain(n, damping), points=15, **solver)
+        return comm.bcast(np.array([[point.response for point in asked(branch)] for branch in branches_of(path, comm)]))
+
+    reference = curves(modes=n)
+    peak = np.abs(reference).max(axis=(1, 3))[:, None, :, None]         # below the linear peak
+    found = []
+    for accuracy in asked_for:
+        structure, line = structure_of(written(shared_path, chain(n, damping), accuracy=accuracy))
+        structure.linearised.destroy()
+        found.append(len(structure.modes.omega_n))
+        assert line.startswith(f"modes: {found[-1]}, picked for accuracy {accuracy:g}: those left out, from ")
+        assert (np.abs(curves(modes=found[-1]) - reference) / peak).max() <= accuracy
+    assert sorted(set(found)) == found and found[-1] < n
+
+
+def test_batches_grow_until_the_bound_is_met_and_nothing_is_missing(shared_path):
+    """450 DOFs: SLEPc finds 16, 32, ... modes, and a count proves those kept."""
+    structure, line = structure_of(written(shared_path, chain(450), accuracy=1e-5))
+    n_modes = len(structure.modes.omega_n)
+    assert 16 < n_modes < 64 and "restarts" in structure.modes.info and "modes below" in structure.modes.info["proof"]
+    structure.linearised.destroy()
+    scene, pairs, linearised, modes = all_modes(written(shared_path, chain(450)))
+    bound = left_out(linearised, modes, pairs, scene).total
+    assert int(np.argmax(bound <= 1e-5)) + 1 == n_modes                 # the same from all modes
+    linearised.destroy()
+    stated, line = structure_of(written(shared_path, chain(450), accuracy=1e-5, modes=7))
+    assert len(stated.modes.omega_n) == 7 and line == "modes: 7, as [solver] modes says"
+    stated.linearised.destroy()
+
+
+def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
+    monkeypatch.setattr(choose_modes, "_MOST", 32)
+    with pytest.raises(CaseError, match=r"scene.toml: \[solver\] accuracy = 1e-06: 31 modes reach about .*, or state modes"):
+        structure_of(written(shared_path, chain(450), accuracy=1e-6))
+    monkeypatch.setattr(choose_modes, "DEFAULT_ACCURACY", 1e-6)
+    structure, line = structure_of(written(shared_path, chain(450)))
+    assert len(structure.modes.omega_n) == 31 and "which misses the default accuracy 1e-06" in line
+    structure.linearised.destroy()
+
+
+def test_a_small_structure_keeps_all_of_its_modes(shared_path):
+    structure, line = structure_of(written(shared_path, chain(20)))
+    assert len(structure.modes.omega_n) == 20 and line == "modes: all 20 there are"
+    structure.linearised.destroy()
+
+
+def test_share_of_the_force_that_slip_can_take_away():
+    class Pairs:
+        k_t, k_n, mu, N0 = np.full(5, 2.0), np.full(5, 4.0), np.full(5, 0.5), np.array([10.0, 10.0, 10.0, -1.0, 0.0])
+    U = np.zeros((5, 3))
+    U[:, 0] = [1.0, 5.0, 5.0, 5.0, 0.0]     # half a limit of 2.5 N: below it, four times it, with less normal force, open, at rest
+    U[2, 2], U[3, 2] = 2.0, 1.0
+    expected = [[0, 0, 0], [0.75, 0.75, 0], [0.95, 0.95, 0.375], [1, 1, 1], [0, 0, 0]]
+    np.testing.assert_allclose(slipping_share(Pairs, U.ravel()).reshape(5, 3), expected)
+
+
+def test_too_many_modes_are_refused_with_file_and_key():
+    for n_modes, n_dof in ((None, 5), (5, 5), (4000, 4000), (1333, 4001)):
+        refuse_too_many(n_modes, n_dof, "fan.toml")
+    assert [most_modes(n) for n in (7, 4000, 4001, 30_000)] == [7, 4000, 1333, 10_000]
+    with pytest.raises(CaseError, match=r"fan.toml: \[solver\] modes = 8: the structure has only 7 degrees of freedom"):
+        refuse_too_many(8, 7, "fan.toml")
+    with pytest.raises(CaseError, match=r"fan.toml: \[solver\] modes = 10001: more than a third of the 30000.*at most 10000"):
+        refuse_too_many(10_001, 30_000, "fan.toml")
