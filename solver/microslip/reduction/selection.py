@@ -65,9 +65,14 @@ class DissipatingPairs(NonStickingPairs):
 
 @dataclass(frozen=True)
 class AllPairs:
-    """`receptance`: no pair is ever dropped; the unknowns are the harmonics of du."""
+    """No pair is ever dropped.
+
+    The unknowns are the harmonics of du, or of the reduced model's ``coordinates``, if it has its own; these are condensed
+    exactly to du before anything is solved.
+    """
 
     checks_in_point: bool = False
+    coordinates: int | None = None
 
     def first(self, n_pairs: int) -> np.ndarray:
         return np.ones(n_pairs, dtype=bool)
@@ -76,4 +81,4 @@ class AllPairs:
         return np.ones(len(moves), dtype=bool)
 
     def unknowns(self, n_selected: int, n_modes: int, N_H: int) -> int:
-        return 3 * n_selected * N_H
+        return (3 * n_selected if self.coordinates is None else self.coordinates) * N_H

@@ -1,0 +1,12 @@
+"""`adaptive`: Algorithm 1 of Yuan et al. (2020), with the pairs that did not stick in the last solution."""
+
+from __future__ import annotations
+
+from ..internal_variable import reduce_to_pairs
+from ..reduction import Reduction
+from ..selection import NonStickingPairs
+
+
+def reduce(linearised, modes, pairs, scene) -> Reduction:
+    """Return the reduction.  Collective."""
+    return reduce_to_pairs(linearised, modes, scene, NonStickingPairs(scene.solver.in_point_check))
