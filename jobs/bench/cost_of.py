@@ -26,7 +26,7 @@ from stopwatch import Stopwatch
 from synthetic import frequencies, joint_model, joint_problem
 
 from microslip.contact.law import STICK
-from microslip.continuation import corrector, follow
+from microslip.continuation import corrector, follow, newton
 from microslip.continuation.grid import at_frequencies
 from microslip.harmonic import preconditioner, residual
 from microslip.reduction.columns import StaticColumns
@@ -38,12 +38,15 @@ GROUPS = [
     (residual.HarmonicBalance, "contact_forces", "choosing pairs, gathering p"),
     (residual.ReceptanceColumns, "__init__", "columns of G: picking"),
     (StaticColumns, "require", "columns of G: static solves"),
-    (residual.ReceptanceColumns, "apply", "G p"),
+    (residual.ReceptanceColumns, "apply", "G p: residuals, steps"),
+    (residual.ActiveColumns, "__init__", "columns of G: in single precision"),
+    (residual.ActiveColumns, "apply", "G p"),
     (residual.HarmonicBalance, "linear_motion", "linear motion"),
-    (corrector.Gatherer, "__call__", "gathers of Krylov products"),
-    (corrector.Corrector, "apply_jacobian", "Krylov products, besides G p"),
-    (corrector.Corrector, "apply_preconditioner", "preconditioner: applying"),
+    (newton.Gatherer, "__call__", "gathers of Krylov products"),
+    (newton.NewtonStep, "multiply", "Krylov products, besides G p"),
+    (newton.NewtonStep, "precondition", "preconditioner: applying"),
     (preconditioner.HarmonicPreconditioner, "__init__", "preconditioner: factoring"),
+    (newton.NewtonStep, "solve", "Newton step, besides"),
     (corrector.Corrector, "_residual", "residual, besides"),
     (corrector.Corrector, "_linearise", "Jacobian, besides"),
     (corrector.Corrector, "correct", "PETSc: GMRES, SNES, calls"),

@@ -116,9 +116,9 @@ def of_growth(found: list[dict]) -> list[str]:
 
 
 def work_of_G(r: dict) -> tuple[float, float]:
-    """Return operations and bytes of a rank's static product G p: all own rows, columns of the pairs that do not stick."""
-    entries = 9.0 * r["n_pairs"] * r["not_sticking"] / r["ranks"]
-    return 2.0 * entries * (2 * r["H"] + 1), 8.0 * entries
+    """Return operations and bytes of a rank's static product G p in GMRES: between pairs that do not stick, single precision."""
+    entries = 9.0 * r["not_sticking"] ** 2 / r["ranks"]
+    return 2.0 * entries * (2 * r["H"] + 1), 4.0 * entries
 
 
 AXES = {"pairs": ("n_pairs", "pairs, 30 % slip, H = 3"), "share": ("share", "share of slipping pairs, 200 pairs, H = 3"),

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from matrix_scenes import write_matrix_scene
@@ -40,3 +41,20 @@ def test_two_ranks_say_once_what_is_wrong(tmp_path):
         done = microslip(command, "scene.toml", ranks=2, cwd=tmp_path)
         assert done.returncode == 2 and "Traceback" not in done.stderr
         assert done.stderr.count("M.mtx: [model] mass is 2 x 2, but the stiffness 3 x 3") == 1
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_level_that_newton_cannot_finish_keeps_all_that_converged(tmp_path, ranks):
+    write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02, 0.4], (1.0, 1.6), outputs=[0], points=12)
+    done = microslip("run", "scene.toml", "--out", "out", "--", "-hb_snes_max_it", "1", ranks=ranks, cwd=tmp_path)
+    assert done.returncode == 3 and "Traceback" not in done.stderr
+    assert done.stderr.count("microslip: error: ") == 1
+    assert "level 0.4 N ends after" in done.stderr and "Hz" in done.stderr and "what converged is in out" in done.stderr
+    assert (tmp_path / "out" / "response.png").exists()
+    levels, frequencies = np.loadtxt(tmp_path / "out" / "frf.csv", delimiter=",", skiprows=1, usecols=(0, 2)).T
+    assert frequencies[levels == 0.02].max() == pytest.approx(1.6 / (2 * np.pi))        # the level that is stuck is whole
+    assert frequencies.max() <= frequencies[levels == 0.02].max()
+    with h5py.File(tmp_path / "out" / "results.h5") as file:
+        assert len(file["levels/0000/response"]) == np.count_nonzero(levels == 0.02)
+        assert len(file["levels/0001/response"]) == np.count_nonzero(levels == 0.4)
+        assert "no convergence beyond" in file["levels/0001"].attrs["failure"]

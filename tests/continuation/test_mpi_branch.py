@@ -7,6 +7,7 @@ import pytest
 from dense_model import amplitude, branch, reduced
 from mpi4py import MPI
 from oracles import harmonic_balance, scenes
+from petsc4py import PETSc
 
 from microslip.continuation.corrector import ConstraintRow, Corrector, Iterate, Scaling
 from microslip.harmonic.residual import HarmonicBalance
@@ -153,6 +154,31 @@ def test_jacobian_is_the_derivative_of_the_residual():
     corrector.destroy()
     size = COMM.allreduce(np.abs(product).max() if product.size else 0.0, op=MPI.MAX)
     assert (plus - minus) / (2 * h) == pytest.approx(product, abs=1e-6 * size)
+
+
+@pytest.mark.parametrize("level, option, tolerance", [(100.0, None, 2e-3), (100.0, "1e-10", 1e-8), (1.0, "1e-10", 1e-8)])
+def test_newton_step_solves_the_whole_system(level, option, tolerance):
+    model, parameters = reduced(scene("chain"), COMM, 3)
+    problem = HarmonicBalance(model, parameters, 128, level)
+    U, _ = problem.linear_motion(560.0)
+    everything, rng = np.ones(model.n_pairs, dtype=bool), np.random.default_rng(COMM.rank)
+    row, scaling = ConstraintRow(Iterate(U, 560.0), rng.standard_normal(U.shape), 0.7), Scaling(1e-4, 400.0)
+    here = Iterate(1.3 * U, 555.0)
+    options = PETSc.Options()
+    if option:
+        options["hb_ksp_rtol"] = option         # and with it double precision
+    corrector = Corrector(problem, 1e-9)
+    try:
+        step = corrector.newton_step(here, row, scaling, everything)
+        d_nu = COMM.bcast(step[-1], root=COMM.size - 1)
+        d_xi = step[: problem.n_owned * 3 * model.N_H].reshape(problem.shape)
+        found, r = (corrector.jacobian_times(here, row, scaling, everything, d_xi, d_nu),
+                    corrector.residual_at(here, row, scaling, everything))
+    finally:
+        options.delValue("hb_ksp_rtol")
+        corrector.destroy()
+    size, error = np.sqrt(COMM.allreduce(np.array([np.vdot(r, r), np.vdot(found - r, found - r)])))
+    assert error < tolerance * size
 
 
 def test_all_ranks_together_agree_with_one_alone():

@@ -80,8 +80,7 @@ at = [{frequency}]
 points = 2
 
 [solver]
-method = "adaptive"
-in_point_check = true
+method = "receptance"
 modes = 4
 harmonics = {harmonics}
 samples = {samples}

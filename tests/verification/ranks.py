@@ -61,8 +61,7 @@ at = {at}
 points = {points}
 
 [solver]
-method = "adaptive"
-in_point_check = true
+method = "receptance"
 modes = {modes}
 harmonics = 3
 samples = 128

@@ -12,7 +12,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from ..harmonic.preconditioner import HarmonicPreconditioner
-from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
+from ..harmonic.residual import HarmonicBalance
+from .newton import Gatherer, Linearisation, NewtonStep
 
 MANY_KRYLOV = 50        # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
 
@@ -57,36 +58,6 @@ class Correction:
     failure: str | None
 
 
-class Gatherer:
-    """Gathers the rows of all ranks in rank order and sums a few floats, in one call.  Sizes are agreed on once."""
-
-    def __init__(self, comm, n_owned: int, n_extras: int):
-        self.comm, self.n_extras = comm, n_extras
-        if comm.size > 1:
-            self.counts = np.array(comm.allgather(n_owned)) + n_extras
-            self.starts = np.concatenate([[0], np.cumsum(self.counts)])
-            self.buffer = np.empty(self.starts[-1])
-            self.rows = np.concatenate([np.arange(a + n_extras, b) for a, b in zip(self.starts, self.starts[1:])])
-            self.heads = self.starts[:-1, None] + np.arange(n_extras)
-
-    def __call__(self, owned: np.ndarray, extras: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """Return the rows of all ranks and the sums of the extras.  Collective."""
-        if self.comm.size == 1:
-            return owned, np.array(extras)
-        self.comm.Allgatherv(np.concatenate([extras, owned]), [self.buffer, self.counts])
-        return self.buffer[self.rows], self.buffer[self.heads].sum(axis=0)
-
-
-@dataclass(frozen=True)
-class Linearisation:
-    """What one Newton step holds fixed."""
-
-    forces: ContactForces
-    G: ReceptanceColumns
-    r_nu: np.ndarray            # (n_owned, 3, N_H) d r / d nu, scaled
-    gatherer: Gatherer
-
-
 class _ShellJacobian:
     """What PETSc calls for a product with the Jacobian."""
 
@@ -97,14 +68,14 @@ class _ShellJacobian:
         self.corrector.apply_jacobian(x, y)
 
 
-class _ShellPreconditioner:
-    """What PETSc calls to apply the preconditioner."""
+class _NewtonSolver:
+    """What SNES calls to solve a Newton system."""
 
     def __init__(self, corrector: Corrector):
         self.corrector = corrector
 
-    def apply(self, pc, x, y) -> None:
-        self.corrector.apply_preconditioner(x, y)
+    def solve(self, ksp, b, x) -> None:
+        self.corrector.solve_step(ksp, b, x)
 
 
 class Corrector:
@@ -115,7 +86,7 @@ class Corrector:
         self.last = self.comm.rank == self.comm.size - 1            # owns the row of the parameter
         self.n_U = int(np.prod(problem.shape))
         self.tolerance = tolerance
-        self._preconditioner: HarmonicPreconditioner | None = None
+        self._step = NewtonStep(problem)
         self._wants_preconditioner = False
         n_local = self.n_U + int(self.last)
         self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=self.comm)
@@ -130,17 +101,16 @@ class Corrector:
         snes.setJacobian(self._linearise, self._J)
         snes.setTolerances(rtol=0.0, atol=self.tolerance, stol=0.0, max_it=20)
         ksp = snes.getKSP()
-        ksp.setType(PETSc.KSP.Type.GMRES)
-        ksp.setGMRESRestart(100)
-        ksp.setTolerances(rtol=1e-3, atol=0.0, max_it=300)      # Newton makes up for it; fewer products in all
-        pc = ksp.getPC()
-        pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(_ShellPreconditioner(self))
+        ksp.setOptionsPrefix("hb_newton_")          # the options -hb_ksp_ are those of the GMRES inside
+        ksp.setType(PETSc.KSP.Type.PYTHON)
+        ksp.setPythonContext(_NewtonSolver(self))
+        ksp.getPC().setType(PETSc.PC.Type.NONE)
         snes.setFromOptions()
         return snes
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
+        self._step.destroy()
         for thing in (self._snes, self._J, self._x, self._r):
             thing.destroy()
 
@@ -150,7 +120,7 @@ class Corrector:
         self._pack(guess, self._x)
         self._snes.solve(None, self._x)
         reason = self._snes.getConvergedReason()
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE and self._preconditioner is None:
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE and self._step.preconditioner is None:
             self._wants_preconditioner = True
             self._pack(guess, self._x)
             self._snes.solve(None, self._x)
@@ -180,6 +150,13 @@ class Corrector:
         self._pack(Iterate(d_xi * scaling.U, d_nu * scaling.parameter), self._x)
         self._J.mult(self._x, self._r)
         return self._r.getArray().copy()
+
+    def newton_step(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of J^-1 r at ``iterate``, scaled.  Collective."""
+        r = self.residual_at(iterate, row, scaling, selected)
+        self._linearise(self._snes, self._x, self._J, self._J)
+        d_xi, d_nu, _, _ = self._step.solve(self._linear, r[: self.n_U].reshape(self.problem.shape), self._nu(r))
+        return np.append(d_xi, d_nu) if self.last else d_xi.ravel()
 
     def _weigh_preconditioner(self) -> None:
         """Ask for a (new) preconditioner at the next linearisation where GMRES needed many iterations a Newton step."""
@@ -234,29 +211,27 @@ class Corrector:
         _, dU_lin = self.problem.linear_motion(parameter)
         r_nu = (self.problem.force_derivative(G, forces.p) - dU_lin) * (self._scaling.parameter / self._scaling.U)
         gatherer = Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2)
-        self._linear = Linearisation(forces, G, r_nu, gatherer)
+        self._linear = Linearisation(forces, G, r_nu, self._row.n_U, self._row.n_nu, gatherer)
         if self._wants_preconditioner:
-            self._preconditioner = HarmonicPreconditioner(self.problem, forces, G)
+            self._step.preconditioner = HarmonicPreconditioner(self.problem, forces, G)
             self._wants_preconditioner = False
         J.assemble()
 
-    def apply_preconditioner(self, x, y) -> None:
-        """Apply the preconditioner, the identity in micro-slip.  Collective."""
-        values, out = x.getArray(readonly=True), y.getArray()
-        out[:] = values
-        if self._preconditioner is not None:
-            d_xi = values[: self.n_U].reshape(self.problem.shape)
-            out[: self.n_U] = self._preconditioner.apply(d_xi).ravel()
+    def solve_step(self, ksp, b, x) -> None:
+        """Solve a Newton system.  Collective."""
+        values, out = b.getArray(readonly=True), x.getArray()
+        b_U, b_nu = values[: self.n_U].reshape(self.problem.shape), self._nu(values)
+        d_xi, d_nu, iterations, reason = self._step.solve(self._linear, b_U, b_nu)
+        out[: self.n_U] = d_xi.ravel()
+        if self.last:
+            out[self.n_U] = d_nu
+        ksp.setIterationNumber(iterations)
+        ksp.setConvergedReason(reason)
 
     def apply_jacobian(self, x, y) -> None:
         """Apply [I + G P, dr/dnu; n_U, n_nu] in scaled unknowns.  Collective: one gather."""
-        values, at, N_H = x.getArray(readonly=True), self._linear, self.problem.model.N_H
-        d_xi = values[: self.n_U].reshape(self.problem.shape)
-        m = len(at.forces.active_owned)
-        assert at.forces.P is not None, "made of a linearisation"
-        dp = np.matmul(at.forces.P, d_xi[at.forces.active_owned].reshape(m, 3 * N_H, 1))
-        dp_all, (plane_U, d_nu) = at.gatherer(dp.ravel(), (float(np.vdot(self._row.n_U, d_xi)), self._nu(values)))
-        out = y.getArray()
-        out[: self.n_U] = (d_xi + at.G.apply(dp_all.reshape(-1, N_H)) + d_nu * at.r_nu).ravel()
+        values, out = x.getArray(readonly=True), y.getArray()
+        rows, of_row = self._linear.product(values[: self.n_U].reshape(self.problem.shape), self._nu(values))
+        out[: self.n_U] = rows.ravel()
         if self.last:
-            out[self.n_U] = plane_U + self._row.n_nu * d_nu
+            out[self.n_U] = of_row

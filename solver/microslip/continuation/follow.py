@@ -20,6 +20,7 @@ from .steps import ArcLength
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
 MOST_APPROACH_STEPS = 400
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
+FARTHEST = 4.0          # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
 
@@ -65,6 +66,11 @@ def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
     """Return the point of the chord from ``a`` to ``b`` at a value of the parameter.  Local."""
     share = (parameter - a.parameter) / (b.parameter - a.parameter)
     return Iterate(a.U + share * (b.U - a.U), parameter)
+
+
+def vibration(U: np.ndarray) -> np.ndarray:
+    """Return the harmonics above the mean."""
+    return U[..., 1:]
 
 
 class BranchFollower:
@@ -113,7 +119,12 @@ class BranchFollower:
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
 
     def length(self, d_xi: np.ndarray, d_nu: float) -> float:
-        return float(np.hypot(self.norm(d_xi), d_nu))
+        """Return the length of a step.
+
+        The mean does not count: it drifts with the slip in which sliders settle, and turns sharply where that ends, while the
+        branch goes straight on.
+        """
+        return float(np.hypot(self.norm(vibration(d_xi)), d_nu))
 
     # -- the first two points ----------------------------------------------------------------------------------
 
@@ -153,7 +164,7 @@ class BranchFollower:
     def linear_step(self, now: State, ds: float) -> float:
         """Return the change of the parameter that makes a step ``ds`` along the linear curve."""
         _, dU = self.problem.linear_motion(now.iterate.parameter)
-        slope = self.norm(dU) / now.size if now.size > 0.0 else 0.0
+        slope = self.norm(vibration(dU)) / now.size if now.size > 0.0 else 0.0
         return ds / float(np.hypot(slope, 1.0 / self.sweep.scale))
 
     # -- a step ------------------------------------------------------------------------------------------------
@@ -177,7 +188,9 @@ class BranchFollower:
             U += share * (d_U / length - e_U / e_length)
             parameter += share * (d_parameter / length - e_parameter / e_length)
         guess = Iterate(U, parameter)
-        return guess, ConstraintRow(guess, d_U / (now.size * length), d_parameter / (self.sweep.scale * length))
+        normal = d_U / (now.size * length)
+        normal[..., 0] = 0.0
+        return guess, ConstraintRow(guess, normal, d_parameter / (self.sweep.scale * length))
 
     def difference(self, a: State, b: State, size: float) -> tuple[np.ndarray, float, float]:
         """Return the step from a to b: its motion, its parameter and its length in the norm about ``size``."""
@@ -190,7 +203,7 @@ class BranchFollower:
         a_xi, b_xi = (now.U - before.U) / size, (after.U - now.U) / size
         a_nu = (now.parameter - before.parameter) / self.sweep.scale
         b_nu = (after.parameter - now.parameter) / self.sweep.scale
-        dot = self.comm.allreduce(float(np.vdot(a_xi, b_xi))) + a_nu * b_nu
+        dot = self.comm.allreduce(float(np.vdot(vibration(a_xi), vibration(b_xi)))) + a_nu * b_nu
         cosine = dot / max(self.length(a_xi, a_nu) * self.length(b_xi, b_nu), 1e-300)
         return float(np.arccos(min(max(cosine, -1.0), 1.0)))
 
@@ -199,7 +212,7 @@ class BranchFollower:
         while True:
             guess, row = self.predict(earlier, before, now, ds)
             found, selected = self.solve(guess, row, now.size, now.selected)
-            if found.failure is None and not self.turned_back(before, now, found, ds):
+            if found.failure is None and not self.left(before, now, found, ds):
                 return found, selected, ds
             ds /= 2.0
             if ds < self.steps.ds_min:
@@ -219,10 +232,10 @@ class BranchFollower:
                 return found, selected
         raise ConvergenceError(self.message(now.iterate.parameter, failed))
 
-    def turned_back(self, before: State, now: State, found: Correction, ds: float) -> bool:
-        """Tell whether a step fell back on the branch or jumped off it: a turn of more than 90 degrees, but at a corner."""
+    def left(self, before: State, now: State, found: Correction, ds: float) -> bool:
+        """Tell whether a step fell back on the branch or jumped off it: it turned by more than 90 degrees, or is far too long."""
         turn = self.turn(before.iterate, now.iterate, found.iterate, now.size)
-        return turn > 0.5 * np.pi and ds > 8.0 * self.steps.ds_min
+        return turn > 0.5 * np.pi or self.distance(now, found.iterate) > FARTHEST * ds
 
     def message(self, parameter: float, found: Correction) -> str:
         return (

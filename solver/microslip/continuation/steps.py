@@ -2,10 +2,10 @@
 
 The norm of a step from (U, omega) is relative (docs/theory.md, section 7),
 
-    ds^2 = |Delta U|^2 / |U|^2 + (Delta omega / omega_scale)^2,
+    ds^2 = |Delta U'|^2 / |U|^2 + (Delta omega / omega_scale)^2,
 
-so that equal steps are equal turns of phase and equal ratios of amplitude: a resonance is resolved alike at every level,
-whatever its height, and a straight flank costs few points.
+with U' the harmonics above the mean: equal steps are equal turns of phase and equal ratios of amplitude, a resonance is
+resolved alike at every level, whatever its height, and a straight flank costs few points.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.law import ContactParameters
+from ..linear.dense import summed
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
 from .aft import contact_harmonics
@@ -64,6 +65,10 @@ class HarmonicBalance:
     def gather(self, owned: np.ndarray) -> np.ndarray:
         """Concatenate the rows of all ranks in rank order.  Collective on ``comm``."""
         return owned if self.comm.size == 1 else np.concatenate(self.comm.allgather(owned))
+
+    def gather_sum(self, partial: np.ndarray) -> np.ndarray:
+        """Return the sum over the ranks.  Collective on ``comm``."""
+        return partial if self.comm.size == 1 else summed(self.comm, partial)
 
     def full_force(self, forces: ContactForces) -> np.ndarray:
         """Return p of all pairs, (3 n_pairs, N_H) [N], zero where they stick.  Local."""
@@ -150,6 +155,36 @@ class ReceptanceColumns:
         dynamic = self.r_owned @ receptance.modal(self.c, self.r_active.T @ p)
         return ((p.T @ self.G_static).T + dynamic).reshape(self.shape)
 
+    def apply_transposed(self, x: np.ndarray) -> np.ndarray:
+        """Return this rank's part of G^T x for x (n_owned, 3, N_H), (3 n_active, N_H).  Local; to be summed over the ranks."""
+        rows = x.reshape(-1, x.shape[-1])
+        adjoint = self.c.conj() if self.c.ndim == 2 else self.c.conj().swapaxes(1, 2)
+        return self.G_static @ rows + self.r_active @ receptance.modal(adjoint, self.r_owned.T @ rows)
+
     def apply_derivative(self, p: np.ndarray) -> np.ndarray:
         """Return (dG / d omega) p on this rank's pairs, (n_owned, 3, N_H) [m s].  Local."""
         return (self.r_owned @ receptance.modal(self.dc, self.r_active.T @ p)).reshape(self.shape)
+
+
+class ActiveColumns:
+    """Columns and rows of G_n(omega) of pairs that do not stick, in one array and of a precision to choose.
+
+    Forces come in units of 1 / ``unit`` [N], the same on all ranks, so that single precision neither overflows nor vanishes,
+    whatever the units of the scene.  Collective on ``comm``.
+    """
+
+    def __init__(self, comm, G: ReceptanceColumns, owned: np.ndarray, precision: type):
+        self.precision, rows = precision, (3 * owned[:, None] + np.arange(3)).ravel()
+        self.unit = max(comm.allgather(float(np.abs(G.G_static).max(initial=0.0)))) or 1.0          # m/N
+        self.r_unit = float(np.abs(G.r_active).max(initial=0.0)) or 1.0
+        self.n_rows = len(rows)
+        self.columns: np.ndarray = np.empty((len(G.r_active), len(rows) + G.r_active.shape[1]), dtype=precision)
+        self.columns[:, : self.n_rows] = G.G_static[:, rows] / self.unit
+        self.columns[:, self.n_rows:] = G.r_active / self.r_unit
+        self.r_rows = G.r_owned[rows] * (self.r_unit / self.unit)
+        self.c = G.c
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
+        product = (p.T.astype(self.precision, copy=False) @ self.columns).T
+        return product[: self.n_rows] + self.r_rows @ receptance.modal(self.c, product[self.n_rows:].astype(float))

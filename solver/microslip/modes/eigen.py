@@ -13,7 +13,7 @@ from ..parallel.errors import CaseError, ConvergenceError
 from .dense import dense_modes
 from .inertia import count_below, find_gap
 from .krylov_schur import slepc_modes
-from .rayleigh import sharpened
+from .rayleigh import orthonormalised, sharpened
 
 RESIDUAL_LIMIT = 1e-5           # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
 _ROUNDING = 1e-13               # the same beside |diag(K_L) phi|, where rounding of K_L phi explains it
@@ -60,7 +60,7 @@ def lowest_modes(linearised, n_modes: int, verify: bool = True, fewer_will_do: b
         raise CaseError(f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; "
                         f"ask for 1 to {n_dof} modes")
     theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify)
-    phi_owned = phi_owned[:, :n_modes]
+    phi_owned = orthonormalised(linearised, phi_owned[:, :n_modes])
     eigenvalues = sharpened(linearised, 1.0 / theta[:n_modes], phi_owned)
     order = np.argsort(eigenvalues)
     eigenvalues, phi_owned = eigenvalues[order], phi_owned[:, order] * _signs(linearised, phi_owned[:, order])

@@ -8,12 +8,23 @@ number of ranks.  The vector is good enough: its error enters squared.
 from __future__ import annotations
 
 import numpy as np
+import scipy.linalg
 from petsc4py import PETSc
 
-from ..linear.dense import summed
+from ..linear.dense import gram, multiply, summed
 
 _NOISE = 1e-11                  # of omega_n^2, expected from rounding, that is let pass
 _CHUNK = 2_000_000              # matrix entries multiplied at a time
+
+
+def orthonormalised(linearised, phi_owned: np.ndarray) -> np.ndarray:
+    """Return the modes with phi^T M phi = I to rounding, (n_owned, n): an eigensolver leaves as much as it iterated with.
+
+    Collective: one product and one sum.  Gram and Schmidt in rising order, by the Cholesky factor.
+    """
+    overlap = gram(linearised.system.comm, phi_owned, multiply(linearised.M, phi_owned))
+    factor = scipy.linalg.cholesky(0.5 * (overlap + overlap.T))
+    return scipy.linalg.solve_triangular(factor, phi_owned.T, trans="T").T
 
 
 def sharpened(linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:

@@ -27,6 +27,7 @@ class StaticColumns:
         self.known = np.zeros(n_pairs, dtype=bool)
         self.likely = np.empty(0, dtype=int)
         self.batches = 0
+        self._last: tuple[np.ndarray, np.ndarray] | None = None         # pairs asked for last, and their columns
 
     def require(self, pairs: np.ndarray) -> None:
         """Solve for the columns of ``pairs`` (m,) that are not known yet.  Collective; the same pairs on every rank."""
@@ -40,11 +41,16 @@ class StaticColumns:
         self.batches += 1
 
     def transposed(self, pairs: np.ndarray) -> np.ndarray:
-        """Return the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N].  Collective where some are new."""
+        """Return the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N]; the same array while the pairs stay the same.
+
+        Collective where some are new.
+        """
         self.require(pairs)
         if len(pairs) == len(self.known) and np.array_equal(pairs, np.arange(len(pairs))):
             return self._columns
-        return self._columns[_rows(pairs)]
+        if self._last is None or not np.array_equal(self._last[0], pairs):
+            self._last = pairs, self._columns[_rows(pairs)]
+        return self._last[1]
 
 
 def _rows(pairs: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from .columns import StaticColumns
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ReducedModel:
     """Modes of (K_L, M) and static residuals, seen from pairs, loads and outputs (docs/theory.md, section 4).
 

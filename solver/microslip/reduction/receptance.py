@@ -12,13 +12,16 @@ Harmonic coefficients are real, [mean, cos 1, sin 1, ...]; the complex amplitude
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from .model import ReducedModel
 
 
+@lru_cache(maxsize=4)
 def dynamic_part(model: ReducedModel, omega: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return c_n and d c_n / d omega [s2], [s3], complex.  Local.
+    """Return c_n and d c_n / d omega [s2], [s3], complex.  Local; kept for the last few frequencies: do not write into them.
 
     Shape (n_phi, H + 1) with modal damping, (H + 1, n_phi, n_phi) with a full damping matrix.
     """
@@ -59,8 +62,13 @@ def to_real(amplitudes: np.ndarray) -> np.ndarray:
 
 def modal(c: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return the real coefficients of c_n q_n for modal forces q, real coefficients (n_phi, N_H).  Local."""
-    q_n = to_complex(q)
-    return to_real(c * q_n if c.ndim == 2 else np.einsum("hij,jh->ih", c, q_n))
+    if c.ndim == 3:
+        return to_real(np.einsum("hij,jh->ih", c, to_complex(q)))
+    y, real, imag, cos, sin = np.empty_like(q), c.real[:, 1:], c.imag[:, 1:], q[:, 1::2], q[:, 2::2]
+    y[:, 0] = c.real[:, 0] * q[:, 0]
+    y[:, 1::2] = real * cos + imag * sin            # amplitudes are cos - i sin
+    y[:, 2::2] = real * sin - imag * cos
+    return y
 
 
 def linear_motion_of_all(model: ReducedModel, level: float, omega: float) -> np.ndarray:

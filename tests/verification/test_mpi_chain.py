@@ -1,0 +1,20 @@
+"""One rank against all of them on whole scenes; tests/verification/ranks.py prints the numbers."""
+
+import pytest
+from mpi4py import MPI
+from verification import ranks
+
+COMM = MPI.COMM_WORLD
+
+
+# with three ranks, one owns none of the 36 rows of "two hex8"
+@pytest.mark.parametrize("name", ["two hex8", "lap joint of tet4"])
+def test_ranks_together_agree_with_one_alone(name, shared_path):
+    if COMM.rank == 0:
+        ranks.write_case(shared_path, ranks.CASES[name])
+    COMM.barrier()
+    found = ranks.difference(shared_path / "case.toml", COMM)
+    assert found.frequencies < 1e-9
+    assert found.response < 1e-6
+    assert found.closure < 1e-6
+    assert found.states == [0, 1]       # some pairs slip: not only a linear curve was compared
