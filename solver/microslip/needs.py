@@ -8,6 +8,7 @@ from .assembly.assemble import read_off
 from .assembly.matrices import GivenStructure
 from .mesh.data import ContactPairs, Mesh, place
 from .parallel.errors import CaseError
+from .reduction.methods import METHODS
 from .scene.schema import DEFAULT_MODES
 
 # measured on the hex20 fan-blade sector of 122,124 DOF: 1.0 GB for the factor and 4 GiB in all at most (docs/guide.md)
@@ -64,9 +65,10 @@ def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
     modes, N_H = solver.modes or min(DEFAULT_MODES, n_dof), 2 * solver.harmonics + 1
     if modes > n_dof:
         raise CaseError(f"{scene.path}: [solver] modes = {modes}, but there are {n_dof} DOF; ask for fewer, or leave modes out")
+    unknowns = N_H * METHODS[solver.method].coordinates(solver, modes, n_dof, n_pairs, len(scene.loads))
     return [
         f"method     {solver.method}: {modes} modes, harmonics 0 to {solver.harmonics}, {solver.samples} samples; "
-        f"at most {(modes + 3 * n_pairs) * N_H} unknowns with all pairs slipping",
+        f"at most {unknowns} unknowns with all pairs slipping",
         f"response   {len(scene.response.levels)} levels of about {scene.response.points} points",
         f"memory     about {_FACTOR_GB * (n_dof / _MEASURED_DOF) ** (4 / 3):.2g} GB for the factor (solid meshes), "
         f"{72e-9 * n_pairs**2:.2g} GB for static columns if every pair slips",

@@ -87,11 +87,42 @@ def test_on_the_chain_as_dense_harmonic_balance_in_all_coordinates(comm, shared_
     assert point.response == pytest.approx(oracle, abs=1e-8 * np.abs(oracle).max())
 
 
+def with_dampers():
+    """The chain with dampers from the first mass to the ground and between the others: they couple the modes."""
+    system = scenes.chain()
+    del system["zeta"]
+    link = np.kron([[0.0, 0.0, 0.0], [0.0, 1.0, -1.0], [0.0, -1.0, 1.0]], np.diag([40.0, 15.0, 30.0]))
+    return {**system, "C": link + np.kron(np.diag([1.0, 0.0, 0.0]), np.diag([16.0, 24.0, 12.0]))}
+
+
+def without_some_mass():
+    """The chain with a direction of the second mass and one of the third that follow their springs alone."""
+    system = scenes.chain()
+    del system["zeta"]
+    mass = np.diag(system["M"]).copy()
+    mass[[4, 8]] = 0.0
+    return {**system, "M": np.diag(mass), "C": np.diag(30.0 * mass)}
+
+
+@pytest.mark.parametrize("system", [with_dampers(), without_some_mass()], ids=["dampers", "massless"])
+def test_a_damping_matrix_and_motions_without_mass(comm, shared_path, system):
+    path = on_root(comm, lambda: write_matrix_scene(shared_path, system, [10.0], (540.0, 580.0), method="full"))
+    scene, structure = stuck(comm, path)
+    exact = harmonic_balance.solve(system, 560.0, 10.0, H=3, n_samples=128, tolerance=1e-12).u_hat
+    for method in ("receptance", "full", *BASES):
+        reduction = reduced(scene, structure, method, **BASES.get(method, {}))
+        _, point = curve(scene, structure, reduction, [555.0, 560.0], 10.0)
+        assert point.response == pytest.approx(exact, abs=1e-8 * np.abs(exact).max())
+    structure.linearised.destroy()
+
+
 def test_unknowns_are_those_of_the_reduced_equations_not_of_what_is_left_after_condensation(whole):
     scene, structure = whole
     for method, n in {"full": N_DOF, "rubin": N_DOF + 6 * N_PAIRS + 1, "rubin, condensed": N_DOF + 3 * N_PAIRS + 1}.items():
         reduction = reduced(scene, structure, method, **BASES.get(method, {}))
         assert reduction.selection.unknowns(N_PAIRS, reduction.model.n_modes, 7) == 7 * n
+        solver = by(scene, method, **BASES.get(method, {})).solver
+        assert METHODS[method.split(",")[0]].coordinates(solver, N_DOF, N_DOF, N_PAIRS, 1) == n
 
 
 # -- the reference itself ------------------------------------------------------------------------------------------

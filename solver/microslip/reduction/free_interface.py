@@ -20,7 +20,7 @@ from ..parallel.errors import CaseError, ConvergenceError
 
 SHIFT = 1e-2            # alpha over the lowest eigenvalue of the stuck structure
 RIGID = 1e-6            # eigenvalue over the lowest one of the stuck structure below which a mode is of a rigid body
-_CONVERGED = 1e-12      # relative change of the attachment modes
+_CONVERGED = 1e-12      # relative change of the attachment modes that is still to come
 _MOST_ROUNDS = 40
 _BATCH = 128
 
@@ -100,14 +100,15 @@ def _batch_of_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.nd
     participation = gram(comm, phi_owned, forces.tocsr()[first:last].toarray())
     first_Z = factor.solve_sparse(forces) - phi_owned @ (participation / (free.omega_2 + free.alpha)[:, None])
     Z_owned = first_Z = _without(free, first_Z)
-    size = column_norms(comm, Z_owned)
+    if len(free.omega_2) >= system.n_dof:                           # every mode is computed: what is left is rounding
+        return Z_owned
+    size = change = np.maximum(column_norms(comm, Z_owned), 1e-300)
     for _ in range(_MOST_ROUNDS):
-        new = first_Z + _without(free, factor.solve(free.alpha * multiply(system.M, Z_owned)))
+        before, new = change, first_Z + _without(free, factor.solve(free.alpha * multiply(system.M, Z_owned)))
         change = column_norms(comm, new - Z_owned)
         Z_owned = new
-        if np.all(change <= _CONVERGED * np.maximum(size, 1e-300)) or not size.any():
-            return Z_owned
-        if len(free.omega_2) >= system.n_dof:                       # every mode is computed: what is left is rounding
+        to_come = change * np.minimum(change / np.maximum(before, 1e-300), 1.0)     # the next change, at the rate of this one
+        if np.all(to_come <= _CONVERGED * size):
             return Z_owned
     raise ConvergenceError(f"attachment modes: change {np.max(change / size):.1e} after {_MOST_ROUNDS} rounds, limit "
                            f"{_CONVERGED:.0e}; ask for more [solver] modes")

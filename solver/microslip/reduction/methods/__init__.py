@@ -7,6 +7,7 @@ continuation know none of them.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 from ..reduction import Reduction
 from . import (
@@ -20,15 +21,24 @@ from . import (
     trial_vectors,
 )
 
-METHODS: dict[str, Callable[..., Reduction]] = {
-    "receptance": receptance.reduce,
-    "adaptive": adaptive.reduce,
-    "adaptive-energy": adaptive_energy.reduce,
-    "full": full.reduce,
-    "rubin": rubin.reduce,
-    "craig-bampton": craig_bampton.reduce,
-    "joint-interface-modes": joint_interface_modes.reduce,
-    "trial-vectors": trial_vectors.reduce,
+
+class Method(Protocol):
+    """What each file has."""
+
+    def reduce(self, linearised, modes, pairs, scene) -> Reduction: ...
+
+    def coordinates(self, solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int: ...
+
+
+METHODS: dict[str, Method] = {
+    "receptance": receptance,
+    "adaptive": adaptive,
+    "adaptive-energy": adaptive_energy,
+    "full": full,
+    "rubin": rubin,
+    "craig-bampton": craig_bampton,
+    "joint-interface-modes": joint_interface_modes,
+    "trial-vectors": trial_vectors,
 }
 CHECKS: dict[str, Callable[..., None]] = {"full": full.check}       # of size, before anything is solved
 
@@ -41,4 +51,4 @@ def check_size(scene, n_dof: int, n_rows: int, comm) -> None:
 
 def reduce_by_method(linearised, modes, pairs, scene) -> Reduction:
     """Return the reduction by the scene's method.  Collective."""
-    return METHODS[scene.solver.method](linearised, modes, pairs, scene)
+    return METHODS[scene.solver.method].reduce(linearised, modes, pairs, scene)

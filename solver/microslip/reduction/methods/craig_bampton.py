@@ -23,6 +23,11 @@ from ..reduction import Reduction
 _BATCH = 128
 
 
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_modes + 6 * n_pairs
+
+
 def reduce(linearised, modes, pairs, scene) -> Reduction:
     """Return the reduction.  Collective: a factorisation, modes, and a solve an interface DOF."""
     system = linearised.system

@@ -35,6 +35,11 @@ MOST_RATIO = 0.25       # mu_max over omega_m^2: beyond, more modes are computed
 _LEAST_BLOCKS = 2
 
 
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_dof
+
+
 def check(scene, n_dof: int, n_rows: int, comm) -> None:
     """Refuse what cannot be held, before anything is solved.
 

@@ -22,6 +22,11 @@ from ..galerkin import reduce_on_basis, reduced_modes
 from ..reduction import Reduction
 
 
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_modes + min(solver.interface_modes, 3 * n_pairs) + n_loads
+
+
 def reduce(linearised, modes, pairs, scene) -> Reduction:
     """Return the reduction.  Collective: 3 solves a pair."""
     system, factor, phi_owned = linearised.system, linearised.factor, modes.phi_owned

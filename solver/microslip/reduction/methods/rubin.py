@@ -18,6 +18,11 @@ from ..interface import interface_dofs, unit_columns
 from ..reduction import Reduction
 
 
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_modes + (3 if solver.condensed else 6) * n_pairs + n_loads
+
+
 def reduce(linearised, modes, pairs, scene) -> Reduction:
     """Return the reduction.  Collective: a factorisation, modes, and as many solves as forces.
 

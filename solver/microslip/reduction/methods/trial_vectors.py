@@ -27,6 +27,11 @@ from ..galerkin import DEPENDENT, reduce_on_basis
 from ..reduction import Reduction
 
 
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_modes + min(solver.interface_modes, 3 * n_pairs) + n_loads
+
+
 def reduce(linearised, modes, pairs, scene) -> Reduction:
     """Return the reduction.  Collective: 3 solves a pair."""
     system, factor = linearised.system, linearised.factor
