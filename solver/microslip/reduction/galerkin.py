@@ -1,10 +1,10 @@
-"""A Galerkin reduction on any basis T, condensed exactly to the relative motion of the pairs (docs/theory.md, section 8).
+"""A Galerkin reduction on any basis V, condensed exactly to the relative motion of the pairs (docs/theory.md, section 8).
 
 The modes of the reduced pencil,
 
-    T^T M T q = theta T^T K_L T q,      theta = 1 / omega^2,      phi = T q,
+    V^T M V q = theta V^T K_L V q,      theta = 1 / omega^2,      phi = V q,
 
-are all there are in the span of T.  With every one of them, and static parts that are theirs alone, the receptance of the
+are all there are in the span of V.  With every one of them, and static parts that are theirs alone, the receptance of the
 pairs is that of the reduced equations without any further approximation.  Solved for theta, so that motions nearly without
 mass are harmless.
 """
@@ -31,28 +31,28 @@ MASSLESS = 1e-16        # theta over the largest: less mass is not told from non
 _BLOCKS = 4             # blocks of the basis' size held at a time
 
 
-def reduce_on_basis(linearised, T_owned: np.ndarray, scene, unknowns: int | None = None) -> Reduction:
-    """Return the Galerkin reduction on the columns of T, this rank's rows (n_owned, n_T).
+def reduce_on_basis(linearised, V_owned: np.ndarray, scene, unknowns: int | None = None) -> Reduction:
+    """Return the Galerkin reduction on the columns of V, this rank's rows (n_owned, n_V).
 
-    Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of T unless given.
+    Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
     """
-    omega_n, phi_owned = galerkin_modes(linearised, T_owned)
+    omega_n, phi_owned = galerkin_modes(linearised, V_owned)
     model = model_of_modes(linearised, omega_n, phi_owned, scene)
 
     def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
         return phi_owned @ receptance.to_real(receptance.modal_motion(model, level, omega, p))
 
-    return Reduction(model, AllPairs(coordinates=unknowns or T_owned.shape[1]), displacement)
+    return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement)
 
 
-def galerkin_modes(linearised, T_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of T, rising, phi^T M phi = I.
+def galerkin_modes(linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, rising, phi^T M phi = I.
 
     Collective: sums of the reduced matrices, twice.  The second pass starts from the modes of the first, in which a low mode is
     no longer the small difference of stiff columns.
     """
     comm = linearised.system.comm
-    phi_owned = T_owned
+    phi_owned = V_owned
     for _ in range(2):
         K_r, M_r = (gram(comm, phi_owned, multiply(A, phi_owned)) for A in (linearised.K_L, linearised.M))
         theta, q = on_root(comm, reduced_modes, K_r, M_r)
@@ -68,9 +68,9 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     """Return (theta, q): M_r q = theta K_r q, theta falling, q^T K_r q = I, without dependent directions.  Local."""
     energy = np.maximum(np.diag(K_r), 0.0)
     scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)
-    values, V = scipy.linalg.eigh(0.5 * (K_r + K_r.T) * np.outer(scale, scale))
+    values, Q = scipy.linalg.eigh(0.5 * (K_r + K_r.T) * np.outer(scale, scale))
     kept = values > DEPENDENT * values[-1]
-    W = scale[:, None] * V[:, kept] / np.sqrt(values[kept])
+    W = scale[:, None] * Q[:, kept] / np.sqrt(values[kept])
     theta, q = scipy.linalg.eigh(W.T @ (0.5 * (M_r + M_r.T)) @ W)
     return theta[::-1], (W @ q)[:, ::-1]
 

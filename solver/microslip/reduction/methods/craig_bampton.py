@@ -1,6 +1,6 @@
 """`craig-bampton`: fixed-interface modes and constraint modes of the bodies (Craig and Bampton 1968), coupled by the joint.
 
-    u_i = phi q - K_ii^-1 K_ib u_b,        T = [phi, psi]
+    u_i = phi q - K_ii^-1 K_ib u_b,        V = [phi, psi]
 
 with b the interface DOFs of both bodies, all physical, and i the others; phi the lowest modes of (K_ii, M_ii).  A matrix with
 the rows and columns of b replaced by a diagonal has K_ii for its inner block, the rows of the system for its layout, and no

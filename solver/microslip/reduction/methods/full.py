@@ -2,14 +2,14 @@
 
 The basis holds the lowest modes phi_1 .. phi_m and, on their complement, the block Krylov space of the static response,
 
-    T = [phi, Z_0, Z_1, .., Z_j],      Z_0 = K_L^-1 Y - phi Omega^-2 phi^T Y,      Z_k = K_L^-1 M Z_(k-1),
+    V = [phi, Z_0, Z_1, .., Z_j],      Z_0 = K_L^-1 Y - phi Omega^-2 phi^T Y,      Z_k = K_L^-1 M Z_(k-1),
 
 with Y = [R^T, loads, outputs^T].  Galerkin's projection on it matches the first 2 j + 2 terms of the residual receptance's power
-series in mu = (n omega)^2,
+series in kappa = (n omega)^2,
 
-    G_res(mu) = sum_k mu^k Y^T (K_L^-1 M)^k K_L^-1 Y       on the complement,
+    G_res(kappa) = sum_k kappa^k Y^T (K_L^-1 M)^k K_L^-1 Y       on the complement,
 
-so that what is left out falls below ratio^(2 j + 2) of it, ratio = mu_max / omega_(m + 1)^2: j follows from the range of the
+so that what is left out falls below ratio^(2 j + 2) of it, ratio = kappa_max / omega_(m + 1)^2: j follows from the range of the
 scene, and the response is that of the unreduced system to rounding.  With every mode computed, Z_0 is what has no mass.
 
 Rayleigh damping is exact.  A damping ratio is that of every mode of (K_L, M): of the m modes exactly, of those beyond by the
@@ -31,7 +31,7 @@ from ..reduction import Reduction
 ALL_MODES = 1000        # DOFs up to which every mode is computed
 MOST_WITH_C = 3000      # the same with a damping matrix: beyond, `full` is refused
 ACCURACY = 1e-13        # of the residual receptance
-MOST_RATIO = 0.25       # mu_max over omega_m^2: beyond, more modes are computed
+MOST_RATIO = 0.25       # kappa_max over omega_m^2: beyond, more modes are computed
 _LEAST_BLOCKS = 2
 
 

@@ -1,6 +1,6 @@
 """`rubin`: free-interface modes of the bodies and residual attachment modes (Rubin 1975), coupled by the joint.
 
-    u = phi q + Z g,        T = [phi, Z]
+    u = phi q + Z g,        V = [phi, Z]
 
 with phi the lowest modes of (K, M), without the joint's springs, rigid-body modes included, and Z the residual attachment modes
 of unit forces at the interface and of the loads.  Plain, both bodies' interface DOFs are loaded one by one, 6 a pair: all of
@@ -34,6 +34,6 @@ def reduce(linearised, modes, pairs, scene) -> Reduction:
     free = free_bodies(linearised, modes, scene)
     contact = system.R.T if scene.solver.condensed else unit_columns(interface_dofs(system.R), system.n_dof)
     Z_owned = residual_attachment_modes(free, sp.hstack([contact, system.loads], format="csc"))
-    T_owned = np.hstack([free.phi_owned, Z_owned])
+    V_owned = np.hstack([free.phi_owned, Z_owned])
     free.destroy()
-    return reduce_on_basis(linearised, T_owned, scene)
+    return reduce_on_basis(linearised, V_owned, scene)

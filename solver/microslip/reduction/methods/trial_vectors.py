@@ -40,8 +40,8 @@ def reduce(linearised, modes, pairs, scene) -> Reduction:
     flexibility = summed(system.comm, system.R[:, first:last] @ X_owned)
     forces = derivative_forces(joint_stiffness(pairs), owned_product(system.R, modes.phi_owned, system), modes.omega_n)
     chosen = on_root(system.comm, main_directions, forces, flexibility, scene.solver.interface_modes)
-    T_owned = np.hstack([modes.phi_owned, factor.solve_sparse(system.loads), X_owned @ chosen])
-    return reduce_on_basis(linearised, T_owned, scene)
+    V_owned = np.hstack([modes.phi_owned, factor.solve_sparse(system.loads), X_owned @ chosen])
+    return reduce_on_basis(linearised, V_owned, scene)
 
 
 def derivative_forces(K_J: np.ndarray, r: np.ndarray, omega_n: np.ndarray) -> np.ndarray:
@@ -57,8 +57,8 @@ def main_directions(forces: np.ndarray, flexibility: np.ndarray, n_wanted: int) 
 
     With G = L L^T these are the left singular vectors of L^T F, mapped back by L^-T.
     """
-    values, V = np.linalg.eigh(0.5 * (flexibility + flexibility.T))
+    values, Q = np.linalg.eigh(0.5 * (flexibility + flexibility.T))
     kept = values > DEPENDENT * values[-1]
-    root = V[:, kept] * np.sqrt(values[kept])
+    root = Q[:, kept] * np.sqrt(values[kept])
     left, _, _ = np.linalg.svd(root.T @ forces, full_matrices=False)
-    return (V[:, kept] / np.sqrt(values[kept])) @ left[:, :n_wanted]
+    return (Q[:, kept] / np.sqrt(values[kept])) @ left[:, :n_wanted]
