@@ -27,6 +27,7 @@ from .reduction import Reduction
 from .selection import AllPairs
 
 DEPENDENT = 1e-13       # strain energy of a combination of columns, each scaled to energy 1, below which it is dropped
+NEARLY_DEPENDENT = 1e-8     # the same, below which rounding shows and the projection is made twice
 MASSLESS = 1e-16        # theta over the largest: less mass is not told from none, and changes nothing
 _BLOCKS = 4             # blocks of the basis' size held at a time
 
@@ -48,15 +49,16 @@ def reduce_on_basis(linearised, V_owned: np.ndarray, scene, unknowns: int | None
 def galerkin_modes(linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, rising, phi^T M phi = I.
 
-    Collective: sums of the reduced matrices, twice.  The second pass starts from the modes of the first, in which a low mode is
-    no longer the small difference of stiff columns.
+    Collective: sums of the reduced matrices, twice where columns nearly depend on each other.  The second pass starts from the
+    modes of the first, in which a low mode is no longer the small difference of stiff columns.
     """
     comm = linearised.system.comm
-    phi_owned = V_owned
+    phi_owned, least = V_owned, 0.0
     for _ in range(2):
-        K_r, M_r = (gram(comm, phi_owned, multiply(A, phi_owned)) for A in (linearised.K_L, linearised.M))
-        theta, q = on_root(comm, reduced_modes, K_r, M_r)
-        phi_owned = phi_owned @ q
+        if least < NEARLY_DEPENDENT:
+            K_r, M_r = (gram(comm, phi_owned, multiply(A, phi_owned)) for A in (linearised.K_L, linearised.M))
+            theta, q, least = on_root(comm, reduced_modes, K_r, M_r)
+            phi_owned = phi_owned @ q
     theta = np.maximum(theta, MASSLESS * theta[0])
     phi_owned = phi_owned / np.sqrt(theta)                          # from phi^T K_L phi = I
     eigenvalues = sharpened(linearised, 1.0 / theta, phi_owned)
@@ -64,15 +66,18 @@ def galerkin_modes(linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndar
     return np.sqrt(eigenvalues[order]), phi_owned[:, order]
 
 
-def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (theta, q): M_r q = theta K_r q, theta falling, q^T K_r q = I, without dependent directions.  Local."""
+def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return (theta, q): M_r q = theta K_r q, theta falling, q^T K_r q = I, without dependent directions.  Local.
+
+    And the least energy of a combination of columns that was kept, over the largest.
+    """
     energy = np.maximum(np.diag(K_r), 0.0)
     scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)
     values, Q = scipy.linalg.eigh(0.5 * (K_r + K_r.T) * np.outer(scale, scale))
     kept = values > DEPENDENT * values[-1]
     W = scale[:, None] * Q[:, kept] / np.sqrt(values[kept])
     theta, q = scipy.linalg.eigh(W.T @ (0.5 * (M_r + M_r.T)) @ W)
-    return theta[::-1], (W @ q)[:, ::-1]
+    return theta[::-1], (W @ q)[:, ::-1], float(values[kept][0] / values[-1])
 
 
 def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene) -> ReducedModel:

@@ -40,5 +40,5 @@ def lowest_shapes(linearised, Z_owned: np.ndarray, n_wanted: int) -> np.ndarray:
     """Return the ``n_wanted`` lowest modes of (K_L, M) in the span of Z, or all there are; this rank's rows.  Collective."""
     comm = linearised.system.comm
     K_r, M_r = (gram(comm, Z_owned, multiply(A, Z_owned)) for A in (linearised.K_L, linearised.M))
-    _, v = on_root(comm, reduced_modes, K_r, M_r)
+    _, v, _ = on_root(comm, reduced_modes, K_r, M_r)
     return Z_owned @ v[:, :n_wanted]
