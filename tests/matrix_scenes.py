@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from microslip.assembly.pair_file import COLUMNS
 from microslip.parallel.log import RunLog
-from microslip.reduction.build import reduce_structure
+from microslip.reduction.methods import reduce_by_method
 from microslip.run import build_structure, follow
 from microslip.scene.read import read_scene
 
@@ -74,8 +74,8 @@ def branches_of(path: Path, comm) -> list:
     scene = read_scene(path)
     log = RunLog(comm, screen=False)
     structure = build_structure(scene, comm, log)
-    model = reduce_structure(structure.linearised, structure.modes, scene)
-    found = follow(scene, structure, model, path.parent / "results", (), log)
+    reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
+    found = follow(scene, structure, reduction, path.parent / "results", (), log)
     structure.linearised.destroy()
     assert not any(branch.failure for branch in found), [branch.failure for branch in found]
     return found

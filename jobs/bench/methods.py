@@ -38,7 +38,7 @@ from stopwatch import Stopwatch
 
 from microslip.continuation.corrector import Iterate
 from microslip.continuation.follow import follow_branch
-from microslip.continuation.grid import at_frequencies, secant
+from microslip.continuation.grid import at_frequencies, going_on, secant
 from microslip.harmonic import residual
 from microslip.reduction import receptance
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
@@ -72,15 +72,6 @@ def of_branch(method: str, run: Callable, level: float, watch: Stopwatch) -> tup
     branch = run(on_point=on_point)
     row.failure = branch.failure
     return row, branch.points
-
-
-def going_on(points, direction: float) -> list[float]:
-    """Return the frequencies of a branch, each further in the direction of the sweep than all before: none twice behind a fold."""
-    omegas: list[float] = []
-    for point in points:
-        if not omegas or direction * (point.omega - omegas[-1]) > 1e-9 * point.omega:
-            omegas.append(point.omega)
-    return omegas
 
 
 def spread(n: int, n_wanted: int, peak: int) -> list[int]:

@@ -72,7 +72,7 @@ def _plot(command: Command, comm) -> int:
 
 
 def _solve(command: Command, comm) -> int:
-    """Run or check a scene.  Collective on ``comm``."""
+    """Run, compare or check a scene.  Collective on ``comm``."""
     from .doctor import faults
 
     require(comm, faults("pydantic", "mpi4py"))
@@ -83,13 +83,17 @@ def _solve(command: Command, comm) -> int:
         initialise(list(command.petsc))
     require(comm, faults())
     stop_on(signal.SIGTERM)                     # PETSc has taken it for a message of its own
-    from . import run
+    from . import compare, run
 
     if command.name == "check":
         run.check(scene, comm)
         return 0
-    out = Path("results", scene.name) if command.out is None else command.out
-    run.run(scene, comm, out, command.petsc)
+    if command.name == "compare":
+        out = Path("results", f"{scene.name}_compare") if command.out is None else command.out
+        compare.compare(scene, comm, out, command.methods, command.petsc)
+    else:
+        out = Path("results", scene.name) if command.out is None else command.out
+        run.run(scene, comm, out, command.petsc)
     unused = unused_options(command.petsc)
     require(comm, f"{unused[0]}: no solver of this run reads this PETSc option; the results in {out} were made without it"
             if unused else None)  # fmt: skip

@@ -12,6 +12,7 @@ from .parallel.errors import CaseError
 from .parallel.petsc import PREFIXES
 from .parallel.words import listed, nearest
 
+_SOLVE = ("run", "compare")         # commands that PETSc options are for
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml
@@ -25,10 +26,11 @@ until then; 70 a defect of the program."""
 class Command:
     """What the command line asks for."""
 
-    name: str                           # run, check, plot or doctor
+    name: str                           # run, compare, check, plot or doctor
     file: str = ""                      # the scene, or the results to plot
     out: Path | None = None             # None: the default of the command
     petsc: tuple[str, ...] = ()         # what followed ``--``, checked
+    methods: tuple[str, ...] = ()       # to compare; empty: all of them
 
 
 class _Parser(argparse.ArgumentParser):
@@ -60,9 +62,10 @@ def parse(arguments: list[str]) -> Command:
     given, unknown = parser.parse_known_args(own)
     if unknown:
         raise CaseError(_unknown(unknown[0], commands.get(given.command, parser)))
-    if petsc and given.command != "run":
-        raise CaseError(f"PETSc options after -- belong to the command run; {given.command} solves nothing")
-    return Command(given.command, getattr(given, "file", ""), getattr(given, "out", None), petsc_options(petsc))
+    if petsc and given.command not in _SOLVE:
+        raise CaseError(f"PETSc options after -- belong to the commands {listed(_SOLVE)}; {given.command} solves nothing")
+    methods = tuple(name.strip() for name in getattr(given, "methods", "").split(",") if name.strip())
+    return Command(given.command, getattr(given, "file", ""), getattr(given, "out", None), petsc_options(petsc), methods)
 
 
 def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
@@ -73,18 +76,21 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
     group = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     known = {
         "run": ("one scene, from the mesh to the response and its pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
+        "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
         "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
         "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
         "doctor": ("print versions, and what is missing with the command that brings it", None, None),
     }
     commands: dict[str, _Parser] = {}
     for name, (summary, file, out) in known.items():
-        after = " [-- PETSc options]" if name == "run" else ""
+        after = " [-- PETSc options]" if name in _SOLVE else ""
         command = group.add_parser(name, help=summary, description=summary.capitalize() + ".", allow_abbrev=False)
         if file is not None:
             command.add_argument("file", metavar=file)
         if out is not None:
             command.add_argument("--out", metavar="DIR", type=Path, help=f"folder for what is written (default: {out})")
+        if name == "compare":
+            command.add_argument("--methods", metavar="A,B,...", default="", help="their names, with commas (default: all)")
         command.usage = command.format_usage().removeprefix("usage: ").strip() + after
         commands[name] = command
     return parser, commands

@@ -8,6 +8,7 @@ from .assembly.assemble import read_off
 from .assembly.matrices import GivenStructure
 from .mesh.data import ContactPairs, Mesh, place
 from .modes.limits import FEW, refuse_too_many
+from .reduction.methods import METHODS
 from .scene.schema import DEFAULT_ACCURACY
 
 # measured on the hex20 fan-blade sector of 122,124 DOF: 1.0 GB for the factor and 4 GiB in all at most (docs/guide.md)
@@ -62,13 +63,15 @@ def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
     """Say how the scene is solved, and what that takes."""
     solver = scene.solver
     refuse_too_many(solver.modes, n_dof, scene.path)
-    slipping = 3 * n_pairs * (2 * solver.harmonics + 1)
     modes = f"picked at run time for [solver] accuracy = {solver.accuracy or DEFAULT_ACCURACY:g}"
     if solver.modes or n_dof <= FEW:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
+    n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
+    unknowns = (2 * solver.harmonics + 1) * METHODS[solver.method].coordinates(solver, n_modes, n_dof, n_pairs, len(scene.loads))
+    has_more = n_modes == 0 and solver.method not in ("receptance", "full")
     return [
-        f"method     {solver.method}: harmonics 0 to {solver.harmonics}, {solver.samples} samples; at most {slipping} unknowns "
-        f"with all pairs slipping{'' if solver.method == 'receptance' else ', besides those of the modes'}",
+        f"method     {solver.method}: harmonics 0 to {solver.harmonics}, {solver.samples} samples; at most {unknowns} unknowns "
+        f"with all pairs slipping{', besides those of the modes' if has_more else ''}",
         f"modes      {modes}",
         f"response   {len(scene.response.levels)} levels of about {scene.response.points} points",
         f"memory     about {_FACTOR_GB * (n_dof / _MEASURED_DOF) ** (4 / 3):.2g} GB for the factor (solid meshes), "

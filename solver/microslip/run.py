@@ -25,10 +25,10 @@ from .parallel.agree import on_root
 from .parallel.errors import ConvergenceError
 from .parallel.log import RunLog
 from .parallel.versions import versions
-from .reduction import selection_of
-from .reduction.build import reduce_structure
 from .reduction.choose_modes import choose_modes
 from .reduction.expand import node_fields, peak_displacement
+from .reduction.methods import check_size, reduce_by_method
+from .reduction.reduction import Reduction
 from .results.audit import audit_text
 from .results.plots import draw_all
 from .results.record import LinearCurve
@@ -59,12 +59,12 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = ()) -> None:
     facts = {"scene": str(scene.path), "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "run.log"), facts=facts) as log:
         structure = build_structure(scene, comm, log)
-        with log.stage("static solutions of loads and outputs"):
-            model = reduce_structure(structure.linearised, structure.modes, scene)
+        with log.stage("reduction"):
+            reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
         with log.stage("response"):
-            branches = follow(scene, structure, model, folder, options, log)
+            branches = follow(scene, structure, reduction, folder, options, log)
         with log.stage("fields for ParaView"):
-            write_shapes(structure, model, branches, folder)
+            write_shapes(structure, reduction, branches, folder)
         with log.stage("pictures"):
             on_root(comm, draw_all, str(folder / "results.h5"), str(folder))
         log.note(f"results in {folder}")
@@ -80,6 +80,7 @@ def build_structure(scene, comm, log: RunLog) -> Structure:
     mesh, system, pairs = (from_matrices if scene.model.mesh is None else from_mesh)(scene, comm, log)
     log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
     refuse_too_many(scene.solver.modes, system.n_dof, scene.path)
+    check_size(scene, system.n_dof, system.R.shape[0], comm)
     with log.stage("factor of the stuck structure"):
         linearised = linearise(system, pairs, str(scene.path))
     with log.stage("modes"):
@@ -110,28 +111,28 @@ def from_matrices(scene, comm, log: RunLog) -> tuple[None, System, ContactPairs]
     return None, system, pairs
 
 
-def follow(scene, structure: Structure, model, folder: Path, options, log: RunLog) -> list:
+def follow(scene, structure: Structure, reduction: Reduction, folder: Path, options, log: RunLog) -> list:
     """Return the branches of all levels; write and log each point as it comes.  Collective."""
-    pairs, comm = structure.pairs, model.comm
-    sweep = frequency_sweep(scene.response, model.omega_n)
+    pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
+    sweep = frequency_sweep(scene.response, structure.modes.omega_n)
     curve = linear_curve(model, sweep)
     parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
     writer = ResultWriter(
-        comm, str(folder), scene, pairs, N_H=model.N_H, omega_n=model.omega_n, versions=versions(), options=options,
+        comm, str(folder), scene, pairs, N_H=model.N_H, omega_n=structure.modes.omega_n, versions=versions(), options=options,
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         node_numbers=None if structure.mesh is None else structure.mesh.numbers,
     )
     reporter = Reporter(log, writer, sweep, scene.response.levels)
     branches = []
     try:
-        for branch in follow_levels(scene, model, parameters, selection_of(scene.solver), sweep, curve, reporter):
+        for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter):
             branches.append(branch)
             log.level_finished(branch.level, branch)
             writer.level_finished(branch)
     finally:
         writer.close()
     columns = model.G_static
-    log.note(f"static columns: solved for {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
+    log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
     log.note(audit_text(branches))
     return branches
 
@@ -154,24 +155,25 @@ class Reporter:
         self.count += 1
 
 
-def write_shapes(structure: Structure, model, branches, folder: Path) -> None:
+def write_shapes(structure: Structure, reduction: Reduction, branches, folder: Path) -> None:
     """Write the modes and the motion at the peak of every level on the mesh.  Collective; rank 0 writes."""
-    system, comm = structure.linearised.system, model.comm
+    system = structure.linearised.system
+    comm = system.comm
     if system.dof is None:
         return
     shapes = node_fields(system, structure.modes.phi_owned)
-    on_root(comm, _write_modes, structure, model.omega_n, shapes, folder, share=False)
+    on_root(comm, _write_modes, structure, shapes, folder, share=False)
     fields: dict[str, np.ndarray] = {}
     for branch in branches:
-        frequency, u = peak_displacement(structure.linearised, structure.modes, model, branch)
+        frequency, u = peak_displacement(system, reduction, branch)
         if u is not None:
             fields.update(peak_fields(branch.level, frequency, u))
     on_root(comm, write_fields, str(folder / "peak_response.vtkhdf"), structure.mesh, fields, share=False)
 
 
-def _write_modes(structure: Structure, omega_n, shapes, folder: Path) -> None:
+def _write_modes(structure: Structure, shapes, folder: Path) -> None:
     assert structure.mesh is not None, "called on rank 0 of a scene with a mesh"
-    write_modes(str(folder / "modes.vtkhdf"), structure.mesh, omega_n, np.moveaxis(shapes, -1, 0))
+    write_modes(str(folder / "modes.vtkhdf"), structure.mesh, structure.modes.omega_n, np.moveaxis(shapes, -1, 0))
 
 
 def check(scene, comm) -> None:

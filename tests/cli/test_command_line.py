@@ -13,6 +13,8 @@ from microslip.parallel.errors import CaseError
     ("run --out here fan.toml", Command("run", "fan.toml", Path("here"))),
     ("run fan.toml -- -hb_snes_monitor -static_mat_mumps_cntl_1 -1e-3",
      Command("run", "fan.toml", None, ("-hb_snes_monitor", "-static_mat_mumps_cntl_1", "-1e-3"))),
+    ("compare fan.toml", Command("compare", "fan.toml")),
+    ("compare fan.toml --methods rubin,full --out here", Command("compare", "fan.toml", Path("here"), methods=("rubin", "full"))),
     ("check fan.toml", Command("check", "fan.toml")),
     ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
     ("doctor", Command("doctor")),
@@ -22,8 +24,8 @@ def test_what_is_asked_arrives(line, command):
 
 
 @pytest.mark.parametrize("line, message", [
-    ("", "a command is missing: run, check, plot or doctor"),
-    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, check, plot and doctor"),
+    ("", "a command is missing: run, compare, check, plot or doctor"),
+    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, compare, check, plot and doctor"),
     ("fan.toml", "unknown command 'fan.toml'; commands are"),
     ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),
     ("run fan.toml --oout x", "unknown option --oout; nearest is --out"),
@@ -31,7 +33,7 @@ def test_what_is_asked_arrives(line, command):
     ("run fan.toml --out", "argument --out: expected one argument"),
     ("run fan.toml other.toml", "'other.toml' is one argument too many; usage: microslip run [-h] [--out DIR] SCENE.toml"),
     ("run fan.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
-    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the command run; check solves nothing"),
+    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the commands run and compare; check solves nothing"),
     ("run fan.toml -- -snes_monitor", "perhaps -hb_snes_monitor"),
     ("run fan.toml -- -statc_ksp_rtol 1", "-statc_ksp_rtol: not an option of this program's solvers; they begin with "
      "-static_, -modes_ or -hb_; nearest is -static_ksp_rtol"),

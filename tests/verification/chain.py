@@ -14,8 +14,7 @@ initialise()            # before anything imports PETSc; does nothing where it h
 from microslip.contact.law import ContactParameters
 from microslip.continuation.levels import follow_levels, frequency_sweep, linear_curve
 from microslip.parallel.log import RunLog
-from microslip.reduction import selection_of
-from microslip.reduction.build import reduce_structure
+from microslip.reduction.methods import reduce_by_method
 from microslip.reduction.model import ReducedModel
 from microslip.results.audit import energy_closure
 from microslip.run import Structure, build_structure
@@ -56,10 +55,11 @@ def solve(path: Path, comm) -> Chain:
 def solve_scene(scene, comm) -> Chain:
     """Return the same of a scene.  Collective on ``comm``."""
     structure = structure_of(scene, comm)
-    model = reduce_structure(structure.linearised, structure.modes, scene)
+    reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
+    model = reduction.model
     pairs, sweep = structure.pairs, frequency_sweep(scene.response, model.omega_n)
     parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-    branches = list(follow_levels(scene, model, parameters, selection_of(scene.solver), sweep, linear_curve(model, sweep), Silent()))
+    branches = list(follow_levels(scene, model, parameters, reduction.selection, sweep, linear_curve(model, sweep), Silent()))
     first, last = structure.linearised.M.getOwnershipRange()
     structure.linearised.destroy()
     failures = [branch.failure for branch in branches if branch.failure]

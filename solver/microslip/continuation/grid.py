@@ -20,6 +20,18 @@ STEPS = ArcLength(ds=0.1, ds_min=1e-5, ds_max=0.2)      # along the branch, to a
 MOST_STEPS = 1000
 
 
+def going_on(points, direction: float) -> list[float]:
+    """Return the frequencies of a branch, each further in the direction of the sweep than all before.
+
+    Local.  None comes twice behind a fold.
+    """
+    omegas: list[float] = []
+    for point in points:
+        if not omegas or direction * (point.omega - omegas[-1]) > 1e-9 * point.omega:
+            omegas.append(point.omega)
+    return omegas
+
+
 def secant(before: Iterate | None, now: Iterate, omega: float) -> Iterate:
     """Return a guess at ``omega`` [rad/s]: on the secant through two points where it reaches that far, else the last point.
 

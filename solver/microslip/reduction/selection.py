@@ -65,13 +65,15 @@ class DissipatingPairs(NonStickingPairs):
 
 @dataclass(frozen=True)
 class AllPairs:
-    """`receptance`: no pair is ever dropped.
+    """No pair is ever dropped.
 
-    The unknowns are the harmonics of ``du``.  Of the pairs with p = 0 they follow from those of the others, du = du_lin - G p,
-    without an equation to solve: only the others couple, and only they count.
+    The unknowns are those of the reduced model's ``coordinates``, if it has its own; these are condensed exactly to du before
+    anything is solved.  Else they are the harmonics of du.  Of the pairs with p = 0 they follow from those of the others,
+    du = du_lin - G p, without an equation to solve: only the others couple, and only they count.
     """
 
     checks_in_point: bool = False
+    coordinates: int | None = None
 
     def first(self, n_pairs: int) -> np.ndarray:
         return np.ones(n_pairs, dtype=bool)
@@ -80,4 +82,4 @@ class AllPairs:
         return np.ones(len(moves), dtype=bool)
 
     def unknowns(self, selected: np.ndarray, moves: np.ndarray, n_modes: int, N_H: int) -> int:
-        return 3 * int(moves.sum()) * N_H
+        return (3 * int(moves.sum()) if self.coordinates is None else self.coordinates) * N_H

@@ -6,12 +6,13 @@ import math
 import textwrap
 import warnings
 from collections.abc import Sequence
+from typing import Protocol
 
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from .record import STOPPED, LevelResult, ResultFile
+from .record import STOPPED, LevelResult
 
 WIDTH = 7.1             # in: the two columns of a page
 DPI = 200
@@ -76,6 +77,13 @@ def some(items: Sequence, most: int) -> list:
     return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, most).round().astype(int))]
 
 
+class Titled(Protocol):
+    """What has a scene's title: a scene, its results."""
+
+    @property
+    def title(self) -> str: ...
+
+
 class Page:
     """A figure with a heading and a legend above a field for axes; sizes in inches, ``height`` that of the field.
 
@@ -84,7 +92,7 @@ class Page:
 
     LINE, ENTRY, MARGIN = 0.145, 0.155, 0.08
 
-    def __init__(self, results: ResultFile, says: str, width: float, height: float, handles: Sequence = ()):
+    def __init__(self, results: Titled, says: str, width: float, height: float, handles: Sequence = ()):
         title = textwrap.wrap(plain(results.title, 300), int(14 * width), max_lines=2, placeholder=" \u2026")
         lines = textwrap.wrap(says, int(16 * width))
         columns = legend_columns([handle.get_label() for handle in handles], width)

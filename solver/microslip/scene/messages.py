@@ -11,7 +11,6 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from ..parallel.words import listed, nearest
-from .not_yet import SUPPORTED
 from .schema import Body, Joint, Load, Material, Method, Output, Scene, Support, Table
 
 _NAMED: dict[str, type[Table]] = {"materials": Material, "bodies": Body}            # [materials.NAME]
@@ -153,7 +152,7 @@ def _hint(loc: tuple[int | str, ...], found: Any) -> str:
     words = _words(annotation)
     if words and isinstance(found, str):
         near = nearest(found, words)
-        known = f"; known: {', '.join(SUPPORTED)}" if annotation is Method else ""
+        known = f"; known: {', '.join(words)}" if annotation is Method else ""
         return (f'; nearest is "{near}"' if near else "") + known
     if isinstance(found, str) and _is_number(found) and not words:
         return "; without quotes"

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from .schema import Scene
 
-SUPPORTED = ("adaptive", "adaptive-energy", "receptance")     # the registry in reduction/
-_METHOD = f"this version has no such method yet; it has {', '.join(SUPPORTED)}"
 _STATICS = "this version has no static solution yet; give each joint its preload in Pa, and leave out [statics] and axis"
 
 
@@ -15,7 +13,6 @@ def not_yet(scene: Scene) -> list[str]:
         (scene.model.axis is not None, "[model] axis", _STATICS),
         (scene.statics is not None, "[statics]", _STATICS),
         (scene.solver.harmonics == 0, "[solver] harmonics = 0", "this version needs at least harmonic 1"),
-        (scene.solver.method not in SUPPORTED, f'[solver] method = "{scene.solver.method}"', _METHOD),
     ]
     for number, joint in enumerate(scene.joints, 1):
         found.append((joint.preload == "static", f'[[joints]] {number} ("{joint.name}") preload = "static"', _STATICS))

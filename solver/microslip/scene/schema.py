@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, 
 HIGHEST_FREQUENCY = 1e9         # Hz: beyond it a frequency is a slip of the pen
 LARGEST_NUMBER = 2**62          # of nodes and DOFs
 DEFAULT_ACCURACY = 1e-3
+DEFAULT_INTERFACE_MODES = 40    # all there are where the joint has fewer
 
 Method = Literal[
     "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"
@@ -265,6 +266,10 @@ class Solver(Table):
     samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")
     energy_tolerance: NotNegative = Field(1e-10, description="the energy in J per cycle and pair, a number of at least 0")
     tolerance: float = Field(1e-8, gt=0, lt=1, description="the relative tolerance of a point, a number above 0 and below 1")
+    condensed: bool = Field(False, description="true or false: rubin with relative interface DOFs only")
+    interface_modes: int = Field(
+        DEFAULT_INTERFACE_MODES, ge=1, le=LARGEST_NUMBER, description="the shapes of the joint, a whole number of at least 1"
+    )
     in_point_check: bool = Field(False, description="true or false: check all pairs inside the point")
     verify_modes: bool = Field(True, description="true or false: prove by a count that no mode is missed")
 

@@ -1,0 +1,120 @@
+"""The bodies without their joint: free-interface modes, rigid-body modes among them, and residual attachment modes.
+
+Bodies hang together by the joint alone, so one eigenproblem of (K, M) gives the modes of all of them.  Where a body floats K is
+singular; K + alpha M is factored in its place, with alpha far below the first elastic eigenvalue.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from petsc4py import PETSc
+
+from ..linear.dense import column_norms, gram, multiply
+from ..linear.factor import Factor
+from ..linear.joint_springs import Linearised
+from ..modes.eigen import Modes, lowest_modes
+from ..parallel.errors import CaseError, ConvergenceError
+
+SHIFT = 1e-2            # alpha over the lowest eigenvalue of the stuck structure
+RIGID = 1e-6            # eigenvalue over the lowest one of the stuck structure below which a mode is of a rigid body
+_CONVERGED = 1e-12      # relative change of the attachment modes that is still to come
+_MOST_ROUNDS = 40
+_BATCH = 128
+
+
+@dataclass(frozen=True)
+class FreeBodies:
+    """The structure without joint springs: its factor is that of K + alpha M."""
+
+    linearised: Linearised
+    alpha: float                # 1/s2
+    omega_2: np.ndarray         # (n,) eigenvalues of (K, M) [rad2/s2], of rigid bodies about 0
+    phi_owned: np.ndarray       # (n_owned, n) phi^T M phi = I
+    n_rigid: int
+
+    def destroy(self) -> None:
+        """Free the shifted matrix and its factor.  Collective."""
+        self.linearised.destroy()
+
+
+def free_bodies(linearised, modes: Modes, scene) -> FreeBodies:
+    """Return the lowest modes of the bodies without their joint, as many as the scene asks for.
+
+    Collective: one factorisation, and one more to prove the modes complete.
+
+    Raises
+    ------
+    CaseError : fewer modes asked for than rigid-body modes; on every rank
+    """
+    system, n_modes = linearised.system, len(modes.omega_n)
+    alpha = SHIFT * modes.omega_n[0] ** 2
+    A = system.K.duplicate(copy=True)
+    A.axpy(alpha, system.M, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    A.setOption(PETSc.Mat.Option.SPD, True)
+    shifted = Linearised(system, A, system.M, Factor(A, system, what="K + alpha M"))
+    found = lowest_modes(shifted, n_modes, scene.solver.verify_modes, fewer_will_do=True)
+    n_rigid = _count_rigid(found, alpha, modes)
+    if n_rigid == len(found.omega_n) < system.n_dof:            # there may be more
+        most = min(n_modes + 6 * max(len(system.part_names), 1), system.n_dof)
+        n_rigid = _count_rigid(lowest_modes(shifted, most, scene.solver.verify_modes, fewer_will_do=True), alpha, modes)
+    if n_rigid > n_modes:
+        shifted.destroy()
+        raise CaseError(f"{scene.path}: [solver] modes = {n_modes}: without their joint the bodies have {n_rigid} rigid-body "
+                        f"modes, all of which method = \"{scene.solver.method}\" needs; ask for {n_rigid} modes at least")
+    return FreeBodies(shifted, alpha, found.omega_n**2 - alpha, found.phi_owned, n_rigid)
+
+
+def _count_rigid(found: Modes, alpha: float, modes: Modes) -> int:
+    return int(np.count_nonzero(found.omega_n**2 - alpha < RIGID * modes.omega_n[0] ** 2))
+
+
+def residual_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.ndarray:
+    """Return Z = sum of phi_k phi_k^T F / omega_k^2 over the modes not computed, this rank's rows (n_owned, n_forces).
+
+    Collective.  Inertia relief is inherent: Z is M-orthogonal to the computed modes, rigid-body modes among them, and so is the
+    load P F = F - M phi phi^T F that it balances.  K Z = P F is solved by its shifted factor,
+
+        (K + alpha M) Z_new = P F + alpha M Z,
+
+    which converges by alpha / (omega_k^2 + alpha) of the first mode left out.
+
+    Raises
+    ------
+    ConvergenceError : not within ``_MOST_ROUNDS``; on every rank
+    """
+    Z_owned = np.zeros((len(free.phi_owned), forces.shape[1]), order="F")
+    for start in range(0, forces.shape[1], _BATCH):
+        columns = slice(start, start + _BATCH)
+        Z_owned[:, columns] = _batch_of_attachment_modes(free, forces[:, columns])
+    return Z_owned
+
+
+def _batch_of_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.ndarray:
+    system, factor, phi_owned = free.linearised.system, free.linearised.factor, free.phi_owned
+    comm = system.comm
+    first, last = system.K.getOwnershipRange()
+    participation = gram(comm, phi_owned, forces.tocsr()[first:last].toarray())
+    first_Z = factor.solve_sparse(forces) - phi_owned @ (participation / (free.omega_2 + free.alpha)[:, None])
+    Z_owned = first_Z = _without(free, first_Z)
+    if len(free.omega_2) >= system.n_dof:                           # every mode is computed: what is left is rounding
+        return Z_owned
+    size = change = np.maximum(column_norms(comm, Z_owned), 1e-300)
+    for _ in range(_MOST_ROUNDS):
+        before, new = change, first_Z + _without(free, factor.solve(free.alpha * multiply(system.M, Z_owned)))
+        change = column_norms(comm, new - Z_owned)
+        Z_owned = new
+        to_come = change * np.minimum(change / np.maximum(before, 1e-300), 1.0)     # the next change, at the rate of this one
+        if np.all(to_come <= _CONVERGED * size):
+            return Z_owned
+    raise ConvergenceError(f"attachment modes: change {np.max(change / size):.1e} after {_MOST_ROUNDS} rounds, limit "
+                           f"{_CONVERGED:.0e}; ask for more [solver] modes")
+
+
+def _without(free: FreeBodies, Z_owned: np.ndarray) -> np.ndarray:
+    """Return Z without its part along the computed modes, M-orthogonally.  Collective: one product, one sum."""
+    system = free.linearised.system
+    return Z_owned - free.phi_owned @ gram(system.comm, free.phi_owned, multiply(system.M, Z_owned))

@@ -1,0 +1,107 @@
+"""A Galerkin reduction on any basis V, condensed exactly to the relative motion of the pairs (docs/theory.md, section 8).
+
+The modes of the reduced pencil,
+
+    V^T M V q = theta V^T K_L V q,      theta = 1 / omega^2,      phi = V q,
+
+are all there are in the span of V.  With every one of them, and static parts that are theirs alone, the receptance of the
+pairs is that of the reduced equations without any further approximation.  Solved for theta, so that motions nearly without
+mass are harmless.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+
+from ..linear.dense import gram, multiply
+from ..modes.rayleigh import sharpened
+from ..parallel.agree import on_root
+from ..parallel.ownership import split_evenly
+from . import receptance
+from .build import load_coefficients, modal_damping, owned_product, projected_damping
+from .columns import StaticColumns
+from .model import ReducedModel
+from .reduction import Reduction
+from .selection import AllPairs
+
+DEPENDENT = 1e-13       # strain energy of a combination of columns, each scaled to energy 1, below which it is dropped
+NEARLY_DEPENDENT = 1e-8     # the same, below which rounding shows and the projection is made twice
+MASSLESS = 1e-16        # theta over the largest: less mass is not told from none, and changes nothing
+_BLOCKS = 4             # blocks of the basis' size held at a time
+
+
+def reduce_on_basis(linearised, V_owned: np.ndarray, scene, unknowns: int | None = None) -> Reduction:
+    """Return the Galerkin reduction on the columns of V, this rank's rows (n_owned, n_V).
+
+    Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
+    """
+    omega_n, phi_owned = galerkin_modes(linearised, V_owned)
+    model = model_of_modes(linearised, omega_n, phi_owned, scene)
+
+    def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
+        return phi_owned @ receptance.to_real(receptance.modal_motion(model, level, omega, p))
+
+    return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement)
+
+
+def galerkin_modes(linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, rising, phi^T M phi = I.
+
+    Collective: sums of the reduced matrices, twice where columns nearly depend on each other.  The second pass starts from the
+    modes of the first, in which a low mode is no longer the small difference of stiff columns.
+    """
+    comm = linearised.system.comm
+    phi_owned, least = V_owned, 0.0
+    for _ in range(2):
+        if least < NEARLY_DEPENDENT:
+            K_r, M_r = (gram(comm, phi_owned, multiply(A, phi_owned)) for A in (linearised.K_L, linearised.M))
+            theta, q, least = on_root(comm, reduced_modes, K_r, M_r)
+            phi_owned = phi_owned @ q
+    theta = np.maximum(theta, MASSLESS * theta[0])
+    phi_owned = phi_owned / np.sqrt(theta)                          # from phi^T K_L phi = I
+    eigenvalues = sharpened(linearised, 1.0 / theta, phi_owned)
+    order = np.argsort(eigenvalues)
+    return np.sqrt(eigenvalues[order]), phi_owned[:, order]
+
+
+def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return (theta, q): M_r q = theta K_r q, theta falling, q^T K_r q = I, without dependent directions.  Local.
+
+    And the least energy of a combination of columns that was kept, over the largest.
+    """
+    energy = np.maximum(np.diag(K_r), 0.0)
+    scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)
+    values, Q = scipy.linalg.eigh(0.5 * (K_r + K_r.T) * np.outer(scale, scale))
+    kept = values > DEPENDENT * values[-1]
+    W = scale[:, None] * Q[:, kept] / np.sqrt(values[kept])
+    theta, q = scipy.linalg.eigh(W.T @ (0.5 * (M_r + M_r.T)) @ W)
+    return theta[::-1], (W @ q)[:, ::-1], float(values[kept][0] / values[-1])
+
+
+def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene) -> ReducedModel:
+    """Return the model that holds these modes and nothing else: its static parts are theirs.  Collective: two sums."""
+    system = linearised.system
+    comm, n_rows, n_out = system.comm, system.R.shape[0], system.outputs.shape[0]
+    everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
+    participation = owned_product(everything, phi_owned, system)
+    r, o, b = participation[:n_rows], participation[n_rows: n_rows + n_out], participation[n_rows + n_out:].T.copy()
+    pair_ranges, flexibility = split_evenly(n_rows // 3, comm.size), 1.0 / omega_n**2
+    own = r[3 * pair_ranges[comm.rank]: 3 * pair_ranges[comm.rank + 1]] * flexibility
+
+    def columns(pairs: np.ndarray) -> np.ndarray:
+        return own @ r[(3 * pairs[:, None] + np.arange(3)).ravel()].T
+
+    C = modal_damping(scene.damping, omega_n) if system.C is None else projected_damping(system.C, phi_owned, comm)
+    return ReducedModel(
+        comm=comm, pair_ranges=pair_ranges, omega_n=omega_n, C=C, r=r, b=b, o=o,
+        G_static=StaticColumns(n_rows // 3, len(own) // 3, columns), du_static=(r * flexibility) @ b,
+        out_static=(o * flexibility) @ b, out_R=(o * flexibility) @ r.T, load_static=(b.T * flexibility) @ b,
+        f=load_coefficients(scene.loads, scene.solver.harmonics),
+    )
+
+
+def memory_of_basis(n_dof: int, n_columns: int) -> float:
+    """Return the memory that a reduction on ``n_columns`` needs beside the factor [bytes], over all ranks.  Local."""
+    return 8.0 * n_columns * (_BLOCKS * n_dof + 8.0 * n_columns)

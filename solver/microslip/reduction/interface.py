@@ -1,0 +1,17 @@
+"""The degrees of freedom of the joint, taken from R: those of both bodies at every pair."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+
+def interface_dofs(R: sp.csr_matrix) -> np.ndarray:
+    """Return the DOFs that the pairs' motion depends on, rising: 6 a pair, fewer where pairs share or lack some.  Local."""
+    return np.unique(R.indices[R.data != 0.0])
+
+
+def unit_columns(dofs: np.ndarray, n_dof: int) -> sp.csc_matrix:
+    """Return a unit column for each of ``dofs``, (n_dof, m).  Local."""
+    m = len(dofs)
+    return sp.csc_matrix((np.ones(m), (dofs, np.arange(m))), shape=(n_dof, m))

@@ -1,0 +1,17 @@
+"""`adaptive`: Algorithm 1 of Yuan et al. (2020), with the pairs that did not stick in the last solution."""
+
+from __future__ import annotations
+
+from ..internal_variable import reduce_to_pairs
+from ..reduction import Reduction
+from ..selection import NonStickingPairs
+
+
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_modes + 3 * n_pairs
+
+
+def reduce(linearised, modes, pairs, scene) -> Reduction:
+    """Return the reduction.  Collective."""
+    return reduce_to_pairs(linearised, modes, scene, NonStickingPairs(scene.solver.in_point_check))

@@ -1,0 +1,74 @@
+"""`craig-bampton`: fixed-interface modes and constraint modes of the bodies (Craig and Bampton 1968), coupled by the joint.
+
+    u_i = phi q - K_ii^-1 K_ib u_b,        V = [phi, psi]
+
+with b the interface DOFs of both bodies, all physical, and i the others; phi the lowest modes of (K_ii, M_ii).  A matrix with
+the rows and columns of b replaced by a diagonal has K_ii for its inner block, the rows of the system for its layout, and no
+mass at b: its modes are those with the interface fixed.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from petsc4py import PETSc
+
+from ...linear.dense import diagonal_owned, multiply, summed
+from ...linear.factor import Factor
+from ...linear.joint_springs import Linearised
+from ...modes.eigen import lowest_modes
+from ..galerkin import reduce_on_basis
+from ..interface import interface_dofs, unit_columns
+from ..reduction import Reduction
+
+_BATCH = 128
+
+
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_modes + 6 * n_pairs
+
+
+def reduce(linearised, modes, pairs, scene) -> Reduction:
+    """Return the reduction.  Collective: a factorisation, modes, and a solve an interface DOF."""
+    system = linearised.system
+    b = interface_dofs(system.R)
+    fixed, k = fix_interface(system, b)
+    psi_owned = constraint_modes(system, fixed, b, k)
+    n_modes = min(len(modes.omega_n), system.n_dof - len(b))
+    phi_owned = psi_owned[:, :0]
+    if n_modes:
+        phi_owned = lowest_modes(fixed, n_modes, scene.solver.verify_modes, fewer_will_do=True).phi_owned
+    fixed.destroy()
+    fixed.M.destroy()
+    return reduce_on_basis(linearised, np.hstack([phi_owned, psi_owned]), scene)
+
+
+def fix_interface(system, b: np.ndarray) -> tuple[Linearised, float]:
+    """Return the structure with the DOFs ``b`` held, factored, and the diagonal k that stands at b [N/m].  Collective."""
+    first, last = system.K.getOwnershipRange()
+    own = b[(b >= first) & (b < last)].astype(PETSc.IntType)
+    K, M = system.K.duplicate(copy=True), system.M.duplicate(copy=True)
+    k = float(summed(system.comm, np.array([diagonal_owned(K).sum()]))[0]) / system.n_dof
+    K.zeroRowsColumns(own, diag=k)
+    M.zeroRowsColumns(own, diag=0.0)
+    for matrix in (K, M):
+        matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    K.setOption(PETSc.Mat.Option.SPD, True)
+    return Linearised(system, K, M, Factor(K, system, what="K with the interface held")), k
+
+
+def constraint_modes(system, fixed: Linearised, b: np.ndarray, k: float) -> np.ndarray:
+    """Return psi, this rank's rows (n_owned, n_b): the static shape for a unit motion of each interface DOF alone.
+
+    Collective: a product with K and a solve for each.
+    """
+    first, last = system.K.getOwnershipRange()
+    is_own = (b >= first) & (b < last)
+    psi_owned = np.zeros((last - first, len(b)), order="F")
+    for start in range(0, len(b), _BATCH):
+        columns = slice(start, start + _BATCH)
+        unit = unit_columns(b[columns], system.n_dof).tocsr()[first:last].toarray()
+        force = -multiply(system.K, unit)
+        force[b[is_own] - first] = k * unit[b[is_own] - first]
+        psi_owned[:, columns] = fixed.factor.solve(force)
+    return psi_owned

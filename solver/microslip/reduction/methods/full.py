@@ -1,0 +1,114 @@
+"""`full`: harmonic balance on the unreduced finite-element system, condensed to the pairs; the reference of small scenes.
+
+The basis holds the lowest modes phi_1 .. phi_m and, on their complement, the block Krylov space of the static response,
+
+    V = [phi, Z_0, Z_1, .., Z_j],      Z_0 = K_L^-1 Y - phi Omega^-2 phi^T Y,      Z_k = K_L^-1 M Z_(k-1),
+
+with Y = [R^T, loads, outputs^T].  Galerkin's projection on it matches the first 2 j + 2 terms of the residual receptance's power
+series in kappa = (n omega)^2,
+
+    G_res(kappa) = sum_k kappa^k Y^T (K_L^-1 M)^k K_L^-1 Y       on the complement,
+
+so that what is left out falls below ratio^(2 j + 2) of it, ratio = kappa_max / omega_(m + 1)^2: j follows from the range of the
+scene, and the response is that of the unreduced system to rounding.  With every mode computed, Z_0 is what has no mass.
+
+Rayleigh damping is exact.  A damping ratio is that of every mode of (K_L, M): of the m modes exactly, of those beyond by the
+Ritz vectors of the Krylov space.  A damping matrix couples all modes, and needs every one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...linear.dense import gram, multiply
+from ...modes.eigen import Modes, lowest_modes
+from ...parallel.errors import CaseError
+from ...parallel.memory import memory_left
+from ..galerkin import memory_of_basis, reduce_on_basis
+from ..reduction import Reduction
+
+ALL_MODES = 1000        # DOFs up to which every mode is computed
+MOST_WITH_C = 3000      # the same with a damping matrix: beyond, `full` is refused
+ACCURACY = 1e-13        # of the residual receptance
+MOST_RATIO = 0.25       # kappa_max over omega_m^2: beyond, more modes are computed
+_LEAST_BLOCKS = 2
+
+
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_dof
+
+
+def check(scene, n_dof: int, n_rows: int, comm) -> None:
+    """Refuse what cannot be held, before anything is solved.
+
+    Collective on ``comm``.
+
+    Raises
+    ------
+    CaseError : too large for the memory, with the estimate, or for a damping matrix; on every rank
+    """
+    if scene.model.damping is not None and n_dof > MOST_WITH_C:
+        raise CaseError(f"{scene.path}: [solver] method = \"full\" with [model] damping needs every mode, of {MOST_WITH_C} "
+                        f"DOF at most; there are {n_dof}. Choose \"receptance\", or state [damping] in place of the matrix")
+    n_columns = n_dof if n_dof <= ALL_MODES or scene.model.damping is not None else _LEAST_BLOCKS * (n_rows + 2)
+    _refuse_too_large(scene, n_dof, n_columns, comm)
+
+
+def reduce(linearised, modes, pairs, scene) -> Reduction:
+    """Return the reduction.  Collective: more modes where the range asks for them, and the solves of the Krylov space.
+
+    Raises
+    ------
+    CaseError : too large for the memory; on every rank
+    """
+    system = linearised.system
+    Y = sp.hstack([system.R.T, system.loads, system.outputs.T], format="csc")
+    all_modes = system.n_dof if system.n_dof <= ALL_MODES or system.C is not None else None
+    if all_modes:
+        modes, n_blocks = lowest_modes(linearised, all_modes, fewer_will_do=True), 1
+    else:
+        modes, n_blocks = modes_beyond(linearised, modes, scene)
+    _refuse_too_large(scene, system.n_dof, len(modes.omega_n) + n_blocks * Y.shape[1], system.comm)
+    blocks = krylov_blocks(linearised, modes, Y, n_blocks)
+    return reduce_on_basis(linearised, np.hstack([modes.phi_owned, *blocks]), scene, unknowns=system.n_dof)
+
+
+def modes_beyond(linearised, modes: Modes, scene) -> tuple[Modes, int]:
+    """Return modes that reach far enough beyond the range, and how many blocks of the Krylov space it then takes.  Collective."""
+    n_dof, highest = linearised.system.n_dof, scene.solver.harmonics * highest_frequency(scene.response, modes.omega_n)
+    while (ratio := (highest / modes.omega_n[-1]) ** 2) > MOST_RATIO and len(modes.omega_n) < n_dof:
+        modes = lowest_modes(linearised, min(2 * len(modes.omega_n), n_dof), scene.solver.verify_modes, fewer_will_do=True)
+    return modes, n_blocks_for(ratio)
+
+
+def n_blocks_for(ratio: float) -> int:
+    """Return the least number of blocks with ratio^(2 n_blocks) below ``ACCURACY``.  Local."""
+    return max(_LEAST_BLOCKS, int(np.ceil(np.log(ACCURACY) / (2.0 * np.log(ratio)))))
+
+
+def highest_frequency(response, omega_n: np.ndarray) -> float:
+    """Return the upper end of the range [rad/s].  Local."""
+    return 2 * np.pi * response.frequencies[1] if response.frequencies else response.span[1] * omega_n[response.mode - 1]
+
+
+def krylov_blocks(linearised, modes: Modes, Y: sp.csc_matrix, n_blocks: int) -> list[np.ndarray]:
+    """Return Z_0 .. Z_(n_blocks - 1), this rank's rows (n_owned, m) each.  Collective: m solves a block."""
+    comm, factor, phi_owned = linearised.system.comm, linearised.factor, modes.phi_owned
+
+    def on_complement(Z_owned: np.ndarray) -> np.ndarray:
+        return Z_owned - phi_owned @ gram(comm, phi_owned, multiply(linearised.M, Z_owned))
+
+    blocks = [on_complement(factor.solve_sparse(Y))]
+    while len(blocks) < n_blocks:
+        blocks.append(on_complement(factor.solve(multiply(linearised.M, blocks[-1]))))
+    return blocks
+
+
+def _refuse_too_large(scene, n_dof: int, n_columns: int, comm) -> None:
+    needed, left = memory_of_basis(n_dof, n_columns), memory_left(comm)
+    if needed > left:
+        raise CaseError(f"{scene.path}: [solver] method = \"full\" needs about {needed / 1e9:.3g} GB for {n_columns} "
+                        f"columns of {n_dof} DOF, beside the factor; {left / 1e9:.3g} GB are free. Choose \"receptance\", a "
+                        "coarser mesh, or more memory")

@@ -1,0 +1,44 @@
+"""`joint-interface-modes`: pairs of opposite forces at the joint, and few modes of what they cause.
+
+From W. Witteveen and H. Irschik, *Efficient mode-based computational approach for jointed structures: joint interface modes*,
+AIAA Journal 47 (2009): the classical modes of a structure are enriched by shapes of the joint that are computed once and for
+all under Newton's third law, equal and opposite forces on the two surfaces, and reduced in number by an eigenproblem of their
+own.  Here
+
+    Z = K_L^-1 R^T - phi Omega^-2 phi^T R^T,        Z^T K_L Z v = lambda Z^T M Z v,
+
+and the ``[solver] interface_modes`` lowest Z v are kept.  Our choice: the classical modes phi are those of the stuck structure,
+so that the linear response is that of `receptance` whatever is kept; Z is what these leave of the static response; the static
+shapes of the loads are in the basis.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...linear.dense import gram, multiply
+from ...parallel.agree import on_root
+from ..galerkin import reduce_on_basis, reduced_modes
+from ..reduction import Reduction
+
+
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_modes + min(solver.interface_modes, 3 * n_pairs) + n_loads
+
+
+def reduce(linearised, modes, pairs, scene) -> Reduction:
+    """Return the reduction.  Collective: 3 solves a pair."""
+    system, factor, phi_owned = linearised.system, linearised.factor, modes.phi_owned
+    Z_owned = factor.solve_sparse(system.R.T.tocsc())
+    Z_owned -= phi_owned @ gram(system.comm, phi_owned, multiply(linearised.M, Z_owned))
+    shapes_owned = lowest_shapes(linearised, Z_owned, scene.solver.interface_modes)
+    return reduce_on_basis(linearised, np.hstack([phi_owned, factor.solve_sparse(system.loads), shapes_owned]), scene)
+
+
+def lowest_shapes(linearised, Z_owned: np.ndarray, n_wanted: int) -> np.ndarray:
+    """Return the ``n_wanted`` lowest modes of (K_L, M) in the span of Z, or all there are; this rank's rows.  Collective."""
+    comm = linearised.system.comm
+    K_r, M_r = (gram(comm, Z_owned, multiply(A, Z_owned)) for A in (linearised.K_L, linearised.M))
+    _, v, _ = on_root(comm, reduced_modes, K_r, M_r)
+    return Z_owned @ v[:, :n_wanted]

@@ -1,0 +1,17 @@
+"""`receptance`: no pair is ever dropped; pairs that stick cost nothing but their contact law."""
+
+from __future__ import annotations
+
+from ..internal_variable import reduce_to_pairs
+from ..reduction import Reduction
+from ..selection import AllPairs
+
+
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return 3 * n_pairs
+
+
+def reduce(linearised, modes, pairs, scene) -> Reduction:
+    """Return the reduction.  Collective."""
+    return reduce_to_pairs(linearised, modes, scene, AllPairs())

@@ -1,0 +1,39 @@
+"""`rubin`: free-interface modes of the bodies and residual attachment modes (Rubin 1975), coupled by the joint.
+
+    u = phi q + Z g,        V = [phi, Z]
+
+with phi the lowest modes of (K, M), without the joint's springs, rigid-body modes included, and Z the residual attachment modes
+of unit forces at the interface and of the loads.  Plain, both bodies' interface DOFs are loaded one by one, 6 a pair: all of
+them stay physical.  ``[solver] condensed`` loads the relative DOFs only, 3 a pair.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..free_interface import free_bodies, residual_attachment_modes
+from ..galerkin import reduce_on_basis
+from ..interface import interface_dofs, unit_columns
+from ..reduction import Reduction
+
+
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_modes + (3 if solver.condensed else 6) * n_pairs + n_loads
+
+
+def reduce(linearised, modes, pairs, scene) -> Reduction:
+    """Return the reduction.  Collective: a factorisation, modes, and as many solves as forces.
+
+    Raises
+    ------
+    CaseError : fewer modes asked for than rigid-body modes; on every rank
+    """
+    system = linearised.system
+    free = free_bodies(linearised, modes, scene)
+    contact = system.R.T if scene.solver.condensed else unit_columns(interface_dofs(system.R), system.n_dof)
+    Z_owned = residual_attachment_modes(free, sp.hstack([contact, system.loads], format="csc"))
+    V_owned = np.hstack([free.phi_owned, Z_owned])
+    free.destroy()
+    return reduce_on_basis(linearised, V_owned, scene)

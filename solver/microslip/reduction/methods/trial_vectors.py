@@ -1,0 +1,64 @@
+"""`trial-vectors`: how the modes change as the joint changes its stiffness (trial vector derivatives).
+
+From W. Witteveen and F. Pichler, *Efficient model order reduction for the dynamics of nonlinear multilayer sheet structures with
+trial vector derivatives*, Shock and Vibration (2014), and *Efficient model order reduction for the nonlinear dynamics of jointed
+structures by the use of trial vector derivatives* (2014): the modes phi_i depend on the state q of a structure with nonlinear
+joints; the static part of that dependence,
+
+    d phi_i / d q_j = -K_L^-1 R^T (d K_J / d q_j) R phi_i ,
+
+enriches the basis, after a weighted proper orthogonal decomposition has kept the main directions of the many.
+
+Our choice, because the stiffness of our joint has corners instead of a derivative: K_J of a pair changes in proportion to each of
+its three relative displacements, one derivative for each, d K_J / d q_j = diag(K_J) r_cj for c = x, y, z; the weight of a
+derivative is 1 / (omega_i^2 omega_j^2), what the two modes move under equal forces; the decomposition is in the strain energy
+of the stuck structure; the static shapes of the loads are in the basis.  ``[solver] interface_modes`` directions are kept.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...linear.dense import summed
+from ...linear.joint_springs import joint_stiffness
+from ...parallel.agree import on_root
+from ..build import owned_product
+from ..galerkin import DEPENDENT, reduce_on_basis
+from ..reduction import Reduction
+
+
+def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+    """Return how many unknowns a harmonic coefficient has at most.  Local."""
+    return n_modes + min(solver.interface_modes, 3 * n_pairs) + n_loads
+
+
+def reduce(linearised, modes, pairs, scene) -> Reduction:
+    """Return the reduction.  Collective: 3 solves a pair."""
+    system, factor = linearised.system, linearised.factor
+    first, last = system.K.getOwnershipRange()
+    X_owned = factor.solve_sparse(system.R.T.tocsc())
+    flexibility = summed(system.comm, system.R[:, first:last] @ X_owned)
+    forces = derivative_forces(joint_stiffness(pairs), owned_product(system.R, modes.phi_owned, system), modes.omega_n)
+    chosen = on_root(system.comm, main_directions, forces, flexibility, scene.solver.interface_modes)
+    V_owned = np.hstack([modes.phi_owned, factor.solve_sparse(system.loads), X_owned @ chosen])
+    return reduce_on_basis(linearised, V_owned, scene)
+
+
+def derivative_forces(K_J: np.ndarray, r: np.ndarray, omega_n: np.ndarray) -> np.ndarray:
+    """Return the weighted forces (d K_J / d q_j) R phi_i of all i, j and directions, (3 n_pairs, 3 n_phi^2).  Local."""
+    n_phi = len(omega_n)
+    weighted = (r / omega_n**2).reshape(-1, 3, n_phi)
+    products = np.einsum("pdi,pcj->pdcij", weighted, weighted)
+    return K_J[:, None] * products.reshape(len(K_J), 3 * n_phi**2)
+
+
+def main_directions(forces: np.ndarray, flexibility: np.ndarray, n_wanted: int) -> np.ndarray:
+    """Return the ``n_wanted`` main directions of ``forces``, (3 n_pairs, m), in the strain energy f^T G f they cause.  Local.
+
+    With G = L L^T these are the left singular vectors of L^T F, mapped back by L^-T.
+    """
+    values, Q = np.linalg.eigh(0.5 * (flexibility + flexibility.T))
+    kept = values > DEPENDENT * values[-1]
+    root = Q[:, kept] * np.sqrt(values[kept])
+    left, _, _ = np.linalg.svd(root.T @ forces, full_matrices=False)
+    return (Q[:, kept] / np.sqrt(values[kept])) @ left[:, :n_wanted]

@@ -1,0 +1,20 @@
+"""What a method makes of a structure: the model that harmonic balance solves, its set B, and the way back to full fields."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .model import ReducedModel
+from .selection import Selection
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A structure, reduced by one method."""
+
+    model: ReducedModel
+    selection: Selection
+    displacement: Callable[[float, float, np.ndarray], np.ndarray]  # collective; level, omega, p -> harmonics of u, owned rows

@@ -1,0 +1,80 @@
+"""A bar that nothing but its joint holds, on a plate: 135 DOF and 15 pairs, for the tests of the reduction methods."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from blocks import stacked
+from msh import write_msh
+
+from microslip.parallel.agree import on_root
+from microslip.parallel.log import RunLog
+from microslip.run import Structure, build_structure
+from microslip.scene.read import read_scene
+from microslip.scene.schema import Scene
+
+N_DOF, N_PAIRS = 135, 15
+SCENE = """
+[model]
+mesh = "bar.msh"
+[materials.steel]
+young = 2.1e11
+poisson = 0.3
+density = 7800.0
+[bodies.bar]
+group = "bar"
+material = "steel"
+[bodies.ground]
+group = "ground"
+material = "steel"
+[[supports]]
+group = "ground_base"
+fix = ["x", "y", "z"]
+[[joints]]
+name = "joint"
+surfaces = ["bar_bottom", "ground_top"]
+friction = 0.05
+tangential_stiffness = 1.0e12
+normal_stiffness = 2.0e12
+preload = 2.0e7
+[[loads]]
+position = [0.05, 0.01, 0.02]
+direction = [1.0, 0.3, 0.2]
+[[outputs]]
+name = "corner"
+position = [0.0, 0.0, 0.02]
+direction = [1.0, 0.0, 0.0]
+[damping]
+DAMPING
+[response]
+levels = [30.0]
+mode = 1
+span = [0.9, 1.1]
+points = 10
+[solver]
+"""
+
+
+def write_bar(folder: Path, damping: str = "ratio = 0.01", divisions=(4, 2, 1), **solver) -> Path:
+    """Write mesh and scene; keys of [solver] as given.  Local; returns the scene's path."""
+    write_msh(str(folder / "bar.msh"), stacked("hex8", (0.05, 0.01, 0.02), divisions, ground_height=0.005))
+    keys = [f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {str(value).lower()}" for key, value in solver.items()]
+    path = folder / "bar.toml"
+    path.write_text(SCENE.replace("DAMPING", damping) + "\n".join(keys) + "\n")
+    return path
+
+
+def bar(comm, folder: Path, damping: str = "ratio = 0.01", **options) -> tuple[Scene, Structure]:
+    """Return the scene and its stuck structure.  Collective."""
+    return stuck(comm, on_root(comm, lambda: write_bar(folder, damping, **options)))
+
+
+def stuck(comm, path: Path) -> tuple[Scene, Structure]:
+    """Return a scene and its stuck structure.  Collective."""
+    scene = read_scene(path)
+    return scene, build_structure(scene, comm, RunLog(comm, screen=False))
+
+
+def by(scene, method: str, **solver):
+    """Return the scene with another method and other keys of [solver]."""
+    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method, **solver})})

@@ -1,0 +1,234 @@
+"""Every reduction method against the unreduced structure, on any number of ranks."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from bar_scene import N_DOF, N_PAIRS, bar, by, stuck
+from matrix_scenes import write_matrix_scene
+from oracles import harmonic_balance, scenes
+
+from microslip.contact.law import ContactParameters
+from microslip.continuation.grid import at_frequencies
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.linear.dense import gram, multiply
+from microslip.modes.dense import gathered
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError
+from microslip.reduction import receptance
+from microslip.reduction.expand import displacement
+from microslip.reduction.free_interface import free_bodies, residual_attachment_modes
+from microslip.reduction.methods import METHODS, full, reduce_by_method
+
+BASES = {"rubin": {}, "rubin, condensed": {"condensed": True}, "craig-bampton": {}, "joint-interface-modes": {}, "trial-vectors": {}}
+
+
+def reduced(scene, structure, method, **solver):
+    scene = by(scene, method.split(",")[0], **solver)
+    return reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
+
+
+def matrices(structure):
+    """K_L and M as arrays on every rank."""
+    return tuple(structure.linearised.system.comm.bcast(gathered(A)) for A in (structure.linearised.K_L, structure.linearised.M))
+
+
+@pytest.fixture(scope="module")
+def whole(comm, tmp_path_factory):
+    """The bar with every mode computed."""
+    scene, structure = bar(comm, comm.bcast(tmp_path_factory.mktemp("bar")), modes=N_DOF, method="full")
+    yield scene, structure
+    structure.linearised.destroy()
+
+
+def curve(scene, structure, reduction, omegas, level=30.0):
+    pairs = structure.pairs
+    parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+    problem = HarmonicBalance(reduction.model, parameters, 128, level)
+    found = at_frequencies(problem, reduction.selection, omegas, tolerance=1e-10)
+    assert found.failure is None
+    return found.points
+
+
+@pytest.fixture(scope="module")
+def reference(whole):
+    scene, structure = whole
+    omegas = structure.modes.omega_n[0] * np.linspace(0.97, 1.03, 9)
+    reduction = reduced(scene, structure, "full")
+    return omegas, reduction, curve(scene, structure, reduction, omegas)
+
+
+@pytest.mark.parametrize("method", ["receptance", *BASES])
+def test_with_all_modes_every_method_meets_full(whole, reference, method):
+    scene, structure = whole
+    omegas, _, exact = reference
+    reduction = reduced(scene, structure, method, **BASES.get(method, {}), interface_modes=3 * N_PAIRS)
+    points = curve(scene, structure, reduction, omegas)
+    assert set(np.concatenate([point.state for point in exact])) >= {0, 1}
+    peak = max(np.abs(point.response).max() for point in exact)
+    loss = max(point.friction for point in exact)
+    for a, b in zip(points, exact):
+        assert a.response == pytest.approx(b.response, abs=1e-8 * peak)
+        assert a.friction == pytest.approx(b.friction, abs=1e-7 * loss)
+        assert a.input == pytest.approx(a.damping + a.friction, rel=1e-6)
+
+
+@pytest.fixture(scope="module")
+def oracle():
+    return harmonic_balance.solve(scenes.chain(), 560.0, 10.0, H=3, n_samples=128, tolerance=1e-12).u_hat
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_on_the_chain_as_dense_harmonic_balance_in_all_coordinates(comm, shared_path, oracle, method):
+    system, (level, omega) = scenes.chain(), (10.0, 560.0)
+    scene, structure = stuck(comm, on_root(comm, lambda: write_matrix_scene(
+        shared_path, system, [level], (540.0, 580.0), harmonics=3, method=method, in_point_check=True)))
+    _, point = curve(scene, structure, reduced(scene, structure, method), [555.0, omega], level)
+    structure.linearised.destroy()
+    assert point.response == pytest.approx(oracle, abs=1e-8 * np.abs(oracle).max())
+
+
+def with_dampers():
+    """The chain with dampers from the first mass to the ground and between the others: they couple the modes."""
+    system = scenes.chain()
+    del system["zeta"]
+    link = np.kron([[0.0, 0.0, 0.0], [0.0, 1.0, -1.0], [0.0, -1.0, 1.0]], np.diag([40.0, 15.0, 30.0]))
+    return {**system, "C": link + np.kron(np.diag([1.0, 0.0, 0.0]), np.diag([16.0, 24.0, 12.0]))}
+
+
+def without_some_mass():
+    """The chain with a direction of the second mass and one of the third that follow their springs alone."""
+    system = scenes.chain()
+    del system["zeta"]
+    mass = np.diag(system["M"]).copy()
+    mass[[4, 8]] = 0.0
+    return {**system, "M": np.diag(mass), "C": np.diag(30.0 * mass)}
+
+
+@pytest.mark.parametrize("system", [with_dampers(), without_some_mass()], ids=["dampers", "massless"])
+def test_a_damping_matrix_and_motions_without_mass(comm, shared_path, system):
+    path = on_root(comm, lambda: write_matrix_scene(shared_path, system, [10.0], (540.0, 580.0), method="full"))
+    scene, structure = stuck(comm, path)
+    exact = harmonic_balance.solve(system, 560.0, 10.0, H=3, n_samples=128, tolerance=1e-12).u_hat
+    for method in ("receptance", "full", *BASES):
+        reduction = reduced(scene, structure, method, **BASES.get(method, {}))
+        _, point = curve(scene, structure, reduction, [555.0, 560.0], 10.0)
+        assert point.response == pytest.approx(exact, abs=1e-8 * np.abs(exact).max())
+    structure.linearised.destroy()
+
+
+def test_unknowns_are_those_of_the_reduced_equations_not_of_what_is_left_after_condensation(whole):
+    scene, structure = whole
+    for method, n in {"full": N_DOF, "rubin": N_DOF + 6 * N_PAIRS + 1, "rubin, condensed": N_DOF + 3 * N_PAIRS + 1}.items():
+        reduction = reduced(scene, structure, method, **BASES.get(method, {}))
+        assert reduction.selection.unknowns(N_PAIRS, reduction.model.n_modes, 7) == 7 * n
+        solver = by(scene, method, **BASES.get(method, {})).solver
+        assert METHODS[method.split(",")[0]].coordinates(solver, N_DOF, N_DOF, N_PAIRS, 1) == n
+
+
+# -- the reference itself ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("damping, bound", [("rayleigh = [30.0, 1e-7]", 1e-11), ("ratio = 0.01", 3e-7)])
+def test_full_by_its_krylov_space_is_the_inverse_of_the_dynamic_stiffness(comm, shared_path, monkeypatch, damping, bound):
+    """Rayleigh damping exactly; a ratio up to what the Ritz vectors make of the modes beyond."""
+    monkeypatch.setattr(full, "ALL_MODES", 0)
+    scene, structure = bar(comm, shared_path, damping, divisions=(5, 2, 4), method="full", modes=20, harmonics=1)
+    K_L, M = matrices(structure)
+    if damping.startswith("ratio"):
+        squares, phi = scipy.linalg.eigh(K_L, M)
+        C = M @ phi @ np.diag(0.02 * np.sqrt(squares)) @ phi.T @ M
+    else:
+        C = 30.0 * M + 1e-7 * K_L
+    system, model = structure.linearised.system, reduced(scene, structure, "full").model
+    assert len(structure.modes.omega_n) + 56 < model.n_modes < system.n_dof == 324
+    R, F, O = system.R.toarray(), system.loads.toarray(), system.outputs.toarray()
+    for omega in structure.modes.omega_n[0] * np.array([0.7, 0.95, 1.1]):
+        c, _ = receptance.dynamic_part(model, omega)
+        for n in range(2):
+            exact = np.linalg.inv(K_L + 1j * n * omega * C - (n * omega) ** 2 * M)
+            G = model.r @ ((1.0 / model.omega_n**2 + c[:, n])[:, None] * model.r.T)
+            assert np.abs(G - R @ exact @ R.T).max() < bound * np.abs(G).max()
+            out = model.out_static + model.o @ (c[:, n, None] * model.b)
+            assert np.abs(out - O @ exact @ F).max() < bound * np.abs(out).max()
+    structure.linearised.destroy()
+
+
+def test_full_expands_to_the_same_field_as_receptance(whole, reference):
+    scene, structure = whole
+    omegas, of_full, points = reference
+    model = reduced(scene, structure, "receptance").model
+    p = model.comm.bcast(points[4].p).reshape(-1, model.N_H)
+    u = of_full.displacement(30.0, omegas[4], p)
+    assert u == pytest.approx(displacement(structure.linearised, structure.modes, model, 30.0, omegas[4], p), abs=1e-9 * np.abs(u).max(initial=1e-9))
+
+
+def test_full_beyond_the_memory_is_refused_with_the_estimate(comm, shared_path, monkeypatch):
+    monkeypatch.setattr(full, "memory_left", lambda comm: 1e5)
+    with pytest.raises(CaseError, match=r'bar\.toml: \[solver\] method = "full" needs about .* GB for .* columns of 135 DOF'):
+        bar(comm, shared_path, method="full")
+
+
+def test_blocks_of_the_krylov_space_follow_from_the_range():
+    assert full.n_blocks_for(1e-4) == 2
+    assert full.n_blocks_for(0.25) == 11
+    assert 0.25 ** (2 * full.n_blocks_for(0.25)) < full.ACCURACY
+
+
+# -- bases ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["rubin", "craig-bampton"])
+def test_frequencies_converge_from_above(comm, shared_path, method):
+    scene, structure = bar(comm, shared_path, method=method, modes=6)
+    exact = np.sqrt(scipy.linalg.eigvalsh(*matrices(structure)))[:6]
+    errors = []
+    for n_modes in (6, 15, 30):
+        modes = type(structure.modes)(structure.modes.omega_n[0] * np.ones(n_modes), structure.modes.phi_owned)
+        model = reduce_by_method(structure.linearised, modes, structure.pairs, by(scene, method)).model
+        assert (model.omega_n[:6] > exact * (1.0 - 1e-10)).all()
+        errors.append(np.max(model.omega_n[:6] / exact - 1.0))
+    assert errors[0] > 2.0 * errors[1] > 2.0 * errors[2] > 0.0
+    structure.linearised.destroy()
+
+
+def test_a_floating_body_has_six_rigid_body_modes_and_attachment_modes_orthogonal_to_them(comm, shared_path):
+    scene, structure = bar(comm, shared_path, method="rubin", modes=12)
+    free = free_bodies(structure.linearised, structure.modes, scene)
+    system = structure.linearised.system
+    assert free.n_rigid == 6
+    assert np.abs(free.omega_2[:6]).max() < 1e-6 * free.omega_2[6]
+    Z = residual_attachment_modes(free, system.R.T.tocsc())
+    M_Z = multiply(system.M, Z)
+    sizes = np.sqrt(np.diag(gram(comm, Z, M_Z)))
+    assert np.abs(gram(comm, free.phi_owned, M_Z)).max() < 1e-10 * sizes.max()
+    first, last = system.K.getOwnershipRange()                          # K Z is the load less what the modes take of it
+    balanced = system.R.T.toarray()[first:last] - multiply(system.M, free.phi_owned) @ gram(comm, free.phi_owned, system.R.T.toarray()[first:last])
+    assert multiply(system.K, Z) == pytest.approx(balanced, abs=1e-7)
+    free.destroy()
+    structure.linearised.destroy()
+
+
+def test_fewer_modes_than_rigid_body_modes_are_refused(comm, shared_path):
+    scene, structure = bar(comm, shared_path, method="rubin", modes=4)
+    for method in ("rubin", "rubin, condensed"):
+        with pytest.raises(CaseError, match=r"bar\.toml: \[solver\] modes = 4: .* 6 rigid-body modes, .* ask for 6 modes at least"):
+            reduced(scene, structure, method, **BASES[method])
+    structure.linearised.destroy()
+
+
+def test_few_shapes_of_the_joint_make_a_small_model_that_more_shapes_improve(whole, reference):
+    scene, structure = whole
+    omegas, of_full, _ = reference
+    exact = receptance.linear_motion_of_all(of_full.model, 1.0, omegas[0])
+    few = type(structure.modes)(structure.modes.omega_n[:8], structure.modes.phi_owned[:, :8])
+    for method in ("joint-interface-modes", "trial-vectors"):
+        errors = []
+        for n in (5, 20, 45):
+            model = reduce_by_method(structure.linearised, few, structure.pairs, by(scene, method, interface_modes=n)).model
+            assert model.n_modes == 8 + 1 + n
+            flexibility = np.sum(model.r**2 / model.omega_n**2)             # trace of G_static
+            errors.append(1.0 - flexibility / np.sum(of_full.model.r**2 / of_full.model.omega_n**2))
+            motion = receptance.linear_motion_of_all(model, 1.0, omegas[0])
+            assert np.abs(motion - exact).max() < 1e-3 * np.abs(exact).max()
+        assert 1.0 > errors[0] > errors[1] > errors[2] > -1e-10
+        assert errors[2] < 1e-10                                            # with all shapes the static columns are exact
