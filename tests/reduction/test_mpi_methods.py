@@ -120,7 +120,7 @@ def test_unknowns_are_those_of_the_reduced_equations_not_of_what_is_left_after_c
     scene, structure = whole
     for method, n in {"full": N_DOF, "rubin": N_DOF + 6 * N_PAIRS + 1, "rubin, condensed": N_DOF + 3 * N_PAIRS + 1}.items():
         reduction = reduced(scene, structure, method, **BASES.get(method, {}))
-        assert reduction.selection.unknowns(N_PAIRS, reduction.model.n_modes, 7) == 7 * n
+        assert reduction.selection.unknowns(np.ones(N_PAIRS, bool), np.ones(N_PAIRS, bool), reduction.model.n_modes, 7) == 7 * n
         solver = by(scene, method, **BASES.get(method, {})).solver
         assert METHODS[method.split(",")[0]].coordinates(solver, N_DOF, N_DOF, N_PAIRS, 1) == n
 
