@@ -14,9 +14,9 @@ JOBS = Path(__file__).parents[2] / "jobs"
 
 @pytest.mark.parametrize("name, said", [
     ("jenkins", ["matrices   1 DOF; entries: stiffness 1, mass 1, damping 1", "slider: 1 pairs, normal preload 2 N in all",
-                 "method     receptance: 1 modes, harmonics 0 to 15"]),
+                 "method     receptance: harmonics 0 to 15", "modes      all there are"]),
     ("spatial", ["matrices   3 DOF; entries: stiffness 9, mass 3", "load 5     DOF 2, scale -0.1, harmonic 0", "output     z: DOF 2",
-                 "method     receptance: 3 modes"]),
+                 "modes      all there are"]),
 ])  # fmt: skip
 def test_the_scenes_of_jobs_are_sound(name, said):
     done = microslip("check", JOBS / f"{name}.toml")
