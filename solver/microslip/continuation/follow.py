@@ -25,6 +25,7 @@ MOST_APPROACH_STEPS = 400
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
 FAR_AHEAD = 4.0         # lengths of the last step beyond which a parabola says nothing
 FARTHEST = 4.0          # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
+MOSTLY = 0.8            # share of the pairs that slip or are open, from which the mean of the slip may be held
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
 
@@ -64,7 +65,7 @@ class State:
     selected: np.ndarray            # B of the next point
     size: float                     # |U| over all ranks [m]
     sticks: bool                    # no pair slips or opens: the point lies on the linear curve
-    slides: bool                    # no pair sticks: the mean of the slip may not be determined
+    sliding: float                  # share of the pairs that do not stick
 
 
 def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
@@ -118,8 +119,8 @@ class BranchFollower:
         now = time.perf_counter()
         point, self.clock = replace(point, seconds=now - self.clock), now
         B = self.selection.update(moves, point.state, point.energy)
-        slides = bool((point.state != STICK).all())
-        return State(found.iterate, B, self.norm(found.iterate.U), not moves.any(), slides), point
+        sliding = float((point.state != STICK).mean())
+        return State(found.iterate, B, self.norm(found.iterate.U), not moves.any(), sliding), point
 
     def norm(self, U: np.ndarray) -> float:
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
@@ -223,7 +224,7 @@ class BranchFollower:
             ds /= 2.0
             if ds < self.steps.ds_min:
                 return *self.corner(before, now, found), 8.0 * self.steps.ds_min
-            if now.slides and self.problem.held_at is None and self.is_loose:
+            if now.sliding == 1.0 and self.problem.held_at is None and self.is_loose:
                 raise ConvergenceError(self.message(now.iterate.parameter, found))
 
     @cached_property
@@ -232,7 +233,7 @@ class BranchFollower:
 
     def hold(self, now: State) -> State | None:
         """Return the point from which to go on with the mean slip held; None where that is of no help.  Collective."""
-        if self.problem.held_at is not None or not now.slides or not self.is_loose:
+        if self.problem.held_at is not None or now.sliding < MOSTLY or not self.is_loose:
             return None
         self.problem.hold_mean_slip(now.iterate.U, now.selected)
         return now
@@ -307,7 +308,7 @@ class BranchFollower:
             after, point = self.accept(found, selected)
             yield after, point
             ds = self.steps.next(ds, found.newton, self.turn(before.iterate, now.iterate, after.iterate, now.size))
-            if self.problem.held_at is not None and not after.slides:
+            if self.problem.held_at is not None and after.sliding < MOSTLY:
                 after = self.let_go(after) or after
             earlier, before, now = before, now, after
 
