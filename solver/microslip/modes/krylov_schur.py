@@ -9,7 +9,7 @@ from slepc4py import SLEPc
 from ..parallel.errors import ConvergenceError
 
 PREFIX = "modes_"
-TOLERANCE = 1e-10               # relative error of an eigenvalue that counts as converged
+TOLERANCE = 1e-8                # residual of a mode, relative; the error of its eigenvalue is the square of it
 
 
 def slepc_modes(linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:

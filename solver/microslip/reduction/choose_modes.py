@@ -12,7 +12,7 @@ from ..scene.schema import DEFAULT_ACCURACY
 from .left_out import LeftOut, left_out
 
 _AT_ONCE = 400          # DOFs up to which LAPACK finds all modes at once
-_START, _MOST = 16, 600     # modes of the first batch, each further one has twice as many; and of the last
+_START, _MOST = 12, 600     # modes of the first batch, each further one has twice as many; and of the last
 _EQUAL = 1e-6           # relative difference of equal frequencies, which are kept or left out together
 
 
