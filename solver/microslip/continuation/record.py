@@ -31,13 +31,14 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
     shape = (model.n_pairs, 3, model.N_H)
     U_all = problem.gather(U)
     state = problem.gather(of_all.state)
-    energy = pair_energy(U_all, problem.full_force(of_all).reshape(shape))
-    moves = np.zeros(model.n_pairs, dtype=bool)
+    moves, energy = np.zeros(model.n_pairs, dtype=bool), np.zeros(model.n_pairs)
     moves[of_all.active] = True
+    energy[of_all.active] = pair_energy(U_all[of_all.active], of_all.p.reshape(-1, *shape[1:]))
+    friction = float(contact_work(U_all[used.active], used.p.reshape(-1, *shape[1:])).sum())
     point = Point(
         omega=omega, response=receptance.output_motion(model, level, omega, p), U=U_all, p=p.reshape(shape),
         energy=energy, state=state, unknowns=selection.unknowns(selected, moves, model.n_modes, model.N_H),
-        newton=found.newton, krylov=found.krylov, friction=float(contact_work(U_all, p.reshape(shape)).sum()),
+        newton=found.newton, krylov=found.krylov, friction=friction,
         damping=damping_loss(model, level, omega, p), input=input_work(model, level, omega, p), seconds=0.0, asked=asked,
         notes=() if problem.held_at is None else (HELD,),
     )

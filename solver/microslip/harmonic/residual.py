@@ -42,6 +42,7 @@ class HarmonicBalance:
         self.held_at: np.ndarray | None = None      # (n_owned, 2) mean of p_t about which the mean slip is held [N]
         self.n_owned = model.owned.stop - model.owned.start
         self.shape = (self.n_owned, 3, model.N_H)
+        self._linear_at, self._linear = np.nan, (np.empty(0), np.empty(0))
 
     def contact_forces(self, U: np.ndarray, selected: np.ndarray, tangents: bool,
                        extras: tuple[float, ...] = ()) -> ContactForces:
@@ -101,9 +102,14 @@ class HarmonicBalance:
         return f"{omega / 2 / np.pi:.6g} Hz ({omega:.6g} rad/s) at level {self.level_at(parameter):.4g} N"
 
     def linear_motion(self, parameter: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return U_lin and its derivative with respect to the parameter, each (n_owned, 3, N_H).  Local."""
-        U_lin, dU_lin = receptance.linear_motion(self.model, self.level, parameter)
-        return U_lin.reshape(self.shape), dU_lin.reshape(self.shape)
+        """Return U_lin and its derivative with respect to the parameter, each (n_owned, 3, N_H).
+
+        Local.  Kept for the last parameter: do not write into them.
+        """
+        if self._linear_at != parameter:
+            U_lin, dU_lin = receptance.linear_motion(self.model, self.level, parameter)
+            self._linear_at, self._linear = parameter, (U_lin.reshape(self.shape), dU_lin.reshape(self.shape))
+        return self._linear
 
     def receptance_at(self, parameter: float, active: np.ndarray) -> ReceptanceColumns:
         """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are new."""
@@ -161,6 +167,8 @@ class ReceptanceColumns:
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
+        if len(p) == 0:
+            return np.zeros((len(self.r_owned) // 3, *self.shape[1:]))
         dynamic = self.r_owned @ receptance.modal(self.c, self.r_active.T @ p)
         return ((p.T @ self.G_static).T + dynamic).reshape(self.shape)
 
