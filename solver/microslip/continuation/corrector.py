@@ -14,6 +14,7 @@ from petsc4py import PETSc
 from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import HarmonicBalance
 from .newton import Gatherer, Linearisation, NewtonStep
+from .shell import ShellMatrix, ShellSolver
 
 PATIENCE, LEAST_PROGRESS = 4, 0.5       # Newton gives up where so many iterations leave more than this share of the residual
 MANY_KRYLOV = 50        # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
@@ -60,26 +61,6 @@ class Correction:
     failure: str | None
 
 
-class _ShellJacobian:
-    """What PETSc calls for a product with the Jacobian."""
-
-    def __init__(self, corrector: Corrector):
-        self.corrector = corrector
-
-    def mult(self, J, x, y) -> None:
-        self.corrector.apply_jacobian(x, y)
-
-
-class _NewtonSolver:
-    """What SNES calls to solve a Newton system."""
-
-    def __init__(self, corrector: Corrector):
-        self.corrector = corrector
-
-    def solve(self, ksp, b, x) -> None:
-        self.corrector.solve_step(ksp, b, x)
-
-
 class Corrector:
     """SNES with a matrix-free Jacobian, kept over the points of a level.  Collective on ``problem.comm``."""
 
@@ -94,7 +75,7 @@ class Corrector:
         n_local = self.n_U + int(self.last)
         self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=self.comm)
         self._r = self._x.duplicate()
-        self._J = PETSc.Mat().createPython(((n_local, PETSc.DETERMINE),) * 2, context=_ShellJacobian(self), comm=self.comm)
+        self._J = PETSc.Mat().createPython(((n_local, PETSc.DETERMINE),) * 2, context=ShellMatrix(self.apply_jacobian), comm=self.comm)
         self._J.setUp()
         self._snes = self._configure(PETSc.SNES().create(self.comm))
 
@@ -107,7 +88,7 @@ class Corrector:
         ksp = snes.getKSP()
         ksp.setOptionsPrefix("hb_newton_")          # the options -hb_ksp_ are those of the GMRES inside
         ksp.setType(PETSc.KSP.Type.PYTHON)
-        ksp.setPythonContext(_NewtonSolver(self))
+        ksp.setPythonContext(ShellSolver(self.solve_step))
         ksp.getPC().setType(PETSc.PC.Type.NONE)
         snes.setFromOptions()
         return snes
@@ -235,16 +216,15 @@ class Corrector:
             self._wants_preconditioner = False
         J.assemble()
 
-    def solve_step(self, ksp, b, x) -> None:
-        """Solve a Newton system.  Collective."""
+    def solve_step(self, b, x) -> tuple[int, int]:
+        """Solve a Newton system; return GMRES iterations and PETSc's reason.  Collective."""
         values, out = b.getArray(readonly=True), x.getArray()
         b_U, b_nu = values[: self.n_U].reshape(self.problem.shape), self._nu(values)
         d_xi, d_nu, iterations, reason = self._step.solve(self._linear, b_U, b_nu)
         out[: self.n_U] = d_xi.ravel()
         if self.last:
             out[self.n_U] = d_nu
-        ksp.setIterationNumber(iterations)
-        ksp.setConvergedReason(reason)
+        return iterations, reason
 
     def apply_jacobian(self, x, y) -> None:
         """Apply [I + G P, dr/dnu; n_U, n_nu] in scaled unknowns.  Collective: one gather."""

@@ -13,6 +13,7 @@ from petsc4py import PETSc
 
 from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import ActiveColumns, ContactForces, HarmonicBalance, ReceptanceColumns
+from .shell import ShellMatrix, ShellPreconditioner
 
 SINGLE = 1e-5           # relative tolerance of GMRES down to which products in single precision are exact enough
 
@@ -61,26 +62,6 @@ class Linearisation:
         dp = self.pair_forces(d_xi[self.forces.active_owned])
         dp_all, (plane, d_nu) = self.gatherer(dp, (float(np.vdot(self.n_U, d_xi)), d_nu_owned))
         return d_xi + self.G.apply(dp_all.reshape(-1, d_xi.shape[-1])) + d_nu * self.r_nu, plane + self.n_nu * d_nu
-
-
-class _ShellMatrix:
-    """What PETSc calls for a product."""
-
-    def __init__(self, step: NewtonStep):
-        self.step = step
-
-    def mult(self, A, x, y) -> None:
-        self.step.multiply(x, y)
-
-
-class _ShellPreconditioner:
-    """What PETSc calls to apply the preconditioner."""
-
-    def __init__(self, step: NewtonStep):
-        self.step = step
-
-    def apply(self, pc, x, y) -> None:
-        self.step.precondition(x, y)
 
 
 class NewtonStep:
@@ -157,7 +138,7 @@ class NewtonStep:
         self.n = n
         self._gatherer = Gatherer(self.comm, n, 2)
         sizes = (n + int(self.last), PETSc.DETERMINE)
-        self._A = PETSc.Mat().createPython((sizes, sizes), context=_ShellMatrix(self), comm=self.comm)
+        self._A = PETSc.Mat().createPython((sizes, sizes), context=ShellMatrix(self.multiply), comm=self.comm)
         self._A.setUp()
         self._x, self._b = self._A.createVecs()
         self._ksp = PETSc.KSP().create(self.comm)
@@ -169,7 +150,7 @@ class NewtonStep:
         self._ksp.setTolerances(rtol=1e-3, atol=0.0, max_it=300)        # Newton makes up for it; fewer products in all
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(_ShellPreconditioner(self))
+        pc.setPythonContext(ShellPreconditioner(self.precondition))
         self._ksp.setFromOptions()
 
     def multiply(self, x, y) -> None:
