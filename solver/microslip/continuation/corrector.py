@@ -75,7 +75,8 @@ class Corrector:
         n_local = self.n_U + int(self.last)
         self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=self.comm)
         self._r = self._x.duplicate()
-        self._J = PETSc.Mat().createPython(((n_local, PETSc.DETERMINE),) * 2, context=ShellMatrix(self.apply_jacobian), comm=self.comm)
+        sizes = (n_local, PETSc.DETERMINE)
+        self._J = PETSc.Mat().createPython((sizes, sizes), context=ShellMatrix(self.apply_jacobian), comm=self.comm)
         self._J.setUp()
         self._snes = self._configure(PETSc.SNES().create(self.comm))
 
