@@ -21,7 +21,7 @@ from .mesh.read import read_mesh
 from .modes.eigen import Modes
 from .modes.limits import refuse_too_many
 from .needs import needs, needs_of_matrices
-from .parallel.agree import on_root
+from .parallel.agree import on_each, on_root
 from .parallel.errors import ConvergenceError
 from .parallel.log import RunLog
 from .parallel.versions import versions
@@ -66,7 +66,7 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = ()) -> None:
         with log.stage("fields for ParaView"):
             write_shapes(structure, reduction, branches, folder)
         with log.stage("pictures"):
-            on_root(comm, draw_all, str(folder / "results.h5"), str(folder))
+            on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
         log.note(f"results in {folder}")
         structure.linearised.destroy()
     failed = [branch for branch in branches if branch.failure]

@@ -43,3 +43,24 @@ def on_root(comm, function: Callable[..., Any], *args: Any, share: bool = True) 
     if problem is not None:
         raise problem
     return shared if share else value
+
+
+def on_each(comm, function: Callable[..., Any], *args: Any) -> Any:
+    """Call ``function(*args)`` on every rank, which share the work, and return this rank's result.
+
+    Collective on ``comm``: one gather.  ``function`` itself must not be collective.
+
+    Raises
+    ------
+    Whatever ``function`` raises on the lowest rank on which it does, on every rank.
+    """
+    value: Any = None
+    problem: Exception | None = None
+    try:
+        value = function(*args)
+    except Exception as found:                           # re-raised below, on every rank
+        problem = found
+    for one in comm.allgather(problem):
+        if one is not None:
+            raise one
+    return value

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import matplotlib
 
 from ..parallel.files import make_folder, said_of
 from .curve_plots import draw_energy, draw_response, draw_rom_size, draw_states
 from .joint_plots import draw_energy_map, draw_slip_map
 from .read import read_results
+from .record import ResultFile
 from .style import RC
 
-PICTURES = (draw_response, draw_states, draw_slip_map, draw_rom_size, draw_energy, draw_energy_map)
+Picture = Callable[[ResultFile, str], list[str]]
+PICTURES: tuple[Picture, ...] = (draw_response, draw_states, draw_slip_map, draw_rom_size, draw_energy, draw_energy_map)
 
 
-def draw_all(results_path: str, out_dir: str) -> list[str]:
-    """Draw all pictures of a result file into a folder and return the files.  Local: one rank; no MPI, no PETSc.
+def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> list[str]:
+    """Draw all pictures of a result file, or a share of them, into a folder and return the files.  Local; no MPI, no PETSc.
 
     response.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png.  What a scene does not have (a joint,
     a converged point) leaves out the pictures of it.
@@ -29,4 +33,4 @@ def draw_all(results_path: str, out_dir: str) -> list[str]:
     if not any(len(level.frequency) for level in results.levels):
         return []
     with matplotlib.rc_context(RC), said_of(out_dir):
-        return [file for draw in PICTURES for file in draw(results, out_dir)]
+        return [file for draw in PICTURES[share] for file in draw(results, out_dir)]
