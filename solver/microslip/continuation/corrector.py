@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..harmonic.preconditioner import HarmonicPreconditioner
@@ -72,6 +73,7 @@ class Corrector:
         self._step = NewtonStep(problem)
         self._wants_preconditioner = False
         self._history: list[float] = []
+        self._stepped = np.empty(0)
         n_local = self.n_U + int(self.last)
         self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=self.comm)
         self._r = self._x.duplicate()
@@ -211,6 +213,7 @@ class Corrector:
         _, dU_lin = self.problem.linear_motion(parameter)
         r_nu = (self.problem.force_derivative(G, forces.p) - dU_lin) * (self._scaling.parameter / self._scaling.U)
         gatherer = Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2)
+        self._stepped = np.empty(0)
         self._linear = Linearisation(forces, G, r_nu, self._row.n_U, self._row.n_nu, gatherer)
         if self._wants_preconditioner:
             self._step.preconditioner = HarmonicPreconditioner(self.problem, forces, G)
@@ -225,12 +228,20 @@ class Corrector:
         out[: self.n_U] = d_xi.ravel()
         if self.last:
             out[self.n_U] = d_nu
+        self._stepped = out.copy()
         return iterations, reason
 
     def apply_jacobian(self, x, y) -> None:
-        """Apply [I + G P, dr/dnu; n_U, n_nu] in scaled unknowns.  Collective: one gather."""
+        """Apply [I + G P, dr/dnu; n_U, n_nu] in scaled unknowns.  Collective: one gather.
+
+        The line search asks for the product with the step that was solved for last, which is known.
+        """
         values, out = x.getArray(readonly=True), y.getArray()
-        rows, of_row = self._linear.product(values[: self.n_U].reshape(self.problem.shape), self._nu(values))
+        d_xi, d_nu = values[: self.n_U].reshape(self.problem.shape), self._nu(values)
+        if self.comm.allreduce(np.array_equal(values, self._stepped), op=MPI.LAND):
+            rows, of_row = self._step.product, self._linear.constraint(self.comm, d_xi, d_nu)
+        else:
+            rows, of_row = self._linear.product(d_xi, d_nu)
         out[: self.n_U] = rows.ravel()
         if self.last:
             out[self.n_U] = of_row

@@ -63,6 +63,10 @@ class Linearisation:
         dp_all, (plane, d_nu) = self.gatherer(dp, (float(np.vdot(self.n_U, d_xi)), d_nu_owned))
         return d_xi + self.G.apply(dp_all.reshape(-1, d_xi.shape[-1])) + d_nu * self.r_nu, plane + self.n_nu * d_nu
 
+    def constraint(self, comm, d_xi: np.ndarray, d_nu_owned: float) -> float:
+        """Return the constraint's row of the same product alone.  Collective: one sum."""
+        return float(comm.allreduce(float(np.vdot(self.n_U, d_xi)) + self.n_nu * d_nu_owned))
+
 
 class NewtonStep:
     """Solves Newton's systems of one branch by GMRES on the pairs that do not stick.  Collective on ``problem.comm``."""
@@ -71,6 +75,7 @@ class NewtonStep:
         self.problem, self.comm = problem, problem.comm
         self.last = self.comm.rank == self.comm.size - 1            # owns the row of the parameter
         self.preconditioner: HarmonicPreconditioner | None = None
+        self.product = np.empty(0)
         self._active: np.ndarray | None = None
         self._ksp: PETSc.KSP | None = None
 
@@ -85,7 +90,7 @@ class NewtonStep:
         """Return d_xi (n_owned, 3, N_H), d_nu (0 but on the rank that owns it), GMRES iterations and PETSc's reason.
 
         Collective.  ``b_U`` (n_owned, 3, N_H) are this rank's rows of the right-hand side, ``b_nu`` is its last row on the rank
-        that owns it.
+        that owns it.  ``product`` keeps this rank's rows of the Jacobian times the step.
         """
         self._set_up(at)
         active = at.forces.active_owned
@@ -98,8 +103,10 @@ class NewtonStep:
         x = self._x.getArray(readonly=True)
         d_nu_owned = float(x[self.n]) if self.last else 0.0
         dp_all, (_, d_nu) = at.gatherer(at.pair_forces(x[: self.n]), (0.0, d_nu_owned))
-        d_xi = b_U - at.G.apply(dp_all.reshape(-1, b_U.shape[-1])) - d_nu * at.r_nu
+        others = at.G.apply(dp_all.reshape(-1, b_U.shape[-1])) + d_nu * at.r_nu
+        d_xi = b_U - others
         d_xi[active] = x[: self.n].reshape(len(active), *b_U.shape[1:])
+        self.product = d_xi + others
         return d_xi, d_nu_owned, self._ksp.getIterationNumber(), self._ksp.getConvergedReason()
 
     # -- the condensed system ----------------------------------------------------------------------------------
