@@ -96,7 +96,8 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
         if out is not None:
             command.add_argument("--out", metavar="DIR", type=Path, help=f"folder for what is written (default: {out})")
         if name == "run":
-            command.add_argument("more", metavar="MORE.toml", nargs="*", help="further scenes; with --out DIR each in DIR/NAME")
+            command.add_argument("more", metavar="MORE.toml", nargs="*", default=[],
+                                 help="further scenes; with --out DIR each in DIR/NAME")
             command.add_argument("--groups", metavar="G", type=_count, default=1, help="split the ranks into G groups, each with "
                                  "levels of its own; of several scenes, each with scenes of its own (default: 1)")  # fmt: skip
         if name == "compare":
