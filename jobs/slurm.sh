@@ -16,4 +16,6 @@ set -euo pipefail
 
 export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1      # ranks, not threads, share the cores
 
+# several levels at once, on two groups of two ranks:   mpirun microslip run --groups 2 SCENE.toml
+# several scenes at once, each on one rank:             mpirun microslip run --groups 4 A.toml B.toml C.toml ...
 mpirun microslip run "${1:?the scene is missing: sbatch jobs/slurm.sh SCENE.toml}"

@@ -12,7 +12,7 @@ from typing import NoReturn
 from .command_line import Command, parse
 from .parallel.agree import on_root
 from .parallel.ending import conclude, launcher_rank, require
-from .parallel.errors import Interrupted
+from .parallel.errors import CaseError, Interrupted
 from .parallel.petsc import initialise, unused_options
 
 # before anything imports NumPy or Matplotlib
@@ -76,28 +76,35 @@ def _solve(command: Command, comm) -> int:
     from .doctor import faults
 
     require(comm, faults("pydantic", "mpi4py"))
+    from .parallel.groups import refuse_too_many
     from .scene.read import read_scene
 
-    scene = on_root(comm, read_scene, command.file)
+    refuse_too_many(command.groups, comm.size)
+    scene, *more = (on_root(comm, read_scene, file) for file in (command.file, *command.more))
     with suppress(ImportError):                 # what is missing is named with the rest, below
         initialise(list(command.petsc))
     require(comm, faults())
     stop_on(signal.SIGTERM)                     # PETSc has taken it for a message of its own
-    from . import compare, run
+    from . import compare, run, several
 
+    status = 0
     if command.name == "check":
         run.check(scene, comm)
         return 0
     if command.name == "compare":
         out = Path("results", f"{scene.name}_compare") if command.out is None else command.out
         compare.compare(scene, comm, out, command.methods, command.petsc)
+    elif more:
+        out = Path("results") if command.out is None else command.out
+        status = several.run_scenes([scene, *more], comm, out, command.petsc, command.groups)
     else:
         out = Path("results", scene.name) if command.out is None else command.out
-        run.run(scene, comm, out, command.petsc)
-    unused = unused_options(command.petsc)
-    require(comm, f"{unused[0]}: no solver of this run reads this PETSc option; the results in {out} were made without it"
-            if unused else None)  # fmt: skip
-    return 0
+        run.run(scene, comm, out, command.petsc, n_groups=command.groups)
+    unused = set.intersection(*map(set, comm.allgather(unused_options(command.petsc))))     # a group may have had no work
+    if unused and status == 0:
+        raise CaseError(f"{min(unused)}: no solver of this run reads this PETSc option; the results in {out} were made "
+                        "without it")  # fmt: skip
+    return status
 
 
 def stop_on(number: signal.Signals) -> None:

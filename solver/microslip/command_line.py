@@ -15,7 +15,7 @@ from .parallel.words import listed, nearest
 _SOLVE = ("run", "compare")         # commands that PETSc options are for
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
-In parallel: mpirun -n N microslip run SCENE.toml
+In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
 PETSc options follow --, each with the prefix of its solver: {', '.join('-' + prefix for prefix in PREFIXES)}
 Exit status: 0 done; 2 the scene, the mesh or an option is at fault; 3 the computation could not be finished, what
 converged is kept; 4 memory or disk; 5 stopped by a signal: frf.csv keeps every point and results.h5 every level finished
@@ -31,6 +31,8 @@ class Command:
     out: Path | None = None             # None: the default of the command
     petsc: tuple[str, ...] = ()         # what followed ``--``, checked
     methods: tuple[str, ...] = ()       # to compare; empty: all of them
+    more: tuple[str, ...] = ()          # further scenes to run
+    groups: int = 1                     # of ranks, at work side by side
 
 
 class _Parser(argparse.ArgumentParser):
@@ -60,12 +62,16 @@ def parse(arguments: list[str]) -> Command:
         if argument.startswith(tuple(f"-{prefix}" for prefix in PREFIXES)):
             raise CaseError(f"{argument}: PETSc options follow --, as in: microslip run SCENE.toml -- {argument}")
     given, unknown = parser.parse_known_args(own)
+    more = tuple(getattr(given, "more", ()))
+    if given.command == "run" and not any(argument.startswith("-") for argument in unknown):
+        more, unknown = (*more, *unknown), []           # scenes on both sides of an option
     if unknown:
         raise CaseError(_unknown(unknown[0], commands.get(given.command, parser)))
     if petsc and given.command not in _SOLVE:
         raise CaseError(f"PETSc options after -- belong to the commands {listed(_SOLVE)}; {given.command} solves nothing")
     methods = tuple(name.strip() for name in getattr(given, "methods", "").split(",") if name.strip())
-    return Command(given.command, getattr(given, "file", ""), getattr(given, "out", None), petsc_options(petsc), methods)
+    return Command(given.command, getattr(given, "file", ""), getattr(given, "out", None), petsc_options(petsc), methods,
+                   more, getattr(given, "groups", 1))
 
 
 def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
@@ -75,7 +81,7 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
     parser.add_argument("--version", action="version", version=f"microslip {__version__}")
     group = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     known = {
-        "run": ("one scene, from the mesh to the response and its pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
+        "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
         "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
         "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
         "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
@@ -89,11 +95,23 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
             command.add_argument("file", metavar=file)
         if out is not None:
             command.add_argument("--out", metavar="DIR", type=Path, help=f"folder for what is written (default: {out})")
+        if name == "run":
+            command.add_argument("more", metavar="MORE.toml", nargs="*", default=[],
+                                 help="further scenes; with --out DIR each in DIR/NAME")
+            command.add_argument("--groups", metavar="G", type=_count, default=1, help="split the ranks into G groups, each with "
+                                 "levels of its own; of several scenes, each with scenes of its own (default: 1)")  # fmt: skip
         if name == "compare":
             command.add_argument("--methods", metavar="A,B,...", default="", help="their names, with commas (default: all)")
         command.usage = command.format_usage().removeprefix("usage: ").strip() + after
         commands[name] = command
     return parser, commands
+
+
+def _count(text: str) -> int:
+    """Return a number of at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
+    return int(text)
 
 
 def _near(word: str, known) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from .assembly.check import check_elements
 from .assembly.matrices import distribute_structure, read_structure
 from .assembly.system import System
 from .contact.law import ContactParameters
-from .continuation.levels import follow_levels, frequency_sweep, linear_curve
+from .continuation.levels import follow_level, follow_levels, frequency_sweep, linear_curve
 from .linear.joint_springs import Linearised, linearise
 from .mesh.data import ContactPairs, Mesh
 from .mesh.pairing import pair_contacts
@@ -29,11 +30,13 @@ from .reduction.choose_modes import choose_modes
 from .reduction.expand import node_fields, peak_displacement
 from .reduction.methods import check_size, reduce_by_method
 from .reduction.reduction import Reduction
+from .report import Minutes, Reporter
 from .results.audit import audit_text
 from .results.plots import draw_all
 from .results.record import LinearCurve
 from .results.vtk import peak_fields, write_fields, write_modes
 from .results.writer import ResultWriter
+from .side_by_side import follow_side_by_side
 
 
 @dataclass(frozen=True)
@@ -46,10 +49,10 @@ class Structure:
     modes: Modes
 
 
-def run(scene, comm, folder: Path, options: tuple[str, ...] = ()) -> None:
+def run(scene, comm, folder: Path, options: tuple[str, ...] = (), n_groups: int = 1, screen: bool = True) -> None:
     """Solve one scene, from mesh or matrices to response and pictures.
 
-    Collective on ``comm``.
+    Collective on ``comm``, whose ranks part into ``n_groups`` for the levels.  Without ``screen`` only files are written.
 
     Raises
     ------
@@ -57,12 +60,12 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = ()) -> None:
     ConvergenceError : a level ended early, after everything that converged was written and drawn; on every rank
     """
     facts = {"scene": str(scene.path), "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
-    with RunLog(comm, str(folder / "run.log"), facts=facts) as log:
+    with RunLog(comm, str(folder / "run.log"), screen=screen, facts=facts) as log:
         structure = build_structure(scene, comm, log)
         with log.stage("reduction"):
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
         with log.stage("response"):
-            branches = follow(scene, structure, reduction, folder, options, log)
+            branches = follow(scene, structure, reduction, folder, options, log, n_groups)
         with log.stage("fields for ParaView"):
             write_shapes(structure, reduction, branches, folder)
         with log.stage("pictures"):
@@ -111,7 +114,7 @@ def from_matrices(scene, comm, log: RunLog) -> tuple[None, System, ContactPairs]
     return None, system, pairs
 
 
-def follow(scene, structure: Structure, reduction: Reduction, folder: Path, options, log: RunLog) -> list:
+def follow(scene, structure: Structure, reduction: Reduction, folder: Path, options, log: RunLog, n_groups: int = 1) -> list:
     """Return the branches of all levels; write and log each point as it comes.  Collective."""
     pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
     sweep = frequency_sweep(scene.response, structure.modes.omega_n)
@@ -122,37 +125,24 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         node_numbers=None if structure.mesh is None else structure.mesh.numbers,
     )
-    reporter = Reporter(log, writer, sweep, scene.response.levels)
-    branches = []
+    levels = scene.response.levels
     try:
-        for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter):
-            branches.append(branch)
-            log.level_finished(branch.level, branch)
-            writer.level_finished(branch)
+        if min(n_groups, len(levels)) == 1:
+            reporter = Reporter(log, writer, sweep, levels)
+            branches = []
+            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter):
+                branches.append(branch)
+                reporter.level_finished(branch)
+            columns = model.G_static
+            log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
+        else:
+            one = partial(follow_level, scene, parameters=parameters, selection=reduction.selection, sweep=sweep, curve=curve)
+            branches = follow_side_by_side(one, model, levels, n_groups, Minutes(log, writer, sweep, levels), log)
+            writer.put_in_order(branches)
     finally:
         writer.close()
-    columns = model.G_static
-    log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
     log.note(audit_text(branches))
     return branches
-
-
-class Reporter:
-    """Tells the log and the result files what comes."""
-
-    def __init__(self, log: RunLog, writer: ResultWriter, sweep, levels):
-        self.log, self.writer, self.sweep, self.levels = log, writer, sweep, levels
-
-    def level_started(self, number: int, level: float) -> None:
-        self.count = 0
-        self.level = level
-        self.log.level_started(level, self.sweep.start, self.sweep.stop, number, len(self.levels))
-        self.writer.level_started(level)
-
-    def point(self, point) -> None:
-        self.log.point(self.level, self.count, point)
-        self.writer.point(self.count, point)
-        self.count += 1
 
 
 def write_shapes(structure: Structure, reduction: Reduction, branches, folder: Path) -> None:

@@ -115,13 +115,18 @@ class Listener(Protocol):
 def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep,
                   curve: LinearCurve, listener: Listener) -> Iterator[Branch]:
     """Yield the branch of each level as it is done.  Collective."""
-    steps = arc_length_steps(scene.continuation, scene.response.points, curve)
     model.G_static.likely = likely_to_slip(model, parameters, curve)
     for number, level in enumerate(scene.response.levels):
         listener.level_started(number, level)
-        problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
-        if model.n_pairs == 0:
-            yield linear_branch(problem, sweep, curve, scene.response.points, listener.point)
-        else:
-            yield follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
-                                max_points=10 * scene.response.points, on_point=listener.point)
+        yield follow_level(scene, model, parameters, selection, sweep, curve, level, listener.point)
+
+
+def follow_level(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep,
+                 curve: LinearCurve, level: float, on_point: Callable[[Point], None]) -> Branch:
+    """Return the branch of one level [N].  Collective on ``model.comm``."""
+    problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
+    if model.n_pairs == 0:
+        return linear_branch(problem, sweep, curve, scene.response.points, on_point)
+    steps = arc_length_steps(scene.continuation, scene.response.points, curve)
+    return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
+                         max_points=10 * scene.response.points, on_point=on_point)

@@ -30,15 +30,7 @@ def conclude(comm, action: Callable[[], int | None]) -> int:
     Collective on ``comm``, which may be None where MPI is missing.  Does not return from a defect, nor from a problem that
     other ranks do not know of, if there are several ranks.
     """
-    try:
-        status, problem = action() or 0, None
-    except SystemExit as stop:                  # argparse, after --help
-        status, problem = stop.code if isinstance(stop.code, int) else int(stop.code is not None), None
-    except BaseException as found:
-        problem = expected(found)
-        if problem is None:
-            return _defect(comm, found)
-        status = problem.exit_status
+    status, problem = _outcome(comm, action)
     if comm is None or comm.size == 1:
         if launcher_rank() > 0:         # without MPI: the launcher ends rank 0, too, as soon as one rank ends
             time.sleep(1.0)
@@ -46,6 +38,27 @@ def conclude(comm, action: Callable[[], int | None]) -> int:
             _say(str(problem))
         return status
     return _together(comm, status, problem)
+
+
+def conclude_part(comm, name: str, action: Callable[[], None]) -> int:
+    """Do ``action``, one of several that a job is made of, say a problem under its ``name`` and return its exit status.
+
+    Collective on ``comm``, all ranks or a part of them.  Ends the job where :func:`conclude` does.
+    """
+    return _together(comm, *_outcome(comm, action), name=f"{name}: ")
+
+
+def _outcome(comm, action: Callable[[], int | None]) -> tuple[int, MicroslipError | None]:
+    """Return the exit status of an action on this rank, and the problem that is still to be said."""
+    try:
+        return action() or 0, None
+    except SystemExit as stop:                  # argparse, after --help
+        return stop.code if isinstance(stop.code, int) else int(stop.code is not None), None
+    except BaseException as found:
+        problem = expected(found)
+        if problem is None:
+            return _defect(comm, found), None
+        return problem.exit_status, problem
 
 
 def expected(problem: BaseException) -> MicroslipError | None:
@@ -99,7 +112,7 @@ def _defect(comm, problem: BaseException) -> int:
     return DEFECT
 
 
-def _together(comm, status: int, problem: MicroslipError | None) -> int:
+def _together(comm, status: int, problem: MicroslipError | None, name: str = "") -> int:
     """Wait for all ranks, let the first with a problem say it, and return the largest status.  Collective.
 
     A rank that has a problem waits for a while only; a rank without one waits for those that still compute.
@@ -107,13 +120,13 @@ def _together(comm, status: int, problem: MicroslipError | None) -> int:
     found = array("i", 2 * comm.size * [0])
     grace = None if problem is None else GRACE_OF_SIGNAL if isinstance(problem, Interrupted) else GRACE
     if not _arrives(comm.Iallgather(array("i", [status, problem is not None]), found), grace):
-        _say(f"{problem} (rank {comm.rank} of {comm.size}, alone)")
+        _say(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
         comm.Abort(status)
     if not _arrives(comm.Ibarrier(), GRACE):    # a rank has waited in vain, has said so and ends this one, too
         comm.Abort(status)
     speaker = next((rank for rank in range(comm.size) if found[2 * rank + 1]), None)
     if comm.rank == speaker:
-        _say(str(problem))
+        _say(f"{name}{problem}")
     comm.Barrier()              # a launcher kills the others as soon as one rank ends with a status
     return max(found[::2])
 

@@ -62,7 +62,8 @@ class RunLog:
         self._depth = 0
         self._unfinished = ""               # a line of the file and the screen that waits for its numbers
         self._closed = False
-        self._of_level = ""
+        self._names: dict[float, str] = {}  # of the levels begun, by level
+        self._side_by_side = False          # levels come mixed: the line of a point says whose it is
         self._file = on_root(comm, _open, path, share=False) if path is not None else None
         hosts = comm.gather(socket.gethostname())
         self._screen = Screen(interactive if screen and comm.rank == 0 else False, silent=not screen or comm.rank > 0)
@@ -150,13 +151,22 @@ class RunLog:
 
     # -- levels and points -------------------------------------------------------------------------------------
 
-    def level_started(self, level: float, omega_start: float, omega_stop: float, index: int = 0, n_levels: int = 1) -> None:
-        """Announce a level [N] and its range [rad/s], the ``index``-th of ``n_levels`` from 0.  Local."""
+    def level_started(self, level: float, omega_start: float, omega_stop: float, index: int = 0, n_levels: int = 1,
+                      where: str = "") -> None:
+        """Announce a level [N] and its range [rad/s], the ``index``-th of ``n_levels`` from 0.  Local.
+
+        ``where`` names the ranks at work on it, if others are at work on other levels.
+        """
         start, stop = omega_start / 2.0 / np.pi, omega_stop / 2.0 / np.pi
-        self._of_level = f"level {index + 1} of {n_levels}: {level:g} N"
-        head = f"{self._of_level}, {start:.6g} to {stop:.6g} Hz"
-        self._line(f"{head}\n{_HEAD}", on_screen=not self._screen.interactive)
-        self._screen.bar(self._of_level, start, stop)
+        name = self._names[level] = f"level {index + 1} of {n_levels}: {level:g} N"
+        self._side_by_side = bool(where)
+        head = f"{name}, {start:.6g} to {stop:.6g} Hz" + (f", on {where}" if where else "")
+        self._line(f"{head}\n{self._of('level_N')}{_HEAD}", on_screen=not self._screen.interactive)
+        self._screen.bar(name, start, stop)
+
+    def _of(self, level: str) -> str:
+        """Return the first column of a line where levels come mixed."""
+        return f"{level:>10} " if self._side_by_side else ""
 
     def point(self, level: float, i: int, point) -> None:
         """Report the ``i``-th converged point of a level, a :class:`~microslip.continuation.branch.Point`.  Local.
@@ -167,22 +177,25 @@ class RunLog:
             return
         frequency, amplitude = point.omega / 2.0 / np.pi, float(np.hypot(*point.response[0, 1:3]))
         n_slip, n_open = np.count_nonzero(point.state == 1), np.count_nonzero(point.state == 2)
-        line = (f"{i:>7} {frequency:>12.8g} {amplitude:>12.5e} {n_slip:>5} {n_open:>5} {point.unknowns:>8} "
-                f"{point.newton:>6} {point.krylov:>5} {point.seconds:>8.4f}")  # fmt: skip
+        line = (f"{self._of(f'{level:.6g}')}{i:>7} {frequency:>12.8g} {amplitude:>12.5e} {n_slip:>5} {n_open:>5} "
+                f"{point.unknowns:>8} {point.newton:>6} {point.krylov:>5} {point.seconds:>8.4f}")  # fmt: skip
         self._line(line, on_screen=not self._screen.interactive)
-        self._screen.advance(frequency, amplitude, n_slip + n_open, i + 1)
+        self._screen.advance(self._name(level), frequency, amplitude, n_slip + n_open, i + 1)
 
     def level_finished(self, level: float, branch) -> None:
         """Sum up a level, a :class:`~microslip.continuation.branch.Branch`: its peak, or why it ended early.  Local."""
-        self._screen.clear()
+        self._screen.end_bar(self._name(level))
         if self.comm.rank > 0:
             return
-        self._line(f"{self._of_level or f'{level:g} N'}: {_summary(level, branch.points)}")
+        self._line(f"{self._name(level)}: {_summary(level, branch.points)}")
         for note, points in _noted(branch.points).items():
             low, high = (f(point.omega for point in points) / 2.0 / np.pi for f in (min, max))
             self._line(f"  {note}: {len(points)} of {len(branch.points)} points, {low:.6g} to {high:.6g} Hz")
         if branch.failure:
             self._line(f"  stopped early: {branch.failure}")
+
+    def _name(self, level: float) -> str:
+        return self._names.get(level, f"{level:g} N")
 
     # -- the end -----------------------------------------------------------------------------------------------
 

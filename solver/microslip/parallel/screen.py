@@ -1,4 +1,4 @@
-"""What the screen shows of a run: on a terminal a bar a level, elsewhere plain lines.  Rank 0 only; no communication."""
+"""What the screen shows of a run: on a terminal a bar a level at work, elsewhere plain lines.  Rank 0 only; no communication."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Screen:
     def __init__(self, interactive: bool | None = None, *, silent: bool = False):
         self._silent = silent
         self._moving: Any = None            # the bar or spinner shown now
-        self._task: Any = None
+        self._bars: dict[str, tuple[Any, float, float]] = {}        # by name: task of the progress display, start, stop
         self._console = None if silent else _console(interactive)
 
     @property
@@ -38,33 +38,44 @@ class Screen:
             self._moving.start()
 
     def bar(self, name: str, start: float, stop: float) -> None:
-        """Show a bar from one frequency to another [Hz]."""
+        """Show a bar from one frequency to another [Hz], below those that move."""
         if self._console is None:
             return
+        if not self._bars:
+            self.clear()
+            self._moving = self._progress()
+            self._moving.start()
+        self._bars[name] = self._moving.add_task(name, total=1.0, at=""), start, stop
+
+    def _progress(self):
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-        self.clear()
-        self._range = (start, stop)
-        self._moving = Progress(TextColumn("{task.description}", markup=False), BarColumn(bar_width=20),
-                                TextColumn("{task.fields[at]}", markup=False), TimeElapsedColumn(),
-                                console=self._console, transient=True)  # fmt: skip
-        self._task = self._moving.add_task(name, total=1.0, at="")
-        self._moving.start()
+        return Progress(TextColumn("{task.description}", markup=False), BarColumn(bar_width=20),
+                        TextColumn("{task.fields[at]}", markup=False), TimeElapsedColumn(),
+                        console=self._console, transient=True)  # fmt: skip
 
-    def advance(self, frequency: float, amplitude: float, n_moving: int, n_points: int) -> None:
-        """Move the bar to a converged point."""
-        if self._console is None or self._task is None:
+    def end_bar(self, name: str) -> None:
+        """Take away one bar, and with the last one the display."""
+        if name in self._bars:
+            self._moving.remove_task(self._bars.pop(name)[0])
+        if not self._bars:
+            self.clear()
+
+    def advance(self, name: str, frequency: float, amplitude: float, n_moving: int, n_points: int) -> None:
+        """Move a bar to a converged point."""
+        if name not in self._bars:
             return
-        start, stop = self._range
+        task, start, stop = self._bars[name]
         share = (frequency - start) / (stop - start) if stop != start else 1.0
-        self._moving.update(self._task, completed=min(max(share, 0.0), 1.0),
+        self._moving.update(task, completed=min(max(share, 0.0), 1.0),
                             at=f"{frequency:.5g} Hz  {amplitude:.3e} m  {n_moving} slip  {n_points} points")  # fmt: skip
 
     def clear(self) -> None:
         """Take away whatever moves."""
         if self._moving is not None:
             self._moving.stop()
-            self._moving = self._task = None
+            self._moving = None
+            self._bars.clear()
 
 
 def _console(interactive: bool | None):

@@ -21,7 +21,7 @@ class StaticColumns:
     """
 
     def __init__(self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray]):
-        self._solve = solve
+        self.solve = solve
         # transposed, so that a pair's columns lie together; pages that no pair needs are never touched
         self._columns = np.empty((3 * n_pairs, 3 * n_owned))
         self.known = np.zeros(n_pairs, dtype=bool)
@@ -36,9 +36,13 @@ class StaticColumns:
             return
         others = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
         missing = np.concatenate([missing, others[: max(BATCH - len(missing), 0)]])
-        self._columns[_rows(missing)] = self._solve(missing).T
-        self.known[missing] = True
+        self.put(missing, self.solve(missing))
         self.batches += 1
+
+    def put(self, pairs: np.ndarray, columns: np.ndarray) -> None:
+        """Take in this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N].  Local."""
+        self._columns[_rows(pairs)] = columns.T
+        self.known[pairs] = True
 
     def transposed(self, pairs: np.ndarray) -> np.ndarray:
         """Return the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N]; the same array while the pairs stay the same.

@@ -7,8 +7,8 @@ import os
 
 import numpy as np
 
-from ..continuation.branch import Point
-from ..parallel.files import said_of
+from ..continuation.branch import Branch, Point
+from ..parallel.files import said_of, written_whole
 from .measures import amplitude, counts, phase
 
 HEADER = ("level_N", "point", "frequency_Hz", "output", "amplitude_m", "phase_rad", "mean_m", "sticking", "slipping", "open",
@@ -28,10 +28,14 @@ class ResponseTable:
         self.path = os.path.join(folder, NAME)
         self.outputs = outputs
         with said_of(self.path):
-            self._file = open(self.path, "w", encoding="utf-8", newline="")
-            self._rows = csv.writer(self._file, lineterminator="\n")
-            self._rows.writerow(HEADER)
-            self._file.flush()
+            self._begin(self.path)
+
+    def _begin(self, path: str) -> None:
+        """Open a file and write the header."""
+        self._file = open(path, "w", encoding="utf-8", newline="")
+        self._rows = csv.writer(self._file, lineterminator="\n")
+        self._rows.writerow(HEADER)
+        self._file.flush()
 
     def add(self, level: float, i: int, point: Point) -> None:
         """Append the ``i``-th point of a level [N], counted from 0; flushed before this returns."""
@@ -42,6 +46,16 @@ class ResponseTable:
                 own = _digits(float(amplitude(u)), float(phase(u)), u[0])
                 self._rows.writerow([*_digits(level), i, *_digits(point.omega / (2.0 * np.pi)), name, *own, *shared])
             self._file.flush()
+
+    def put_in_order(self, branches: list[Branch]) -> None:
+        """Replace the table by that of these branches, one after the other, and close it."""
+        self.close()
+        with written_whole(self.path) as beside:
+            self._begin(beside)
+            for branch in branches:
+                for i, point in enumerate(branch.points):
+                    self.add(branch.level, i, point)
+            self.close()
 
     def close(self) -> None:
         with said_of(self.path):

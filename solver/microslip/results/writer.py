@@ -23,8 +23,9 @@ NAME = "results.h5"
 class ResultWriter:
     """The result files of a run in ``folder``, which is created; results of an earlier run there are replaced.
 
-    Collective on ``comm``, as are all methods but ``level_started`` and ``close``: rank 0 writes, and every rank hears of a
-    full disk.
+    Collective on ``comm``, as are all methods that do not say *Local*: rank 0 writes, and every rank hears of a full disk.
+    Levels come one after the other, by ``level_started``, ``point`` and ``level_finished``; or several at a time, by
+    ``add_point`` and ``add_level`` on rank 0 and ``put_in_order`` when all are done.
 
     Parameters
     ----------
@@ -78,23 +79,35 @@ class ResultWriter:
 
     def level_finished(self, branch: Branch) -> None:
         """Write the level to results.h5, complete or stopped early."""
-        on_root(self.comm, self._save, branch.points, STOPPED if branch.failure else COMPLETE, branch.failure, share=False)
+        on_root(self.comm, self.add_level, self._index, branch, share=False)
+
+    def add_point(self, level: float, i: int, point: Point) -> None:
+        """Append the ``i``-th point of any level [N] to frf.csv.  Local, on rank 0."""
+        self._table.add(level, i, point)
+
+    def add_level(self, number: int, branch: Branch) -> None:
+        """Write the level of this number, complete or stopped early, to results.h5.  Local, on rank 0."""
+        self._save(number, branch.level, branch.points, STOPPED if branch.failure else COMPLETE, branch.failure)
+
+    def put_in_order(self, branches: list[Branch]) -> None:
+        """Put the rows of frf.csv, which came level by level or mixed, into the order of the branches, those of rank 0."""
+        on_root(self.comm, lambda: self._table.put_in_order(branches), share=False)
 
     def save(self) -> None:
         """Write what the level at work has so far to results.h5: before a time limit, or when something else failed."""
         if self._index >= 0:
-            on_root(self.comm, self._save, self._points, RUNNING, None, share=False)
+            on_root(self.comm, self._save, self._index, self._level, self._points, RUNNING, None, share=False)
 
-    def _save(self, points: list[Point], status: str, failure: str | None) -> None:
-        """Replace results.h5 by itself with the level at work added."""
-        level = level_result(self._level, points, self._sizes, status, failure)
-        name = f"levels/{self._index:04d}"
+    def _save(self, number: int, level: float, points: list[Point], status: str, failure: str | None) -> None:
+        """Replace results.h5 by itself with a level added."""
+        found = level_result(level, points, self._sizes, status, failure)
+        name = f"levels/{number:04d}"
         with written_whole(self.path) as beside:
             shutil.copyfile(self.path, beside)
             with h5py.File(beside, "r+") as file:
                 if name in file:
                     del file[name]
-                _write_level(file.create_group(name), level)
+                _write_level(file.create_group(name), found)
 
     def close(self) -> None:
         """Close frf.csv; results.h5 is closed between the levels.  Local, so that an error of one rank may pass through."""

@@ -1,0 +1,210 @@
+"""Groups of ranks at work side by side: the split, a counter that deals the tasks, and reports to rank 0.
+
+Rank 0 works in the first group like any other rank.  The root of a group is its lowest rank; what it tells rank 0 travels
+while both go on, and is heard whenever rank 0 tells something itself, and at the end until all groups are done.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from .errors import CaseError, Interrupted, MicroslipError
+from .ownership import split_evenly
+
+_REPORT, _END = 1, 2        # tags: from a root to rank 0, and back
+_PAUSE = 0.002              # s between two looks for a message: other ranks may compute on this processor
+
+
+def refuse_too_many(n_groups: int, n_ranks: int) -> None:
+    """Refuse groups without a rank.  Local.
+
+    Raises
+    ------
+    CaseError : there are more groups than ranks
+    """
+    if n_groups > n_ranks:
+        ranks = "is only 1 rank" if n_ranks == 1 else f"are only {n_ranks} ranks"
+        raise CaseError(f"--groups {n_groups}: there {ranks}, and a group needs one at least; start {n_groups} or more, as in: "
+                        f"mpirun -n {n_groups} microslip run --groups {n_groups} SCENE.toml")
+
+
+@dataclass(frozen=True)
+class Groups:
+    """The ranks of ``world`` in groups of consecutive ones, as equal in size as can be."""
+
+    world: Any
+    comm: Any                   # of this rank's group
+    number: int                 # of this rank's group, from 0
+    limits: np.ndarray          # (n + 1,) group g has the ranks limits[g]:limits[g + 1] of world
+
+    @property
+    def n(self) -> int:
+        return len(self.limits) - 1
+
+    @property
+    def is_root(self) -> bool:
+        return self.comm.rank == 0
+
+    @property
+    def where(self) -> str:
+        """Name the ranks of this group."""
+        first, last = self.limits[self.number], self.limits[self.number + 1] - 1
+        return f"rank {first}" if first == last else f"ranks {first} to {last}"
+
+
+def split(world, n_groups: int) -> Groups:
+    """Return the ranks of ``world`` in ``n_groups`` groups, at most one a rank.  Collective on ``world``."""
+    limits = split_evenly(world.size, n_groups)
+    number = int(np.searchsorted(limits, world.rank, side="right")) - 1
+    return Groups(world, world.Split(number, world.rank), number, limits)
+
+
+class Counter:
+    """Deals 0, 1, 2, ..., each number once, to whoever asks first.  Collective on ``world``, as is ``free``.
+
+    It lies in the memory of rank 0, where the others count it up themselves: rank 0 need not stop to serve them.
+    """
+
+    def __init__(self, world):
+        self._window = MPI.Win.Allocate(8 if world.rank == 0 else 0, 8, comm=world)
+        if world.rank == 0:
+            self._window.Lock(0)
+            np.frombuffer(self._window.tomemory(), dtype=np.int64)[:] = 0
+            self._window.Unlock(0)
+        world.Barrier()
+
+    def next(self) -> int:
+        """Return the next number.  Local."""
+        one, found = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
+        self._window.Lock(0)
+        self._window.Fetch_and_op(one, found, 0, 0, MPI.SUM)
+        self._window.Unlock(0)
+        return int(found[0])
+
+    def free(self) -> None:
+        self._window.Free()
+
+
+def dealt(groups: Groups, counter: Counter, n_tasks: int) -> Iterator[int]:
+    """Yield the tasks of 0 to ``n_tasks`` - 1 that fall to this rank's group: the next one whenever it has done the last.
+
+    Collective on ``groups.comm``.
+    """
+    while (task := groups.comm.bcast(counter.next() if groups.is_root else None)) < n_tasks:
+        yield task
+
+
+class Reports:
+    """What the groups tell rank 0 of the world while all of them work.  Collective on ``groups.world``, as is ``free``.
+
+    All other methods are local; they do something on the roots of the groups only.
+
+    Parameters
+    ----------
+    hear : called on rank 0 with the arguments of each ``tell``, those of a group in its order
+    """
+
+    def __init__(self, groups: Groups, hear: Callable[..., None]):
+        self._world, self._hear = groups.world.Dup(), hear
+        self._is_root = groups.is_root
+        self._at_work = {int(rank) for rank in groups.limits[1:-1]}     # roots that rank 0 still hears from
+        self._others = sorted(self._at_work)
+        self._sent: list[MPI.Request] = []
+
+    def tell(self, *news: Any) -> None:
+        """Tell rank 0 something; on rank 0 hear what the others have told meanwhile, too.
+
+        Raises
+        ------
+        MicroslipError : what ended another group
+        """
+        if self._world.rank == 0:
+            self._hear(*news)
+            self.listen()
+        else:
+            self._go_on()
+            self._send(0, _REPORT, news)
+
+    def listen(self) -> None:
+        """Hear what has arrived so far.  On rank 0.
+
+        Raises
+        ------
+        MicroslipError : what ended another group
+        """
+        status = MPI.Status()
+        while self._world.iprobe(tag=_REPORT, status=status):
+            news = self._world.recv(source=status.source, tag=_REPORT)
+            if isinstance(news, MicroslipError):
+                raise news
+            if news is None:
+                self._at_work.discard(status.source)
+            else:
+                self._hear(*news)
+
+    def finish(self) -> None:
+        """Wait until rank 0 has heard everything from every group.
+
+        Raises
+        ------
+        MicroslipError : what ended another group
+        """
+        if self._world.rank > 0:
+            self._send(0, _REPORT, None)
+            while not self._go_on():
+                time.sleep(_PAUSE)
+            return
+        while self._at_work:
+            self.listen()
+            time.sleep(_PAUSE)
+        self._end_all(None)
+
+    @contextmanager
+    def shared_failure(self) -> Iterator[None]:
+        """Let what ends one group end all of them: rank 0 passes it on, and each raises it when it next reports.
+
+        A signal reaches every rank by itself.  Rank 0 keeps what had arrived by then.
+        """
+        try:
+            yield
+        except Interrupted:
+            if self._world.rank == 0:
+                with suppress(MicroslipError):
+                    self.listen()
+            raise
+        except MicroslipError as problem:
+            if self._world.rank == 0:
+                self._end_all(problem)
+            elif self._is_root:
+                self._send(0, _REPORT, problem)
+            raise
+
+    def free(self) -> None:
+        """Release the communicator, after ``finish``."""
+        MPI.Request.Waitall(self._sent)
+        self._world.Free()
+
+    def _go_on(self) -> bool:
+        """Return whether rank 0 has ended the work; raise what it passed on."""
+        if not self._world.iprobe(source=0, tag=_END):
+            return False
+        problem = self._world.recv(source=0, tag=_END)
+        if problem is not None:
+            raise problem
+        return True
+
+    def _end_all(self, problem: MicroslipError | None) -> None:
+        for rank in self._others:
+            self._send(rank, _END, problem)
+
+    def _send(self, rank: int, tag: int, what: Any) -> None:
+        """Send without waiting; a request keeps its message until it has gone."""
+        self._sent = [request for request in self._sent if not request.Test()]
+        self._sent.append(self._world.isend(what, rank, tag))

@@ -1,0 +1,59 @@
+"""Who tells the log and the result files what a run has found, and when: levels in turn, or several at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .continuation.branch import Branch, Point
+from .continuation.follow import Sweep
+from .parallel.log import RunLog
+from .results.writer import ResultWriter
+
+
+class Reporter:
+    """Levels that come one after the other, from all ranks.  Collective but for ``level_started``."""
+
+    def __init__(self, log: RunLog, writer: ResultWriter, sweep: Sweep, levels: Sequence[float]):
+        self.log, self.writer, self.sweep, self.levels = log, writer, sweep, levels
+
+    def level_started(self, number: int, level: float) -> None:
+        self.count = 0
+        self.level = level
+        self.log.level_started(level, self.sweep.start, self.sweep.stop, number, len(self.levels))
+        self.writer.level_started(level)
+
+    def point(self, point: Point) -> None:
+        self.log.point(self.level, self.count, point)
+        self.writer.point(self.count, point)
+        self.count += 1
+
+    def level_finished(self, branch: Branch) -> None:
+        self.log.level_finished(branch.level, branch)
+        self.writer.level_finished(branch)
+
+
+class Minutes:
+    """Levels of several groups of ranks, their points mixed, as rank 0 hears of them.  Local, on rank 0.
+
+    ``branches`` has one for each level, in the order of ``levels``, with the points heard of so far.
+    """
+
+    def __init__(self, log: RunLog, writer: ResultWriter, sweep: Sweep, levels: Sequence[float]):
+        self.log, self.writer, self.sweep = log, writer, sweep
+        self.branches = [Branch(level) for level in levels]
+
+    def level_started(self, number: int, where: str) -> None:
+        level = self.branches[number].level
+        self.log.level_started(level, self.sweep.start, self.sweep.stop, number, len(self.branches), where)
+
+    def point(self, number: int, point: Point) -> None:
+        branch = self.branches[number]
+        self.log.point(branch.level, len(branch.points), point)
+        self.writer.add_point(branch.level, len(branch.points), point)
+        branch.points.append(point)
+
+    def level_finished(self, number: int, failure: str | None) -> None:
+        branch = self.branches[number]
+        branch.failure = failure
+        self.log.level_finished(branch.level, branch)
+        self.writer.add_level(number, branch)
