@@ -1,8 +1,11 @@
 """Joints whose pairs all come near gross slip: the branch has corners, and is followed round them."""
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 from verification import chain, ranks, wide_slip
+
+from microslip.contact.law import OPEN, STICK
 
 
 @pytest.mark.parametrize("level", [5.0, 6.0])
@@ -15,9 +18,13 @@ def test_branch_is_followed_round_its_corners(level, tmp_path):
     assert done.worst_closure < 1e-6
 
 
-def test_the_demo_in_gross_slip_with_its_mean_held():
-    done = wide_slip.demo([200.0], MPI.COMM_SELF)
+@pytest.mark.parametrize("level", [40.0, 200.0])
+def test_the_demo_in_gross_slip_with_its_mean_held_while_nearly_all_slips(level):
+    done = wide_slip.demo([level], MPI.COMM_SELF)
     points = done.branches[0].points
-    assert any(point.notes for point in points)                             # somewhere no pair sticks
-    assert done.worst_closure < 1e-6
-    assert max(int((point.state == 2).sum()) for point in points) > 20      # and half of them lift off
+    sliding = np.array([(point.state != STICK).mean() for point in points])
+    is_held = np.array([bool(point.notes) for point in points])
+    assert is_held.any() and sliding[is_held].min() > 0.7               # a point may have been reached with them
+    assert not is_held[sliding < 0.5].any()
+    assert done.worst_closure < 2e-6
+    assert max(int((point.state == OPEN).sum()) for point in points) >= 14

@@ -239,11 +239,18 @@ class BranchFollower:
         return now
 
     def let_go(self, now: State) -> State | None:
-        """Return the point with the mean slip no longer held, None where Newton does not find it.  Collective."""
+        """Return the point with the mean slip no longer held, None where Newton does not find it.  Collective.
+
+        The springs may have let the mean drift far from where the pairs that stick again hold it: it is looked for where it is,
+        and where it is without slip.
+        """
         held_at, self.problem.held_at = self.problem.held_at, None
-        found, selected = self.solve_at(now.iterate, now.size, now.selected)
-        if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
-            return replace(now, iterate=found.iterate, selected=selected)
+        at_rest = now.iterate.U.copy()
+        at_rest[..., 0] = self.problem.linear_motion(now.iterate.parameter)[0][..., 0]
+        for U in (at_rest, now.iterate.U):
+            found, selected = self.solve_at(replace(now.iterate, U=U), now.size, now.selected)
+            if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
+                return replace(now, iterate=found.iterate, selected=selected)
         self.problem.held_at = held_at
         return None
 

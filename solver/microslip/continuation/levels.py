@@ -56,7 +56,8 @@ def linear_curve(model: ReducedModel, sweep: Sweep) -> LinearCurve:
 
     Its length is that of the pairs' motion; of the outputs' where there is no pair.
     """
-    omega = linear_frequencies(min(sweep.start, sweep.stop), max(sweep.start, sweep.stop), model.omega_n, model.zeta)
+    ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
+    omega = model.comm.bcast(linear_frequencies(*ends, model.omega_n, model.zeta))
     none = np.zeros((3 * model.n_pairs, model.N_H))
     response = np.array([receptance.output_motion(model, 1.0, w, none) for w in omega])
     motions = [receptance.linear_motion(model, 1.0, w)[0] for w in omega] if model.n_pairs else list(response)
@@ -94,14 +95,15 @@ def arc_length_steps(continuation, points: int, curve: LinearCurve) -> ArcLength
 def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: LinearCurve) -> np.ndarray:
     """Return the pairs by falling share of the friction limit, or of the preload, that the linear peak takes up.
 
-    Local.  Only the order of static solves depends on it.
+    Collective: one broadcast.  Only the order of static solves depends on it.
     """
     at_peak = curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))]
     U = np.abs(receptance.linear_motion_of_all(model, 1.0, at_peak)).reshape(model.n_pairs, 3, -1).sum(axis=2)
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.stack([parameters.k_t * np.hypot(U[:, 0], U[:, 1]) / (parameters.mu * parameters.N0),
                            parameters.k_n * U[:, 2] / parameters.N0])
-    return np.argsort(-np.nan_to_num(shares, nan=0.0, posinf=1e300, neginf=1e300).max(axis=0), kind="stable")
+    order = np.argsort(-np.nan_to_num(shares, nan=0.0, posinf=1e300, neginf=1e300).max(axis=0), kind="stable")
+    return model.comm.bcast(order)              # all ranks solve for the same columns, also where a tie falls otherwise on some
 
 
 class Listener(Protocol):

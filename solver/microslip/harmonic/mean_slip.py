@@ -6,12 +6,17 @@ tangential motion.  Where all pairs of a body slip, and nothing but the joint ho
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 import scipy.sparse.linalg as sla
 
+from ..parallel.agree import on_root
 from .aft import AftResult
 
 HOLD = 1e-3         # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
+
+_FEW = 200          # rows up to which LAPACK is as quick
 
 
 def hold_mean_slip(found: AftResult, about: np.ndarray) -> None:
@@ -38,12 +43,15 @@ def is_held_by_its_joint_alone(problem) -> bool:
     own = (3 * np.arange(n_owned)[:, None] + np.arange(2)).ravel()
     rows = comm.gather(model.G_static.transposed(np.arange(model.n_pairs))[np.ix_(tangential, own)].T)
     roots = comm.gather(np.repeat(np.sqrt(problem.parameters.k_t), 2))
-    largest = 0.0
-    if comm.rank == 0:
-        root = np.concatenate(roots)
-        flexibility = root[:, None] * np.concatenate(rows) * root
-        if len(root) > 2:
-            largest = float(sla.eigsh(flexibility, k=1, tol=1e-6, v0=np.ones(len(root)), return_eigenvectors=False)[0])
-        else:
-            largest = float(np.linalg.eigvalsh(flexibility)[-1])
-    return comm.bcast(largest) > 1.0 - HOLD
+    return on_root(comm, _largest_share, rows, roots) > 1.0 - HOLD
+
+
+def _largest_share(rows: list[np.ndarray], roots: list[np.ndarray]) -> float:
+    """Return the largest eigenvalue of k_t^1/2 G_tt k_t^1/2, from the rows and k_t^1/2 of each rank."""
+    root = np.concatenate(roots)
+    flexibility = root[:, None] * np.concatenate(rows) * root
+    if len(root) > _FEW:
+        start = np.random.default_rng(0).standard_normal(len(root))         # no symmetry that a motion could be orthogonal to
+        with suppress(sla.ArpackNoConvergence):
+            return float(sla.eigsh(flexibility, k=1, tol=1e-6, v0=start, return_eigenvectors=False)[0])
+    return float(np.linalg.eigvalsh(flexibility)[-1])

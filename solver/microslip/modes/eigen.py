@@ -62,7 +62,7 @@ def lowest_modes(linearised, n_modes: int, verify: bool = True, fewer_will_do: b
                         f"ask for 1 to {n_dof} modes")
     theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify)
     phi_owned = orthonormalised(linearised, phi_owned[:, :n_modes])
-    eigenvalues = sharpened(linearised, 1.0 / theta[:n_modes], phi_owned)
+    eigenvalues = linearised.system.comm.bcast(sharpened(linearised, 1.0 / theta[:n_modes], phi_owned))
     order = np.argsort(eigenvalues)
     eigenvalues, phi_owned = eigenvalues[order], phi_owned[:, order] * _signs(linearised, phi_owned[:, order])
     info["residual"] = _check(linearised, eigenvalues, phi_owned)

@@ -35,8 +35,8 @@ def slepc_modes(linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict
     ksp = _solves_with(linearised.factor)
     st.setKSP(ksp)
     eps.setFromOptions()
+    eps.solve()             # what a signal ends in here cannot be freed any more
     try:
-        eps.solve()
         _check_modes(eps, n_wanted)
         return _converged(eps, linearised)
     finally:

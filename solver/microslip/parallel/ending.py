@@ -13,6 +13,7 @@ import time
 import traceback
 from array import array
 from collections.abc import Callable
+from typing import NoReturn
 
 from .errors import CaseError, Interrupted, MicroslipError, ResourceError
 
@@ -36,8 +37,11 @@ def conclude(comm, action: Callable[[], int | None]) -> int:
             time.sleep(1.0)
         elif problem is not None:
             _say(str(problem))
-        return status
-    return _together(comm, status, problem)
+    else:
+        status = _together(comm, status, problem)
+    if isinstance(problem, Interrupted):
+        _leave(comm, status)
+    return status
 
 
 def conclude_part(comm, name: str, action: Callable[[], None]) -> int:
@@ -93,6 +97,17 @@ def require(comm, problem: str | None) -> None:
         raise_together(comm, problem, CaseError)
     elif problem:
         raise CaseError(problem)
+
+
+def _leave(comm, status: int) -> NoReturn:
+    """End this process at once: a solver that a signal has interrupted can neither go on nor be freed.  Collective."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if comm is not None:
+        from mpi4py import MPI
+
+        MPI.Finalize()
+    os._exit(status)
 
 
 def _say(text: str) -> None:

@@ -39,7 +39,7 @@ def _fewest(linearised, pairs, scene, accuracy: float) -> tuple[Modes, str]:
     """Return the fewest modes whose bound meets the accuracy, from batches of growing size."""
     n_dof, verify = linearised.system.n_dof, scene.solver.verify_modes
     cap = n_dof if n_dof <= SHARE * _MOST else min(_MOST, most_modes(n_dof))
-    n_batch = _START
+    n_batch = max(_START, (scene.response.mode or 0) + 1)
     while True:
         n_batch = n_dof if n_dof <= _AT_ONCE or (SHARE * n_batch > n_dof and cap == n_dof) else min(n_batch, cap)
         modes = lowest_modes(linearised, n_batch, verify=False, fewer_will_do=True)
@@ -47,7 +47,7 @@ def _fewest(linearised, pairs, scene, accuracy: float) -> tuple[Modes, str]:
         is_all, is_last = n_found < n_batch or n_found == n_dof, n_batch == cap
         if (scene.response.mode or 0) < n_found or is_all or is_last:
             bound = left_out(linearised, modes, pairs, scene)
-            n_modes = _first_within(bound.total, modes.omega_n, scene.response, accuracy)
+            n_modes = linearised.system.comm.bcast(_first_within(bound.total, modes.omega_n, scene.response, accuracy))
             if n_modes is None and is_all:
                 return modes, f"modes: all {n_found} there are; leaving any out would cost the accuracy {accuracy:g}"
             if n_modes is None and is_last:

@@ -61,7 +61,8 @@ def left_out(linearised, modes, pairs, scene) -> LeftOut:
     low, high = 2.0 * np.pi * np.array(frequency_band(scene.response, modes.omega_n))
     omegas = np.union1d(np.linspace(low, high, 60), model.omega_n[(model.omega_n > low) & (model.omega_n < high)])
     loaded = [h for h in range(1, model.N_H // 2 + 1) if model.f[:, 2 * h - 1: 2 * h + 1].any()]
-    peaks = output_peaks(model, omegas)
+    comm = model.comm
+    peaks = comm.bcast(output_peaks(model, omegas))             # the same to the bit on all ranks: collective work hangs on it
     direct, joint = np.zeros((2, n))
     if not loaded or not peaks.any():
         return LeftOut(direct, joint)                           # a constant load: the static part is exact
@@ -73,7 +74,7 @@ def left_out(linearised, modes, pairs, scene) -> LeftOut:
     for h in loaded:
         error = (gains(model, h * high) * of_load[h])[:, None] * of_output / peaks
         direct = np.maximum(direct, error.max(axis=1))
-        for omega in resonances(model, pairs, omegas) if model.n_pairs or model.C.ndim == 2 else ():
+        for omega in comm.bcast(resonances(model, pairs, omegas)) if model.n_pairs or model.C.ndim == 2 else ():
             at = resonance(linearised, modes, model, pairs, omega, h, level)
             error = _through_the_joint(model, at, h, of_load[h], of_output, level) / peaks
             joint = np.maximum(joint, error.max(axis=1))
