@@ -11,7 +11,7 @@ from typing import NoReturn
 
 from .command_line import Command, parse
 from .parallel.agree import on_root
-from .parallel.ending import conclude, launcher_rank, require
+from .parallel.ending import conclude, launcher_rank, leave, require
 from .parallel.errors import CaseError, Interrupted
 from .parallel.petsc import initialise, unused_options
 
@@ -22,7 +22,7 @@ os.environ["MPLBACKEND"] = "Agg"                        # pictures are files, al
 
 def console() -> NoReturn:
     """Run the program with the arguments of the process and end it."""
-    sys.exit(main(sys.argv[1:]))
+    leave(main(sys.argv[1:]))
 
 
 def main(arguments: list[str]) -> int:

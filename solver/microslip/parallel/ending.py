@@ -13,6 +13,7 @@ import time
 import traceback
 from array import array
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NoReturn
 
 from .errors import CaseError, Interrupted, MicroslipError, ResourceError
@@ -20,6 +21,7 @@ from .errors import CaseError, Interrupted, MicroslipError, ResourceError
 GRACE = 20.0            # s that the ranks may arrive apart with a problem they agreed on
 GRACE_OF_SIGNAL = 2.0   # s: longer than mpirun waits before it kills the ranks that follow another one's Abort
 DEFECT = 70
+_INTERRUPTED: list[Interrupted] = []        # kept with their traces, and so with the solvers in them
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 _PETSC_OUT_OF_MEMORY = 55
 _LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
@@ -40,7 +42,7 @@ def conclude(comm, action: Callable[[], int | None]) -> int:
     else:
         status = _together(comm, status, problem)
     if isinstance(problem, Interrupted):
-        _leave(comm, status)
+        _INTERRUPTED.append(problem)
     return status
 
 
@@ -99,11 +101,16 @@ def require(comm, problem: str | None) -> None:
         raise CaseError(problem)
 
 
-def _leave(comm, status: int) -> NoReturn:
-    """End this process at once: a solver that a signal has interrupted can neither go on nor be freed.  Collective."""
+def leave(status: int) -> NoReturn:
+    """End the process.  Collective on all ranks.
+
+    After a signal at once: a solver that it interrupted can neither go on nor be freed.
+    """
+    if not _INTERRUPTED:
+        sys.exit(status)
     sys.stdout.flush()
     sys.stderr.flush()
-    if comm is not None:
+    with suppress(ImportError):
         from mpi4py import MPI
 
         MPI.Finalize()
