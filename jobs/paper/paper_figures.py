@@ -15,6 +15,7 @@ import numpy as np
 from blocks import Body, skin
 from matplotlib.collections import PolyCollection
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
 from paper_runs import ARC, EQUAL, Level, Run, Study, errors, peak_error
 
 from microslip.reduction.expand import node_fields
@@ -120,6 +121,9 @@ def modes(study: Study) -> Page | None:
     factor, unit = scaled(values, "m/N")
     ax.plot(curve.omega / (2.0 * np.pi), factor * values, color=INK)
     ax.set(xlabel="frequency [Hz]", ylabel=f"{study.prepared.scene.outputs[0].name}, amplitude [{unit}]", yscale="log")
+    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.yaxis.set_minor_formatter("")
     ax.set_title("linear response", loc="left")
     ax.locator_params(axis="x", nbins=5)
     return page

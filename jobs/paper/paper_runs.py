@@ -83,7 +83,7 @@ class Level:
     energy: dict[float, Run]                                        # adaptive-energy by eps [J]
     energy_checked: dict[float, Run]
     condensed: Row | None = None                                    # all pairs by dense Newton at the peak, where it was solved
-    rubin: Row | None = None                                        # plain Rubin at the peak, where it was solved
+    rubin: Row | None = None                                        # plain Rubin at the peak, likewise: first and last level
 
     @property
     def level(self) -> float:
@@ -119,7 +119,7 @@ class Study:
     levels: list[Level]
     steps: list[Step]
     rubin_size: int                                                 # unknowns of plain Rubin
-    lu: dict[int, float] = field(default_factory=dict)              # seconds of one dense LU by unknowns
+    lu: dict[int, float] = field(default_factory=dict)              # processor time of one dense LU by unknowns [s]
     seconds: dict[str, float] = field(default_factory=dict)         # wall time of each part
 
     @property
@@ -152,7 +152,7 @@ def study(path: str, comm, tolerances: Sequence[float], steps: Sequence[int], po
     clock.lap("effect of the step")
     size = (6 * model.n_pairs + model.n_modes + len(model.f)) * model.N_H
     if rubin_points and prepared.structure.mesh is not None:
-        rubin_at_peaks(prepared, levels, clock)
+        rubin_at_peaks(prepared, list(dict.fromkeys([0, len(levels) - 1])), levels, clock)
     whole = Study(prepared, levels, found, size)
     most = max(int(level.adaptive.unknowns.max()) for level in levels)
     for n in sorted({n for n in LU_SIZES if n < most} | {most, size} - {n for n in (size,) if n > MOST_LU}):
@@ -264,23 +264,23 @@ def step_of(level: float, rule: str, asked: int, exact, late) -> Step:
                 exact.failure or late.failure)
 
 
-def rubin_at_peaks(prepared: Prepared, levels: list[Level], clock: Clock) -> None:
-    """Solve plain Rubin at the peak of each level, from its own coordinates at the two points before."""
+def rubin_at_peaks(prepared: Prepared, chosen: list[int], levels: list[Level], clock: Clock) -> None:
+    """Solve plain Rubin at the peak of some levels, from its own coordinates at the two points before."""
     rubin, tolerance = build_rubin(prepared.structure, prepared.scene), prepared.scene.solver.tolerance
     clock.lap("plain Rubin: reduction")
     with methods.contact_counter() as watch:
-        for level in levels:
+        for level in (levels[k] for k in chosen):
             problem, reference = prepared.problem(level.level), level.reference
             level.rubin = methods.rubin_at(rubin, problem, reference.points, [reference.peak], tolerance, watch)
             clock.lap(f"plain Rubin at the peak of {level.level:g} N")
 
 
 def one_lu(n: int, repetitions: int = 2) -> float:
-    """Return the seconds of one dense LU and solve of n unknowns: the best of a few; of one where it takes long."""
+    """Return the processor time of one dense LU and solve of n unknowns [s]: the best of a few; of one where it takes long."""
     best = np.inf
     for _ in range(repetitions if n < 3000 else 1):
         A = np.random.default_rng(1).standard_normal((n, n))
-        start = time.perf_counter()
+        start = time.process_time()
         solve_dense(A, np.ones(n))
-        best = min(best, time.perf_counter() - start)
+        best = min(best, time.process_time() - start)
     return best
