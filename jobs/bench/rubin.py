@@ -71,7 +71,10 @@ def build_rubin(structure, scene) -> RubinModel:
     for start in range(0, B.shape[0], BATCH):
         rows = slice(start, start + BATCH)
         residual[:, rows] = free.factor.solve_sparse(B[rows].T.tocsc()) - (phi / shifted) @ B_phi[rows].T
-    M_aa = residual.T @ multiply(system.M, residual)
+    M_aa = np.empty((B.shape[0], B.shape[0]))
+    for start in range(0, B.shape[0], BATCH):                                       # in parts: M residual is as large as it
+        rows = slice(start, start + BATCH)
+        M_aa[:, rows] = residual.T @ multiply(system.M, residual[:, rows])
     F = B @ residual
     free.destroy()
     M_aa, F = 0.5 * (M_aa + M_aa.T), 0.5 * (F + F.T)

@@ -1,0 +1,77 @@
+"""The case study of the paper runs from one command, on a small scene with a mesh and on one without."""
+
+import re
+import sys
+from pathlib import Path
+
+import lap_scene
+import numpy as np
+import pytest
+from matrix_scenes import write_matrix_scene
+from mpi4py import MPI
+from oracles import scenes
+
+from microslip.contact.law import OPEN
+
+sys.path.append(str(Path(__file__).parents[2] / "jobs" / "paper"))
+
+import case_study
+import paper_figures
+import paper_page
+import paper_runs
+
+NOT_A_NUMBER = re.compile(r"\b(nan|inf)\b")
+FIGURES = {f"paper_fig{n:02d}.png" for n in (6, 7, 8, 9, 10, 11, 12, 13, 14, 15)} | {"paper_step.png"}
+
+
+def run(monkeypatch, scene, out, *options):
+    monkeypatch.setattr("sys.argv", ["case_study.py", str(scene), "--out", str(out), *options])
+    case_study.main()
+    return (out / "paper.md").read_text(encoding="utf-8")
+
+
+def test_one_command_draws_all_figures_and_writes_the_page(tmp_path, monkeypatch, capsys):
+    lap_scene.write_mesh(tmp_path / "lap.msh")
+    scene = lap_scene.SCENE.replace("levels = [1.0]", "levels = [0.1, 0.3]").replace("[10.0, 1000.0]", "[90.0, 102.0]")
+    (tmp_path / "scene.toml").write_text(scene)
+    text = run(monkeypatch, tmp_path / "scene.toml", tmp_path / "out", "--points", "12", "--tolerances", "0", "1e-5", "--steps", "12", "20")
+    assert {file.name for file in (tmp_path / "out" / "img").iterdir()} == FIGURES | {"paper_fig04.png"}
+    for name in FIGURES:
+        assert f"(img/{name})" in text
+    assert not NOT_A_NUMBER.search(text) and "Plain Rubin, " in text
+    assert "paper.md" in capsys.readouterr().out
+
+
+def chain_study(folder, levels, tolerances, steps):
+    system = scenes.chain()
+    path = write_matrix_scene(folder, system, levels, system["omega"], points=12, outputs=[6], harmonics=2, samples=64)
+    return paper_runs.study(str(path), MPI.COMM_SELF, tolerances, steps, None, True, lambda line: None)
+
+
+def test_a_scene_of_matrices_goes_without_mesh_and_without_rubin(tmp_path):
+    study = chain_study(tmp_path, [1.0, 10.0], [0.0], [12])
+    text = paper_page.page(study, {}, "command", 1.0)
+    assert paper_figures.modes(study) is None and study.levels[0].rubin is None
+    assert "a lower bound" in text and not NOT_A_NUMBER.search(text)
+
+
+def test_what_a_run_drops_is_counted(tmp_path):
+    level = chain_study(tmp_path, [10.0], [0.0, 1e9], []).levels[0]
+    all_dropped = level.energy[1e9]
+    is_open = np.array([np.count_nonzero(point.state == OPEN) for point in all_dropped.points])
+    assert (all_dropped.kept[1:] == is_open[:-1]).all() and all_dropped.dropped.max() > 0 and all_dropped.lost.max() > 0.0
+    assert level.reference.dropped.max() == 0 and level.checked.dropped.max() == 0
+    assert paper_runs.errors(all_dropped, level.reference).max() > 1e-3
+    assert paper_runs.errors(level.checked, level.reference).max() < 1e-6
+
+
+def test_time_of_a_dense_step_between_the_sizes_timed():
+    study = paper_runs.Study(None, [], [], 800, {100: 1e-3, 400: 1.6e-2})
+    assert study.lu_seconds(np.array([50, 100, 200, 800])) == pytest.approx([1e-3, 1e-3, 4e-3, 0.128])
+
+
+def test_numbers_as_the_page_shows_them():
+    assert (paper_page.percent(0.022), paper_page.percent(0.0), paper_page.percent(3e-9)) == ("2.2 %", "0 %", "3e-09")
+    assert (paper_page.times(12345.0), paper_page.times(98.0), paper_page.times(1.26)) == ("12,000x", "98x", "1.3x")
+    assert (paper_page.second(7200.0), paper_page.second(600.0), paper_page.second(0.25), paper_page.second(0.0012)) == (
+        "2 h", "10 min", "0.25 s", "1.2 ms")
