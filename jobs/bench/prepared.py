@@ -19,6 +19,8 @@ from microslip.reduction.model import ReducedModel
 from microslip.run import Structure, build_structure
 from microslip.scene.read import read_scene
 
+MODES = 20
+
 
 @dataclass(frozen=True)
 class Prepared:
@@ -37,9 +39,14 @@ class Prepared:
         return HarmonicBalance(self.model, self.parameters, self.scene.solver.samples, level)
 
 
+def with_modes(scene):
+    """Return the scene with a stated number of modes, the same for every method: as the scene says, else ``MODES``."""
+    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"modes": scene.solver.modes or MODES})})
+
+
 def prepare(path: str, comm, points: int | None = None) -> Prepared:
     """Return a scene, reduced; ``points`` a level in place of the scene's.  Collective on ``comm``."""
-    scene = on_root(comm, read_scene, path)
+    scene = with_modes(on_root(comm, read_scene, path))
     with RunLog(comm, screen=False) as log:
         structure = build_structure(scene, comm, log)
         with log.stage("static solutions of loads and outputs"):
