@@ -139,6 +139,8 @@ def draw(growths: dict[str, list[dict]], path: Path) -> None:
             more = [r for r in curve if r["ranks"] == ranks]
             panel.plot([r[key] for r in more], [1e3 * r["seconds"] for r in more], "k--", lw=1, label=f"{ranks} ranks, wall time")
         panel.set(xlabel=label, ylabel="processor time a point, ms", yscale="log", xscale="log" if part == "pairs" else "linear")
+        panel.set_xticks([r[key] for r in one], [f"{r[key]:,}" for r in one])
+        panel.minorticks_off()
     panels[0][0].legend(fontsize=7)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=150)
