@@ -170,7 +170,7 @@ def test_newton_step_solves_the_whole_system(level, option, tolerance):
     corrector = Corrector(problem, 1e-9)
     try:
         step = corrector.newton_step(here, row, scaling, everything)
-        d_nu = COMM.bcast(step[-1], root=COMM.size - 1)
+        d_nu = COMM.bcast(step[-1] if COMM.rank == COMM.size - 1 else None, root=COMM.size - 1)
         d_xi = step[: problem.n_owned * 3 * model.N_H].reshape(problem.shape)
         found, r = (corrector.jacobian_times(here, row, scaling, everything, d_xi, d_nu),
                     corrector.residual_at(here, row, scaling, everything))
