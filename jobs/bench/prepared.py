@@ -19,7 +19,7 @@ from microslip.reduction.model import ReducedModel
 from microslip.run import Structure, build_structure
 from microslip.scene.read import read_scene
 
-MODES = 20
+MODES = 20          # of a scene with a mesh that states none
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,12 @@ class Prepared:
 
 
 def with_modes(scene):
-    """Return the scene with a stated number of modes, the same for every method: as the scene says, else ``MODES``."""
+    """Return the scene with a stated number of modes, the same for every method: as the scene says, else ``MODES``.
+
+    Matrices may be too small for so many: theirs are left to the program.
+    """
+    if scene.model.mesh is None:
+        return scene
     return scene.model_copy(update={"solver": scene.solver.model_copy(update={"modes": scene.solver.modes or MODES})})
 
 
