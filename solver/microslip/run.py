@@ -14,6 +14,7 @@ from .assembly.matrices import distribute_structure, read_structure
 from .assembly.system import System
 from .contact.law import ContactParameters
 from .continuation.levels import follow_level, follow_levels, frequency_sweep, linear_curve
+from .error_bars.truth import Truth, truth_of
 from .linear.joint_springs import Linearised, linearise
 from .mesh.data import ContactPairs, Mesh
 from .mesh.pairing import pair_contacts
@@ -64,8 +65,9 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = (), n_groups: int 
         structure = build_structure(scene, comm, log)
         with log.stage("reduction"):
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
+            truth = truth_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.error_bars else None
         with log.stage("response"):
-            branches = follow(scene, structure, reduction, folder, options, log, n_groups)
+            branches = follow(scene, structure, reduction, truth, folder, options, log, n_groups)
         with log.stage("fields for ParaView"):
             write_shapes(structure, reduction, branches, folder)
         with log.stage("pictures"):
@@ -114,7 +116,7 @@ def from_matrices(scene, comm, log: RunLog) -> tuple[None, System, ContactPairs]
     return None, system, pairs
 
 
-def follow(scene, structure: Structure, reduction: Reduction, folder: Path, options, log: RunLog, n_groups: int = 1) -> list:
+def follow(scene, structure: Structure, reduction: Reduction, truth: Truth | None, folder: Path, options, log: RunLog, n_groups: int = 1) -> list:
     """Return the branches of all levels; write and log each point as it comes.  Collective."""
     pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
     sweep = frequency_sweep(scene.response, structure.modes.omega_n)
@@ -130,14 +132,15 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
         if min(n_groups, len(levels)) == 1:
             reporter = Reporter(log, writer, sweep, levels)
             branches = []
-            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter):
+            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter,
+                                        truth):
                 branches.append(branch)
                 reporter.level_finished(branch)
             columns = model.G_static
             log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
         else:
             one = partial(follow_level, scene, parameters=parameters, selection=reduction.selection, sweep=sweep, curve=curve)
-            branches = follow_side_by_side(one, model, levels, n_groups, Minutes(log, writer, sweep, levels), log)
+            branches = follow_side_by_side(one, model, truth, levels, n_groups, Minutes(log, writer, sweep, levels), log)
             writer.put_in_order(branches)
     finally:
         writer.close()

@@ -9,6 +9,7 @@ import numpy as np
 
 from .continuation.branch import Branch
 from .continuation.follow import NOTHING
+from .error_bars.truth import Truth
 from .parallel.agree import on_root
 from .parallel.groups import Counter, Reports, dealt, split
 from .parallel.log import RunLog
@@ -17,8 +18,8 @@ from .reduction.on_group import model_on_group
 from .report import Minutes
 
 
-def follow_side_by_side(follow_level: Callable[..., Branch], model: ReducedModel, levels: Sequence[float], n_groups: int,
-                        minutes: Minutes, log: RunLog) -> list[Branch]:
+def follow_side_by_side(follow_level: Callable[..., Branch], model: ReducedModel, truth: Truth | None, levels: Sequence[float],
+                        n_groups: int, minutes: Minutes, log: RunLog) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0.
 
     Collective on ``model.comm``.  A group takes the highest level that is left whenever it has done the last one: high levels
@@ -26,7 +27,7 @@ def follow_side_by_side(follow_level: Callable[..., Branch], model: ReducedModel
 
     Parameters
     ----------
-    follow_level : collective on a model's communicator; takes ``model``, ``level`` and ``on_point``
+    follow_level : collective on a model's communicator; takes ``model``, ``level``, ``truth`` and ``on_point``
     n_groups : at least 2; there are no more groups than levels
     minutes : hears of levels and points on rank 0, as they come
 
@@ -38,6 +39,7 @@ def follow_side_by_side(follow_level: Callable[..., Branch], model: ReducedModel
     log.note(f"{len(levels)} levels on {groups.n} groups of {_sizes(groups.limits)}, the highest first")
     with log.stage("static columns of all pairs"):
         own = model_on_group(model, groups.comm)
+        own_truth = truth and truth.on_group(model, own, groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
     counter, reports = Counter(groups.world), Reports(groups, lambda event, *news: getattr(minutes, event)(*news))
 
@@ -48,7 +50,7 @@ def follow_side_by_side(follow_level: Callable[..., Branch], model: ReducedModel
         for task in dealt(groups, counter, len(levels)):
             number = highest_first[task]
             tell("level_started", number, groups.where)
-            branch = follow_level(model=own, level=levels[number],
+            branch = follow_level(model=own, level=levels[number], truth=own_truth,
                                   on_point=lambda point, number=number: tell("point", number, point))
             tell("level_finished", number, branch.failure)
         on_root(groups.comm, reports.finish)

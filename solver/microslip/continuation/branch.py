@@ -29,6 +29,7 @@ class Point:
     seconds: float              # wall time of this point
     asked: bool = False         # one of [response] at
     notes: tuple[str, ...] = ()
+    error: np.ndarray | None = None         # (n_outputs, parts) m, of the amplitude of harmonic 1; None where not estimated
 
 
 @dataclass

@@ -12,10 +12,10 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
 from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import HarmonicBalance
-from .newton import Gatherer, Linearisation, NewtonStep
-from .shell import ShellMatrix, ShellSolver
+from ..harmonic.shell import ShellMatrix, ShellSolver
 
 PATIENCE, LEAST_PROGRESS = 4, 0.5       # Newton gives up where so many iterations leave more than this share of the residual
 MANY_KRYLOV = 50        # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew

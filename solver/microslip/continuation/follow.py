@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from ..contact.law import STICK
+from ..error_bars.estimate import ErrorEstimator
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.residual import HarmonicBalance, LevelFamily
 from ..parallel.errors import ConvergenceError
@@ -82,11 +83,18 @@ def vibration(U: np.ndarray) -> np.ndarray:
 class BranchFollower:
     """The stepping loop of one branch; what it knows of a point goes in and out as :class:`State`."""
 
-    def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, tolerance: float):
+    def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, tolerance: float,
+                 estimator: ErrorEstimator | None = None):
         self.problem, self.selection, self.sweep, self.steps = problem, selection, sweep, steps
-        self.comm, self.tolerance = problem.comm, tolerance
+        self.comm, self.tolerance, self.estimator = problem.comm, tolerance, estimator
         self.corrector = Corrector(problem, tolerance)
         self.clock = time.perf_counter()
+
+    def destroy(self) -> None:
+        """Free the PETSc objects.  Collective."""
+        self.corrector.destroy()
+        if self.estimator is not None:
+            self.estimator.destroy()
 
     # -- one point ---------------------------------------------------------------------------------------------
 
@@ -115,7 +123,7 @@ class BranchFollower:
 
     def accept(self, found: Correction, selected: np.ndarray, asked: bool = False) -> tuple[State, Point]:
         """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective."""
-        point, moves = point_record(self.problem, found, selected, self.selection, asked)
+        point, moves = point_record(self.problem, found, selected, self.selection, asked, self.estimator)
         now = time.perf_counter()
         point, self.clock = replace(point, seconds=now - self.clock), now
         B = self.selection.update(moves, point.state, point.energy)
@@ -365,19 +373,20 @@ class BranchFollower:
             except ConvergenceError:
                 continue
             finally:
-                way.corrector.destroy()
+                way.destroy()
         raise ConvergenceError(self.message(self.sweep.start, failed))
 
 
 def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, *, tolerance: float,
-                  max_points: int, on_point: Callable[[Point], None] = lambda point: None) -> Branch:
+                  max_points: int, on_point: Callable[[Point], None] = lambda point: None,
+                  estimator: ErrorEstimator | None = None) -> Branch:
     """Follow the branch of one level over frequency.  Collective on ``problem.comm``.
 
     A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
     branch = Branch(problem.level)
-    follower = BranchFollower(problem, selection, sweep, steps, tolerance)
+    follower = BranchFollower(problem, selection, sweep, steps, tolerance, estimator)
     try:
         for _, point in follower.points():
             on_point(point)
@@ -388,5 +397,5 @@ def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, 
     except ConvergenceError as failure:
         branch.failure = str(failure)
     finally:
-        follower.corrector.destroy()
+        follower.destroy()
     return branch

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..error_bars.estimate import ErrorEstimator
 from ..harmonic.residual import HarmonicBalance
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
@@ -43,7 +44,7 @@ def secant(before: Iterate | None, now: Iterate, omega: float) -> Iterate:
 
 
 def at_frequencies(problem: HarmonicBalance, selection: Selection, omegas: Sequence[float], *, tolerance: float,
-                   on_point: Callable[[Point], None] = lambda point: None) -> Branch:
+                   on_point: Callable[[Point], None] = lambda point: None, estimator: ErrorEstimator | None = None) -> Branch:
     """Solve one level at ``omegas`` (n,) [rad/s], each another than the one before, from the points solved before it.
 
     Collective on ``problem.comm``.  Nothing is raised for divergence: the branch keeps its points and says why in
@@ -56,7 +57,7 @@ def at_frequencies(problem: HarmonicBalance, selection: Selection, omegas: Seque
     their iterations and time count.
     """
     branch, width = Branch(problem.level), float(np.ptp(omegas)) or 1e-3 * omegas[0]
-    follower = BranchFollower(problem, selection, Sweep(omegas[0], omegas[0] + width), STEPS, tolerance)
+    follower = BranchFollower(problem, selection, Sweep(omegas[0], omegas[0] + width), STEPS, tolerance, estimator)
     try:
         for point in _points(follower, omegas):
             on_point(point)
@@ -64,7 +65,7 @@ def at_frequencies(problem: HarmonicBalance, selection: Selection, omegas: Seque
     except ConvergenceError as failure:
         branch.failure = str(failure)
     finally:
-        follower.corrector.destroy()
+        follower.destroy()
     return branch
 
 

@@ -10,6 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from ..contact.law import ContactParameters
+from ..error_bars.estimate import ErrorEstimator
+from ..error_bars.truth import Truth
 from ..harmonic.residual import HarmonicBalance
 from ..modes.band import frequency_band
 from ..parallel.errors import CaseError
@@ -65,14 +67,14 @@ def linear_curve(model: ReducedModel, sweep: Sweep) -> LinearCurve:
 
 
 def linear_branch(problem: HarmonicBalance, sweep: Sweep, curve: LinearCurve, n_points: int,
-                  on_point: Callable[[Point], None]) -> Branch:
+                  on_point: Callable[[Point], None], estimator: ErrorEstimator | None = None) -> Branch:
     """Return a branch known to be linear, at equal steps of its length and where asked; nothing is solved.  Collective."""
     omegas = np.interp(np.linspace(0.0, curve.s[-1], n_points), curve.s, curve.omega)
     branch, everything = Branch(problem.level), np.ones(problem.model.n_pairs, dtype=bool)
     clock = time.perf_counter()
     for omega in np.union1d(omegas, sweep.at)[:: int(sweep.direction)]:
         on_curve = Correction(Iterate(problem.linear_motion(omega)[0], float(omega)), 0, 0, 0.0, None)
-        point, _ = point_record(problem, on_curve, everything, AllPairs(), omega in sweep.at)
+        point, _ = point_record(problem, on_curve, everything, AllPairs(), omega in sweep.at, estimator)
         now = time.perf_counter()
         point, clock = replace(point, seconds=now - clock), now
         on_point(point)
@@ -115,20 +117,21 @@ class Listener(Protocol):
 
 
 def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep,
-                  curve: LinearCurve, listener: Listener) -> Iterator[Branch]:
+                  curve: LinearCurve, listener: Listener, truth: Truth | None = None) -> Iterator[Branch]:
     """Yield the branch of each level as it is done.  Collective."""
     model.G_static.likely = likely_to_slip(model, parameters, curve)
     for number, level in enumerate(scene.response.levels):
         listener.level_started(number, level)
-        yield follow_level(scene, model, parameters, selection, sweep, curve, level, listener.point)
+        yield follow_level(scene, model, parameters, selection, sweep, curve, level, listener.point, truth)
 
 
 def follow_level(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep,
-                 curve: LinearCurve, level: float, on_point: Callable[[Point], None]) -> Branch:
-    """Return the branch of one level [N].  Collective on ``model.comm``."""
+                 curve: LinearCurve, level: float, on_point: Callable[[Point], None], truth: Truth | None = None) -> Branch:
+    """Return the branch of one level [N], with error bars where a ``truth`` is given.  Collective on ``model.comm``."""
     problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
+    estimator = None if truth is None else ErrorEstimator(truth)
     if model.n_pairs == 0:
-        return linear_branch(problem, sweep, curve, scene.response.points, on_point)
+        return linear_branch(problem, sweep, curve, scene.response.points, on_point, estimator)
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
     return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
-                         max_points=10 * scene.response.points, on_point=on_point)
+                         max_points=10 * scene.response.points, on_point=on_point, estimator=estimator)

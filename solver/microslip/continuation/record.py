@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..error_bars.estimate import ErrorEstimator
 from ..harmonic.aft import contact_work, pair_energy
 from ..harmonic.residual import HarmonicBalance
 from ..reduction import receptance
@@ -16,11 +17,11 @@ HELD = "mean slip held by springs"      # the note of such a point
 
 
 def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarray, selection: Selection,
-                 asked: bool) -> tuple[Point, np.ndarray]:
+                 asked: bool, estimator: ErrorEstimator | None = None) -> tuple[Point, np.ndarray]:
     """Return the record of a converged point and which pairs of all have p != 0, (n_pairs,) bool.
 
     Collective on ``problem.comm``.  State, energy and the set of moving pairs come from all pairs; ``p`` is that of the selected
-    pairs, which the motion solves for.
+    pairs, which the motion solves for.  With an ``estimator`` the point has error bars.
     """
     model, U = problem.model, found.iterate.U
     omega, level = problem.omega_at(found.iterate.parameter), problem.level_at(found.iterate.parameter)
@@ -41,6 +42,7 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
         newton=found.newton, krylov=found.krylov, friction=friction,
         damping=damping_loss(model, level, omega, p), input=input_work(model, level, omega, p), seconds=0.0, asked=asked,
         notes=() if problem.held_at is None else (HELD,),
+        error=None if estimator is None else estimator.at(problem, U, found.iterate.parameter, selected),
     )
     return point, moves
 

@@ -11,6 +11,8 @@ mass are harmless.
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
@@ -32,7 +34,8 @@ MASSLESS = 1e-16        # theta over the largest: less mass is not told from non
 _BLOCKS = 4             # blocks of the basis' size held at a time
 
 
-def reduce_on_basis(linearised, V_owned: np.ndarray, scene, unknowns: int | None = None) -> Reduction:
+def reduce_on_basis(linearised, V_owned: np.ndarray, scene, unknowns: int | None = None,
+                    leaves_out: Literal["basis", "nothing"] = "basis") -> Reduction:
     """Return the Galerkin reduction on the columns of V, this rank's rows (n_owned, n_V).
 
     Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
@@ -43,7 +46,7 @@ def reduce_on_basis(linearised, V_owned: np.ndarray, scene, unknowns: int | None
     def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
         return phi_owned @ receptance.to_real(receptance.modal_motion(model, level, omega, p))
 
-    return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement)
+    return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out)
 
 
 def galerkin_modes(linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

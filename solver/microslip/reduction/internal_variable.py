@@ -16,4 +16,4 @@ def reduce_to_pairs(linearised, modes, scene, selection: Selection) -> Reduction
     Collective: static solves of loads and outputs now, those of a pair when it first leaves sticking.
     """
     model = reduce_structure(linearised, modes, scene)
-    return Reduction(model, selection, partial(displacement, linearised, modes, model))
+    return Reduction(model, selection, partial(displacement, linearised, modes, model), leaves_out="modes")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -18,3 +19,4 @@ class Reduction:
     model: ReducedModel
     selection: Selection
     displacement: Callable[[float, float, np.ndarray], np.ndarray]  # collective; level, omega, p -> harmonics of u, owned rows
+    leaves_out: Literal["modes", "basis", "nothing"]        # modes of the stuck structure, but not their statics; or what a basis lacks

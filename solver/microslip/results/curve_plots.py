@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
+from ..error_bars.parts import PARTS, total
 from .audit import BOUND, closure
 from .measures import amplitude, counts, peak
 from .record import STOPPED, LevelResult, ResultFile
@@ -30,6 +32,9 @@ from .style import (
 _ROWS = 5               # outputs in one picture
 _WIDE = 200.0           # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
 _APART = 30.0           # ratio of the peaks of two levels beyond which it is
+_BAND = 0.3             # opacity of an error band
+_PART_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c8c8c")
+_LEAST_ERROR = 1e-12    # of the peak: less is drawn there
 _DECADES = 1e-7         # a logarithmic axis shows no less than this of the largest
 
 
@@ -41,6 +46,8 @@ def draw_response(results: ResultFile, out_dir: str) -> list[str]:
         outputs = list(enumerate(results.outputs))[first : first + _ROWS]
         n_rows = len(outputs)
         handles = _level_handles(drawn, results.linear is not None, peaks=True)
+        if any(level.error is not None for level in results.levels):
+            handles.append(Patch(facecolor=FAINT, alpha=_BAND, lw=0.0, label="error bar"))
         says = "response, harmonic 1: amplitude, and amplitude per newton of load"
         page = Page(results, says, WIDTH, 0.35 + 2.35 * n_rows, handles)
         axes = page.grid(n_rows, 2).subplots(sharex=True, squeeze=False)
@@ -64,6 +71,8 @@ def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> None:
         if results.linear and linear:
             ax.plot(results.linear.frequency, factor * linear[0], zorder=1.5, **LINEAR)
         for a, (level, colour) in zip(values, drawn):
+            share = 1.0 / abs(level.level or 1.0) if unit == "m/N" else 1.0
+            _band(ax, level, k, factor * a, factor * share, colour)
             _curve(ax, level, factor * a, colour)
             top = peak(level.response, k)
             if top is not None:
@@ -148,6 +157,28 @@ def _draw_closure(ax, results: ResultFile) -> None:
     _limit([ax], results)
 
 
+def draw_error(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw the error bar of the first output along the curve of each level, and its parts.  Local; returns the files."""
+    levels = some([level for level in results.levels if level.error is not None and len(level.frequency)], MOST_PANELS)
+    if not levels:
+        return []
+    handles = [Line2D([], [], color=INK, lw=1.6, label="error bar")]
+    handles += [Line2D([], [], color=colour, lw=1.1, label=part) for part, colour in zip(PARTS, _PART_COLOURS)]
+    says = f"error bar of {plain(results.outputs[0], 24)}, and what it comes from, over the peak of the level"
+    page, axes = _panels(results, says, levels, handles)
+    for ax, level in zip(axes, levels):
+        largest = amplitude(level.response[:, 0]).max() or 1.0
+        for values, colour in zip(level.error[:, 0].T, _PART_COLOURS):
+            if values.any():
+                _curve(ax, level, np.maximum(values / largest, _LEAST_ERROR), colour, lw=1.1)
+        bars = np.maximum(total(level.error[:, 0]) / largest, _LEAST_ERROR)
+        _curve(ax, level, bars, INK, lw=1.6)
+        ax.set_yscale("log")
+        ax.set_ylim(max(1e-5 * bars.max(), 0.5 * _LEAST_ERROR), 3.0 * bars.max())
+        ax.set_ylabel("error / peak [-]")
+    return [page.save(f"{out_dir}/error.png")]
+
+
 # -- shared ----------------------------------------------------------------------------------------------------
 
 
@@ -180,6 +211,13 @@ def _panels(results: ResultFile, says: str, levels: list[LevelResult], handles, 
             ax.set_xlabel("frequency [Hz]")
     _limit(axes, results)
     return page, axes + ([page.figure.add_subplot(cells[n_rows, :])] if foot else [])
+
+
+def _band(ax, level: LevelResult, k: int, values, factor: float, colour) -> None:
+    """Draw the error bars of output k about its curve, where they were estimated."""
+    if level.error is not None and len(level.frequency) > 1:
+        bars = factor * total(level.error[:, k])
+        ax.fill_between(level.frequency, np.maximum(values - bars, 0.0), values + bars, color=colour, alpha=_BAND, lw=0.0)
 
 
 def _curve(ax, level: LevelResult, values, colour, style="-", lw=1.2) -> None:

@@ -7,8 +7,9 @@ import os
 import h5py
 import numpy as np
 
+from ..error_bars.parts import PARTS
 from ..parallel.errors import CaseError
-from .record import JOINT_DATA, LEVEL_DATA, MOTION, Joint, LevelResult, LinearCurve, ResultFile
+from .record import ERROR, JOINT_DATA, LEVEL_DATA, MOTION, Joint, LevelResult, LinearCurve, ResultFile
 from .writer import FORMAT, FORMAT_VERSION
 
 _MOST_GAIN = 2000       # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
@@ -146,6 +147,8 @@ def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bo
               "p": (n_pairs, 3, N_H)}  # fmt: skip
     arrays = {name: reader.array(f"{group}/{dataset}", kind, (n, *shapes.get(name, ())))
               if motion or name not in MOTION else None for dataset, name, _, kind, _ in LEVEL_DATA}  # fmt: skip
+    estimated = f"{group}/{ERROR}" in reader
+    arrays["error"] = reader.array(f"{group}/{ERROR}", "f8", (n, n_outputs, len(PARTS))) if estimated else None
     attributes = reader.group(group)
     for name, values in arrays.items():
         if values is not None and values.dtype.kind == "f" and not np.isfinite(values).all():

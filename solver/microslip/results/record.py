@@ -44,6 +44,7 @@ class LevelResult:
     notes: np.ndarray           # (n,) of str
     du: np.ndarray | None       # (n, n_pairs, 3, N_H) relative displacement, m; None where it was not read
     p: np.ndarray | None        # (n, n_pairs, 3, N_H) contact force beyond the stuck springs, N; None likewise
+    error: np.ndarray | None    # (n, n_outputs, parts) of the error of harmonic 1, m; None where it was not estimated
 
 
 # dataset of levels/0000/, attribute of LevelResult, attribute of Point, type, unit; frequency_Hz comes from omega
@@ -64,6 +65,7 @@ LEVEL_DATA = (
     ("p", "p", "p", "f8", "N"),
 )
 MOTION = ("du", "p")            # the large ones, which pictures do without
+ERROR = "error_m"               # (n, n_outputs, parts); only where it was estimated
 
 
 @dataclass(frozen=True)
@@ -140,5 +142,7 @@ def level_result(level: float, points: list[Point], sizes: tuple[int, int, int],
         values = np.array([getattr(point, of_point) for point in points], dtype=kind)
         arrays[name] = values.reshape(len(points), *shapes.get(name, ()))
     arrays["frequency"] = arrays["frequency"] / (2.0 * np.pi)
+    estimated = [point.error for point in points if point.error is not None]
+    arrays["error"] = np.array(estimated) if points and len(estimated) == len(points) else None
     notes = np.array(["; ".join(point.notes) for point in points], dtype=object)
     return LevelResult(level=level, status=status, failure=failure or "", notes=notes, **arrays)

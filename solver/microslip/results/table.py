@@ -8,11 +8,13 @@ import os
 import numpy as np
 
 from ..continuation.branch import Branch, Point
+from ..error_bars.parts import PARTS, total
 from ..parallel.files import said_of, written_whole
 from .measures import amplitude, counts, phase
 
 HEADER = ("level_N", "point", "frequency_Hz", "output", "amplitude_m", "phase_rad", "mean_m", "sticking", "slipping", "open",
-          "unknowns", "newton", "friction_J", "damping_J", "input_J", "seconds")  # fmt: skip
+          "unknowns", "newton", "friction_J", "damping_J", "input_J", "seconds", "error_m",
+          *(f"error_{part}_m" for part in PARTS))  # fmt: skip
 NAME = "frf.csv"
 
 
@@ -42,9 +44,9 @@ class ResponseTable:
         shared = [*(int(n) for n in counts(point.state)), point.unknowns, point.newton,
                   *_digits(point.friction, point.damping, point.input), f"{point.seconds:.4g}"]  # fmt: skip
         with said_of(self.path):
-            for name, u in zip(self.outputs, point.response, strict=True):
+            for k, (name, u) in enumerate(zip(self.outputs, point.response, strict=True)):
                 own = _digits(float(amplitude(u)), float(phase(u)), u[0])
-                self._rows.writerow([*_digits(level), i, *_digits(point.omega / (2.0 * np.pi)), name, *own, *shared])
+                self._rows.writerow([*_digits(level), i, *_digits(point.omega / (2.0 * np.pi)), name, *own, *shared, *_bars(point, k)])
             self._file.flush()
 
     def put_in_order(self, branches: list[Branch]) -> None:
@@ -60,6 +62,13 @@ class ResponseTable:
     def close(self) -> None:
         with said_of(self.path):
             self._file.close()
+
+
+def _bars(point: Point, k: int) -> list[str]:
+    """Return the error bar of output k and its parts; empty cells where they were not asked for."""
+    if point.error is None:
+        return [""] * (1 + len(PARTS))
+    return [f"{value:.4g}" for value in (total(point.error[k]), *point.error[k])]
 
 
 def _digits(*values: float) -> list[str]:

@@ -11,9 +11,10 @@ import numpy as np
 
 from .. import __version__
 from ..continuation.branch import Branch, Point
+from ..error_bars.parts import PARTS
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
-from .record import COMPLETE, JOINT_DATA, LEVEL_DATA, RUNNING, STOPPED, Joint, LevelResult, LinearCurve, joint_of, level_result
+from .record import COMPLETE, ERROR, JOINT_DATA, LEVEL_DATA, RUNNING, STOPPED, Joint, LevelResult, LinearCurve, joint_of, level_result
 from .table import ResponseTable
 
 FORMAT, FORMAT_VERSION = "microslip results", 1
@@ -145,6 +146,9 @@ def _write_level(group: h5py.Group, level: LevelResult) -> None:
     _texts(group, "notes", level.notes)
     for dataset, name, _, _, unit in LEVEL_DATA:
         _array(group, dataset, getattr(level, name), unit)
+    if level.error is not None:
+        _array(group, ERROR, level.error, "m")
+        group[ERROR].attrs["parts"] = ", ".join(PARTS)
 
 
 def _array(group: h5py.Group, name: str, values: np.ndarray, unit: str) -> None:

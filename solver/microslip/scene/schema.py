@@ -271,6 +271,7 @@ class Solver(Table):
         DEFAULT_INTERFACE_MODES, ge=1, le=LARGEST_NUMBER, description="the shapes of the joint, a whole number of at least 1"
     )
     in_point_check: bool = Field(False, description="true or false: check all pairs inside the point")
+    error_bars: bool = Field(True, description="true or false: estimate the error of every point")
     verify_modes: bool = Field(True, description="true or false: prove by a count that no mode is missed")
 
     @model_validator(mode="after")

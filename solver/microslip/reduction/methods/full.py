@@ -72,7 +72,8 @@ def reduce(linearised, modes, pairs, scene) -> Reduction:
         modes, n_blocks = modes_beyond(linearised, modes, scene)
     _refuse_too_large(scene, system.n_dof, len(modes.omega_n) + n_blocks * Y.shape[1], system.comm)
     blocks = krylov_blocks(linearised, modes, Y, n_blocks)
-    return reduce_on_basis(linearised, np.hstack([modes.phi_owned, *blocks]), scene, unknowns=system.n_dof)
+    return reduce_on_basis(linearised, np.hstack([modes.phi_owned, *blocks]), scene, unknowns=system.n_dof,
+                           leaves_out="nothing")
 
 
 def modes_beyond(linearised, modes: Modes, scene) -> tuple[Modes, int]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
-from ..harmonic.preconditioner import HarmonicPreconditioner
-from ..harmonic.residual import ActiveColumns, ContactForces, HarmonicBalance, ReceptanceColumns
+from .preconditioner import HarmonicPreconditioner
+from .residual import ActiveColumns, ContactForces, HarmonicBalance, ReceptanceColumns
 from .shell import ShellMatrix, ShellPreconditioner
 
 SINGLE = 1e-5           # relative tolerance of GMRES down to which products in single precision are exact enough

@@ -1,0 +1,117 @@
+"""Harmonics, samples and steps from the accuracy asked for (docs/theory.md, section 10).
+
+At every point the error bar says what more harmonics and more samples would change.  Where that exceeds its share of the accuracy
+the point is solved again with more, from where it is; where it stays far below for some points, the next ones have fewer.  The
+step along the branch follows from the error of a straight line between the points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..error_bars.parts import PARTS, SAFETY
+from ..harmonic.harmonics import Harmonics
+
+MOST_HARMONICS, MOST_SAMPLES = 31, 4096
+LEAST_SAMPLES = 16
+PER_HARMONIC = 4            # samples a harmonic, at least
+FAINT = 1e-3                # of the largest output: fainter ones are judged against that
+LOW = {"harmonics": 0.05, "samples": 0.2}       # share of what is allowed, below which less will do
+PATIENCE = 3                # points in a row
+SHARES = {"harmonics": 0.5, "samples": 0.4}     # of the accuracy; what is left is for modes and solver
+STEP = 0.5                  # share of the accuracy for the straight line between two points
+LEAST_TURN, MOST_TURN = 0.5, 2.0                # bounds of the change from one step to the next
+
+
+@dataclass(frozen=True)
+class Resolution:
+    """Harmonics and samples of a point."""
+
+    harmonics: Harmonics
+    n_samples: int
+
+    def with_highest(self, H: int) -> Resolution:
+        """Return the resolution with harmonics up to H, and no fewer samples than they need."""
+        odd = all(n % 2 for n in self.harmonics.chosen)
+        harmonics = Harmonics.odd_up_to(H) if odd else Harmonics.up_to(H)
+        return Resolution(harmonics, max(self.n_samples, least_samples(H)))
+
+
+def least_samples(H: int) -> int:
+    """Return the fewest samples that the program chooses by itself for harmonics up to H: a power of two."""
+    return max(LEAST_SAMPLES, 2 ** int(np.ceil(np.log2(PER_HARMONIC * (H + 1)))))
+
+
+@dataclass
+class Accuracy:
+    """What one branch has learnt about the resolution it needs.  Local; ranks agree because they are told the same.
+
+    Parameters
+    ----------
+    target : the accuracy asked for, relative to the peak of each output
+    coarsest : with which a branch starts, and below which it never goes
+    keeps : parts whose resolution the scene states
+    """
+
+    target: float
+    coarsest: Resolution
+    keeps: frozenset[str] = frozenset()
+    peak: np.ndarray | None = None                              # (n_outputs,) largest amplitude so far [m]
+    calm: dict[str, int] = field(default_factory=lambda: {"harmonics": 0, "samples": 0})
+    patience: dict[str, int] = field(default_factory=lambda: {"harmonics": PATIENCE, "samples": PATIENCE})
+
+    def ratios(self, amplitude: np.ndarray, error: np.ndarray) -> dict[str, float]:
+        """Return each part over what is allowed, the worst of the outputs, from amplitudes (n_outputs,) and parts of the bar."""
+        self.peak = amplitude if self.peak is None else np.maximum(self.peak, amplitude)
+        allowed = self.target / SAFETY * np.maximum(self.peak, FAINT * self.peak.max(initial=0.0))
+        found = {}
+        for part, share in SHARES.items():
+            values = error[:, PARTS.index(part)]
+            found[part] = float(np.divide(values, share * allowed, out=np.zeros_like(values), where=allowed > 0.0).max(initial=0.0))
+        return found
+
+    def finer(self, now: Resolution, ratios: dict[str, float]) -> Resolution | None:
+        """Return the resolution with which to solve the point again; None where it is good, or the finest there is."""
+        found, H = now, now.harmonics.highest
+        if ratios["harmonics"] > 1.0 and "harmonics" not in self.keeps and H + 2 <= MOST_HARMONICS:
+            grown = int(np.clip(np.ceil(H * np.sqrt(ratios["harmonics"])), H + 2, 2 * H + 1))
+            found = found.with_highest(min(grown + (grown - H) % 2, MOST_HARMONICS))
+            self._too_few("harmonics")
+        if ratios["samples"] > 1.0 and "samples" not in self.keeps and now.n_samples < MOST_SAMPLES:
+            grown = now.n_samples * 2 ** int(np.ceil(np.log2(min(ratios["samples"], 8.0))))
+            found = Resolution(found.harmonics, min(max(grown, found.n_samples), MOST_SAMPLES))
+            self._too_few("samples")
+        return found if found != now else None
+
+    def coarser(self, now: Resolution, ratios: dict[str, float]) -> Resolution:
+        """Return the resolution of the next point after one that was good enough."""
+        for part in SHARES:
+            self.calm[part] = self.calm[part] + 1 if ratios[part] < LOW[part] else 0
+        found, H = now, now.harmonics.highest
+        if self._is_calm("harmonics") and H - 2 >= self.coarsest.harmonics.highest:
+            found = found.with_highest(H - 2)
+        least = max(self.coarsest.n_samples, least_samples(found.harmonics.highest))
+        if self._is_calm("samples") and now.n_samples // 2 >= least:
+            found = Resolution(found.harmonics, now.n_samples // 2)
+        return found
+
+    def _is_calm(self, part: str) -> bool:
+        if part in self.keeps or self.calm[part] < self.patience[part]:
+            return False
+        self.calm[part] = 0
+        return True
+
+    def _too_few(self, part: str) -> None:
+        """Be slower to lower what had to be raised."""
+        self.calm[part], self.patience[part] = 0, min(2 * self.patience[part], 48)
+
+
+def chord_error(before: complex, now: complex, after: complex, steps: tuple[float, float]) -> float:
+    """Return how far a curve strays from the straight line between its last two points, from the last three.
+
+    ``steps`` are the arc lengths between them.  A parabola of second derivative c strays by c h^2 / 8 over a length h.
+    """
+    a, b = steps
+    return float(abs(((after - now) / b - (now - before) / a) * 2.0 / (a + b))) * b**2 / 8.0

@@ -1,0 +1,35 @@
+"""The better model that error bars compare with: the receptance of the stuck structure, and what is known of the modes left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..reduction.build import reduce_structure
+from ..reduction.model import ReducedModel
+from ..reduction.on_group import model_on_group
+from ..reduction.reduction import Reduction
+from .modes_left_out import ModesLeftOut, sample_modes_left_out
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The receptance with an exact static residual, and samples of the modes left out; None where none is."""
+
+    model: ReducedModel
+    left_out: ModesLeftOut | None
+
+    def on_group(self, solved: ReducedModel, own: ReducedModel, comm) -> Truth:
+        """Return the same for a group of ranks, where ``own`` stands for ``solved``.  Collective on ``model.comm``."""
+        return Truth(own if self.model is solved else model_on_group(self.model, comm), self.left_out)
+
+
+def truth_of(linearised, modes, reduction: Reduction, scene) -> Truth:
+    """Return the better model of a reduction.
+
+    Collective on the system's communicator: the static solves of ``modes_left_out``, and those of loads and outputs where the
+    method has no exact static residual of its own.
+    """
+    if reduction.leaves_out == "nothing":
+        return Truth(reduction.model, None)
+    model = reduction.model if reduction.leaves_out == "modes" else reduce_structure(linearised, modes, scene)
+    return Truth(model, sample_modes_left_out(linearised, modes, model))
