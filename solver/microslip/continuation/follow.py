@@ -11,10 +11,12 @@ import numpy as np
 
 from ..contact.law import STICK
 from ..error_bars.estimate import ErrorEstimator
+from ..harmonic.harmonics import Harmonics
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.residual import HarmonicBalance, LevelFamily
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
+from .accuracy import Accuracy, Resolution
 from .branch import Branch, Point
 from .corrector import ConstraintRow, Correction, Corrector, Iterate, Scaling
 from .record import point_record
@@ -84,9 +86,10 @@ class BranchFollower:
     """The stepping loop of one branch; what it knows of a point goes in and out as :class:`State`."""
 
     def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, tolerance: float,
-                 estimator: ErrorEstimator | None = None):
+                 estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None):
         self.problem, self.selection, self.sweep, self.steps = problem, selection, sweep, steps
-        self.comm, self.tolerance, self.estimator = problem.comm, tolerance, estimator
+        self.comm, self.tolerance = problem.comm, tolerance
+        self.estimator, self.accuracy = estimator, accuracy
         self.corrector = Corrector(problem, tolerance)
         self.clock = time.perf_counter()
 
@@ -123,12 +126,76 @@ class BranchFollower:
 
     def accept(self, found: Correction, selected: np.ndarray, asked: bool = False) -> tuple[State, Point]:
         """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective."""
-        point, moves = point_record(self.problem, found, selected, self.selection, asked, self.estimator)
+        while True:
+            point, moves = point_record(self.problem, found, selected, self.selection, asked, self.estimator)
+            ratios = self.ratios(point)
+            finer = self.accuracy and self.accuracy.finer(self.resolution, ratios)
+            if not finer:
+                break
+            better, used = self.solve_with(finer, found, selected)
+            if better.failure:
+                break
+            found, selected = better, used
+        if self.accuracy:
+            self.change_to(self.accuracy.coarser(self.resolution, ratios))
         now = time.perf_counter()
         point, self.clock = replace(point, seconds=now - self.clock), now
         B = self.selection.update(moves, point.state, point.energy)
         sliding = float((point.state != STICK).mean())
         return State(found.iterate, B, self.norm(found.iterate.U), not moves.any(), sliding), point
+
+    # -- harmonics and samples ---------------------------------------------------------------------------------
+
+    @property
+    def resolution(self) -> Resolution:
+        return Resolution(self.problem.model.harmonics, self.problem.n_samples)
+
+    def ratios(self, point: Point) -> dict[str, float]:
+        """Return what is wrong with a point for want of harmonics and samples, over what is allowed.  Collective."""
+        if self.accuracy is None or point.error is None:
+            return {}
+        return self.comm.bcast(self.accuracy.ratios(np.hypot(point.response[:, 1], point.response[:, 2]), point.error))
+
+    def change_to(self, resolution: Resolution) -> None:
+        """Go on with other harmonics and samples.  Collective; motions at hand are carried over by :meth:`fitted`."""
+        if resolution != self.resolution:
+            self.problem = self.problem.resolved(resolution.harmonics, resolution.n_samples)
+            self.corrector.destroy()
+            self.corrector = Corrector(self.problem, self.tolerance)
+
+    def fitted(self, iterate: Iterate) -> Iterate:
+        """Return a motion in the harmonics of the problem, from whatever set it was solved in.  Local."""
+        harmonics, N_H = self.problem.model.harmonics, iterate.U.shape[-1]
+        if N_H == harmonics.n_coefficients:
+            return iterate
+        solved_in = Harmonics.full(N_H) if N_H % 2 else Harmonics.odd_up_to(N_H - 1)
+        return replace(iterate, U=solved_in.carry(iterate.U, harmonics))
+
+    def carried(self, state: State) -> State:
+        """Return a point in the harmonics of the problem.  Local."""
+        return replace(state, iterate=self.fitted(state.iterate))
+
+    def still(self, found: Correction, selected: np.ndarray, was: Resolution) -> tuple[Correction, np.ndarray]:
+        """Return a solution found with the resolution ``was`` as one of the problem as it is now.  Collective."""
+        if was == self.resolution:
+            return found, selected
+        guess = self.fitted(found.iterate)
+        again, used = self.solve_at(guess, self.norm(guess.U), selected)
+        if again.failure is None:
+            return again, used
+        self.change_to(was)
+        return found, selected
+
+    def solve_with(self, finer: Resolution, found: Correction, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
+        """Solve a point again with more harmonics or samples; go back to the old ones where Newton fails.  Collective."""
+        coarse = self.resolution
+        self.change_to(finer)
+        guess = self.fitted(found.iterate)
+        better, used = self.solve_at(guess, self.norm(guess.U), selected)
+        better = replace(better, newton=found.newton + better.newton, krylov=found.krylov + better.krylov)
+        if better.failure:
+            self.change_to(coarse)
+        return better, used
 
     def norm(self, U: np.ndarray) -> float:
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
@@ -214,7 +281,7 @@ class BranchFollower:
 
     def turn(self, before: Iterate, now: Iterate, after: Iterate, size: float) -> float:
         """Return the angle [rad] between the last two steps, in the norm of the step."""
-        size = max(size, 1e-300)
+        size, before, now, after = max(size, 1e-300), self.fitted(before), self.fitted(now), self.fitted(after)
         a_xi, b_xi = (now.U - before.U) / size, (after.U - now.U) / size
         a_nu = (now.parameter - before.parameter) / self.sweep.scale
         b_nu = (after.parameter - now.parameter) / self.sweep.scale
@@ -224,6 +291,7 @@ class BranchFollower:
 
     def step(self, earlier: State | None, before: State, now: State, ds: float) -> tuple[Correction, np.ndarray, float]:
         """Return the next converged point and the step that reached it, halved until Newton converges."""
+        earlier, before, now = earlier and self.carried(earlier), self.carried(before), self.carried(now)
         while True:
             guess, row = self.predict(earlier, before, now, ds)
             found, selected = self.solve(guess, row, now.size, now.selected)
@@ -297,12 +365,14 @@ class BranchFollower:
             found, selected = self.reach_level(found)
         before, point = self.accept(found, selected, asked=self.sweep.start in self.sweep.at)
         yield before, point
-        found, selected = self.second(before)
+        found, selected = self.second(self.carried(before))
+        was = self.resolution
         yield from self.asked(before, found.iterate, selected)
-        now, point = self.accept(found, selected)
+        now, point = self.accept(*self.still(found, selected, was))
         yield now, point
         ds, earlier = self.steps.ds, None
         while True:
+            now = self.carried(now)
             try:
                 found, selected, ds = self.step(earlier, before, now, ds)
             except ConvergenceError:
@@ -317,10 +387,11 @@ class BranchFollower:
             if self.sweep.beyond(found.iterate.parameter):
                 end = interpolate(now.iterate, found.iterate, self.sweep.stop)
                 yield from self.asked(now, end, selected)
-                yield self.solved(now, end, selected, asked=self.sweep.stop in self.sweep.at)
+                yield self.solved(self.carried(now), self.fitted(end), selected, asked=self.sweep.stop in self.sweep.at)
                 return
+            was = self.resolution
             yield from self.asked(now, found.iterate, selected)
-            after, point = self.accept(found, selected)
+            after, point = self.accept(*self.still(found, selected, was))
             yield after, point
             ds = self.steps.next(ds, found.newton, self.turn(before.iterate, now.iterate, after.iterate, now.size))
             if self.problem.held_at is not None and after.sliding < MOSTLY:
@@ -330,7 +401,8 @@ class BranchFollower:
     def asked(self, now: State, there: Iterate, selected: np.ndarray) -> Iterator[tuple[State, Point]]:
         """Solve at the asked values that a step has passed."""
         for value in self.sweep.asked_between(now.iterate.parameter, there.parameter):
-            yield self.solved(now, interpolate(now.iterate, there, value), selected, asked=True)
+            between = interpolate(self.fitted(now.iterate), self.fitted(there), value)
+            yield self.solved(self.carried(now), between, selected, asked=True)
 
     def solved(self, now: State, guess: Iterate, selected: np.ndarray, asked: bool) -> tuple[State, Point]:
         """Solve at the parameter of a guess on the chord from the last point, at once or by way of points in between."""
@@ -379,14 +451,14 @@ class BranchFollower:
 
 def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, *, tolerance: float,
                   max_points: int, on_point: Callable[[Point], None] = lambda point: None,
-                  estimator: ErrorEstimator | None = None) -> Branch:
+                  estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None) -> Branch:
     """Follow the branch of one level over frequency.  Collective on ``problem.comm``.
 
     A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
     branch = Branch(problem.level)
-    follower = BranchFollower(problem, selection, sweep, steps, tolerance, estimator)
+    follower = BranchFollower(problem, selection, sweep, steps, tolerance, estimator, accuracy)
     try:
         for _, point in follower.points():
             on_point(point)

@@ -11,6 +11,7 @@ from ..error_bars.estimate import ErrorEstimator
 from ..harmonic.residual import HarmonicBalance
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
+from .accuracy import Accuracy
 from .branch import Branch, Point
 from .corrector import Iterate
 from .follow import NOTHING, BranchFollower, State, Sweep, interpolate
@@ -44,7 +45,8 @@ def secant(before: Iterate | None, now: Iterate, omega: float) -> Iterate:
 
 
 def at_frequencies(problem: HarmonicBalance, selection: Selection, omegas: Sequence[float], *, tolerance: float,
-                   on_point: Callable[[Point], None] = lambda point: None, estimator: ErrorEstimator | None = None) -> Branch:
+                   on_point: Callable[[Point], None] = lambda point: None, estimator: ErrorEstimator | None = None,
+                   accuracy: Accuracy | None = None) -> Branch:
     """Solve one level at ``omegas`` (n,) [rad/s], each another than the one before, from the points solved before it.
 
     Collective on ``problem.comm``.  Nothing is raised for divergence: the branch keeps its points and says why in
@@ -57,7 +59,7 @@ def at_frequencies(problem: HarmonicBalance, selection: Selection, omegas: Seque
     their iterations and time count.
     """
     branch, width = Branch(problem.level), float(np.ptp(omegas)) or 1e-3 * omegas[0]
-    follower = BranchFollower(problem, selection, Sweep(omegas[0], omegas[0] + width), STEPS, tolerance, estimator)
+    follower = BranchFollower(problem, selection, Sweep(omegas[0], omegas[0] + width), STEPS, tolerance, estimator, accuracy)
     try:
         for point in _points(follower, omegas):
             on_point(point)
@@ -78,6 +80,7 @@ def _points(follower: BranchFollower, omegas: Sequence[float]) -> Iterator[Point
     yield point
     before = None
     for omega in omegas[1:]:
+        before, now = before and follower.carried(before), follower.carried(now)
         after, point = _reach(follower, before, now, omega)
         yield point
         before, now = now, after
@@ -102,7 +105,7 @@ def _follow_to(follower: BranchFollower, before: State | None, now: State, omega
     follower.sweep = Sweep(now.iterate.parameter, now.iterate.parameter + float(np.copysign(follower.sweep.scale, way)))
     if before is None or (now.iterate.parameter - before.iterate.parameter) * way <= 0.0:
         before = None
-        found, selected = follower.second(now)
+        found, selected = follower.second(follower.carried(now))
     else:
         found, selected, ds = follower.step(earlier, before, now, ds)
     start = now.iterate.parameter
@@ -111,7 +114,7 @@ def _follow_to(follower: BranchFollower, before: State | None, now: State, omega
             break
         if (found.iterate.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
             spent.add(found.newton, found.krylov)
-            last, point = follower.solved(now, interpolate(now.iterate, found.iterate, omega), selected, asked=True)
+            last, point = follower.solved(now, interpolate(follower.fitted(now.iterate), found.iterate, omega), selected, asked=True)
             return last, spent.added_to(point)
         after, point = follower.accept(found, selected)
         spent.add(point.newton, point.krylov, point.seconds)
