@@ -54,7 +54,7 @@ class CondensedFullSet:
         """Return U, the contact forces with tangents, and the residual (n_pairs, 3, N_H) [m]."""
         forces = self.problem.contact_forces(U, self.everything, tangents=True)
         p_n = receptance.to_complex(self.problem.full_force(forces))
-        G_p = receptance.to_real(np.matmul(G_n, p_n.T[:, :, None])[:, :, 0].T)
+        G_p = receptance.to_real(np.matmul(G_n, p_n.T[:, :, None])[:, :, 0].T, self.problem.model.N_H)
         return U, forces, U - U_lin + G_p.reshape(U.shape)
 
 

@@ -188,7 +188,7 @@ class PlainRubin:
     def _evaluate(self, x: np.ndarray, Z: np.ndarray):
         """Return x, the contact forces and the residual Z x + R^T p - f, (n, N_H) [N]."""
         forces = self.problem.contact_forces((self.R @ x).reshape(self.problem.shape), self.everything, tangents=True)
-        Z_x = to_real(np.matmul(Z, to_complex(x).T[:, :, None])[:, :, 0].T)
+        Z_x = to_real(np.matmul(Z, to_complex(x).T[:, :, None])[:, :, 0].T, x.shape[1])
         return x, forces, Z_x + self.R.T @ self.problem.full_force(forces) - self.f
 
     def _jacobian(self, Z: np.ndarray, forces) -> np.ndarray:
@@ -218,7 +218,8 @@ class Measure:
     def motion(self, force: np.ndarray) -> np.ndarray:
         """Return Z^-1 force, (n, N_H) both."""
         amplitudes = to_complex(force)
-        return to_real(np.column_stack([scipy.linalg.lu_solve(lu, column) for lu, column in zip(self.factors, amplitudes.T)]))
+        motion = np.column_stack([scipy.linalg.lu_solve(lu, column) for lu, column in zip(self.factors, amplitudes.T)])
+        return to_real(motion, force.shape[1])
 
     def of(self, r: np.ndarray) -> float:
         """Return the size of the relative motion that a residual force causes [m]."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from microslip.contact.law import ContactParameters
 from microslip.harmonic.fourier import synthesise
+from microslip.harmonic.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction import receptance
 from microslip.reduction.build import split_evenly
@@ -49,13 +50,14 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
     b = np.zeros((n_modes, 1))
     b[0] = 1.0
     du_static = (r / omega_n**2) @ b
-    f = np.zeros((1, 2 * H + 1))
+    harmonics = Harmonics.up_to(H)
+    f = np.zeros((1, harmonics.n_coefficients))
     f[0, 1] = 1.0
     o = rng.standard_normal((1, n_modes))
     return ReducedModel(
         comm=comm, pair_ranges=ranges, omega_n=omega_n, C=2e-2 * omega_n, r=r, b=b, o=o,
         G_static=StaticColumns(n_pairs, len(own) // 3, columns), du_static=du_static, out_static=(o / omega_n**2) @ b,
-        out_R=(o / omega_n**2) @ r.T, load_static=(b.T / omega_n**2) @ b, f=f,
+        out_R=(o / omega_n**2) @ r.T, load_static=(b.T / omega_n**2) @ b, f=f, harmonics=harmonics,
     )
 
 

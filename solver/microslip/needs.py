@@ -68,9 +68,10 @@ def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
     unknowns = (2 * solver.harmonics + 1) * METHODS[solver.method].coordinates(solver, n_modes, n_dof, n_pairs, len(scene.loads))
+    harmonics = f"harmonics 0 to {solver.harmonics}" if solver.harmonics else "harmonic 0 alone: statics"
     has_more = n_modes == 0 and solver.method not in ("receptance", "full")
     return [
-        f"method     {solver.method}: harmonics 0 to {solver.harmonics}, {solver.samples} samples; at most {unknowns} unknowns "
+        f"method     {solver.method}: {harmonics}, {solver.samples} samples; at most {unknowns} unknowns "
         f"with all pairs slipping{', besides those of the modes' if has_more else ''}",
         f"modes      {modes}",
         f"response   {len(scene.response.levels)} levels of about {scene.response.points} points",

@@ -123,8 +123,8 @@ def follow(scene, structure: Structure, reduction: Reduction, truth: Truth | Non
     curve = linear_curve(model, sweep)
     parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
     writer = ResultWriter(
-        comm, str(folder), scene, pairs, N_H=model.N_H, omega_n=structure.modes.omega_n, versions=versions(), options=options,
-        linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
+        comm, str(folder), scene, pairs, N_H=model.recorded.n_coefficients, omega_n=structure.modes.omega_n, versions=versions(),
+        options=options, linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         node_numbers=None if structure.mesh is None else structure.mesh.numbers,
     )
     levels = scene.response.levels

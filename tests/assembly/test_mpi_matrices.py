@@ -54,7 +54,7 @@ def exact_motion(system, omega, p):
     f = receptance.to_complex(scenes.force_coefficients(system, 1.0, H) - system["R"].T @ p)
     K_L, C, M = scenes.stuck_stiffness(system), scenes.damping_matrix(system), system["M"]
     Z = [K_L - (n * omega) ** 2 * M + 1j * n * omega * C for n in range(H + 1)]
-    return receptance.to_real(np.stack([np.linalg.solve(Z[n], f[:, n]) for n in range(H + 1)], axis=1))
+    return receptance.to_real(np.stack([np.linalg.solve(Z[n], f[:, n]) for n in range(H + 1)], axis=1), p.shape[1])
 
 
 def assert_receptance(system, model, omega):

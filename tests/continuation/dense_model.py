@@ -6,6 +6,7 @@ import scipy.linalg
 from microslip.contact.law import ContactParameters
 from microslip.continuation.follow import Sweep, follow_branch
 from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequencies
+from microslip.harmonic.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction.build import split_evenly
 from microslip.reduction.columns import StaticColumns
@@ -14,7 +15,11 @@ from microslip.reduction.selection import AllPairs
 
 
 def reduced(system, comm, H, n_modes=None):
-    """Return the reduced model of a system and its contact parameters; all modes unless told."""
+    """Return the reduced model of a system and its contact parameters; all modes unless told.
+
+    ``H`` is the highest harmonic, or a set of harmonics.
+    """
+    harmonics = H if isinstance(H, Harmonics) else Harmonics.up_to(H)
     M, R, f = system["M"], system["R"], np.stack([load["vector"] for load in system["loads"]], axis=1)
     k = np.stack([system["k_t"], system["k_t"], system["k_n"]], axis=1).ravel()
     K_L = system["K"] + R.T @ (k[:, None] * R)
@@ -29,16 +34,15 @@ def reduced(system, comm, H, n_modes=None):
     def columns(pairs):
         return R[rows] @ flexibility @ R.reshape(-1, 3, R.shape[1])[pairs].reshape(-1, R.shape[1]).T
 
-    coefficients = np.zeros((len(system["loads"]), 2 * H + 1))
+    coefficients = np.zeros((len(system["loads"]), harmonics.n_coefficients))
     for row, load in zip(coefficients, system["loads"]):
-        n, phase = load["harmonic"], load["phase"]
-        row[max(2 * n - 1, 0)] = np.cos(phase)
-        if n > 0:
-            row[2 * n] = -np.sin(phase)
+        cos_and_sin = np.array([np.cos(load["phase"]), -np.sin(load["phase"])])
+        row[harmonics.columns(load["harmonic"])] = cos_and_sin[: 1 if load["harmonic"] == 0 else 2]
     model = ReducedModel(
         comm=comm, pair_ranges=ranges, omega_n=omega_n, C=C, r=R @ phi, b=phi.T @ f, o=o @ phi,
         G_static=StaticColumns(len(R) // 3, ranges[comm.rank + 1] - ranges[comm.rank], columns), du_static=R @ flexibility @ f,
         out_static=o @ flexibility @ f, out_R=o @ flexibility @ R.T, load_static=f.T @ flexibility @ f, f=coefficients,
+        harmonics=harmonics,
     )
     return model, ContactParameters(*(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")))
 

@@ -11,7 +11,8 @@ import numpy as np
 class Point:
     """A converged point of a curve.  Arrays are gathered on rank 0; counts and floats agree on all ranks.
 
-    Harmonic coefficients run mean, cos 1, sin 1, ..., cos H, sin H (N_H = 2 H + 1).
+    Harmonic coefficients run mean, cos 1, sin 1, ..., cos H, sin H (N_H = 2 H + 1), whatever set of harmonics was solved for: the
+    others are zero.  H is the same for all points of a run, and at least 1.
     """
 
     omega: float                # rad/s

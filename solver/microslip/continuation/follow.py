@@ -77,11 +77,6 @@ def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
     return Iterate(a.U + share * (b.U - a.U), parameter)
 
 
-def vibration(U: np.ndarray) -> np.ndarray:
-    """Return the harmonics above the mean."""
-    return U[..., 1:]
-
-
 class BranchFollower:
     """The stepping loop of one branch; what it knows of a point goes in and out as :class:`State`."""
 
@@ -147,8 +142,12 @@ class BranchFollower:
     # -- harmonics and samples ---------------------------------------------------------------------------------
 
     @property
+    def harmonics(self) -> Harmonics:
+        return self.problem.model.harmonics
+
+    @property
     def resolution(self) -> Resolution:
-        return Resolution(self.problem.model.harmonics, self.problem.n_samples)
+        return Resolution(self.harmonics, self.problem.n_samples)
 
     def ratios(self, point: Point) -> dict[str, float]:
         """Return what is wrong with a point for want of harmonics and samples, over what is allowed.  Collective."""
@@ -165,11 +164,11 @@ class BranchFollower:
 
     def fitted(self, iterate: Iterate) -> Iterate:
         """Return a motion in the harmonics of the problem, from whatever set it was solved in.  Local."""
-        harmonics, N_H = self.problem.model.harmonics, iterate.U.shape[-1]
-        if N_H == harmonics.n_coefficients:
+        N_H = iterate.U.shape[-1]
+        if N_H == self.harmonics.n_coefficients:
             return iterate
         solved_in = Harmonics.full(N_H) if N_H % 2 else Harmonics.odd_up_to(N_H - 1)
-        return replace(iterate, U=solved_in.carry(iterate.U, harmonics))
+        return replace(iterate, U=solved_in.carry(iterate.U, self.harmonics))
 
     def carried(self, state: State) -> State:
         """Return a point in the harmonics of the problem.  Local."""
@@ -206,7 +205,11 @@ class BranchFollower:
         The mean does not count: it drifts with the slip in which sliders settle, and turns sharply where that ends, while the
         branch goes straight on.
         """
-        return float(np.hypot(self.norm(vibration(d_xi)), d_nu))
+        return float(np.hypot(self.norm(self.vibration(d_xi)), d_nu))
+
+    def vibration(self, U: np.ndarray) -> np.ndarray:
+        """Return the harmonics above the mean."""
+        return U[..., self.harmonics.vibration]
 
     # -- the first two points ----------------------------------------------------------------------------------
 
@@ -246,7 +249,7 @@ class BranchFollower:
     def linear_step(self, now: State, ds: float) -> float:
         """Return the change of the parameter that makes a step ``ds`` along the linear curve."""
         _, dU = self.problem.linear_motion(now.iterate.parameter)
-        slope = self.norm(vibration(dU)) / now.size if now.size > 0.0 else 0.0
+        slope = self.norm(self.vibration(dU)) / now.size if now.size > 0.0 else 0.0
         return ds / float(np.hypot(slope, 1.0 / self.sweep.scale))
 
     # -- a step ------------------------------------------------------------------------------------------------
@@ -271,7 +274,7 @@ class BranchFollower:
             parameter += share * (d_parameter / length - e_parameter / e_length)
         guess = Iterate(U, parameter)
         normal = d_U / (now.size * length)
-        normal[..., 0] = 0.0
+        normal[..., self.harmonics.mean] = 0.0
         return guess, ConstraintRow(guess, normal, d_parameter / (self.sweep.scale * length))
 
     def difference(self, a: State, b: State, size: float) -> tuple[np.ndarray, float, float]:
@@ -285,7 +288,7 @@ class BranchFollower:
         a_xi, b_xi = (now.U - before.U) / size, (after.U - now.U) / size
         a_nu = (now.parameter - before.parameter) / self.sweep.scale
         b_nu = (after.parameter - now.parameter) / self.sweep.scale
-        dot = self.comm.allreduce(float(np.vdot(vibration(a_xi), vibration(b_xi)))) + a_nu * b_nu
+        dot = self.comm.allreduce(float(np.vdot(self.vibration(a_xi), self.vibration(b_xi)))) + a_nu * b_nu
         cosine = dot / max(self.length(a_xi, a_nu) * self.length(b_xi, b_nu), 1e-300)
         return float(np.arccos(min(max(cosine, -1.0), 1.0)))
 
@@ -322,7 +325,8 @@ class BranchFollower:
         """
         held_at, self.problem.held_at = self.problem.held_at, None
         at_rest = now.iterate.U.copy()
-        at_rest[..., 0] = self.problem.linear_motion(now.iterate.parameter)[0][..., 0]
+        mean = self.harmonics.mean
+        at_rest[..., mean] = self.problem.linear_motion(now.iterate.parameter)[0][..., mean]
         for U in (at_rest, now.iterate.U):
             found, selected = self.solve_at(replace(now.iterate, U=U), now.size, now.selected)
             if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:

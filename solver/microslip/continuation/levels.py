@@ -30,7 +30,7 @@ class LinearCurve:
     """The response with every pair stuck, at one newton of level."""
 
     omega: np.ndarray           # (n,) rad/s
-    response: np.ndarray        # (n, n_outputs, N_H) m/N
+    response: np.ndarray        # (n, n_outputs, N_H) m/N, the harmonics that are recorded
     s: np.ndarray               # (n,) its length up to each point, in the norm of the steps
 
 
@@ -63,7 +63,8 @@ def linear_curve(model: ReducedModel, sweep: Sweep) -> LinearCurve:
     none = np.zeros((3 * model.n_pairs, model.N_H))
     response = np.array([receptance.output_motion(model, 1.0, w, none) for w in omega])
     motions = [receptance.linear_motion(model, 1.0, w)[0] for w in omega] if model.n_pairs else list(response)
-    return LinearCurve(omega, response, arc_lengths(model.comm, motions, omega, sweep.scale))
+    s = arc_lengths(model.comm, motions, omega, sweep.scale)
+    return LinearCurve(omega, model.harmonics.carry(response, model.recorded), s)
 
 
 def linear_branch(problem: HarmonicBalance, sweep: Sweep, curve: LinearCurve, n_points: int,

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..error_bars.estimate import ErrorEstimator
 from ..harmonic.aft import contact_work, pair_energy
+from ..harmonic.fourier import cycle_work
 from ..harmonic.residual import HarmonicBalance
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
@@ -29,15 +30,16 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
     of_all = problem.contact_forces(U, everything, tangents=False)
     used = of_all if selected.all() else problem.contact_forces(U, selected, tangents=False)
     p = problem.full_force(used)
-    shape = (model.n_pairs, 3, model.N_H)
+    shape, harmonics, recorded = (model.n_pairs, 3, model.N_H), model.harmonics, model.recorded
     U_all = problem.gather(U)
     state = problem.gather(of_all.state)
     moves, energy = np.zeros(model.n_pairs, dtype=bool), np.zeros(model.n_pairs)
     moves[of_all.active] = True
-    energy[of_all.active] = pair_energy(U_all[of_all.active], of_all.p.reshape(-1, *shape[1:]))
-    friction = float(contact_work(U_all[used.active], used.p.reshape(-1, *shape[1:])).sum())
+    energy[of_all.active] = pair_energy(U_all[of_all.active], of_all.p.reshape(-1, *shape[1:]), harmonics)
+    friction = float(contact_work(U_all[used.active], used.p.reshape(-1, *shape[1:]), harmonics).sum())
     point = Point(
-        omega=omega, response=receptance.output_motion(model, level, omega, p), U=U_all, p=p.reshape(shape),
+        omega=omega, response=harmonics.carry(receptance.output_motion(model, level, omega, p), recorded),
+        U=harmonics.carry(U_all, recorded), p=harmonics.carry(p.reshape(shape), recorded),
         energy=energy, state=state, unknowns=selection.unknowns(selected, moves, model.n_modes, model.N_H),
         newton=found.newton, krylov=found.krylov, friction=friction,
         damping=damping_loss(model, level, omega, p), input=input_work(model, level, omega, p), seconds=0.0, asked=asked,
@@ -49,7 +51,7 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
 
 def damping_loss(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
     """Return the viscous loss [J per cycle], the sum over harmonics of pi n^2 omega eta_n^H (phi^T C phi) eta_n.  Local."""
-    n = np.arange(model.N_H // 2 + 1)
+    n = model.harmonics.numbers
     eta = receptance.modal_motion(model, level, omega, p)
     C_eta = model.C[:, None] * eta if model.C.ndim == 1 else model.C @ eta
     return float(np.pi * omega * np.sum(n**2 * (eta.conj() * C_eta).real))
@@ -57,6 +59,4 @@ def damping_loss(model: ReducedModel, level: float, omega: float, p: np.ndarray)
 
 def input_work(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
     """Return the work of the loads [J per cycle]: closed integral of f . du over each load.  Local."""
-    y, f = receptance.load_motion(model, level, omega, p), level * model.f
-    n = np.arange(1, model.N_H // 2 + 1)
-    return float(np.pi * np.sum(n * (f[:, 1::2] * y[:, 2::2] - f[:, 2::2] * y[:, 1::2])))
+    return float(cycle_work(level * model.f, receptance.load_motion(model, level, omega, p), model.harmonics).sum())

@@ -23,15 +23,17 @@ cdef extern from "aft_kernel.c" nogil:
 
 
 cdef class Sampling:
-    """Tables of one number of harmonics and samples, kept alive for the kernel."""
+    """Tables of one set of harmonics and number of samples, kept alive for the kernel."""
 
     cdef aft_tables c
     cdef object arrays
+    cdef readonly Py_ssize_t n_coefficients
 
     def __init__(self, const double[:, ::1] E, const double[:, ::1] E_T, const double[:, ::1] F,
                  const double[:, ::1] S):
         self.arrays = (E, E_T, F, S)
         self.c.N_H, self.c.N_t, self.c.stride = E_T.shape[0], E_T.shape[1], E.shape[1]
+        self.n_coefficients = E_T.shape[0]
         self.c.E, self.c.E_T, self.c.F, self.c.S = &E[0, 0], &E_T[0, 0], &F[0, 0], &S[0, 0]
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from ..contact.law import ContactParameters
 from ._aft import Pairs, Sampling, leaves, march
 from .fourier import analysis_matrix, cycle_work, synthesis_matrix
+from .harmonics import Harmonics
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class AftResult:
     P: np.ndarray | None        # (m, 3 N_H, 3 N_H) dp/dU [N/m], row and column = direction * N_H + coefficient
 
 
-def contact_harmonics(U: np.ndarray, parameters: ContactParameters, n_samples: int, tangents: bool = True) -> AftResult:
+def contact_harmonics(U: np.ndarray, parameters: ContactParameters, n_samples: int, tangents: bool = True,
+                      harmonics: Harmonics | None = None) -> AftResult:
     """Return the harmonics of the contact forces beyond the stuck springs under the periodic motion ``U``.
 
     Local.  Marches the law of contact/law.py through two periods of ``n_samples`` each, from T = k_t du_t at the
@@ -33,10 +35,11 @@ def contact_harmonics(U: np.ndarray, parameters: ContactParameters, n_samples: i
 
     Parameters
     ----------
-    U : (n, 3, N_H) coefficients [mean, cos 1, sin 1, ...] of ``du`` in each pair's frame [m]; n may be 0
+    U : (n, 3, N_H) coefficients of ``du`` in each pair's frame [m]; n may be 0
     parameters : of the same n pairs
-    n_samples : N_t >= N_H
+    n_samples : N_t >= 2 H + 1, H the highest harmonic
     tangents : False leaves P out
+    harmonics : whose coefficients ``U`` and p are; 0 to H unless given
 
     Notes
     -----
@@ -48,7 +51,9 @@ def contact_harmonics(U: np.ndarray, parameters: ContactParameters, n_samples: i
     n, _, N_H = U.shape
     if parameters.n_pairs != n:
         raise ValueError(f"harmonics of {n} pairs with parameters of {parameters.n_pairs}")
-    sampling = _sampling(N_H // 2, n_samples)
+    sampling = _sampling(harmonics or Harmonics.full(N_H), n_samples)
+    if sampling.n_coefficients != N_H:
+        raise ValueError(f"{N_H} coefficients for the harmonics {harmonics}, which have {sampling.n_coefficients}")
     p, state = np.zeros((n, 3, N_H)), np.zeros(n, dtype=np.uint8)
     active = np.empty(0, dtype=np.intp)
     if n > 0:
@@ -65,30 +70,31 @@ def contact_harmonics(U: np.ndarray, parameters: ContactParameters, n_samples: i
 
 
 @lru_cache(maxsize=16)
-def _sampling(H: int, N_t: int) -> Sampling:
+def _sampling(harmonics: Harmonics, N_t: int) -> Sampling:
     """Return the kernel's tables, rows padded with zeros to a multiple of four."""
-    N_H = 2 * H + 1
+    N_H = harmonics.n_coefficients
     stride = 4 * -(-N_H // 4)
     E, F, S = np.zeros((N_t, stride)), np.zeros((N_t, stride)), np.zeros((N_t + 1, stride))
-    E[:, :N_H] = synthesis_matrix(H, N_t)
-    F[:, :N_H] = analysis_matrix(H, N_t).T
+    E[:, :N_H] = synthesis_matrix(harmonics, N_t)
+    F[:, :N_H] = analysis_matrix(harmonics, N_t).T
     S[1:] = np.cumsum(F, axis=0)
-    S[N_t, 0], S[N_t, 1:] = 1.0, 0.0                    # what the sum is without roundoff
-    return Sampling(E, np.ascontiguousarray(synthesis_matrix(H, N_t).T), F, S)
+    S[N_t] = 0.0                                        # what the sum is without roundoff
+    S[N_t, harmonics.mean] = 1.0
+    return Sampling(E, np.ascontiguousarray(synthesis_matrix(harmonics, N_t).T), F, S)
 
 
-def pair_energy(U: np.ndarray, p: np.ndarray) -> np.ndarray:
+def pair_energy(U: np.ndarray, p: np.ndarray, harmonics: Harmonics | None = None) -> np.ndarray:
     """Return the friction loss per cycle e_i, the closed integral of T . d(du_t), (n,) [J], for (n, 3, N_H) of both.
 
     docs/theory.md, eq. (6.3).  Positive where energy is lost.  ``p`` may stand for T: the springs k_t do no work in
     a cycle.
     """
-    return cycle_work(p[:, :2], U[:, :2]).sum(axis=1)
+    return cycle_work(p[:, :2], U[:, :2], harmonics).sum(axis=1)
 
 
-def contact_work(U: np.ndarray, p: np.ndarray) -> np.ndarray:
+def contact_work(U: np.ndarray, p: np.ndarray, harmonics: Harmonics | None = None) -> np.ndarray:
     """Return the work per cycle into the pairs, normal direction included, (n,) [J].
 
     The normal spring loses nothing; its part, the sampling error of one-sided contact, closes the energy balance.
     """
-    return cycle_work(p, U).sum(axis=1)
+    return cycle_work(p, U, harmonics).sum(axis=1)

@@ -15,6 +15,9 @@
  * and W stays as it is while the pair sticks.  So dp_t/dU = -k_t sum over slips of (sum of F until the next) (x) W,
  * a product of two thin matrices with one row a slip.
  *
+ * Coefficients run [mean if there is one, then cos and sin of each harmonic]: there is a mean exactly if N_H is odd.  Which
+ * harmonics they are, E and F alone know.
+ *
  * LANES pairs are marched side by side; arrays of samples keep the lane as their last index.
  */
 #include <math.h>
@@ -140,10 +143,16 @@ INLINED void sample(aft_group *group, const aft_tables *t)
 
 /* ---- which pairs leave sticking --------------------------------------------------------------------------------- */
 
+INLINED double mean_of(const double *U, Py_ssize_t N_H)
+{
+    return N_H % 2 ? U[0] : 0.0;
+}
+
+/* No sample is further from the mean. */
 INLINED double amplitude_bound(const double *U, Py_ssize_t N_H)
 {
     double bound = 0.0;
-    for (Py_ssize_t h = 1; h < N_H; h += 2)
+    for (Py_ssize_t h = N_H % 2; h < N_H; h += 2)
         bound += sqrt(U[h] * U[h] + U[h + 1] * U[h + 1]);
     return bound;
 }
@@ -151,13 +160,14 @@ INLINED double amplitude_bound(const double *U, Py_ssize_t N_H)
 /* True if even all harmonics peaking together leave the pair stuck and closed: most pairs of a quiet joint end here. */
 INLINED int surely_stuck(const aft_pairs *pairs, Py_ssize_t i, Py_ssize_t N_H)
 {
-    const double *U = pairs->U + 3 * N_H * i, margin = 1.0 - 1e-12;
-    const double N_least = pairs->N0[i] - pairs->k_n[i] * (U[2 * N_H] + amplitude_bound(U + 2 * N_H, N_H));
+    const double *x = pairs->U + 3 * N_H * i, *y = x + N_H, *z = y + N_H, margin = 1.0 - 1e-12;
+    const double N_least = pairs->N0[i] - pairs->k_n[i] * (mean_of(z, N_H) + amplitude_bound(z, N_H));
     if (!(pairs->N0[i] >= 0.0 && N_least > 1e-12 * pairs->N0[i]))
         return 0;
-    const double x = fabs(U[0]) + amplitude_bound(U, N_H), y = fabs(U[N_H]) + amplitude_bound(U + N_H, N_H);
+    const double x_most = fabs(mean_of(x, N_H)) + amplitude_bound(x, N_H);
+    const double y_most = fabs(mean_of(y, N_H)) + amplitude_bound(y, N_H);
     const double limit = margin * pairs->mu[i] * N_least;
-    return limit > 0.0 && pairs->k_t[i] * sqrt(x * x + y * y) <= limit;
+    return limit > 0.0 && pairs->k_t[i] * sqrt(x_most * x_most + y_most * y_most) <= limit;
 }
 
 INLINED void test_samples(aft_group *group, const aft_pairs *pairs, const aft_tables *t, const Py_ssize_t *chosen,
@@ -252,7 +262,7 @@ INLINED void project(aft_group *group, const aft_tables *t)
     memset(group->p, 0, (size_t)(3 * t->N_H * LANES) * sizeof(double));
     add_product(group->p, t->F, group->force, t->N_t, t->N_H, t->stride, 3 * LANES);
     for (int l = 0; l < LANES; l++)
-        group->p[2 * LANES + l] += group->N0[l] < 0.0 ? -group->N0[l] : 0.0;
+        group->p[2 * LANES + l] += t->N_H % 2 && group->N0[l] < 0.0 ? -group->N0[l] : 0.0;
 }
 
 /* ---- derivatives ------------------------------------------------------------------------------------------------ */

@@ -1,6 +1,7 @@
-"""Real Fourier coefficients [mean, cos 1, sin 1, ..., cos H, sin H] and samples of a period.
+"""Samples of a period from the real Fourier coefficients of a set of harmonics, and back; derivative and work.
 
-docs/theory.md, sections 5 and 6.  Coefficients run along the last axis.  NumPy only; every function is local.
+docs/theory.md, sections 5 and 6.  Coefficients run along the last axis in the order of harmonics.py: [mean, cos 1, sin 1, ...,
+cos H, sin H] of the full set, which is meant where no other is named.  NumPy only; every function is local.
 """
 
 from __future__ import annotations
@@ -9,71 +10,71 @@ from functools import lru_cache
 
 import numpy as np
 
-
-def n_coefficients(H: int) -> int:
-    """Return N_H = 2 H + 1."""
-    return 2 * H + 1
+from .harmonics import Harmonics
 
 
 @lru_cache(maxsize=64)
-def synthesis_matrix(H: int, N_t: int) -> np.ndarray:
+def synthesis_matrix(harmonics: Harmonics, N_t: int) -> np.ndarray:
     """Return E (N_t, N_H): samples at theta_j = 2 pi j / N_t are E @ coefficients.  Read-only.
 
     Angles are reduced modulo one turn before the cosine, so that high harmonics lose no digits.
     """
-    turns = np.outer(np.arange(N_t), np.arange(1, H + 1)) % N_t
-    E = np.empty((N_t, n_coefficients(H)))
-    E[:, 0] = 1.0
-    E[:, 1::2] = np.cos(2.0 * np.pi / N_t * turns)
-    E[:, 2::2] = np.sin(2.0 * np.pi / N_t * turns)
+    turns = np.outer(np.arange(N_t), harmonics.above_mean) % N_t
+    E = np.empty((N_t, harmonics.n_coefficients))
+    E[:, harmonics.mean] = 1.0
+    E[:, harmonics.cos] = np.cos(2.0 * np.pi / N_t * turns)
+    E[:, harmonics.sin] = np.sin(2.0 * np.pi / N_t * turns)
     E.flags.writeable = False
     return E
 
 
 @lru_cache(maxsize=64)
-def analysis_matrix(H: int, N_t: int) -> np.ndarray:
+def analysis_matrix(harmonics: Harmonics, N_t: int) -> np.ndarray:
     """Return F (N_H, N_t): the discrete Fourier coefficients of samples are F @ samples; F E = I.  Read-only.
 
     Raises
     ------
-    ValueError : with fewer than 2 H + 1 samples the harmonics alias into each other.
+    ValueError : with fewer than 2 H + 1 samples, H the highest, the harmonics alias into each other.
     """
-    if N_t < n_coefficients(H):
-        raise ValueError(f"{N_t} samples cannot carry {H} harmonics; at least {n_coefficients(H)} are needed")
-    F = synthesis_matrix(H, N_t).T * (2.0 / N_t)
-    F[0] = 1.0 / N_t
+    H = harmonics.highest
+    if N_t < 2 * H + 1:
+        raise ValueError(f"{N_t} samples cannot carry {H} harmonics; at least {2 * H + 1} are needed")
+    F = synthesis_matrix(harmonics, N_t).T * (2.0 / N_t)
+    F[harmonics.mean] = 1.0 / N_t
     F.flags.writeable = False
     return F
 
 
-def synthesise(U: np.ndarray, N_t: int) -> np.ndarray:
+def synthesise(U: np.ndarray, N_t: int, harmonics: Harmonics | None = None) -> np.ndarray:
     """Return the samples (..., N_t) of coefficients (..., N_H)."""
-    return U @ synthesis_matrix(U.shape[-1] // 2, N_t).T
+    return U @ synthesis_matrix(harmonics or Harmonics.full(U.shape[-1]), N_t).T
 
 
-def analyse(samples: np.ndarray, H: int) -> np.ndarray:
+def analyse(samples: np.ndarray, harmonics: Harmonics) -> np.ndarray:
     """Return the coefficients (..., N_H) of samples (..., N_t)."""
-    return samples @ analysis_matrix(H, samples.shape[-1]).T
+    return samples @ analysis_matrix(harmonics, samples.shape[-1]).T
 
 
-def differentiate(U: np.ndarray) -> np.ndarray:
+def differentiate(U: np.ndarray, harmonics: Harmonics | None = None) -> np.ndarray:
     """Return the coefficients of du/dtheta for coefficients ``U`` (..., N_H); times omega gives the velocity."""
-    n = np.arange(1, U.shape[-1] // 2 + 1)
+    harmonics = harmonics or Harmonics.full(U.shape[-1])
+    n, cos, sin = harmonics.above_mean, harmonics.cos, harmonics.sin
     rate = np.zeros_like(U)
-    rate[..., 1::2] = n * U[..., 2::2]
-    rate[..., 2::2] = -n * U[..., 1::2]
+    rate[..., cos] = n * U[..., sin]
+    rate[..., sin] = -n * U[..., cos]
     return rate
 
 
-def derivative_matrix(H: int) -> np.ndarray:
+def derivative_matrix(harmonics: Harmonics) -> np.ndarray:
     """Return D (N_H, N_H) with differentiate(U) = U @ D.T."""
-    return differentiate(np.eye(n_coefficients(H))).T
+    return differentiate(np.eye(harmonics.n_coefficients), harmonics).T
 
 
-def cycle_work(force: np.ndarray, U: np.ndarray) -> np.ndarray:
+def cycle_work(force: np.ndarray, U: np.ndarray, harmonics: Harmonics | None = None) -> np.ndarray:
     """Return the closed integral of force du over a period, (...), for coefficients (..., N_H) of both.
 
     docs/theory.md, eq. (6.3): pi sum_n n (F_cos U_sin - F_sin U_cos); means do no work.
     """
-    n = np.arange(1, U.shape[-1] // 2 + 1)
-    return np.pi * ((force[..., 1::2] * U[..., 2::2] - force[..., 2::2] * U[..., 1::2]) @ n)
+    harmonics = harmonics or Harmonics.full(U.shape[-1])
+    n, cos, sin = harmonics.above_mean, harmonics.cos, harmonics.sin
+    return np.pi * ((force[..., cos] * U[..., sin] - force[..., sin] * U[..., cos]) @ n)

@@ -23,7 +23,7 @@ def hold_mean_slip(found: AftResult, about: np.ndarray) -> None:
     """Add the springs to the forces and their derivative, in place.  Local.
 
     The slider of a pair stands at w = -p_t / k_t: a spring from its mean to where p_t has the mean ``about`` (n, 2) [N]
-    takes its share of their difference.
+    takes its share of their difference.  The set of harmonics has a mean.
     """
     found.p[found.active, :2, 0] -= HOLD * (found.p[found.active, :2, 0] - about[found.active])
     if found.P is not None:
@@ -34,10 +34,15 @@ def hold_mean_slip(found: AftResult, about: np.ndarray) -> None:
 def is_held_by_its_joint_alone(problem) -> bool:
     """Tell whether the mean slip is undetermined once every pair slips.  Collective; static columns of all pairs are needed.
 
+    Never without a mean, which then is zero; nor without vibration, where the slider has not forgotten where the pair was, and a
+    load beyond all friction has no equilibrium that a spring might feign.
+
     The joint's tangential springs then carry all but a share ``HOLD`` of the force against some motion: the largest eigenvalue of
     k_t^1/2 G_tt k_t^1/2, which is k / (k + rest) for that motion, lies so close to 1.
     """
     model, comm = problem.model, problem.comm
+    if not model.harmonics.has_mean or model.harmonics.highest == 0:
+        return False
     tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
     n_owned = model.owned.stop - model.owned.start
     own = (3 * np.arange(n_owned)[:, None] + np.arange(2)).ravel()

@@ -27,13 +27,13 @@ class HarmonicPreconditioner:
         self.problem, self.active_owned = problem, forces.active_owned
         assert forces.P is not None, "made of a linearisation"
         N_H = problem.model.N_H
-        P = problem.gather(complex_linear(forces.P, N_H))                       # (n_active, H + 1, 3, 3)
+        P = problem.gather(complex_linear(forces.P, N_H))                       # (n_active, n_harmonics, 3, 3)
         static = problem.gather(G.rows(forces.active_owned))                    # (3 n_active, 3 n_active)
         self.factors = []
-        for n in range(N_H // 2 + 1):
-            G_n = static + G.dynamic_block(n)
+        for i in range(P.shape[1]):
+            G_n = static + G.dynamic_block(i)
             columns = G_n.reshape(len(G_n), -1, 3)
-            G_P = REGULAR * np.einsum("rmi,mij->rmj", columns, P[:, n]).reshape(G_n.shape)
+            G_P = REGULAR * np.einsum("rmi,mij->rmj", columns, P[:, i]).reshape(G_n.shape)
             self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
         counts = problem.comm.allgather(len(forces.active_owned))
         first = 3 * sum(counts[: problem.comm.rank])
@@ -43,24 +43,29 @@ class HarmonicPreconditioner:
         """Return B^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""
         rows = x[self.active_owned].reshape(-1, x.shape[-1])
         amplitudes = receptance.to_complex(self.problem.gather(rows))
-        for n, factor in enumerate(self.factors):
-            amplitudes[:, n] = scipy.linalg.lu_solve(factor, amplitudes[:, n], check_finite=False)
+        for i, factor in enumerate(self.factors):
+            amplitudes[:, i] = scipy.linalg.lu_solve(factor, amplitudes[:, i], check_finite=False)
         y = x.copy()
-        y[self.active_owned] = receptance.to_real(amplitudes[self.own]).reshape(-1, 3, x.shape[-1])
+        y[self.active_owned] = receptance.to_real(amplitudes[self.own], x.shape[-1]).reshape(-1, 3, x.shape[-1])
         return y
 
 
 def complex_linear(P: np.ndarray, N_H: int) -> np.ndarray:
-    """Return the complex-linear, harmonic-diagonal part of dp/dU, (m, H + 1, 3, 3), of blocks (m, 3 N_H, 3 N_H).  Local.
+    """Return the complex-linear, harmonic-diagonal part of dp/dU, (m, n_harmonics, 3, 3), of blocks (m, 3 N_H, 3 N_H).
+
+    Local.
 
     With amplitudes cos - i sin, the real map (cos, sin) -> (a cos + b sin, c cos + d sin) has the part
     (a + d) / 2 + i (b - c) / 2.
     """
     blocks = P.reshape(-1, 3, N_H, 3, N_H)
-    parts = np.empty((len(P), N_H // 2 + 1, 3, 3), dtype=complex)
-    parts[:, 0] = blocks[:, :, 0, :, 0]
-    for n in range(1, N_H // 2 + 1):
-        c, s = 2 * n - 1, 2 * n
-        parts[:, n] = 0.5 * (blocks[:, :, c, :, c] + blocks[:, :, s, :, s])
-        parts[:, n] += 0.5j * (blocks[:, :, c, :, s] - blocks[:, :, s, :, c])
+    first = N_H % 2                                     # column of the first cosine
+    parts = np.empty((len(P), (N_H + 1) // 2, 3, 3), dtype=complex)
+    if first:
+        parts[:, 0] = blocks[:, :, 0, :, 0]
+    for i in range(first, parts.shape[1]):
+        c = 2 * i - first
+        s = c + 1
+        parts[:, i] = 0.5 * (blocks[:, :, c, :, c] + blocks[:, :, s, :, s])
+        parts[:, i] += 0.5j * (blocks[:, :, c, :, s] - blocks[:, :, s, :, c])
     return parts

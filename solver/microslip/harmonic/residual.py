@@ -6,6 +6,7 @@ gathered once an application.  ``p`` and dp/dU vanish where a pair sticks, so th
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from ..linear.dense import summed
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
 from .aft import contact_harmonics
+from .harmonics import Harmonics
 from .mean_slip import hold_mean_slip
 
 
@@ -54,7 +56,8 @@ class HarmonicBalance:
         chosen = np.flatnonzero(selected[self.model.owned])
         all_chosen = len(chosen) == self.n_owned
         parameters = self.parameters if all_chosen else self.parameters.take(chosen)
-        found = contact_harmonics(U if all_chosen else U[chosen], parameters, self.n_samples, tangents=tangents)
+        found = contact_harmonics(U if all_chosen else U[chosen], parameters, self.n_samples, tangents=tangents,
+                                  harmonics=self.model.harmonics)
         if self.held_at is not None:
             hold_mean_slip(found, self.held_at if all_chosen else self.held_at[chosen])
         state = np.zeros(self.n_owned, dtype=np.uint8)
@@ -76,7 +79,10 @@ class HarmonicBalance:
         return partial if self.comm.size == 1 else summed(self.comm, partial)
 
     def hold_mean_slip(self, U: np.ndarray, selected: np.ndarray) -> None:
-        """From now on hold the mean slip about what it is at ``U``, a solution, which stays one.  Collective."""
+        """From now on hold the mean slip about what it is at ``U``, a solution, which stays one.  Collective.
+
+        The mean is among the harmonics.
+        """
         forces = self.contact_forces(U, selected, tangents=False)
         self.held_at = self.full_force(forces).reshape(-1, 3, self.model.N_H)[self.model.owned, :2, 0].copy()
 
@@ -85,6 +91,18 @@ class HarmonicBalance:
         p = np.zeros((self.model.n_pairs, 3, self.model.N_H))
         p[forces.active] = forces.p.reshape(-1, 3, self.model.N_H)
         return p.reshape(-1, self.model.N_H)
+
+    def of(self, model: ReducedModel) -> HarmonicBalance:
+        """Return the same problem on another model of the same pairs, with the same harmonics.  Local."""
+        other = copy(self)
+        other.model, other._linear_at = model, np.nan
+        return other
+
+    def resolved(self, harmonics: Harmonics, n_samples: int) -> HarmonicBalance:
+        """Return the same problem with other harmonics and samples.  Local."""
+        other = self.of(self.model.with_harmonics(harmonics))
+        other.n_samples, other.shape = n_samples, (self.n_owned, 3, other.model.N_H)
+        return other
 
     # -- the one-parameter family: here the frequency at a fixed level -----------------------------------------
 
@@ -146,7 +164,7 @@ class LevelFamily(HarmonicBalance):
 
 
 class ReceptanceColumns:
-    """Columns of G_n(omega), all harmonics, that belong to some pairs; rows are those of this rank's pairs."""
+    """Columns of G_n(omega), all harmonics of the set, that belong to some pairs; rows are those of this rank's pairs."""
 
     def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
         self.G_static = model.G_static.transposed(active)
@@ -159,11 +177,14 @@ class ReceptanceColumns:
         """Return the rows of some of this rank's pairs of the static part, (3 m, 3 n_active) [m/N].  Local."""
         return self.G_static[:, (3 * owned[:, None] + np.arange(3)).ravel()].T
 
-    def dynamic_block(self, n: int) -> np.ndarray:
-        """Return r c_n r^T between the active pairs for harmonic n, (3 n_active, 3 n_active), complex [m/N].  Local."""
+    def dynamic_block(self, i: int) -> np.ndarray:
+        """Return r c_n r^T between the active pairs for the i-th harmonic of the set, (3 n_active, 3 n_active), complex [m/N].
+
+        Local.
+        """
         if self.c.ndim == 2:
-            return (self.r_active * self.c[:, n]) @ self.r_active.T
-        return self.r_active @ self.c[n] @ self.r_active.T
+            return (self.r_active * self.c[:, i]) @ self.r_active.T
+        return self.r_active @ self.c[i] @ self.r_active.T
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
@@ -177,6 +198,12 @@ class ReceptanceColumns:
         rows = x.reshape(-1, x.shape[-1])
         adjoint = self.c.conj() if self.c.ndim == 2 else self.c.conj().swapaxes(1, 2)
         return self.G_static @ rows + self.r_active @ receptance.modal(adjoint, self.r_owned.T @ rows)
+
+    def adjoint(self) -> ReceptanceColumns:
+        """Return the columns of the transposed of G, which has the same static part.  Local."""
+        other = copy(self)
+        other.c = self.c.conj() if self.c.ndim == 2 else self.c.conj().swapaxes(1, 2)
+        return other
 
     def apply_derivative(self, p: np.ndarray) -> np.ndarray:
         """Return (dG / d omega) p on this rank's pairs, (n_owned, 3, N_H) [m s].  Local."""

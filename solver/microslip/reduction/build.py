@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from ..harmonic.harmonics import Harmonics
 from ..linear.dense import gram, multiply
 from ..modes.constraint import static_columns
 from ..parallel.errors import CaseError
@@ -44,16 +45,14 @@ def projected_damping(C, phi_owned: np.ndarray, comm) -> np.ndarray:
     return modal if is_coupled.any() else np.diag(modal).copy()
 
 
-def load_coefficients(loads, harmonics: int) -> np.ndarray:
+def load_coefficients(loads, harmonics: Harmonics) -> np.ndarray:
     """Return the Fourier coefficients of the loads at unit level, (n_loads, N_H): cos(n omega t + phase).  Local."""
-    f = np.zeros((len(loads), 2 * harmonics + 1))
+    f = np.zeros((len(loads), harmonics.n_coefficients))
     for row, load in zip(f, loads):
-        if load.harmonic > harmonics:
-            raise CaseError(f"[[loads]] acts in harmonic {load.harmonic}, but [solver] harmonics = {harmonics}")
-        if load.harmonic == 0:
-            row[0] = np.cos(load.phase)
-        else:
-            row[2 * load.harmonic - 1: 2 * load.harmonic + 1] = np.cos(load.phase), -np.sin(load.phase)
+        if load.harmonic not in harmonics:
+            raise CaseError(f"[[loads]] acts in harmonic {load.harmonic}, which is not one of the harmonics {harmonics}")
+        cos_sin = np.array([np.cos(load.phase), -np.sin(load.phase)])
+        row[harmonics.columns(load.harmonic)] = cos_sin[:1] if load.harmonic == 0 else cos_sin
     return f
 
 
@@ -68,7 +67,7 @@ def reduce_structure(linearised, modes, scene) -> ReducedModel:
     everything = sp.vstack([R, outputs, loads.T], format="csr")
     static = static_columns(linearised, everything, sp.hstack([loads, outputs.T], format="csc"))
     participation = owned_product(everything, modes.phi_owned, system)
-    pair_ranges = split_evenly(n_rows // 3, comm.size)
+    pair_ranges, harmonics = split_evenly(n_rows // 3, comm.size), Harmonics.up_to(scene.solver.harmonics)
     C = modal_damping(scene.damping, modes.omega_n) if system.C is None else projected_damping(system.C, modes.phi_owned, comm)
     return ReducedModel(
         comm=comm, pair_ranges=pair_ranges, omega_n=modes.omega_n, C=C,
@@ -78,7 +77,7 @@ def reduce_structure(linearised, modes, scene) -> ReducedModel:
         out_static=static[n_rows: n_rows + n_out, :n_load].copy(),
         out_R=static[:n_rows, n_load:].T.copy(),
         load_static=static[n_rows + n_out:, :n_load].copy(),
-        f=load_coefficients(scene.loads, scene.solver.harmonics),
+        f=load_coefficients(scene.loads, harmonics), harmonics=harmonics,
     )
 
 

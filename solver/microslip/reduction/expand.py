@@ -36,7 +36,7 @@ def node_fields(system, owned: np.ndarray) -> np.ndarray | None:
 
 
 def peak_displacement(system, reduction, branch) -> tuple[float, np.ndarray | None]:
-    """Return the frequency [Hz] of a branch's largest response and the harmonics of u there, (n_nodes, 3, N_H) [m].
+    """Return the frequency [Hz] of a branch's largest response and the harmonics of u there, (n_nodes, 3, N_H) [m], as recorded.
 
     Collective; the field on rank 0, None elsewhere and where the branch has no point.
     """
@@ -44,6 +44,6 @@ def peak_displacement(system, reduction, branch) -> tuple[float, np.ndarray | No
         return 0.0, None
     model = reduction.model
     top = max(branch.points, key=lambda point: float(np.hypot(*point.response[0, 1:3])))
-    p = model.comm.bcast(top.p).reshape(-1, model.N_H)
+    p = model.recorded.carry(model.comm.bcast(top.p), model.harmonics).reshape(-1, model.N_H)
     u = reduction.displacement(branch.level, top.omega, p)
-    return top.omega / (2.0 * np.pi), node_fields(system, u)
+    return top.omega / (2.0 * np.pi), node_fields(system, model.harmonics.carry(u, model.recorded))

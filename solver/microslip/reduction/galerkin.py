@@ -17,6 +17,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
+from ..harmonic.harmonics import Harmonics
 from ..linear.dense import gram, multiply
 from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
@@ -44,7 +45,7 @@ def reduce_on_basis(linearised, V_owned: np.ndarray, scene, unknowns: int | None
     model = model_of_modes(linearised, omega_n, phi_owned, scene)
 
     def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
-        return phi_owned @ receptance.to_real(receptance.modal_motion(model, level, omega, p))
+        return phi_owned @ receptance.to_real(receptance.modal_motion(model, level, omega, p), model.N_H)
 
     return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out)
 
@@ -96,12 +97,13 @@ def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene
     def columns(pairs: np.ndarray) -> np.ndarray:
         return own @ r[(3 * pairs[:, None] + np.arange(3)).ravel()].T
 
+    harmonics = Harmonics.up_to(scene.solver.harmonics)
     C = modal_damping(scene.damping, omega_n) if system.C is None else projected_damping(system.C, phi_owned, comm)
     return ReducedModel(
         comm=comm, pair_ranges=pair_ranges, omega_n=omega_n, C=C, r=r, b=b, o=o,
         G_static=StaticColumns(n_rows // 3, len(own) // 3, columns), du_static=(r * flexibility) @ b,
         out_static=(o * flexibility) @ b, out_R=(o * flexibility) @ r.T, load_static=(b.T * flexibility) @ b,
-        f=load_coefficients(scene.loads, scene.solver.harmonics),
+        f=load_coefficients(scene.loads, harmonics), harmonics=harmonics,
     )
 
 

@@ -60,7 +60,7 @@ def left_out(linearised, modes, pairs, scene) -> LeftOut:
     model, n = reduce_structure(linearised, modes, scene), len(modes.omega_n)
     low, high = 2.0 * np.pi * np.array(frequency_band(scene.response, modes.omega_n))
     omegas = np.union1d(np.linspace(low, high, 60), model.omega_n[(model.omega_n > low) & (model.omega_n < high)])
-    loaded = [h for h in range(1, model.N_H // 2 + 1) if model.f[:, 2 * h - 1: 2 * h + 1].any()]
+    loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
     comm = model.comm
     peaks = comm.bcast(output_peaks(model, omegas))             # the same to the bit on all ranks: collective work hangs on it
     direct, joint = np.zeros((2, n))
@@ -88,7 +88,7 @@ def _through_the_joint(model: ReducedModel, at: Resonance, h: int, of_load, of_o
     The drag of a full damping matrix is no part of the static solution: it counts with 1 + rho.
     """
     error = np.zeros_like(of_output)
-    for n in range(1, model.N_H // 2 + 1):
+    for n in model.harmonics.above_mean:
         rho = gains(model, n * at.omega)[:, None]
         force, motion = (_content(n, h) * at.p / level)[:, None], _content(n, h) * at.pairs
         if n != h:
@@ -149,13 +149,14 @@ def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
     """Return the largest amplitude of each output on the linear curve, (n_outputs,) [m/N], any harmonic but the mean.  Local."""
     nothing = np.zeros((3 * model.n_pairs, model.N_H))
     motions = [receptance.to_complex(receptance.output_motion(model, 1.0, omega, nothing)) for omega in omegas]
-    return np.abs(motions)[:, :, 1:].max(axis=(0, 2))
+    return np.abs(motions)[:, :, model.harmonics.numbers > 0].max(axis=(0, 2), initial=0.0)
 
 
 def resonances(model: ReducedModel, pairs, omegas: np.ndarray) -> list[float]:
     """Return the frequencies at which the stuck joint stores most energy, and the last of the range.  Local."""
     K_J = joint_stiffness(pairs)[:, None]
-    U = [receptance.to_complex(receptance.linear_motion_of_all(model, 1.0, omega))[:, 1:] for omega in omegas]
+    U = [receptance.to_complex(receptance.linear_motion_of_all(model, 1.0, omega))[:, model.harmonics.numbers > 0]
+         for omega in omegas]
     energy = np.array([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U])
     rises = np.diff(energy, prepend=-1.0, append=-1.0) > 0.0
     tops = np.flatnonzero(rises[:-1] & ~rises[1:])
@@ -168,13 +169,14 @@ def resonance(linearised, modes, model: ReducedModel, pairs, omega: float, h: in
     system, n_out = linearised.system, model.o.shape[0]
     first, last = linearised.K_L.getOwnershipRange()
     c = receptance.dynamic_part(model, omega)[0]
-    c_h = np.diag(c[:, h]) if c.ndim == 2 else c[h]
-    static, eta = np.diag(model.omega_n**-2.0), level * model.b @ receptance.to_complex(model.f)[:, h]
+    i = model.harmonics.chosen.index(h)
+    c_h = np.diag(c[:, i]) if c.ndim == 2 else c[i]
+    static, eta = np.diag(model.omega_n**-2.0), level * model.b @ receptance.to_complex(model.f)[:, i]
     U = receptance.to_complex(receptance.linear_motion_of_all(model, level, omega))
     U_adjoint = model.out_R.T + model.r @ c_h @ model.o.T                                     # (3 n_pairs, n_outputs)
     share = slipping_share(pairs, np.abs(U).sum(axis=1))
     K_J = joint_stiffness(pairs)
-    p = np.column_stack([share * K_J * U[:, h], ((share > 0.0) * K_J)[:, None] * U_adjoint])
+    p = np.column_stack([share * K_J * U[:, i], ((share > 0.0) * K_J)[:, None] * U_adjoint])
     norms = residual_norms(linearised, modes, system.R.T.tocsr()[first:last] @ p)
     drags = np.zeros_like(norms)
     if model.C.ndim == 2:
@@ -204,4 +206,5 @@ def _excess(force: np.ndarray, limit: np.ndarray) -> np.ndarray:
 
 def _load(system, model: ReducedModel, h: int) -> np.ndarray:
     """Return harmonic h of the loads at unit level, (n_dof, 1), complex [N/N]."""
-    return system.loads @ receptance.to_complex(model.f)[:, h: h + 1]
+    i = model.harmonics.chosen.index(h)
+    return system.loads @ receptance.to_complex(model.f)[:, i: i + 1]

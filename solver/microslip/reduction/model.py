@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ..harmonic.harmonics import Harmonics
+from ..parallel.errors import CaseError
 from .columns import StaticColumns
 
 
@@ -30,6 +32,8 @@ class ReducedModel:
     out_R: np.ndarray           # (n_outputs, 3 n_pairs) o K_L^-1 R^T
     load_static: np.ndarray     # (n_loads, n_loads) f^T K_L^-1 f
     f: np.ndarray               # (n_loads, N_H) Fourier coefficients of the loads at unit level
+    harmonics: Harmonics        # those of every motion and force, in whose order coefficients run
+    H_recorded: int = 1         # results have the harmonics 0 to this one at least
 
     @property
     def n_pairs(self) -> int:
@@ -47,7 +51,28 @@ class ReducedModel:
 
     @property
     def N_H(self) -> int:
-        return self.f.shape[1]
+        return self.harmonics.n_coefficients
+
+    @property
+    def recorded(self) -> Harmonics:
+        """The full set 0, 1, ..., H of results: all harmonics ever used, and harmonic 1, zero where it is not."""
+        return Harmonics.up_to(max(self.H_recorded, self.harmonics.highest))
+
+    def with_harmonics(self, harmonics: Harmonics) -> ReducedModel:
+        """Return the same model on another set of harmonics; all else is shared, the static columns too.  Local.
+
+        Raises
+        ------
+        CaseError : a load acts in a harmonic that is not in the set
+        """
+        loaded = [n for n in self.harmonics.chosen if self.f[:, self.harmonics.columns(n)].any()]
+        left_out = [n for n in loaded if n not in harmonics]
+        if left_out:
+            raise CaseError(f"[[loads]] acts in harmonic {left_out[0]}, which is not one of the harmonics {harmonics}")
+        if harmonics == self.harmonics:
+            return self
+        f = self.harmonics.carry(self.f, harmonics)
+        return replace(self, f=f, harmonics=harmonics, H_recorded=self.recorded.highest)
 
     @property
     def owned(self) -> slice:

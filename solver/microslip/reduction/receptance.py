@@ -7,7 +7,8 @@ The receptance of harmonic n between any two of loads, pairs and outputs with mo
     D_n = diag(omega_k^2 - (n omega)^2) + i n omega phi^T C phi,
 
 diagonal with modal damping, D_kn = omega_k^2 - (n omega)^2 + 2 i zeta_k omega_k n omega, and full otherwise.
-Harmonic coefficients are real, [mean, cos 1, sin 1, ...]; the complex amplitude of harmonic n is cos - i sin.
+Harmonic coefficients are real, in the order of harmonic/harmonics.py: [mean if there is one, cos n, sin n, ...], an odd number
+exactly if there is a mean.  The complex amplitude of harmonic n is cos - i sin; each harmonic of the model's set has one.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from .model import ReducedModel
 def dynamic_part(model: ReducedModel, omega: float) -> tuple[np.ndarray, np.ndarray]:
     """Return c_n and d c_n / d omega [s2], [s3], complex.  Local; kept for the last few frequencies: do not write into them.
 
-    Shape (n_phi, H + 1) with modal damping, (H + 1, n_phi, n_phi) with a full damping matrix.
+    Shape (n_phi, n_harmonics) with modal damping, (n_harmonics, n_phi, n_phi) with a full damping matrix.
     """
-    n = np.arange(model.N_H // 2 + 1)
+    n = model.harmonics.numbers
     n_omega = n * omega
     if model.C.ndim == 1:
         w2, C = model.omega_n[:, None] ** 2, model.C[:, None]
@@ -38,36 +39,39 @@ def dynamic_part(model: ReducedModel, omega: float) -> tuple[np.ndarray, np.ndar
 
 
 def _inverse_full(model: ReducedModel, omega: float) -> np.ndarray:
-    """Return D_n^-1 with a full damping matrix, (H + 1, n_phi, n_phi).  Local."""
-    n_omega = omega * np.arange(model.N_H // 2 + 1)[:, None, None]
+    """Return D_n^-1 with a full damping matrix, (n_harmonics, n_phi, n_phi).  Local."""
+    n_omega = omega * model.harmonics.numbers[:, None, None]
     return np.linalg.inv(np.diag(model.omega_n**2) - n_omega**2 * np.eye(model.n_modes) + 1j * n_omega * model.C)
 
 
 def to_complex(coefficients: np.ndarray) -> np.ndarray:
-    """Return complex amplitudes (m, H + 1) of real coefficients (m, 2 H + 1).  Local."""
-    amplitudes = np.empty((coefficients.shape[0], coefficients.shape[1] // 2 + 1), dtype=complex)
-    amplitudes[:, 0] = coefficients[:, 0]
-    amplitudes[:, 1:] = coefficients[:, 1::2] - 1j * coefficients[:, 2::2]
+    """Return complex amplitudes (m, n_harmonics) of real coefficients (m, N_H).  Local."""
+    first = coefficients.shape[1] % 2                   # column of the first cosine
+    amplitudes = np.empty((coefficients.shape[0], (coefficients.shape[1] + 1) // 2), dtype=complex)
+    amplitudes[:, :first] = coefficients[:, :first]
+    amplitudes[:, first:] = coefficients[:, first::2] - 1j * coefficients[:, first + 1::2]
     return amplitudes
 
 
-def to_real(amplitudes: np.ndarray) -> np.ndarray:
-    """Return real coefficients (m, 2 H + 1) of complex amplitudes (m, H + 1).  Local."""
-    coefficients = np.empty((amplitudes.shape[0], 2 * amplitudes.shape[1] - 1))
-    coefficients[:, 0] = amplitudes[:, 0].real
-    coefficients[:, 1::2] = amplitudes[:, 1:].real
-    coefficients[:, 2::2] = -amplitudes[:, 1:].imag
+def to_real(amplitudes: np.ndarray, N_H: int) -> np.ndarray:
+    """Return real coefficients (m, N_H) of complex amplitudes (m, n_harmonics).  Local."""
+    first = N_H % 2
+    coefficients = np.empty((amplitudes.shape[0], N_H))
+    coefficients[:, :first] = amplitudes[:, :first].real
+    coefficients[:, first::2] = amplitudes[:, first:].real
+    coefficients[:, first + 1::2] = -amplitudes[:, first:].imag
     return coefficients
 
 
 def modal(c: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return the real coefficients of c_n q_n for modal forces q, real coefficients (n_phi, N_H).  Local."""
     if c.ndim == 3:
-        return to_real(np.einsum("hij,jh->ih", c, to_complex(q)))
-    y, real, imag, cos, sin = np.empty_like(q), c.real[:, 1:], c.imag[:, 1:], q[:, 1::2], q[:, 2::2]
-    y[:, 0] = c.real[:, 0] * q[:, 0]
-    y[:, 1::2] = real * cos + imag * sin            # amplitudes are cos - i sin
-    y[:, 2::2] = real * sin - imag * cos
+        return to_real(np.einsum("hij,jh->ih", c, to_complex(q)), q.shape[1])
+    first = q.shape[1] % 2                          # column of the first cosine
+    y, real, imag, cos, sin = np.empty_like(q), c.real[:, first:], c.imag[:, first:], q[:, first::2], q[:, first + 1::2]
+    y[:, :first] = c.real[:, :first] * q[:, :first]
+    y[:, first::2] = real * cos + imag * sin        # amplitudes are cos - i sin
+    y[:, first + 1::2] = real * sin - imag * cos
     return y
 
 
@@ -103,7 +107,7 @@ def load_motion(model: ReducedModel, level: float, omega: float, p: np.ndarray) 
 
 
 def modal_motion(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
-    """Return the complex modal amplitudes eta_n = D_n^-1 phi^T (f - R^T p), (n_phi, H + 1).  Local."""
+    """Return the complex modal amplitudes eta_n = D_n^-1 phi^T (f - R^T p), (n_phi, n_harmonics).  Local."""
     c, _ = dynamic_part(model, omega)
     q = level * model.b @ model.f - model.r.T @ p
     return to_complex(modal(c, q)) + to_complex(q) / model.omega_n[:, None] ** 2

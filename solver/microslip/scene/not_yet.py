@@ -12,7 +12,6 @@ def not_yet(scene: Scene) -> list[str]:
     found = [
         (scene.model.axis is not None, "[model] axis", _STATICS),
         (scene.statics is not None, "[statics]", _STATICS),
-        (scene.solver.harmonics == 0, "[solver] harmonics = 0", "this version needs at least harmonic 1"),
     ]
     for number, joint in enumerate(scene.joints, 1):
         found.append((joint.preload == "static", f'[[joints]] {number} ("{joint.name}") preload = "static"', _STATICS))
