@@ -116,7 +116,8 @@ def from_matrices(scene, comm, log: RunLog) -> tuple[None, System, ContactPairs]
     return None, system, pairs
 
 
-def follow(scene, structure: Structure, reduction: Reduction, truth: Truth | None, folder: Path, options, log: RunLog, n_groups: int = 1) -> list:
+def follow(scene, structure: Structure, reduction: Reduction, truth: Truth | None, folder: Path, options, log: RunLog,
+           n_groups: int = 1) -> list:
     """Return the branches of all levels; write and log each point as it comes.  Collective."""
     pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
     sweep = frequency_sweep(scene.response, structure.modes.omega_n)

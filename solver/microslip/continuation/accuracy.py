@@ -69,7 +69,8 @@ class Accuracy:
         found = {}
         for part, share in SHARES.items():
             values = error[:, PARTS.index(part)]
-            found[part] = float(np.divide(values, share * allowed, out=np.zeros_like(values), where=allowed > 0.0).max(initial=0.0))
+            over = np.divide(values, share * allowed, out=np.zeros_like(values), where=allowed > 0.0)
+            found[part] = float(over.max(initial=0.0))
         return found
 
     def finer(self, now: Resolution, ratios: dict[str, float]) -> Resolution | None:

@@ -114,7 +114,8 @@ def _follow_to(follower: BranchFollower, before: State | None, now: State, omega
             break
         if (found.iterate.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
             spent.add(found.newton, found.krylov)
-            last, point = follower.solved(now, interpolate(follower.fitted(now.iterate), found.iterate, omega), selected, asked=True)
+            there = interpolate(follower.fitted(now.iterate), found.iterate, omega)
+            last, point = follower.solved(now, there, selected, asked=True)
             return last, spent.added_to(point)
         after, point = follower.accept(found, selected)
         spent.add(point.newton, point.krylov, point.seconds)

@@ -18,7 +18,7 @@ import numpy as np
 from ..harmonic.harmonics import Harmonics
 from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
 from ..harmonic.preconditioner import HarmonicPreconditioner
-from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
+from ..harmonic.residual import ContactForces, HarmonicBalance
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
 from .parts import PARTS
@@ -48,7 +48,7 @@ class ErrorEstimator:
     def __init__(self, truth: Truth):
         self.truth, self.left_out = truth.model, truth.left_out
         self._step: NewtonStep | None = None
-        self._harmonics = None
+        self._harmonics: Harmonics | None = None
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
@@ -90,7 +90,7 @@ class ErrorEstimator:
         felt = np.zeros((0, 0, 0))
         if self.left_out is not None:
             felt = np.einsum("sk,qsh->qkh", self.left_out.of_pairs[own], theta.reshape(2 * n_out, -1, truth.N_H))
-        totals = problem.gather_sum(np.concatenate([np.ravel(sums), felt.ravel()]))
+        totals = problem.comm.bcast(problem.gather_sum(np.concatenate([np.ravel(sums), felt.ravel()])))
         by_harmonic, by_sampling, by_pairs, by_solver, by_basis = totals[: 10 * n_out].reshape(5, 2 * n_out)
         by_basis = by_basis + first_harmonic(direct, truth)
         by_modes = np.abs(by_basis)
@@ -156,7 +156,7 @@ _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)       # the limit of many samp
 
 
 def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
-    """Return B, minus the derivative of the outputs' cos 1 and then sin 1 with respect to p, (2 n_outputs, 3 n_pairs, N_H).  Local.
+    """Return B, minus the derivative of the outputs' cos 1, then sin 1, with respect to p, (2 n_outputs, 3 n_pairs, N_H).  Local.
 
     With A = o (K_L^-1 + phi c_1 phi^T) R^T the amplitude is u_lin - A p: the cosine moves by -(Re A p_c + Im A p_s), the sine
     by Im A p_c - Re A p_s.

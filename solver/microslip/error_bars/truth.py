@@ -1,4 +1,4 @@
-"""The better model that error bars compare with: the receptance of the stuck structure, and what is known of the modes left out."""
+"""The better model that error bars compare with: the stuck structure's receptance, and what is known of the modes left out."""
 
 from __future__ import annotations
 

@@ -19,4 +19,4 @@ class Reduction:
     model: ReducedModel
     selection: Selection
     displacement: Callable[[float, float, np.ndarray], np.ndarray]  # collective; level, omega, p -> harmonics of u, owned rows
-    leaves_out: Literal["modes", "basis", "nothing"]        # modes of the stuck structure, but not their statics; or what a basis lacks
+    leaves_out: Literal["modes", "basis", "nothing"]    # "modes": their dynamics, not their statics; "basis": what it lacks

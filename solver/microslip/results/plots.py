@@ -14,14 +14,16 @@ from .record import ResultFile
 from .style import RC
 
 Picture = Callable[[ResultFile, str], list[str]]
-PICTURES: tuple[Picture, ...] = (draw_response, draw_states, draw_slip_map, draw_rom_size, draw_energy, draw_energy_map, draw_error)
+PICTURES: tuple[Picture, ...] = (
+    draw_response, draw_states, draw_slip_map, draw_rom_size, draw_energy, draw_energy_map, draw_error,
+)  # fmt: skip
 
 
 def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> list[str]:
     """Draw all pictures of a result file, or a share of them, into a folder and return the files.  Local; no MPI, no PETSc.
 
-    response.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png, error.png.  What a scene does not have (a joint,
-    a converged point) leaves out the pictures of it.
+    response.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png, error.png.  What a scene does not have (a
+    joint, a converged point) leaves out the pictures of it.
 
     Raises
     ------

@@ -135,14 +135,22 @@ def level_result(level: float, points: list[Point], sizes: tuple[int, int, int],
                  failure: str | None = None) -> LevelResult:
     """Return the record of a level's points; ``sizes`` = (n_outputs, n_pairs, N_H).  Local, on rank 0."""
     n_outputs, n_pairs, N_H = sizes
+    N_H = max([N_H, *(point.response.shape[-1] for point in points)])          # points may have more harmonics than others
     shapes = {"response": (n_outputs, N_H), "energy": (n_pairs,), "state": (n_pairs,), "du": (n_pairs, 3, N_H),
               "p": (n_pairs, 3, N_H)}  # fmt: skip
     arrays = {}
     for _, name, of_point, kind, _ in LEVEL_DATA:
-        values = np.array([getattr(point, of_point) for point in points], dtype=kind)
+        values = np.array([_padded(getattr(point, of_point), shapes.get(name, ())) for point in points], dtype=kind)
         arrays[name] = values.reshape(len(points), *shapes.get(name, ()))
     arrays["frequency"] = arrays["frequency"] / (2.0 * np.pi)
     estimated = [point.error for point in points if point.error is not None]
-    arrays["error"] = np.array(estimated) if points and len(estimated) == len(points) else None
     notes = np.array(["; ".join(point.notes) for point in points], dtype=object)
-    return LevelResult(level=level, status=status, failure=failure or "", notes=notes, **arrays)
+    error = np.array(estimated) if points and len(estimated) == len(points) else None
+    return LevelResult(level=level, status=status, failure=failure or "", notes=notes, error=error, **arrays)
+
+
+def _padded(values, shape: tuple[int, ...]):
+    """Return the values of a point with zeros for the harmonics that it lacks."""
+    if not shape or np.shape(values)[-1] == shape[-1]:
+        return values
+    return np.pad(values, [(0, 0)] * (len(shape) - 1) + [(0, shape[-1] - np.shape(values)[-1])])

@@ -46,7 +46,8 @@ class ResponseTable:
         with said_of(self.path):
             for k, (name, u) in enumerate(zip(self.outputs, point.response, strict=True)):
                 own = _digits(float(amplitude(u)), float(phase(u)), u[0])
-                self._rows.writerow([*_digits(level), i, *_digits(point.omega / (2.0 * np.pi)), name, *own, *shared, *_bars(point, k)])
+                first = [*_digits(level), i, *_digits(point.omega / (2.0 * np.pi)), name]
+                self._rows.writerow([*first, *own, *shared, *_bars(point, k)])
             self._file.flush()
 
     def put_in_order(self, branches: list[Branch]) -> None:

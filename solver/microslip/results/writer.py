@@ -14,7 +14,19 @@ from ..continuation.branch import Branch, Point
 from ..error_bars.parts import PARTS
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
-from .record import COMPLETE, ERROR, JOINT_DATA, LEVEL_DATA, RUNNING, STOPPED, Joint, LevelResult, LinearCurve, joint_of, level_result
+from .record import (
+    COMPLETE,
+    ERROR,
+    JOINT_DATA,
+    LEVEL_DATA,
+    RUNNING,
+    STOPPED,
+    Joint,
+    LevelResult,
+    LinearCurve,
+    joint_of,
+    level_result,
+)
 from .table import ResponseTable
 
 FORMAT, FORMAT_VERSION = "microslip results", 1
