@@ -39,7 +39,7 @@ def follow_side_by_side(follow_level: Callable[..., Branch], model: ReducedModel
     log.note(f"{len(levels)} levels on {groups.n} groups of {_sizes(groups.limits)}, the highest first")
     with log.stage("static columns of all pairs"):
         own = model_on_group(model, groups.comm)
-        own_truth = truth and truth.on_group(model, own, groups.comm)
+        own_truth = truth and truth.on_group(own, groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
     counter, reports = Counter(groups.world), Reports(groups, lambda event, *news: getattr(minutes, event)(*news))
 

@@ -24,29 +24,26 @@ from ..reduction.model import ReducedModel
 from .parts import PARTS
 from .truth import Truth
 
-FINER = 4               # times the samples of the better problem
+FINER = 2               # times the samples of the better problem
+SWEEPS = 3              # steps of the iteration for the higher harmonics
 ORDER = 1               # of the sampled law in 1 / N_t
 MANY_KRYLOV = 50        # GMRES iterations of an adjoint beyond which the next ones are preconditioned
 
 
 @dataclass(frozen=True)
-class Refined:
-    """Contact forces of all pairs in better problems, in the harmonics solved for, (3 n_pairs, N_H) [N]."""
+class Changes:
+    """What better problems change in the contact forces, in the harmonics solved for, (3 n_pairs, N_H) [N]."""
 
-    finer: np.ndarray           # with more samples
-    richer: np.ndarray          # and with the higher harmonics that these forces excite
+    harmonics: np.ndarray
+    samples: np.ndarray
+    pairs: np.ndarray
 
 
 class ErrorEstimator:
-    """Error bars of the points of a branch.  Collective on the communicator of its model.
-
-    Parameters
-    ----------
-    truth : the receptance of the stuck structure, exact but for the modes left out; of the model that is solved, or a better one
-    """
+    """Error bars of the points of a branch.  Collective on the communicator of the model."""
 
     def __init__(self, truth: Truth):
-        self.truth, self.left_out = truth.model, truth.left_out
+        self.truth, self.left_out = truth, truth.left_out
         self._step: NewtonStep | None = None
         self._harmonics: Harmonics | None = None
 
@@ -61,95 +58,78 @@ class ErrorEstimator:
 
         Collective.  ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``.
         """
-        model, harmonics = problem.model, problem.model.harmonics
-        n_out = model.o.shape[0]
-        if 1 not in harmonics:
+        model, omega, level = problem.model, problem.omega_at(parameter), problem.level_at(parameter)
+        n_out, own = model.o.shape[0], model.owned_rows
+        if 1 not in model.harmonics:
             return np.zeros((n_out, len(PARTS)))
-        truth = model if self.truth is model else self.truth.with_harmonics(harmonics)
-        exact = problem if truth is model else problem.of(truth)
-        everything = np.ones(model.n_pairs, dtype=bool)
-        forces = exact.contact_forces(U, everything, tangents=True)
+        truth = model if self.truth.is_solved else self.truth.model.with_harmonics(model.harmonics)
+        exact = problem if self.truth.is_solved else problem.of(truth)
+        forces = exact.contact_forces(U, np.ones(model.n_pairs, dtype=bool), tangents=True)
         used = forces if selected.all() else problem.contact_forces(U, selected, tangents=False)
-        p, p_all = problem.full_force(used), problem.full_force(forces)
-        refined = self.refined(exact, U, parameter, p_all)
-        omega, level = problem.omega_at(parameter), problem.level_at(parameter)
-        B = sensitivity(truth, omega)                                               # (2 n_out, 3 n_pairs, N_H)
-        own = truth.owned_rows
-        theta, on_stuck = np.zeros((2 * n_out, *exact.shape)), len(forces.active) == 0
-        mu = B[:, own] if on_stuck else self.adjoints(exact, forces, parameter, B, theta)
-        changes = np.stack([refined.richer - refined.finer, (refined.finer - p_all) * _RICHARDSON, p_all - p])
+        p = problem.full_force(used)
+        changes = self.changes(exact, U, parameter, problem.full_force(forces), p)
+        mu, theta = self.adjoints(exact, forces, parameter, sensitivity(truth, omega))
         residual = _residual(problem, U, parameter, used)
-        model_residual = np.zeros_like(residual)
-        direct = np.zeros((n_out, truth.N_H))
-        if truth is not model:
-            model_residual = _residual(exact, U, parameter, replace(used, active=np.arange(truth.n_pairs), p=p)) - residual
-            direct = receptance.output_motion(truth, level, omega, p) - receptance.output_motion(model, level, omega, p)
-        flat = theta.reshape(2 * n_out, -1)
-        sums = [-mu.reshape(2 * n_out, -1) @ change[own].ravel() for change in changes]
-        sums += [flat @ residual.ravel(), flat @ model_residual.ravel()]
-        felt = np.zeros((0, 0, 0))
+        sums = [-mu @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
+        sums += [theta @ residual.ravel(), np.zeros(2 * n_out)]
+        if not self.truth.is_solved:
+            sums[-1] = theta @ (_residual(exact, U, parameter, used) - residual).ravel()
+        felt = np.zeros((2 * n_out, 0, truth.N_H))
         if self.left_out is not None:
             felt = np.einsum("sk,qsh->qkh", self.left_out.of_pairs[own], theta.reshape(2 * n_out, -1, truth.N_H))
-        totals = problem.comm.bcast(problem.gather_sum(np.concatenate([np.ravel(sums), felt.ravel()])))
-        by_harmonic, by_sampling, by_pairs, by_solver, by_basis = totals[: 10 * n_out].reshape(5, 2 * n_out)
-        by_basis = by_basis + first_harmonic(direct, truth)
+        totals = problem.comm.bcast(problem.gather_sum(np.concatenate([*sums, felt.ravel()])))
+        by_harmonics, by_samples, by_pairs, by_solver, by_basis = totals[: 10 * n_out].reshape(5, -1)
+        if not self.truth.is_solved:
+            by_basis = by_basis + first_harmonic(truth, receptance.output_motion(truth, level, omega, p)
+                                                 - receptance.output_motion(model, level, omega, p))
         by_modes = np.abs(by_basis)
         if self.left_out is not None:
-            by_modes = by_modes + self.by_modes_left_out(truth, level, omega, p, totals[10 * n_out:].reshape(felt.shape))
-        parts = np.stack([by_modes, by_harmonic, by_sampling, by_pairs, by_solver], axis=-1)
+            by_modes = by_modes + self.left_out.changes(truth, level, omega, p, totals[10 * n_out:].reshape(felt.shape))
+        parts = np.stack([by_modes, by_harmonics, by_samples, by_pairs, by_solver], axis=-1)
         return np.hypot(parts[:n_out], parts[n_out:])
 
-    def refined(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray) -> Refined:
-        """Return the forces that the same motion meets in better problems.  Collective.
+    def changes(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray, p: np.ndarray) -> Changes:
+        """Return what better problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
 
-        The higher harmonics are those that the contact forces excite, U_n = -G_n p_n: one step of a fixed-point iteration.
+        The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of this fixed-point iteration.
         """
-        harmonics = exact.model.harmonics
-        better = exact.resolved(extended(harmonics), FINER * exact.n_samples)
-        everything, U_better = np.ones(exact.model.n_pairs, dtype=bool), harmonics.carry(U, better.model.harmonics)
-        finer = better.contact_forces(U_better, everything, tangents=False)
-        if len(finer.active) == 0:
-            return Refined(np.zeros_like(p_all), np.zeros_like(p_all))
-        excited = -better.receptance_at(parameter, finer.active).apply(finer.p)
-        richer = better.contact_forces(U_better + _beyond(excited, better.model.harmonics, harmonics), everything, tangents=False)
-        back = [better.model.harmonics.carry(better.full_force(forces), harmonics) for forces in (finer, richer)]
-        return Refined(*back)
+        harmonics, more = exact.model.harmonics, extended(exact.model.harmonics)
+        everything, nothing = np.ones(exact.model.n_pairs, dtype=bool), np.zeros_like(p_all)
+        finer = exact.resolved(more, FINER * max(exact.n_samples, 2 * (more.highest + 1) // FINER))
+        U_more = harmonics.carry(U, more)
+        at_finer = forces = finer.contact_forces(U_more, everything, tangents=False)
+        if len(forces.active) == 0:
+            return Changes(nothing, nothing, p_all - p)
+        by_samples = more.carry(finer.full_force(at_finer), harmonics) - p_all
+        for _ in range(SWEEPS):
+            excited = -finer.receptance_at(parameter, forces.active).apply(forces.p)
+            higher = excited - harmonics.carry(more.carry(excited, harmonics), more)
+            forces = finer.contact_forces(U_more + higher, everything, tangents=False)
+        by_harmonics = more.carry(finer.full_force(forces) - finer.full_force(at_finer), harmonics)
+        return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
 
-    def adjoints(self, exact: HarmonicBalance, forces: ContactForces, parameter: float, B: np.ndarray,
-                 theta: np.ndarray) -> np.ndarray:
-        """Return mu of this rank's pairs, (n_quantities, 3 n_owned, N_H); put P^T mu into ``theta``.  Collective."""
+    def adjoints(self, exact: HarmonicBalance, forces: ContactForces, parameter: float,
+                 B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return mu and theta = P^T mu of this rank's pairs, each (n_quantities, 3 n_owned N_H).  Collective."""
+        B_owned, theta = B[:, exact.model.owned_rows].reshape(len(B), *exact.shape), np.zeros((len(B), *exact.shape))
+        if len(forces.active) == 0:
+            return B_owned.reshape(len(B), -1), theta.reshape(len(B), -1)
         if self._step is None or self._harmonics != exact.model.harmonics:
             self.destroy()
             self._step, self._harmonics = NewtonStep(exact), exact.model.harmonics
         self._step.problem = exact
         assert forces.P is not None, "asked for with tangents"
-        adjoint = replace(forces, P=np.ascontiguousarray(forces.P.transpose(0, 2, 1)))
-        G = exact.receptance_at(parameter, forces.active).adjoint()
-        gatherer = Gatherer(exact.comm, 3 * len(forces.active_owned) * exact.model.N_H, 2)
-        at = Linearisation(adjoint, G, np.zeros(exact.shape), np.zeros(exact.shape), 1.0, gatherer)
-        mu = np.empty((len(B), *exact.shape))
-        for i, b in enumerate(B[:, exact.model.owned_rows]):
-            unit = float(np.abs(B[i]).max(initial=0.0)) or 1.0                      # the same on every rank
-            mu_i, _, iterations, _ = self._step.solve(at, b.reshape(exact.shape) / unit, 0.0)
+        transposed, owned = replace(forces, P=np.ascontiguousarray(forces.P.transpose(0, 2, 1))), forces.active_owned
+        G, nothing = exact.receptance_at(parameter, forces.active).adjoint(), np.zeros(exact.shape)
+        at = Linearisation(transposed, G, nothing, nothing, 1.0, Gatherer(exact.comm, 3 * len(owned) * exact.model.N_H, 2))
+        mu = np.empty_like(theta)
+        for i, unit in enumerate(np.abs(B).max(axis=(1, 2))):                       # the same on every rank
+            mu[i], _, iterations, _ = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
+            mu[i] *= unit
             if iterations > MANY_KRYLOV:
-                self._step.preconditioner = HarmonicPreconditioner(exact, adjoint, G)
-            mu[i] = unit * mu_i
-            owned = forces.active_owned
+                self._step.preconditioner = HarmonicPreconditioner(exact, transposed, G)
             theta[i, owned] = at.pair_forces(mu[i, owned]).reshape(len(owned), *exact.shape[1:])
-        return mu.reshape(len(B), -1, exact.model.N_H)
-
-    def by_modes_left_out(self, truth: ReducedModel, level: float, omega: float, p: np.ndarray, felt: np.ndarray) -> np.ndarray:
-        """Return what the modes left out would change, (2 n_outputs,) [m].  Local.
-
-        ``felt`` (2 n_outputs, SAMPLES, N_H): what reaches them from the outputs by way of the pairs.
-        """
-        out, f = self.left_out, level * truth.f
-        weights = -felt
-        cos = truth.harmonics.columns(1).start
-        n_out = len(out.of_outputs)
-        weights[:n_out, :, cos] += out.of_outputs
-        weights[n_out:, :, cos + 1] += out.of_outputs
-        return out.changes(weights, out.of_loads.T @ f - out.of_pairs.T @ p, truth, omega)
+        return mu.reshape(len(B), -1), theta.reshape(len(B), -1)
 
 
 _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)       # the limit of many samples, from N_t and FINER N_t
@@ -171,10 +151,9 @@ def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
     return B
 
 
-def first_harmonic(motion: np.ndarray, model: ReducedModel) -> np.ndarray:
+def first_harmonic(model: ReducedModel, motion: np.ndarray) -> np.ndarray:
     """Return cos 1 and then sin 1 of the outputs, (2 n_outputs,), of coefficients (n_outputs, N_H).  Local."""
-    cos = model.harmonics.columns(1).start
-    return np.concatenate([motion[:, cos], motion[:, cos + 1]])
+    return motion[:, model.harmonics.columns(1)].T.ravel()
 
 
 def extended(harmonics: Harmonics) -> Harmonics:
@@ -187,8 +166,3 @@ def _residual(problem: HarmonicBalance, U: np.ndarray, parameter: float, forces:
     """Return this rank's rows of (5.1), (n_owned, 3, N_H) [m].  Collective where static columns are new."""
     U_lin, _ = problem.linear_motion(parameter)
     return U - U_lin + problem.receptance_at(parameter, forces.active).apply(forces.p)
-
-
-def _beyond(U: np.ndarray, of, known) -> np.ndarray:
-    """Return the harmonics of ``U`` that are not known yet; the others zero.  Local."""
-    return U - known.carry(of.carry(U, known), of)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 PARTS = ("modes", "harmonics", "samples", "pairs", "solver")
-SAFETY = 2.0            # of the bar over the sum of its parts, which are estimates to first order
+SAFETY = 3.0            # of the bar over the sum of its parts, which are estimates to first order
 
 
 def total(parts: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..reduction.build import reduce_structure
 from ..reduction.model import ReducedModel
@@ -17,10 +17,11 @@ class Truth:
 
     model: ReducedModel
     left_out: ModesLeftOut | None
+    is_solved: bool             # whether it is the very model that is solved
 
-    def on_group(self, solved: ReducedModel, own: ReducedModel, comm) -> Truth:
-        """Return the same for a group of ranks, where ``own`` stands for ``solved``.  Collective on ``model.comm``."""
-        return Truth(own if self.model is solved else model_on_group(self.model, comm), self.left_out)
+    def on_group(self, own: ReducedModel, comm) -> Truth:
+        """Return the same for a group of ranks, which solves the model ``own``.  Collective on ``model.comm``."""
+        return replace(self, model=own if self.is_solved else model_on_group(self.model, comm))
 
 
 def truth_of(linearised, modes, reduction: Reduction, scene) -> Truth:
@@ -30,6 +31,7 @@ def truth_of(linearised, modes, reduction: Reduction, scene) -> Truth:
     method has no exact static residual of its own.
     """
     if reduction.leaves_out == "nothing":
-        return Truth(reduction.model, None)
-    model = reduction.model if reduction.leaves_out == "modes" else reduce_structure(linearised, modes, scene)
-    return Truth(model, sample_modes_left_out(linearised, modes, model))
+        return Truth(reduction.model, None, True)
+    is_solved = reduction.leaves_out == "modes"
+    model = reduction.model if is_solved else reduce_structure(linearised, modes, scene)
+    return Truth(model, sample_modes_left_out(linearised, modes, model), is_solved)
