@@ -13,7 +13,7 @@ from .schema import Scene
 def contradictions(scene: Scene) -> list[str]:
     """Return what does not fit together between the tables of a scene, a text each.  Local."""
     sort = _of_matrices if scene.model.mesh is None else _of_a_mesh
-    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_mode(scene), *sort(scene),
+    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_statics(scene), *_mode(scene), *sort(scene),
             *_damping(scene)]  # fmt: skip
 
 
@@ -98,6 +98,15 @@ def _harmonics(scene: Scene) -> list[str]:
         for number, load in enumerate(scene.loads, 1)
         if load.harmonic > scene.solver.harmonics
     ]
+
+
+def _statics(scene: Scene) -> list[str]:
+    """A constant motion with a method that keeps the pairs which dissipate."""
+    solver = scene.solver
+    if solver.harmonics > 0 or solver.method != "adaptive-energy" or solver.in_point_check:
+        return []
+    return ['[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates, and all that slid would be dropped; take '
+            '"receptance", or in_point_check = true']
 
 
 def _mode(scene: Scene) -> list[str]:
