@@ -1,5 +1,6 @@
 """Scenes given as matrices, as a user starts them."""
 
+import csv
 from pathlib import Path
 
 import h5py
@@ -33,6 +34,28 @@ def test_a_run_leaves_curves_and_pictures_and_nothing_for_paraview(tmp_path):
                        "energy_map.png"}  # fmt: skip
     rows = (tmp_path / "out" / "frf.csv").read_text().splitlines()
     assert len(rows) > 2 * 2 * 12 // 2 and not any("nan" in row for row in rows)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_statics_run_from_scene_to_pictures(tmp_path, ranks):
+    system = scenes.spatial_mass()
+    system["loads"] = [{**load, "harmonic": 0, "phase": 0.0} for load in system["loads"]]
+    write_matrix_scene(tmp_path, system, [0.02, 4.0], (1.0, 1.6), outputs=[0, 2], points=4, harmonics=0)
+    done = microslip("run", "scene.toml", "--out", "out", ranks=ranks, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Warning" not in done.stderr and "Traceback" not in done.stderr
+    assert {"response.png", "slip_map.png", "energy.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
+    with open(tmp_path / "out" / "frf.csv", newline="", encoding="utf-8") as table:
+        rows = list(csv.DictReader(table))
+    u_lin = np.linalg.solve(scenes.stuck_stiffness(system), sum(np.asarray(load["vector"]) for load in system["loads"]))
+    for level in (0.02, 4.0):
+        of_level = [row for row in rows if float(row["level_N"]) == level and row["output"] == "0"]
+        means = {float(f"{float(row['mean_m']):.9g}") for row in of_level}
+        assert len(means) == 1 and len({row["frequency_Hz"] for row in of_level}) == len(of_level) >= 4
+        assert {row["amplitude_m"] for row in of_level} == {"0"}
+        stays = means.pop() == pytest.approx(level * u_lin[0], rel=1e-8)
+        assert stays == all(row["sticking"] == "1" for row in of_level) == (level == 0.02)
+    assert microslip("plot", "out/results.h5", cwd=tmp_path).returncode == 0
 
 
 def test_two_ranks_say_once_what_is_wrong(tmp_path):

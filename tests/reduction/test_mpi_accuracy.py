@@ -6,6 +6,7 @@ import scipy.sparse as sp
 from matrix_scenes import asked, branches_of, write_matrix_scene
 from mpi4py import MPI
 
+from microslip.harmonic.harmonics import Harmonics
 from microslip.linear.joint_springs import linearise
 from microslip.modes.eigen import lowest_modes
 from microslip.modes.limits import most_modes, refuse_too_many
@@ -67,7 +68,7 @@ def test_gains_cover_every_mode_left_out():
     class Model:
         omega_n = np.array([10.0, 12.0, 30.0, 31.0, 80.0])
         zeta = np.array([0.01, 0.2, 0.01, 0.3, 0.05])
-        C, N_H = 2.0 * zeta * omega_n, 3
+        C, harmonics = 2.0 * zeta * omega_n, Harmonics.up_to(1)
     for omega in np.linspace(0.1, 60.0, 400):
         c = np.abs(receptance.dynamic_part(Model, omega)[0][:, 1]) * Model.omega_n**2
         exact = np.array([c[m:].max() for m in range(1, 5)])

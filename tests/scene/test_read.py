@@ -170,6 +170,19 @@ def test_a_mistake_gives_one_message(tmp_path, old, new, expected):
     assert "\n" not in found
 
 
+def test_statics_ask_for_constant_loads_and_a_method_that_bears_them(tmp_path):
+    found = message(tmp_path, "harmonics = 3", "harmonics = 0").splitlines()
+    assert found[0] == "2 mistakes"
+    assert "[[loads]] 1 harmonic = 1: [solver] harmonics = 0 leaves it out; raise that, or lower the load's" in found[1]
+    assert '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates' in found[2]
+    constant = GOOD.replace("harmonic = 1", "harmonic = 0").replace("harmonics = 3", "harmonics = 0")
+    assert GOOD.count("modes = 20") == 1
+    for method, text in {"rubin": "modes is missing: with harmonics = 0 the modes of method = \"rubin\" bear the load",
+                         "craig-bampton": "modes is missing"}.items():
+        changed = constant.replace('"adaptive-energy"', f'"{method}"').replace("modes = 20", "")
+        assert text in message(tmp_path, GOOD, changed)
+
+
 def test_several_mistakes_come_in_one_message_each_once(tmp_path):
     lines = message(tmp_path, GOOD[GOOD.index("[damping]"):], '[[loads]]\nnod = 3\n[damping]\nrato = "1e-3"\n').splitlines()
     assert lines[0] == "3 mistakes"

@@ -39,7 +39,8 @@ class HarmonicBalance:
         self.model = model
         self.comm = model.comm
         self.parameters = parameters.take(np.arange(model.n_pairs)[model.owned])
-        self.n_samples = n_samples
+        # a constant motion is one sample: the kept period then holds the one step there is, and the state says which pairs slid
+        self.n_samples = n_samples if model.harmonics.highest > 0 else 1
         self.level = level
         self.held_at: np.ndarray | None = None      # (n_owned, 2) mean of p_t about which the mean slip is held [N]
         self.n_owned = model.owned.stop - model.owned.start

@@ -13,8 +13,8 @@ from .schema import Scene
 def contradictions(scene: Scene) -> list[str]:
     """Return what does not fit together between the tables of a scene, a text each.  Local."""
     sort = _of_matrices if scene.model.mesh is None else _of_a_mesh
-    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_mode(scene), *sort(scene),
-            *_damping(scene)]  # fmt: skip
+    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_statics(scene), *_mode(scene),
+            *sort(scene), *_damping(scene)]  # fmt: skip
 
 
 def _of_a_mesh(scene: Scene) -> list[str]:
@@ -98,6 +98,20 @@ def _harmonics(scene: Scene) -> list[str]:
         for number, load in enumerate(scene.loads, 1)
         if load.harmonic > scene.solver.harmonics
     ]
+
+
+def _statics(scene: Scene) -> list[str]:
+    """A constant motion with a method that keeps the pairs which dissipate, or whose modes have to bear the load."""
+    solver = scene.solver
+    if solver.harmonics > 0:
+        return []
+    if solver.method == "adaptive-energy" and not solver.in_point_check:
+        return ['[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates, and all that slid would be dropped; '
+                'take "receptance", or in_point_check = true']
+    if solver.method in ("craig-bampton", "rubin") and solver.modes is None:
+        return [f'[solver] modes is missing: with harmonics = 0 the modes of method = "{solver.method}" bear the load, and '
+                'accuracy picks none for that; state a number, or take "receptance", which is exact with any']
+    return []
 
 
 def _mode(scene: Scene) -> list[str]:
