@@ -11,8 +11,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..error_bars.parts import PARTS, SAFETY
+from ..error_bars.parts import PARTS
 from ..harmonic.harmonics import Harmonics
+from ..harmonic.residual import HarmonicBalance
+from ..harmonic.symmetry import symmetric
+from .steps import ArcLength
 
 MOST_HARMONICS, MOST_SAMPLES = 31, 4096
 LEAST_SAMPLES = 16
@@ -20,9 +23,10 @@ PER_HARMONIC = 4            # samples a harmonic, at least
 FAINT = 1e-3                # of the largest output: fainter ones are judged against that
 LOW = {"harmonics": 0.05, "samples": 0.2}       # share of what is allowed, below which less will do
 PATIENCE = 3                # points in a row
-SHARES = {"harmonics": 0.5, "samples": 0.4}     # of the accuracy; what is left is for modes and solver
+SHARES = {"harmonics": 0.4, "samples": 0.15}    # of the accuracy; the parts are estimates, some half of what is true
 STEP = 0.5                  # share of the accuracy for the straight line between two points
-LEAST_TURN, MOST_TURN = 0.5, 2.0                # bounds of the change from one step to the next
+LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0          # bounds of the change from one step to the next
+LONGEST = 0.2               # step, in the relative norm
 
 
 @dataclass(frozen=True)
@@ -32,11 +36,11 @@ class Resolution:
     harmonics: Harmonics
     n_samples: int
 
-    def with_highest(self, H: int) -> Resolution:
-        """Return the resolution with harmonics up to H, and no fewer samples than they need."""
+    def with_highest(self, H: int, same_samples: bool = False) -> Resolution:
+        """Return the resolution with harmonics up to H, and no fewer samples than they need unless those are to stay."""
         odd = all(n % 2 for n in self.harmonics.chosen)
         harmonics = Harmonics.odd_up_to(H) if odd else Harmonics.up_to(H)
-        return Resolution(harmonics, max(self.n_samples, least_samples(H)))
+        return Resolution(harmonics, self.n_samples if same_samples else max(self.n_samples, least_samples(H)))
 
 
 def least_samples(H: int) -> int:
@@ -53,11 +57,13 @@ class Accuracy:
     target : the accuracy asked for, relative to the peak of each output
     coarsest : with which a branch starts, and below which it never goes
     keeps : parts whose resolution the scene states
+    chooses_steps : whether the step length follows from the accuracy, or from the number of points that the scene states
     """
 
     target: float
     coarsest: Resolution
     keeps: frozenset[str] = frozenset()
+    chooses_steps: bool = True
     peak: np.ndarray | None = None                              # (n_outputs,) largest amplitude so far [m]
     calm: dict[str, int] = field(default_factory=lambda: {"harmonics": 0, "samples": 0})
     patience: dict[str, int] = field(default_factory=lambda: {"harmonics": PATIENCE, "samples": PATIENCE})
@@ -65,7 +71,7 @@ class Accuracy:
     def ratios(self, amplitude: np.ndarray, error: np.ndarray) -> dict[str, float]:
         """Return each part over what is allowed, the worst of the outputs, from amplitudes (n_outputs,) and parts of the bar."""
         self.peak = amplitude if self.peak is None else np.maximum(self.peak, amplitude)
-        allowed = self.target / SAFETY * np.maximum(self.peak, FAINT * self.peak.max(initial=0.0))
+        allowed = self.target * np.maximum(self.peak, FAINT * self.peak.max(initial=0.0))
         found = {}
         for part, share in SHARES.items():
             values = error[:, PARTS.index(part)]
@@ -76,9 +82,10 @@ class Accuracy:
     def finer(self, now: Resolution, ratios: dict[str, float]) -> Resolution | None:
         """Return the resolution with which to solve the point again; None where it is good, or the finest there is."""
         found, H = now, now.harmonics.highest
-        if ratios["harmonics"] > 1.0 and "harmonics" not in self.keeps and H + 2 <= MOST_HARMONICS:
+        most = min(MOST_HARMONICS, (now.n_samples - 1) // 2) if "samples" in self.keeps else MOST_HARMONICS
+        if ratios["harmonics"] > 1.0 and "harmonics" not in self.keeps and H + 2 <= most:
             grown = int(np.clip(np.ceil(H * np.sqrt(ratios["harmonics"])), H + 2, 2 * H + 1))
-            found = found.with_highest(min(grown + (grown - H) % 2, MOST_HARMONICS))
+            found = found.with_highest(min(grown + (grown - H) % 2, most - (most - H) % 2), "samples" in self.keeps)
             self._too_few("harmonics")
         if ratios["samples"] > 1.0 and "samples" not in self.keeps and now.n_samples < MOST_SAMPLES:
             grown = now.n_samples * 2 ** int(np.ceil(np.log2(min(ratios["samples"], 8.0))))
@@ -92,7 +99,7 @@ class Accuracy:
             self.calm[part] = self.calm[part] + 1 if ratios[part] < LOW[part] else 0
         found, H = now, now.harmonics.highest
         if self._is_calm("harmonics") and H - 2 >= self.coarsest.harmonics.highest:
-            found = found.with_highest(H - 2)
+            found = found.with_highest(H - 2, "samples" in self.keeps)
         least = max(self.coarsest.n_samples, least_samples(found.harmonics.highest))
         if self._is_calm("samples") and now.n_samples // 2 >= least:
             found = Resolution(found.harmonics, now.n_samples // 2)
@@ -109,10 +116,43 @@ class Accuracy:
         self.calm[part], self.patience[part] = 0, min(2 * self.patience[part], 48)
 
 
-def chord_error(before: complex, now: complex, after: complex, steps: tuple[float, float]) -> float:
-    """Return how far a curve strays from the straight line between its last two points, from the last three.
+    def stretch(self, responses: list[np.ndarray], steps: tuple[float, float]) -> float:
+        """Return the factor from the last step to the next, from the amplitudes (n_outputs,) at the last three points."""
+        before, now, after = responses
+        error = chord_error(before, now, after, steps)
+        peak = np.abs(responses).max(axis=0) if self.peak is None else self.peak
+        allowed = STEP * self.target * np.maximum(peak, FAINT * peak.max(initial=0.0))
+        worst = float(np.divide(error, allowed, out=np.zeros_like(error), where=allowed > 0.0).max(initial=0.0))
+        return float(np.clip(worst**-0.5 if worst > 0.0 else MOST_STRETCH, LEAST_STRETCH, MOST_STRETCH))
+
+
+def accuracy_of(scene, problem: HarmonicBalance) -> Accuracy | None:
+    """Return how the scene's accuracy is met on one branch; None where it asks for none, or states all that follows from it.
+
+    Collective on ``problem.comm``.
+    """
+    solver, harmonics = scene.solver, problem.model.harmonics
+    keeps = frozenset(part for part in SHARES if part in solver.model_fields_set)
+    chooses_steps = "points" not in scene.response.model_fields_set
+    if solver.accuracy is None or (len(keeps) == len(SHARES) and not chooses_steps):
+        return None
+    loaded = max((load.harmonic for load in scene.loads), default=1) or 1
+    if "harmonics" not in keeps:
+        harmonics = Harmonics.odd_up_to(loaded) if symmetric(problem) else Harmonics.up_to(loaded)
+    n_samples = solver.samples if "samples" in keeps else least_samples(harmonics.highest)
+    return Accuracy(solver.accuracy, Resolution(harmonics, n_samples), keeps, chooses_steps)
+
+
+def steps_for(target: float) -> ArcLength:
+    """Return the step lengths of a branch: on a circle, a resonance, a chord of c diameters strays by c^2 / 4 of them."""
+    ds = 2.0 * np.sqrt(STEP * target)
+    return ArcLength(ds=ds, ds_min=ds / 1024.0, ds_max=max(ds, min(8.0 * ds, LONGEST)))
+
+
+def chord_error(before: np.ndarray, now: np.ndarray, after: np.ndarray, steps: tuple[float, float]) -> np.ndarray:
+    """Return how far curves stray from the straight line between their last two points, from the last three.  Local.
 
     ``steps`` are the arc lengths between them.  A parabola of second derivative c strays by c h^2 / 8 over a length h.
     """
     a, b = steps
-    return float(abs(((after - now) / b - (now - before) / a) * 2.0 / (a + b))) * b**2 / 8.0
+    return np.abs(((after - now) / b - (now - before) / a) * 2.0 / (a + b)) * b**2 / 8.0

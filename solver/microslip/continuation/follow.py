@@ -69,6 +69,7 @@ class State:
     size: float                     # |U| over all ranks [m]
     sticks: bool                    # no pair slips or opens: the point lies on the linear curve
     sliding: float                  # share of the pairs that do not stick
+    amplitude: np.ndarray           # (n_outputs,) complex, of harmonic 1 [m]
 
 
 def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
@@ -85,7 +86,9 @@ class BranchFollower:
         self.problem, self.selection, self.sweep, self.steps = problem, selection, sweep, steps
         self.comm, self.tolerance = problem.comm, tolerance
         self.estimator, self.accuracy = estimator, accuracy
-        self.corrector = Corrector(problem, tolerance)
+        if accuracy is not None:
+            self.problem = problem.resolved(accuracy.coarsest.harmonics, accuracy.coarsest.n_samples)
+        self.corrector = Corrector(self.problem, tolerance)
         self.clock = time.perf_counter()
 
     def destroy(self) -> None:
@@ -137,7 +140,8 @@ class BranchFollower:
         point, self.clock = replace(point, seconds=now - self.clock), now
         B = self.selection.update(moves, point.state, point.energy)
         sliding = float((point.state != STICK).mean())
-        return State(found.iterate, B, self.norm(found.iterate.U), not moves.any(), sliding), point
+        amplitude = point.response[:, 1] - 1j * point.response[:, 2]
+        return State(found.iterate, B, self.norm(found.iterate.U), not moves.any(), sliding, amplitude), point
 
     # -- harmonics and samples ---------------------------------------------------------------------------------
 
@@ -243,7 +247,7 @@ class BranchFollower:
 
     def distance(self, now: State, there: Iterate) -> float:
         """Return the length of a step in its own norm."""
-        d_xi = (there.U - now.iterate.U) / (now.size or 1.0)
+        d_xi = (self.fitted(there).U - self.fitted(now.iterate).U) / (now.size or 1.0)
         return self.length(d_xi, (there.parameter - now.iterate.parameter) / self.sweep.scale)
 
     def linear_step(self, now: State, ds: float) -> float:
@@ -305,6 +309,16 @@ class BranchFollower:
                 return *self.corner(before, now, found), 8.0 * self.steps.ds_min
             if now.sliding == 1.0 and self.problem.held_at is None and self.is_loose:
                 raise ConvergenceError(self.message(now.iterate.parameter, found))
+
+    def next_step(self, ds: float, newton: int, last: tuple[State, State, State]) -> float:
+        """Return the length of the next step: from the turn between the last ones, or from the accuracy of straight lines."""
+        before, now, after = last
+        turn = self.turn(before.iterate, now.iterate, after.iterate, now.size)
+        if self.accuracy is None or not self.accuracy.chooses_steps:
+            return self.steps.next(ds, newton, turn)
+        steps = self.distance(before, now.iterate), self.distance(now, after.iterate)
+        stretch = self.comm.bcast(self.accuracy.stretch([state.amplitude for state in last], steps))
+        return self.steps.stretched(ds, newton, stretch)
 
     @cached_property
     def is_loose(self) -> bool:
@@ -397,7 +411,7 @@ class BranchFollower:
             yield from self.asked(now, found.iterate, selected)
             after, point = self.accept(*self.still(found, selected, was))
             yield after, point
-            ds = self.steps.next(ds, found.newton, self.turn(before.iterate, now.iterate, after.iterate, now.size))
+            ds = self.next_step(ds, found.newton, (before, now, after))
             if self.problem.held_at is not None and after.sliding < MOSTLY:
                 after = self.let_go(after) or after
             earlier, before, now = before, now, after

@@ -18,6 +18,7 @@ from ..parallel.errors import CaseError
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
 from ..reduction.selection import AllPairs, Selection
+from .accuracy import accuracy_of, steps_for
 from .branch import Branch, Point
 from .corrector import Correction, Iterate
 from .follow import Sweep, follow_branch
@@ -133,6 +134,9 @@ def follow_level(scene, model: ReducedModel, parameters: ContactParameters, sele
     estimator = None if truth is None else ErrorEstimator(truth)
     if model.n_pairs == 0:
         return linear_branch(problem, sweep, curve, scene.response.points, on_point, estimator)
+    accuracy = accuracy_of(scene, problem)
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
+    if accuracy is not None and accuracy.chooses_steps:
+        steps = steps_for(accuracy.target)
     return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
-                         max_points=10 * scene.response.points, on_point=on_point, estimator=estimator)
+                         max_points=10 * scene.response.points, on_point=on_point, estimator=estimator, accuracy=accuracy)

@@ -44,6 +44,12 @@ class ArcLength:
         return min(max(ds * factor, min(smallest, 1.5 * ds)), self.ds_max)
 
 
+    def stretched(self, ds: float, newton: int, stretch: float) -> float:
+        """Return the length of the next step, ``stretch`` times the last one as far as Newton's iterations allow."""
+        by_newton = (self.easy / max(newton, 1)) ** 0.5
+        return min(max(ds * min(stretch, max(by_newton, 0.5)), self.ds_min), self.ds_max)
+
+
 def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     """Return frequencies [rad/s] between ``low`` and ``high`` that resolve every resonance in between.  Local."""
     grids = [np.linspace(low, high, 60)]

@@ -91,7 +91,7 @@ class ErrorEstimator:
     def changes(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray, p: np.ndarray) -> Changes:
         """Return what better problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
 
-        The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of this fixed-point iteration.
+        The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of that iteration.
         """
         harmonics, more = exact.model.harmonics, extended(exact.model.harmonics)
         everything, nothing = np.ones(exact.model.n_pairs, dtype=bool), np.zeros_like(p_all)
