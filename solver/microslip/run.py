@@ -67,7 +67,7 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = (), n_groups: int 
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
             truth = truth_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.error_bars else None
         with log.stage("response"):
-            branches = follow(scene, structure, reduction, truth, folder, options, log, n_groups)
+            branches = follow(scene, structure, reduction, folder, options, log, n_groups, truth)
         with log.stage("fields for ParaView"):
             write_shapes(structure, reduction, branches, folder)
         with log.stage("pictures"):
@@ -116,9 +116,12 @@ def from_matrices(scene, comm, log: RunLog) -> tuple[None, System, ContactPairs]
     return None, system, pairs
 
 
-def follow(scene, structure: Structure, reduction: Reduction, truth: Truth | None, folder: Path, options, log: RunLog,
-           n_groups: int = 1) -> list:
-    """Return the branches of all levels; write and log each point as it comes.  Collective."""
+def follow(scene, structure: Structure, reduction: Reduction, folder: Path, options, log: RunLog, n_groups: int = 1,
+           truth: Truth | None = None) -> list:
+    """Return the branches of all levels, with error bars where a ``truth`` is given; write and log each point as it comes.
+
+    Collective.
+    """
     pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
     sweep = frequency_sweep(scene.response, structure.modes.omega_n)
     curve = linear_curve(model, sweep)

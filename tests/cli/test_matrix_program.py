@@ -31,7 +31,7 @@ def test_a_run_leaves_curves_and_pictures_and_nothing_for_paraview(tmp_path):
     assert done.returncode == 0, done.stderr
     written = {path.name for path in (tmp_path / "out").iterdir()}
     assert written == {"frf.csv", "results.h5", "run.log", "response.png", "states.png", "slip_map.png", "rom_size.png", "energy.png",
-                       "energy_map.png"}  # fmt: skip
+                       "energy_map.png", "error.png"}  # fmt: skip
     rows = (tmp_path / "out" / "frf.csv").read_text().splitlines()
     assert len(rows) > 2 * 2 * 12 // 2 and not any("nan" in row for row in rows)
 

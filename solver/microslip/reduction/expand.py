@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..harmonic.harmonics import Harmonics
 from . import receptance
 from .model import ReducedModel
 
@@ -12,9 +13,9 @@ def displacement(linearised, modes, model: ReducedModel, level: float, omega: fl
     """Return the harmonics of u on this rank's rows, (n_owned, N_H) [m].
 
     Collective: one static solve with N_H right-hand sides.  u = K_L^-1 (f - R^T p) + phi c(omega) phi^T (f - R^T p), with
-    p (3 n_pairs, N_H) [N], docs/theory.md, section 4.
+    p (3 n_pairs, N_H) [N] of the full set of harmonics 0 to H, whatever those of the model; docs/theory.md, section 4.
     """
-    system = linearised.system
+    system, model = linearised.system, model.with_harmonics(Harmonics.full(p.shape[-1]))
     first, last = system.K.getOwnershipRange()
     force = system.loads.tocsr()[first:last] @ (level * model.f) - system.R.T.tocsr()[first:last] @ p
     c, _ = receptance.dynamic_part(model, omega)
@@ -42,8 +43,7 @@ def peak_displacement(system, reduction, branch) -> tuple[float, np.ndarray | No
     """
     if not branch.points:
         return 0.0, None
-    model = reduction.model
     top = max(branch.points, key=lambda point: float(np.hypot(*point.response[0, 1:3])))
-    p = model.recorded.carry(model.comm.bcast(top.p), model.harmonics).reshape(-1, model.N_H)
-    u = reduction.displacement(branch.level, top.omega, p)
-    return top.omega / (2.0 * np.pi), node_fields(system, model.harmonics.carry(u, model.recorded))
+    p = reduction.model.comm.bcast(top.p)
+    u = reduction.displacement(branch.level, top.omega, p.reshape(-1, p.shape[-1]))
+    return top.omega / (2.0 * np.pi), node_fields(system, u)

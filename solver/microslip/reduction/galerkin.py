@@ -45,7 +45,8 @@ def reduce_on_basis(linearised, V_owned: np.ndarray, scene, unknowns: int | None
     model = model_of_modes(linearised, omega_n, phi_owned, scene)
 
     def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
-        return phi_owned @ receptance.to_real(receptance.modal_motion(model, level, omega, p), model.N_H)
+        full = model.with_harmonics(Harmonics.full(p.shape[-1]))
+        return phi_owned @ receptance.to_real(receptance.modal_motion(full, level, omega, p), full.N_H)
 
     return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out)
 
