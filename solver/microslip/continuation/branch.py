@@ -28,6 +28,8 @@ class Point:
     damping: float              # J per cycle
     input: float                # J per cycle
     seconds: float              # wall time of this point
+    harmonics: int = 0          # the highest it was solved with
+    samples: int = 0            # a period
     asked: bool = False         # one of [response] at
     notes: tuple[str, ...] = ()
     error: np.ndarray | None = None         # (n_outputs, parts) m, of the amplitude of harmonic 1; None where not estimated

@@ -42,7 +42,8 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
         U=harmonics.carry(U_all, recorded), p=harmonics.carry(p.reshape(shape), recorded),
         energy=energy, state=state, unknowns=selection.unknowns(selected, moves, model.n_modes, model.N_H),
         newton=found.newton, krylov=found.krylov, friction=friction,
-        damping=damping_loss(model, level, omega, p), input=input_work(model, level, omega, p), seconds=0.0, asked=asked,
+        damping=damping_loss(model, level, omega, p), input=input_work(model, level, omega, p), seconds=0.0,
+        harmonics=harmonics.highest, samples=problem.n_samples, asked=asked,
         notes=() if problem.held_at is None else (HELD,),
         error=None if estimator is None else estimator.at(problem, U, found.iterate.parameter, selected),
     )

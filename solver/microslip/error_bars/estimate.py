@@ -25,7 +25,7 @@ from .parts import PARTS
 from .truth import Truth
 
 FINER = 2               # times the samples of the better problem
-SWEEPS = 3              # steps of the iteration for the higher harmonics
+SWEEPS = 4              # steps of the iteration for the higher harmonics
 ORDER = 1               # of the sampled law in 1 / N_t
 MANY_KRYLOV = 50        # GMRES iterations of an adjoint beyond which the next ones are preconditioned
 
@@ -91,7 +91,8 @@ class ErrorEstimator:
     def changes(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray, p: np.ndarray) -> Changes:
         """Return what better problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
 
-        The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of that iteration.
+        The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of that fixed-point
+        iteration, mixed so that it also converges where a harmonic lies near a resonance.
         """
         harmonics, more = exact.model.harmonics, extended(exact.model.harmonics)
         everything, nothing = np.ones(exact.model.n_pairs, dtype=bool), np.zeros_like(p_all)
@@ -101,9 +102,10 @@ class ErrorEstimator:
         if len(forces.active) == 0:
             return Changes(nothing, nothing, p_all - p)
         by_samples = more.carry(finer.full_force(at_finer), harmonics) - p_all
+        higher, mixing = np.zeros_like(U_more), Anderson(exact)
         for _ in range(SWEEPS):
             excited = -finer.receptance_at(parameter, forces.active).apply(forces.p)
-            higher = excited - harmonics.carry(more.carry(excited, harmonics), more)
+            higher = mixing.next(higher, excited - harmonics.carry(more.carry(excited, harmonics), more))
             forces = finer.contact_forces(U_more + higher, everything, tangents=False)
         by_harmonics = more.carry(finer.full_force(forces) - finer.full_force(at_finer), harmonics)
         return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
@@ -130,6 +132,26 @@ class ErrorEstimator:
                 self._step.preconditioner = HarmonicPreconditioner(exact, transposed, G)
             theta[i, owned] = at.pair_forces(mu[i, owned]).reshape(len(owned), *exact.shape[1:])
         return mu.reshape(len(B), -1), theta.reshape(len(B), -1)
+
+
+class Anderson:
+    """Anderson's mixing of a fixed-point iteration x = g(x), with all steps remembered (Walker and Ni 2011)."""
+
+    def __init__(self, problem: HarmonicBalance):
+        self.problem = problem
+        self.values: list[np.ndarray] = []              # g(x) of all steps, this rank's rows
+        self.misses: list[np.ndarray] = []              # g(x) - x
+
+    def next(self, x: np.ndarray, value: np.ndarray) -> np.ndarray:
+        """Return the next x: the mean of all values so far, so weighted that the miss is least.  Collective: one sum."""
+        self.values.append(value)
+        self.misses.append(value - x)
+        if len(self.values) == 1:
+            return value
+        steps = np.array([miss - self.misses[-1] for miss in self.misses[:-1]]).reshape(len(self.misses) - 1, -1)
+        products = self.problem.gather_sum(steps @ np.column_stack([steps.T, self.misses[-1].ravel()]))
+        weights = -np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=1e-12)[0]
+        return value + sum(weight * (other - value) for weight, other in zip(weights, self.values))
 
 
 _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)       # the limit of many samples, from N_t and FINER N_t

@@ -40,6 +40,8 @@ class LevelResult:
     newton: np.ndarray          # (n,)
     krylov: np.ndarray          # (n,)
     seconds: np.ndarray         # (n,)
+    harmonics: np.ndarray       # (n,) the highest of each point
+    samples: np.ndarray         # (n,) a period
     asked: np.ndarray           # (n,) 1 where the frequency is one of [response] at
     notes: np.ndarray           # (n,) of str
     du: np.ndarray | None       # (n, n_pairs, 3, N_H) relative displacement, m; None where it was not read
@@ -60,6 +62,8 @@ LEVEL_DATA = (
     ("newton", "newton", "newton", "i8", "1"),
     ("krylov", "krylov", "krylov", "i8", "1"),
     ("seconds", "seconds", "seconds", "f8", "s"),
+    ("harmonics", "harmonics", "harmonics", "i8", "1"),
+    ("samples", "samples", "samples", "i8", "1"),
     ("asked", "asked", "asked", "u1", "1"),
     ("du", "du", "U", "f8", "m"),
     ("p", "p", "p", "f8", "N"),

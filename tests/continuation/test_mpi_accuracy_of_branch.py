@@ -1,0 +1,98 @@
+"""Harmonics, samples and steps from the accuracy asked for; on any number of ranks."""
+
+import numpy as np
+import pytest
+from dense_model import reduced
+from mpi4py import MPI
+from oracles import scenes
+
+from microslip.continuation.accuracy import MOST_SAMPLES, Accuracy, Resolution, chord_error, least_samples, steps_for
+from microslip.continuation.follow import Sweep, follow_branch
+from microslip.continuation.grid import at_frequencies
+from microslip.error_bars.estimate import ErrorEstimator
+from microslip.error_bars.truth import Truth
+from microslip.harmonic.harmonics import Harmonics
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.reduction.selection import AllPairs
+
+COMM = MPI.COMM_WORLD
+LOW, HIGH = 450.0, 700.0
+
+
+def problem_of(name, level, H=3, n_samples=128):
+    system = scenes.SCENES[name]()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    model, parameters = reduced(system, COMM, H)
+    return HarmonicBalance(model, parameters, n_samples, level), ErrorEstimator(Truth(model, None, is_solved=True))
+
+
+def amplitudes(points):
+    return np.array([point.response[0, 1] - 1j * point.response[0, 2] for point in points])
+
+
+@pytest.mark.parametrize("level", [40.0, 100.0])
+@pytest.mark.parametrize("target", [1e-2, 1e-3])
+def test_a_branch_meets_the_accuracy_asked_for(level, target):
+    problem, estimator = problem_of("chain", level)
+    accuracy = Accuracy(target, Resolution(Harmonics.up_to(1), 16))
+    found = follow_branch(problem, AllPairs(), Sweep(LOW, HIGH), steps_for(target), tolerance=1e-9, max_points=2000,
+                          estimator=estimator, accuracy=accuracy)
+    assert found.failure is None
+    fine, _ = problem_of("chain", level, 25, 4096)
+    omegas = COMM.bcast([point.omega for point in found.points])
+    reference = at_frequencies(fine, AllPairs(), omegas, tolerance=1e-10)
+    true = np.abs(amplitudes(found.points) - amplitudes(reference.points)) / np.abs(amplitudes(reference.points)).max()
+    assert true.max() <= target
+    assert len({point.harmonics for point in found.points}) > 1          # harmonics were raised on the way
+    assert min(point.samples for point in found.points) > 16
+    # the curve between the points
+    between = np.linspace(LOW, HIGH, 150)[1:-1]
+    finer = at_frequencies(fine, AllPairs(), list(between), tolerance=1e-9)
+    straight = np.interp(between, omegas, np.abs(amplitudes(found.points)))
+    assert np.abs(straight - np.abs(amplitudes(finer.points))).max() <= 2.0 * target * straight.max()
+
+
+def test_stated_harmonics_and_samples_stay():
+    problem, estimator = problem_of("chain", 100.0, H=2, n_samples=48)
+    accuracy = Accuracy(1e-4, Resolution(Harmonics.up_to(2), 48), frozenset({"harmonics", "samples"}), chooses_steps=False)
+    found = at_frequencies(problem, AllPairs(), [550.0, 560.0], tolerance=1e-9, estimator=estimator, accuracy=accuracy)
+    assert {(point.harmonics, point.samples) for point in found.points} == {(2, 48)}
+
+
+def test_odd_harmonics_stay_odd_and_samples_suffice():
+    start = Resolution(Harmonics.odd_up_to(3), 16)
+    accuracy = Accuracy(1e-3, start)
+    error = np.zeros((1, 5))
+    error[0, 1] = 1.0
+    finer = accuracy.finer(start, accuracy.ratios(np.array([1.0]), error))
+    assert all(n % 2 for n in finer.harmonics.chosen)
+    assert finer.harmonics.highest == 7
+    assert finer.n_samples >= least_samples(7) > 4 * 7
+
+
+def test_what_is_calm_is_lowered_and_what_came_back_stays_longer():
+    coarse, fine = Resolution(Harmonics.up_to(1), 16), Resolution(Harmonics.up_to(9), 512)
+    accuracy, quiet = Accuracy(1e-3, coarse), np.zeros((1, 5))
+    steps = [accuracy.coarser(fine, accuracy.ratios(np.array([1.0]), quiet)) for _ in range(3)]
+    assert steps[:2] == [fine, fine]
+    assert steps[2].harmonics.highest == 7
+    assert steps[2].n_samples == 256
+    loud = np.zeros((1, 5))
+    loud[0, 1] = 1.0
+    accuracy.finer(fine, accuracy.ratios(np.array([1.0]), loud))
+    steps = [accuracy.coarser(fine, accuracy.ratios(np.array([1.0]), quiet)).harmonics.highest for _ in range(6)]
+    assert steps == [9, 9, 9, 9, 9, 7]
+
+
+def test_the_finest_there_is_ends_the_search():
+    finest = Resolution(Harmonics.up_to(31), MOST_SAMPLES)
+    assert Accuracy(1e-6, finest).finer(finest, {"harmonics": 50.0, "samples": 50.0}) is None
+
+
+@pytest.mark.parametrize("radius", [0.5, 3.0])
+def test_chords_of_a_circle_stray_by_their_sagitta(radius):
+    turn = 0.05
+    points = radius * np.exp(1j * turn * np.arange(3))[:, None]
+    chord = abs(points[1, 0] - points[0, 0])
+    assert chord_error(*points, (chord, chord))[0] == pytest.approx(radius * (1 - np.cos(turn / 2)), rel=1e-2)

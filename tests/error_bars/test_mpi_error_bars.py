@@ -1,0 +1,96 @@
+"""Error bars against what is true: better problems solved outright; on any number of ranks, one of them without a pair."""
+
+import numpy as np
+import pytest
+from dense_model import branch, reduced
+from mpi4py import MPI
+from oracles import scenes
+
+from microslip.continuation.grid import at_frequencies
+from microslip.error_bars.estimate import ErrorEstimator
+from microslip.error_bars.parts import PARTS, total
+from microslip.error_bars.truth import Truth
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.reduction import receptance
+from microslip.reduction.selection import AllPairs, NonStickingPairs
+
+COMM = MPI.COMM_WORLD
+OMEGAS = list(np.linspace(500.0, 640.0, 15))
+
+
+def scene(name):
+    system = scenes.SCENES[name]()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    return system
+
+
+def solved(level, H=3, n_samples=128, tolerance=1e-10, selection=None, comm=COMM, omegas=OMEGAS, name="chain"):
+    """Return the points of a level at some frequencies, with error bars."""
+    model, parameters = reduced(scene(name), comm, H)
+    estimator = ErrorEstimator(Truth(model, None, is_solved=True))
+    found = at_frequencies(HarmonicBalance(model, parameters, n_samples, level), selection or AllPairs(), omegas,
+                           tolerance=tolerance, estimator=estimator)
+    assert found.failure is None
+    return found.points
+
+
+def amplitudes(points):
+    return np.array([point.response[0, 1] - 1j * point.response[0, 2] for point in points])
+
+
+def errors(points):
+    return np.array([point.error[0] for point in points])
+
+
+@pytest.mark.parametrize("level", [40.0, 100.0])
+@pytest.mark.parametrize("coarse", [{"H": 1}, {"H": 3}, {"H": 5, "n_samples": 32}, {"H": 15, "n_samples": 64}])
+def test_the_bar_holds_what_more_harmonics_and_samples_change(level, coarse):
+    points, reference = solved(level, **coarse), solved(level, H=25, n_samples=2048)
+    true, bars = np.abs(amplitudes(points) - amplitudes(reference)), total(errors(points))
+    peak = np.abs(amplitudes(reference)).max()
+    seen = true > 1e-7 * peak
+    assert seen.any()
+    assert (true <= bars + 1e-7 * peak).mean() >= 0.9
+    assert 1.0 < np.median(bars[seen] / true[seen]) < 10.0
+
+
+def test_a_stuck_point_has_no_error_but_that_of_modes():
+    assert np.all(errors(solved(0.3)) == 0.0)
+
+
+def test_the_solver_s_part_is_the_distance_to_the_solution():
+    model, parameters = reduced(scene("chain"), COMM, 3)
+    problem, everything = HarmonicBalance(model, parameters, 128, 100.0), np.ones(model.n_pairs, dtype=bool)
+    exact = COMM.bcast(solved(100.0, omegas=[560.0, 561.0], tolerance=1e-12)[0].U)
+    away = 1e-6 * np.abs(exact).max() * np.random.default_rng(1).standard_normal(exact.shape)
+    U = (exact + away)[model.owned]
+
+    def response(U):
+        p = problem.full_force(problem.contact_forces(U, everything, tangents=False))
+        return receptance.output_motion(model, 100.0, 560.0, p)[0]
+
+    off = response(U) - response(exact[model.owned])
+    parts = ErrorEstimator(Truth(model, None, is_solved=True)).at(problem, U, 560.0, everything)[0]
+    # theta . r is the distance to the solution: that of the response at U, plus that of U by its own Newton step
+    assert parts[PARTS.index("solver")] == pytest.approx(np.hypot(off[1], off[2]), rel=0.05)
+
+
+def test_the_pairs_part_holds_what_a_dropped_pair_changes():
+    complete = solved(40.0)
+    late = solved(40.0, selection=NonStickingPairs())
+    true, parts = np.abs(amplitudes(late) - amplitudes(complete)), errors(late)
+    dropped = true > 1e-6 * np.abs(amplitudes(complete)).max()
+    assert np.all(parts[~dropped, PARTS.index("pairs")] <= 1e-5 * np.abs(amplitudes(complete)).max())
+    assert np.all(true[dropped] <= total(parts[dropped]))
+
+
+def test_ranks_agree():
+    together, alone = solved(100.0), solved(100.0, comm=MPI.COMM_SELF)
+    np.testing.assert_allclose(errors(together), errors(alone), rtol=1e-4, atol=1e-9 * np.abs(amplitudes(alone)).max())
+
+
+def test_a_branch_has_bars_as_its_points_have():
+    estimated = branch(scene("chain"), COMM, 40.0, low=500.0, high=640.0, points=20)
+    assert estimated.failure is None
+    assert all(point.error is None for point in estimated.points)
