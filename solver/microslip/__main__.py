@@ -72,7 +72,7 @@ def _plot(command: Command, comm) -> int:
 
 
 def _solve(command: Command, comm) -> int:
-    """Run, compare or check a scene.  Collective on ``comm``."""
+    """Run, compare, verify or check a scene.  Collective on ``comm``."""
     from .doctor import faults
 
     require(comm, faults("pydantic", "mpi4py"))
@@ -85,7 +85,7 @@ def _solve(command: Command, comm) -> int:
         initialise(list(command.petsc))
     require(comm, faults())
     stop_on(signal.SIGTERM)                     # PETSc has taken it for a message of its own
-    from . import compare, run, several
+    from . import compare, run, several, verify
 
     status = 0
     if command.name == "check":
@@ -94,6 +94,11 @@ def _solve(command: Command, comm) -> int:
     if command.name == "compare":
         out = Path("results", f"{scene.name}_compare") if command.out is None else command.out
         compare.compare(scene, comm, out, command.methods, command.petsc)
+    elif command.name == "verify":
+        out = Path("results", f"{scene.name}_verify") if command.out is None else command.out
+        asked = verify.Asked(command.at, command.levels, command.harmonics, command.samples, command.steps or verify.STEPS,
+                             command.from_rest)
+        verify.verify(scene, comm, out, asked, command.petsc)
     elif more:
         out = Path("results") if command.out is None else command.out
         status = several.run_scenes([scene, *more], comm, out, command.petsc, command.groups)

@@ -12,7 +12,8 @@ from .parallel.errors import CaseError
 from .parallel.petsc import PREFIXES
 from .parallel.words import listed, nearest
 
-_SOLVE = ("run", "compare")         # commands that PETSc options are for
+_SOLVE = ("run", "compare", "verify")         # commands that PETSc options are for
+_VERIFY = ("at", "levels", "harmonics", "samples", "steps", "from_rest")
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
@@ -26,13 +27,19 @@ until then; 70 a defect of the program."""
 class Command:
     """What the command line asks for."""
 
-    name: str                           # run, compare, check, plot or doctor
+    name: str                           # run, compare, verify, check, plot or doctor
     file: str = ""                      # the scene, or the results to plot
     out: Path | None = None             # None: the default of the command
     petsc: tuple[str, ...] = ()         # what followed ``--``, checked
     methods: tuple[str, ...] = ()       # to compare; empty: all of them
     more: tuple[str, ...] = ()          # further scenes to run
     groups: int = 1                     # of ranks, at work side by side
+    at: tuple[float, ...] = ()          # Hz, to verify; empty: around each peak
+    levels: tuple[float, ...] = ()      # N, to verify; empty: those of the scene
+    harmonics: int | None = None        # to verify; None: those of the scene
+    samples: int | None = None
+    steps: int | None = None            # of time a period; None: the default
+    from_rest: bool = False
 
 
 class _Parser(argparse.ArgumentParser):
@@ -71,7 +78,7 @@ def parse(arguments: list[str]) -> Command:
         raise CaseError(f"PETSc options after -- belong to the commands {listed(_SOLVE)}; {given.command} solves nothing")
     methods = tuple(name.strip() for name in getattr(given, "methods", "").split(",") if name.strip())
     return Command(given.command, getattr(given, "file", ""), getattr(given, "out", None), petsc_options(petsc), methods,
-                   more, getattr(given, "groups", 1))
+                   more, getattr(given, "groups", 1), **{name: getattr(given, name) for name in _VERIFY if hasattr(given, name)})
 
 
 def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
@@ -83,6 +90,7 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
     known = {
         "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
         "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
+        "verify": ("time integration at points of the curves, beside harmonic balance", "SCENE.toml", "results/NAME_verify"),
         "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
         "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
         "doctor": ("print versions, and what is missing with the command that brings it", None, None),
@@ -102,9 +110,42 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
                                  "levels of its own; of several scenes, each with scenes of its own (default: 1)")  # fmt: skip
         if name == "compare":
             command.add_argument("--methods", metavar="A,B,...", default="", help="their names, with commas (default: all)")
+        if name == "verify":
+            _add_verify(command)
         command.usage = command.format_usage().removeprefix("usage: ").strip() + after
         commands[name] = command
     return parser, commands
+
+
+def _add_verify(command: _Parser) -> None:
+    """Add the options of ``verify``."""
+    command.add_argument("--at", metavar="F1,F2,...", type=_numbers, default=(), help="frequencies in Hz (default: the peak of "
+                         "each level and two points on each side of it)")  # fmt: skip
+    command.add_argument("--levels", metavar="A,B,...", type=_numbers, default=(), help="levels in N (default: the scene's)")
+    command.add_argument("--harmonics", metavar="H", type=_count, help="of harmonic balance (default: the scene's)")
+    command.add_argument("--samples", metavar="N", type=_count, help="of harmonic balance (default: the scene's)")
+    command.add_argument("--steps", metavar="N", type=_steps, help="time steps a period (default: 256)")
+    command.add_argument("--from-rest", action="store_true", help="march from rest, without acceleration: many periods")
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """Return numbers above 0, separated by commas."""
+    try:
+        numbers = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        numbers = ()
+    if not numbers or not all(0.0 < number < float("inf") for number in numbers):
+        raise argparse.ArgumentTypeError(f"{text!r} are not numbers above 0, separated by commas")
+    if len(set(numbers)) < len(numbers):
+        raise argparse.ArgumentTypeError(f"{text!r} holds a number twice")
+    return numbers
+
+
+def _steps(text: str) -> int:
+    """Return an even number of at least 16."""
+    if not text.isdecimal() or int(text) < 16 or int(text) % 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an even number of at least 16")
+    return int(text)
 
 
 def _count(text: str) -> int:

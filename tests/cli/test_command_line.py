@@ -18,6 +18,10 @@ from microslip.parallel.errors import CaseError
      Command("run", "a.toml", Path("here"), ("-hb_snes_max_it", "9"), more=("b.toml",), groups=3)),
     ("compare fan.toml", Command("compare", "fan.toml")),
     ("compare fan.toml --methods rubin,full --out here", Command("compare", "fan.toml", Path("here"), methods=("rubin", "full"))),
+    ("verify fan.toml", Command("verify", "fan.toml")),
+    ("verify fan.toml --at 99.5,100 --levels 5 --harmonics 7 --samples 512 --steps 64 --from-rest --out v -- -hb_snes_max_it 9",
+     Command("verify", "fan.toml", Path("v"), ("-hb_snes_max_it", "9"), at=(99.5, 100.0), levels=(5.0,), harmonics=7, samples=512,
+             steps=64, from_rest=True)),
     ("check fan.toml", Command("check", "fan.toml")),
     ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
     ("doctor", Command("doctor")),
@@ -27,8 +31,8 @@ def test_what_is_asked_arrives(line, command):
 
 
 @pytest.mark.parametrize("line, message", [
-    ("", "a command is missing: run, compare, check, plot or doctor"),
-    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, compare, check, plot and doctor"),
+    ("", "a command is missing: run, compare, verify, check, plot or doctor"),
+    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, compare, verify, check, plot and doctor"),
     ("fan.toml", "unknown command 'fan.toml'; commands are"),
     ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),
     ("run fan.toml --oout x", "unknown option --oout; nearest is --out"),
@@ -40,8 +44,13 @@ def test_what_is_asked_arrives(line, command):
     ("run fan.toml --group 2", "unknown option --group; nearest is --groups"),
     ("run fan.toml more.toml --oout x", "unknown option --oout; nearest is --out"),
     ("compare fan.toml --groups 2", "unknown option --groups"),
+    ("verify fan.toml --at 99,x", "argument --at: '99,x' are not numbers above 0, separated by commas; try: microslip verify --help"),
+    ("verify fan.toml --levels -1", "argument --levels: '-1' are not numbers above 0"),
+    ("verify fan.toml --levels 5,5", "argument --levels: '5,5' holds a number twice"),
+    ("verify fan.toml --steps 33", "argument --steps: '33' is not an even number of at least 16"),
+    ("run fan.toml --steps 64", "unknown option --steps"),
     ("run fan.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
-    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the commands run and compare; check solves nothing"),
+    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the commands run, compare and verify; check solves nothing"),
     ("run fan.toml -- -snes_monitor", "perhaps -hb_snes_monitor"),
     ("run fan.toml -- -statc_ksp_rtol 1", "-statc_ksp_rtol: not an option of this program's solvers; they begin with "
      "-static_, -modes_ or -hb_; nearest is -static_ksp_rtol"),

@@ -102,7 +102,7 @@ def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: Li
     Collective: one broadcast.  Only the order of static solves depends on it.
     """
     at_peak = curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))]
-    U = np.abs(receptance.linear_motion_of_all(model, 1.0, at_peak)).reshape(model.n_pairs, 3, -1).sum(axis=2)
+    U = np.abs(receptance.linear_motion_of_all(model, 1.0, at_peak)).reshape(model.n_pairs, 3, model.N_H).sum(axis=2)
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.stack([parameters.k_t * np.hypot(U[:, 0], U[:, 1]) / (parameters.mu * parameters.N0),
                            parameters.k_n * U[:, 2] / parameters.N0])

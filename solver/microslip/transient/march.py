@@ -1,0 +1,149 @@
+"""March many points through a period, each step with its contact problem (docs/theory.md, section 10)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..parallel.errors import ConvergenceError
+from .model import TransientModel
+from .return_map import return_map
+from .scheme import RHO, GeneralisedAlpha, Motion, fitted_angle
+
+_NEWTON = 60            # iterations of a step
+_TOLERANCE = 1e-10      # of a step's contact forces, over the largest force of the joint's springs in the period
+_HALVINGS = 4           # of a Newton step that makes the error grow
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """What a period left behind; samples at the ends of the steps."""
+
+    eta: np.ndarray         # (n_steps, B, m)
+    v: np.ndarray           # (n_steps, B, m)
+    p: np.ndarray           # (n_steps, B, 3 n_pairs) N
+    state: np.ndarray       # (B, n_pairs) uint8: the most that happened to a pair, STICK < SLIP < OPEN
+
+
+class March:
+    """B points of a model, each with its frequency and level, through periods of ``n_steps`` steps."""
+
+    def __init__(self, model: TransientModel, omega: np.ndarray, level: np.ndarray, n_steps: int, rho: float = RHO):
+        self.model, self.omega, self.level, self.n_steps = model, omega, level, n_steps
+        self.scheme = GeneralisedAlpha(model.omega_n, model.C, fitted_angle(n_steps, rho) / omega, rho)
+        self.f = model.loads(n_steps)
+
+    def take(self, points) -> March:
+        """Return the march of some of the points.  Local."""
+        return March(self.model, self.omega[points], self.level[points], self.n_steps, self.scheme.rho)
+
+    def period(self, z: Motion, p: np.ndarray, ramp: np.ndarray | None = None) -> tuple[Motion, np.ndarray, Cycle]:
+        """Return motion and p (B, 3 n_pairs) after a period, and its record.  Local.
+
+        ``ramp`` (n_steps,) multiplies the loads at the ends of the steps.
+
+        Raises
+        ------
+        ConvergenceError : the contact problem of a step has no solution that Newton finds
+        """
+        model, B = self.model, len(self.level)
+        contact = StepContact(model, self.scheme)
+        shape, m = (self.n_steps, B), len(model.omega_n)
+        cycle = Cycle(np.empty((*shape, m)), np.empty((*shape, m)), np.empty((*shape, 3 * model.n_pairs)),
+                      np.zeros((B, model.n_pairs), dtype=np.uint8))
+        factor = np.ones(self.n_steps) if ramp is None else ramp
+        before = 1.0 if ramp is None else 2.0 * ramp[0] - ramp[1]              # the factor at the beginning of the period
+        q_load = before * self.level[:, None] * (model.b @ self.f[-1])
+        guess = p
+        for k in range(self.n_steps):
+            f = factor[k] * self.f[k]
+            q_before, q_load = q_load - p @ model.r, self.level[:, None] * (model.b @ f)
+            free = self.scheme.free(z, q_before, q_load)
+            p_before = p
+            p, state = contact.solve(free.eta @ model.r.T + self.level[:, None] * (model.s @ f), p_before, guess)
+            z = self.scheme.kicked(free, -(p @ model.r))
+            guess = 2.0 * p - p_before
+            cycle.eta[k], cycle.v[k], cycle.p[k] = z.eta, z.v, p
+            np.maximum(cycle.state, state, out=cycle.state)
+        return z, p, cycle
+
+
+class StepContact:
+    """The contact problem at the end of a step, p = law(p_before, du_free - G_h p), of B points.
+
+    G_h = G + r (d eta / d q) r^T is the flexibility within a step.  Newton's method with the exact derivative of the return map:
+    of the pairs that stick p is known, so that a linear system of the moving components alone is left, a point at a time.
+    """
+
+    def __init__(self, model: TransientModel, scheme: GeneralisedAlpha):
+        self.model, self.flexibility = model, scheme.flexibility()
+        K_J = np.stack([model.parameters.k_t, model.parameters.k_t, model.parameters.k_n], axis=1).ravel()
+        self.K_J, self.scale = K_J, np.zeros(len(scheme.h))
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return G_h p, (B, 3 n_pairs) [m].  Local."""
+        rows = np.flatnonzero(p.any(axis=0))
+        if len(rows) == 0:
+            return np.zeros_like(p)
+        few = p[:, rows]
+        q = few @ self.model.r[rows]
+        q = self.flexibility * q if q.shape == self.flexibility.shape else np.einsum("bij,bj->bi", self.flexibility, q)
+        return few @ self.model.G[rows] + q @ self.model.r.T
+
+    def solve(self, du_free: np.ndarray, p_before: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return p (B, 3 n_pairs) and states (B, n_pairs) at the end of the step.  Local."""
+        self.scale = np.maximum(self.scale, np.abs(self.K_J * du_free).max(axis=1, initial=0.0))
+        p, new, L, state = self._law(du_free, p_before, guess)
+        error = self._error(p, new)
+        for _ in range(_NEWTON):
+            wrong = np.flatnonzero(~(error <= _TOLERANCE * self.scale))
+            if len(wrong) == 0:
+                return new, state
+            step = self._newton(p, new, L, wrong)
+            for _ in range(_HALVINGS + 1):
+                trial, new_trial, L_trial, state_trial = self._law(du_free, p_before, p + step)
+                error_trial = self._error(trial, new_trial)
+                worse = ~(error_trial <= error) & (error > _TOLERANCE * self.scale)
+                if not worse.any():
+                    break
+                step[worse] *= 0.5
+            p, new, L, state, error = trial, new_trial, L_trial, state_trial, error_trial
+        raise ConvergenceError(f"contact forces of a time step not found within {_NEWTON} Newton iterations: "
+                               f"error {error.max():.2e} N; take more steps a period")
+
+    def _law(self, du_free, p_before, p):
+        """Return p, the law's answer to it, its derivative and the states."""
+        shape = (len(p), self.model.n_pairs, 3)
+        new, L, state = return_map((du_free - self.apply(p)).reshape(shape), p_before.reshape(shape), self.model.parameters)
+        return p, new.reshape(p.shape), L, state
+
+    def _error(self, p, new) -> np.ndarray:
+        return np.abs(new - p).max(axis=1, initial=0.0)
+
+    def _newton(self, p, new, L, wrong) -> np.ndarray:
+        """Return Newton's step dp, (1 + L G_h) dp = new - p, of the ``wrong`` points; zero for the others."""
+        step, model = np.zeros_like(p), self.model
+        step[wrong] = (new - p)[wrong]
+        moving = L.any(axis=-1)                                     # (B, n, 3): rows of L that are not zero
+        known = np.where(moving.reshape(p.shape), 0.0, step)
+        sticking = self.apply(known).reshape(len(p), -1, 3) if known.any() else None
+        for b in wrong:
+            pair, direction = np.nonzero(moving[b])
+            if len(pair) == 0:
+                continue
+            rows = 3 * pair + direction
+            right = step[b, rows]
+            L_rows = L[b, pair, direction]                          # (k, 3)
+            if sticking is not None:
+                right = right - (L_rows * sticking[b, pair]).sum(axis=1)
+            of_pair = (3 * pair[:, None] + np.arange(3))            # du of the pair of each row
+            G_h = model.G[of_pair[:, :, None], rows] + self._dynamic(b, of_pair.ravel(), rows).reshape(len(rows), 3, -1)
+            J = np.einsum("ki,kij->kj", L_rows, G_h)
+            J[np.diag_indices_from(J)] += 1.0
+            step[b, rows] = np.linalg.solve(J, right)
+        return step
+
+    def _dynamic(self, b: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+        d, r = self.flexibility[b], self.model.r
+        return (r[rows] * d if d.ndim == 1 else r[rows] @ d) @ r[columns].T

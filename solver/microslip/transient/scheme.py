@@ -1,0 +1,131 @@
+"""Generalised-alpha steps of the modal equations, for many points at once (docs/theory.md, section 10).
+
+J. Chung, G. M. Hulbert: A time integration algorithm for structural dynamics with improved numerical dissipation: the
+generalized-alpha method, Journal of Applied Mechanics 60 (1993) 371.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+RHO = 0.9               # spectral radius at infinite frequency: what the step does not resolve loses 10 % a step
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Modal coordinates of B points and their derivatives, (B, m) each: m, m/s, m/s2 times the square root of kg."""
+
+    eta: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+
+    def take(self, points) -> Motion:
+        return Motion(self.eta[points], self.v[points], self.a[points])
+
+
+class GeneralisedAlpha:
+    """eta'' + C eta' + Omega^2 eta = q(t) in steps ``h`` (B,) [s]; a step is split where the contact force at its end enters.
+
+    Parameters
+    ----------
+    omega_n, C : (m,) and (m,) or (m, m), of every point
+    h : (B,) s
+    rho : spectral radius at infinite frequency, 0 to 1; 1 loses nothing
+    """
+
+    def __init__(self, omega_n: np.ndarray, C: np.ndarray, h: np.ndarray, rho: float = RHO):
+        self.alpha_m, self.alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+        self.gamma = 0.5 - self.alpha_m + self.alpha_f
+        self.beta = 0.25 * (1.0 - self.alpha_m + self.alpha_f) ** 2
+        self.omega_n, self.squares, self.C, self.rho = omega_n, omega_n**2, C, rho
+        self.h = h[:, None]
+        keep, now = 1.0 - self.alpha_m, 1.0 - self.alpha_f
+        if C.ndim == 1:
+            self.A = keep + now * (self.gamma * self.h * C + self.beta * self.h**2 * self.squares)
+        else:
+            h3 = h[:, None, None]
+            K_h = self.gamma * h3 * C + self.beta * h3**2 * np.diag(self.squares)
+            self.A = np.linalg.inv(keep * np.eye(len(omega_n)) + now * K_h)
+
+    def take(self, points) -> GeneralisedAlpha:
+        """Return the scheme of some of the points.  Local."""
+        return GeneralisedAlpha(self.omega_n, self.C, self.h[points, 0], self.rho)
+
+    def free(self, z: Motion, q_before: np.ndarray, q: np.ndarray) -> Motion:
+        """Return the motion after a step under modal forces ``q_before`` at its begin, ``q`` at its end, (B, m).  Local."""
+        h, now = self.h, 1.0 - self.alpha_f
+        eta = z.eta + h * z.v + h**2 * (0.5 - self.beta) * z.a
+        v = z.v + h * (1.0 - self.gamma) * z.a
+        history = self._times_C(now * v + self.alpha_f * z.v) + self.squares * (now * eta + self.alpha_f * z.eta)
+        a = self._solve(now * q + self.alpha_f * q_before - self.alpha_m * z.a - history)
+        return Motion(eta + self.beta * h**2 * a, v + self.gamma * h * a, a)
+
+    def kicked(self, z: Motion, q: np.ndarray) -> Motion:
+        """Return the motion with a further modal force ``q`` (B, m) at the end of the step.  Local."""
+        a = (1.0 - self.alpha_f) * self._solve(q)
+        return Motion(z.eta + self.beta * self.h**2 * a, z.v + self.gamma * self.h * a, z.a + a)
+
+    def flexibility(self) -> np.ndarray:
+        """Return d eta / d q at the end of a step, (B, m) or (B, m, m).  Local."""
+        h2 = (1.0 - self.alpha_f) * self.beta * self.h**2
+        return h2 / self.A if self.C.ndim == 1 else h2[..., None] * self.A
+
+    def _times_C(self, v: np.ndarray) -> np.ndarray:
+        return self.C * v if self.C.ndim == 1 else v @ self.C.T
+
+    def _solve(self, q: np.ndarray) -> np.ndarray:
+        return q / self.A if self.C.ndim == 1 else np.einsum("bij,bj->bi", self.A, q)
+
+    # -- a period of free motion, in the scaled coordinates Omega eta, eta', eta'' / Omega -----------------------------
+
+    def pack(self, z: Motion) -> np.ndarray:
+        """Return the scaled coordinates, (B, m, 3) m/s.  Local."""
+        return np.stack([self.omega_n * z.eta, z.v, z.a / self.omega_n], axis=-1)
+
+    def unpack(self, x: np.ndarray) -> Motion:
+        """Undo :meth:`pack`.  Local."""
+        return Motion(x[..., 0] / self.omega_n, x[..., 1].copy(), x[..., 2] * self.omega_n)
+
+    def solve_period(self, x: np.ndarray, n_steps: int) -> np.ndarray:
+        """Return y with y - Phi^n_steps y = x for scaled coordinates (B, m, 3), Phi being a step without force.  Local."""
+        m = len(self.omega_n)
+        if self.C.ndim == 1:            # a block of 3 x 3 a mode
+            columns = [self._scaled_step(np.broadcast_to(np.eye(3)[i], x.shape)) for i in range(3)]
+            Phi, x = np.stack(columns, axis=-1), x[..., None]
+        else:
+            units = np.eye(3 * m).reshape(3 * m, 1, m, 3)
+            columns = [self._scaled_step(np.broadcast_to(unit, x.shape)).reshape(len(x), -1) for unit in units]
+            Phi, x = np.stack(columns, axis=-1), x.reshape(len(x), -1, 1)
+        period = np.eye(Phi.shape[-1]) - np.linalg.matrix_power(Phi, n_steps)
+        return np.linalg.solve(period, x).reshape(len(x), m, 3)
+
+    def _scaled_step(self, x: np.ndarray) -> np.ndarray:
+        z = self.unpack(x)
+        zero = np.zeros_like(z.eta)
+        return self.pack(self.free(z, zero, zero))
+
+
+def fitted_angle(n_steps: int, rho: float = RHO) -> float:
+    """Return omega h such that an undamped oscillator of frequency omega takes exactly ``n_steps`` steps a period.  Local.
+
+    Generalised-alpha, like the trapezoidal rule, lengthens periods by (omega h)^2 / 12 of themselves at rho = 1.  At a
+    resonance of damping ratio zeta that shift counts by 1 / zeta.  A step of omega h instead of 2 pi / n_steps takes it out.
+    """
+    exact = 2.0 * np.pi / n_steps
+    return float(brentq(lambda angle: step_angle(angle, rho) - exact, 0.5 * exact, 1.5 * exact, xtol=1e-15, rtol=1e-14))
+
+
+def step_angle(angle: float, rho: float = RHO) -> float:
+    """Return by how much an undamped oscillator turns in a step of omega h = ``angle`` [rad].  Local."""
+    factors = step_factors(angle, rho)
+    return float(np.angle(factors[np.argmax(factors.imag)]))        # the third, spurious one is real
+
+
+def step_factors(angle: float, rho: float = RHO) -> np.ndarray:
+    """Return the eigenvalues of a step of an undamped oscillator with omega h = ``angle``, (3,).  Local."""
+    scheme = GeneralisedAlpha(np.ones(1), np.zeros(1), np.array([angle]), rho)
+    columns = [scheme._scaled_step(np.eye(3)[i].reshape(1, 1, 3)).ravel() for i in range(3)]
+    return np.linalg.eigvals(np.stack(columns, axis=-1))

@@ -1,0 +1,196 @@
+"""The steady state: a motion that a period of time steps leaves as it was (docs/theory.md, section 10)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..harmonic.fourier import analyse, synthesise
+from .march import Cycle, March
+from .model import TransientModel
+from .return_map import return_map
+from .scheme import Motion
+
+DEPTH = 8               # differences that the acceleration remembers
+_LARGEST = (2.0, 20.0)  # corrections of motion and of contact forces over F: an excursion would bring slip of its own
+_CUT = 1e-7             # of the largest singular value: differences that say nothing new
+RAMP = 20               # periods over which the load rises from rest
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Where a march begins, at t = 0: B motions and contact forces p = f_nl - K_J du, (B, 3 n_pairs) [N]."""
+
+    z: Motion
+    p: np.ndarray
+
+    def take(self, points) -> Start:
+        return Start(self.z.take(points), self.p[points])
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Periods of B points that came closest to repeating, and how close."""
+
+    start: Start            # of that period
+    cycle: Cycle
+    periods: np.ndarray     # (B,) marched until then
+    change: np.ndarray      # (B,) of motion and contact forces in a period, over their size
+    distance: np.ndarray    # (B,) from the steady state, over the motion: the change divided by what decays of it in a period
+
+
+def from_rest(model: TransientModel, n_points: int) -> Start:
+    """Return rest, no traction.  Local."""
+    zero = np.zeros((n_points, len(model.omega_n)))
+    return Start(Motion(zero, zero, zero), np.zeros((n_points, 3 * model.n_pairs)))
+
+
+def from_harmonics(model: TransientModel, omega: np.ndarray, eta: np.ndarray, U: np.ndarray, n_steps: int) -> Start:
+    """Return the state at t = 0 of periodic motions, eta (B, m, N_H) and U (B, n_pairs, 3, N_H).  Local.
+
+    The sliders stand where the rule of section 3 puts them under that motion: w = 0 at the first sample, and one period on.
+    """
+    n = np.arange(1, eta.shape[-1] // 2 + 1)
+    w = omega[:, None]
+    z = Motion(eta[..., 0] + eta[..., 1::2].sum(axis=-1), w * (eta[..., 2::2] @ n), -(w**2) * (eta[..., 1::2] @ n**2))
+    du = np.moveaxis(synthesise(U, n_steps), -1, 0)
+    p = np.zeros(du.shape[1:])
+    for k in range(n_steps + 1):
+        p, _, _ = return_map(du[k % n_steps], p, model.parameters)
+    return Start(z, p.reshape(len(p), -1))
+
+
+class Acceleration:
+    """Anderson's acceleration of x <- x + F(x) for one point, x being the motion and the contact forces.
+
+    D. G. Anderson: Iterative procedures for nonlinear integral equations, Journal of the ACM 12 (1965) 547.
+    """
+
+    def __init__(self, n_motion: int):
+        self.parts = (slice(0, n_motion), slice(n_motion, None))
+        self.dx: list[np.ndarray] = []
+        self.dF: list[np.ndarray] = []
+        self.last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def next(self, x: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """Return the next x; what F leaves as it is, the sliders of pairs that stick, stays.  Local."""
+        if self.last is not None:
+            self.dx.append(x - self.last[0])
+            self.dF.append(F - self.last[1])
+            del self.dx[:-DEPTH], self.dF[:-DEPTH]
+        self.last = x, F
+        step = F.copy()
+        if self.dF:
+            dF, dx = np.array(self.dF).T, np.array(self.dx).T
+            size = np.linalg.norm(dF, axis=0)
+            size[size == 0.0] = 1.0
+            step -= (dx + dF) @ (np.linalg.lstsq(dF / size, F, rcond=_CUT)[0] / size)
+        for part, largest in zip(self.parts, _LARGEST):
+            longest, length = largest * np.linalg.norm(F[part]), np.linalg.norm(step[part])
+            step[part] *= longest / length if length > longest else 1.0
+        return x + np.where(F != 0.0, step, 0.0)
+
+
+def steady_state(march: March, start: Start, tolerance: float, most_periods: int,
+                 accelerated: bool = True, said: Callable[[str], None] = lambda text: None) -> Found:
+    """Return for every point the period that repeats itself, or came closest.  Local.
+
+    Unless ``accelerated`` nothing but time brings the points to their steady state, from rest under a load that grows over
+    ``RAMP`` periods.  Else motion and contact forces at the beginning of a period are corrected after each: the motion first by
+    what a period of the stuck structure would need, (1 - Phi^N)^-1 (x_N - x_0), the contact forces by the law; then both by
+    Anderson's acceleration of that.  Ends at ``distance`` <= ``tolerance`` and a change of p of 10 ``tolerance`` in a period.
+
+    Raises
+    ------
+    ConvergenceError : a step has no solution that Newton finds
+    """
+    B = len(march.level)
+    accelerations = [Acceleration(3 * len(march.model.omega_n)) for _ in range(B)] if accelerated else None
+    K_J = np.stack([march.model.parameters.k_t, march.model.parameters.k_t, march.model.parameters.k_n], axis=1).ravel()
+    root = np.sqrt(np.where(K_J > 0.0, K_J, 1.0))       # p / root is an energy's root, as the scaled motion is
+    found: list[tuple] = [()] * B
+    best = np.full(B, np.inf)
+    left, now = np.arange(B), start
+    for period in range(1, most_periods + 1):
+        part = march.take(left)
+        ramp = None
+        if accelerations is None and period <= RAMP:
+            ramp = (period - 1 + np.arange(1, march.n_steps + 1) / march.n_steps) / RAMP
+        z, p, cycle = part.period(now.z, now.p, ramp)
+        before, after = part.scheme.pack(now.z), part.scheme.pack(z)
+        correction = part.scheme.solve_period(after - before, march.n_steps)
+        size = np.maximum(_norm(after), 1e-300)
+        distance = _norm(correction) / size
+        du = np.abs(cycle.eta @ march.model.r.T).max(axis=0, initial=0.0)
+        force = np.maximum((K_J * du).max(axis=1, initial=0.0), 1e-300)
+        moved = np.abs(p - now.p).max(axis=1, initial=0.0) / force
+        change = np.maximum(_norm(after - before) / size, moved)
+        merit = np.maximum(distance, 0.1 * moved)
+        if ramp is None:
+            for i in np.flatnonzero(~(merit >= best[left])):
+                best[left[i]] = merit[i]
+                found[left[i]] = (now.take([i]), _one(cycle, i), period, change[i], distance[i])
+        before_p = now.p
+        done = (merit <= tolerance) & (ramp is None)
+        said(f"period {period}: {len(left)} points, largest distance {distance.max():.1e}, change of p {moved.max():.1e}")
+        if done.all():
+            break
+        now = Start(z, p)
+        if accelerations is not None:
+            x = [accelerations[point].next(np.append(x0, p0 / root), np.append(c, (p1 - p0) / root))
+                 for point, x0, c, p0, p1 in zip(left, before, correction, before_p, p)]
+            n = before[0].size
+            now = Start(part.scheme.unpack(np.array([one[:n].reshape(before[0].shape) for one in x])),
+                        np.array([one[n:] * root for one in x]))
+        now = now.take(~done)
+        left = left[~done]
+    return _together(found)
+
+
+def _norm(x: np.ndarray) -> np.ndarray:
+    return np.sqrt((x**2).sum(axis=(1, 2)))
+
+
+def _one(cycle: Cycle, i: int) -> Cycle:
+    own = slice(i, i + 1)
+    return Cycle(cycle.eta[:, own].copy(), cycle.v[:, own].copy(), cycle.p[:, own].copy(), cycle.state[own])
+
+
+def _together(found: list[tuple]) -> Found:
+    starts, cycles, periods, change, distance = zip(*found)
+    motion = Motion(*(np.concatenate([getattr(start.z, name) for start in starts]) for name in ("eta", "v", "a")))
+    cycle = Cycle(*(np.concatenate([getattr(one, name) for one in cycles], axis=axis)
+                    for name, axis in (("eta", 1), ("v", 1), ("p", 1), ("state", 0))))
+    return Found(Start(motion, np.concatenate([start.p for start in starts])), cycle, np.array(periods), np.array(change),
+                 np.array(distance))
+
+
+def samples(model: TransientModel, level: np.ndarray, cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return du (n_steps, B, 3 n_pairs), the outputs (.., n_outputs) and f^T u (.., n_loads) at the ends of the steps.  Local."""
+    f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]                # (n_steps, B, n_loads)
+    du = cycle.eta @ model.r.T + f @ model.s.T - cycle.p @ model.G.T
+    output = cycle.eta @ model.o.T + f @ model.out_f.T - cycle.p @ model.out_p.T
+    along = cycle.eta @ model.b + f @ model.load_f.T - cycle.p @ model.s
+    return du, output, along
+
+
+def coefficients(values: np.ndarray, H: int) -> np.ndarray:
+    """Return the Fourier coefficients (B, k, 2 H + 1) of samples (n_steps, B, k) at the ends of the steps.  Local."""
+    return analyse(np.moveaxis(np.roll(values, 1, axis=0), 0, -1), H)
+
+
+def energies(model: TransientModel, omega: np.ndarray, level: np.ndarray,
+             cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return input, viscous and friction loss a period, (B,) [J], by the trapezoidal rule.  Local."""
+    du, _, along = samples(model, level, cycle)
+    f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]
+    C_v = cycle.v * model.C if model.C.ndim == 1 else cycle.v @ model.C
+    damping = (cycle.v * C_v).sum(axis=(0, 2)) * 2.0 * np.pi / omega / len(cycle.eta)
+    return _work(f, along), damping, _work(cycle.p, du)
+
+
+def _work(force: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """Return the closed integral of force d(motion), (B,), of samples (n_steps, B, k)."""
+    return (0.5 * (force + np.roll(force, 1, axis=0)) * (motion - np.roll(motion, 1, axis=0))).sum(axis=(0, 2))

@@ -1,0 +1,129 @@
+"""`microslip verify`, from the scene to table and picture, on any number of ranks."""
+
+import csv
+import signal
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+from matrix_scenes import write_matrix_scene
+from oracles import scenes
+
+from microslip import verify
+from microslip.__main__ import main
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import ConvergenceError
+from microslip.transient.march import March
+
+
+@pytest.fixture
+def program(comm, shared_path, capfd):
+    """Return what to call with arguments after the scene's: status and what was said on all ranks.  Collective."""
+    handler = signal.getsignal(signal.SIGTERM)
+
+    def run(*arguments, system=scenes.chain, levels=(0.5, 20.0), frequencies=(390.0, 590.0)):
+        path = on_root(comm, lambda: write_matrix_scene(shared_path, system(), levels, frequencies, outputs=[len(system()["M"]) - 3 if len(system()["M"]) > 3 else 0], points=48, harmonics=5, samples=64))
+        status = main(["verify", str(path), "--out", str(shared_path / "out"), "--steps", "64", *arguments])
+        assert len(set(comm.allgather(status))) == 1
+        said = capfd.readouterr()
+        return status, "".join(comm.allgather(said.out)), "".join(comm.allgather(said.err))
+
+    yield run
+    signal.signal(signal.SIGTERM, handler)
+
+
+def rows(folder):
+    with open(folder / "out" / "verify.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_two_pairs_on_any_number_of_ranks(program, shared_path):
+    """Two pairs: of three ranks one has none."""
+    status, out, err = program()
+    assert (status, err) == (0, "")
+    found = rows(shared_path)
+    assert [float(row["level_N"]) for row in found] == [0.5] * 5 + [20.0] * 5
+    assert [row["peak"] for row in found].count("peak") == 2
+    assert all(float(row["difference_with_phase"]) < 2e-3 for row in found[:5])     # nothing slips
+    for row in found[5:]:
+        assert float(row["difference_with_phase"]) < 4e-3 + 2.0 * float(row["own_error"])
+        assert float(row["distance"]) <= verify.TOLERANCE and float(row["change"]) <= 10.0 * verify.TOLERANCE
+        assert abs(float(row["energy_closure"])) < 1e-2 and float(row["higher_harmonics"]) > 1e-4
+        assert float(row["harmonic_balance_m"]) - float(row["time_integration_m"]) == pytest.approx(
+            float(row["difference"]) * max(float(one["harmonic_balance_m"]) for one in found[5:]), rel=1e-5, abs=1e-12)
+    assert {"verify.png", "verify.log", "verify.csv"} <= {path.name for path in (shared_path / "out").iterdir()}
+    assert out.count("time integration's own error is about") == 1 and "largest difference" in out
+
+
+def test_more_harmonics_and_frequencies_as_asked(program, shared_path):
+    status, _, _ = program("--at", "66", "--levels", "20", "--harmonics", "1", "--samples", "64")
+    assert status == 0
+    few = rows(shared_path)
+    assert [float(row["frequency_Hz"]) for row in few] == pytest.approx([66.0])
+    program("--at", "66", "--levels", "20", "--harmonics", "5", "--samples", "64")
+    many = rows(shared_path)
+    for one, other in zip(few, many):
+        assert float(other["time_integration_m"]) == pytest.approx(float(one["time_integration_m"]), rel=2e-3)
+    assert max(float(row["difference_with_phase"]) for row in many) < 0.5 * max(float(row["difference_with_phase"]) for row in few)
+
+
+def test_what_contradicts_the_scene_is_named_once(program):
+    for arguments, message in (
+        (("--at", "3"), "--at = 3 Hz lies outside 62.0704 to 93.9014 Hz"),
+        (("--harmonics", "5", "--samples", "10"), "--samples: 10 do not resolve 5 harmonics; at least 11 are needed"),
+    ):
+        status, _, err = program(*arguments)
+        assert status == 2 and err.count(message) == 1
+
+
+def test_a_point_that_comes_to_no_steady_state_is_said_and_the_rest_kept(program, shared_path, monkeypatch):
+    monkeypatch.setattr(verify, "MOST_PERIODS", 1)
+    monkeypatch.setattr(verify, "ACCEPTED", 1e-9)
+    status, _, err = program("--levels", "20")
+    assert status == 3 and err.count("20 N, ") == 5 and "no steady state after 2 periods" in err
+    assert len(rows(shared_path)) == 5 and (shared_path / "out" / "verify.png").exists()
+
+
+def test_from_rest_it_comes_to_the_same(program, shared_path):
+    """One mass on a Jenkins element that slips in every cycle."""
+    of_jenkins = {"system": scenes.jenkins_mass, "levels": (0.8,), "frequencies": (1.1, 1.4)}
+    found = []
+    for arguments in ((), ("--from-rest",)):
+        system = {**scenes.jenkins_mass(), "C": np.array([[0.1]])}
+        status, _, _ = program(*arguments, "--at", "0.2", **{**of_jenkins, "system": lambda system=system: system})
+        assert status == 0
+        found += rows(shared_path)
+    assert float(found[1]["time_integration_m"]) == pytest.approx(float(found[0]["time_integration_m"]), rel=1e-4)
+    assert int(found[1]["periods"]) > int(found[0]["periods"])
+
+
+def test_a_structure_without_contact_is_verified_and_run_too(comm, shared_path, capfd):
+    def write():
+        for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
+            scipy.io.mmwrite(shared_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
+        path = shared_path / "free.toml"
+        path.write_text('[model]\nstiffness = "K.mtx"\nmass = "M.mtx"\n[[loads]]\ndof = 1\nscale = 1.0\n[[outputs]]\nname = "a"\ndof = 0\n'
+                        "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [5.0, 15.0]\npoints = 30\n")
+        return path
+
+    path = on_root(comm, write)
+    assert main(["run", str(path), "--out", str(shared_path / "run")]) == 0
+    assert main(["verify", str(path), "--steps", "64", "--out", str(shared_path / "out")]) == 0
+    capfd.readouterr()
+    assert all(float(row["difference_with_phase"]) < 1e-5 for row in rows(shared_path)) and len(rows(shared_path)) == 5
+
+
+def test_a_step_without_solution_fails_its_point_alone(program, shared_path, monkeypatch):
+    """Where the batch stops, points are marched one by one."""
+    period = March.period
+
+    def stops(march, *arguments):
+        if np.any(np.abs(march.omega - 66.0 * 2.0 * np.pi) < 1e-3):
+            raise ConvergenceError("contact forces of a time step not found")
+        return period(march, *arguments)
+
+    monkeypatch.setattr(March, "period", stops)
+    status, _, err = program("--at", "66,68", "--levels", "20")
+    assert status == 3 and err.count("20 N, 66 Hz: contact forces of a time step not found") == 1
+    assert [bool(row["failure"]) for row in rows(shared_path)] == [True, False]

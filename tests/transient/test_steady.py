@@ -1,0 +1,115 @@
+"""Steady states of the reduced model in time: exact solutions, an independent march, the energy balance, harmonic balance."""
+
+import numpy as np
+import pytest
+from dense_model import branch, reduced
+from mpi4py import MPI
+from oracles import exact, scenes, time_integration
+
+from microslip.reduction.receptance import modal_motion, output_motion, to_real
+from microslip.transient.march import March
+from microslip.transient.model import transient_model
+from microslip.transient.steady import coefficients, energies, from_harmonics, from_rest, samples, steady_state
+
+COMM = MPI.COMM_SELF
+
+
+def system_of(name):
+    system = scenes.SCENES[name]()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    return system
+
+
+def marched(system, omega, level, n_steps, accelerated=True, tolerance=1e-8, n_modes=None, most=400):
+    """Return model, omega, level and the steady state found from rest."""
+    model, parameters = reduced(system, COMM, 3, n_modes)
+    transient = transient_model(model, parameters)
+    omega, level = np.atleast_1d(omega).astype(float), np.full(np.size(omega), float(level))
+    found = steady_state(March(transient, omega, level, n_steps), from_rest(transient, len(omega)), tolerance, most, accelerated)
+    assert found.distance.max() <= tolerance
+    return transient, omega, level, found
+
+
+def output(transient, level, found, H=15):
+    return coefficients(samples(transient, level, found.cycle)[1], H)[:, 0]
+
+
+def test_the_jenkins_mass_comes_to_its_exact_steady_state_at_second_order():
+    omegas, errors = np.array([1.16, 1.25, 1.4]), []
+    known = np.array([exact.jenkins_steady_state(w, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(15) for w in omegas])
+    for n_steps in (32, 64, 128):
+        transient, _, level, found = marched(system_of("jenkins"), omegas, 0.8, n_steps, tolerance=1e-6)
+        errors.append(np.abs(output(transient, level, found) - known).max() / np.abs(known).max())
+    assert errors[2] < 2e-3
+    assert np.log2(errors[0] / errors[2]) / 2.0 == pytest.approx(2.0, abs=0.5)
+
+
+@pytest.mark.parametrize("name, level, omega", [("spatial", 0.4, 1.3), ("spatial", 1.2, 1.2), ("chain", 100.0, 560.0)])
+def test_it_meets_the_march_of_the_unreduced_system(name, level, omega):
+    """Another scheme, all coordinates, contact condensed another way; the same steps, so that the law is sampled alike."""
+    system = system_of(name)
+    transient, _, levels, found = marched(system, omega, level, 128, tolerance=1e-6)
+    other = time_integration.steady_state(system, omega, level, n_steps=128, scheme="exponential", tolerance=1e-5, coarse=1, law="return")
+    theirs = system["output"] @ other.u_hat
+    assert np.abs(output(transient, levels, found)[0] - theirs).max() < 2e-3 * np.abs(theirs[1:]).max()
+    assert np.array_equal(found.cycle.state[0], other.state)
+
+
+@pytest.mark.parametrize("name, level, omega", [("jenkins", 0.8, 1.2), ("spatial", 0.4, 1.3)])
+def test_what_goes_in_is_lost_by_damping_and_friction(name, level, omega):
+    closures = []
+    for n_steps in (64, 128):
+        transient, omegas, levels, found = marched(system_of(name), omega, level, n_steps)
+        work, damping, friction = energies(transient, omegas, levels, found.cycle)
+        assert friction[0] > 0.01 * work[0] > 0.0
+        closures.append(abs(work - damping - friction)[0] / work[0])
+    assert closures[1] < 5e-3 and closures[1] < 0.6 * closures[0]
+
+
+def test_acceleration_comes_where_time_alone_comes_to():
+    """Both start at rest; the mass slips in every cycle and forgets how it came there."""
+    system = system_of("spatial")
+    transient, _, level, quick = marched(system, [1.3, 1.6], 0.6, 32)
+    _, _, _, slow = marched(system, [1.3, 1.6], 0.6, 32, accelerated=False)
+    assert output(transient, level, quick) == pytest.approx(output(transient, level, slow), abs=1e-6)
+    assert quick.periods.max() < 0.5 * slow.periods.min()
+
+
+def test_the_period_found_repeats_itself():
+    transient, omega, level, found = marched(system_of("chain"), [540.0, 560.0], 50.0, 64)
+    march = March(transient, omega, level, 64)
+    z, p, cycle = march.period(found.start.z, found.start.p)
+    before, after = march.scheme.pack(found.start.z), march.scheme.pack(z)
+    assert np.abs(after - before).max() < 1e-6 * np.abs(before).max()
+    assert np.abs(p - found.start.p).max() < 1e-6 * np.abs(cycle.p).max()
+    assert cycle.p == pytest.approx(found.cycle.p, abs=1e-6 * np.abs(cycle.p).max())
+
+
+@pytest.mark.parametrize("n_modes", [2, None])
+def test_harmonic_balance_comes_to_it_with_more_harmonics(n_modes):
+    """The same reduced model, with modes left out or not, and the law at as many instants: the harmonics left out are what differs."""
+    system, omega, level, differences = system_of("chain"), 560.0, 20.0, []
+    for H in (1, 3, 9):
+        points = branch(system, COMM, level, low=550.0, high=570.0, H=H, n_samples=128, at=(omega,), points=4, n_modes=n_modes).points
+        point, = (one for one in points if one.asked)
+        model, parameters = reduced(system, COMM, H, n_modes)
+        transient = transient_model(model, parameters)
+        omegas, levels = np.array([omega]), np.array([level])
+        eta = to_real(modal_motion(model, level, omega, point.p.reshape(-1, 2 * H + 1)))
+        start = from_harmonics(transient, omegas, eta[None], point.U[None], 128)
+        found = steady_state(March(transient, omegas, levels, 128), start, 1e-6, 60)
+        mine = output(transient, levels, found)[0, 1:3]
+        differences.append(np.hypot(*(mine - point.response[0, 1:3])) / np.hypot(*mine))
+    assert differences[2] < 2e-3 and differences[2] < 0.5 * differences[1] < 0.5 * differences[0]
+
+
+def test_the_linear_response_is_exact():
+    system = system_of("chain")
+    transient, omega, level, found = marched(system, [410.0, 560.0, 777.0], 0.01, 128)
+    model, _ = reduced(system, COMM, 3)
+    none = np.zeros((3 * model.n_pairs, model.N_H))
+    for i, w in enumerate(omega):
+        known = output_motion(model, 0.01, w, none)[0]
+        assert output(transient, level, found, 3)[i] == pytest.approx(known, abs=5e-4 * np.abs(known).max())
+    assert found.periods.max() == 2 and not found.cycle.p.any()
