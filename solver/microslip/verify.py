@@ -11,7 +11,9 @@ import numpy as np
 from .contact.law import ContactParameters
 from .continuation.branch import Branch
 from .continuation.levels import follow_level, frequency_sweep, likely_to_slip, linear_curve
+from .error_bars.truth import Truth, truth_of
 from .harmonic.fourier import cycle_work, synthesise
+from .harmonic.harmonics import Harmonics
 from .parallel.agree import on_each, on_root
 from .parallel.errors import CaseError, ConvergenceError
 from .parallel.log import RunLog
@@ -67,7 +69,8 @@ def verify(scene, comm, folder: Path, asked: Asked = Asked(), options: tuple[str
         pairs, model = structure.pairs, reduction.model
         parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
         with log.stage("curves by harmonic balance"):
-            branches = curves(scene, model, parameters, reduction.selection, structure.modes.omega_n, asked.at)
+            truth = truth_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.accuracy else None
+            branches = curves(scene, model, parameters, reduction.selection, structure.modes.omega_n, asked.at, truth)
         with log.stage("static columns of every pair"):
             transient = transient_model(model, parameters)
         with log.stage("time integration"):
@@ -105,7 +108,7 @@ def by_what_is_asked(scene, asked: Asked):
 
 
 def curves(scene, model: ReducedModel, parameters: ContactParameters, selection, omega_n: np.ndarray,
-           at: tuple[float, ...]) -> list[Branch]:
+           at: tuple[float, ...], truth: Truth | None) -> list[Branch]:
     """Return the branches of all levels.  Collective.
 
     Raises
@@ -118,7 +121,7 @@ def curves(scene, model: ReducedModel, parameters: ContactParameters, selection,
         raise CaseError(str(problem).replace("[response] at", "--at") if at else str(problem)) from None
     curve = linear_curve(model, sweep)
     model.G_static.likely = likely_to_slip(model, parameters, curve)
-    return [follow_level(scene, model, parameters, selection, sweep, curve, level, lambda point: None)
+    return [follow_level(scene, model, parameters, selection, sweep, curve, level, lambda point: None, truth)
             for level in scene.response.levels]
 
 
@@ -138,7 +141,7 @@ class Chosen:
 
 def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]:
     """Return the points to verify: those ``at`` frequencies, else of every level those of ``around_peak``.  Local, on rank 0."""
-    chosen = []
+    chosen, most = [], Harmonics.full(max((point.p.shape[-1] for branch in branches for point in branch.points), default=3))
     for branch in branches:
         sizes = np.array([amplitude(point.response[0]) for point in branch.points])
         if len(sizes) == 0:
@@ -148,8 +151,9 @@ def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]
         nearest = min(indices, key=lambda i: abs(i - top), default=top)
         for i in indices:
             point = branch.points[i]
-            chosen.append(Chosen(branch.level, point.omega, float(sizes[top]), i == nearest, point.response[0], point.U, point.p,
-                                 point.energy))
+            response, U, p = (Harmonics.full(values.shape[-1]).carry(values, most)
+                              for values in (point.response[0], point.U, point.p))
+            chosen.append(Chosen(branch.level, point.omega, float(sizes[top]), i == nearest, response, U, p, point.energy))
     return chosen
 
 
@@ -208,7 +212,9 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
 
 def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], n_steps: int) -> Start:
     """Return the motions of harmonic balance at t = 0: among steady states that differ by residual tractions, theirs."""
-    eta = [to_real(modal_motion(model, one.level, one.omega, one.p.reshape(-1, model.N_H))) for one in chosen]
+    N_H = chosen[0].p.shape[-1]
+    model = model.with_harmonics(Harmonics.full(N_H))
+    eta = [to_real(modal_motion(model, one.level, one.omega, one.p.reshape(-1, N_H)), N_H) for one in chosen]
     return from_harmonics(transient, np.array([one.omega for one in chosen]), np.array(eta),
                           np.array([one.U for one in chosen]), n_steps)
 

@@ -1,4 +1,4 @@
-"""Harmonics, samples and steps from the accuracy asked for (docs/theory.md, section 10).
+"""Harmonics, samples and steps from the accuracy asked for (docs/theory.md, section 11).
 
 At every point the error bar says what more harmonics and more samples would change.  Where that exceeds its share of the accuracy
 the point is solved again with more, from where it is; where it stays far below for some points, the next ones have fewer.  The
@@ -26,7 +26,7 @@ PATIENCE = 3                # points in a row
 SHARES = {"harmonics": 0.4, "samples": 0.15}    # of the accuracy; the parts are estimates, some half of what is true
 STEP = 0.5                  # share of the accuracy for the straight line between two points
 LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0          # bounds of the change from one step to the next
-LONGEST = 0.2               # step, in the relative norm
+LONGEST = 0.1               # step, in the relative norm
 
 
 @dataclass(frozen=True)
@@ -145,8 +145,8 @@ def accuracy_of(scene, problem: HarmonicBalance) -> Accuracy | None:
 
 def steps_for(target: float) -> ArcLength:
     """Return the step lengths of a branch: on a circle, a resonance, a chord of c diameters strays by c^2 / 4 of them."""
-    ds = 2.0 * np.sqrt(STEP * target)
-    return ArcLength(ds=ds, ds_min=ds / 1024.0, ds_max=max(ds, min(8.0 * ds, LONGEST)))
+    ds = min(2.0 * np.sqrt(STEP * target), LONGEST)
+    return ArcLength(ds=ds, ds_min=ds / 1024.0, ds_max=min(8.0 * ds, LONGEST))
 
 
 def chord_error(before: np.ndarray, now: np.ndarray, after: np.ndarray, steps: tuple[float, float]) -> np.ndarray:

@@ -135,7 +135,9 @@ class BranchFollower:
                 break
             found, selected = better, used
         if self.accuracy:
-            self.change_to(self.accuracy.coarser(self.resolution, ratios))
+            was = self.resolution
+            self.change_to(self.accuracy.coarser(was, ratios))
+            found, selected = self.still(found, selected, was)
         now = time.perf_counter()
         point, self.clock = replace(point, seconds=now - self.clock), now
         B = self.selection.update(moves, point.state, point.energy)
@@ -188,6 +190,12 @@ class BranchFollower:
             return again, used
         self.change_to(was)
         return found, selected
+
+    def again(self, state: State) -> State:
+        """Return a point as the problem has it now, so that the way from it to the next one is that of the branch.  Collective."""
+        state = self.carried(state)
+        found, _ = self.solve_at(state.iterate, state.size, state.selected)
+        return state if found.failure else replace(state, iterate=found.iterate)
 
     def solve_with(self, finer: Resolution, found: Correction, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
         """Solve a point again with more harmonics or samples; go back to the old ones where Newton fails.  Collective."""
@@ -318,7 +326,7 @@ class BranchFollower:
             return self.steps.next(ds, newton, turn)
         steps = self.distance(before, now.iterate), self.distance(now, after.iterate)
         stretch = self.comm.bcast(self.accuracy.stretch([state.amplitude for state in last], steps))
-        return self.steps.stretched(ds, newton, stretch)
+        return self.steps.stretched(ds, newton, turn, stretch)
 
     @cached_property
     def is_loose(self) -> bool:
@@ -388,6 +396,8 @@ class BranchFollower:
         yield from self.asked(before, found.iterate, selected)
         now, point = self.accept(*self.still(found, selected, was))
         yield now, point
+        if self.resolution != was:
+            before = self.again(before)
         ds, earlier = self.steps.ds, None
         while True:
             now = self.carried(now)
@@ -414,7 +424,10 @@ class BranchFollower:
             ds = self.next_step(ds, found.newton, (before, now, after))
             if self.problem.held_at is not None and after.sliding < MOSTLY:
                 after = self.let_go(after) or after
-            earlier, before, now = before, now, after
+            if self.resolution == was:
+                earlier, before, now = before, now, after
+            else:
+                earlier, before, now = None, self.again(now), after
 
     def asked(self, now: State, there: Iterate, selected: np.ndarray) -> Iterator[tuple[State, Point]]:
         """Solve at the asked values that a step has passed."""

@@ -134,7 +134,7 @@ def follow_level(scene, model: ReducedModel, parameters: ContactParameters, sele
     estimator = None if truth is None else ErrorEstimator(truth)
     if model.n_pairs == 0:
         return linear_branch(problem, sweep, curve, scene.response.points, on_point, estimator)
-    accuracy = accuracy_of(scene, problem)
+    accuracy = accuracy_of(scene, problem) if estimator else None
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
     if accuracy is not None and accuracy.chooses_steps:
         steps = steps_for(accuracy.target)

@@ -16,6 +16,8 @@ import numpy as np
 
 from ..parallel.errors import CaseError
 
+SHARPEST = 0.35         # rad between two steps at which a step chosen by accuracy grows no further
+
 
 @dataclass(frozen=True, kw_only=True)
 class ArcLength:
@@ -44,10 +46,11 @@ class ArcLength:
         return min(max(ds * factor, min(smallest, 1.5 * ds)), self.ds_max)
 
 
-    def stretched(self, ds: float, newton: int, stretch: float) -> float:
-        """Return the length of the next step, ``stretch`` times the last one as far as Newton's iterations allow."""
+    def stretched(self, ds: float, newton: int, turn: float, stretch: float) -> float:
+        """Return the length of the next step, ``stretch`` times the last one as far as turn and Newton's iterations allow."""
         by_newton = (self.easy / max(newton, 1)) ** 0.5
-        return min(max(ds * min(stretch, max(by_newton, 0.5)), self.ds_min), self.ds_max)
+        by_turn = SHARPEST / max(turn, 1e-3)
+        return min(max(ds * min(stretch, max(min(by_newton, by_turn), 0.5)), self.ds_min), self.ds_max)
 
 
 def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.ndarray) -> np.ndarray:

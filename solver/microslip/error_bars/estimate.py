@@ -1,6 +1,6 @@
 """The error bar of a converged point: five parts, each through the adjoint of the requested output.
 
-docs/theory.md, section 10.  The solution U of (5.1) is put into a better problem: all pairs, more harmonics, more samples, the
+docs/theory.md, section 11.  The solution U of (5.1) is put into a better problem: all pairs, more harmonics, more samples, the
 modes left out.  To first order, what that changes in the output is the change of the contact forces times the adjoint mu of the
 output, which one linear solve gives:
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..harmonic.fourier import analyse, synthesise
+from ..harmonic.harmonics import Harmonics
 from .march import Cycle, March
 from .model import TransientModel
 from .return_map import return_map
@@ -178,7 +179,7 @@ def samples(model: TransientModel, level: np.ndarray, cycle: Cycle) -> tuple[np.
 
 def coefficients(values: np.ndarray, H: int) -> np.ndarray:
     """Return the Fourier coefficients (B, k, 2 H + 1) of samples (n_steps, B, k) at the ends of the steps.  Local."""
-    return analyse(np.moveaxis(np.roll(values, 1, axis=0), 0, -1), H)
+    return analyse(np.moveaxis(np.roll(values, 1, axis=0), 0, -1), Harmonics.up_to(H))
 
 
 def energies(model: TransientModel, omega: np.ndarray, level: np.ndarray,
