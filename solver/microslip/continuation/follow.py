@@ -192,7 +192,7 @@ class BranchFollower:
         return found, selected
 
     def again(self, state: State) -> State:
-        """Return a point as the problem has it now, so that the way from it to the next one is that of the branch.  Collective."""
+        """Return a point as the problem has it now, so that the way to the next one is that of the branch.  Collective."""
         state = self.carried(state)
         found, _ = self.solve_at(state.iterate, state.size, state.selected)
         return state if found.failure else replace(state, iterate=found.iterate)

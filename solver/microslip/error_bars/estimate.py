@@ -25,7 +25,8 @@ from .parts import PARTS
 from .truth import Truth
 
 FINER = 2               # times the samples of the better problem
-SWEEPS = 4              # steps of the iteration for the higher harmonics
+MOST_SWEEPS = 20        # steps of the iteration for the higher harmonics
+SETTLED = 0.1           # relative miss at which it ends
 ORDER = 1               # of the sampled law in 1 / N_t
 MANY_KRYLOV = 50        # GMRES iterations of an adjoint beyond which the next ones are preconditioned
 
@@ -103,9 +104,11 @@ class ErrorEstimator:
             return Changes(nothing, nothing, p_all - p)
         by_samples = more.carry(finer.full_force(at_finer), harmonics) - p_all
         higher, mixing = np.zeros_like(U_more), Anderson(exact)
-        for _ in range(SWEEPS):
+        for _ in range(MOST_SWEEPS):
             excited = -finer.receptance_at(parameter, forces.active).apply(forces.p)
-            higher = mixing.next(higher, excited - harmonics.carry(more.carry(excited, harmonics), more))
+            higher, miss = mixing.next(higher, excited - harmonics.carry(more.carry(excited, harmonics), more))
+            if miss <= SETTLED:
+                break
             forces = finer.contact_forces(U_more + higher, everything, tangents=False)
         by_harmonics = more.carry(finer.full_force(forces) - finer.full_force(at_finer), harmonics)
         return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
@@ -142,16 +145,22 @@ class Anderson:
         self.values: list[np.ndarray] = []              # g(x) of all steps, this rank's rows
         self.misses: list[np.ndarray] = []              # g(x) - x
 
-    def next(self, x: np.ndarray, value: np.ndarray) -> np.ndarray:
-        """Return the next x: the mean of all values so far, so weighted that the miss is least.  Collective: one sum."""
+    def next(self, x: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the next x, and how far the last one missed g(x), relative to that.  Collective: one sum and one broadcast.
+
+        The next x is the mean of all values so far, so weighted that the miss is least.
+        """
         self.values.append(value)
         self.misses.append(value - x)
-        if len(self.values) == 1:
-            return value
-        steps = np.array([miss - self.misses[-1] for miss in self.misses[:-1]]).reshape(len(self.misses) - 1, -1)
-        products = self.problem.gather_sum(steps @ np.column_stack([steps.T, self.misses[-1].ravel()]))
-        weights = -np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=1e-12)[0]
-        return value + sum(weight * (other - value) for weight, other in zip(weights, self.values))
+        miss = self.misses[-1].ravel()
+        steps = np.array([other.ravel() - miss for other in self.misses[:-1]]).reshape(len(self.misses) - 1, len(miss))
+        columns = np.column_stack([steps.T, miss, value.ravel()])
+        products = self.problem.comm.bcast(self.problem.gather_sum(columns.T @ columns))
+        n = len(steps)
+        weights = -np.linalg.lstsq(products[:n, :n], products[:n, n], rcond=1e-12)[0]
+        mean = value + sum(weight * (other - value) for weight, other in zip(weights, self.values))
+        size = products[n + 1, n + 1]
+        return mean, float(np.sqrt(products[n, n] / size)) if size > 0.0 else 0.0
 
 
 _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)       # the limit of many samples, from N_t and FINER N_t
