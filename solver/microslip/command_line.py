@@ -109,14 +109,14 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
             command.add_argument("--methods", metavar="A,B,...", type=_words, default=(),
                                  help="their names, with commas (default: all)")
         if name == "trade":
-            command.add_argument("--knobs", metavar="A,B,...", type=_words, default=(), help="what to turn, with commas: harmonics, "
-                                 "samples, modes, tolerance, eps, method, mesh (default: all)")  # fmt: skip
-            command.add_argument("--levels", metavar="A,B,...", type=_numbers, default=(), help="forces in N, with commas (default: "
-                                 "of the scene's the first with slip and the strongest)")  # fmt: skip
+            command.add_argument("--knobs", metavar="A,B,...", type=_words, default=(), help="what to turn, with commas: "
+                                 "harmonics, samples, modes, tolerance, eps, method, mesh (default: all)")  # fmt: skip
+            command.add_argument("--levels", metavar="A,B,...", type=_numbers, default=(), help="forces in N, with commas "
+                                 "(default: of the scene's the first with slip and the strongest)")  # fmt: skip
             command.add_argument("--meshes", metavar="A,B,...", type=_words, default=(), help="further meshes of the same scene, "
                                  "with the same groups, to measure what the mesh costs and buys")  # fmt: skip
             command.add_argument("--seconds", metavar="S", type=_above_zero, help="time to spend, as far as it can be known "
-                                 "beforehand; more makes a better reference (default: 100)")  # fmt: skip
+                                 "beforehand; more makes a better reference (default: 105)")  # fmt: skip
         command.usage = command.format_usage().removeprefix("usage: ").strip() + after
         commands[name] = command
     return parser, commands

@@ -1,9 +1,10 @@
-"""The story of a trade: one structure, many settings at the same frequencies, each against a reference that is known to be good."""
+"""The story of a trade: one structure, many settings at the same frequencies, each against a reference that is known."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 
 from .compare import LARGEST_REFERENCE
@@ -17,21 +18,23 @@ from .reduction.methods import METHODS
 from .results.trade import ACCURACY, BASE, COMBINED, KNOBS, TARGETS, Run, Setting, Study, promising
 from .results.trade_report import write_trade
 from .run import build_structure
-from .trade_bench import Bench, Clock
-from .trade_reference import TOLERANCE, find_reference, frequencies
+from .trade_bench import Bench, Clock, not_run
+from .trade_reference import find_reference, frequencies
 
-SECONDS = 100.0                     # to be spent in all, unless the command line says otherwise
-UNTIL_REFERENCE, UNTIL_KNOBS = 0.4, 0.8     # shares of that
+SECONDS = 105.0                     # to be spent in all, unless the command line says otherwise
+UNTIL_REFERENCE, UNTIL_COMBINED = 0.4, 0.8         # shares of that
 VALUES: dict[str, tuple] = {
-    "harmonics": (1, 2, 3, 5, 7, 9, 13, 19, 27),
-    "samples": (32, 64, 128, 256, 512, 1024, 2048),
+    "harmonics": (1, 2, 3, 5, 7, 9, 13, 19, 27, 41),
+    "samples": (32, 64, 128, 256, 512, 1024),
     "modes": (1, 2, 3, 5, 8, 12, 20),
-    "tolerance": (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10),
+    "tolerance": (1e-2, 1e-3, 1e-4, 1e-6, 1e-8),
 }
-EPS = (-1, -2, -3, -4, -6)          # decades below the largest loss of a pair
+EPS = (-1, -2, -3, -5)              # decades below the largest loss of a pair
 BASE_HARMONICS, BASE_SAMPLES, BASE_TOLERANCE = 5, 256, 1e-8
-FEWEST_OF_REFERENCE = 60            # modes
-COMBINATIONS = 10
+FEWEST_OF_REFERENCE = 40            # modes
+COMBINATIONS = 8
+MANY = 20                           # harmonics of runs that take long, and come late
+GROWTH = 3.0                        # power of the number of harmonics by which time grows at worst
 COMBINED_KNOBS = ("harmonics", "samples", "modes", "tolerance")
 
 
@@ -103,20 +106,21 @@ def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
         with log.stage("modes of the reference"):
             measure_modes(bench, base.modes)
         with log.stage("frequencies"):
-            omegas, most = frequencies(bench, base, asked.levels or None)
+            omegas, most = frequencies(bench, cheap(bench, base), asked.levels or None)
         with log.stage("reference"):
-            start = replace(base, samples=512, tolerance=TOLERANCE)
-            reference = find_reference(bench, omegas, start, clock, UNTIL_REFERENCE, log.note)
+            reference = find_reference(bench, omegas, base, clock, UNTIL_REFERENCE, log.note)
         study = Study(scene.title or scene.name, scene.name, reference, base, shared=shared)
+        first, later = settings(bench, base, study, asked.knobs, most)
         with log.stage("runs, knob by knob"):
-            log_run(log, study, bench.run(BASE, "", base, omegas))
-            until = {ACCURACY: 1.0} | dict.fromkeys(KNOBS, UNTIL_KNOBS)
-            for knob, value, setting in settings(bench, base, study, asked.knobs, most):
-                run_in_time(bench, study, (knob, value, setting), omegas, clock, until[knob], log)
+            for what in [(BASE, "", base), *first]:
+                run_in_time(bench, study, what, omegas, clock, UNTIL_COMBINED, log)
         with log.stage("runs, combined"):
             knobs = [knob for knob in COMBINED_KNOBS if knob in asked.knobs]
             for setting in comm.bcast(promising(study, knobs, COMBINATIONS)):
-                run_in_time(bench, study, (COMBINED, "", setting), omegas, clock, 1.0, log)
+                run_in_time(bench, study, (COMBINED, "", setting), omegas, clock, UNTIL_COMBINED, log)
+        with log.stage("runs, methods and what takes long"):
+            for what in later:
+                run_in_time(bench, study, what, omegas, clock, 1.0, log)
         shared["static columns"] = comm.bcast(bench.columns_seconds)
     finally:
         structure.linearised.destroy()
@@ -138,34 +142,51 @@ def base_of(bench: Bench) -> Setting:
     return Setting(len(bench.structure.modes.omega_n), H, max(BASE_SAMPLES, 16 * H), BASE_TOLERANCE)
 
 
+def cheap(bench: Bench, base: Setting) -> Setting:
+    """Return the setting of the curves that show where the points are needed.  Local."""
+    H = max(3, bench.least_harmonics)
+    return replace(base, harmonics=H, samples=max(128, 16 * H), tolerance=1e-6)
+
+
 def measure_modes(bench: Bench, n_base: int) -> None:
     """Compute the modes of the reference, and learn what fewer cost.  Collective."""
     n_dof = bench.structure.linearised.system.n_dof
     most = min(max(FEWEST_OF_REFERENCE, 3 * n_base), most_modes(n_dof))
-    for n_modes in sorted({bench.scene.response.mode or 1, n_base, most}):
+    for n_modes in sorted({bench.scene.response.mode or 1, most}):
         bench.more_modes(n_modes)
 
 
-def settings(bench: Bench, base: Setting, study: Study, knobs: Sequence[str], most: float) -> list[tuple[str, str, Setting]]:
-    """Return the runs: knob, name of its value, setting.  Local; the same on all ranks.
+def settings(bench: Bench, base: Setting, study: Study, knobs: Sequence[str],
+             most: float) -> tuple[list[tuple[str, str, Setting]], list[tuple[str, str, Setting]]]:
+    """Return the runs, knob, name of its value and setting: those that combinations are made of, and the others.  Local.
 
-    ``most``, the largest loss of a pair [J a cycle], is what energies are judged against.
+    The same on all ranks.  ``most``, the largest loss of a pair [J a cycle], is what energies are judged against.
     """
-    found = []
-    for knob in ("harmonics", "samples", "modes", "tolerance"):
-        for value in values(bench, base, study, knob) if knob in knobs else ():
-            setting = replace(base, **{knob: value})
-            if value != getattr(base, knob) and setting.samples > 2 * setting.harmonics:
-                found.append((knob, f"{value:g}", setting))
-    found += [(ACCURACY, f"{target:g}", replace(base, accuracy=target)) for target in TARGETS]
-    if "method" in knobs:
-        n_dof = bench.structure.linearised.system.n_dof
-        names = [name for name in METHODS if name != base.method and (name != "full" or n_dof <= LARGEST_REFERENCE)]
-        found += [("method", name, replace(base, method=name)) for name in names if name != "adaptive-energy" or "eps" not in knobs]
+    first: list[tuple[str, str, Setting]] = []
+    later: list[tuple[str, str, Setting]] = []
+    last: list[tuple[str, str, Setting]] = []
+    turned = {knob: [value for value in values(bench, base, study, knob) if value != getattr(base, knob)]
+              for knob in COMBINED_KNOBS if knob in knobs}
+    for H in turned.pop("harmonics", []):
+        setting = replace(base, harmonics=H, samples=max(base.samples, 4 * (H + 1)))
+        (first if H < MANY else last).append(("harmonics", f"{H}", setting))
+    for row in zip_longest(*([(knob, value) for value in ends_first(found)] for knob, found in turned.items())):
+        settings_of_row = [(knob, f"{value:g}", base.turned(knob, value)) for knob, value in filter(None, row)]
+        first += [entry for entry in settings_of_row if entry[2].samples > 2 * entry[2].harmonics]
+    later += [(ACCURACY, f"{target:g}", replace(base, accuracy=target)) for target in TARGETS[:2]]
     if "eps" in knobs and most > 0.0:
         energies = [float(f"{10.0**decade * most:.0e}") for decade in EPS]
-        found += [("eps", f"{eps:g} J", replace(base, method="adaptive-energy", energy_tolerance=eps)) for eps in energies]
-    return found
+        later += [("eps", f"{eps:g} J", replace(base, method="adaptive-energy", energy_tolerance=eps)) for eps in energies]
+    if "method" in knobs:
+        n_dof = bench.structure.linearised.system.n_dof
+        known = {base.method, *(["adaptive-energy"] if "eps" in knobs else []), *(["full"] if n_dof > LARGEST_REFERENCE else [])}
+        later += [("method", name, replace(base, method=name)) for name in METHODS if name not in known]
+    return first, [*later, *last[:1], (ACCURACY, f"{TARGETS[2]:g}", replace(base, accuracy=TARGETS[2])), *last[1:]]
+
+
+def ends_first(found: list) -> list:
+    """Return a list with its first and last entries first: where time runs out these say most.  Local."""
+    return [*found[:1], *found[1:][-1:], *found[1:-1]]
 
 
 def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
@@ -174,21 +195,28 @@ def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
         return [H for H in VALUES[knob] if bench.least_harmonics <= H < max(study.reference.setting.harmonics, base.harmonics)]
     if knob == "modes":
         least, most = bench.scene.response.mode or 1, study.reference.setting.modes
-        return sorted({m for m in VALUES[knob] if least <= m <= most} | {most})
+        return [m for m in VALUES[knob] if least <= m <= most]
     return list(VALUES[knob])
 
 
-def run_in_time(bench: Bench, study: Study, what: tuple[str, str, Setting], omegas, clock: Clock, share: float, log: RunLog) -> None:
+def run_in_time(bench: Bench, study: Study, what: tuple[str, str, Setting], omegas, clock: Clock, share: float,
+                log: RunLog) -> None:
     """Add a run to the study, unless the time is up.  Collective."""
     knob, value, setting = what
-    if setting.accuracy is not None:
-        setting = with_modes_for(bench, setting)
-    if clock.left(share) <= 0.0:
-        nothing = float("nan")
-        run = Run(knob, value, setting, nothing, nothing, nothing, nothing, 0, (), "left out: the time was up; raise --seconds")
+    if clock.left(share) <= expected(study, knob, setting):
+        run = not_run(knob, value, setting, "left out for want of time, raise --seconds")
     else:
-        run = bench.run(knob, value, setting, omegas)
+        run = bench.run(knob, value, setting if setting.accuracy is None else with_modes_for(bench, setting), omegas)
     log_run(log, study, run)
+
+
+def expected(study: Study, knob: str, setting: Setting) -> float:
+    """Return the seconds that a run of many harmonics, or of the least error, may take; 0 where that is not known.  Local."""
+    known = [run for run in study.complete if run.knob == ("harmonics" if knob == "harmonics" else ACCURACY)]
+    if not known or (knob == "harmonics" and setting.harmonics < MANY) or knob not in ("harmonics", ACCURACY):
+        return 0.0
+    growth = (setting.harmonics / known[-1].setting.harmonics) ** GROWTH if knob == "harmonics" else 4.0
+    return growth * known[-1].seconds_with_bars
 
 
 def with_modes_for(bench: Bench, setting: Setting) -> Setting:
@@ -226,10 +254,10 @@ def mesh_runs(scene, comm, asked: Asked, base: Setting, log: RunLog) -> list[Run
             structure = build_structure(other, comm, log)
             setup = clock.spent
             bench = Bench(other, structure)
-            own, _ = frequencies(bench, base, asked.levels or None)
+            own, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
             benches.append((mesh, bench, setup))
         except MicroslipError as problem:
-            found.append((0, Run("mesh", Path(mesh).name, replace(base, mesh=mesh), *[float("nan")] * 4, 0, (), str(problem))))
+            found.append((0, not_run("mesh", Path(mesh).name, replace(base, mesh=mesh), str(problem))))
             continue
         for level, points in own.items():
             omegas[level] = sorted({*omegas.get(level, ()), *points}, reverse=bench.sweep.direction < 0)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .contact.law import ContactParameters
-from .continuation.accuracy import Accuracy, Resolution, least_samples
+from .continuation.accuracy import Accuracy, accuracy_of
 from .continuation.branch import Branch
 from .continuation.grid import at_frequencies
 from .continuation.levels import frequency_sweep, likely_to_slip, linear_curve
@@ -20,12 +20,13 @@ from .harmonic.harmonics import Harmonics
 from .harmonic.residual import HarmonicBalance
 from .modes.eigen import Modes, first_of, lowest_modes
 from .parallel.errors import MicroslipError
+from .reduction.columns import StaticColumns
 from .reduction.methods import check_size, reduce_by_method
 from .reduction.reduction import Reduction
 from .results.trade import Curve, Run, Setting
 from .run import Structure
 
-SHORT = 0.5             # s of a response below which it is solved again, and the smaller time counts
+SHORT = 1.0             # s of a response below which it is solved again, and the smaller time counts
 
 
 class Clock:
@@ -67,7 +68,7 @@ class Bench:
         self.modes_seconds: dict[int, float] = {}           # measured, by number
         self.columns_seconds = 0.0                          # of static columns, which all runs share
         self._prepared: dict[tuple, Prepared] = {}
-        self._columns = None
+        self._columns: StaticColumns | None = None
 
     # -- set-up ------------------------------------------------------------------------------------------------
 
@@ -86,7 +87,7 @@ class Bench:
     def setup_of_modes(self, n_modes: int) -> float:
         """Return the seconds that so many modes take, on straight lines between what was measured.  Local."""
         known = sorted(self.modes_seconds.items())
-        return float(np.interp(n_modes, *zip(*known))) if known else 0.0
+        return float(np.interp(n_modes, [n for n, _ in known], [seconds for _, seconds in known])) if known else 0.0
 
     def prepared(self, setting: Setting) -> Prepared:
         """Return a setting's reduction; those of the structure's own modes and statics are kept, with static columns in common.
@@ -117,7 +118,7 @@ class Bench:
         if reduction.leaves_out == "modes":
             if self._columns is None:
                 self._columns = reduction.model.G_static
-                self._columns.solve = self._timed(self._columns.solve)
+                self._columns.solve = self._timed(self._columns.solve)      # type: ignore[method-assign]
             reduction = replace(reduction, model=replace(reduction.model, G_static=self._columns))
         model = reduction.model
         if not model.G_static.known.all():
@@ -148,46 +149,84 @@ class Bench:
         model = prepared.reduction.model.with_harmonics(Harmonics.up_to(setting.harmonics))
         return HarmonicBalance(model, self.parameters, setting.samples, level)
 
-    def branch(self, prepared: Prepared, setting: Setting, level: float, omegas: Sequence[float], bars: bool) -> Branch:
-        """Return the points of a setting at ``omegas`` [rad/s]."""
-        problem = self.problem(prepared, setting, level)
-        accuracy = self.accuracy_of(setting)
-        estimator = ErrorEstimator(prepared.truth) if bars or accuracy else None
-        return at_frequencies(problem, prepared.reduction.selection, list(omegas), tolerance=setting.tolerance, estimator=estimator,
-                              accuracy=accuracy)
-
-    def accuracy_of(self, setting: Setting) -> Accuracy | None:
-        """Return a new choice of harmonics and samples for a branch of a setting.  Local."""
+    def accuracy_of(self, setting: Setting, problem: HarmonicBalance) -> Accuracy | None:
+        """Return a new choice of harmonics and samples for a branch of a setting; the scene's own are left to it."""
         if setting.accuracy is None:
             return None
-        coarsest = Resolution(Harmonics.up_to(self.least_harmonics), least_samples(self.least_harmonics))
-        return Accuracy(setting.accuracy, coarsest)
+        own = self.scene.solver
+        stated = {name: getattr(own, name) for name in own.model_fields_set - {"harmonics", "samples"}}
+        solver = type(own)(**stated | {"accuracy": setting.accuracy})
+        return accuracy_of(self.scene.model_copy(update={"solver": solver}), problem)
 
     def run(self, knob: str, value: str, setting: Setting, omegas: Mapping[float, Sequence[float]], bars: bool = True) -> Run:
         """Return what a setting does at the frequencies of each level, timed; a failure is part of it."""
         try:
             prepared = self.prepared(setting)
         except MicroslipError as problem:
-            return Run(knob, value, setting, np.nan, np.nan, np.nan, np.nan, 0, (), str(problem))
-        setup = prepared.seconds + self.setup_of_modes(setting.modes)
-        wall, cpu, branches = self._timed_branches(prepared, setting, omegas, bars=False)
-        if wall < SHORT and not any(branch.failure for branch in branches):
-            wall, cpu = min((wall, cpu), self._timed_branches(prepared, setting, omegas, bars=False)[:2])
-        with_bars = wall
-        if bars and setting.accuracy is None:
-            with_bars, _, branches = self._timed_branches(prepared, setting, omegas, bars=True)
-        failure = "; ".join(f"{branch.level:g} N, after {len(branch.points)} points: {branch.failure}"
-                            for branch in branches if branch.failure)
-        unknowns = max((point.unknowns for branch in branches for point in branch.points), default=0)
-        curves = self.comm.bcast(tuple(curve_of(branch) for branch in branches))
-        return Run(knob, value, setting, setup, wall, cpu, with_bars, unknowns, curves, failure or None)
+            return not_run(knob, value, setting, str(problem))
+        timed = self._timed_branches(prepared, setting, omegas, bars)
+        if timed.wall < SHORT and not any(branch.failure for branch in timed.branches):
+            again = self._timed_branches(prepared, setting, omegas, bars=False)
+            if again.wall < timed.wall:
+                timed = replace(timed, wall=again.wall, cpu=again.cpu, wall_of_bars=timed.wall_of_bars + again.wall - timed.wall)
+        failure = "; ".join(f"{branch.level:g} N ends after {len(branch.points)} points: {branch.failure}"
+                            for branch in timed.branches if branch.failure)
+        unknowns = max((point.unknowns for branch in timed.branches for point in branch.points), default=0)
+        curves = self.comm.bcast(tuple(curve_of(branch) for branch in timed.branches))
+        return Run(knob, value, setting, prepared.seconds + self.setup_of_modes(setting.modes), timed.wall, timed.cpu,
+                   timed.wall_of_bars, unknowns, curves, failure or None)
 
-    def _timed_branches(self, prepared: Prepared, setting: Setting, omegas, bars: bool) -> tuple[float, float, list[Branch]]:
-        """Return wall time, processor time of rank 0, and the branches; the same times on every rank."""
-        start, start_cpu = time.perf_counter(), time.process_time()
-        branches = [self.branch(prepared, setting, level, points, bars) for level, points in omegas.items()]
-        wall, cpu = self.comm.bcast((time.perf_counter() - start, time.process_time() - start_cpu))
-        return wall, cpu, branches
+    def _timed_branches(self, prepared: Prepared, setting: Setting, omegas, bars: bool) -> Timed:
+        """Return the branches of all levels and their times; the error bars count apart unless the response needs them."""
+        start, branches, spent = Stopwatch.read(), [], np.zeros(2)
+        for level, points in omegas.items():
+            problem = self.problem(prepared, setting, level)
+            accuracy = self.accuracy_of(setting, problem)
+            estimator = TimedEstimator(prepared.truth) if bars or accuracy else None
+            branches.append(at_frequencies(problem, prepared.reduction.selection, list(points), tolerance=setting.tolerance,
+                                           estimator=estimator, accuracy=accuracy))
+            if estimator is not None and accuracy is None:
+                spent += estimator.spent
+        (wall, cpu), (wall_of_bars, cpu_of_bars) = self.comm.bcast((Stopwatch.read() - start, spent))
+        return Timed(branches, float(wall - wall_of_bars), float(cpu - cpu_of_bars), float(wall))
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Branches and what they took, of rank 0."""
+
+    branches: list[Branch]
+    wall: float             # s, without error bars
+    cpu: float              # s
+    wall_of_bars: float     # s, with them
+
+
+class Stopwatch:
+    """Wall and processor time of this process."""
+
+    @staticmethod
+    def read() -> np.ndarray:
+        """Return both [s]."""
+        return np.array([time.perf_counter(), time.process_time()])
+
+
+class TimedEstimator(ErrorEstimator):
+    """Error bars, and the time they took."""
+
+    def __init__(self, truth: Truth):
+        super().__init__(truth)
+        self.spent = np.zeros(2)
+
+    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray) -> np.ndarray:
+        start = Stopwatch.read()
+        parts = super().at(problem, U, parameter, selected)
+        self.spent += Stopwatch.read() - start
+        return parts
+
+
+def not_run(knob: str, value: str, setting: Setting, why: str) -> Run:
+    """Return a run without results.  Local."""
+    return Run(knob, value, setting, np.nan, np.nan, np.nan, np.nan, 0, (), why)
 
 
 def curve_of(branch: Branch) -> Curve:

@@ -6,7 +6,8 @@ Errors are of the complex amplitude of harmonic 1 of the first output, over the 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ BASE, COMBINED, ACCURACY = "base", "combination", "accuracy"                # ki
 TARGETS = (1e-2, 1e-3, 1e-4)
 MOST_GAIN = 4.0         # of one step of a sequence of refinements to the next, as far as that is trusted for what follows
 LEAST_GAIN = 1.25
+ROUNDING = 1e-9         # of the peak: no point is known better
 
 
 @dataclass(frozen=True)
@@ -42,10 +44,15 @@ class Setting:
             lines.append(f"energy_tolerance = {self.energy_tolerance:g}")
         return "\n".join([*lines, f"tolerance = {self.tolerance:g}"])
 
+    def turned(self, knob: str, value: Any) -> Setting:
+        """Return it with another value of a knob."""
+        return replace(self, **{KEYS[knob]: value})
+
     def __str__(self) -> str:
         if self.accuracy is not None:
             return f"accuracy {self.accuracy:g}"
         own = "" if self.method == "receptance" else f"{self.method}, "
+        own += "" if self.energy_tolerance is None else f"eps {self.energy_tolerance:g} J, "
         return f"{own}{self.modes} modes, H = {self.harmonics}, N_t = {self.samples}, tolerance {self.tolerance:g}"
 
 
@@ -86,7 +93,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Check:
-    """Two coarser runs on the way to the reference, in one knob."""
+    """Coarser runs on the way to the reference, in one knob."""
 
     knob: str
     values: tuple[int, ...]     # of the knob, rising; the last is that of the reference
@@ -100,11 +107,33 @@ class Check:
 
 def remainder(steps: Sequence[float]) -> float:
     """Return what is left after changes of a sequence of refinements: the last one over gain - 1."""
-    if not steps:
-        return 0.0
-    before, last = steps[-2:] if len(steps) > 1 else (0.0, steps[-1])
-    gain = before / last if last > 0.0 else MOST_GAIN
-    return last / (min(max(gain, LEAST_GAIN), MOST_GAIN) - 1.0)
+    return steps[-1] / (gain_of(steps) - 1.0) if steps else 0.0
+
+
+def gain_of(steps: Sequence[float]) -> float:
+    """Return by which factor the changes fall, as far as it is trusted; 2 where only one is known."""
+    if len(steps) < 2:
+        return 2.0
+    return float(min(max(steps[-2] / steps[-1], LEAST_GAIN), MOST_GAIN)) if steps[-1] > 0.0 else MOST_GAIN
+
+
+def uncertainty(rungs: Sequence[Sequence[Sequence[Curve]]], reference: Sequence[Curve]) -> tuple[Curve, ...]:
+    """Return the reference's curves with how well each of their points is known for a bar [m].
+
+    ``rungs`` are the curves of each sequence of refinements.  The last change at a point or one beside it, whichever is largest,
+    goes on falling by the gain of the level; the sequences add up.
+    """
+    found = []
+    for i, curve in enumerate(reference):
+        known = ROUNDING * curve.peak * np.ones(len(curve.omega))
+        for sequence in rungs:
+            steps = [np.abs(low[i].u - high[i].u) for low, high in zip(sequence, sequence[1:])]
+            if steps:
+                last = np.pad(steps[-1], 1, mode="edge")
+                widest = np.maximum(last[1:-1], np.maximum(last[:-2], last[2:]))
+                known += widest / (gain_of([step.max(initial=0.0) for step in steps]) - 1.0)
+        found.append(replace(curve, bar=known))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -112,15 +141,15 @@ class Reference:
     """The run that all errors are measured against, and how well it is known."""
 
     setting: Setting
-    curves: Mapping[float, Curve]       # by level
+    curves: Mapping[float, Curve]       # by level; their bars say how well they are known
     checks: tuple[Check, ...]
     seconds: float                      # s, the checks too
     why: str                            # it is not finer
 
     @property
     def floor(self) -> float:
-        """The accuracy of the reference [-]: errors below are not known."""
-        return sum(check.rest for check in self.checks)
+        """How well the reference is known, over its peak, where it is known least."""
+        return max(float((curve.bar / (curve.peak or 1.0)).max(initial=0.0)) for curve in self.curves.values())
 
 
 @dataclass(frozen=True)
@@ -132,7 +161,7 @@ class Score:
     peak: float = np.nan            # error of the peak amplitude
     frequency: float = np.nan       # of the peak frequency, over it
     bar: float = np.nan             # largest of all points
-    coverage: float = np.nan        # share of the points whose error is above the floor and under their bar
+    coverage: float = np.nan        # share under their bar, of the points whose error is larger than the reference's own
     ratio: float = np.nan           # median of bar over error at these points
     n_above: int = 0                # of these points
 
@@ -160,7 +189,7 @@ class Study:
     def score(self, run: Run) -> Score:
         """Return how good a run is; kept."""
         if id(run) not in self._scores:
-            self._scores[id(run)] = score(run.curves, self.reference.curves, self.reference.floor)
+            self._scores[id(run)] = score(run.curves, self.reference.curves)
         return self._scores[id(run)]
 
     @property
@@ -168,24 +197,30 @@ class Study:
         """The runs that reached every frequency."""
         return [run for run in self.runs if run.failure is None and self.score(run).is_known]
 
+    @property
+    def run_of_base(self) -> Run | None:
+        """The run about which knobs are turned, if it is complete."""
+        return next((run for run in self.complete if run.knob == BASE), None)
+
     def sweep(self, knob: str) -> list[Run]:
         """Return the complete runs of a knob and that of the base where it is one of them, in the order of their values."""
         runs = [run for run in self.complete if run.knob == knob]
         if knob in ("harmonics", "samples", "modes", "tolerance"):
             runs += [run for run in self.complete if run.knob == BASE]
             key = KEYS[knob]
-            runs = sorted({getattr(run.setting, key): run for run in runs}.items(), reverse=knob == "tolerance")
-            return [run for _, run in runs]
+            by_value = {getattr(run.setting, key): run for run in runs}
+            return [by_value[value] for value in sorted(by_value, reverse=knob == "tolerance")]
         return sorted(runs, key=lambda run: -(run.setting.energy_tolerance or 0.0)) if knob == "eps" else runs
 
     def own(self, run: Run, knob: str) -> float:
         """Return the error that a knob alone makes: against the finest of its sweep; of harmonics against the reference."""
+        if knob not in KNOBS:
+            return np.nan
         sweep = self.sweep(knob)
         if knob in ("harmonics", "method") or not sweep:
             return self.score(run).error
         if knob == "eps":
-            base = next((run for run in self.complete if run.knob == BASE), None)
-            return difference(run.curves, base.curves) if base is not None else np.nan
+            return difference(run.curves, self.run_of_base.curves) if self.run_of_base is not None else np.nan
         return difference(run.curves, sweep[-1].curves)
 
     def front(self) -> list[Run]:
@@ -204,25 +239,26 @@ class Study:
 
     def validation(self) -> Score:
         """Return coverage and ratio over the points of all runs."""
-        return score([curve for run in self.runs for curve in run.curves], self.reference.curves, self.reference.floor)
+        return score([curve for run in self.runs for curve in run.curves], self.reference.curves)
 
 
-def score(curves: Sequence[Curve], exact: Mapping[float, Curve], floor: float) -> Score:
+def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
     """Return how good some curves are, point by point against those of the same level."""
     pairs = [(curve, exact[curve.level]) for curve in curves if len(curve.omega) and curve.level in exact]
     if not pairs:
         return Score()
-    errors, bars, peaks, frequencies = [], [], [], []
+    errors, bars, floors, peaks, frequencies = [], [], [], [], []
     for curve, truth in pairs:
         n = min(len(curve.omega), len(truth.omega))
         errors.append(np.abs(curve.u[:n] - truth.u[:n]) / (truth.peak or 1.0))
         bars.append(curve.bar[:n] / (truth.peak or 1.0))
+        floors.append(np.nan_to_num(truth.bar[:n]) / (truth.peak or 1.0))
         if n == len(truth.omega):
             (omega, amplitude), (omega_exact, amplitude_exact) = peak_of(curve), peak_of(truth)
             peaks.append(abs(amplitude / amplitude_exact - 1.0) if amplitude_exact else np.nan)
             frequencies.append(abs(omega / omega_exact - 1.0))
     error, bar = np.concatenate(errors), np.concatenate(bars)
-    above = np.isfinite(bar) & (error > floor)
+    above = np.isfinite(bar) & (error > np.concatenate(floors))
     is_found = above.any()
     return Score(
         error=float(error.max()), rms=float(np.sqrt(np.mean(error**2))), peak=max(peaks, default=np.nan),
@@ -244,7 +280,7 @@ def difference(curves: Sequence[Curve], others: Sequence[Curve]) -> float:
 
 
 def peak_of(curve: Curve) -> tuple[float, float]:
-    """Return frequency [rad/s] and amplitude [m] of a curve's peak, by the parabola through its largest point and those beside."""
+    """Return frequency [rad/s] and amplitude [m] of a curve's peak, by a parabola through three points."""
     amplitude = np.abs(curve.u)
     top = int(np.argmax(amplitude))
     if not 0 < top < len(amplitude) - 1:
@@ -276,7 +312,7 @@ def predicted(study: Study, knobs: Sequence[str]) -> list[tuple[Setting, float, 
 
     Each knob is taken to cost a factor of time and to add an error of its own.
     """
-    base = next((run for run in study.complete if run.knob == BASE), None)
+    base = study.run_of_base
     if base is None:
         return []
     found = [(study.base, base.seconds, 0.0)]
@@ -285,7 +321,7 @@ def predicted(study: Study, knobs: Sequence[str]) -> list[tuple[Setting, float, 
         if not sweep:
             continue
         options = [(getattr(run.setting, KEYS[knob]), run.seconds / base.seconds, study.own(run, knob)) for run in sweep]
-        found = [(replace(setting, **{KEYS[knob]: value}), seconds * factor, error + own)
+        found = [(setting.turned(knob, value), seconds * factor, error + own)
                  for setting, seconds, error in found for value, factor, own in options]
     return [entry for entry in found if entry[0].samples > 2 * entry[0].harmonics]
 
@@ -304,8 +340,3 @@ def promising(study: Study, knobs: Sequence[str], most: int) -> list[Setting]:
     known = {run.setting for run in study.runs}
     chosen = [setting for setting, _, _ in dict.fromkeys([*first, *spread]) if setting not in known]
     return chosen[:most]
-
-
-def setting_columns() -> list[str]:
-    """Return the names of what a setting consists of."""
-    return [entry.name for entry in fields(Setting)]

@@ -16,6 +16,8 @@ LOOKS = {
     "eps": ("#e69f00", "v"), "method": ("#56b4e9", "P"), COMBINED: (FAINT, "x"), ACCURACY: (INK, "*"), BASE: (INK, "o"),
 }
 NAMES = {"eps": "eps of adaptive-energy", "tolerance": "solver tolerance", ACCURACY: "accuracy = ..."}
+SIZES = {ACCURACY: 9.0, COMBINED: 4.0, BASE: 7.0}
+JOINED = ("harmonics", "samples", "modes", "tolerance", "eps")
 LEAST = 1e-12           # of an error on a logarithmic axis
 TENFOLD = "#eeeeee"
 
@@ -23,13 +25,13 @@ TENFOLD = "#eeeeee"
 def draw_trade(study: Study, scene: Titled, path: str) -> None:
     """Draw the runs of a study."""
     kinds = [kind for kind in LOOKS if any(run.knob == kind for run in study.complete)]
-    handles = [Line2D([], [], color=LOOKS[kind][0], marker=LOOKS[kind][1], ms=4, lw=0.0 if kind in (COMBINED, ACCURACY, BASE, "method")
-                      else 0.6, label=NAMES.get(kind, kind)) for kind in kinds]
+    handles = [Line2D([], [], color=LOOKS[kind][0], marker=LOOKS[kind][1], ms=4, lw=0.6 if kind in JOINED else 0.0,
+                      label=NAMES.get(kind, kind)) for kind in kinds]
     handles += [Line2D([], [], color=INK, lw=1.6, drawstyle="steps-post", label="Pareto front"),
                 Patch(color="#d9d9d9", label="below what the reference is known to")]
     levels = ", ".join(f"{level:g} N" for level in study.reference.curves)
-    page = Page(scene, f"speed against accuracy at {levels}: largest error of the first output's harmonic 1 over its peak", WIDTH, 4.0,
-                handles)
+    says = f"speed against accuracy at {levels}: largest error of the first output's harmonic 1 over its peak"
+    page = Page(scene, says, WIDTH, 3.8, handles)
     left, right = page.grid(1, 2, width_ratios=(1.5, 1.0)).subplots()
     _draw_errors(left, study)
     _draw_bars(right, study)
@@ -51,13 +53,11 @@ def _draw_errors(axes, study: Study) -> None:
         last = max(seconds for seconds, _ in shown.values())
         axes.plot([*x, max(1.3 * last, x[-1])], [*y, y[-1]], drawstyle="steps-post", color=INK, lw=1.6, zorder=2)
     for kind, (colour, marker) in LOOKS.items():
-        runs = study.sweep(kind) if kind in ("harmonics", "samples", "modes", "tolerance", "eps") else \
-            [run for run in study.complete if run.knob == kind]
+        runs = study.sweep(kind) if kind in JOINED else [run for run in study.complete if run.knob == kind]
         if not runs or not any(run.knob == kind for run in runs):
             continue
         x, y = np.array([shown[id(run)] for run in runs]).T
-        joined = kind not in (COMBINED, ACCURACY, BASE, "method")
-        axes.plot(x, y, color=colour, marker=marker, ms={ACCURACY: 9, COMBINED: 4}.get(kind, 3.5), lw=0.6 if joined else 0.0,
+        axes.plot(x, y, color=colour, marker=marker, ms=SIZES.get(kind, 3.5), lw=0.6 if kind in JOINED else 0.0,
                   mfc="none" if kind == BASE else None, zorder=4 if kind == ACCURACY else 3)
         for run, here in zip(runs, zip(x, y)):
             if kind in ("harmonics", ACCURACY) and run.knob == kind:
@@ -71,28 +71,27 @@ def _draw_errors(axes, study: Study) -> None:
 def _draw_bars(axes, study: Study) -> None:
     """Draw the bar of every point against its error."""
     found = study.validation()
-    floor, pairs = study.reference.floor, []
+    pairs = []
     for run in study.runs:
         for curve in run.curves:
             exact = study.reference.curves[curve.level]
             n = min(len(curve.omega), len(exact.omega))
             error, bar = np.abs(curve.u[:n] - exact.u[:n]) / (exact.peak or 1.0), curve.bar[:n] / (exact.peak or 1.0)
-            kept = np.isfinite(bar) & (error > 0.0) & (bar > 0.0)
+            kept = np.isfinite(bar) & (bar > 0.0) & (error > exact.bar[:n] / (exact.peak or 1.0))
             pairs.append((run.knob, np.maximum(error[kept], LEAST), np.maximum(bar[kept], LEAST)))
     everything = np.concatenate([np.concatenate(pair[1:]) for pair in pairs]) if pairs else np.empty(0)
     if len(everything) == 0:
         axes.set_axis_off()
+        axes.set_title("no error above that of the reference")
         return
     ends = np.array([0.5 * everything.min(), 2.0 * everything.max()])
     axes.fill_between(ends, ends, 10.0 * ends, color=TENFOLD, lw=0, zorder=0)
     axes.plot(ends, ends, color=INK, lw=0.8, zorder=2)
-    if floor > ends[0]:
-        axes.axvspan(ends[0], min(floor, ends[1]), color="#d9d9d9", lw=0, zorder=1)
     for knob, error, bar in pairs:
         axes.plot(error, bar, ".", ms=1.8, mew=0, color=LOOKS.get(knob, (FAINT, ""))[0], zorder=3, rasterized=True)
     axes.set(xscale="log", yscale="log", xlim=ends, ylim=ends, xlabel="error of a point / peak [-]", ylabel="its bar / peak [-]")
-    axes.set_title(f"{100 * found.coverage:.1f} % of {found.n_above} points under their bar,\nbar / error {found.ratio:.2g} in the median"
-                   if found.n_above else "error bars: no error above the floor")
+    axes.set_title(f"{100 * found.coverage:.1f} % of {found.n_above} points under their bar,\n"
+                   f"bar / error {found.ratio:.2g} in the median")
     axes.text(0.03, 0.97, "shaded: bar up to 10 times the error", transform=axes.transAxes, va="top", fontsize=6, color=INK)
 
 

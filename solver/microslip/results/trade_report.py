@@ -12,18 +12,19 @@ import numpy as np
 
 from ..parallel.files import make_folder, written_whole
 from .style import RC, Titled
-from .trade import TARGETS, Curve, Run, Score, Study, score
+from .trade import COMBINED, TARGETS, Curve, Run, Score, Study, score
 
 COLUMNS = {
     "knob": "knob", "value": "value", "level_N": "level N", "method": "method", "modes": "modes", "harmonics": "H",
     "samples": "N_t", "tolerance": "tolerance", "energy_tolerance_J": "eps J", "accuracy": "accuracy", "unknowns": "unknowns",
-    "points": "points", "setup_s": "set-up s", "seconds": "response s", "cpu_s": "CPU s", "seconds_with_bars": "with bars s",
+    "points": "points", "setup_s": "set-up s", "seconds": "time s", "cpu_s": "CPU s", "seconds_with_bars": "+ bars s",
     "error_percent": "error %", "rms_percent": "rms %", "own_percent": "own %", "peak_percent": "peak %",
     "frequency_percent": "frequency %", "bar_percent": "bar %", "covered_percent": "covered %", "bar_over_error": "bar/error",
     "on_front": "front", "failure": "failure",
 }
 SHOWN = ("knob", "value", "modes", "harmonics", "samples", "unknowns", "setup_s", "seconds", "cpu_s", "seconds_with_bars",
-         "error_percent", "rms_percent", "own_percent", "peak_percent", "bar_percent", "covered_percent", "bar_over_error", "on_front")
+         "error_percent", "rms_percent", "own_percent", "peak_percent", "bar_percent", "covered_percent", "bar_over_error",
+         "on_front")
 _WIDE = 170         # columns of the printed table
 
 
@@ -43,7 +44,7 @@ def write_trade(study: Study, scene: Titled, folder: str) -> str:
         writer.writerows({key: _number(value) for key, value in record.items()} for record in records(study))
     with matplotlib.rc_context(RC):
         draw_trade(study, scene, f"{folder}/trade.png")
-    return "\n".join([table(study), "", *summary(study)])
+    return "\n".join([table(study), *failure_lines(study), "", *summary(study)])
 
 
 def summary(study: Study) -> list[str]:
@@ -67,11 +68,11 @@ def records(study: Study) -> list[dict]:
         found.append(_record(run, "all", run.curves, study.score(run), own, id(run) in front))
         if len(study.reference.curves) > 1:
             for curve in run.curves:
-                part = score([curve], study.reference.curves, study.reference.floor)
+                part = score([curve], study.reference.curves)
                 found.append(_record(run, f"{curve.level:g}", [curve], part, np.nan, id(run) in front))
     for run in study.meshes:
         finest = {curve.level: curve for curve in study.meshes[-1].curves}
-        found.append(_record(run, "all", run.curves, score(run.curves, finest, 0.0), np.nan, False))
+        found.append(_record(run, "all", run.curves, score(run.curves, finest), np.nan, False))
     return found
 
 
@@ -94,12 +95,23 @@ def _number(value):
 
 
 def rows(study: Study) -> list[list[str]]:
-    """Return the cells of the table, a row a run; of a failed run the reason in the last one."""
-    found = []
-    for record in records(study):
-        if record["level_N"] == "all" and record["knob"] != "mesh":
-            found.append([*(_cell(name, record, study.reference.floor) for name in SHOWN), record["failure"]])
-    return found
+    """Return the cells of the table, a row a run that has points."""
+    return [[_cell(name, record, study.reference.floor) for name in SHOWN] for record in records(study)
+            if record["level_N"] == "all" and record["knob"] != "mesh" and record["points"]]
+
+
+def failure_lines(study: Study) -> list[str]:
+    """Say which runs failed and why, those for the same reason together."""
+    reasons: dict[str, dict[str, list[str]]] = {}
+    for run in study.runs:
+        if run.failure:
+            reasons.setdefault(run.failure, {}).setdefault(run.knob, []).append(run.value or str(run.setting))
+    lines = []
+    for reason, knobs in reasons.items():
+        names = "; ".join(f"{knob} {', '.join(values)}" if knob != COMBINED else f"{len(values)} combinations"
+                          for knob, values in knobs.items())
+        lines.append(f"{reason}: {names}")
+    return lines
 
 
 def _cell(name: str, record: dict, floor: float) -> str:
@@ -117,18 +129,16 @@ def _cell(name: str, record: dict, floor: float) -> str:
 
 def table(study: Study) -> str:
     """Return the runs as a table for the screen."""
-    lines = rows(study)
-    has_failure = any(line[-1] for line in lines)
-    names = [COLUMNS[name] for name in SHOWN] + (["failure"] if has_failure else [])
-    cells = [line if has_failure else line[:-1] for line in lines]
+    names, cells = [COLUMNS[name] for name in SHOWN], rows(study)
     try:
         from rich.console import Console
         from rich.table import Table
     except ImportError:                     # a cluster's Python may lack it
         return "\n".join("  ".join(line) for line in [names, *cells])
-    grid = Table(title="errors in % of the reference's peak; set-up: modes and reduction, beside what all runs share")
+    says = "errors in % of the reference's peak; set-up: modes and reduction, beside what all runs share"
+    grid = Table(title=says, padding=(0, 0))
     for name in names:
-        grid.add_column(name, justify="left" if name in ("knob", "value", "failure") else "right", no_wrap=name != "failure")
+        grid.add_column(name, justify="left" if name in ("knob", "value") else "right", no_wrap=True)
     for line, following in zip(cells, [*cells[1:], [""]]):
         grid.add_row(*line, end_section=following[0] != line[0])
     text = io.StringIO()
@@ -154,7 +164,8 @@ def reference_lines(study: Study) -> list[str]:
         lines.append(f"  {check.knob} {steps}; more would change {percent(check.rest)}" if check.steps
                      else f"  {check.knob}: all there are")
     verdict = "known to" if reference.floor <= min(TARGETS) else "known only to"
-    return [*lines, f"  {verdict} {percent(reference.floor)} of the peak; errors below that are not told apart ({reference.why})"]
+    return [*lines, f"  {verdict} {percent(reference.floor)} of the peak; errors below that are not told apart",
+            f"  {reference.why}"]
 
 
 def validation_lines(study: Study) -> list[str]:
@@ -172,13 +183,14 @@ def sentences(study: Study) -> list[str]:
     for knob in ("harmonics", "samples", "modes", "tolerance", "eps"):
         for before, after in pairwise(study.sweep(knob)):
             found.append(step_sentence(study, knob, before, after))
-    base = next((run for run in study.complete if run.knob == "base"), None)
-    for run in study.sweep("method") if base is not None else ():
+    base = study.run_of_base
+    for run in study.sweep("method"):
+        assert base is not None, "run first"
         found.append(f"{run.value} instead of {base.setting.method}: {run.seconds / base.seconds:.2g}x the time, "
                      f"{run.setup - base.setup:+.2g} s of set-up, error {percent(study.score(base).error)} -> "
                      f"{percent(study.score(run).error)}")
     for run in study.complete:
-        if run.knob == "accuracy":
+        if run.setting.accuracy is not None:
             error = study.score(run).error
             said = "met" if error + study.reference.floor <= run.setting.accuracy else \
                 "met as far as the reference tells" if error <= max(run.setting.accuracy, study.reference.floor) else "missed"
@@ -223,14 +235,17 @@ def choice_lines(study: Study, target: float) -> list[str]:
     """Say what to take for an accuracy: a table for the scene, or what is best instead."""
     run, asked = study.choice(target), percent(target)
     if run is not None:
-        said = f"for {asked}: error {_known(study.score(run).error, study)} measured, {run.seconds:.2g} s for {run.n_points} points, "
-        return [said + f"{run.setup:.2g} s of set-up", *(f"    {line}" for line in run.setting.table().splitlines()), ""]
+        error = _known(study.score(run).error, study)
+        said = f"for {asked}: error {error} measured, {run.seconds:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
+        return [said, *(f"    {line}" for line in run.setting.table().splitlines()), ""]
     if study.reference.floor > target:
-        return [f"for {asked}: not decided, the reference itself is known to {percent(study.reference.floor)} only; raise --seconds", ""]
+        known = percent(study.reference.floor)
+        return [f"for {asked}: not decided, the reference itself is known to {known} only; raise --seconds", ""]
     best = min(study.complete, key=lambda run: study.score(run).error, default=None)
     if best is None:
         return [f"for {asked}: not reached: no run reached every frequency", ""]
-    return [f"for {asked}: not reached; the best is {_known(study.score(best).error, study)} by {best.setting}, {best.seconds:.2g} s", ""]
+    error = _known(study.score(best).error, study)
+    return [f"for {asked}: not reached; the best is {error} by {best.setting}, {best.seconds:.2g} s", ""]
 
 
 def mesh_lines(study: Study) -> list[str]:
@@ -240,7 +255,7 @@ def mesh_lines(study: Study) -> list[str]:
     finest = {curve.level: curve for curve in study.meshes[-1].curves}
     lines = [f"meshes, against the finest, {study.meshes[-1].value}; bars say nothing of the mesh:"]
     for run in study.meshes:
-        found = score(run.curves, finest, 0.0)
-        said = run.failure or (f"peak {percent(found.peak)} and frequency {percent(found.frequency)} off, curve {percent(found.error)}")
-        lines.append(f"  {run.value}: set-up {run.setup:.2g} s, response {run.seconds:.2g} s, {said}")
+        found = score(run.curves, finest)
+        errors = f"peak {percent(found.peak)} and frequency {percent(found.frequency)} off, curve {percent(found.error)}"
+        lines.append(f"  {run.value}: set-up {run.setup:.2g} s, response {run.seconds:.2g} s, {run.failure or errors}")
     return [*lines, ""]
