@@ -18,6 +18,9 @@ from microslip.parallel.errors import CaseError
      Command("run", "a.toml", Path("here"), ("-hb_snes_max_it", "9"), more=("b.toml",), groups=3)),
     ("compare fan.toml", Command("compare", "fan.toml")),
     ("compare fan.toml --methods rubin,full --out here", Command("compare", "fan.toml", Path("here"), methods=("rubin", "full"))),
+    ("trade fan.toml", Command("trade", "fan.toml")),
+    ("trade fan.toml --knobs modes,eps --levels 1,2.5 --meshes a.msh,b.msh --seconds 30",
+     Command("trade", "fan.toml", knobs=("modes", "eps"), levels=(1.0, 2.5), meshes=("a.msh", "b.msh"), seconds=30.0)),
     ("check fan.toml", Command("check", "fan.toml")),
     ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
     ("doctor", Command("doctor")),
@@ -27,8 +30,8 @@ def test_what_is_asked_arrives(line, command):
 
 
 @pytest.mark.parametrize("line, message", [
-    ("", "a command is missing: run, compare, check, plot or doctor"),
-    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, compare, check, plot and doctor"),
+    ("", "a command is missing: run, compare, trade, check, plot or doctor"),
+    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, compare, trade, check, plot and doctor"),
     ("fan.toml", "unknown command 'fan.toml'; commands are"),
     ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),
     ("run fan.toml --oout x", "unknown option --oout; nearest is --out"),
@@ -41,7 +44,7 @@ def test_what_is_asked_arrives(line, command):
     ("run fan.toml more.toml --oout x", "unknown option --oout; nearest is --out"),
     ("compare fan.toml --groups 2", "unknown option --groups"),
     ("run fan.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
-    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the commands run and compare; check solves nothing"),
+    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the commands run, compare and trade; check solves nothing"),
     ("run fan.toml -- -snes_monitor", "perhaps -hb_snes_monitor"),
     ("run fan.toml -- -statc_ksp_rtol 1", "-statc_ksp_rtol: not an option of this program's solvers; they begin with "
      "-static_, -modes_ or -hb_; nearest is -static_ksp_rtol"),

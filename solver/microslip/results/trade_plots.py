@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..parallel.files import written_whole
 from .style import FAINT, INK, WIDTH, Page, Titled
@@ -62,9 +63,13 @@ def _draw_errors(axes, study: Study) -> None:
         for run, here in zip(runs, zip(x, y)):
             if kind in ("harmonics", ACCURACY) and run.knob == kind:
                 text = run.value if kind == ACCURACY else f"H={run.value}"
-                axes.annotate(text, here, xytext=(4, 4), textcoords="offset points", fontsize=6, color=colour)
+                below = (4, -9) if kind == ACCURACY else (4, 4)
+                axes.annotate(text, here, xytext=below, textcoords="offset points", fontsize=6, color=colour, zorder=5)
     axes.set_ylim(low, 4.0 * max(errors))
     axes.margins(x=0.1)
+    axes.xaxis.set_major_locator(LogLocator(10.0, (1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title("error against time")
 
 
