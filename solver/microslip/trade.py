@@ -203,7 +203,7 @@ def run_in_time(bench: Bench, study: Study, what: tuple[str, str, Setting], omeg
                 log: RunLog) -> None:
     """Add a run to the study, unless the time is up.  Collective."""
     knob, value, setting = what
-    if clock.left(share) <= expected(study, knob, setting):
+    if knob != BASE and clock.left(share) <= expected(study, knob, setting):
         run = not_run(knob, value, setting, "left out for want of time, raise --seconds")
     else:
         run = bench.run(knob, value, setting if setting.accuracy is None else with_modes_for(bench, setting), omegas)

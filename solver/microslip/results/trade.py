@@ -87,6 +87,11 @@ class Run:
     failure: str | None = None
 
     @property
+    def cost(self) -> float:
+        """The processor time of the response [s]: what runs are ranked by, as others at work on the machine disturb it least."""
+        return self.cpu
+
+    @property
     def n_points(self) -> int:
         return sum(len(curve.omega) for curve in self.curves)
 
@@ -224,22 +229,36 @@ class Study:
         return difference(run.curves, sweep[-1].curves)
 
     def front(self) -> list[Run]:
-        """Return the runs that no other beats in both response time and error, by rising time."""
+        """Return the runs that no other beats in both cost and error, to two digits of what is known, by rising cost."""
         runs = self.complete
         if not runs:
             return []
-        errors = [max(self.score(run).error, self.reference.floor) for run in runs]
-        best = pareto(np.array([run.seconds for run in runs]), np.array(errors))
-        return sorted((run for run, is_best in zip(runs, best) if is_best), key=lambda run: run.seconds)
+        errors = [float(f"{max(self.score(run).error, self.reference.floor):.1e}") for run in runs]
+        best = pareto(np.array([run.cost for run in runs]), np.array(errors))
+        return sorted((run for run, is_best in zip(runs, best) if is_best), key=lambda run: run.cost)
+
+    def ordered(self) -> list[Run]:
+        """Return the runs kind by kind, by the values of their knobs."""
+        kinds = [BASE, *KNOBS, ACCURACY, COMBINED]
+        return sorted(self.runs, key=lambda run: (kinds.index(run.knob), _place(run)))
 
     def choice(self, target: float) -> Run | None:
         """Return the run with the least time, set-up included, that is surely within ``target``; None where there is none."""
         good = [run for run in self.complete if self.score(run).error + self.reference.floor <= target]
-        return min(good, key=lambda run: run.seconds + run.setup) if good else None
+        return min(good, key=lambda run: run.cost + run.setup) if good else None
 
     def validation(self) -> Score:
         """Return coverage and ratio over the points of all runs."""
         return score([curve for run in self.runs for curve in run.curves], self.reference.curves)
+
+
+def _place(run: Run) -> float:
+    """Return where a run stands among those of its knob, coarse before fine."""
+    setting = run.setting
+    if run.knob in ("harmonics", "samples", "modes"):
+        return getattr(setting, run.knob)
+    falling = {"tolerance": setting.tolerance, "eps": setting.energy_tolerance, ACCURACY: setting.accuracy}
+    return run.cost if run.knob == COMBINED else -(falling.get(run.knob) or 0.0)
 
 
 def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
@@ -315,12 +334,12 @@ def predicted(study: Study, knobs: Sequence[str]) -> list[tuple[Setting, float, 
     base = study.run_of_base
     if base is None:
         return []
-    found = [(study.base, base.seconds, 0.0)]
+    found = [(study.base, base.cost, 0.0)]
     for knob in knobs:
         sweep = study.sweep(knob)
         if not sweep:
             continue
-        options = [(getattr(run.setting, KEYS[knob]), run.seconds / base.seconds, study.own(run, knob)) for run in sweep]
+        options = [(getattr(run.setting, KEYS[knob]), run.cost / base.cost, study.own(run, knob)) for run in sweep]
         found = [(setting.turned(knob, value), seconds * factor, error + own)
                  for setting, seconds, error in found for value, factor, own in options]
     return [entry for entry in found if entry[0].samples > 2 * entry[0].harmonics]

@@ -43,12 +43,13 @@ def draw_trade(study: Study, scene: Titled, path: str) -> None:
 def _draw_errors(axes, study: Study) -> None:
     """Draw error over response time, a line a knob, the front as a step line."""
     floor = max(study.reference.floor, LEAST)
-    shown = {id(run): (run.seconds, max(study.score(run).error, LEAST)) for run in study.complete}
+    shown = {id(run): (run.cost, max(study.score(run).error, LEAST)) for run in study.complete}
     errors = [error for _, error in shown.values()] or [1.0]
     low = min(0.3 * floor, 0.5 * min(errors)) if floor > 1e-9 else 0.3 * min(errors)
     axes.axhspan(low, floor, color="#d9d9d9", lw=0, zorder=0)
     front = [shown[id(run)] for run in study.front()]
-    axes.set(xscale="log", yscale="log", xlabel=f"response, {_points(study)} points [s]", ylabel="largest error / peak [-]")
+    axes.set(xscale="log", yscale="log", xlabel=f"processor time of the response, {_points(study)} points [s]",
+             ylabel="largest error / peak [-]")
     if front:
         x, y = np.array(front).T
         last = max(seconds for seconds, _ in shown.values())

@@ -51,7 +51,7 @@ def summary(study: Study) -> list[str]:
     """Return all that is told beside the table, a line each."""
     return [
         *reference_lines(study), *validation_lines(study), "",
-        "what each knob costs and buys:", *(f"  {line}" for line in sentences(study)), "",
+        "what each knob costs and buys, in processor time of the response:", *(f"  {line}" for line in sentences(study)), "",
         "the front, nothing of what was run is both faster and better:", *(f"  {line}" for line in front_lines(study)), "",
         *(line for target in TARGETS for line in choice_lines(study, target)), *mesh_lines(study), *study.notes,
     ]
@@ -63,7 +63,7 @@ def summary(study: Study) -> list[str]:
 def records(study: Study) -> list[dict]:
     """Return a record a run over all levels, by the names of ``COLUMNS``, and one a run and level where there are several."""
     front, found = {id(run) for run in study.front()}, []
-    for run in study.runs:
+    for run in study.ordered():
         own = study.own(run, run.knob) if run.failure is None else np.nan
         found.append(_record(run, "all", run.curves, study.score(run), own, id(run) in front))
         if len(study.reference.curves) > 1:
@@ -173,8 +173,9 @@ def validation_lines(study: Study) -> list[str]:
     found = study.validation()
     if not found.n_above:
         return ["error bars: no error above what the reference is known to; nothing to judge them by"]
-    return [f"error bars: of {found.n_above} points with an error above that, {percent(found.coverage)} lie under their bar; "
-            f"the bar is {found.ratio:.2g} times the error in the median"]
+    covered = f"{100.0 * found.coverage:.1f} %"
+    return [f"error bars: of {found.n_above} points with an error above that, {covered} lie under their bar; the bar is "
+            f"{found.ratio:.2g} times the error in the median"]
 
 
 def sentences(study: Study) -> list[str]:
@@ -186,7 +187,7 @@ def sentences(study: Study) -> list[str]:
     base = study.run_of_base
     for run in study.sweep("method"):
         assert base is not None, "run first"
-        found.append(f"{run.value} instead of {base.setting.method}: {run.seconds / base.seconds:.2g}x the time, "
+        found.append(f"{run.value} instead of {base.setting.method}: {run.cost / base.cost:.2g}x the time, "
                      f"{run.setup - base.setup:+.2g} s of set-up, error {percent(study.score(base).error)} -> "
                      f"{percent(study.score(run).error)}")
     for run in study.complete:
@@ -194,7 +195,7 @@ def sentences(study: Study) -> list[str]:
             error = study.score(run).error
             said = "met" if error + study.reference.floor <= run.setting.accuracy else \
                 "met as far as the reference tells" if error <= max(run.setting.accuracy, study.reference.floor) else "missed"
-            found.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {run.seconds:.2g} s")
+            found.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {run.cost:.2g} s")
     return found
 
 
@@ -202,7 +203,7 @@ def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
     """Say what it costs and buys to go from one value of a knob to the next."""
     name = {"tolerance": "tolerance", "eps": "eps"}.get(knob, knob)
     first, second = (_value(knob, run) for run in (before, after))
-    text = f"{name} {first} -> {second}: {after.seconds / before.seconds:.2g}x the time"
+    text = f"{name} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
     if knob == "modes" and after.setup > before.setup:
         text += f", {after.setup - before.setup:+.2g} s of set-up"
     own = study.own(before, knob), study.own(after, knob)
@@ -227,7 +228,7 @@ def front_lines(study: Study) -> list[str]:
     lines = []
     for run in study.front():
         name = str(run.setting)
-        lines.append(f"{run.seconds:8.3g} s  error {_known(study.score(run).error, study):>14}  {name}")
+        lines.append(f"{run.cost:8.3g} s  error {_known(study.score(run).error, study):>14}  {name}")
     return lines or ["no run reached every frequency"]
 
 
@@ -236,7 +237,7 @@ def choice_lines(study: Study, target: float) -> list[str]:
     run, asked = study.choice(target), percent(target)
     if run is not None:
         error = _known(study.score(run).error, study)
-        said = f"for {asked}: error {error} measured, {run.seconds:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
+        said = f"for {asked}: error {error} measured, {run.cost:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
         return [said, *(f"    {line}" for line in run.setting.table().splitlines()), ""]
     if study.reference.floor > target:
         known = percent(study.reference.floor)
@@ -245,7 +246,7 @@ def choice_lines(study: Study, target: float) -> list[str]:
     if best is None:
         return [f"for {asked}: not reached: no run reached every frequency", ""]
     error = _known(study.score(best).error, study)
-    return [f"for {asked}: not reached; the best is {error} by {best.setting}, {best.seconds:.2g} s", ""]
+    return [f"for {asked}: not reached; the best is {error} by {best.setting}, {best.cost:.2g} s", ""]
 
 
 def mesh_lines(study: Study) -> list[str]:
