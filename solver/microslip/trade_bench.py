@@ -65,6 +65,7 @@ class Bench:
         self.sweep = frequency_sweep(scene.response, structure.modes.omega_n)
         self.least_harmonics = max([1, *(load.harmonic for load in scene.loads)])
         self.modes: Modes = structure.modes
+        self.has_all_modes = len(structure.modes.omega_n) == structure.linearised.system.n_dof
         self.modes_seconds: dict[int, float] = {}           # measured, by number
         self.columns_seconds = 0.0                          # of static columns, which all runs share
         self._prepared: dict[tuple, Prepared] = {}
@@ -76,6 +77,7 @@ class Bench:
         """Compute modes anew where ``n_modes`` are more than there are, and know how long that takes."""
         modes, seconds = self._timed_modes(n_modes)
         self.modes_seconds[len(modes.omega_n)] = seconds
+        self.has_all_modes = self.has_all_modes or len(modes.omega_n) < n_modes or n_modes == self.structure.linearised.system.n_dof
         if len(modes.omega_n) > len(self.modes.omega_n):
             self.modes = modes
 

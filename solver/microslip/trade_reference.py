@@ -157,18 +157,18 @@ def find_reference(bench: Bench, omegas: Mapping[float, Sequence[float]], base: 
     coarse = next((rung for rung in by_harmonics if rung.setting.harmonics >= CHECKED_AT), by_harmonics[-1])
     samples = [SAMPLES * 2**k for k in range(20) if 2 * coarse.setting.harmonics < SAMPLES * 2**k <= MOST_SAMPLES]
     by_samples, why_N = _raised(ladder, coarse, "samples", samples, goal, share)
-    by_modes, _ = _raised(ladder, coarse, "modes", mode_numbers(bench), -1.0, 2.0)
+    numbers = [len(bench.modes.omega_n)] if bench.has_all_modes else mode_numbers(bench)
+    by_modes, _ = _raised(ladder, coarse, "modes", numbers, -1.0, 2.0)
     best = replace(by_harmonics[-1].setting, samples=max(by_samples[-1].setting.samples, by_harmonics[-1].setting.samples),
                    modes=by_modes[-1].setting.modes)
     reference = by_harmonics[-1] if best == by_harmonics[-1].setting else ladder.rung(best, by_harmonics[-1])
     checks = [_check("harmonics", by_harmonics), _check("samples", by_samples)]
-    if len(by_modes) > 1 or best.modes < bench.structure.linearised.system.n_dof:
-        checks.append(_check("modes", by_modes))
+    checks += [] if bench.has_all_modes else [_check("modes", by_modes)]
     for check in checks:
         note(f"  reference, {check.knob} {', '.join(map(str, check.values))}: changes of "
              f"{', '.join(f'{step:.1e}' for step in check.steps)} of the peak")
     known = uncertainty([[rung.curves for rung in rungs] for rungs in (by_harmonics, by_samples, by_modes)], reference.curves)
-    why_m = "all there are" if best.modes == bench.structure.linearised.system.n_dof else "as many as were computed"
+    why_m = "all there are" if bench.has_all_modes else "as many as were computed"
     why = f"harmonics: {why_H}; samples: {why_N}; modes: {why_m}"
     return Reference(best, {curve.level: curve for curve in bench.comm.bcast(known)}, tuple(checks), clock.spent - began, why)
 
