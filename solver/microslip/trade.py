@@ -22,7 +22,7 @@ from .trade_bench import Bench, Clock, not_run
 from .trade_reference import find_reference, frequencies
 
 SECONDS = 105.0                     # to be spent in all, unless the command line says otherwise
-UNTIL_REFERENCE, UNTIL_COMBINED = 0.4, 0.8         # shares of that
+UNTIL_REFERENCE, UNTIL_COMBINED = 0.33, 0.8        # shares of that
 VALUES: dict[str, tuple] = {
     "harmonics": (1, 2, 3, 5, 7, 9, 13, 19, 27, 41),
     "samples": (32, 64, 128, 256, 512, 1024),

@@ -77,7 +77,8 @@ class Bench:
         """Compute modes anew where ``n_modes`` are more than there are, and know how long that takes."""
         modes, seconds = self._timed_modes(n_modes)
         self.modes_seconds[len(modes.omega_n)] = seconds
-        self.has_all_modes = self.has_all_modes or len(modes.omega_n) < n_modes or n_modes == self.structure.linearised.system.n_dof
+        n_dof = self.structure.linearised.system.n_dof
+        self.has_all_modes = self.has_all_modes or n_modes == n_dof or len(modes.omega_n) < n_modes
         if len(modes.omega_n) > len(self.modes.omega_n):
             self.modes = modes
 
