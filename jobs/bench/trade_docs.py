@@ -82,9 +82,9 @@ def main() -> None:
 def write(parts, n_ranks: int, out: Path) -> None:
     """Write the page and its pictures."""
     (out / "img").mkdir(parents=True, exist_ok=True)
-    lines = ["    python " + " ".join([*sys.argv[:1], *sys.argv[1:]]), "",
+    lines = ["    python " + " ".join(sys.argv), "",
              *(f"- {line}" for line in machine.lines(machine.facts())),
-             f"- {n_ranks} rank{'s' if n_ranks > 1 else ''}, {time.strftime('%Y-%m-%d')}. Generated; written by nobody.", ""]
+             f"- {n_ranks} rank{'s' if n_ranks > 1 else ''}, {time.strftime('%Y-%m-%d')}.", ""]
     for paragraph in ABOUT:
         lines += [paragraph, ""]
     for name, study, seconds, picture in parts:
@@ -105,7 +105,7 @@ def section(name: str, study: Study, seconds: float) -> list[str]:
              "| " + " | ".join(head) + " |", "| " + " | ".join(["---"] * 2 + ["---:"] * (len(head) - 2)) + " |",
              *("| " + " | ".join(row) + " |" for row in cells), ""]
     shared = ", ".join(f"{stage} {spent:.2g} s" for stage, spent in study.shared.items())
-    lines += [f"Shared by all: {shared}.", "", *(f"{line}.\n" for line in failure_lines(study))]
+    lines += [f"Shared by all: {shared}.", "", *(f"{line[0].upper()}{line[1:]}.\n" for line in failure_lines(study))]
     lines += ["What each knob costs and buys:", "", *(f"- {line}" for line in sentences(study)), ""]
     lines += ["The front, of which nothing that was run is both faster and better:", "", "```text", *front_lines(study), "```", ""]
     lines += ["What it would choose:", "", "```text"]

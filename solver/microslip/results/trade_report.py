@@ -187,8 +187,8 @@ def sentences(study: Study) -> list[str]:
     base = study.run_of_base
     for run in study.sweep("method"):
         assert base is not None, "run first"
-        found.append(f"{run.value} instead of {base.setting.method}: {run.cost / base.cost:.2g}x the time, "
-                     f"{run.setup - base.setup:+.2g} s of set-up, error {percent(study.score(base).error)} -> "
+        found.append(f"{run.value} instead of {base.setting.method}: {run.cost / base.cost:.2g}x the time"
+                     f"{_more_setup(base, run)}, error {percent(study.score(base).error)} -> "
                      f"{percent(study.score(run).error)}")
     for run in study.complete:
         if run.setting.accuracy is not None:
@@ -204,8 +204,7 @@ def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
     name = {"tolerance": "tolerance", "eps": "eps"}.get(knob, knob)
     first, second = (_value(knob, run) for run in (before, after))
     text = f"{name} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
-    if knob == "modes" and after.setup > before.setup:
-        text += f", {after.setup - before.setup:+.2g} s of set-up"
+    text += _more_setup(before, after) if knob == "modes" else ""
     own = study.own(before, knob), study.own(after, knob)
     if knob == "harmonics":
         return f"{text}, error {_known(own[0], study)} -> {_known(own[1], study)}"
@@ -213,6 +212,12 @@ def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
     of_it = f"changes {percent(own[0])}" if last else f"its own error {percent(own[0])} -> {percent(own[1])}"
     errors = " -> ".join(_known(study.score(run).error, study) for run in (before, after))
     return f"{text}, {of_it} (with all others of the base: {errors})"
+
+
+def _more_setup(before: Run, after: Run) -> str:
+    """Say how much longer the set-up is, where that can be told from chance."""
+    more = after.setup - before.setup
+    return f", {more:+.2g} s of set-up" if abs(more) > 0.02 + 0.02 * before.setup else ""
 
 
 def _value(knob: str, run: Run) -> str:
