@@ -72,7 +72,7 @@ def _plot(command: Command, comm) -> int:
 
 
 def _solve(command: Command, comm) -> int:
-    """Run, compare, verify or check a scene.  Collective on ``comm``."""
+    """Run, compare, verify, trade or check a scene.  Collective on ``comm``."""
     from .doctor import faults
 
     require(comm, faults("pydantic", "mpi4py"))
@@ -85,7 +85,7 @@ def _solve(command: Command, comm) -> int:
         initialise(list(command.petsc))
     require(comm, faults())
     stop_on(signal.SIGTERM)                     # PETSc has taken it for a message of its own
-    from . import compare, run, several, verify
+    from . import compare, run, several, trade, verify
 
     status = 0
     if command.name == "check":
@@ -99,6 +99,10 @@ def _solve(command: Command, comm) -> int:
         asked = verify.Asked(command.at, command.levels, command.harmonics, command.samples, command.steps or verify.STEPS,
                              command.from_rest)
         verify.verify(scene, comm, out, asked, command.petsc)
+    elif command.name == "trade":
+        out = Path("results", f"{scene.name}_trade") if command.out is None else command.out
+        turned = trade.Asked(command.knobs or trade.KNOBS, command.levels, command.meshes, command.seconds or trade.SECONDS)
+        trade.trade(scene, comm, out, turned, command.petsc)
     elif more:
         out = Path("results") if command.out is None else command.out
         status = several.run_scenes([scene, *more], comm, out, command.petsc, command.groups)

@@ -12,8 +12,8 @@ from .parallel.errors import CaseError
 from .parallel.petsc import PREFIXES
 from .parallel.words import listed, nearest
 
-_SOLVE = ("run", "compare", "verify")         # commands that PETSc options are for
-_VERIFY = ("at", "levels", "harmonics", "samples", "steps", "from_rest")
+_SOLVE = ("run", "compare", "verify", "trade")         # commands that PETSc options are for
+_KEYS = ("methods", "knobs", "meshes", "seconds", "at", "levels", "harmonics", "samples", "steps", "from_rest")
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
@@ -27,7 +27,7 @@ until then; 70 a defect of the program."""
 class Command:
     """What the command line asks for."""
 
-    name: str                           # run, compare, verify, check, plot or doctor
+    name: str                           # run, compare, verify, trade, check, plot or doctor
     file: str = ""                      # the scene, or the results to plot
     out: Path | None = None             # None: the default of the command
     petsc: tuple[str, ...] = ()         # what followed ``--``, checked
@@ -35,11 +35,14 @@ class Command:
     more: tuple[str, ...] = ()          # further scenes to run
     groups: int = 1                     # of ranks, at work side by side
     at: tuple[float, ...] = ()          # Hz, to verify; empty: around each peak
-    levels: tuple[float, ...] = ()      # N, to verify; empty: those of the scene
     harmonics: int | None = None        # to verify; None: those of the scene
     samples: int | None = None
     steps: int | None = None            # of time a period; None: the default
     from_rest: bool = False
+    knobs: tuple[str, ...] = ()         # to turn; empty: all of them
+    levels: tuple[float, ...] = ()      # N; empty: the command chooses among the scene's
+    meshes: tuple[str, ...] = ()        # files of further meshes
+    seconds: float | None = None        # to be spent; None: the default of the command
 
 
 class _Parser(argparse.ArgumentParser):
@@ -76,9 +79,8 @@ def parse(arguments: list[str]) -> Command:
         raise CaseError(_unknown(unknown[0], commands.get(given.command, parser)))
     if petsc and given.command not in _SOLVE:
         raise CaseError(f"PETSc options after -- belong to the commands {listed(_SOLVE)}; {given.command} solves nothing")
-    methods = tuple(name.strip() for name in getattr(given, "methods", "").split(",") if name.strip())
-    return Command(given.command, getattr(given, "file", ""), getattr(given, "out", None), petsc_options(petsc), methods,
-                   more, getattr(given, "groups", 1), **{name: getattr(given, name) for name in _VERIFY if hasattr(given, name)})
+    return Command(given.command, getattr(given, "file", ""), getattr(given, "out", None), petsc_options(petsc), more=more,
+                   groups=getattr(given, "groups", 1), **{name: getattr(given, name) for name in _KEYS if hasattr(given, name)})
 
 
 def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
@@ -91,6 +93,7 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
         "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
         "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
         "verify": ("time integration at points of the curves, beside harmonic balance", "SCENE.toml", "results/NAME_verify"),
+        "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
         "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
         "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
         "doctor": ("print versions, and what is missing with the command that brings it", None, None),
@@ -109,7 +112,17 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
             command.add_argument("--groups", metavar="G", type=_count, default=1, help="split the ranks into G groups, each with "
                                  "levels of its own; of several scenes, each with scenes of its own (default: 1)")  # fmt: skip
         if name == "compare":
-            command.add_argument("--methods", metavar="A,B,...", default="", help="their names, with commas (default: all)")
+            command.add_argument("--methods", metavar="A,B,...", type=_words, default=(),
+                                 help="their names, with commas (default: all)")
+        if name == "trade":
+            command.add_argument("--knobs", metavar="A,B,...", type=_words, default=(), help="what to turn, with commas: "
+                                 "harmonics, samples, modes, tolerance, eps, method, mesh (default: all)")  # fmt: skip
+            command.add_argument("--levels", metavar="A,B,...", type=_numbers, default=(), help="forces in N, with commas "
+                                 "(default: of the scene's the first with slip and the strongest)")  # fmt: skip
+            command.add_argument("--meshes", metavar="A,B,...", type=_words, default=(), help="further meshes of the same scene, "
+                                 "with the same groups, to measure what the mesh costs and buys")  # fmt: skip
+            command.add_argument("--seconds", metavar="S", type=_above_zero, help="time to spend, as far as it can be known "
+                                 "beforehand; more makes a better reference (default: 105)")  # fmt: skip
         if name == "verify":
             _add_verify(command)
         command.usage = command.format_usage().removeprefix("usage: ").strip() + after
@@ -153,6 +166,22 @@ def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
     return int(text)
+
+
+def _words(text: str) -> tuple[str, ...]:
+    """Return what stands between commas."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def _above_zero(text: str) -> float:
+    """Return a number above 0."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0.0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return number
 
 
 def _near(word: str, known) -> str:

@@ -22,6 +22,9 @@ from microslip.parallel.errors import CaseError
     ("verify fan.toml --at 99.5,100 --levels 5 --harmonics 7 --samples 512 --steps 64 --from-rest --out v -- -hb_snes_max_it 9",
      Command("verify", "fan.toml", Path("v"), ("-hb_snes_max_it", "9"), at=(99.5, 100.0), levels=(5.0,), harmonics=7, samples=512,
              steps=64, from_rest=True)),
+    ("trade fan.toml", Command("trade", "fan.toml")),
+    ("trade fan.toml --knobs modes,eps --levels 1,2.5 --meshes a.msh,b.msh --seconds 30",
+     Command("trade", "fan.toml", knobs=("modes", "eps"), levels=(1.0, 2.5), meshes=("a.msh", "b.msh"), seconds=30.0)),
     ("check fan.toml", Command("check", "fan.toml")),
     ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
     ("doctor", Command("doctor")),
@@ -31,8 +34,8 @@ def test_what_is_asked_arrives(line, command):
 
 
 @pytest.mark.parametrize("line, message", [
-    ("", "a command is missing: run, compare, verify, check, plot or doctor"),
-    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, compare, verify, check, plot and doctor"),
+    ("", "a command is missing: run, compare, verify, trade, check, plot or doctor"),
+    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, check, plot and doctor"),
     ("fan.toml", "unknown command 'fan.toml'; commands are"),
     ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),
     ("run fan.toml --oout x", "unknown option --oout; nearest is --out"),
@@ -50,7 +53,7 @@ def test_what_is_asked_arrives(line, command):
     ("verify fan.toml --steps 33", "argument --steps: '33' is not an even number of at least 16"),
     ("run fan.toml --steps 64", "unknown option --steps"),
     ("run fan.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
-    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the commands run, compare and verify; check solves nothing"),
+    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the commands run, compare, verify and trade; check solves nothing"),
     ("run fan.toml -- -snes_monitor", "perhaps -hb_snes_monitor"),
     ("run fan.toml -- -statc_ksp_rtol 1", "-statc_ksp_rtol: not an option of this program's solvers; they begin with "
      "-static_, -modes_ or -hb_; nearest is -static_ksp_rtol"),

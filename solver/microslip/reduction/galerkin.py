@@ -80,6 +80,8 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)
     values, Q = scipy.linalg.eigh(0.5 * (K_r + K_r.T) * np.outer(scale, scale))
     kept = values > DEPENDENT * values[-1]
+    if not kept.any():                                      # columns without energy: the modes hold all that the joint does
+        return np.empty(0), np.empty((len(energy), 0)), 1.0
     W = scale[:, None] * Q[:, kept] / np.sqrt(values[kept])
     theta, q = scipy.linalg.eigh(W.T @ (0.5 * (M_r + M_r.T)) @ W)
     return theta[::-1], (W @ q)[:, ::-1], float(values[kept][0] / values[-1])

@@ -1,0 +1,118 @@
+"""Trade of several scenes, and the page of the documentation made of it.
+
+    python jobs/bench/trade_docs.py                                                     # all four scenes, docs/trade.md
+    python jobs/bench/trade_docs.py jobs/fan_small.toml --seconds 60 --out results/bench
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # before NumPy is loaded
+import argparse
+import shutil
+import sys
+import time
+from pathlib import Path
+
+from microslip.parallel.petsc import initialise
+
+initialise()
+import machine
+from mpi4py import MPI
+
+from microslip.results.trade import TARGETS, Study
+from microslip.results.trade_report import (
+    COLUMNS,
+    SHOWN,
+    choice_lines,
+    failure_lines,
+    front_lines,
+    mesh_lines,
+    reference_lines,
+    rows,
+    sentences,
+    validation_lines,
+)
+from microslip.scene.read import read_scene
+from microslip.trade import SECONDS, Asked, trade
+
+SCENES = {"jobs/fan_paper.toml": 1800.0, "jobs/fan_small.toml": SECONDS, "jobs/lap_joint.toml": SECONDS, "jobs/spatial.toml": SECONDS}
+ABOUT = (
+    "`microslip trade SCENE.toml` measures on a scene of your own what this page shows for four: what each knob costs and buys. "
+    "All runs of a scene are solved at the same frequencies, so that they compare point by point. An error is the difference of "
+    "the complex amplitude of harmonic 1 of the first output from that of the reference, over the reference's peak on the same level; "
+    "`error %` is the largest of all points.",
+    "The **reference** has more harmonics, samples and modes than the runs. It is solved beside coarser ones, each with half as much "
+    "of one of these; what their differences leave to come, as a geometric series with the ratio seen (taken as at least 1.25 and at "
+    "most 4), is what the reference itself may be wrong by. A smaller error is shown as `< ...`, a choice is made only where error and that "
+    "together are within the accuracy asked.",
+    "`own %` is what a knob alone does: the difference from the finest value of the same knob, all others as in the base; of harmonics "
+    "and methods, from the reference. `time s` is the wall time of the response, `CPU s` its processor time, by which runs are ranked and compared, `+ bars s` the wall time with error bars; the set-up of a row, modes and "
+    "reduction, stands apart, and what all rows share (mesh, factor, static columns) is not in it. The time of m modes is read off a straight line "
+    "between two eigensolutions that were timed. `bar %` is the largest error bar; `covered %` the share of the points under their bar, `bar/error` the "
+    "median, both over the points whose error is above what the reference is known to.",
+)
+LIMITS = (
+    "Times are those of one run on the machine above; a response under a second is solved twice, and the smaller time counts. Differences "
+    "of a few per cent between rows mean nothing.",
+    "Two levels a scene, some 20 points each. Where a curve has several solutions at a frequency, runs might find different ones; "
+    "an error near 100 % says so.",
+    "The error bar covers modes, harmonics, samples, dropped pairs and solver, not the mesh, nor the model of the joint.",
+    "What did not fit into the time is listed as left out: `--seconds` gives more.",
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenes", nargs="*", default=list(SCENES))
+    parser.add_argument("--seconds", type=float, help="for each scene (default: as in SCENES)")
+    parser.add_argument("--out", type=Path, default=Path("docs"))
+    options = parser.parse_args()
+    comm, parts = MPI.COMM_WORLD, []
+    for name in options.scenes:
+        scene, folder = read_scene(name), Path("results", f"{Path(name).stem}_trade")
+        start, asked = time.perf_counter(), Asked(seconds=options.seconds or SCENES.get(name, SECONDS))
+        study = trade(scene, comm, folder, asked)
+        parts.append((name, study, time.perf_counter() - start, folder / "trade.png"))
+    if comm.rank == 0:
+        write(parts, comm.size, options.out)
+
+
+def write(parts, n_ranks: int, out: Path) -> None:
+    """Write the page and its pictures."""
+    (out / "img").mkdir(parents=True, exist_ok=True)
+    lines = ["    python " + " ".join(sys.argv), "",
+             *(f"- {line}" for line in machine.lines(machine.facts())),
+             f"- {n_ranks} rank{'s' if n_ranks > 1 else ''}, {time.strftime('%Y-%m-%d')}.", ""]
+    for paragraph in ABOUT:
+        lines += [paragraph, ""]
+    for name, study, seconds, picture in parts:
+        shutil.copyfile(picture, out / "img" / f"trade_{study.name}.png")
+        lines += section(name, study, seconds)
+    lines += ["## Limits", "", *(f"- {line}" for line in LIMITS)]
+    (out / "trade.md").write_text(machine.page("Speed against accuracy", lines).replace("---\norphan: true\n---\n\n", ""))
+
+
+def section(name: str, study: Study, seconds: float) -> list[str]:
+    """Return what is said of one scene."""
+    head = [COLUMNS[key] for key in SHOWN]
+    cells = [[cell.replace("<", "&lt;") for cell in row] for row in rows(study)]
+    reference, *known = reference_lines(study)
+    lines = [f"## {study.title}", "", f"`microslip trade {name}`, {seconds:.0f} s.", "", f"![{study.title}](img/trade_{study.name}.png)", "",
+             reference[0].upper() + reference[1:] + ":", "", *(f"- {line.strip()}" for line in known), "",
+             *(line[0].upper() + line[1:] + "." for line in validation_lines(study)), "",
+             "| " + " | ".join(head) + " |", "| " + " | ".join(["---"] * 2 + ["---:"] * (len(head) - 2)) + " |",
+             *("| " + " | ".join(row) + " |" for row in cells), ""]
+    shared = ", ".join(f"{stage} {spent:.2g} s" for stage, spent in study.shared.items())
+    lines += [f"Shared by all: {shared}.", "", *(f"{line[0].upper()}{line[1:]}.\n" for line in failure_lines(study))]
+    lines += ["What each knob costs and buys:", "", *(f"- {line}" for line in sentences(study)), ""]
+    lines += ["The front, of which nothing that was run is both faster and better:", "", "```text", *front_lines(study), "```", ""]
+    lines += ["What it would choose:", "", "```text"]
+    for target in TARGETS:
+        lines += choice_lines(study, target)
+    return [*lines[:-1], "```", "", *mesh_lines(study)]
+
+
+if __name__ == "__main__":
+    main()

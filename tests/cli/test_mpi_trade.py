@@ -1,0 +1,124 @@
+"""`microslip trade`, from the scene to table, picture and choices, on any number of ranks."""
+
+import csv
+import signal
+
+import pytest
+from bar_scene import write_bar
+
+from microslip import trade_reference
+from microslip.__main__ import main
+from microslip.parallel.agree import on_root
+from microslip.results.trade import KNOBS
+
+MASS = """
+[model]
+stiffness = "K.mtx"
+mass = "M.mtx"
+[[joints]]
+name = "slider"
+pairs = "pairs.csv"
+[[loads]]
+dof = 0
+[[outputs]]
+name = "mass"
+dof = 0
+[damping]
+ratio = 0.02
+[response]
+levels = [0.02, 0.8]
+frequencies = [0.1, 0.3]
+"""
+
+
+def write_mass(folder):
+    """One mass on a spring and a friction element."""
+    for name, value in (("K", 1.0), ("M", 1.0)):
+        (folder / f"{name}.mtx").write_text(f"%%MatrixMarket matrix coordinate real symmetric\n1 1 1\n1 1 {value}\n")
+    (folder / "pairs.csv").write_text("x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n0,-1,-1,-1,-1,-1,1.0,1.0,0.0,1.0,1.0\n")
+    path = folder / "mass.toml"
+    path.write_text(MASS)
+    return path
+
+
+@pytest.fixture
+def program(comm, shared_path, capfd, monkeypatch):
+    """Return what to call with the writer of a scene and arguments: status and what was said on all ranks.  Collective.
+
+    A level has few points.
+    """
+    monkeypatch.setattr(trade_reference, "POINTS", 8)
+    handler = signal.getsignal(signal.SIGTERM)
+
+    def run(write, *arguments):
+        path = on_root(comm, write, shared_path)
+        status = main(["trade", str(path), "--out", str(shared_path / "out"), *arguments])
+        assert len(set(comm.allgather(status))) == 1
+        said = capfd.readouterr()
+        return status, "".join(comm.allgather(said.out)), "".join(comm.allgather(said.err))
+
+    yield run
+    signal.signal(signal.SIGTERM, handler)
+
+
+def rows(folder):
+    with open(folder / "out" / "trade.csv", newline="") as file:
+        return [entry for entry in csv.DictReader(file) if entry["level_N"] == "all"]
+
+
+def test_one_mass_from_scene_to_choices(program, shared_path, comm):
+    status, out, err = program(write_mass, "--seconds", "5", "--knobs", "harmonics,samples", "--levels", "0.8")
+    assert (status, err) == (0, "")
+    found = [entry for entry in rows(shared_path) if not entry["failure"]]
+    kinds = {entry["knob"] for entry in found}
+    assert {"base"} <= kinds <= {"base", "harmonics", "samples", "combination", "accuracy"}
+    by_H = {int(entry["harmonics"]): float(entry["error_percent"]) for entry in found if entry["knob"] in ("base", "harmonics")}
+    base = next(entry for entry in found if entry["knob"] == "base")
+    assert float(base["error_percent"]) <= float(base["bar_percent"]) < 5.0
+    if comm.size == 1:                              # several ranks on few processors may not come so far
+        assert by_H[1] > by_H[5] and "harmonics 1 -> 2:" in out
+        covered = [float(entry["covered_percent"]) for entry in found if entry["covered_percent"]]
+        assert covered and sum(covered) / len(covered) >= 90.0
+        assert "lie under their bar" in out
+    assert any(entry["on_front"] for entry in found)
+    assert "more would change" in out
+    assert "for 1 %:" in out and (shared_path / "out" / "trade.png").exists()
+
+
+def test_every_knob_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path, comm):
+    other = shared_path / "fine"
+
+    def write(folder):
+        other.mkdir()
+        write_bar(other, divisions=(6, 2, 2))
+        return write_bar(folder)
+
+    mesh = str(other / "bar.msh")
+    status, out, err = program(write, "--seconds", "4", "--levels", "30", "--meshes", mesh)
+    assert (status, err) == (0, "")
+    found = rows(shared_path)
+    assert {entry["knob"] for entry in found} >= set(KNOBS)
+    coarse, fine = (entry for entry in found if entry["knob"] == "mesh")
+    assert float(coarse["error_percent"]) > 1.0 and float(fine["error_percent"]) == 0.0
+    assert "meshes, against the finest" in out
+
+
+@pytest.mark.parametrize("arguments, message", [
+    (("--knobs", "harmonic"), "--knobs: unknown knob 'harmonic'; nearest is harmonics; known: harmonics, samples, modes"),
+    (("--levels", "0"), "argument --levels: '0' is not a number above 0"),
+    (("--seconds", "soon"), "argument --seconds: 'soon' is not a number above 0"),
+    (("--meshes", "other.msh"), "is given as matrices; there is no other mesh of it"),
+])  # fmt: skip
+def test_a_bad_option_is_named_once(program, arguments, message):
+    status, _, err = program(write_mass, *arguments)
+    assert status == 2 and err.count(message) == 1
+
+
+def test_without_a_joint_nothing_is_to_trade(program):
+    def write(folder):
+        path = write_mass(folder)
+        path.write_text(MASS.replace('[[joints]]\nname = "slider"\npairs = "pairs.csv"\n', ""))
+        return path
+
+    status, _, err = program(write)
+    assert status == 2 and err.count("[[joints]] is missing: without a joint the response is linear") == 1
