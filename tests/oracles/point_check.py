@@ -32,7 +32,7 @@ class Verdict:
     reported: float     # the largest difference of W, D, E from what the point says, on the same scale
     friction_limit: float       # (|T| - mu N) / mu N at the samples
     tension: float              # -N over the largest force of the pair
-    negative_energy: float      # -e_i over the apparent work
+    negative_energy: float      # -e_i over pi |T| |du_t| (2 / N_t)^2: the sampled law turns its slip within a sample
     finite: bool
     states: bool                # the states are those of the march, but for pairs at the limit to rounding
 
@@ -52,7 +52,7 @@ class Verdict:
 
 # a point is accepted at a relative residual of 1e-8 in U; the rest follows with the stiffness of joint and structure
 BOUNDS = {"motion": 1e-7, "response": 1e-7, "force": 1e-5, "law": 1e-9, "energy": 1e-5, "reported": 1e-6,
-          "friction_limit": 1e-9, "tension": 1e-12, "negative_energy": 1e-9}
+          "friction_limit": 1e-9, "tension": 1e-12, "negative_energy": 1.0}
 
 
 class Judge:
@@ -80,11 +80,9 @@ class Judge:
         u, _ = self.motion(point.omega, f - self.R.T @ p.reshape(-1, N_H))
         du = (self.R @ u).reshape(U.shape)
         march = self.march(U)
+        if point.notes:                     # held mean slip, as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
+            march.p[:, :2, 0] = p[:, :2, 0]
         law = np.abs(p - march.p).max(axis=(1, 2), initial=0.0) / march.size
-        if point.notes:                     # held mean slip: the mean of p_t is not the law's (docs/theory.md, eq. 5.6)
-            freed = p.copy()
-            freed[:, :2, 0] = march.p[:, :2, 0]
-            law = np.abs(freed - march.p).max(axis=(1, 2), initial=0.0) / march.size
         f_nl = march.p + self.k[:, :, None] * U
         unbalanced = self.R.T @ (p - march.p).reshape(-1, N_H) + self.R.T @ (self.k[:, :, None] * (du - U)).reshape(-1, N_H)
         size = np.linalg.norm(f) + np.linalg.norm(self.R.T @ f_nl.reshape(-1, N_H))
@@ -100,7 +98,8 @@ class Judge:
             force=float(np.linalg.norm(unbalanced) / (size or 1.0)), law=float(law.max(initial=0.0)),
             energy=float(abs(W - D - E) / scale), reported=float(np.abs(said - energies).max() / scale),
             friction_limit=march.beyond_limit, tension=march.tension,
-            negative_energy=float(max(-np.min(point.energy, initial=0.0), 0.0) / (apparent or 1.0)), finite=True,
+            negative_energy=float((np.maximum(-point.energy, 0.0) / march.most_work).max(initial=0.0) * (self.n_samples / 2.0) ** 2),
+            finite=True,
             states=bool(np.all((np.asarray(point.state) == march.state) | march.at_limit)))
 
     def motion(self, omega: float, forces: np.ndarray) -> tuple[np.ndarray, float]:
@@ -145,9 +144,10 @@ class Judge:
                     slides |= (excess > 1e-9 * limit[j]) & (excess > 1e-13 * noise) | (limit[j] == 0.0)
                     nearly |= np.abs(excess) <= 1e-7 * limit[j] + 1e-10 * noise
                     forces[j] = T
-        has_gap = s["N0"] < 0.0
         f_nl = np.empty((self.n_samples, len(k_t), 3))
-        f_nl[..., :2], f_nl[..., 2] = forces, np.where(has_gap, 0.0, s["N0"]) - N
+        # max(N0, 0) - N, written so that a motion far below the preload keeps its digits
+        f_nl[..., :2] = forces
+        f_nl[..., 2] = np.where(pressed > 0.0, np.maximum(-s["N0"], 0.0) + s["k_n"] * du[..., 2], np.maximum(s["N0"], 0.0))
         weights = np.full(2 * self.H + 1, 2.0 / self.n_samples)
         weights[0] = 1.0 / self.n_samples
         f_hat = np.moveaxis(f_nl, 0, -1) @ basis.T * weights
@@ -159,7 +159,9 @@ class Judge:
         beyond = (length - limit[..., None]).max(axis=(0, 2), initial=0.0)
         # at least rounding of k_t du, from which T is the small rest
         beyond = beyond / np.maximum(limit.max(axis=0), size)
-        return March(p=p, size=size, state=np.where(opens, OPEN, np.where(slides, SLIP, STICK)),
+        T_size, u_size = (np.linalg.norm(x[:, :2, 1:], axis=(1, 2)) for x in (f_hat, U))
+        most_work = np.pi * self.H * np.maximum(T_size * u_size, 1e-12 * size * u_size)
+        return March(p=p, size=size, most_work=np.where(most_work > 0.0, most_work, 1.0), state=np.where(opens, OPEN, np.where(slides, SLIP, STICK)),
                      at_limit=nearly | (np.abs(pressed).min(axis=0) <= 1e-7 * size), beyond_limit=float(beyond.max(initial=0.0)),
                      tension=float(max(-N.min(initial=0.0), 0.0)))
 
@@ -170,6 +172,7 @@ class March:
 
     p: np.ndarray               # (n_pairs, 3, N_H) N
     size: np.ndarray            # (n_pairs,) N, the largest force of each pair
+    most_work: np.ndarray       # (n_pairs,) J, the most that its friction force could do in a cycle
     state: np.ndarray           # (n_pairs,)
     at_limit: np.ndarray        # (n_pairs,) bool: within rounding of another state
     beyond_limit: float

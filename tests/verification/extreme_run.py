@@ -94,13 +94,15 @@ def _solve_and_judge(case: Case, outcome: Outcome, folder: Path) -> None:
 
 def asked(case: Case, system: dict) -> tuple[list[float], tuple[float, float], list[float]]:
     """Return levels [N], band and further frequencies [rad/s] of a case."""
-    if case.hertz:
-        unit = 2.0 * np.pi
-    else:
-        unit = stuck_frequencies(system)[0]
+    unit = 2.0 * np.pi if case.hertz else stuck_frequencies(system)[0]
+    low, high = case.band[0] * unit, case.band[1] * unit
+    if case.wide:               # from below the resonance of the open structure, whatever the joint shifts it by
+        open_ = np.sqrt(max(scipy.linalg.eigh(system["K"], system["M"], eigvals_only=True)[0], 0.0))
+        low = min(low, case.band[0] * open_) if open_ > 1e-3 * unit else low
+        high = min(high, max(3.0 * open_, 1.5 * low))
     lightly = system.get("zeta", 1.0) < 1e-3
     newton = 1.0 if case.newtons else onset(system, 0.98 * unit if lightly else unit)
-    return [level * newton for level in case.levels], (case.band[0] * unit, case.band[1] * unit), [share * unit for share in case.at]
+    return [level * newton for level in case.levels], (low, high), [share * unit for share in case.at]
 
 
 def stuck_frequencies(system: dict) -> np.ndarray:
