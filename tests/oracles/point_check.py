@@ -30,7 +30,7 @@ class Verdict:
     law: float          # |p - p(U)| of a pair over the largest of K_J |U|, N0 and |p| there
     energy: float       # |W - D - E| over |W|, or over the apparent work where |W| is less than 1e-4 of it
     reported: float     # the largest difference of W, D, E from what the point says, on the same scale
-    friction_limit: float       # (|T| - mu N) / mu N at the samples
+    friction_limit: float       # |T| - mu N at the samples, over the largest force of the pair
     tension: float              # -N over the largest force of the pair
     negative_energy: float      # -e_i over pi |T| |du_t| (2 / N_t)^2: the sampled law turns its slip within a sample
     finite: bool
@@ -67,11 +67,19 @@ class Judge:
         self.K_L = np.asarray(system["K"], dtype=_LONG) + self.R.T.astype(_LONG) @ (self.k.ravel().astype(_LONG)[:, None] * self.R.astype(_LONG))
         self.C = damping(system, self.K_L).astype(_LONG)
 
-    def verdict(self, point, level: float, outputs, forces: np.ndarray | None = None) -> Verdict:
-        """Return the errors of a point.
+    def verdicts(self, points, level: float, outputs, forces: np.ndarray | None = None) -> list[Verdict]:
+        """Return the errors of points of one level; all are marched at once.
 
-        ``outputs`` (n_outputs,) are the DOFs of its response; ``forces`` (n, N_H) [N] the loads, unless they are the system's.
+        ``outputs`` (n_outputs,) are the DOFs of the responses; ``forces`` (n, N_H) [N] the loads, unless they are the system's.
         """
+        if not points:
+            return []
+        n_pairs, march = len(self.k), self.march(np.nan_to_num(np.concatenate([point.U for point in points])))
+        parts = [march.of(slice(i * n_pairs, (i + 1) * n_pairs)) for i in range(len(points))]
+        return [self.verdict(point, level, outputs, part, forces) for point, part in zip(points, parts)]
+
+    def verdict(self, point, level: float, outputs, march: March | None = None, forces: np.ndarray | None = None) -> Verdict:
+        """Return the errors of a point, of which the ``march`` may be known; otherwise as :meth:`verdicts`."""
         U, p, N_H = np.asarray(point.U, dtype=float), np.asarray(point.p, dtype=float), 2 * self.H + 1
         everything = [U, p, point.response, point.energy, [point.input, point.damping, point.friction, point.omega]]
         if not all(np.isfinite(part).all() for part in everything):
@@ -79,7 +87,7 @@ class Judge:
         f = loads(self.system, level, self.H) if forces is None else forces
         u, _ = self.motion(point.omega, f - self.R.T @ p.reshape(-1, N_H))
         du = (self.R @ u).reshape(U.shape)
-        march = self.march(U)
+        march = self.march(U) if march is None else march
         if point.notes:                     # held mean slip, as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
             march.p[:, :2, 0] = p[:, :2, 0]
         law = np.abs(p - march.p).max(axis=(1, 2), initial=0.0) / march.size
@@ -97,7 +105,7 @@ class Judge:
             motion=relative(du - U, U), response=relative(response - u[list(outputs)], response),
             force=float(np.linalg.norm(unbalanced) / (size or 1.0)), law=float(law.max(initial=0.0)),
             energy=float(abs(W - D - E) / scale), reported=float(np.abs(said - energies).max() / scale),
-            friction_limit=march.beyond_limit, tension=march.tension,
+            friction_limit=float(march.beyond_limit.max(initial=0.0)), tension=float(march.tension.max(initial=0.0)),
             negative_energy=float((np.maximum(-point.energy, 0.0) / march.most_work).max(initial=0.0) * (self.n_samples / 2.0) ** 2),
             finite=True,
             states=bool(np.all((np.asarray(point.state) == march.state) | march.at_limit)))
@@ -120,8 +128,10 @@ class Judge:
         return np.array([work(f, u).sum(), float(D), work(march.p, U).sum()])
 
     def march(self, U: np.ndarray) -> March:
-        """Return what the contact law says of the motion U (n_pairs, 3, N_H)."""
-        s, theta = self.system, 2.0 * np.pi * np.arange(self.n_samples) / self.n_samples
+        """Return what the contact law says of the motion U (n_pairs, 3, N_H), or of several, one after the other."""
+        n_motions = len(U) // max(len(self.k), 1)
+        s = {key: np.tile(self.system[key], n_motions) for key in ("mu", "N0", "k_t", "k_n", "separate")}
+        springs, theta = np.tile(self.k, (n_motions, 1))[:, :, None], 2.0 * np.pi * np.arange(self.n_samples) / self.n_samples
         n = np.arange(1, self.H + 1)[:, None]
         basis = np.empty((2 * self.H + 1, self.n_samples))
         basis[0], basis[1::2], basis[2::2] = 1.0, np.cos(n * theta), np.sin(n * theta)
@@ -130,6 +140,7 @@ class Judge:
         N = np.where(pressed > 0.0, pressed, 0.0)
         limit, k_t, separate = s["mu"] * N, s["k_t"], s["separate"]
         forces = np.empty((self.n_samples, len(k_t), 2))
+        noise = k_t * np.abs(du[..., :2]).max(axis=(0, 2))
         slides = np.zeros(len(k_t), dtype=bool)
         nearly = np.zeros(len(k_t), dtype=bool)
         T = k_t[:, None] * du[0, :, :2]
@@ -140,7 +151,6 @@ class Judge:
                 trial = T + k_t[:, None] * (du[j, :, :2] - du[j - 1, :, :2])
                 T, excess = returned(trial, limit[j], separate)
                 if period == 1:
-                    noise = k_t * np.abs(du[..., :2]).max(axis=(0, 2))
                     slides |= (excess > 1e-9 * limit[j]) & (excess > 1e-13 * noise) | (limit[j] == 0.0)
                     nearly |= np.abs(excess) <= 1e-7 * limit[j] + 1e-10 * noise
                     forces[j] = T
@@ -151,19 +161,19 @@ class Judge:
         weights = np.full(2 * self.H + 1, 2.0 / self.n_samples)
         weights[0] = 1.0 / self.n_samples
         f_hat = np.moveaxis(f_nl, 0, -1) @ basis.T * weights
-        p = f_hat - self.k[:, :, None] * U
+        p = f_hat - springs * U
         opens = (pressed <= 0.0).any(axis=0)
-        size = np.maximum(np.abs(self.k[:, :, None] * U).max(axis=(1, 2)), np.maximum(np.abs(s["N0"]), np.abs(f_nl).max(axis=(0, 2))))
+        size = np.maximum(np.abs(springs * U).max(axis=(1, 2)), np.maximum(np.abs(s["N0"]), np.abs(f_nl).max(axis=(0, 2))))
         size = np.where(size > 0.0, size, 1.0)
         length = np.where(separate[:, None], np.abs(forces), np.linalg.norm(forces, axis=2, keepdims=True))
-        beyond = (length - limit[..., None]).max(axis=(0, 2), initial=0.0)
+        beyond = np.maximum((length - limit[..., None]).max(axis=(0, 2)), 0.0)
         # at least rounding of k_t du, from which T is the small rest
         beyond = beyond / np.maximum(limit.max(axis=0), size)
         T_size, u_size = (np.linalg.norm(x[:, :2, 1:], axis=(1, 2)) for x in (f_hat, U))
         most_work = np.pi * self.H * np.maximum(T_size * u_size, 1e-12 * size * u_size)
         return March(p=p, size=size, most_work=np.where(most_work > 0.0, most_work, 1.0), state=np.where(opens, OPEN, np.where(slides, SLIP, STICK)),
-                     at_limit=nearly | (np.abs(pressed).min(axis=0) <= 1e-7 * size), beyond_limit=float(beyond.max(initial=0.0)),
-                     tension=float(max(-N.min(initial=0.0), 0.0)))
+                     at_limit=nearly | (np.abs(pressed).min(axis=0) <= 1e-7 * size), beyond_limit=beyond,
+                     tension=np.maximum(-N.min(axis=0), 0.0) / size)
 
 
 @dataclass(frozen=True)
@@ -175,8 +185,12 @@ class March:
     most_work: np.ndarray       # (n_pairs,) J, the most that its friction force could do in a cycle
     state: np.ndarray           # (n_pairs,)
     at_limit: np.ndarray        # (n_pairs,) bool: within rounding of another state
-    beyond_limit: float
-    tension: float
+    beyond_limit: np.ndarray    # (n_pairs,) of |T| - mu N, over the largest force
+    tension: np.ndarray         # (n_pairs,) of -N, over the same
+
+    def of(self, pairs: slice) -> March:
+        """Return the law of some pairs."""
+        return March(**{name: value[pairs] for name, value in vars(self).items()})
 
 
 def returned(T: np.ndarray, limit: np.ndarray, separate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

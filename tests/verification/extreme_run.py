@@ -82,8 +82,9 @@ def _solve_and_judge(case: Case, outcome: Outcome, folder: Path) -> None:
             outcome.status, outcome.words = FAILED, branch.failure
     faults = []
     for branch in branches:
-        for point in branch.points:
-            verdict = _sparse_verdict(system, point, branch.level, H, samples) if judge is None else judge.verdict(point, branch.level, outputs)
+        verdicts = ([_sparse_verdict(system, point, branch.level, H, samples) for point in branch.points] if judge is None
+                    else judge.verdicts(branch.points, branch.level, outputs))
+        for point, verdict in zip(branch.points, verdicts):
             _count(outcome, point, verdict)
             faults += [f"{branch.level:.3g} N, {point.omega:.6g} rad/s: {fault}" for fault in verdict.faults()]
     if not faults and branches:

@@ -51,6 +51,7 @@ class Worker:
     def end(self) -> None:
         self.process.kill()
         self.process.join()
+        self.pipe.close()
 
 
 def run_all(numbers, cases, n_processes: int, limit: float, on_outcome=lambda outcome: None) -> list:

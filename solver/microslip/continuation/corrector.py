@@ -14,12 +14,14 @@ from petsc4py import PETSc
 
 from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import HarmonicBalance
+from ..harmonic.whole_inverse import LARGEST, WholeInverse
 from .newton import Gatherer, Linearisation, NewtonStep
 from .shell import ShellMatrix, ShellSolver
 
 PATIENCE, LEAST_PROGRESS = 4, 0.5       # Newton gives up where so many iterations leave more than this share of the residual
 SOFT = 100.0            # k |U| over the contact forces beyond which a residual counts as force
 ROUNDING = 1e-2         # share of the tolerance that rounding may take up in a weighted row
+MANY_IN_STIFF = 10      # the same where rows are weighted
 MANY_KRYLOV = 50        # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
 
@@ -46,8 +48,8 @@ def row_weights(stiffness: np.ndarray, size: float, force: float, tolerance: flo
     """Return weights of the residual's rows, shaped as ``stiffness``, that bound the force a residual stands for.  Local.
 
     A residual r [m] in a spring k is a force k r.  Where k |U| is far above the contact forces, in a joint much stiffer than
-    what moves it, |r| <= tolerance |U| alone would leave them without a digit.  With w = k |U| / (SOFT |f_nl|), where that is above
-    1, w |r| <= tolerance |U| keeps k |r| below SOFT tolerance |f_nl|, as far as rounding lets it.
+    what moves it, |r| <= tolerance |U| alone would leave them without a digit.  With w = k |U| / (SOFT |f_nl|), where that is
+    above 1, w |r| <= tolerance |U| keeps k |r| below SOFT tolerance |f_nl|, as far as rounding lets it.
 
     Parameters
     ----------
@@ -186,7 +188,8 @@ class Corrector:
     def _weigh_preconditioner(self) -> None:
         """Ask for a (new) preconditioner at the next linearisation where GMRES needed many iterations a Newton step."""
         newton = self._snes.getIterationNumber()
-        if newton > 0 and self._snes.getLinearSolveIterations() > MANY_KRYLOV * newton:
+        many = MANY_KRYLOV if self._scaling.weight == 1.0 else MANY_IN_STIFF
+        if newton > 0 and self._snes.getLinearSolveIterations() > many * newton:
             self._wants_preconditioner = True
 
     # -- scaled unknowns in PETSc's vectors ------------------------------------------------------------------
@@ -238,8 +241,9 @@ class Corrector:
         gatherer = Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2)
         self._stepped = np.empty(0)
         self._linear = Linearisation(forces, G, r_nu, self._row.n_U, self._row.n_nu, gatherer)
-        if self._wants_preconditioner:
-            self._step.preconditioner = HarmonicPreconditioner(self.problem, forces, G)
+        is_small = 0 < 3 * len(forces.active) * self.problem.model.N_H <= LARGEST
+        if self._wants_preconditioner or (is_small and isinstance(self._step.preconditioner, WholeInverse)):
+            self._step.preconditioner = (WholeInverse if is_small else HarmonicPreconditioner)(self.problem, forces, G)
             self._wants_preconditioner = False
         J.assemble()
 

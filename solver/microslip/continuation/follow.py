@@ -96,8 +96,8 @@ class BranchFollower:
               force: float | None = None) -> tuple[Correction, np.ndarray]:
         """Correct a guess; with the in-point check, again with the pairs that want to slip, until none is left out.
 
-        ``size`` [m] and ``force`` [N] are what residuals are measured by, of a point near by.  Where the answer is much smaller, or
-        ``force`` is not known, it is solved again by its own.
+        ``size`` [m] and ``force`` [N] are what residuals are measured by, of a point near by.  Where the answer is much
+        smaller, or ``force`` is not known, it is solved again by its own.
         """
         size = size or 1.0
         scaling = Scaling(size, self.sweep.scale) if force is None else self.scaling(size, force)
@@ -133,8 +133,8 @@ class BranchFollower:
         ConvergenceError : the stuck structure resonates there without damping; on every rank
         """
         if not np.isfinite(self.norm(self.problem.linear_motion(guess.parameter)[0])):
-            raise ConvergenceError(f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: its "
-                                   "linear response is infinite there; state [damping], or another frequency")
+            raise ConvergenceError(f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: "
+                                   "its linear response is infinite there; state [damping], or another frequency")
         found, selected = self.solve(guess, ConstraintRow.fixed_parameter(guess), size, selected, force)
         return replace(found, iterate=Iterate(found.iterate.U, guess.parameter)), selected
 

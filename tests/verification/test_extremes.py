@@ -1,0 +1,44 @@
+"""A few cases of every family of the battery of extremes (extremes.py): nothing is wrong without a word."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from oracles import point_check
+from verification import extreme_structures
+from verification.extreme_cases import Case, all_cases, quick_cases
+from verification.extreme_run import HERE, REFUSED, SOLVED, chain, run_case, solved
+
+QUICK = quick_cases()
+
+
+def test_the_battery_is_large():
+    assert len(all_cases()) >= 300
+
+
+@pytest.mark.parametrize("case", QUICK, ids=lambda case: f"{case.family}: {case.name}")
+def test_solved_and_verified_or_refused_as_it_should_be(case):
+    outcome = run_case(case)
+    if case.expect == "refused":
+        assert outcome.status == REFUSED and outcome.expected, outcome.words
+    else:
+        assert outcome.status == SOLVED, outcome.words
+
+
+def test_the_judge_sees_what_is_wrong(tmp_path):
+    """Each part of a point changed by 1e-4 is found out."""
+    system = extreme_structures.chain()
+    case = Case("", "", extreme_structures.chain)
+    (branch,) = solved(tmp_path, system, [1.0], (0.3, 0.7), (), case)
+    point = max(branch.points, key=lambda point: np.abs(point.U).max())
+    judge, outputs = point_check.Judge(system, 3, 128), range(9)
+    assert HERE.size == 1 and chain is not None
+    assert not judge.verdict(point, 1.0, outputs).faults() and (point.state != 0).any()
+    for name in ("U", "p", "response", "input", "damping", "friction"):
+        changed = dataclasses.replace(point, **{name: (1.0 + 1e-4) * getattr(point, name)})
+        assert judge.verdict(changed, 1.0, outputs).faults(), name
+    wrong_state = dataclasses.replace(point, state=(point.state + 1) % 3)
+    assert judge.verdict(wrong_state, 1.0, outputs).faults() == ["states differ from those of the march"]
+    assert judge.verdict(dataclasses.replace(point, omega=point.omega * 1.0001), 1.0, outputs).faults()
+    assert judge.verdict(dataclasses.replace(point, U=point.U * np.nan), 1.0, outputs).faults()
+    assert judge.verdict(point, 1.0001, outputs).faults()
