@@ -102,9 +102,9 @@ def friction_and_preload():
 
 
 def levels():
-    for (name, make), level in product(ALL.items(), (1e-12, 1e-9, 1e-6, 1e-3)):
+    for (name, make), level in product(ALL.items(), (1e-12, 1e-6, 1e-3)):
         yield Case(f"{name}, {level:g} N", "levels", make, (level,), newtons=True, expect="stuck", at=(1.0,), points=10)
-    for (name, make), share in product(ALL.items(), (0.99, 1.01, 1.5, 5.0, 100.0, 1000.0)):
+    for (name, make), share in product(ALL.items(), (0.9, 1.01, 1.5, 5.0, 100.0, 1000.0)):
         yield Case(f"{name}, {share:g} of onset", "levels", make, (share,), expect="stuck" if share < 1.0 else "point check", points=12, wide=True)
     for level, omega in product((1.1, 2.0, 8.0), (0.8, 0.95, 1.1)):
         yield Case(f"Jenkins mass, {level:g} mu N at {omega:g}, exact", "levels", structures.oscillator, (level,), newtons=True,
@@ -112,7 +112,7 @@ def levels():
 
 
 def damping():
-    kinds = {"none": {"zeta": 0.0}, "ratio 1e-6": {"zeta": 1e-6}, "ratio 0.5": {"zeta": 0.5}, "ratio 0.9": {"zeta": 0.9},
+    kinds = {"none": {"zeta": 0.0}, "ratio 1e-6": {"zeta": 1e-6}, "ratio 0.9": {"zeta": 0.9},
              "ratio 0.999": {"zeta": 0.999}, "mass-proportional": {"rayleigh": (0.8, 0.0)}, "stiffness-proportional": {"rayleigh": (0.0, 0.8)},
              "Rayleigh, heavy": {"rayleigh": (3.0, 3.0)}}
     for (name, make), (words, kind) in product(ALL.items(), kinds.items()):
@@ -169,7 +169,7 @@ def loads():
              "load across only": [(across, 1, 0.0)], "load along the normal only": [([0.0, 0.0, 1.0], 1, 0.0)],
              "two loads that cancel": [(vector, 1, 0.0), (vector, 1, np.pi)]}
     for words, mix in mixes.items():
-        for separate in (False, True):
+        for separate in (False, True) if words in ("harmonics 0 to 3", "a circle") else (False,):
             yield Case(f"3-D pair, {words}{', separate limits' if separate else ''}", "loads",
                        partial(_loaded, structures.spatial, mix, separate=separate), (0.05, 0.8, 8.0), newtons=True, band=(0.3, 1.2))
     yield Case("constant load alone", "loads", partial(_loaded, structures.spatial, [(vector, 0, 0.0)]), (0.1, 10.0), newtons=True)
@@ -246,7 +246,7 @@ UNITS = {"mm, tonne": {"length": 1e3, "mass": 1e-3}, "km": {"length": 1e-3}, "um
 
 
 def units():
-    for (name, make), (words, factors) in product(ALL.items(), UNITS.items()):
+    for (name, make), (words, factors) in product(SMALL.items(), UNITS.items()):
         yield Case(f"{name}, {words}", "units and scaling", make, (0.5, 3.0, 30.0), at=(0.85, 0.93, 1.0, 1.07, 1.15), expect="twin", twin=factors,
                    points=12, solver={"tolerance": 1e-12})
     # K x s, M x d: the same structure with time in units of sqrt(s / d) and forces in units of s
@@ -260,7 +260,7 @@ def methods():
     ways = {"full": {"method": "full"}, "rubin": {"method": "rubin"}, "rubin, condensed": {"method": "rubin", "condensed": True},
             "craig-bampton": {"method": "craig-bampton"}, "adaptive, in-point check": {"method": "adaptive", "in_point_check": True},
             "adaptive-energy, in-point check": {"method": "adaptive-energy", "in_point_check": True}}
-    for (name, make), (words, way) in product(ALL.items(), ways.items()):
+    for (name, make), (words, way) in product((("3-D pair", structures.spatial), ("chain", structures.chain), ("frame", structures.frame)), ways.items()):
         yield Case(f"{name}, {words}", "methods", make, (0.3, 3.0, 30.0), points=12, solver=way)
     for words, way in ways.items():
         for k_t, k_n in ((1e-4, 1e4), (1e4, 1e-4)):
@@ -268,7 +268,7 @@ def methods():
                        points=10, solver=way)
 
 
-def random(n: int = 80):
+def random(n: int = 60):
     for seed in range(n):
         yield _random_case(seed)
 

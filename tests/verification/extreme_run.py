@@ -101,7 +101,7 @@ def asked(case: Case, system: dict) -> tuple[list[float], tuple[float, float], l
         open_ = np.sqrt(max(scipy.linalg.eigh(system["K"], system["M"], eigvals_only=True)[0], 0.0))
         low = min(low, case.band[0] * open_) if open_ > 1e-3 * unit else low
         high = min(high, max(3.0 * open_, 1.5 * low))
-    lightly = system.get("zeta", 1.0) < 1e-3
+    lightly = system.get("zeta", 1.0) < 1e-3 or ("C" in system and not np.any(system["C"]))
     newton = 1.0 if case.newtons else onset(system, 0.98 * unit if lightly else unit)
     return [level * newton for level in case.levels], (low, high), [share * unit for share in case.at]
 

@@ -68,7 +68,7 @@ def free_body(*, k_t=1.0, k_n=1.0, mu=0.5, N0=1.0, harmonic=1, n_pairs=2, separa
     link = np.diag([1.0, 1.2, 0.9])
     K = scipy.linalg.block_diag(held, np.block([[link, -link], [-link, link]]))
     pairs = [[3, 4, 5, 0, 1, 2], [6, 7, 8, -1, -1, -1]][:n_pairs]
-    return _system("free body", np.diag(np.repeat([1.0, 0.6, 0.5], 3)), K, pairs, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.3, 0.2],
+    return _system("free body", np.diag(np.repeat([1.0, 0.6, 0.5], 3)), K, pairs, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.3, 0.02],
                    k_t=k_t, k_n=k_n, mu=mu, N0=N0, harmonic=harmonic, separate=separate, damping=damping)
 
 

@@ -337,7 +337,7 @@ class BranchFollower:
         """Yield the points of the branch in order."""
         found, selected = self.first()
         if found.failure:
-            found, selected = self.reach_level(found)
+            found, selected = self.reach_first(found)
         before, point = self.accept(found, selected, asked=self.sweep.start in self.sweep.at)
         yield before, point
         found, selected = self.second(before)
@@ -398,6 +398,17 @@ class BranchFollower:
             way /= 2.0
             if abs(way) < FINEST_WAY * abs(goal.parameter - now.iterate.parameter):
                 raise ConvergenceError(self.message(here.parameter, found))
+
+    def reach_first(self, failed: Correction) -> tuple[Correction, np.ndarray]:
+        """Solve the first point over the level; with the mean slip held about none where a body hangs on its joint alone."""
+        try:
+            return self.reach_level(failed)
+        except ConvergenceError:
+            if isinstance(self.problem, LevelFamily) or self.problem.held_at is not None or not self.is_loose:
+                raise
+        self.problem.held_at = np.zeros((self.problem.n_owned, 2))
+        found, selected = self.first()
+        return self.reach_level(found) if found.failure else (found, selected)
 
     def reach_level(self, failed: Correction) -> tuple[Correction, np.ndarray]:
         """Solve the first point another way: from a small level up, by arc length at its frequency, folds included."""

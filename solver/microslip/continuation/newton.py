@@ -112,7 +112,7 @@ class NewtonStep:
         self.product = d_xi + others
         reason = self._ksp.getConvergedReason()
         if reason < 0 and self._ksp.getResidualNorm() <= self._rtol * self._b.norm():
-            reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL       # rounding kept it from the weight's tolerance; Newton makes up
+            reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL       # rounding kept it from the weight's; Newton makes up
         return d_xi, d_nu_owned, self._ksp.getIterationNumber(), reason
 
     # -- the condensed system ----------------------------------------------------------------------------------
