@@ -31,16 +31,16 @@ def worst(system, found, name):
 
 
 def test_contact_forces_of_a_stiff_joint_are_right():
-    system = structures.spatial(k_t=1e5, k_n=1e4)
-    found = branch(system, COMM, 3.0, low=0.7, high=1.2, points=20, tolerance=1e-8)
+    system = structures.spatial(k_t=1e3, k_n=1.0)
+    found = branch(system, COMM, 1.0, low=0.8, high=1.4, points=20, tolerance=1e-8)
     assert found.failure is None and {1, 2} & set(np.concatenate([point.state for point in found.points]))
     assert worst(system, found, "force") < 1e-5
 
 
 def test_they_are_not_without_the_weights(monkeypatch):
     monkeypatch.setattr(follow, "row_weights", lambda k, size, force, tolerance: np.ones_like(k))
-    system = structures.spatial(k_t=1e5, k_n=1e4)
-    found = branch(system, COMM, 3.0, low=0.7, high=1.2, points=20, tolerance=1e-8)
+    system = structures.spatial(k_t=1e3, k_n=1.0)
+    found = branch(system, COMM, 1.0, low=0.8, high=1.4, points=20, tolerance=1e-8)
     assert worst(system, found, "force") > 1e-5
 
 
@@ -68,6 +68,13 @@ def test_a_wide_gap_costs_no_digits():
 def test_only_a_body_that_nothing_else_holds_gets_springs(system, is_free):
     model, parameters = reduced(system, COMM, 1)
     assert is_held_by_its_joint_alone(HarmonicBalance(model, parameters, 16, 1.0)) is is_free
+
+
+def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
+    system = structures.free_body(rayleigh=(0.8, 0.0))
+    system = {**system, "C": 0.8 * system["M"]}
+    found = branch(system, COMM, 17.0, low=0.8, high=1.2, points=20)
+    assert found.failure is None and found.points[0].notes and (found.points[0].state == 1).all()
 
 
 def test_resonance_without_damping_is_named():

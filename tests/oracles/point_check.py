@@ -85,6 +85,11 @@ class Judge:
         if not all(np.isfinite(part).all() for part in everything):
             return Verdict(*[np.nan] * 9, finite=False, states=False)
         f = loads(self.system, level, self.H) if forces is None else forces
+        single = loads({**self.system, "loads": [{**load, "vector": np.abs(load["vector"]), "phase": 0.0} for load in self.system["loads"]]}, level, self.H)
+        if np.linalg.norm(f) <= 1e-14 * np.linalg.norm(single):         # loads that cancel: nothing moves, but by rounding
+            still = float(np.linalg.norm(U) / (np.linalg.norm(self.motion(point.omega, single)[0]) or 1.0))
+            return Verdict(motion=still, response=still, force=still, law=0.0, energy=0.0, reported=0.0, friction_limit=0.0, tension=0.0,
+                           negative_energy=0.0, finite=True, states=True)
         u, _ = self.motion(point.omega, f - self.R.T @ p.reshape(-1, N_H))
         du = (self.R @ u).reshape(U.shape)
         march = self.march(U) if march is None else march
@@ -97,7 +102,7 @@ class Judge:
         energies = self.energies(point.omega, f, u, march, U)
         W, D, E = energies
         apparent = np.pi * sum(n * np.linalg.norm(f[:, 2 * n - 1:2 * n + 1]) * np.linalg.norm(u[:, 2 * n - 1:2 * n + 1])
-                               for n in range(1, self.H + 1))
+                               for n in range(1, self.H + 1)) + 1e-3 * np.pi * np.linalg.norm(f[:, 0]) * np.linalg.norm(u[:, 0])
         scale = max(abs(W), abs(D) + abs(E), 1e-2 * apparent) or 1.0
         said = np.array([point.input, point.damping, point.friction])
         response = np.asarray(point.response)

@@ -7,9 +7,10 @@ import pytest
 from oracles import point_check
 from verification import extreme_structures
 from verification.extreme_cases import Case, all_cases, quick_cases
-from verification.extreme_run import HERE, REFUSED, SOLVED, chain, run_case, solved
+from verification.extreme_run import DEFECT, SOLVED, WRONG, run_case, solved
 
 QUICK = quick_cases()
+OUTCOMES: dict = {}
 
 
 def test_the_battery_is_large():
@@ -17,12 +18,17 @@ def test_the_battery_is_large():
 
 
 @pytest.mark.parametrize("case", QUICK, ids=lambda case: f"{case.family}: {case.name}")
-def test_solved_and_verified_or_refused_as_it_should_be(case):
-    outcome = run_case(case)
-    if case.expect == "refused":
-        assert outcome.status == REFUSED and outcome.expected, outcome.words
-    else:
-        assert outcome.status == SOLVED, outcome.words
+def test_nothing_is_wrong_without_a_word(case):
+    outcome = OUTCOMES[case.name] = run_case(case)
+    assert outcome.status not in (WRONG, DEFECT), outcome.words
+    assert outcome.expected == (case.expect == "refused"), f"{outcome.status}: {outcome.words}"
+    assert outcome.status == SOLVED or outcome.words
+
+
+def test_nearly_all_are_solved():
+    if len(OUTCOMES) < len(QUICK):
+        pytest.skip("a part of the battery alone")
+    assert sum(outcome.status == SOLVED or outcome.expected for outcome in OUTCOMES.values()) >= 0.95 * len(QUICK)
 
 
 def test_the_judge_sees_what_is_wrong(tmp_path):
@@ -32,7 +38,6 @@ def test_the_judge_sees_what_is_wrong(tmp_path):
     (branch,) = solved(tmp_path, system, [1.0], (0.3, 0.7), (), case)
     point = max(branch.points, key=lambda point: np.abs(point.U).max())
     judge, outputs = point_check.Judge(system, 3, 128), range(9)
-    assert HERE.size == 1 and chain is not None
     assert not judge.verdict(point, 1.0, outputs).faults() and (point.state != 0).any()
     for name in ("U", "p", "response", "input", "damping", "friction"):
         changed = dataclasses.replace(point, **{name: (1.0 + 1e-4) * getattr(point, name)})

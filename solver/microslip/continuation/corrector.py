@@ -84,6 +84,7 @@ class Correction:
     krylov: int
     residual: float             # scaled 2-norm
     failure: str | None
+    bound: float = 0.0          # the tolerance that was asked for
 
 
 class Corrector:
@@ -158,7 +159,7 @@ class Corrector:
                        f"(bound {self.tolerance:.1e})")
         return Correction(
             self._unpack(self._x), self._snes.getIterationNumber(), self._snes.getLinearSolveIterations(),
-            self._snes.getFunctionNorm(), failure,
+            self._snes.getFunctionNorm(), failure, self.tolerance,
         )
 
     def residual_at(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> np.ndarray:
