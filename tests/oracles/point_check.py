@@ -175,7 +175,7 @@ class Judge:
         # at least rounding of k_t du, from which T is the small rest
         beyond = beyond / np.maximum(limit.max(axis=0), size)
         T_size, u_size = (np.linalg.norm(x[:, :2, 1:], axis=(1, 2)) for x in (f_hat, U))
-        most_work = np.pi * self.H * np.maximum(T_size * u_size, 1e-12 * size * u_size)
+        most_work = np.pi * self.H * np.maximum(T_size * u_size, 1e-9 * size * u_size)
         return March(p=p, size=size, most_work=np.where(most_work > 0.0, most_work, 1.0), state=np.where(opens, OPEN, np.where(slides, SLIP, STICK)),
                      at_limit=nearly | (np.abs(pressed).min(axis=0) <= 1e-7 * size), beyond_limit=beyond,
                      tension=np.maximum(-N.min(axis=0), 0.0) / size)

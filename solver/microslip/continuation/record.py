@@ -60,8 +60,8 @@ def _check_balance(problem: HarmonicBalance, found: Correction, gap: float, most
     if not abs(gap) <= max(IMBALANCE, 100.0 * found.bound) * most:
         raise ConvergenceError(
             f"hb: at {problem.where(found.iterate.parameter)} the work of the loads and the losses differ by {abs(gap):.1e} J "
-            f"a cycle, {abs(gap) / most:.1e} of what they are; the motion has outgrown the forces: a resonance that neither damping "
-            "nor friction holds? State [damping], or end the range before it")
+            f"a cycle, {abs(gap) / most:.1e} of what they are; the motion has outgrown the forces: a resonance that neither "
+            "damping nor friction holds? State [damping], or end the range before it")
 
 
 def apparent_work(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
