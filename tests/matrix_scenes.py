@@ -42,7 +42,8 @@ def _pair_lines(system: dict) -> list[str]:
 
 def _model(system: dict) -> list[str]:
     lines = ["[model]", 'stiffness = "K.mtx"', 'mass = "M.mtx"']
-    lines += ['damping = "C.mtx"'] if "C" in system else ["[damping]", f"ratio = {system['zeta']}"]
+    own = f"ratio = {system['zeta']}" if "zeta" in system else f"rayleigh = {list(system.get('rayleigh', ()))}"
+    lines += ['damping = "C.mtx"'] if "C" in system else ["[damping]", own]
     limit = "separate" if system["separate"].any() else "circle"
     return [*lines, "[[joints]]", 'name = "joint"', 'pairs = "pairs.csv"', f'friction_limit = "{limit}"']
 

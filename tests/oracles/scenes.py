@@ -2,7 +2,8 @@
 
 A system holds
     M, K : (n, n) mass [kg] and stiffness WITHOUT the joint springs [N/m]
-    C : (n, n) viscous damping [N s/m], or zeta : damping ratio of every mode of (K_L, M), K_L with all pairs stuck
+    C : (n, n) viscous damping [N s/m], or zeta : damping ratio of every mode of (K_L, M), K_L with all pairs stuck, or
+        rayleigh : (alpha, beta) of C = alpha M + beta K_L [1/s, s]
     pair_dofs : (n_pairs, 6) DOF x1, y1, z1, x2, y2, z2 of each pair, -1 = ground; R (3 n_pairs, n) follows from it
     mu, N0, k_t, k_n : (n_pairs,) friction coefficient, preload (negative: gap -N0 / k_n), stiffness
     separate : (n_pairs,) bool, True where the two tangential directions slip on their own
@@ -41,8 +42,8 @@ def make_system(name, M, K, pair_dofs, *, mu, N0, k_t, k_n, loads, output, omega
     for key, value in {"mu": mu, "N0": N0, "k_t": k_t, "k_n": k_n}.items():
         system[key] = np.broadcast_to(np.asarray(value, dtype=float), (n_pairs,)).copy()
     system["separate"] = np.broadcast_to(np.asarray(separate, dtype=bool), (n_pairs,)).copy()
-    if set(damping) not in ({"C"}, {"zeta"}):
-        raise ValueError(f"{name}: give C or zeta, got {sorted(damping)}")
+    if set(damping) not in ({"C"}, {"zeta"}, {"rayleigh"}):
+        raise ValueError(f"{name}: give C, zeta or rayleigh, got {sorted(damping)}")
     system.update(damping)
     return system
 
@@ -67,6 +68,8 @@ def damping_matrix(system):
     """Return C, (n, n) [N s/m]; from the ratio of every mode of (K_L, M) where no matrix is given."""
     if "C" in system:
         return np.asarray(system["C"], dtype=float)
+    if "rayleigh" in system:
+        return system["rayleigh"][0] * np.asarray(system["M"]) + system["rayleigh"][1] * stuck_stiffness(system)
     omega_squared, phi = eigh(stuck_stiffness(system), system["M"])
     M_phi = system["M"] @ phi
     return M_phi @ np.diag(2.0 * system["zeta"] * np.sqrt(omega_squared)) @ M_phi.T

@@ -16,8 +16,12 @@ from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
 from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import HarmonicBalance
 from ..harmonic.shell import ShellMatrix, ShellSolver
+from ..harmonic.whole_inverse import LARGEST, WholeInverse
 
 PATIENCE, LEAST_PROGRESS = 4, 0.5       # Newton gives up where so many iterations leave more than this share of the residual
+SOFT = 100.0            # k |U| over the contact forces beyond which a residual counts as force
+ROUNDING = 1e-2         # share of the tolerance that rounding may take up in a weighted row
+MANY_IN_STIFF = 10      # the same where rows are weighted
 MANY_KRYLOV = 50        # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
 
@@ -32,10 +36,30 @@ class Iterate:
 
 @dataclass(frozen=True)
 class Scaling:
-    """Units of the unknowns in SNES and in the arc-length norm."""
+    """Units of the unknowns in SNES and in the arc-length norm, and weights of the rows of the residual."""
 
     U: float            # m
     parameter: float    # rad/s or N
+    rows: np.ndarray | float = 1.0      # (n_owned, 3, 1) -, at least 1; see ``row_weights``
+    weight: float = 1.0                 # the largest of all ranks' rows
+
+
+def row_weights(stiffness: np.ndarray, size: float, force: float, tolerance: float) -> np.ndarray:
+    """Return weights of the residual's rows, shaped as ``stiffness``, that bound the force a residual stands for.  Local.
+
+    A residual r [m] in a spring k is a force k r.  Where k |U| is far above the contact forces, in a joint much stiffer than
+    what moves it, |r| <= tolerance |U| alone would leave them without a digit.  With w = k |U| / (SOFT |f_nl|), where that is
+    above 1, w |r| <= tolerance |U| keeps k |r| below SOFT tolerance |f_nl|, as far as rounding lets it.
+
+    Parameters
+    ----------
+    stiffness : of the pairs' springs [N/m]
+    size, force : |U| [m] and |f_nl| [N] over all ranks
+    """
+    most = max(ROUNDING * tolerance / float(np.finfo(float).eps), 1.0)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        weights = np.nan_to_num(stiffness * (size / (SOFT * force)), nan=1.0, posinf=most)
+    return np.minimum(np.maximum(weights, 1.0), most)
 
 
 @dataclass(frozen=True)
@@ -60,6 +84,7 @@ class Correction:
     krylov: int
     residual: float             # scaled 2-norm
     failure: str | None
+    bound: float = 0.0          # the tolerance that was asked for
 
 
 class Corrector:
@@ -118,6 +143,7 @@ class Corrector:
     def correct(self, guess: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> Correction:
         """Solve from ``guess``.  Collective; never raises for divergence, which comes back as ``failure``."""
         self._row, self._scaling, self._selected = row, scaling, selected
+        self._step.weight = scaling.weight
         self._pack(guess, self._x)
         self._snes.solve(None, self._x)
         reason = self._snes.getConvergedReason()
@@ -133,7 +159,7 @@ class Corrector:
                        f"(bound {self.tolerance:.1e})")
         return Correction(
             self._unpack(self._x), self._snes.getIterationNumber(), self._snes.getLinearSolveIterations(),
-            self._snes.getFunctionNorm(), failure,
+            self._snes.getFunctionNorm(), failure, self.tolerance,
         )
 
     def residual_at(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> np.ndarray:
@@ -157,13 +183,14 @@ class Corrector:
         """Return this rank's rows of J^-1 r at ``iterate``, scaled.  Collective."""
         r = self.residual_at(iterate, row, scaling, selected)
         self._linearise(self._snes, self._x, self._J, self._J)
-        d_xi, d_nu, _, _ = self._step.solve(self._linear, r[: self.n_U].reshape(self.problem.shape), self._nu(r))
+        d_xi, d_nu, _, _ = self._step.solve(self._linear, r[: self.n_U].reshape(self.problem.shape) / scaling.rows, self._nu(r))
         return np.append(d_xi, d_nu) if self.last else d_xi.ravel()
 
     def _weigh_preconditioner(self) -> None:
         """Ask for a (new) preconditioner at the next linearisation where GMRES needed many iterations a Newton step."""
         newton = self._snes.getIterationNumber()
-        if newton > 0 and self._snes.getLinearSolveIterations() > MANY_KRYLOV * newton:
+        many = MANY_KRYLOV if self._scaling.weight == 1.0 else MANY_IN_STIFF
+        if newton > 0 and self._snes.getLinearSolveIterations() > many * newton:
             self._wants_preconditioner = True
 
     # -- scaled unknowns in PETSc's vectors ------------------------------------------------------------------
@@ -201,7 +228,7 @@ class Corrector:
         if parameter > 0.0:
             U_lin, _ = problem.linear_motion(parameter)
             rows = U - U_lin + problem.receptance_at(parameter, forces.active).apply(forces.p)
-            out[: self.n_U] = rows.ravel() / scaling.U
+            out[: self.n_U] = (rows * scaling.rows).ravel() / scaling.U
         if self.last:
             out[self.n_U] = plane_U + row.n_nu * (nu - row.about.parameter / scaling.parameter)
 
@@ -215,15 +242,16 @@ class Corrector:
         gatherer = Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2)
         self._stepped = np.empty(0)
         self._linear = Linearisation(forces, G, r_nu, self._row.n_U, self._row.n_nu, gatherer)
-        if self._wants_preconditioner:
-            self._step.preconditioner = HarmonicPreconditioner(self.problem, forces, G)
+        is_small = 0 < 3 * len(forces.active) * self.problem.model.N_H <= LARGEST
+        if self._wants_preconditioner or (is_small and isinstance(self._step.preconditioner, WholeInverse)):
+            self._step.preconditioner = (WholeInverse if is_small else HarmonicPreconditioner)(self.problem, forces, G)
             self._wants_preconditioner = False
         J.assemble()
 
     def solve_step(self, b, x) -> tuple[int, int]:
         """Solve a Newton system; return GMRES iterations and PETSc's reason.  Collective."""
         values, out = b.getArray(readonly=True), x.getArray()
-        b_U, b_nu = values[: self.n_U].reshape(self.problem.shape), self._nu(values)
+        b_U, b_nu = values[: self.n_U].reshape(self.problem.shape) / self._scaling.rows, self._nu(values)
         d_xi, d_nu, iterations, reason = self._step.solve(self._linear, b_U, b_nu)
         out[: self.n_U] = d_xi.ravel()
         if self.last:
@@ -242,6 +270,6 @@ class Corrector:
             rows, of_row = self._step.product, self._linear.constraint(self.comm, d_xi, d_nu)
         else:
             rows, of_row = self._linear.product(d_xi, d_nu)
-        out[: self.n_U] = rows.ravel()
+        out[: self.n_U] = (rows * self._scaling.rows).ravel()
         if self.last:
             out[self.n_U] = of_row

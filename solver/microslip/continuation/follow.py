@@ -18,7 +18,7 @@ from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
 from .accuracy import Accuracy, Resolution
 from .branch import Branch, Point
-from .corrector import ConstraintRow, Correction, Corrector, Iterate, Scaling
+from .corrector import ConstraintRow, Correction, Corrector, Iterate, Scaling, row_weights
 from .record import point_record
 from .steps import ArcLength
 
@@ -29,6 +29,7 @@ FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smalles
 FAR_AHEAD = 4.0         # lengths of the last step beyond which a parabola says nothing
 FARTHEST = 4.0          # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
 MOSTLY = 0.8            # share of the pairs that slip or are open, from which the mean of the slip may be held
+SHRINKS = 0.5           # of the unit of U: a motion below it is solved again in its own unit
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
 
@@ -67,6 +68,7 @@ class State:
     iterate: Iterate
     selected: np.ndarray            # B of the next point
     size: float                     # |U| over all ranks [m]
+    force: float                    # |f_nl| over all ranks [N]
     sticks: bool                    # no pair slips or opens: the point lies on the linear curve
     sliding: float                  # share of the pairs that do not stick
     amplitude: np.ndarray           # (n_outputs,) complex, of harmonic 1 [m]
@@ -99,15 +101,29 @@ class BranchFollower:
 
     # -- one point ---------------------------------------------------------------------------------------------
 
-    def solve(self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
-        """Correct a guess; with the in-point check, again with the pairs that want to slip, until none is left out."""
-        scaling = Scaling(size or 1.0, self.sweep.scale)
+    def solve(self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray,
+              force: float | None = None) -> tuple[Correction, np.ndarray]:
+        """Correct a guess; with the in-point check, again with the pairs that want to slip, until none is left out.
+
+        ``size`` [m] and ``force`` [N] are what residuals are measured by, of a point near by.  Where the answer is much
+        smaller, or ``force`` is not known, it is solved again by its own.
+        """
+        size = size or 1.0
+        scaling = Scaling(size, self.sweep.scale) if force is None else self.scaling(size, force)
         newton = krylov = 0
         while True:
             found = self.corrector.correct(guess, row, scaling, selected)
             newton, krylov = newton + found.newton, krylov + found.krylov
             found = replace(found, newton=newton, krylov=krylov)
-            if found.failure or not self.selection.checks_in_point:
+            if found.failure:
+                return found, selected
+            own = self.norm(found.iterate.U)
+            if force is None or 0.0 < own < SHRINKS * size:
+                row = replace(row, n_U=row.n_U * ((own or size) / size))        # the same plane in the new unit
+                size, force = own or size, self.force(found.iterate.U, selected)
+                scaling, guess = self.scaling(size, force), found.iterate
+                continue
+            if not self.selection.checks_in_point:
                 return found, selected
             forces = self.problem.contact_forces(found.iterate.U, np.ones_like(selected), tangents=False)
             left_out = forces.active[~selected[forces.active]]
@@ -117,9 +133,18 @@ class BranchFollower:
             selected[left_out] = True
             guess = found.iterate
 
-    def solve_at(self, guess: Iterate, size: float, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
-        """Correct a guess at its own parameter; the answer carries exactly that value, not its last bit's rounding."""
-        found, selected = self.solve(guess, ConstraintRow.fixed_parameter(guess), size, selected)
+    def solve_at(self, guess: Iterate, size: float, selected: np.ndarray,
+                 force: float | None = None) -> tuple[Correction, np.ndarray]:
+        """Correct a guess at its own parameter; the answer carries exactly that value, not its last bit's rounding.
+
+        Raises
+        ------
+        ConvergenceError : the stuck structure resonates there without damping; on every rank
+        """
+        if not np.isfinite(self.norm(self.problem.linear_motion(guess.parameter)[0])):
+            raise ConvergenceError(f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: "
+                                   "its linear response is infinite there; state [damping], or another frequency")
+        found, selected = self.solve(guess, ConstraintRow.fixed_parameter(guess), size, selected, force)
         return replace(found, iterate=Iterate(found.iterate.U, guess.parameter)), selected
 
     def accept(self, found: Correction, selected: np.ndarray, asked: bool = False) -> tuple[State, Point]:
@@ -143,7 +168,9 @@ class BranchFollower:
         B = self.selection.update(moves, point.state, point.energy)
         sliding = float((point.state != STICK).mean())
         amplitude = point.response[:, 1] - 1j * point.response[:, 2]
-        return State(found.iterate, B, self.norm(found.iterate.U), not moves.any(), sliding, amplitude), point
+        p = Harmonics.full(point.p.shape[-1]).carry(point.p[self.problem.model.owned], self.harmonics)
+        size, force = self.norm(found.iterate.U), self.force_of(found.iterate.U, p)
+        return State(found.iterate, B, size, force, not moves.any(), sliding, amplitude), point
 
     # -- harmonics and samples ---------------------------------------------------------------------------------
 
@@ -194,7 +221,7 @@ class BranchFollower:
     def again(self, state: State) -> State:
         """Return a point as the problem has it now, so that the way to the next one is that of the branch.  Collective."""
         state = self.carried(state)
-        found, _ = self.solve_at(state.iterate, state.size, state.selected)
+        found, _ = self.solve_at(state.iterate, state.size, state.selected, state.force)
         return state if found.failure else replace(state, iterate=found.iterate)
 
     def solve_with(self, finer: Resolution, found: Correction, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
@@ -207,6 +234,31 @@ class BranchFollower:
         if better.failure:
             self.change_to(coarse)
         return better, used
+
+    def scaling(self, size: float, force: float) -> Scaling:
+        """Return the units of a point near one of this size [m] and force [N].  Local."""
+        rows = row_weights(self.stiffness[:, :, None], size, force, self.tolerance)
+        return Scaling(size, self.sweep.scale, rows, float(row_weights(self.stiffest, size, force, self.tolerance)))
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """The springs of this rank's pairs, (n_owned, 3) [N/m]."""
+        parameters = self.problem.parameters
+        return np.stack([parameters.k_t, parameters.k_t, parameters.k_n], axis=1)
+
+    @cached_property
+    def stiffest(self) -> np.ndarray:
+        """The stiffest spring of all pairs [N/m].  Collective at first."""
+        return np.array(max(self.comm.allgather(float(self.stiffness.max(initial=0.0)))))
+
+    def force(self, U: np.ndarray, selected: np.ndarray) -> float:
+        """Return |f_nl| over all ranks [N] under a motion of this rank's pairs.  Collective."""
+        p = self.problem.full_force(self.problem.contact_forces(U, selected, tangents=False))
+        return self.force_of(U, p.reshape(-1, *U.shape[1:])[self.problem.model.owned])
+
+    def force_of(self, U: np.ndarray, p: np.ndarray) -> float:
+        """Return |p + K_J U| over all ranks [N].  Collective."""
+        return self.norm(p + self.stiffness[:, :, None] * U)
 
     def norm(self, U: np.ndarray) -> float:
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
@@ -242,7 +294,7 @@ class BranchFollower:
         while True:
             there = first.iterate.parameter + self.sweep.direction * way
             U = self.problem.linear_motion(there)[0] if first.sticks else first.iterate.U
-            found, selected = self.solve_at(Iterate(U, there), first.size, first.selected)
+            found, selected = self.solve_at(Iterate(U, there), first.size, first.selected, first.force)
             if found.failure is None:
                 if self.distance(first, found.iterate) <= self.steps.ds_max:
                     return found, selected
@@ -309,7 +361,7 @@ class BranchFollower:
         earlier, before, now = earlier and self.carried(earlier), self.carried(before), self.carried(now)
         while True:
             guess, row = self.predict(earlier, before, now, ds)
-            found, selected = self.solve(guess, row, now.size, now.selected)
+            found, selected = self.solve(guess, row, now.size, now.selected, now.force)
             if found.failure is None and not self.left(before, now, found, ds):
                 return found, selected, ds
             ds /= 2.0
@@ -350,7 +402,7 @@ class BranchFollower:
         mean = self.harmonics.mean
         at_rest[..., mean] = self.problem.linear_motion(now.iterate.parameter)[0][..., mean]
         for U in (at_rest, now.iterate.U):
-            found, selected = self.solve_at(replace(now.iterate, U=U), now.size, now.selected)
+            found, selected = self.solve_at(replace(now.iterate, U=U), now.size, now.selected, now.force)
             if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
                 return replace(now, iterate=found.iterate, selected=selected)
         self.problem.held_at = held_at
@@ -365,7 +417,7 @@ class BranchFollower:
         direction = np.sign(now.iterate.parameter - before.iterate.parameter) or self.sweep.direction
         for share in 2.0 ** -np.arange(6):
             there = now.iterate.parameter + direction * share * self.steps.ds_min * self.sweep.scale
-            found, selected = self.solve_at(Iterate(now.iterate.U, there), now.size, now.selected)
+            found, selected = self.solve_at(Iterate(now.iterate.U, there), now.size, now.selected, now.force)
             if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
                 return found, selected
         raise ConvergenceError(self.message(now.iterate.parameter, failed))
@@ -388,7 +440,7 @@ class BranchFollower:
         """Yield the points of the branch in order."""
         found, selected = self.first()
         if found.failure:
-            found, selected = self.reach_level(found)
+            found, selected = self.reach_first(found)
         before, point = self.accept(found, selected, asked=self.sweep.start in self.sweep.at)
         yield before, point
         found, selected = self.second(self.carried(before))
@@ -437,7 +489,7 @@ class BranchFollower:
 
     def solved(self, now: State, guess: Iterate, selected: np.ndarray, asked: bool) -> tuple[State, Point]:
         """Solve at the parameter of a guess on the chord from the last point, at once or by way of points in between."""
-        found, used = self.solve_at(guess, now.size, now.selected | selected)
+        found, used = self.solve_at(guess, now.size, now.selected | selected, now.force)
         if found.failure:
             found, used = self.approach(now, guess, now.selected | selected)
         return self.accept(found, used, asked=asked)
@@ -449,7 +501,7 @@ class BranchFollower:
         while True:
             is_last = abs(goal.parameter - here.parameter) <= 1.001 * abs(way)
             there = goal.parameter if is_last else here.parameter + way
-            found, used = self.solve_at(interpolate(here, towards, there), now.size, selected)
+            found, used = self.solve_at(interpolate(here, towards, there), now.size, selected, now.force)
             if found.failure is None and is_last:
                 return found, used
             if found.failure is None:
@@ -458,6 +510,17 @@ class BranchFollower:
             way /= 2.0
             if abs(way) < FINEST_WAY * abs(goal.parameter - now.iterate.parameter):
                 raise ConvergenceError(self.message(here.parameter, found))
+
+    def reach_first(self, failed: Correction) -> tuple[Correction, np.ndarray]:
+        """Solve the first point over the level; with the mean slip held about none where a body hangs on its joint alone."""
+        try:
+            return self.reach_level(failed)
+        except ConvergenceError:
+            if isinstance(self.problem, LevelFamily) or self.problem.held_at is not None or not self.is_loose:
+                raise
+        self.problem.held_at = np.zeros((self.problem.n_owned, 2))
+        found, selected = self.first()
+        return self.reach_level(found) if found.failure else (found, selected)
 
     def reach_level(self, failed: Correction) -> tuple[Correction, np.ndarray]:
         """Solve the first point another way: from a small level up, by arc length at its frequency, folds included."""
@@ -472,7 +535,7 @@ class BranchFollower:
                     if state.iterate.parameter == level:
                         there = Iterate(state.iterate.U, self.sweep.start)
                         self.problem.held_at = family.held_at
-                        return self.solve_at(there, state.size, state.selected)
+                        return self.solve_at(there, state.size, state.selected, state.force)
             except ConvergenceError:
                 continue
             finally:

@@ -90,7 +90,7 @@ def _reach(follower: BranchFollower, before: State | None, now: State, omega: fl
     """Return the point at ``omega``: from the secant, from the last point, or along the branch."""
     guess, spent = secant(None if before is None else before.iterate, now.iterate, omega), Spent()
     for start in [guess] if guess.U is now.iterate.U else [guess, Iterate(now.iterate.U, omega)]:
-        found, selected = follower.solve_at(start, now.size, now.selected)
+        found, selected = follower.solve_at(start, now.size, now.selected, now.force)
         if found.failure is None:
             after, point = follower.accept(found, selected, asked=True)
             return after, spent.added_to(point)

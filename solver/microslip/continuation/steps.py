@@ -69,9 +69,17 @@ def arc_lengths(comm, motions: list[np.ndarray], omegas: np.ndarray, omega_scale
     """Return the length of a sampled curve up to each of its points, (n,), in the relative norm.
 
     Collective on ``comm``.  ``motions`` holds this rank's rows at each of ``omegas``.
+
+    Raises
+    ------
+    CaseError : the response is infinite at one of them: a resonance without damping; on every rank
     """
     squares = [[float(np.vdot(b - a, b - a)), float(np.vdot(b, b))] for a, b in zip(motions, motions[1:])]
     difference, size = comm.allreduce(np.array(squares)).T
+    infinite = np.flatnonzero(~np.isfinite(difference + size))
+    if len(infinite):
+        raise CaseError(f"[response] {omegas[infinite[0]] / 2 / np.pi:.9g} Hz lies on a resonance of the stuck structure, which "
+                        "has no damping there: its linear response is infinite; state [damping], or begin beside the resonance")
     relative = np.divide(difference, size, out=np.zeros_like(size), where=size > 0.0)
     pieces = np.sqrt(relative + (np.diff(omegas) / omega_scale) ** 2)
     return np.concatenate([[0.0], np.cumsum(pieces)])

@@ -230,9 +230,12 @@ INLINED void separate_step(const double *du, const double *rho, double *w, doubl
 
 INLINED void march(aft_group *group, Py_ssize_t N_t, int separate)
 {
-    double w[2 * LANES] = {0.0}, slipped[LANES], opened[LANES] = {0.0};
-    for (int l = 0; l < LANES; l++)
+    double w[2 * LANES] = {0.0}, slipped[LANES], opened[LANES] = {0.0}, preload[LANES], closing[LANES];
+    for (int l = 0; l < LANES; l++) {
         group->slips[l] = NO_SLIP;                  /* the first sample is taken as it is: T = k_t du_t */
+        preload[l] = group->N0[l] > 0.0 ? group->N0[l] : 0.0;
+        closing[l] = group->N0[l] < 0.0 ? -group->N0[l] : 0.0;      /* the preload that closing an initial gap takes */
+    }
     for (int period = 0; period < 2; period++) {
         memset(slipped, 0, sizeof slipped);
         for (Py_ssize_t j = period == 0; j < N_t; j++) {
@@ -247,7 +250,7 @@ INLINED void march(aft_group *group, Py_ssize_t N_t, int separate)
                 const int closed = group->closed[j * LANES + l] > 0.0;
                 force[0] = -group->k_t[l] * w[l];
                 force[LANES] = -group->k_t[l] * w[LANES + l];
-                force[2 * LANES] = closed ? 0.0 : group->N0[l] - group->k_n[l] * du[2 * LANES + l];
+                force[2 * LANES] = closed ? closing[l] : preload[l] - group->k_n[l] * du[2 * LANES + l];
                 opened[l] = closed ? opened[l] : 1.0;
             }
         }
@@ -256,13 +259,11 @@ INLINED void march(aft_group *group, Py_ssize_t N_t, int separate)
     memcpy(group->opened, opened, sizeof opened);
 }
 
-/* The samples of p on the harmonics.  An initial gap adds max(-N0, 0), the preload that closing it takes, to p_z. */
+/* The samples of p on the harmonics. */
 INLINED void project(aft_group *group, const aft_tables *t)
 {
     memset(group->p, 0, (size_t)(3 * t->N_H * LANES) * sizeof(double));
     add_product(group->p, t->F, group->force, t->N_t, t->N_H, t->stride, 3 * LANES);
-    for (int l = 0; l < LANES; l++)
-        group->p[2 * LANES + l] += t->N_H % 2 && group->N0[l] < 0.0 ? -group->N0[l] : 0.0;
 }
 
 /* ---- derivatives ------------------------------------------------------------------------------------------------ */

@@ -14,7 +14,9 @@ from petsc4py import PETSc
 from .preconditioner import HarmonicPreconditioner
 from .residual import ActiveColumns, ContactForces, HarmonicBalance, ReceptanceColumns
 from .shell import ShellMatrix, ShellPreconditioner
+from .whole_inverse import WholeInverse
 
+FINEST = 1e-9           # relative tolerance of GMRES that no weight asks more than
 SINGLE = 1e-5           # relative tolerance of GMRES down to which products in single precision are exact enough
 
 
@@ -74,8 +76,9 @@ class NewtonStep:
     def __init__(self, problem: HarmonicBalance):
         self.problem, self.comm = problem, problem.comm
         self.last = self.comm.rank == self.comm.size - 1            # owns the row of the parameter
-        self.preconditioner: HarmonicPreconditioner | None = None
+        self.preconditioner: HarmonicPreconditioner | WholeInverse | None = None
         self.product = np.empty(0)
+        self.weight = 1.0               # the largest of the residual's rows, the same on all ranks: GMRES is as much more exact
         self._active: np.ndarray | None = None
         self._ksp: PETSc.KSP | None = None
 
@@ -107,7 +110,10 @@ class NewtonStep:
         d_xi = b_U - others
         d_xi[active] = x[: self.n].reshape(len(active), *b_U.shape[1:])
         self.product = d_xi + others
-        return d_xi, d_nu_owned, self._ksp.getIterationNumber(), self._ksp.getConvergedReason()
+        reason = self._ksp.getConvergedReason()
+        if reason < 0 and self._ksp.getResidualNorm() <= self._rtol * self._b.norm():
+            reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL       # rounding kept it from the weight's; Newton makes up
+        return d_xi, d_nu_owned, self._ksp.getIterationNumber(), reason
 
     # -- the condensed system ----------------------------------------------------------------------------------
 
@@ -117,7 +123,11 @@ class NewtonStep:
         if self._active is None or not np.array_equal(self._active, at.forces.active):
             self._active = at.forces.active
             self._create(3 * len(at.forces.active_owned) * model.N_H)
-            precision = np.float32 if self._ksp.getTolerances()[0] >= SINGLE else np.float64
+            self._rtol, self._columns = self._ksp.getTolerances()[0], None
+        rtol = max(self._rtol / self.weight, min(self._rtol, FINEST))
+        self._ksp.setTolerances(rtol=rtol)
+        precision = np.float32 if rtol >= SINGLE else np.float64
+        if self._columns is None or self._columns.precision is not precision:
             self._columns = ActiveColumns(self.comm, at.G, at.forces.active_owned, precision)
         self._columns.c = at.G.c                # all that the frequency changes
         assert at.forces.P is not None, "made of a linearisation"

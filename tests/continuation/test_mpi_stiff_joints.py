@@ -1,0 +1,106 @@
+"""Joints far stiffer than their structure, motions far smaller than the point before, gaps far wider than the motion.
+
+Every test runs on any number of ranks; the single pair leaves ranks without one.
+"""
+
+import numpy as np
+import pytest
+from dense_model import branch, reduced
+from mpi4py import MPI
+from oracles import point_check
+from verification import extreme_structures as structures
+
+from microslip.contact.law import ContactParameters
+from microslip.continuation import follow
+from microslip.continuation.corrector import row_weights
+from microslip.harmonic.aft import contact_harmonics
+from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.harmonic.whole_inverse import WholeInverse
+from microslip.parallel.errors import CaseError
+from microslip.reduction.selection import AllPairs
+
+COMM = MPI.COMM_WORLD
+
+
+def worst(system, found, name):
+    """Return the largest error of a kind over the points of a branch, on every rank; rank 0 holds the motions."""
+    judge, (output,) = point_check.Judge(system, 3, 128), np.flatnonzero(system["output"])
+    verdicts = judge.verdicts(found.points, found.level, [output]) if COMM.rank == 0 else []
+    return COMM.bcast(max((getattr(verdict, name) for verdict in verdicts), default=0.0))
+
+
+def test_contact_forces_of_a_stiff_joint_are_right():
+    system = structures.spatial(k_t=1e-3, k_n=1e5)
+    found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
+    assert found.failure is None and {1, 2} & set(np.concatenate([point.state for point in found.points]))
+    assert worst(system, found, "force") < 1e-5
+
+
+def test_they_are_not_without_the_weights(monkeypatch):
+    monkeypatch.setattr(follow, "row_weights", lambda k, size, force, tolerance: np.ones_like(k))
+    system = structures.spatial(k_t=1e-3, k_n=1e5)
+    found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
+    assert worst(system, found, "force") > 1e-5
+
+
+def test_weights_leave_a_joint_as_stiff_as_its_structure_alone():
+    assert row_weights(np.array([1.0, 50.0]), 2.0, 1.0, 1e-8) == pytest.approx([1.0, 1.0])
+    assert row_weights(np.array([1e4, 1e30, 0.0]), 2.0, 1.0, 1e-8) == pytest.approx([200.0, 1e-10 / np.finfo(float).eps, 1.0])
+
+
+def test_a_motion_that_shrinks_a_thousandfold_in_a_step_is_solved_by_its_own_size():
+    system = structures.two_masses(zeta=1e-6)
+    found = branch(system, COMM, 3.0, low=0.7, high=2.0, points=20, tolerance=1e-8)
+    assert worst(system, found, "motion") < 1e-7
+
+
+def test_a_wide_gap_costs_no_digits():
+    """p of an open pair is -k_n du_z, however far the ground is."""
+    parameters = ContactParameters(*np.array([[0.3], [-1e9], [1.0], [2.0]]), np.array([False]))
+    U = np.array([[[0.0, 1e-3, 0.0], [0.0, 0.0, 0.0], [1e-4, 1e-3, 2e-3]]])
+    found = contact_harmonics(U, parameters, 16)
+    assert found.p[0, 2] == pytest.approx(-2.0 * U[0, 2], rel=1e-12)
+    assert found.P[0, 6:, 6:] == pytest.approx(-2.0 * np.eye(3), abs=1e-12)
+
+
+@pytest.mark.parametrize("system, is_free", [(structures.spatial(k_t=1e5), False), (structures.free_body(), True)])
+def test_only_a_body_that_nothing_else_holds_gets_springs(system, is_free):
+    model, parameters = reduced(system, COMM, 1)
+    assert is_held_by_its_joint_alone(HarmonicBalance(model, parameters, 16, 1.0)) is is_free
+
+
+def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
+    system = structures.free_body(rayleigh=(0.8, 0.0))
+    system = {**system, "C": 0.8 * system["M"]}
+    found = branch(system, COMM, 17.0, low=0.8, high=1.2, points=20)
+    assert found.failure is None and found.points[0].notes and (found.points[0].state == 1).all()
+
+
+def test_resonance_without_damping_is_named():
+    system = structures.coincident(2, zeta=0.0, k_t=3.0)        # omega_n = 2, the same to the last bit
+    model, parameters = reduced(system, COMM, 3)
+    assert model.omega_n == pytest.approx(2.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        with pytest.raises(CaseError, match="no damping"):
+            branch(system, COMM, 0.1, low=float(model.omega_n[0]), high=3.0)
+        problem = HarmonicBalance(model, parameters, 64, 0.1)
+        sweep = follow.Sweep(float(model.omega_n[0]), 3.0)
+        steps = follow.ArcLength(ds=0.1, ds_min=1e-3, ds_max=0.2)
+        found = follow.follow_branch(problem, AllPairs(), sweep, steps, tolerance=1e-8, max_points=10)
+    assert "resonates without damping" in found.failure and not found.points
+
+
+def test_whole_inverse_is_the_inverse():
+    system = structures.chain(N0=0.1)
+    model, parameters = reduced(system, COMM, 3)
+    problem = HarmonicBalance(model, parameters, 64, 1.0)
+    U, _ = problem.linear_motion(0.5)
+    forces = problem.contact_forces(3.0 * U, np.ones(model.n_pairs, dtype=bool), tangents=True)
+    assert len(forces.active) == 2
+    G = problem.receptance_at(0.5, forces.active)
+    inverse = WholeInverse(problem, forces, G)
+    x = np.random.default_rng(COMM.rank).standard_normal(U.shape)
+    dp = np.matmul(forces.P, x[forces.active_owned].reshape(len(forces.P), 21, 1)).reshape(-1, 7)
+    product = x + G.apply(problem.gather(dp))
+    assert inverse.apply(product) == pytest.approx(x, abs=1e-9)

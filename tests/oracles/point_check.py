@@ -1,0 +1,262 @@
+"""Judge a returned point from the matrices alone: dynamics, contact law, energies, inequalities.
+
+Nothing of the program is used, neither its modes nor its contact kernel.  Given are M, C or a damping law, K, R, the loads and
+the parameters of the pairs (a system of ``oracles.scenes``, with ``rayleigh`` besides ``C`` and ``zeta``), and of the point the motion of
+the pairs U, their forces p, the response of some DOFs, and what the program says of states and energies.  The law is marched here in the
+friction force T, sample by sample over two periods from T = k_t du_t (docs/theory.md, section 3).
+
+Linear systems are solved in double and refined with residuals in extended precision: a joint a million times softer or
+stiffer than the structure leaves the answer exact to far below the tolerances.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+STICK, SLIP, OPEN = 0, 1, 2
+_LONG, _CLONG = np.longdouble, np.clongdouble
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Errors of a point, all relative; a point is right where each lies below its bound."""
+
+    motion: float       # |R u - U| / |U|, u = Z^-1 (f - R^T p) by the full matrices at every harmonic
+    response: float     # |outputs - u there| / |outputs|
+    force: float        # |Z u + R^T f_nl(U) - f| over |f| + |R^T f_nl|: what the law at the returned motion leaves unbalanced
+    law: float          # |p - p(U)| of a pair over the largest of K_J |U|, N0 and |p| there
+    energy: float       # |W - D - E| over |W|, or over a hundredth of the apparent work where |W| is less
+    reported: float     # the largest difference of W, D, E from what the point says, on the same scale
+    friction_limit: float       # |T| - mu N at the samples, over the largest force of the pair
+    tension: float              # -N over the largest force of the pair
+    negative_energy: float      # -e_i over pi |T| |du_t| (2 / N_t)^2: the sampled law turns its slip within a sample
+    finite: bool
+    states: bool                # the states are those of the march, but for pairs at the limit to rounding
+
+    def worst(self) -> tuple[str, float]:
+        """Return the name and the size of the largest error over its bound."""
+        shares = {name: getattr(self, name) / bound for name, bound in BOUNDS.items()}
+        name = max(shares, key=lambda key: shares[key] if np.isfinite(shares[key]) else np.inf)
+        return name, getattr(self, name)
+
+    def faults(self, slack: float = 1.0) -> list[str]:
+        """Return what is wrong with the point; nothing if it is right."""
+        found = [] if self.finite else ["not a finite number"]
+        found += [f"{name} {getattr(self, name):.1e} (bound {slack * bound:.0e})" for name, bound in BOUNDS.items()
+                  if not getattr(self, name) <= slack * bound]
+        return found + ([] if self.states else ["states differ from those of the march"])
+
+
+# a point is accepted at a relative residual of 1e-8 in U; the rest follows with the stiffness of joint and structure
+BOUNDS = {"motion": 1e-7, "response": 1e-7, "force": 1e-5, "law": 1e-9, "energy": 1e-4, "reported": 1e-5,
+          "friction_limit": 1e-9, "tension": 1e-12, "negative_energy": 1.0}
+
+
+class Judge:
+    """The full system, prepared once for all points of a scene."""
+
+    def __init__(self, system: dict, H: int, n_samples: int):
+        self.system, self.H, self.n_samples = system, H, n_samples
+        k_t, k_n = system["k_t"], system["k_n"]
+        self.k = np.stack([k_t, k_t, k_n], axis=1)
+        self.R = np.asarray(system["R"], dtype=float)
+        self.M = np.asarray(system["M"], dtype=_LONG)
+        self.K_L = np.asarray(system["K"], dtype=_LONG) + self.R.T.astype(_LONG) @ (self.k.ravel().astype(_LONG)[:, None] * self.R.astype(_LONG))
+        self.C = damping(system, self.K_L).astype(_LONG)
+
+    def verdicts(self, points, level: float, outputs, forces: np.ndarray | None = None) -> list[Verdict]:
+        """Return the errors of points of one level; all are marched at once.
+
+        ``outputs`` (n_outputs,) are the DOFs of the responses; ``forces`` (n, N_H) [N] the loads, unless they are the system's.
+        """
+        if not points:
+            return []
+        n_pairs, march = len(self.k), self.march(np.nan_to_num(np.concatenate([point.U for point in points])))
+        parts = [march.of(slice(i * n_pairs, (i + 1) * n_pairs)) for i in range(len(points))]
+        return [self.verdict(point, level, outputs, part, forces) for point, part in zip(points, parts)]
+
+    def verdict(self, point, level: float, outputs, march: March | None = None, forces: np.ndarray | None = None) -> Verdict:
+        """Return the errors of a point, of which the ``march`` may be known; otherwise as :meth:`verdicts`."""
+        U, p, N_H = np.asarray(point.U, dtype=float), np.asarray(point.p, dtype=float), 2 * self.H + 1
+        everything = [U, p, point.response, point.energy, [point.input, point.damping, point.friction, point.omega]]
+        if not all(np.isfinite(part).all() for part in everything):
+            return Verdict(*[np.nan] * 9, finite=False, states=False)
+        f = loads(self.system, level, self.H) if forces is None else forces
+        single = loads({**self.system, "loads": [{**load, "vector": np.abs(load["vector"]), "phase": 0.0} for load in self.system["loads"]]}, level, self.H)
+        if np.linalg.norm(f) <= 1e-14 * np.linalg.norm(single):         # loads that cancel: nothing moves, but by rounding
+            still = float(np.linalg.norm(U) / (np.linalg.norm(self.motion(point.omega, single)[0]) or 1.0))
+            return Verdict(motion=still, response=still, force=still, law=0.0, energy=0.0, reported=0.0, friction_limit=0.0, tension=0.0,
+                           negative_energy=0.0, finite=True, states=True)
+        u, _ = self.motion(point.omega, f - self.R.T @ p.reshape(-1, N_H))
+        du = (self.R @ u).reshape(U.shape)
+        march = self.march(U) if march is None else march
+        if point.notes:                     # held mean slip, as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
+            march.p[:, :2, 0] = p[:, :2, 0]
+        law = np.abs(p - march.p).max(axis=(1, 2), initial=0.0) / march.size
+        f_nl = march.p + self.k[:, :, None] * U
+        unbalanced = self.R.T @ (p - march.p).reshape(-1, N_H) + self.R.T @ (self.k[:, :, None] * (du - U)).reshape(-1, N_H)
+        size = np.linalg.norm(f) + np.linalg.norm(self.R.T @ f_nl.reshape(-1, N_H))
+        energies = self.energies(point.omega, f, u, march, U)
+        W, D, E = energies
+        apparent = np.pi * sum(n * np.linalg.norm(f[:, 2 * n - 1:2 * n + 1]) * np.linalg.norm(u[:, 2 * n - 1:2 * n + 1])
+                               for n in range(1, self.H + 1)) + 1e-3 * np.pi * np.linalg.norm(f[:, 0]) * np.linalg.norm(u[:, 0])
+        scale = max(abs(W), abs(D) + abs(E), 1e-2 * apparent) or 1.0
+        said = np.array([point.input, point.damping, point.friction])
+        response = np.asarray(point.response)
+        return Verdict(
+            motion=relative(du - U, U), response=relative(response - u[list(outputs)], response),
+            force=float(np.linalg.norm(unbalanced) / (size or 1.0)), law=float(law.max(initial=0.0)),
+            energy=float(abs(W - D - E) / scale), reported=float(np.abs(said - energies).max() / scale),
+            friction_limit=float(march.beyond_limit.max(initial=0.0)), tension=float(march.tension.max(initial=0.0)),
+            negative_energy=float((np.maximum(-point.energy, 0.0) / march.most_work).max(initial=0.0) * (self.n_samples / 2.0) ** 2),
+            finite=True,
+            states=bool(np.all((np.asarray(point.state) == march.state) | march.at_limit)))
+
+    def motion(self, omega: float, forces: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return u (n, N_H) under forces (n, N_H) with all joint springs in place, and the backward error of its last solve."""
+        u, error = np.empty_like(forces), 0.0
+        u[:, 0], error = refined_solve(self.K_L, forces[:, 0])
+        for n in range(1, self.H + 1):
+            w = _LONG(n) * _LONG(omega)
+            Z = self.K_L - w * w * self.M + 1j * w * self.C
+            x, error = refined_solve(Z, forces[:, 2 * n - 1] - 1j * forces[:, 2 * n])
+            u[:, 2 * n - 1], u[:, 2 * n] = x.real, -x.imag
+        return u, error
+
+    def energies(self, omega: float, f, u, march, U) -> np.ndarray:
+        """Return the work of the loads, the viscous loss and what the pairs take, each over a cycle [J]."""
+        D = np.pi * omega * sum(n * n * (u[:, c] @ self.C @ u[:, c]) for n in range(1, self.H + 1)
+                                for c in (2 * n - 1, 2 * n))
+        return np.array([work(f, u).sum(), float(D), work(march.p, U).sum()])
+
+    def march(self, U: np.ndarray) -> March:
+        """Return what the contact law says of the motion U (n_pairs, 3, N_H), or of several, one after the other."""
+        n_motions = len(U) // max(len(self.k), 1)
+        s = {key: np.tile(self.system[key], n_motions) for key in ("mu", "N0", "k_t", "k_n", "separate")}
+        springs, theta = np.tile(self.k, (n_motions, 1))[:, :, None], 2.0 * np.pi * np.arange(self.n_samples) / self.n_samples
+        n = np.arange(1, self.H + 1)[:, None]
+        basis = np.empty((2 * self.H + 1, self.n_samples))
+        basis[0], basis[1::2], basis[2::2] = 1.0, np.cos(n * theta), np.sin(n * theta)
+        du = np.moveaxis(U @ basis, -1, 0)                                          # (N_t, n_pairs, 3)
+        pressed = s["N0"] - s["k_n"] * du[..., 2]
+        N = np.where(pressed > 0.0, pressed, 0.0)
+        limit, k_t, separate = s["mu"] * N, s["k_t"], s["separate"]
+        forces = np.empty((self.n_samples, len(k_t), 2))
+        noise = k_t * np.abs(du[..., :2]).max(axis=(0, 2))
+        slides = np.zeros(len(k_t), dtype=bool)
+        nearly = np.zeros(len(k_t), dtype=bool)
+        T = k_t[:, None] * du[0, :, :2]
+        for period in range(2):
+            for j in range(self.n_samples):
+                if period == 0 and j == 0:
+                    continue
+                trial = T + k_t[:, None] * (du[j, :, :2] - du[j - 1, :, :2])
+                T, excess = returned(trial, limit[j], separate)
+                if period == 1:
+                    slides |= (excess > 1e-9 * limit[j]) & (excess > 1e-13 * noise) | (limit[j] == 0.0)
+                    nearly |= np.abs(excess) <= 1e-7 * limit[j] + 1e-10 * noise
+                    forces[j] = T
+        f_nl = np.empty((self.n_samples, len(k_t), 3))
+        # max(N0, 0) - N, written so that a motion far below the preload keeps its digits
+        f_nl[..., :2] = forces
+        f_nl[..., 2] = np.where(pressed > 0.0, np.maximum(-s["N0"], 0.0) + s["k_n"] * du[..., 2], np.maximum(s["N0"], 0.0))
+        weights = np.full(2 * self.H + 1, 2.0 / self.n_samples)
+        weights[0] = 1.0 / self.n_samples
+        f_hat = np.moveaxis(f_nl, 0, -1) @ basis.T * weights
+        p = f_hat - springs * U
+        opens = (pressed <= 0.0).any(axis=0)
+        size = np.maximum(np.abs(springs * U).max(axis=(1, 2)), np.maximum(np.abs(s["N0"]), np.abs(f_nl).max(axis=(0, 2))))
+        size = np.where(size > 0.0, size, 1.0)
+        length = np.where(separate[:, None], np.abs(forces), np.linalg.norm(forces, axis=2, keepdims=True))
+        beyond = np.maximum((length - limit[..., None]).max(axis=(0, 2)), 0.0)
+        # at least rounding of k_t du, from which T is the small rest
+        beyond = beyond / np.maximum(limit.max(axis=0), size)
+        T_size, u_size = (np.linalg.norm(x[:, :2, 1:], axis=(1, 2)) for x in (f_hat, U))
+        most_work = np.pi * self.H * np.maximum(T_size * u_size, 1e-9 * size * u_size)
+        return March(p=p, size=size, most_work=np.where(most_work > 0.0, most_work, 1.0), state=np.where(opens, OPEN, np.where(slides, SLIP, STICK)),
+                     at_limit=nearly | (np.abs(pressed).min(axis=0) <= 1e-7 * size), beyond_limit=beyond,
+                     tension=np.maximum(-N.min(axis=0), 0.0) / size)
+
+
+@dataclass(frozen=True)
+class March:
+    """The law under a motion."""
+
+    p: np.ndarray               # (n_pairs, 3, N_H) N
+    size: np.ndarray            # (n_pairs,) N, the largest force of each pair
+    most_work: np.ndarray       # (n_pairs,) J, the most that its friction force could do in a cycle
+    state: np.ndarray           # (n_pairs,)
+    at_limit: np.ndarray        # (n_pairs,) bool: within rounding of another state
+    beyond_limit: np.ndarray    # (n_pairs,) of |T| - mu N, over the largest force
+    tension: np.ndarray         # (n_pairs,) of -N, over the same
+
+    def of(self, pairs: slice) -> March:
+        """Return the law of some pairs."""
+        return March(**{name: value[pairs] for name, value in vars(self).items()})
+
+
+def returned(T: np.ndarray, limit: np.ndarray, separate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the friction forces (n_pairs, 2) brought back to the limit (n_pairs,), and by how much each lay beyond it [N]."""
+    length = np.hypot(T[:, 0], T[:, 1])
+    factor = np.where(length > limit, limit / np.where(length > 0.0, length, 1.0), 1.0)
+    on_circle = T * factor[:, None]
+    in_box = np.clip(T, -limit[:, None], limit[:, None])
+    excess = np.where(separate, np.abs(T).max(axis=1), length) - limit
+    return np.where(separate[:, None], in_box, on_circle), excess
+
+
+def damping(system: dict, K_L: np.ndarray) -> np.ndarray:
+    """Return C (n, n): the given matrix, alpha M + beta K_L, or the ratio of every mode of (K_L, M); motions without mass have none."""
+    if "C" in system:
+        return np.asarray(system["C"], dtype=float)
+    M = np.asarray(system["M"], dtype=float)
+    if "rayleigh" in system:
+        alpha, beta = system["rayleigh"]
+        return alpha * np.asarray(M) + beta * np.asarray(K_L, dtype=float)
+    theta, x = scipy.linalg.eigh(M, np.asarray(K_L, dtype=float))
+    has_mass = theta > 1e-13 * theta[-1] if (np.diag(M) == 0.0).any() else np.ones(len(theta), dtype=bool)
+    x = x[:, has_mass]
+    mass, stiffness = (np.einsum("ij,ij->j", x, np.asarray(A @ x, dtype=float)) for A in (M, K_L))
+    M_phi = M @ (x / np.sqrt(mass))
+    return (M_phi * (2.0 * system["zeta"] * np.sqrt(stiffness / mass))) @ M_phi.T
+
+
+def loads(system: dict, level: float, H: int) -> np.ndarray:
+    """Return the coefficients (n, N_H) [N] of level vector cos(n omega t + phase); of harmonic 0 the constant part cos(phase)."""
+    f = np.zeros((len(system["M"]), 2 * H + 1))
+    for load in system["loads"]:
+        n, phase, vector = load["harmonic"], load.get("phase", 0.0), level * np.asarray(load["vector"], dtype=float)
+        f[:, max(2 * n - 1, 0)] += vector * np.cos(phase)
+        if n > 0:
+            f[:, 2 * n] -= vector * np.sin(phase)
+    return f
+
+
+def work(F: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return the closed integral of F dX over a cycle from coefficients (..., N_H) of both [J]."""
+    n = np.arange(1, F.shape[-1] // 2 + 1)
+    return np.pi * np.sum(n * (F[..., 1::2] * X[..., 2::2] - F[..., 2::2] * X[..., 1::2]), axis=-1)
+
+
+def refined_solve(A: np.ndarray, b: np.ndarray, rounds: int = 4) -> tuple[np.ndarray, float]:
+    """Return A^-1 b with residuals in extended precision (A long double), and |A x - b| / (|A| |x| + |b|)."""
+    is_complex = np.iscomplexobj(A) or np.iscomplexobj(b)
+    kind, long_kind = (complex, _CLONG) if is_complex else (float, _LONG)
+    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(A)).astype(float), np.finfo(float).tiny))
+    factor = scipy.linalg.lu_factor(A.astype(kind) * np.outer(scale, scale))
+    b = b.astype(long_kind)
+    x = np.zeros(len(b), dtype=long_kind)
+    for _ in range(rounds):
+        r = (b - A @ x).astype(kind)
+        x = x + scale * scipy.linalg.lu_solve(factor, scale * r)
+    size = float(np.abs(A).max() * np.abs(x).max() + np.abs(b).max()) or 1.0
+    return x.astype(kind), float(np.abs(b - A @ x).max()) / size
+
+
+def relative(difference: np.ndarray, of: np.ndarray) -> float:
+    """Return |difference| / |of|; 0 where both vanish."""
+    size, change = float(np.linalg.norm(of)), float(np.linalg.norm(difference))
+    return change / size if size > 0.0 else float(change > 0.0)

@@ -1,0 +1,112 @@
+"""docs/extremes.md and its pictures from the outcomes of the battery."""
+
+from __future__ import annotations
+
+import datetime
+import sys
+from collections import Counter
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from oracles.point_check import BOUNDS
+from verification import fold
+from verification.extreme_run import DEFECT, FAILED, REFUSED, SOLVED, WRONG
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "jobs" / "bench"))
+import machine
+
+COMMAND = "PYTHONPATH=solver:tests python tests/verification/extremes.py --docs docs"
+COLOURS = {SOLVED: "tab:green", REFUSED: "tab:blue", FAILED: "tab:orange", WRONG: "tab:red", DEFECT: "k"}
+ABOUT = """
+Each case is a small scene of matrices run by the stages of `microslip run`, one of its dimensions, or a random combination, at the end of its range. Every point that
+comes back is judged by an evaluation of its own (`tests/oracles/point_check.py`): from M, C, K, R, loads and pair parameters alone, with dense algebra refined in extended
+precision and its own march of the contact law, none of it the program's. A case is **solved** if every level reached the end of its range and every point passed, and so did what the case
+expects besides (the linear, frictionless or open structure, the exact Jenkins mass, or itself in other units to 1e-9); **refused** if the program said
+before any point why it would not; **failed** if a branch ended early with a reason, the points it kept being judged like all others; **wrong** if a returned point, or the expectation, is off
+without a word; **defect** if the program broke down or did not end.
+"""
+ERRORS = """
+Errors of a point, each relative, and its bound: {bounds}. `motion` compares the motion of the pairs with that of the full matrices under the returned forces at every harmonic; `force` is what the law at the returned
+motion leaves unbalanced, over the forces; `law` the returned forces against the march; `energy` the closure of work, viscous and friction loss, and `reported` the three against the program's; then `|T| - mu N`
+at every sample, tension, and negative loss of a pair over the most its friction could do and over (2 / N_t)^2, the error of the sampled law.
+"""
+LIMITS = """
+## Limits
+
+The structures are small; modes are not left out except in the methods' own bases, so that truncation is no part of this page ([validation](validation.md) measures it). The judge marches
+the same sampled law: that law's own error against continuous time is measured there as well. A point passes if it is *a* solution: where several exist, which one a branch reaches is that of its
+continuation. Points with the mean slip held by springs (theory, section 5) say so and are judged but for the mean friction force that the springs change; there were {held} of {points}. Where a contact much stiffer than
+its structure opens and closes, few harmonics follow a short impact badly, the branch winds through many folds, and most of the cases that fail are of this kind. Loads without any
+vibration ([solver] harmonics = 0) are refused by this version.
+"""
+
+
+def write_page(docs: str, outcomes: list, seconds: float, processes: int) -> None:
+    """Write extremes.md, img/extremes.png and img/fold.png into a folder."""
+    folder = Path(docs)
+    (folder / "img").mkdir(parents=True, exist_ok=True)
+    folds = fold.draw(folder / "img")
+    draw(outcomes, folder / "img" / "extremes.png")
+    counts = Counter(outcome.status for outcome in outcomes)
+    expected = sum(outcome.expected for outcome in outcomes)
+    points, held = (sum(getattr(outcome, name) for outcome in outcomes) for name in ("n_points", "held"))
+    first = (f"**{len(outcomes)} cases, {points} returned points, in {seconds / 60:.1f} minutes on {processes} processes: {counts[SOLVED]} solved "
+             f"({100 * counts[SOLVED] / len(outcomes):.1f} %), {counts[REFUSED]} refused ({expected} of them as they should be), {counts[FAILED]} failed with a "
+             f"reason, {counts[WRONG]} wrong without a word, {counts[DEFECT]} defects.**")
+    lines = ["# Extremes", "", f"    {COMMAND}", "", first, *ABOUT.splitlines(), *table(outcomes), "", "![](img/extremes.png)",
+             *ERRORS.format(bounds=", ".join(f"{name} {bound:g}" for name, bound in BOUNDS.items())).splitlines(), *not_solved(outcomes),
+             "", "## Folds, forward and backward", "",
+             "One mass on a spring with a contact in its way, 7 harmonics and 512 samples, swept over the same range both ways (`fold.py`, test_mpi_fold.py on one and two ranks).", "",
+             "![](img/fold.png)", "", *[f"- {line}" for line in folds], *LIMITS.format(held=held, points=points).splitlines(), "## The run", "",
+             *[f"- {line}" for line in machine.lines({**machine.facts(), "date": f"{datetime.date.today():%Y-%m-%d}"})], ""]
+    (folder / "extremes.md").write_text("\n".join(lines))
+
+
+def table(outcomes: list) -> list[str]:
+    """Return the families, a row each."""
+    rows = ["| family | cases | solved | refused | failed | wrong | points | largest motion | force | law | energy | seconds |",
+            "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"]
+    for family in dict.fromkeys(outcome.family for outcome in outcomes):
+        mine = [outcome for outcome in outcomes if outcome.family == family]
+        counts = Counter(outcome.status for outcome in mine)
+        worst = [max((outcome.errors.get(name, 0.0) for outcome in mine), default=0.0) for name in ("motion", "force", "law", "energy")]
+        rows.append(f"| {family} | {len(mine)} | {counts[SOLVED]} | {counts[REFUSED]} | {counts[FAILED]} | {counts[WRONG] + counts[DEFECT]} | "
+                    f"{sum(outcome.n_points for outcome in mine)} | " + " | ".join(f"{error:.0e}" for error in worst)
+                    + f" | {sum(outcome.seconds for outcome in mine):.0f} |")
+    return ["", *rows]
+
+
+def not_solved(outcomes: list) -> list[str]:
+    """Return the list of every case that was not solved, with the program's own words."""
+    lines = ["## Every case that was not solved", "", "| case | outcome | points kept | in the program's words |", "| --- | --- | ---: | --- |"]
+    for outcome in outcomes:
+        if outcome.status != SOLVED:
+            words = outcome.words.split("/scene.toml: ")[-1].splitlines()[0].replace("|", "\\|") if outcome.words else ""
+            what = outcome.status + (", as expected" if outcome.expected else "")
+            lines.append(f"| {outcome.name} | {what} | {outcome.n_points} | {words} |")
+    return lines
+
+
+def draw(outcomes: list, path: Path) -> None:
+    """Draw the largest force residual of every case, a row a family, coloured by what became of it."""
+    families = list(dict.fromkeys(outcome.family for outcome in outcomes))[::-1]
+    figure, axis = plt.subplots(figsize=(9.0, 4.6), constrained_layout=True)
+    rng = np.random.default_rng(0)
+    for status, colour in COLOURS.items():
+        mine = [outcome for outcome in outcomes if outcome.status == status and outcome.n_points]
+        if mine:
+            axis.semilogx([max(outcome.errors["force"], 1e-17) for outcome in mine],
+                          [families.index(outcome.family) + rng.uniform(-0.3, 0.3) for outcome in mine], "o", ms=4, alpha=0.7, color=colour,
+                          label=f"{status} ({len(mine)})")
+    axis.axvline(BOUNDS["force"], color="k", lw=0.8, ls=":")
+    axis.annotate("bound", (BOUNDS["force"], 1.0), (4, -10), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=8)
+    axis.set(yticks=range(len(families)), yticklabels=families, xlabel="largest unbalanced force of any point of a case, over the forces [-]",
+             title=f"{sum(outcome.n_points for outcome in outcomes)} points of {len(outcomes)} cases, judged from the matrices alone")
+    axis.legend(frameon=False, fontsize=8, loc="lower left")
+    axis.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=150)
+    plt.close(figure)

@@ -1,0 +1,49 @@
+"""A few cases of every family of the battery of extremes (extremes.py): nothing is wrong without a word."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from oracles import point_check
+from verification import extreme_structures
+from verification.extreme_cases import Case, all_cases, quick_cases
+from verification.extreme_run import DEFECT, SOLVED, WRONG, run_case, solved
+
+QUICK = quick_cases()
+OUTCOMES: dict = {}
+
+
+def test_the_battery_is_large():
+    assert len(all_cases()) >= 300
+
+
+@pytest.mark.parametrize("case", QUICK, ids=lambda case: f"{case.family}: {case.name}")
+def test_nothing_is_wrong_without_a_word(case):
+    outcome = OUTCOMES[case.name] = run_case(case)
+    assert outcome.status not in (WRONG, DEFECT), outcome.words
+    assert outcome.expected == (case.expect == "refused"), f"{outcome.status}: {outcome.words}"
+    assert outcome.status == SOLVED or outcome.words
+
+
+def test_nearly_all_are_solved():
+    if len(OUTCOMES) < len(QUICK):
+        pytest.skip("a part of the battery alone")
+    assert sum(outcome.status == SOLVED or outcome.expected for outcome in OUTCOMES.values()) >= 0.95 * len(QUICK)
+
+
+def test_the_judge_sees_what_is_wrong(tmp_path):
+    """Each part of a point changed by 1e-4 is found out."""
+    system = extreme_structures.chain()
+    case = Case("", "", extreme_structures.chain)
+    (branch,) = solved(tmp_path, system, [1.0], (0.3, 0.7), (), case)
+    point = max(branch.points, key=lambda point: np.abs(point.U).max())
+    judge, outputs = point_check.Judge(system, 3, 128), range(9)
+    assert not judge.verdict(point, 1.0, outputs).faults() and (point.state != 0).any()
+    for name in ("U", "p", "response", "input", "damping", "friction"):
+        changed = dataclasses.replace(point, **{name: (1.0 + 1e-4) * getattr(point, name)})
+        assert judge.verdict(changed, 1.0, outputs).faults(), name
+    wrong_state = dataclasses.replace(point, state=(point.state + 1) % 3)
+    assert judge.verdict(wrong_state, 1.0, outputs).faults() == ["states differ from those of the march"]
+    assert judge.verdict(dataclasses.replace(point, omega=point.omega * 1.0001), 1.0, outputs).faults()
+    assert judge.verdict(dataclasses.replace(point, U=point.U * np.nan), 1.0, outputs).faults()
+    assert judge.verdict(point, 1.0001, outputs).faults()

@@ -1,0 +1,25 @@
+"""Folded resonances: both turning points, and the same branch forward and backward.  Every test runs on any number of ranks."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from verification import fold
+
+COMM = MPI.COMM_WORLD
+
+
+@pytest.mark.parametrize("name", fold.FOLDS)
+def test_both_directions_pass_two_turning_points_on_the_same_branch(name, shared_path):
+    case = fold.FOLDS[name]
+    up, down = (fold.followed(case, way, shared_path, COMM) for way in ("up", "down"))
+    first, last = case.band
+    assert [up.points[0].omega, up.points[-1].omega] == pytest.approx([first, last])
+    assert [down.points[0].omega, down.points[-1].omega] == pytest.approx([last, first])
+    turns = [[branch.points[i].omega for i in fold.turning_points(branch)] for branch in (up, down)]
+    assert len(turns[0]) == len(turns[1]) == 2
+    assert turns[1][::-1] == pytest.approx(turns[0], rel=2e-3)         # the points nearest the folds, a step apart
+    solutions = [len(found) for found in fold.at_asked(case, up)]
+    assert set(solutions) == {1, 3} and solutions.count(3) >= 2
+    assert fold.difference(case, up, down) < 1e-8
+    assert max(fold.amplitudes(up)) == pytest.approx(max(fold.amplitudes(down)), rel=2e-3)
+    assert np.unique(np.concatenate([point.state for point in up.points])).tolist() == ([1, 2] if name == "softening" else [2])
