@@ -58,7 +58,7 @@ def row_weights(stiffness: np.ndarray, size: float, force: float, tolerance: flo
     """
     most = max(ROUNDING * tolerance / float(np.finfo(float).eps), 1.0)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        weights = np.nan_to_num(stiffness * (size / (SOFT * force)), nan=1.0, posinf=most)
+        weights = np.nan_to_num(stiffness * np.divide(size, SOFT * force), nan=1.0, posinf=most)
     return np.minimum(np.maximum(weights, 1.0), most)
 
 
