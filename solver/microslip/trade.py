@@ -152,7 +152,7 @@ def measure_modes(bench: Bench, n_base: int) -> None:
     """Compute the modes of the reference, and learn what fewer cost.  Collective."""
     n_dof = bench.structure.linearised.system.n_dof
     most = min(max(FEWEST_OF_REFERENCE, 3 * n_base), most_modes(n_dof))
-    for n_modes in sorted({bench.scene.response.mode or 1, most}):
+    for n_modes in sorted({bench.least_modes, most}):
         bench.more_modes(n_modes)
 
 
@@ -194,7 +194,7 @@ def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
     if knob == "harmonics":
         return [H for H in VALUES[knob] if bench.least_harmonics <= H < max(study.reference.setting.harmonics, base.harmonics)]
     if knob == "modes":
-        least, most = bench.scene.response.mode or 1, study.reference.setting.modes
+        least, most = bench.least_modes, study.reference.setting.modes
         return [m for m in VALUES[knob] if least <= m <= most]
     return list(VALUES[knob])
 

@@ -66,6 +66,9 @@ class Bench:
         self.least_harmonics = max([1, *(load.harmonic for load in scene.loads)])
         self.modes: Modes = structure.modes
         self.has_all_modes = len(structure.modes.omega_n) == structure.linearised.system.n_dof
+        highest = max(self.sweep.start, self.sweep.stop)
+        in_range = int(np.count_nonzero(structure.modes.omega_n <= highest))
+        self.least_modes = self.comm.bcast(max(scene.response.mode or 1, in_range))     # fewer leave a resonance out
         self.modes_seconds: dict[int, float] = {}           # measured, by number
         self.columns_seconds = 0.0                          # of static columns, which all runs share
         self._prepared: dict[tuple, Prepared] = {}

@@ -214,5 +214,5 @@ def _check(knob: str, rungs: Sequence[Rung]) -> Check:
 
 def mode_numbers(bench: Bench) -> list[int]:
     """Return a quarter, half and all of the modes that were computed, as far as these hold the one of the range.  Local."""
-    most, least = len(bench.modes.omega_n), bench.scene.response.mode or 1
+    most, least = len(bench.modes.omega_n), bench.least_modes
     return sorted({max(most // 4, least), max(most // 2, least), most})

@@ -45,9 +45,10 @@ def write_mass(folder):
 def program(comm, shared_path, capfd, monkeypatch):
     """Return what to call with the writer of a scene and arguments: status and what was said on all ranks.  Collective.
 
-    A level has few points.
+    A level has few points, and the reference few rungs.
     """
-    monkeypatch.setattr(trade_reference, "POINTS", 8)
+    for name, value in (("POINTS", 8), ("RUNGS", (3, 7, 15)), ("MOST_SAMPLES", 1024)):
+        monkeypatch.setattr(trade_reference, name, value)
     handler = signal.getsignal(signal.SIGTERM)
 
     def run(write, *arguments):
@@ -94,7 +95,7 @@ def test_every_knob_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path
         return write_bar(folder)
 
     mesh = str(other / "bar.msh")
-    status, out, err = program(write, "--seconds", "4", "--levels", "30", "--meshes", mesh)
+    status, out, err = program(write, "--seconds", "3", "--levels", "30", "--meshes", mesh)
     assert (status, err) == (0, "")
     found = rows(shared_path)
     assert {entry["knob"] for entry in found} >= set(KNOBS)

@@ -61,17 +61,29 @@ def _draw_errors(axes, study: Study) -> None:
         x, y = np.array([shown[id(run)] for run in runs]).T
         axes.plot(x, y, color=colour, marker=marker, ms=SIZES.get(kind, 3.5), lw=0.6 if kind in JOINED else 0.0,
                   mfc="none" if kind == BASE else None, zorder=4 if kind == ACCURACY else 3)
-        for run, here in zip(runs, zip(x, y)):
-            if kind in ("harmonics", ACCURACY) and run.knob == kind:
-                text = run.value if kind == ACCURACY else f"H={run.value}"
-                below = (4, -9) if kind == ACCURACY else (4, 4)
-                axes.annotate(text, here, xytext=below, textcoords="offset points", fontsize=6, color=colour, zorder=5)
     axes.set_ylim(low, 4.0 * max(errors))
     axes.margins(x=0.1)
+    _name(axes, study, shown)
     axes.xaxis.set_major_locator(LogLocator(10.0, (1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title("error against time")
+
+
+def _name(axes, study: Study, shown: dict) -> None:
+    """Write beside runs of `accuracy` and of harmonics what they are, where there is room."""
+    taken: list[np.ndarray] = []
+    (left, right), (low, high) = np.log10(axes.get_xlim()), np.log10(axes.get_ylim())
+    for kind, offset in ((ACCURACY, (4, -9)), ("harmonics", (4, 4))):
+        for run in study.complete:
+            if run.knob != kind:
+                continue
+            here = (np.log10(shown[id(run)]) - (left, low)) / (right - left, high - low)
+            if all(np.any(np.abs(here - other) > (0.08, 0.04)) for other in taken):
+                text = run.value if kind == ACCURACY else f"H={run.value}"
+                axes.annotate(text, shown[id(run)], xytext=offset, textcoords="offset points", fontsize=6, color=LOOKS[kind][0],
+                              zorder=5)
+                taken.append(here)
 
 
 def _draw_bars(axes, study: Study) -> None:
