@@ -106,7 +106,7 @@ def test_every_knob_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path
 
 @pytest.mark.parametrize("arguments, message", [
     (("--knobs", "harmonic"), "--knobs: unknown knob 'harmonic'; nearest is harmonics; known: harmonics, samples, modes"),
-    (("--levels", "0"), "argument --levels: '0' is not a number above 0"),
+    (("--levels", "0"), "argument --levels: '0' are not numbers above 0"),
     (("--seconds", "soon"), "argument --seconds: 'soon' is not a number above 0"),
     (("--meshes", "other.msh"), "is given as matrices; there is no other mesh of it"),
 ])  # fmt: skip
