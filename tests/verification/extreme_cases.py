@@ -72,9 +72,9 @@ def quick_cases() -> list[Case]:
 
 def stiffness():
     for (name, make), k_t, k_n in product((("3-D pair", structures.spatial), ("frame", structures.frame)), SHARES, SHARES):
-        yield Case(f"{name}, k_t = {k_t:g}, k_n = {k_n:g}", "joint stiffness", partial(make, k_t=k_t, k_n=k_n), (0.3, 1.5, 5.0), points=10, wide=True)
+        yield Case(f"{name}, k_t = {k_t:g}, k_n = {k_n:g}", "joint stiffness", partial(make, k_t=k_t, k_n=k_n), (0.3, 1.2, 4.0), points=20, wide=True)
     for k_t in SHARES:
-        yield Case(f"two masses, k_t = {k_t:g}, exact mode count", "joint stiffness", partial(structures.two_masses, k_t=k_t), (0.3, 2.0, 10.0), wide=True)
+        yield Case(f"two masses, k_t = {k_t:g}, exact mode count", "joint stiffness", partial(structures.two_masses, k_t=k_t), (0.3, 2.0, 10.0), points=20, wide=True)
 
 
 def friction_and_preload():
@@ -83,7 +83,7 @@ def friction_and_preload():
                                                  preloads.items()):
         expect = "stuck" if N0 == 1e9 and mu >= 1.0 else "frictionless" if N0 == 1e9 and mu == 0.0 else "open" if N0 == -1e9 else "point check"
         yield Case(f"{name}, mu = {mu:g}, {words}", "friction and preload", partial(make, mu=mu, N0=N0),
-                   (1e-3, 0.2, 1.0) if mu == 1e6 else (1e-3, 1.0, 5.0), newtons=True,
+                   (1e-3, 0.05, 0.2) if mu == 1e6 else (1e-3, 1.0, 5.0), newtons=True,
                    expect=expect, points=10, wide=True)
     for name, mu in product(("3-D pair", "chain"), (0.0, 0.3, 1.0)):
         yield Case(f"{name}, mu = {mu:g}, separate limits", "friction and preload", partial(ALL[name], mu=mu, separate=True), wide=True)
@@ -105,7 +105,7 @@ def friction_and_preload():
 def levels():
     for (name, make), level in product(HELD.items(), (1e-12, 1e-6, 1e-3)):
         yield Case(f"{name}, {level:g} N", "levels", make, (level,), newtons=True, expect="stuck", at=(1.0,), points=10)
-    for (name, make), share in product(HELD.items(), (0.5, 1.01, 1.5, 5.0, 100.0, 1000.0)):
+    for (name, make), share in product(HELD.items(), (0.2, 1.01, 1.5, 5.0, 100.0, 1000.0)):
         yield Case(f"{name}, {share:g} of onset", "levels", make, (share,), expect="stuck" if share < 1.0 else "point check", points=12, wide=True)
     for level, omega in product((1.1, 2.0, 8.0), (0.8, 0.95, 1.1)):
         yield Case(f"Jenkins mass, {level:g} mu N at {omega:g}, exact", "levels", structures.oscillator, (level,), newtons=True,
@@ -117,13 +117,14 @@ def damping():
              "ratio 0.999": {"zeta": 0.999}, "mass-proportional": {"rayleigh": (0.8, 0.0)}, "stiffness-proportional": {"rayleigh": (0.0, 0.8)},
              "Rayleigh, heavy": {"rayleigh": (3.0, 3.0)}}
     for (name, make), (words, kind) in product(HELD.items(), kinds.items()):
-        yield Case(f"{name}, {words}", "damping", partial(make, **kind), (0.3, 3.0, 30.0), wide=True)
+        yield Case(f"{name}, {words}", "damping", partial(make, **kind),
+                   (0.3, 1.2) if kind.get("zeta", 1.0) < 1e-3 else (0.3, 3.0, 30.0), wide=True)
     for n, make, c in ((3, structures.spatial, 0.02), (9, structures.chain, 0.02), (3, structures.spatial, 5.0), (9, structures.chain, 5.0)):
         ring = c * (2.0 * np.eye(n) - np.roll(np.eye(n), 1, axis=0) - np.roll(np.eye(n), -1, axis=0))
         yield Case(f"dampers between {n} DOFs, c = {c:g}", "damping", partial(make, C=ring), (0.3, 3.0, 30.0), wide=True)
     one = np.diag([1.0] + [0.0] * 8)
     yield Case("chain, one damper on one DOF", "damping", partial(structures.chain, C=0.1 * one), (0.3, 3.0, 30.0), wide=True)
-    yield Case("chain, a damping matrix of zeros", "damping", partial(structures.chain, C=0.0 * one), (0.3, 3.0, 30.0), wide=True)
+    yield Case("chain, a damping matrix of zeros", "damping", partial(structures.chain, C=0.0 * one), (0.3, 1.2), wide=True)
     for name, make in SMALL.items():
         yield Case(f"{name}, a damping matrix that feeds energy in", "damping", partial(_active_damping, make), expect="refused",
                    reason="feeds energy in")
@@ -151,7 +152,7 @@ def frequency():
 
 def harmonics():
     for (name, make), H in product(SMALL.items(), (1, 2, 5, 15, 31)):
-        yield Case(f"{name}, H = {H}, {2 * H + 1} samples", "harmonics and samples", make, (0.5, 2.0, 10.0), points=10, wide=True,
+        yield Case(f"{name}, H = {H}, {2 * H + 1} samples", "harmonics and samples", make, (0.5, 2.0), points=20, wide=True,
                    solver={"harmonics": H, "samples": 2 * H + 1})
         yield Case(f"{name}, H = {H}, {max(128, 16 * H)} samples", "harmonics and samples", make, (0.5, 2.0, 10.0), points=10, wide=True,
                    solver={"harmonics": H, "samples": max(128, 16 * H)})
@@ -173,7 +174,7 @@ def loads():
     for words, mix in mixes.items():
         for separate in (False, True) if words in ("harmonics 0 to 3", "a circle") else (False,):
             yield Case(f"3-D pair, {words}{', separate limits' if separate else ''}", "loads",
-                       partial(_loaded, structures.spatial, mix, separate=separate), (0.05, 0.5, 2.0), newtons=True, band=(0.5, 1.2), wide=True)
+                       partial(_loaded, structures.spatial, mix, separate=separate), (0.05, 0.3, 0.8), newtons=True, band=(0.5, 1.2), wide=True)
     yield Case("constant load alone", "loads", partial(_loaded, structures.spatial, [(vector, 0, 0.0)]), (0.1, 10.0), newtons=True)
     yield Case("load in a harmonic that is left out", "loads", partial(_loaded, structures.spatial, [(vector, 5, 0.0)]), expect="refused",
                reason="harmonic = 5")
@@ -195,7 +196,7 @@ def joints():
     yield Case("free body on one pair", "joints and modes", partial(structures.free_body, n_pairs=1), (0.3, 0.9))
     yield Case("free body, all pairs slip", "joints and modes", structures.free_body, (300.0,))
     yield Case("free body pressed down, sliding", "joints and modes", partial(structures.free_body, mu=0.0), (1.0,), newtons=True)
-    yield Case("free altogether", "joints and modes", _free, (1.0,), newtons=True, expect="refused", reason="moves freely", hertz=True,
+    yield Case("free altogether", "joints and modes", _free, (1.0,), newtons=True, expect="refused", reason="is singular", hertz=True,
                band=(0.1, 0.2))
     yield Case("a body beside the joint is free", "joints and modes", _loose_part, (1.0,), newtons=True, expect="refused",
                reason="no positive stiffness", hertz=True, band=(0.1, 0.2))

@@ -49,11 +49,12 @@ class Outcome:
     expectation: float = 0.0    # error against what the case expects
     held: int = 0               # points with the mean slip held
     seconds: float = 0.0
+    cpu: float = 0.0            # processor time [s]
 
 
 def run_case(case: Case) -> Outcome:
     """Return the outcome of a case; nothing is raised.  Local: the program runs on this process alone."""
-    outcome, start = Outcome(case.name, case.family), time.perf_counter()
+    outcome, start, cpu = Outcome(case.name, case.family), time.perf_counter(), time.process_time()
     try:
         with tempfile.TemporaryDirectory() as folder:
             _solve_and_judge(case, outcome, Path(folder))
@@ -63,7 +64,7 @@ def run_case(case: Case) -> Outcome:
         outcome.status = REFUSED if outcome.words else DEFECT
     except Exception as defect:         # a traceback of the program: what the battery is there to find
         outcome.status, outcome.words = DEFECT, f"{type(defect).__name__}: {defect}"
-    outcome.seconds = time.perf_counter() - start
+    outcome.seconds, outcome.cpu = time.perf_counter() - start, time.process_time() - cpu
     return outcome
 
 

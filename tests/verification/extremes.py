@@ -1,6 +1,6 @@
 """The battery of extremes: every case solved, refused or failed with a reason, every returned point judged on its own.
 
-    PYTHONPATH=solver:tests python tests/verification/extremes.py [--docs DIR] [--processes 2] [--family TEXT] [--name TEXT] [--limit 60]
+    PYTHONPATH=solver:tests python tests/verification/extremes.py [--docs DIR] [--processes 2] [--family TEXT] [--name TEXT] [--limit 180]
 
 Writes extremes.md and img/extremes.png, img/fold.png into DIR.  A case that takes longer than ``--limit`` seconds is ended and counts
 as a defect.  The exit status is 1 if a point is wrong, or the program broke down.
@@ -99,7 +99,7 @@ def main() -> None:
     options.add_argument("--processes", type=int, default=2)
     options.add_argument("--family", default="")
     options.add_argument("--name", default="")
-    options.add_argument("--limit", type=float, default=60.0, help="seconds a case")
+    options.add_argument("--limit", type=float, default=180.0, help="seconds a case")
     chosen = options.parse_args()
 
     from verification.extreme_cases import all_cases
