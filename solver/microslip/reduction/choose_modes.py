@@ -28,11 +28,24 @@ def choose_modes(linearised, pairs, scene) -> tuple[Modes, str]:
     """
     solver, n_dof = scene.solver, linearised.system.n_dof
     if solver.modes is not None:
-        return lowest_modes(linearised, solver.modes, solver.verify_modes), f"modes: {solver.modes}, as [solver] modes says"
+        modes = lowest_modes(linearised, solver.modes, solver.verify_modes)
+        return modes, f"modes: {solver.modes}, as [solver] modes says" + _missing(modes, scene.response, n_dof)
     if n_dof <= FEW:
         modes = lowest_modes(linearised, n_dof, solver.verify_modes, fewer_will_do=True)
         return modes, f"modes: all {len(modes.omega_n)} there are"
     return _fewest(linearised, pairs, scene, solver.accuracy or DEFAULT_ACCURACY)
+
+
+def _missing(modes: Modes, response, n_dof: int) -> str:
+    """Say that resonances may be missing, where the modes that the scene states end below the end of its range.  Local."""
+    n_modes = len(modes.omega_n)
+    if n_modes in (0, n_dof):
+        return ""
+    last, highest = modes.omega_n[-1] / (2.0 * np.pi), frequency_band(response, modes.omega_n)[1]
+    if last >= highest:
+        return ""
+    return (f"; WARNING: they end at {last:.6g} Hz, within the range up to {highest:.6g} Hz: resonances between may be missing, "
+            "and error bars do not know of them")
 
 
 def _fewest(linearised, pairs, scene, accuracy: float) -> tuple[Modes, str]:
