@@ -129,8 +129,8 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
     """
     pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
     sweep = frequency_sweep(scene.response, structure.modes.omega_n)
-    curve = linear_curve(model, sweep)
     parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+    curve = linear_curve(model, sweep, parameters)
     writer = ResultWriter(
         comm, str(folder), scene, pairs, N_H=model.recorded.n_coefficients, omega_n=structure.modes.omega_n, versions=versions(),
         options=options, linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
