@@ -30,7 +30,9 @@ def sticks_up_to(model: ReducedModel, parameters: ContactParameters, motions: li
     limit = np.broadcast_to(own.mu * np.maximum(own.N0, 0.0), x.shape)                                          # N
     taken = own.k_t * np.hypot(x, y) + own.mu * own.k_n * z                                                     # N per newton
     most = np.divide(limit, taken, out=np.where(limit > 0.0, np.inf, 0.0), where=taken > 0.0)
-    return model.comm.allreduce(most.min(axis=1, initial=np.inf), op=MPI.MIN)
+    least = np.nan_to_num(most.min(axis=1, initial=np.inf), nan=0.0, posinf=np.inf)
+    model.comm.Allreduce(MPI.IN_PLACE, least, op=MPI.MIN)
+    return least
 
 
 def is_linear(problem: HarmonicBalance, curve: LinearCurve) -> bool:
