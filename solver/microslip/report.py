@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from .continuation.branch import Branch, Point
 from .continuation.follow import Sweep
@@ -52,8 +53,8 @@ class Minutes:
         self.writer.add_point(branch.level, len(branch.points), point)
         branch.points.append(point)
 
-    def level_finished(self, number: int, failure: str | None) -> None:
-        branch = self.branches[number]
-        branch.failure = failure
+    def level_finished(self, number: int, found: Branch) -> None:
+        """Take in how a level ended; its points have been heard of."""
+        branch = self.branches[number] = replace(found, points=self.branches[number].points)
         self.log.level_finished(branch.level, branch)
         self.writer.add_level(number, branch)

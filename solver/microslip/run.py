@@ -23,6 +23,7 @@ from .mesh.read import read_mesh
 from .modes.eigen import Modes
 from .modes.limits import refuse_too_many
 from .needs import needs, needs_of_matrices
+from .not_computed import not_computed
 from .parallel.agree import on_each, on_root
 from .parallel.errors import ConvergenceError
 from .parallel.log import RunLog
@@ -129,14 +130,14 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
     """
     pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
     sweep = frequency_sweep(scene.response, structure.modes.omega_n)
-    curve = linear_curve(model, sweep)
     parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+    curve = linear_curve(model, sweep, parameters)
     writer = ResultWriter(
         comm, str(folder), scene, pairs, N_H=model.recorded.n_coefficients, omega_n=structure.modes.omega_n, versions=versions(),
         options=options, linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         node_numbers=None if structure.mesh is None else structure.mesh.numbers,
     )
-    levels = scene.response.levels
+    levels, known = scene.response.levels, None
     try:
         if min(n_groups, len(levels)) == 1:
             reporter = Reporter(log, writer, sweep, levels)
@@ -146,6 +147,7 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
                 branches.append(branch)
                 reporter.level_finished(branch)
             columns = model.G_static
+            known = columns.known if truth is None else columns.known | truth.model.G_static.known
             log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
         else:
             one = partial(follow_level, scene, parameters=parameters, selection=reduction.selection, sweep=sweep, curve=curve)
@@ -154,6 +156,10 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
     finally:
         writer.close()
     log.note(audit_text(branches))
+    system, omega_n = structure.linearised.system, structure.modes.omega_n if reduction.leaves_out == "modes" else None
+    lines = not_computed(scene, omega_n=omega_n, n_dof=system.n_dof, known=known, branches=branches,
+                         has_mesh=system.dof is not None, has_bars=truth is not None)
+    log.note("\n  ".join(["not computed, for the scene does not require it:", *lines]))
     return branches
 
 

@@ -52,7 +52,7 @@ def follow_side_by_side(follow_level: Callable[..., Branch], model: ReducedModel
             tell("level_started", number, groups.where)
             branch = follow_level(model=own, level=levels[number], truth=own_truth,
                                   on_point=lambda point, number=number: tell("point", number, point))
-            tell("level_finished", number, branch.failure)
+            tell("level_finished", number, replace(branch, points=[]))
         on_root(groups.comm, reports.finish)
     reports.free()
     counter.free()

@@ -119,7 +119,7 @@ def curves(scene, model: ReducedModel, parameters: ContactParameters, selection,
         sweep = frequency_sweep(scene.response, omega_n)
     except CaseError as problem:
         raise CaseError(str(problem).replace("[response] at", "--at") if at else str(problem)) from None
-    curve = linear_curve(model, sweep)
+    curve = linear_curve(model, sweep, parameters)
     model.G_static.likely = likely_to_slip(model, parameters, curve)
     return [follow_level(scene, model, parameters, selection, sweep, curve, level, lambda point: None, truth)
             for level in scene.response.levels]

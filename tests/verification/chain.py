@@ -59,7 +59,8 @@ def solve_scene(scene, comm) -> Chain:
     model = reduction.model
     pairs, sweep = structure.pairs, frequency_sweep(scene.response, model.omega_n)
     parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-    branches = list(follow_levels(scene, model, parameters, reduction.selection, sweep, linear_curve(model, sweep), Silent()))
+    curve = linear_curve(model, sweep, parameters)
+    branches = list(follow_levels(scene, model, parameters, reduction.selection, sweep, curve, Silent()))
     first, last = structure.linearised.M.getOwnershipRange()
     structure.linearised.destroy()
     failures = [branch.failure for branch in branches if branch.failure]

@@ -126,10 +126,11 @@ class Accuracy:
         return float(np.clip(worst**-0.5 if worst > 0.0 else MOST_STRETCH, LEAST_STRETCH, MOST_STRETCH))
 
 
-def accuracy_of(scene, problem: HarmonicBalance) -> Accuracy | None:
+def accuracy_of(scene, problem: HarmonicBalance, linear: bool = False) -> Accuracy | None:
     """Return how the scene's accuracy is met on one branch; None where it asks for none, or states all that follows from it.
 
-    Collective on ``problem.comm``.
+    Collective on ``problem.comm``.  A level known to be ``linear`` moves in the harmonics of its loads, whatever the symmetry,
+    which takes static columns to find out.
     """
     solver, harmonics = scene.solver, problem.model.harmonics
     keeps = frozenset(part for part in SHARES if part in solver.model_fields_set)
@@ -138,7 +139,7 @@ def accuracy_of(scene, problem: HarmonicBalance) -> Accuracy | None:
         return None
     loaded = max((load.harmonic for load in scene.loads), default=1) or 1
     if "harmonics" not in keeps:
-        harmonics = Harmonics.odd_up_to(loaded) if symmetric(problem) else Harmonics.up_to(loaded)
+        harmonics = Harmonics.odd_up_to(loaded) if not linear and symmetric(problem) else Harmonics.up_to(loaded)
     n_samples = solver.samples if "samples" in keeps else least_samples(harmonics.highest)
     return Accuracy(solver.accuracy, Resolution(harmonics, n_samples), keeps, chooses_steps)
 

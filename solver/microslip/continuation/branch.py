@@ -42,3 +42,5 @@ class Branch:
     level: float                            # N
     points: list[Point] = field(default_factory=list)
     failure: str | None = None              # why the branch ends early; None if it is complete
+    scaled: bool = False                    # no pair leaves sticking: the linear response at this level, nothing was solved
+    odd: bool = False                       # solved in odd harmonics alone, by the symmetry of the scene

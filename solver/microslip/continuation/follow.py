@@ -83,6 +83,8 @@ def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
 class BranchFollower:
     """The stepping loop of one branch; what it knows of a point goes in and out as :class:`State`."""
 
+    scaled = False          # whether all points so far are the linear response, found without solving
+
     def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, tolerance: float,
                  estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None):
         self.problem, self.selection, self.sweep, self.steps = problem, selection, sweep, steps
@@ -545,16 +547,17 @@ class BranchFollower:
 
 def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, *, tolerance: float,
                   max_points: int, on_point: Callable[[Point], None] = lambda point: None,
-                  estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None) -> Branch:
-    """Follow the branch of one level over frequency.  Collective on ``problem.comm``.
+                  estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None,
+                  follower: type[BranchFollower] = BranchFollower) -> Branch:
+    """Follow the branch of one level over frequency, by the steps of a ``follower``.  Collective on ``problem.comm``.
 
     A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
     branch = Branch(problem.level)
-    follower = BranchFollower(problem, selection, sweep, steps, tolerance, estimator, accuracy)
+    steps_of = follower(problem, selection, sweep, steps, tolerance, estimator, accuracy)
     try:
-        for _, point in follower.points():
+        for _, point in steps_of.points():
             on_point(point)
             branch.points.append(point if problem.comm.rank == 0 else replace(point, U=NOTHING, p=NOTHING))
             if len(branch.points) == max_points:
@@ -563,5 +566,7 @@ def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, 
     except ConvergenceError as failure:
         branch.failure = str(failure)
     finally:
-        follower.destroy()
+        steps_of.destroy()
+    branch.scaled = steps_of.scaled
+    branch.odd = accuracy is not None and not steps_of.scaled and all(n % 2 for n in accuracy.coarsest.harmonics.chosen)
     return branch

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -21,18 +21,10 @@ from ..reduction.selection import AllPairs, Selection
 from .accuracy import accuracy_of, steps_for
 from .branch import Branch, Point
 from .corrector import Correction, Iterate
-from .follow import Sweep, follow_branch
+from .follow import BranchFollower, Sweep, follow_branch
 from .record import point_record
-from .steps import ArcLength, arc_lengths, linear_frequencies
-
-
-@dataclass(frozen=True)
-class LinearCurve:
-    """The response with every pair stuck, at one newton of level."""
-
-    omega: np.ndarray           # (n,) rad/s
-    response: np.ndarray        # (n, n_outputs, N_H) m/N, the harmonics that are recorded
-    s: np.ndarray               # (n,) its length up to each point, in the norm of the steps
+from .scaled import ScaledFollower, is_linear, sticks_up_to
+from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
 
 
 def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
@@ -54,10 +46,11 @@ def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
     return Sweep(2 * np.pi * start, 2 * np.pi * stop, tuple(2 * np.pi * f for f in response.at))
 
 
-def linear_curve(model: ReducedModel, sweep: Sweep) -> LinearCurve:
+def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameters | None = None) -> LinearCurve:
     """Return the stuck curve over the range, every resonance in it resolved.  Collective.
 
-    Its length is that of the pairs' motion; of the outputs' where there is no pair.
+    Its length is that of the pairs' motion; of the outputs' where there is no pair.  Without ``parameters`` of the pairs no level
+    is known to be linear.
     """
     ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
     omega = model.comm.bcast(linear_frequencies(*ends, model.omega_n, model.zeta))
@@ -65,7 +58,10 @@ def linear_curve(model: ReducedModel, sweep: Sweep) -> LinearCurve:
     response = np.array([receptance.output_motion(model, 1.0, w, none) for w in omega])
     motions = [receptance.linear_motion(model, 1.0, w)[0] for w in omega] if model.n_pairs else list(response)
     s = arc_lengths(model.comm, motions, omega, sweep.scale)
-    return LinearCurve(omega, model.harmonics.carry(response, model.recorded), s)
+    stuck = np.zeros(len(omega))
+    if parameters is not None and model.n_pairs > 0:
+        stuck = sticks_up_to(model, parameters, motions)
+    return LinearCurve(omega, model.harmonics.carry(response, model.recorded), s, stuck)
 
 
 def linear_branch(problem: HarmonicBalance, sweep: Sweep, curve: LinearCurve, n_points: int,
@@ -121,7 +117,8 @@ class Listener(Protocol):
 def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep,
                   curve: LinearCurve, listener: Listener, truth: Truth | None = None) -> Iterator[Branch]:
     """Yield the branch of each level as it is done.  Collective."""
-    model.G_static.likely = likely_to_slip(model, parameters, curve)
+    if model.n_pairs > 0:
+        model.G_static.likely = likely_to_slip(model, parameters, curve)
     for number, level in enumerate(scene.response.levels):
         listener.level_started(number, level)
         yield follow_level(scene, model, parameters, selection, sweep, curve, level, listener.point, truth)
@@ -134,9 +131,11 @@ def follow_level(scene, model: ReducedModel, parameters: ContactParameters, sele
     estimator = None if truth is None else ErrorEstimator(truth)
     if model.n_pairs == 0:
         return linear_branch(problem, sweep, curve, scene.response.points, on_point, estimator)
-    accuracy = accuracy_of(scene, problem) if estimator else None
+    linear = is_linear(problem, curve)
+    accuracy = accuracy_of(scene, problem, linear) if estimator else None
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
     if accuracy is not None and accuracy.chooses_steps:
         steps = steps_for(accuracy.target)
     return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
-                         max_points=10 * scene.response.points, on_point=on_point, estimator=estimator, accuracy=accuracy)
+                         max_points=10 * scene.response.points, on_point=on_point, estimator=estimator, accuracy=accuracy,
+                         follower=ScaledFollower if linear else BranchFollower)

@@ -53,6 +53,16 @@ class ArcLength:
         return min(max(ds * min(stretch, max(min(by_newton, by_turn), 0.5)), self.ds_min), self.ds_max)
 
 
+@dataclass(frozen=True)
+class LinearCurve:
+    """The response with every pair stuck, at one newton of level."""
+
+    omega: np.ndarray           # (n,) rad/s
+    response: np.ndarray        # (n, n_outputs, N_H) m/N, the harmonics that are recorded
+    s: np.ndarray               # (n,) its length up to each point, in the norm of the steps
+    sticks_up_to: np.ndarray    # (n,) N, a level up to which no pair leaves sticking there; 0 where that is not known
+
+
 def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.ndarray) -> np.ndarray:
     """Return frequencies [rad/s] between ``low`` and ``high`` that resolve every resonance in between.  Local."""
     grids = [np.linspace(low, high, 60)]

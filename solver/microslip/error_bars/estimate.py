@@ -39,6 +39,10 @@ class Changes:
     samples: np.ndarray
     pairs: np.ndarray
 
+    @property
+    def are_any(self) -> bool:
+        return bool(self.harmonics.any() or self.samples.any() or self.pairs.any())
+
 
 class ErrorEstimator:
     """Error bars of the points of a branch.  Collective on the communicator of the model."""
@@ -60,7 +64,7 @@ class ErrorEstimator:
         Collective.  ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``.
         """
         model, omega, level = problem.model, problem.omega_at(parameter), problem.level_at(parameter)
-        n_out, own = model.o.shape[0], model.owned_rows
+        n_out = model.o.shape[0]
         if 1 not in model.harmonics:
             return np.zeros((n_out, len(PARTS)))
         truth = model if self.truth.is_solved else self.truth.model.with_harmonics(model.harmonics)
@@ -69,25 +73,39 @@ class ErrorEstimator:
         used = forces if selected.all() else problem.contact_forces(U, selected, tangents=False)
         p = problem.full_force(used)
         changes = self.changes(exact, U, parameter, problem.full_force(forces), p)
-        mu, theta = self.adjoints(exact, forces, parameter, sensitivity(truth, omega))
-        residual = _residual(problem, U, parameter, used)
-        sums = [-mu @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
-        sums += [theta @ residual.ravel(), np.zeros(2 * n_out)]
-        if not self.truth.is_solved:
-            sums[-1] = theta @ (_residual(exact, U, parameter, used) - residual).ravel()
-        felt = np.zeros((2 * n_out, 0, truth.N_H))
-        if self.left_out is not None:
-            felt = np.einsum("sk,qsh->qkh", self.left_out.of_pairs[own], theta.reshape(2 * n_out, -1, truth.N_H))
-        totals = problem.comm.bcast(problem.gather_sum(np.concatenate([*sums, felt.ravel()])))
+        n_samples = 0 if self.left_out is None else self.left_out.of_pairs.shape[1]
+        if len(forces.active) > 0 or changes.are_any:
+            totals = self.through_the_joint(problem, exact, U, parameter, forces, used, changes)
+        else:                                           # all pairs stick, in the better problems too: no adjoint is needed
+            totals = np.zeros(2 * n_out * (5 + n_samples * truth.N_H))
         by_harmonics, by_samples, by_pairs, by_solver, by_basis = totals[: 10 * n_out].reshape(5, -1)
+        felt = totals[10 * n_out:].reshape(2 * n_out, n_samples, truth.N_H)
         if not self.truth.is_solved:
             by_basis = by_basis + first_harmonic(truth, receptance.output_motion(truth, level, omega, p)
                                                  - receptance.output_motion(model, level, omega, p))
         by_modes = np.abs(by_basis)
         if self.left_out is not None:
-            by_modes = by_modes + self.left_out.changes(truth, level, omega, p, totals[10 * n_out:].reshape(felt.shape))
+            by_modes = by_modes + self.left_out.changes(truth, level, omega, p, felt)
         parts = np.stack([by_modes, by_harmonics, by_samples, by_pairs, by_solver], axis=-1)
         return np.hypot(parts[:n_out], parts[n_out:])
+
+    def through_the_joint(self, problem: HarmonicBalance, exact: HarmonicBalance, U: np.ndarray, parameter: float,
+                          forces: ContactForces, used: ContactForces, changes: Changes) -> np.ndarray:
+        """Return the five parts that the adjoint gives, (2 n_outputs,) each, and what it feels of the modes left out, in a row.
+
+        Collective: sums over the ranks, and a broadcast.
+        """
+        truth, own = exact.model, exact.model.owned_rows
+        mu, theta = self.adjoints(exact, forces, parameter, sensitivity(truth, problem.omega_at(parameter)))
+        residual = _residual(problem, U, parameter, used)
+        sums = [-mu @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
+        sums += [theta @ residual.ravel(), np.zeros(len(theta))]
+        if not self.truth.is_solved:
+            sums[-1] = theta @ (_residual(exact, U, parameter, used) - residual).ravel()
+        felt = np.zeros((len(theta), 0, truth.N_H))
+        if self.left_out is not None:
+            felt = np.einsum("sk,qsh->qkh", self.left_out.of_pairs[own], theta.reshape(len(theta), -1, truth.N_H))
+        return problem.comm.bcast(problem.gather_sum(np.concatenate([*sums, felt.ravel()])))
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray, p: np.ndarray) -> Changes:
         """Return what better problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.

@@ -191,6 +191,8 @@ class RunLog:
         for note, points in _noted(branch.points).items():
             low, high = (f(point.omega for point in points) / 2.0 / np.pi for f in (min, max))
             self._line(f"  {note}: {len(points)} of {len(branch.points)} points, {low:.6g} to {high:.6g} Hz")
+        if branch.scaled:
+            self._line("  no pair leaves sticking anywhere on its linear curve: scaled, not solved")
         if branch.failure:
             self._line(f"  stopped early: {branch.failure}")
 

@@ -1,0 +1,133 @@
+"""Levels known to be linear are scaled, not solved: the points are those of the solver; on any number of ranks."""
+
+import numpy as np
+import pytest
+from dense_model import reduced
+from mpi4py import MPI
+from oracles import scenes
+
+from microslip.continuation import scaled
+from microslip.continuation.follow import BranchFollower, Sweep, follow_branch
+from microslip.continuation.levels import linear_curve
+from microslip.continuation.scaled import ScaledFollower, is_linear
+from microslip.continuation.steps import ArcLength
+from microslip.harmonic.fourier import synthesis_matrix
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.reduction import receptance
+from microslip.reduction.selection import AllPairs, NonStickingPairs
+
+COMM = MPI.COMM_WORLD
+FREQUENCIES = {"chain": (450.0, 640.0), "spatial": (1.0, 1.6)}
+
+
+def prepared(name, *, at=(), down=False, **changes):
+    """Return the model of a scene, its parameters, the sweep and the linear curve."""
+    system = {**scenes.SCENES[name](), **changes}
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    model, parameters = reduced(system, COMM, 3)
+    low, high = FREQUENCIES[name]
+    sweep = Sweep(*((high, low) if down else (low, high)), at)
+    return model, parameters, sweep, linear_curve(model, sweep, parameters)
+
+
+def slip_level(model, parameters, curve):
+    """Return the level at which the first pair leaves sticking: k_t |du_t| = mu (N0 - k_n du_z) at one of 256 samples."""
+    synthesis = synthesis_matrix(model.harmonics, 256)
+    motions = np.array([receptance.linear_motion_of_all(model, 1.0, omega) for omega in curve.omega])
+    x, y, z = (motions.reshape(len(motions), -1, 3, model.N_H) @ synthesis.T).transpose(2, 0, 1, 3)
+    mu, N0, k_t, k_n = (values[:, None] for values in (parameters.mu, parameters.N0, parameters.k_t, parameters.k_n))
+    assert not parameters.separate.any()
+    return float(1.0 / np.max((k_t * np.hypot(x, y) + mu * k_n * z) / (mu * N0)))
+
+
+def follow(model, parameters, sweep, curve, level, follower, selection=None):
+    ds = curve.s[-1] / 40
+    return follow_branch(HarmonicBalance(model, parameters, 128, level), selection or AllPairs(), sweep,
+                         ArcLength(ds=ds, ds_min=ds / 1024, ds_max=2 * ds), tolerance=1e-12, max_points=400, follower=follower)
+
+
+@pytest.mark.parametrize("name", ["chain", "spatial"])
+def test_a_level_is_linear_exactly_up_to_the_first_slip(name):
+    model, parameters, _, curve = prepared(name)
+    first = slip_level(model, parameters, curve)
+    assert 0.0 < curve.sticks_up_to.min() <= first * (1 + 1e-6)
+    for share, expected in ((1e-6, True), (0.5, True), (0.999, True), (1.001, False), (3.0, False), (1e6, False)):
+        assert is_linear(HarmonicBalance(model, parameters, 128, share * first), curve) == expected
+
+
+@pytest.mark.parametrize("down", [False, True])
+@pytest.mark.parametrize("name, selection", [("chain", AllPairs()), ("spatial", AllPairs()), ("chain", NonStickingPairs())])
+def test_a_scaled_level_is_the_solved_one(name, selection, down):
+    low, high = FREQUENCIES[name]
+    at = (low + 0.3 * (high - low), high)
+    model, parameters, sweep, curve = prepared(name, at=at, down=down)
+    level = 0.9 * slip_level(model, parameters, curve)
+    ours = follow(model, parameters, sweep, curve, level, ScaledFollower, selection)
+    theirs = follow(model, parameters, sweep, curve, level, BranchFollower, selection)
+    assert ours.failure is None and ours.scaled and not theirs.scaled
+    assert [point.omega for point in ours.points] == pytest.approx([point.omega for point in theirs.points], rel=1e-12)
+    assert sorted(point.omega for point in ours.points if point.asked) == pytest.approx(at, rel=1e-14)
+    for mine, solved in zip(ours.points, theirs.points, strict=True):
+        assert (mine.newton, mine.krylov, mine.friction) == (0, 0, 0.0)
+        assert not mine.state.any() and mine.unknowns == solved.unknowns
+        size = np.abs(solved.response).max()
+        assert mine.response == pytest.approx(solved.response, rel=1e-10, abs=1e-13 * size)
+        assert [mine.damping, mine.input] == pytest.approx([solved.damping, solved.input], rel=1e-10)
+        if COMM.rank == 0:
+            assert np.abs(mine.U - solved.U).max() <= 1e-10 * np.abs(solved.U).max()
+            assert not mine.p.any()
+    assert not model.G_static.known.any()
+
+
+def test_a_scaled_level_is_proportional_to_its_load():
+    model, parameters, sweep, curve = prepared("chain")
+    first = slip_level(model, parameters, curve)
+    one, other = (follow(model, parameters, sweep, curve, share * first, ScaledFollower) for share in (1e-9, 0.9))
+    assert len(one.points) == len(other.points)
+    for a, b in zip(one.points, other.points, strict=True):
+        assert b.omega == pytest.approx(a.omega, rel=1e-12)
+        assert b.response / 0.9 == pytest.approx(a.response / 1e-9, rel=1e-8, abs=1e-12 * np.abs(b.response).max())
+
+
+@pytest.mark.parametrize("changes", [{"mu": 0.0}, {"N0": 0.0}, {"N0": -1.0}])
+def test_a_pair_without_friction_preload_or_contact_at_rest_is_never_scaled(changes):
+    system = scenes.SCENES["chain"]()
+    altered = {key: np.where(np.arange(len(system[key])) == len(system[key]) - 1, value, system[key]) for key, value in changes.items()}
+    model, parameters, _, curve = prepared("chain", **altered)
+    for level in (1e-12, 1e-3, 1.0):
+        assert not is_linear(HarmonicBalance(model, parameters, 128, level), curve)
+
+
+def test_without_parameters_no_level_is_known_to_be_linear():
+    model, parameters, sweep, _ = prepared("chain")
+    assert not is_linear(HarmonicBalance(model, parameters, 128, 1e-12), linear_curve(model, sweep))
+
+
+def test_a_constant_motion_is_left_to_the_solver():
+    system = scenes.SCENES["spatial"]()
+    system["loads"] = [{**load, "harmonic": 0, "phase": 0.0} for load in system["loads"]]
+    model, parameters = reduced(system, COMM, 0)
+    curve = linear_curve(model, Sweep(*FREQUENCIES["spatial"]), parameters)
+    assert curve.sticks_up_to.min() > 1e-9
+    assert not is_linear(HarmonicBalance(model, parameters, 128, 1e-9), curve)
+
+
+def test_a_pair_that_slips_after_all_is_solved_for():
+    """The follower is told of a level that slips: the branch is that of the solver."""
+    model, parameters, sweep, curve = prepared("chain")
+    level = 1.5 * slip_level(model, parameters, curve)
+    ours, theirs = (follow(model, parameters, sweep, curve, level, follower) for follower in (ScaledFollower, BranchFollower))
+    assert ours.failure is None and not ours.scaled
+    assert any(point.state.any() for point in ours.points)
+    assert [point.omega for point in ours.points] == pytest.approx([point.omega for point in theirs.points], rel=1e-6)
+    for mine, solved in zip(ours.points, theirs.points, strict=True):
+        assert mine.response == pytest.approx(solved.response, rel=1e-6, abs=1e-8 * np.abs(solved.response).max())
+
+
+def test_a_level_that_slips_costs_one_evaluation(monkeypatch):
+    model, parameters, _, curve = prepared("chain")
+    problem, calls = HarmonicBalance(model, parameters, 128, 10.0 * slip_level(model, parameters, curve)), []
+    monkeypatch.setattr(scaled, "sticks", lambda problem, omega, real=scaled.sticks: calls.append(omega) or real(problem, omega))
+    assert not is_linear(problem, curve)
+    assert len(calls) == 1
