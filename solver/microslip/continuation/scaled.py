@@ -67,10 +67,11 @@ class ScaledFollower(BranchFollower):
 
     scaled = True
 
-    def solve(self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
+    def solve(self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray,
+              force: float | None = None) -> tuple[Correction, np.ndarray]:
         """Return the linear response at the parameter of the guess; solve once a pair has left sticking."""
         self.scaled = self.scaled and sticks(self.problem, guess.parameter)
         if not self.scaled:
-            return super().solve(guess, row, size, selected)
+            return super().solve(guess, row, size, selected, force)
         U, _ = self.problem.linear_motion(guess.parameter)
         return Correction(Iterate(U, guess.parameter), 0, 0, 0.0, None), selected
