@@ -26,7 +26,7 @@ from stopwatch import Stopwatch
 from synthetic import frequencies, joint_model, joint_problem
 
 from microslip.contact.law import STICK
-from microslip.continuation import corrector, follow, newton
+from microslip.continuation import corrector, follow
 from microslip.continuation.grid import at_frequencies
 from microslip.harmonic import preconditioner, residual
 from microslip.reduction.columns import StaticColumns
