@@ -28,7 +28,7 @@ from synthetic import frequencies, joint_model, joint_problem
 from microslip.contact.law import STICK
 from microslip.continuation import corrector, follow
 from microslip.continuation.grid import at_frequencies
-from microslip.harmonic import preconditioner, residual
+from microslip.harmonic import newton, preconditioner, residual
 from microslip.reduction.columns import StaticColumns
 from microslip.reduction.selection import AllPairs
 
