@@ -6,6 +6,7 @@ import numpy as np
 
 from .assembly.assemble import read_off
 from .assembly.matrices import GivenStructure
+from .continuation.accuracy import MOST_HARMONICS
 from .mesh.data import ContactPairs, Mesh, place
 from .modes.limits import FEW, refuse_too_many
 from .reduction.methods import METHODS
@@ -59,6 +60,19 @@ def needs_of_matrices(scene, given: GivenStructure) -> list[str]:
     ]
 
 
+def highest_harmonic(scene) -> int:
+    """Return the most harmonics that a point may have."""
+    return MOST_HARMONICS if scene.chooses("harmonics") else scene.harmonics
+
+
+def resolution(scene) -> str:
+    """Say with which harmonics and samples the points are solved."""
+    chosen = f"chosen at each point for accuracy {scene.solver.accuracy}"
+    stated = f"harmonics 0 to {scene.harmonics}" if scene.harmonics else "harmonic 0 alone: statics"
+    harmonics = f"harmonics up to {MOST_HARMONICS}, {chosen}" if scene.chooses("harmonics") else stated
+    return f"{harmonics}, {f'samples {chosen}' if scene.chooses('samples') else f'{scene.solver.samples} samples'}"
+
+
 def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
     """Say how the scene is solved, and what that takes."""
     solver = scene.solver
@@ -67,14 +81,17 @@ def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
     if solver.modes or n_dof <= FEW:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
-    unknowns = (2 * solver.harmonics + 1) * METHODS[solver.method].coordinates(solver, n_modes, n_dof, n_pairs, len(scene.loads))
-    harmonics = f"harmonics 0 to {solver.harmonics}" if solver.harmonics else "harmonic 0 alone: statics"
+    coordinates = METHODS[solver.method].coordinates(solver, n_modes, n_dof, n_pairs, len(scene.loads))
+    unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
+    points = f"about {scene.response.points} points"
+    if solver.accuracy is not None and "points" not in scene.response.model_fields_set:
+        points = f"as many points as accuracy {solver.accuracy:g} takes"
     has_more = n_modes == 0 and solver.method not in ("receptance", "full")
     return [
-        f"method     {solver.method}: {harmonics}, {solver.samples} samples; at most {unknowns} unknowns "
+        f"method     {solver.method}: {resolution(scene)}; at most {unknowns} unknowns "
         f"with all pairs slipping{', besides those of the modes' if has_more else ''}",
         f"modes      {modes}",
-        f"response   {len(scene.response.levels)} levels of about {scene.response.points} points",
+        f"response   {len(scene.response.levels)} levels of {points}",
         f"memory     about {_FACTOR_GB * (n_dof / _MEASURED_DOF) ** (4 / 3):.2g} GB for the factor (solid meshes), "
         f"{72e-9 * n_pairs**2:.2g} GB for static columns if every pair slips",
     ]

@@ -14,6 +14,7 @@ from .continuation.levels import follow_level, frequency_sweep, likely_to_slip, 
 from .error_bars.truth import Truth, truth_of
 from .harmonic.fourier import cycle_work, synthesise
 from .harmonic.harmonics import Harmonics
+from .needs import resolution
 from .parallel.agree import on_each, on_root
 from .parallel.errors import CaseError, ConvergenceError
 from .parallel.log import RunLog
@@ -58,7 +59,7 @@ def verify(scene, comm, folder: Path, asked: Asked = Asked(), options: tuple[str
     ConvergenceError : a curve ended early, or a point came to no steady state, after everything was written; on every rank
     """
     scene = by_what_is_asked(scene, asked)
-    settings = f"{scene.solver.method}, harmonics 0 to {scene.solver.harmonics}, {scene.solver.samples} samples"
+    settings = f"{scene.solver.method}, {resolution(scene)}"
     facts = {"scene": str(scene.path), "harmonic balance": settings,
              "time integration": f"generalised-alpha, {asked.steps} steps a period", "PETSc options": " ".join(options) or "none",
              **versions()}

@@ -133,7 +133,7 @@ def accuracy_of(scene, problem: HarmonicBalance, linear: bool = False) -> Accura
     which takes static columns to find out.
     """
     solver, harmonics = scene.solver, problem.model.harmonics
-    keeps = frozenset(part for part in SHARES if part in solver.model_fields_set)
+    keeps = frozenset(part for part in SHARES if not scene.chooses(part))
     chooses_steps = "points" not in scene.response.model_fields_set
     if solver.accuracy is None or (len(keeps) == len(SHARES) and not chooses_steps):
         return None

@@ -67,7 +67,7 @@ def reduce_structure(linearised, modes, scene) -> ReducedModel:
     everything = sp.vstack([R, outputs, loads.T], format="csr")
     static = static_columns(linearised, everything, sp.hstack([loads, outputs.T], format="csc"))
     participation = owned_product(everything, modes.phi_owned, system)
-    pair_ranges, harmonics = split_evenly(n_rows // 3, comm.size), Harmonics.up_to(scene.solver.harmonics)
+    pair_ranges, harmonics = split_evenly(n_rows // 3, comm.size), Harmonics.up_to(scene.harmonics)
     C = modal_damping(scene.damping, modes.omega_n) if system.C is None else projected_damping(system.C, modes.phi_owned, comm)
     return ReducedModel(
         comm=comm, pair_ranges=pair_ranges, omega_n=modes.omega_n, C=C,

@@ -100,7 +100,7 @@ def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene
     def columns(pairs: np.ndarray) -> np.ndarray:
         return own @ r[(3 * pairs[:, None] + np.arange(3)).ravel()].T
 
-    harmonics = Harmonics.up_to(scene.solver.harmonics)
+    harmonics = Harmonics.up_to(scene.harmonics)
     C = modal_damping(scene.damping, omega_n) if system.C is None else projected_damping(system.C, phi_owned, comm)
     return ReducedModel(
         comm=comm, pair_ranges=pair_ranges, omega_n=omega_n, C=C, r=r, b=b, o=o,

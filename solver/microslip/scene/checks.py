@@ -96,7 +96,7 @@ def _harmonics(scene: Scene) -> list[str]:
         f"[[loads]] {number} harmonic = {load.harmonic}: [solver] harmonics = {scene.solver.harmonics} leaves it out; raise "
         "that, or lower the load's"
         for number, load in enumerate(scene.loads, 1)
-        if load.harmonic > scene.solver.harmonics
+        if load.harmonic > scene.harmonics
     ]
 
 

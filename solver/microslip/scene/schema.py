@@ -327,6 +327,16 @@ class Scene(Table):
         if context:
             self._path, self._text = context["path"], context["text"]
 
+    def chooses(self, key: str) -> bool:
+        """Tell whether the program chooses a key of [solver] at each point, harmonics or samples, by the accuracy asked for."""
+        return self.solver.accuracy is not None and key not in self.solver.model_fields_set
+
+    @property
+    def harmonics(self) -> int:
+        """The highest harmonic: as stated, or where the program chooses, enough for the loads."""
+        loaded = max(load.harmonic for load in self.loads) if self.chooses("harmonics") else 0
+        return max(self.solver.harmonics, loaded)
+
     @property
     def path(self) -> Path:
         """The scene file, absolute."""

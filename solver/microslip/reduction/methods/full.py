@@ -78,7 +78,7 @@ def reduce(linearised, modes, pairs, scene) -> Reduction:
 
 def modes_beyond(linearised, modes: Modes, scene) -> tuple[Modes, int]:
     """Return modes that reach far enough beyond the range, and how many blocks of the Krylov space it then takes.  Collective."""
-    n_dof, highest = linearised.system.n_dof, max(scene.solver.harmonics, 1) * highest_frequency(scene.response, modes.omega_n)
+    n_dof, highest = linearised.system.n_dof, max(scene.harmonics, 1) * highest_frequency(scene.response, modes.omega_n)
     while (ratio := (highest / modes.omega_n[-1]) ** 2) > MOST_RATIO and len(modes.omega_n) < n_dof:
         modes = lowest_modes(linearised, min(2 * len(modes.omega_n), n_dof), scene.solver.verify_modes, fewer_will_do=True)
     return modes, n_blocks_for(ratio)
