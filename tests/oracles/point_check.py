@@ -32,7 +32,7 @@ class Verdict:
     reported: float     # the largest difference of W, D, E from what the point says, on the same scale
     friction_limit: float       # |T| - mu N at the samples, over the largest force of the pair
     tension: float              # -N over the largest force of the pair
-    negative_energy: float      # -e_i over pi |T| |du_t| (2 / N_t)^2: the sampled law turns its slip within a sample
+    negative_energy: float      # -e_i over pi H |T| |du_t| (2 / N_t)^2: the sampled law turns its slip within a sample; 2 / N_t if it opens
     finite: bool
     states: bool                # the states are those of the march, but for pairs at the limit to rounding
 
@@ -85,9 +85,10 @@ class Judge:
         if not all(np.isfinite(part).all() for part in everything):
             return Verdict(*[np.nan] * 9, finite=False, states=False)
         f = loads(self.system, level, self.H) if forces is None else forces
-        single = loads({**self.system, "loads": [{**load, "vector": np.abs(load["vector"]), "phase": 0.0} for load in self.system["loads"]]}, level, self.H)
-        if np.linalg.norm(f) <= 1e-14 * np.linalg.norm(single):         # loads that cancel: nothing moves, but by rounding
-            still = float(np.linalg.norm(U) / (np.linalg.norm(self.motion(point.omega, single)[0]) or 1.0))
+        if forces is None and not np.any(f):                            # loads that cancel: nothing moves, but by rounding
+            alone = [{**load, "vector": np.abs(load["vector"]), "phase": 0.0} for load in self.system["loads"]]
+            u, _ = self.motion(point.omega, loads({**self.system, "loads": alone}, level, self.H))
+            still = float(np.linalg.norm(U) / (np.linalg.norm(u) or 1.0))
             return Verdict(motion=still, response=still, force=still, law=0.0, energy=0.0, reported=0.0, friction_limit=0.0, tension=0.0,
                            negative_energy=0.0, finite=True, states=True)
         u, _ = self.motion(point.omega, f - self.R.T @ p.reshape(-1, N_H))
@@ -104,6 +105,7 @@ class Judge:
         apparent = np.pi * sum(n * np.linalg.norm(f[:, 2 * n - 1:2 * n + 1]) * np.linalg.norm(u[:, 2 * n - 1:2 * n + 1])
                                for n in range(1, self.H + 1)) + 1e-3 * np.pi * np.linalg.norm(f[:, 0]) * np.linalg.norm(u[:, 0])
         scale = max(abs(W), abs(D) + abs(E), 1e-2 * apparent) or 1.0
+        order = np.where(march.state == OPEN, 1, 2)         # of the sampled law: where a pair lifts off, its friction jumps
         said = np.array([point.input, point.damping, point.friction])
         response = np.asarray(point.response)
         return Verdict(
@@ -111,7 +113,7 @@ class Judge:
             force=float(np.linalg.norm(unbalanced) / (size or 1.0)), law=float(law.max(initial=0.0)),
             energy=float(abs(W - D - E) / scale), reported=float(np.abs(said - energies).max() / scale),
             friction_limit=float(march.beyond_limit.max(initial=0.0)), tension=float(march.tension.max(initial=0.0)),
-            negative_energy=float((np.maximum(-point.energy, 0.0) / march.most_work).max(initial=0.0) * (self.n_samples / 2.0) ** 2),
+            negative_energy=float((np.maximum(-point.energy, 0.0) / march.most_work * (self.n_samples / 2.0) ** order).max(initial=0.0)),
             finite=True,
             states=bool(np.all((np.asarray(point.state) == march.state) | march.at_limit)))
 

@@ -242,8 +242,10 @@ class Corrector:
         gatherer = Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2)
         self._stepped = np.empty(0)
         self._linear = Linearisation(forces, G, r_nu, self._row.n_U, self._row.n_nu, gatherer)
-        is_small = 0 < 3 * len(forces.active) * self.problem.model.N_H <= LARGEST
-        if self._wants_preconditioner or (is_small and isinstance(self._step.preconditioner, WholeInverse)):
+        n_rows = 3 * len(forces.active) * self.problem.model.N_H
+        is_small = n_rows <= LARGEST
+        wanted = self._wants_preconditioner or (is_small and isinstance(self._step.preconditioner, WholeInverse))
+        if wanted and n_rows > 0:
             self._step.preconditioner = (WholeInverse if is_small else HarmonicPreconditioner)(self.problem, forces, G)
             self._wants_preconditioner = False
         J.assemble()
