@@ -9,7 +9,7 @@ from .contact.law import ContactParameters
 from .continuation.branch import Branch
 from .continuation.follow import follow_branch
 from .continuation.grid import at_frequencies, going_on
-from .continuation.levels import arc_length_steps, frequency_sweep, likely_to_slip, linear_curve
+from .continuation.levels import arc_length_steps, frequency_sweep, likely_to_slip, linear_curve, most_points
 from .harmonic.residual import HarmonicBalance
 from .parallel.agree import on_root
 from .parallel.errors import CaseError, ConvergenceError
@@ -131,7 +131,7 @@ class Comparison:
         with self.log.stage(f"frequencies, along the curve of {method}"):
             for level in response.levels:
                 branch = follow_branch(self.problem(reduction, level), reduction.selection, self.sweep, steps,
-                                       tolerance=solver.tolerance, max_points=10 * response.points)
+                                       tolerance=solver.tolerance, max_points=most_points(response.points))
                 self.omegas[level] = going_on(branch.points, self.sweep.direction)
                 if len(self.omegas[level]) < 2:
                     raise ConvergenceError(f"{method} at {level:g} N: {branch.failure}")

@@ -26,6 +26,8 @@ from .record import point_record
 from .scaled import ScaledFollower, is_linear, sticks_up_to
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
 
+USUAL_POINTS = 100
+
 
 def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
     """Return the range of [response] in rad/s, in the direction asked for.  Local.
@@ -80,14 +82,20 @@ def linear_branch(problem: HarmonicBalance, sweep: Sweep, curve: LinearCurve, n_
     return branch
 
 
+def most_points(points: int) -> int:
+    """Return the bound of the points of a branch that never ends; corners and folds take some, however few are asked for."""
+    return 10 * (points + USUAL_POINTS)
+
+
 def arc_length_steps(continuation, points: int, curve: LinearCurve) -> ArcLength:
     """Return the step lengths: the linear curve in ``points`` steps, unless [continuation] says otherwise.  Local.
 
-    The keys of [continuation] are shares of that length.
+    The keys of [continuation] are shares of that length.  Few points make long steps, but none of them blind: the shortest step
+    is no longer than that of the usual number of points.
     """
     asked = {key: getattr(continuation, key, None) for key in ("ds", "ds_min", "ds_max")}
     ds = curve.s[-1] * (asked["ds"] or 1.0 / points)
-    ds_min = curve.s[-1] * asked["ds_min"] if asked["ds_min"] else ds / 1024.0
+    ds_min = curve.s[-1] * asked["ds_min"] if asked["ds_min"] else min(ds, curve.s[-1] / USUAL_POINTS) / 4096.0
     ds_max = curve.s[-1] * asked["ds_max"] if asked["ds_max"] else 2.0 * ds
     return ArcLength(ds=ds, ds_min=ds_min, ds_max=ds_max)
 
@@ -137,5 +145,5 @@ def follow_level(scene, model: ReducedModel, parameters: ContactParameters, sele
     if accuracy is not None and accuracy.chooses_steps:
         steps = steps_for(accuracy.target)
     return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
-                         max_points=10 * scene.response.points, on_point=on_point, estimator=estimator, accuracy=accuracy,
+                         max_points=most_points(scene.response.points), on_point=on_point, estimator=estimator, accuracy=accuracy,
                          follower=ScaledFollower if linear else BranchFollower)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..harmonic.anderson import Anderson
 from ..harmonic.harmonics import Harmonics
 from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
 from ..harmonic.preconditioner import HarmonicPreconditioner
@@ -153,32 +154,6 @@ class ErrorEstimator:
                 self._step.preconditioner = HarmonicPreconditioner(exact, transposed, G)
             theta[i, owned] = at.pair_forces(mu[i, owned]).reshape(len(owned), *exact.shape[1:])
         return mu.reshape(len(B), -1), theta.reshape(len(B), -1)
-
-
-class Anderson:
-    """Anderson's mixing of a fixed-point iteration x = g(x), with all steps remembered (Walker and Ni 2011)."""
-
-    def __init__(self, problem: HarmonicBalance):
-        self.problem = problem
-        self.values: list[np.ndarray] = []              # g(x) of all steps, this rank's rows
-        self.misses: list[np.ndarray] = []              # g(x) - x
-
-    def next(self, x: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the next x, and how far the last one missed g(x), relative to that.  Collective: one sum and one broadcast.
-
-        The next x is the mean of all values so far, so weighted that the miss is least.
-        """
-        self.values.append(value)
-        self.misses.append(value - x)
-        miss = self.misses[-1].ravel()
-        steps = np.array([other.ravel() - miss for other in self.misses[:-1]]).reshape(len(self.misses) - 1, len(miss))
-        columns = np.column_stack([steps.T, miss, value.ravel()])
-        products = self.problem.comm.bcast(self.problem.gather_sum(columns.T @ columns))
-        n = len(steps)
-        weights = -np.linalg.lstsq(products[:n, :n], products[:n, n], rcond=1e-12)[0]
-        mean = value + sum(weight * (other - value) for weight, other in zip(weights, self.values))
-        size = products[n + 1, n + 1]
-        return mean, float(np.sqrt(products[n, n] / size)) if size > 0.0 else 0.0
 
 
 _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)       # the limit of many samples, from N_t and FINER N_t
