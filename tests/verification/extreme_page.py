@@ -117,7 +117,7 @@ def draw(outcomes: list, path: Path) -> None:
     axis.annotate("bound", (BOUNDS["force"], 1.0), (4, -10), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=8)
     axis.set(yticks=range(len(families)), yticklabels=families, xlabel="largest unbalanced force of any point of a case, over the forces [-]",
              title=f"{sum(outcome.n_points for outcome in outcomes)} points of {len(outcomes)} cases, judged from the matrices alone")
-    axis.legend(frameon=False, fontsize=8, loc="lower left")
+    axis.legend(framealpha=0.9, fontsize=8, loc="lower left")
     axis.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=150)
     plt.close(figure)
