@@ -179,6 +179,16 @@ class Corrector:
         self._J.mult(self._x, self._r)
         return self._r.getArray().copy()
 
+    def tangent(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return the direction (d_xi, d_nu) in which the linearisation at ``iterate`` goes on, d_xi of this rank.  Collective.
+
+        Scaled so that its product with ``row`` is 1.
+        """
+        self.residual_at(iterate, row, scaling, selected)
+        self._linearise(self._snes, self._x, self._J, self._J)
+        d_xi, d_nu, _, _ = self._step.solve(self._linear, np.zeros(self.problem.shape), 1.0 if self.last else 0.0)
+        return d_xi, self._from_last(d_nu)
+
     def newton_step(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> np.ndarray:
         """Return this rank's rows of J^-1 r at ``iterate``, scaled.  Collective."""
         r = self.residual_at(iterate, row, scaling, selected)

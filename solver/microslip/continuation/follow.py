@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NoReturn
 
 import numpy as np
 
@@ -28,6 +29,8 @@ MOST_APPROACH_STEPS = 400
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
 FAR_AHEAD = 4.0         # lengths of the last step beyond which a parabola says nothing
 FARTHEST = 4.0          # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
+CORNERS = 4.0 ** np.arange(1, 5)        # shortest steps in which the branch is looked for beyond a sharp corner
+BACK = 0.05             # rad between a step and the way back, below which it is that
 MOSTLY = 0.8            # share of the pairs that slip or are open, from which the mean of the slip may be held
 SHRINKS = 0.5           # of the unit of U: a motion below it is solved again in its own unit
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
@@ -422,7 +425,42 @@ class BranchFollower:
             found, selected = self.solve_at(Iterate(now.iterate.U, there), now.size, now.selected, now.force)
             if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
                 return found, selected
+        return self.sharp_corner(before, now) or self.give_up(now, failed)
+
+    def give_up(self, now: State, failed: Correction) -> NoReturn:
         raise ConvergenceError(self.message(now.iterate.parameter, failed))
+
+    def sharp_corner(self, before: State, now: State) -> tuple[Correction, np.ndarray] | None:
+        """Return a point beyond a corner at which the branch turns by more than 90 degrees; None if there is none.  Collective.
+
+        Beyond the corner another set of samples slips: the direction in which the linearisation there goes on is that of the
+        branch, one way or the other.  What lies back on the way that led here is not wanted.
+        """
+        d_U, d_parameter, length = self.difference(before, now, now.size)
+        come_from = self.tangent_step(now, now.iterate, d_U / (now.size * length), d_parameter / (self.sweep.scale * length))
+        for ds in self.steps.ds_min * CORNERS:
+            ahead = Iterate(now.iterate.U + ds / length * d_U, now.iterate.parameter + ds / length * d_parameter)
+            t_xi, t_nu = self.tangent_step(now, ahead, d_U / (now.size * length), d_parameter / (self.sweep.scale * length))
+            for way in (-ds, ds):
+                guess = self.moved(now, way, t_xi, t_nu)
+                row = ConstraintRow(guess, np.sign(way) * t_xi, np.sign(way) * t_nu)
+                found, selected = self.solve(guess, row, now.size, now.selected, now.force)
+                if found.failure or self.distance(now, found.iterate) > FARTHEST * ds:
+                    continue
+                if self.turn(self.moved(now, -ds, *come_from), now.iterate, found.iterate, now.size) < np.pi - BACK:
+                    return found, selected
+        return None
+
+    def tangent_step(self, now: State, there: Iterate, n_U: np.ndarray, n_nu: float) -> tuple[np.ndarray, float]:
+        """Return the unit tangent of the linearisation at ``there``, on the side of the normal (n_U, n_nu).  Collective."""
+        row = ConstraintRow(there, n_U, n_nu)
+        t_xi, t_nu = self.corrector.tangent(there, row, self.scaling(now.size, now.force), now.selected)
+        size = self.length(t_xi, t_nu) or 1.0
+        return t_xi / size, t_nu / size
+
+    def moved(self, now: State, ds: float, t_xi: np.ndarray, t_nu: float) -> Iterate:
+        """Return the place a step ``ds`` along a tangent.  Local."""
+        return Iterate(now.iterate.U + ds * now.size * t_xi, now.iterate.parameter + ds * self.sweep.scale * t_nu)
 
     def left(self, before: State, now: State, found: Correction, ds: float) -> bool:
         """Tell whether a step fell back on the branch or jumped off it: it turned by more than 90 degrees, or is far too long."""
