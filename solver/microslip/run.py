@@ -66,7 +66,7 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = (), n_groups: int 
         structure = build_structure(scene, comm, log)
         with log.stage("reduction"):
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-            truth = truth_of(structure.linearised, structure.modes, reduction, scene) if wants_bars(scene.solver) else None
+            truth = truth_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.error_bars else None
         with log.stage("response"):
             branches = follow(scene, structure, reduction, folder, options, log, n_groups, truth)
         with log.stage("fields for ParaView"):
@@ -115,11 +115,6 @@ def from_matrices(scene, comm, log: RunLog) -> tuple[None, System, ContactPairs]
         given = on_root(comm, read_structure, scene, share=False)
         system, pairs = distribute_structure(given, scene, comm)
     return None, system, pairs
-
-
-def wants_bars(solver) -> bool:
-    """Tell whether points need error bars: to be reported, or to meet an accuracy."""
-    return solver.error_bars or solver.accuracy is not None
 
 
 def follow(scene, structure: Structure, reduction: Reduction, folder: Path, options, log: RunLog, n_groups: int = 1,

@@ -223,7 +223,7 @@ class TimedEstimator(ErrorEstimator):
         super().__init__(truth)
         self.spent = np.zeros(2)
 
-    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray) -> np.ndarray:
+    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray) -> np.ndarray | None:
         start = Stopwatch.read()
         parts = super().at(problem, U, parameter, selected)
         self.spent += Stopwatch.read() - start

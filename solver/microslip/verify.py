@@ -95,15 +95,16 @@ def by_what_is_asked(scene, asked: Asked):
     CaseError : values that no scene may hold
     """
     solver, response = scene.solver, scene.response
-    harmonics = solver.harmonics if asked.harmonics is None else asked.harmonics
+    harmonics = scene.harmonics if asked.harmonics is None else asked.harmonics
     n_samples = solver.samples if asked.samples is None else asked.samples
     if n_samples <= 2 * harmonics:
         raise CaseError(f"--samples: {n_samples} do not resolve {harmonics} harmonics; at least {2 * harmonics + 1} are needed")
     highest = max(load.harmonic for load in scene.loads)
     if harmonics < max(highest, 1):
         raise CaseError(f"--harmonics {harmonics}: at least {max(highest, 1)} are needed, for loads and response")
+    given = {"harmonics": asked.harmonics, "samples": asked.samples}
     return scene.model_copy(update={
-        "solver": solver.model_copy(update={"harmonics": harmonics, "samples": n_samples}),
+        "solver": solver.model_copy(update={key: value for key, value in given.items() if value is not None}),
         "response": response.model_copy(update={"levels": asked.levels or response.levels, "at": asked.at or response.at}),
     })
 

@@ -45,7 +45,7 @@ continuation. Points with the mean slip held by springs (theory, section 5) say 
 The goal of 95 % solved is missed where the list above says so. What fails is of five kinds: contacts a thousand times stiffer than their structure or more that open and close, whose few harmonics wind through folds; friction
 without bound (mu = 1e6) on pairs that lift off, where a touch of pressure holds everything; bodies on their joint alone, near their resonance with both pairs slipping or lifting off; resonances with a damping ratio of
 1e-6 or none once something slips; three samples a period. Levels, bands and numbers of points were chosen, family by family, so that a curve begins below the resonance without the joint and has some tens of points: begun between the
-folds of a resonance, or with steps of half a curve, more of them end with the message that a fold leads back. Loads without any vibration ([solver] harmonics = 0) are refused by this version.
+folds of a resonance, or with steps of half a curve, more of them end with the message that a fold leads back.
 """
 
 

@@ -81,6 +81,8 @@ class Accuracy:
 
     def finer(self, now: Resolution, ratios: dict[str, float]) -> Resolution | None:
         """Return the resolution with which to solve the point again; None where it is good, or the finest there is."""
+        if not ratios:
+            return None
         found, H = now, now.harmonics.highest
         most = min(MOST_HARMONICS, (now.n_samples - 1) // 2) if "samples" in self.keeps else MOST_HARMONICS
         if ratios["harmonics"] > 1.0 and "harmonics" not in self.keeps and H + 2 <= most:
@@ -95,6 +97,8 @@ class Accuracy:
 
     def coarser(self, now: Resolution, ratios: dict[str, float]) -> Resolution:
         """Return the resolution of the next point after one that was good enough."""
+        if not ratios:
+            return now
         for part in SHARES:
             self.calm[part] = self.calm[part] + 1 if ratios[part] < LOW[part] else 0
         found, H = now, now.harmonics.highest

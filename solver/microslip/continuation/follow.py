@@ -31,6 +31,7 @@ FAR_AHEAD = 4.0         # lengths of the last step beyond which a parabola says 
 FARTHEST = 4.0          # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
 CORNERS = 4.0 ** np.arange(1, 5)        # shortest steps in which the branch is looked for beyond a sharp corner
 BACK = 0.05             # rad between a step and the way back, below which it is that
+MISSED = "accuracy not met: more harmonics or samples than the program uses, or no convergence with them"
 MOSTLY = 0.8            # share of the pairs that slip or are open, from which the mean of the slip may be held
 SHRINKS = 0.5           # of the unit of U: a motion below it is solved again in its own unit
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
@@ -164,6 +165,8 @@ class BranchFollower:
             if better.failure:
                 break
             found, selected = better, used
+        if max(ratios.values(), default=0.0) > 1.0:
+            point = replace(point, notes=(*point.notes, MISSED))
         if self.accuracy:
             was = self.resolution
             self.change_to(self.accuracy.coarser(was, ratios))
@@ -191,7 +194,8 @@ class BranchFollower:
         """Return what is wrong with a point for want of harmonics and samples, over what is allowed.  Collective."""
         if self.accuracy is None or point.error is None:
             return {}
-        return self.comm.bcast(self.accuracy.ratios(np.hypot(point.response[:, 1], point.response[:, 2]), point.error))
+        amplitudes = np.hypot(point.response[:, 1::2], point.response[:, 2::2]).max(axis=1)
+        return self.comm.bcast(self.accuracy.ratios(amplitudes, point.error))
 
     def change_to(self, resolution: Resolution) -> None:
         """Go on with other harmonics and samples.  Collective; motions at hand are carried over by :meth:`fitted`."""

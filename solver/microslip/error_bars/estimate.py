@@ -22,7 +22,6 @@ from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import ContactForces, HarmonicBalance
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
-from .parts import PARTS
 from .truth import Truth
 
 FINER = 2               # times the samples of the better problem
@@ -50,6 +49,7 @@ class ErrorEstimator:
 
     def __init__(self, truth: Truth):
         self.truth, self.left_out = truth, truth.left_out
+        self.found = True                               # whether the adjoints of the last point were
         self._step: NewtonStep | None = None
         self._harmonics: Harmonics | None = None
 
@@ -59,15 +59,17 @@ class ErrorEstimator:
             self._step.destroy()
             self._step = None
 
-    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray) -> np.ndarray:
-        """Return the parts of the error of the complex amplitude of harmonic 1, (n_outputs, len(PARTS)) [m], each >= 0.
+    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray) -> np.ndarray | None:
+        """Return the parts of the error of the complex amplitude of harmonic 1, (n_outputs, n_parts) [m], as in ``PARTS``.
 
-        Collective.  ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``.
+        Collective.  None without harmonic 1.  Where an adjoint is not found the solver's part is the amplitude itself.
+        ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``.
         """
         model, omega, level = problem.model, problem.omega_at(parameter), problem.level_at(parameter)
         n_out = model.o.shape[0]
+        self.found = True
         if 1 not in model.harmonics:
-            return np.zeros((n_out, len(PARTS)))
+            return None
         truth = model if self.truth.is_solved else self.truth.model.with_harmonics(model.harmonics)
         exact = problem if self.truth.is_solved else problem.of(truth)
         forces = exact.contact_forces(U, np.ones(model.n_pairs, dtype=bool), tangents=True)
@@ -87,6 +89,8 @@ class ErrorEstimator:
         by_modes = np.abs(by_basis)
         if self.left_out is not None:
             by_modes = by_modes + self.left_out.changes(truth, level, omega, p, felt)
+        if not self.found:
+            by_solver = by_solver + np.abs(first_harmonic(model, receptance.output_motion(model, level, omega, p)))
         parts = np.stack([by_modes, by_harmonics, by_samples, by_pairs, by_solver], axis=-1)
         return np.hypot(parts[:n_out], parts[n_out:])
 
@@ -130,11 +134,13 @@ class ErrorEstimator:
                 break
             forces = finer.contact_forces(U_more + higher, everything, tangents=False)
         by_harmonics = more.carry(finer.full_force(forces) - finer.full_force(at_finer), harmonics)
+        by_harmonics *= max(1.0, miss / SETTLED)                # what never settled is known no better than that
         return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
 
     def adjoints(self, exact: HarmonicBalance, forces: ContactForces, parameter: float,
                  B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mu and theta = P^T mu of this rank's pairs, each (n_quantities, 3 n_owned N_H).  Collective."""
+        self.found = True
         B_owned, theta = B[:, exact.model.owned_rows].reshape(len(B), *exact.shape), np.zeros((len(B), *exact.shape))
         if len(forces.active) == 0:
             return B_owned.reshape(len(B), -1), theta.reshape(len(B), -1)
@@ -148,10 +154,13 @@ class ErrorEstimator:
         at = Linearisation(transposed, G, nothing, nothing, 1.0, Gatherer(exact.comm, 3 * len(owned) * exact.model.N_H, 2))
         mu = np.empty_like(theta)
         for i, unit in enumerate(np.abs(B).max(axis=(1, 2))):                       # the same on every rank
-            mu[i], _, iterations, _ = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
-            mu[i] *= unit
-            if iterations > MANY_KRYLOV:
+            mu[i], _, iterations, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
+            if iterations > MANY_KRYLOV or reason < 0:
                 self._step.preconditioner = HarmonicPreconditioner(exact, transposed, G)
+            if reason < 0:
+                mu[i], _, _, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
+            self.found = self.found and reason >= 0
+            mu[i] *= unit
             theta[i, owned] = at.pair_forces(mu[i, owned]).reshape(len(owned), *exact.shape[1:])
         return mu.reshape(len(B), -1), theta.reshape(len(B), -1)
 

@@ -1,4 +1,4 @@
-"""How strongly forces act on the modes left out, without knowing them (docs/theory.md, eq. 11.5).
+"""How strongly forces act on the modes left out, without knowing them (docs/theory.md, eq. 11.3).
 
 The receptance (4.1) lacks E_n = sum over k > m of phi_k c_kn phi_k^T of the modes left out.  Below their resonances
 

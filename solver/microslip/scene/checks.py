@@ -13,8 +13,8 @@ from .schema import Scene
 def contradictions(scene: Scene) -> list[str]:
     """Return what does not fit together between the tables of a scene, a text each.  Local."""
     sort = _of_matrices if scene.model.mesh is None else _of_a_mesh
-    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_statics(scene), *_mode(scene),
-            *sort(scene), *_damping(scene)]  # fmt: skip
+    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_statics(scene), *_bars(scene),
+            *_mode(scene), *sort(scene), *_damping(scene)]  # fmt: skip
 
 
 def _of_a_mesh(scene: Scene) -> list[str]:
@@ -112,6 +112,13 @@ def _statics(scene: Scene) -> list[str]:
         return [f'[solver] modes is missing: with harmonics = 0 the modes of method = "{solver.method}" bear the load, and '
                 'accuracy picks none for that; state a number, or take "receptance", which is exact with any']
     return []
+
+
+def _bars(scene: Scene) -> list[str]:
+    """Error bars that are needed and refused."""
+    if scene.solver.error_bars or not (scene.chooses("harmonics") or scene.chooses("samples")):
+        return []
+    return ["[solver] error_bars = false: accuracy chooses harmonics and samples by them; leave error_bars out, or state both"]
 
 
 def _mode(scene: Scene) -> list[str]:

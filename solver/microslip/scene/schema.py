@@ -259,7 +259,7 @@ class Solver(Table):
 
     method: Method = Field("receptance", description="a method's name")
     accuracy: float | None = Field(
-        None, gt=0, lt=1, description="the accuracy that decides on the number of modes, a number above 0 and below 1"
+        None, gt=0, lt=1, description="the error of the response that is accepted, over its peak, a number above 0 and below 1"
     )
     modes: int | None = Field(None, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
     harmonics: int = Field(3, ge=0, le=10_000, description="the highest harmonic, a whole number of at least 0")
