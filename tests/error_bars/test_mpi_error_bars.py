@@ -80,7 +80,7 @@ def test_the_solver_s_part_is_the_distance_to_the_solution():
 
     off = response(U) - response(exact[model.owned])
     parts = ErrorEstimator(Truth(model, None, is_solved=True)).at(problem, U, 560.0, everything)[0]
-    # theta . r is the distance to the solution: that of the response at U, plus that of U by its own Newton step
+    # tau . r is the distance to the solution: that of the response at U, plus that of U by its own Newton step
     assert parts[PARTS.index("solver")] == pytest.approx(np.hypot(off[1], off[2]), rel=0.05)
 
 

@@ -1,10 +1,10 @@
 """The error bar of a converged point: five parts, each through the adjoint of the requested output.
 
 docs/theory.md, section 11.  The solution U of (5.1) is put into a better problem: all pairs, more harmonics, more samples, the
-modes left out.  To first order, what that changes in the output is the change of the contact forces times the adjoint mu of the
+modes left out.  To first order, what that changes in the output is the change of the contact forces times the adjoint chi of the
 output, which one linear solve gives:
 
-    (1 + G^T P^T) mu = B^T,      d output = - mu . d p,
+    (1 + G^T P^T) chi = B^T,      d output = - chi . d p,
 
 with B = d output / d p at fixed motion of the pairs.
 """
@@ -101,15 +101,15 @@ class ErrorEstimator:
         Collective: sums over the ranks, and a broadcast.
         """
         truth, own = exact.model, exact.model.owned_rows
-        mu, theta = self.adjoints(exact, forces, parameter, sensitivity(truth, problem.omega_at(parameter)))
+        chi, tau = self.adjoints(exact, forces, parameter, sensitivity(truth, problem.omega_at(parameter)))
         residual = _residual(problem, U, parameter, used)
-        sums = [-mu @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
-        sums += [theta @ residual.ravel(), np.zeros(len(theta))]
+        sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
+        sums += [tau @ residual.ravel(), np.zeros(len(tau))]
         if not self.truth.is_solved:
-            sums[-1] = theta @ (_residual(exact, U, parameter, used) - residual).ravel()
-        felt = np.zeros((len(theta), 0, truth.N_H))
+            sums[-1] = tau @ (_residual(exact, U, parameter, used) - residual).ravel()
+        felt = np.zeros((len(tau), 0, truth.N_H))
         if self.left_out is not None:
-            felt = np.einsum("sk,qsh->qkh", self.left_out.of_pairs[own], theta.reshape(len(theta), -1, truth.N_H))
+            felt = np.einsum("sk,qsh->qkh", self.left_out.of_pairs[own], tau.reshape(len(tau), -1, truth.N_H))
         return problem.comm.bcast(problem.gather_sum(np.concatenate([*sums, felt.ravel()])))
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray, p: np.ndarray) -> Changes:
@@ -139,11 +139,11 @@ class ErrorEstimator:
 
     def adjoints(self, exact: HarmonicBalance, forces: ContactForces, parameter: float,
                  B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return mu and theta = P^T mu of this rank's pairs, each (n_quantities, 3 n_owned N_H).  Collective."""
+        """Return chi and tau = P^T chi of this rank's pairs, each (n_quantities, 3 n_owned N_H).  Collective."""
         self.found = True
-        B_owned, theta = B[:, exact.model.owned_rows].reshape(len(B), *exact.shape), np.zeros((len(B), *exact.shape))
+        B_owned, tau = B[:, exact.model.owned_rows].reshape(len(B), *exact.shape), np.zeros((len(B), *exact.shape))
         if len(forces.active) == 0:
-            return B_owned.reshape(len(B), -1), theta.reshape(len(B), -1)
+            return B_owned.reshape(len(B), -1), tau.reshape(len(B), -1)
         if self._step is None or self._harmonics != exact.model.harmonics:
             self.destroy()
             self._step, self._harmonics = NewtonStep(exact), exact.model.harmonics
@@ -152,17 +152,17 @@ class ErrorEstimator:
         transposed, owned = replace(forces, P=np.ascontiguousarray(forces.P.transpose(0, 2, 1))), forces.active_owned
         G, nothing = exact.receptance_at(parameter, forces.active).adjoint(), np.zeros(exact.shape)
         at = Linearisation(transposed, G, nothing, nothing, 1.0, Gatherer(exact.comm, 3 * len(owned) * exact.model.N_H, 2))
-        mu = np.empty_like(theta)
+        chi = np.empty_like(tau)
         for i, unit in enumerate(np.abs(B).max(axis=(1, 2))):                       # the same on every rank
-            mu[i], _, iterations, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
+            chi[i], _, iterations, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
             if iterations > MANY_KRYLOV or reason < 0:
                 self._step.preconditioner = HarmonicPreconditioner(exact, transposed, G)
             if reason < 0:
-                mu[i], _, _, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
+                chi[i], _, _, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
             self.found = self.found and reason >= 0
-            mu[i] *= unit
-            theta[i, owned] = at.pair_forces(mu[i, owned]).reshape(len(owned), *exact.shape[1:])
-        return mu.reshape(len(B), -1), theta.reshape(len(B), -1)
+            chi[i] *= unit
+            tau[i, owned] = at.pair_forces(chi[i, owned]).reshape(len(owned), *exact.shape[1:])
+        return chi.reshape(len(B), -1), tau.reshape(len(B), -1)
 
 
 _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)       # the limit of many samples, from N_t and FINER N_t

@@ -48,7 +48,7 @@ class ModesLeftOut:
         Parameters
         ----------
         p : (3 n_pairs, N_H) forces of the pairs [N]
-        felt : (2 n_outputs, SAMPLES, N_H) samples of what an output feels by way of the pairs, R^T theta
+        felt : (2 n_outputs, SAMPLES, N_H) samples of what an output feels by way of the pairs, R^T tau
         """
         harmonics, f = model.harmonics, level * model.f
         gain, first = self.gains(omega * harmonics.numbers), harmonics.columns(1)
