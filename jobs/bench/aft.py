@@ -12,8 +12,8 @@ from functools import partial
 import numpy as np
 
 from microslip.contact.law import STICK, ContactParameters
+from microslip.fourier.coefficients import synthesise
 from microslip.harmonic.aft import contact_harmonics
-from microslip.harmonic.fourier import synthesise
 
 PAIRS, HARMONICS, SHARES = (208, 2000), (1, 3, 7, 15), ("stuck", "edge", "30 %", "100 %")
 

@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 
 from microslip.contact.law import ContactParameters
-from microslip.harmonic.fourier import synthesise
-from microslip.harmonic.harmonics import Harmonics
+from microslip.fourier.coefficients import synthesise
+from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction import receptance
 from microslip.reduction.build import split_evenly

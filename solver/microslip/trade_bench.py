@@ -16,7 +16,7 @@ from .continuation.levels import frequency_sweep, likely_to_slip, linear_curve
 from .error_bars.estimate import ErrorEstimator
 from .error_bars.parts import total
 from .error_bars.truth import Truth, truth_of
-from .harmonic.harmonics import Harmonics
+from .fourier.harmonics import Harmonics
 from .harmonic.residual import HarmonicBalance
 from .modes.eigen import Modes, first_of, lowest_modes
 from .parallel.errors import MicroslipError

@@ -12,8 +12,8 @@ from .contact.law import ContactParameters
 from .continuation.branch import Branch
 from .continuation.levels import follow_level, frequency_sweep, likely_to_slip, linear_curve
 from .error_bars.truth import Truth, truth_of
-from .harmonic.fourier import cycle_work, synthesise
-from .harmonic.harmonics import Harmonics
+from .fourier.coefficients import cycle_work, synthesise
+from .fourier.harmonics import Harmonics
 from .needs import resolution
 from .parallel.agree import on_each, on_root
 from .parallel.errors import CaseError, ConvergenceError

@@ -7,8 +7,8 @@ import pytest
 from numpy_oracle import pair_harmonics
 
 from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
+from microslip.fourier.coefficients import differentiate, synthesise
 from microslip.harmonic.aft import contact_harmonics, contact_work, pair_energy
-from microslip.harmonic.fourier import differentiate, synthesise
 
 
 def joint(n=1, mu=0.5, N0=6.0, k_t=2.0, k_n=4.0, separate=False):

@@ -17,9 +17,9 @@ from microslip.contact.law import (
     normal_contact_force,
     normal_force,
 )
+from microslip.fourier.coefficients import analyse, synthesise
+from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.aft import contact_harmonics, pair_energy
-from microslip.harmonic.fourier import analyse, synthesise
-from microslip.harmonic.harmonics import Harmonics
 
 FAST = settings(max_examples=60, deadline=None, derandomize=True)
 

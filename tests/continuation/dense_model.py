@@ -6,7 +6,7 @@ import scipy.linalg
 from microslip.contact.law import ContactParameters
 from microslip.continuation.follow import Sweep, follow_branch
 from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequencies
-from microslip.harmonic.harmonics import Harmonics
+from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction.build import split_evenly
 from microslip.reduction.columns import StaticColumns

@@ -11,7 +11,7 @@ from microslip.continuation.follow import Sweep, follow_branch
 from microslip.continuation.grid import at_frequencies
 from microslip.error_bars.estimate import ErrorEstimator
 from microslip.error_bars.truth import Truth
-from microslip.harmonic.harmonics import Harmonics
+from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction.selection import AllPairs
 

@@ -11,7 +11,7 @@ from microslip.continuation.follow import BranchFollower, Sweep, follow_branch
 from microslip.continuation.levels import linear_curve
 from microslip.continuation.scaled import ScaledFollower, is_linear
 from microslip.continuation.steps import ArcLength
-from microslip.harmonic.fourier import synthesis_matrix
+from microslip.fourier.coefficients import synthesis_matrix
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction import receptance
 from microslip.reduction.selection import AllPairs, NonStickingPairs

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from microslip.harmonic.fourier import (
+from microslip.fourier.coefficients import (
     analyse,
     analysis_matrix,
     cycle_work,
@@ -12,7 +12,7 @@ from microslip.harmonic.fourier import (
     synthesis_matrix,
     synthesise,
 )
-from microslip.harmonic.harmonics import Harmonics
+from microslip.fourier.harmonics import Harmonics
 
 
 def test_order_of_the_coefficients_is_mean_cos_sin():

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from microslip.contact.law import ContactParameters
+from microslip.fourier.coefficients import analyse, analysis_matrix, cycle_work, differentiate, synthesis_matrix, synthesise
+from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.aft import contact_harmonics, pair_energy
-from microslip.harmonic.fourier import analyse, analysis_matrix, cycle_work, differentiate, synthesis_matrix, synthesise
-from microslip.harmonic.harmonics import Harmonics
 from microslip.harmonic.preconditioner import complex_linear
 from microslip.reduction.receptance import modal, to_complex, to_real
 

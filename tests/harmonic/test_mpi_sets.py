@@ -9,7 +9,7 @@ from oracles import scenes
 from microslip.contact.law import OPEN, SLIP, STICK
 from microslip.continuation.corrector import ConstraintRow, Corrector, Iterate, Scaling
 from microslip.continuation.grid import at_frequencies
-from microslip.harmonic.harmonics import Harmonics
+from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.harmonic.symmetry import symmetric

@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from matrix_scenes import asked, branches_of, write_matrix_scene
 from mpi4py import MPI
 
-from microslip.harmonic.harmonics import Harmonics
+from microslip.fourier.harmonics import Harmonics
 from microslip.linear.joint_springs import linearise
 from microslip.modes.eigen import lowest_modes
 from microslip.modes.limits import most_modes, refuse_too_many

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..error_bars.parts import PARTS
-from ..harmonic.harmonics import Harmonics
+from ..fourier.harmonics import Harmonics
 from ..harmonic.residual import HarmonicBalance
 from ..harmonic.symmetry import symmetric
 from .steps import ArcLength

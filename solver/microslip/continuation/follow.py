@@ -12,7 +12,7 @@ import numpy as np
 
 from ..contact.law import STICK
 from ..error_bars.estimate import ErrorEstimator
-from ..harmonic.harmonics import Harmonics
+from ..fourier.harmonics import Harmonics
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.residual import HarmonicBalance, LevelFamily
 from ..parallel.errors import ConvergenceError

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..error_bars.estimate import ErrorEstimator
+from ..fourier.coefficients import cycle_work
 from ..harmonic.aft import contact_work, pair_energy
-from ..harmonic.fourier import cycle_work
 from ..harmonic.residual import HarmonicBalance
 from ..parallel.errors import ConvergenceError
 from ..reduction import receptance

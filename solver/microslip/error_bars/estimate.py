@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..fourier.harmonics import Harmonics
 from ..harmonic.anderson import Anderson
-from ..harmonic.harmonics import Harmonics
 from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
 from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import ContactForces, HarmonicBalance

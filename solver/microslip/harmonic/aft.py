@@ -11,9 +11,9 @@ from functools import lru_cache
 import numpy as np
 
 from ..contact.law import ContactParameters
+from ..fourier.coefficients import analysis_matrix, cycle_work, synthesis_matrix
+from ..fourier.harmonics import Harmonics
 from ._aft import Pairs, Sampling, leaves, march
-from .fourier import analysis_matrix, cycle_work, synthesis_matrix
-from .harmonics import Harmonics
 
 
 @dataclass(frozen=True)

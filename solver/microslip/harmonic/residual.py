@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.law import ContactParameters
+from ..fourier.harmonics import Harmonics
 from ..linear.dense import summed
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
 from .aft import contact_harmonics
-from .harmonics import Harmonics
 from .mean_slip import hold_mean_slip
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from .harmonics import Harmonics
+from ..fourier.harmonics import Harmonics
 from .residual import ContactForces, HarmonicBalance, ReceptanceColumns
 
 LARGEST = 400           # rows of the active pairs, all harmonics, up to which the matrix is formed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..harmonic.harmonics import Harmonics
+from ..fourier.harmonics import Harmonics
 from ..linear.dense import gram, multiply
 from ..modes.constraint import static_columns
 from ..parallel.errors import CaseError

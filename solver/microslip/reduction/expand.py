@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..harmonic.harmonics import Harmonics
+from ..fourier.harmonics import Harmonics
 from . import receptance
 from .model import ReducedModel
 

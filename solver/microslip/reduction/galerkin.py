@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 
-from ..harmonic.harmonics import Harmonics
+from ..fourier.harmonics import Harmonics
 from ..linear.dense import gram, multiply
 from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..harmonic.harmonics import Harmonics
+from ..fourier.harmonics import Harmonics
 from ..parallel.errors import CaseError
 from .columns import StaticColumns
 

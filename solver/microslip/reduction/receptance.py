@@ -7,7 +7,7 @@ The receptance of harmonic n between any two of loads, pairs and outputs with mo
     D_n = diag(omega_k^2 - (n omega)^2) + i n omega phi^T C phi,
 
 diagonal with modal damping, D_kn = omega_k^2 - (n omega)^2 + 2 i zeta_k omega_k n omega, and full otherwise.
-Harmonic coefficients are real, in the order of harmonic/harmonics.py: [mean if there is one, cos n, sin n, ...], an odd number
+Harmonic coefficients are real, in the order of fourier/harmonics.py: [mean if there is one, cos n, sin n, ...], an odd number
 exactly if there is a mean.  The complex amplitude of harmonic n is cos - i sin; each harmonic of the model's set has one.
 """
 

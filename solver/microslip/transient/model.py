@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.law import ContactParameters
-from ..harmonic.fourier import synthesise
+from ..fourier.coefficients import synthesise
 from ..reduction.model import ReducedModel
 
 

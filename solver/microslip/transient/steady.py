@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..harmonic.fourier import analyse, synthesise
-from ..harmonic.harmonics import Harmonics
+from ..fourier.coefficients import analyse, synthesise
+from ..fourier.harmonics import Harmonics
 from .march import Cycle, March
 from .model import TransientModel
 from .return_map import return_map

@@ -1,0 +1,1 @@
+"""Harmonics of a period: sets of them, their coefficients and samples.  NumPy only."""
