@@ -1,7 +1,9 @@
 """Trade of several scenes, and the page of the documentation made of it.
 
     python jobs/bench/trade_docs.py                                                     # all four scenes, docs/trade.md
-    python jobs/bench/trade_docs.py jobs/fan_small.toml --seconds 60 --out results/bench
+    python jobs/bench/trade_docs.py jobs/fan_small.toml --seconds 60                    # one of them again; the page has all
+
+Each scene's section is kept beside its results, results/NAME_trade/section.md, from which the page is put together.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # before NumPy is loaded
 import argparse
 import shutil
-import sys
 import time
 from pathlib import Path
 
@@ -70,28 +71,32 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, help="for each scene (default: as in SCENES)")
     parser.add_argument("--out", type=Path, default=Path("docs"))
     options = parser.parse_args()
-    comm, parts = MPI.COMM_WORLD, []
+    comm = MPI.COMM_WORLD
     for name in options.scenes:
         scene, folder = read_scene(name), Path("results", f"{Path(name).stem}_trade")
         start, asked = time.perf_counter(), options.seconds or SCENES.get(name, SECONDS)
         knobs = tuple(knob for knob in KNOBS if knob != "method" or name not in WITHOUT_METHODS)
         study = trade(scene, comm, folder, Asked(knobs=knobs, seconds=asked))
-        parts.append((name, study, time.perf_counter() - start, folder / "trade.png"))
+        if comm.rank == 0:
+            said = "\n".join(section(name, study, time.perf_counter() - start))
+            (folder / "section.md").write_text(said)
     if comm.rank == 0:
-        write(parts, comm.size, options.out)
+        write(comm.size, options.out)
 
 
-def write(parts, n_ranks: int, out: Path) -> None:
-    """Write the page and its pictures."""
+def write(n_ranks: int, out: Path) -> None:
+    """Write the page and its pictures, of all scenes that have been run."""
     (out / "img").mkdir(parents=True, exist_ok=True)
-    lines = ["    python " + " ".join(sys.argv), "",
+    lines = ["    python jobs/bench/trade_docs.py", "",
              *(f"- {line}" for line in machine.lines(machine.facts())),
              f"- {n_ranks} rank{'s' if n_ranks > 1 else ''}, {time.strftime('%Y-%m-%d')}.", ""]
     for paragraph in ABOUT:
         lines += [paragraph, ""]
-    for name, study, seconds, picture in parts:
-        shutil.copyfile(picture, out / "img" / f"trade_{study.name}.png")
-        lines += section(name, study, seconds)
+    for name in SCENES:
+        folder = Path("results", f"{Path(name).stem}_trade")
+        if (folder / "section.md").exists():
+            shutil.copyfile(folder / "trade.png", out / "img" / f"trade_{Path(name).stem}.png")
+            lines += (folder / "section.md").read_text().splitlines()
     lines += ["## Limits", "", *(f"- {line}" for line in LIMITS)]
     (out / "trade.md").write_text(machine.page("Speed against accuracy", lines).replace("---\norphan: true\n---\n\n", ""))
 
@@ -101,7 +106,7 @@ def section(name: str, study: Study, seconds: float) -> list[str]:
     head = [COLUMNS[key] for key in SHOWN]
     cells = [[cell.replace("<", "&lt;") for cell in row] for row in rows(study)]
     reference, *known = reference_lines(study)
-    lines = [f"## {study.title}", "", f"`microslip trade {name}`, {seconds:.0f} s.", "", f"![{study.title}](img/trade_{study.name}.png)", "",
+    lines = [f"## {study.title}", "", f"`microslip trade {name}`, {seconds:.0f} s, {time.strftime('%Y-%m-%d')}.", "", f"![{study.title}](img/trade_{study.name}.png)", "",
              reference[0].upper() + reference[1:] + ":", "", *(f"- {line.strip()}" for line in known), "",
              *(line[0].upper() + line[1:] + "." for line in validation_lines(study)), "",
              "| " + " | ".join(head) + " |", "| " + " | ".join(["---"] * 2 + ["---:"] * (len(head) - 2)) + " |",

@@ -23,11 +23,15 @@ def test_a_section_has_reference_table_sentences_and_choices():
     assert "for 1 %: error 0.4 % measured" in text and "for 0.1 %: not reached" in text
 
 
-def test_the_page_names_its_command_and_keeps_its_pictures(tmp_path, monkeypatch):
-    picture = tmp_path / "trade.png"
-    picture.write_bytes(b"a picture")
-    monkeypatch.setattr("sys.argv", ["jobs/bench/trade_docs.py", "jobs/scene.toml"])
-    trade_docs.write([("jobs/scene.toml", study(), 9.0, picture)], 1, tmp_path / "docs")
+def test_the_page_names_its_command_and_has_all_scenes_that_were_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("lap_joint", "spatial"):
+        folder = tmp_path / "results" / f"{name}_trade"
+        folder.mkdir(parents=True)
+        (folder / "trade.png").write_bytes(name.encode())
+        (folder / "section.md").write_text("\n".join(trade_docs.section(f"jobs/{name}.toml", study(), 9.0)))
+    trade_docs.write(1, tmp_path / "docs")
     page = (tmp_path / "docs" / "trade.md").read_text()
-    assert page.startswith("# Speed against accuracy\n\n    python jobs/bench/trade_docs.py jobs/scene.toml\n")
-    assert "## A scene" in page and (tmp_path / "docs" / "img" / "trade_scene.png").read_bytes() == b"a picture"
+    assert page.startswith("# Speed against accuracy\n\n    python jobs/bench/trade_docs.py\n")
+    assert page.index("`microslip trade jobs/lap_joint.toml`, 9 s") < page.index("`microslip trade jobs/spatial.toml`") < page.index("## Limits")
+    assert (tmp_path / "docs" / "img" / "trade_spatial.png").read_bytes() == b"spatial"
