@@ -102,7 +102,7 @@ def two_boxes(n_modes):
         [{"position": (1.0, 1.0, 1.5), "direction": (1.0, 0.4, 0.1), "scale": 1.0, "harmonic": 1, "phase": 0.3}],
         [{"name": "top", "position": (0.0, 0.5, 2.0), "direction": (0.0, 1.0, 0.0)}])
     case.damping = SimpleNamespace(ratio=0.02, rayleigh=None)
-    case.solver = SimpleNamespace(harmonics=3)
+    case.solver, case.harmonics = SimpleNamespace(harmonics=3), 3
     pairs = pair_contacts(mesh, case.joints)
     linearised = linearise(assemble(distribute(mesh, case, COMM), mesh, pairs, case, COMM), pairs)
     structure = Structure(mesh, pairs, linearised, lowest_modes(linearised, n_modes))

@@ -96,7 +96,7 @@ def test_harmonic_balance_comes_to_it_with_more_harmonics(n_modes):
         model, parameters = reduced(system, COMM, H, n_modes)
         transient = transient_model(model, parameters)
         omegas, levels = np.array([omega]), np.array([level])
-        eta = to_real(modal_motion(model, level, omega, point.p.reshape(-1, 2 * H + 1)))
+        eta = to_real(modal_motion(model, level, omega, point.p.reshape(-1, 2 * H + 1)), 2 * H + 1)
         start = from_harmonics(transient, omegas, eta[None], point.U[None], 128)
         found = steady_state(March(transient, omegas, levels, 128), start, 1e-6, 60)
         mine = output(transient, levels, found)[0, 1:3]
