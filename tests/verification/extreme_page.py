@@ -115,9 +115,10 @@ def draw(outcomes: list, path: Path) -> None:
                           label=f"{status} ({len(mine)})")
     axis.axvline(BOUNDS["force"], color="k", lw=0.8, ls=":")
     axis.annotate("bound", (BOUNDS["force"], 1.0), (4, -10), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=8)
-    axis.set(yticks=range(len(families)), yticklabels=families, xlabel="largest unbalanced force of any point of a case, over the forces [-]",
-             title=f"{sum(outcome.n_points for outcome in outcomes)} points of {len(outcomes)} cases, judged from the matrices alone")
-    axis.legend(framealpha=0.9, fontsize=8, loc="lower left")
+    axis.set(yticks=range(len(families)), yticklabels=families, xlabel="largest unbalanced force of any point of a case, over the forces [-]")
+    axis.set_title(f"{sum(outcome.n_points for outcome in outcomes)} points of {len(outcomes)} cases, judged from the matrices alone",
+                   loc="right")
+    axis.legend(framealpha=0.9, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
     axis.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=150)
     plt.close(figure)
