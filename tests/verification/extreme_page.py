@@ -118,7 +118,7 @@ def draw(outcomes: list, path: Path) -> None:
     axis.set(yticks=range(len(families)), yticklabels=families, xlabel="largest unbalanced force of any point of a case, over the forces [-]")
     axis.set_title(f"{sum(outcome.n_points for outcome in outcomes)} points of {len(outcomes)} cases, judged from the matrices alone",
                    loc="right")
-    axis.legend(framealpha=0.9, fontsize=8, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
+    axis.legend(fontsize=8, loc="upper right", bbox_to_anchor=(1.0, -0.1), ncol=2)
     axis.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=150)
     plt.close(figure)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 import time
 from dataclasses import dataclass, field
@@ -59,7 +60,7 @@ def run_case(case: Case) -> Outcome:
         with tempfile.TemporaryDirectory() as folder:
             _solve_and_judge(case, outcome, Path(folder))
     except MicroslipError as refusal:
-        outcome.words = str(refusal)
+        outcome.words = re.sub(r"\S*/(?=\w+\.mtx)", "", str(refusal))         # without the temporary folder
         outcome.expected = case.expect == "refused" and case.reason in outcome.words
         outcome.status = REFUSED if outcome.words else DEFECT
     except Exception as defect:         # a traceback of the program: what the battery is there to find
