@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from microslip.contact.law import ContactParameters
-from microslip.continuation.follow import Sweep
 from microslip.continuation.levels import arc_length_steps, frequency_sweep, linear_curve
 from microslip.continuation.steps import ArcLength, LinearCurve
+from microslip.continuation.sweep import Sweep
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.parallel.agree import on_root
 from microslip.parallel.log import RunLog, Stage

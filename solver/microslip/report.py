@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from .continuation.branch import Branch, Point
-from .continuation.follow import Sweep
+from .continuation.sweep import Sweep
 from .parallel.log import RunLog
 from .results.writer import ResultWriter
 

@@ -13,11 +13,12 @@ import numpy as np
 
 from .continuation.branch import Branch
 from .continuation.corrector import Iterate
-from .continuation.follow import BranchFollower, Sweep, follow_branch
+from .continuation.follow import BranchFollower, follow_branch
 from .continuation.grid import STEPS as ON_GRID
 from .continuation.grid import at_frequencies, going_on
 from .continuation.levels import arc_length_steps, linear_curve
 from .continuation.record import point_record
+from .continuation.sweep import Sweep
 from .parallel.errors import ConvergenceError
 from .results.trade import TARGETS, Check, Curve, Reference, Setting, difference, uncertainty
 from .trade_bench import Bench, Clock, curve_of

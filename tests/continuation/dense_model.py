@@ -4,8 +4,9 @@ import numpy as np
 import scipy.linalg
 
 from microslip.contact.law import ContactParameters
-from microslip.continuation.follow import Sweep, follow_branch
+from microslip.continuation.follow import follow_branch
 from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequencies
+from microslip.continuation.sweep import Sweep
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction.build import split_evenly

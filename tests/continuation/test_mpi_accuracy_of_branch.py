@@ -7,8 +7,9 @@ from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation.accuracy import MOST_SAMPLES, Accuracy, Resolution, chord_error, least_samples, steps_for
-from microslip.continuation.follow import Sweep, follow_branch
+from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies
+from microslip.continuation.sweep import Sweep
 from microslip.error_bars.estimate import ErrorEstimator
 from microslip.error_bars.truth import Truth
 from microslip.fourier.harmonics import Harmonics

@@ -7,10 +7,11 @@ from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation import scaled
-from microslip.continuation.follow import BranchFollower, Sweep, follow_branch
+from microslip.continuation.follow import BranchFollower, follow_branch
 from microslip.continuation.levels import linear_curve
 from microslip.continuation.scaled import ScaledFollower, is_linear
 from microslip.continuation.steps import ArcLength
+from microslip.continuation.sweep import Sweep
 from microslip.fourier.coefficients import synthesis_matrix
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction import receptance

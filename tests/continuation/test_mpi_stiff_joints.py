@@ -11,8 +11,11 @@ from oracles import point_check
 from verification import extreme_structures as structures
 
 from microslip.contact.law import ContactParameters
-from microslip.continuation import follow
+from microslip.continuation import point_solver
 from microslip.continuation.corrector import row_weights
+from microslip.continuation.follow import follow_branch
+from microslip.continuation.steps import ArcLength
+from microslip.continuation.sweep import Sweep
 from microslip.harmonic.aft import contact_harmonics
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
 from microslip.harmonic.residual import HarmonicBalance
@@ -38,7 +41,7 @@ def test_contact_forces_of_a_stiff_joint_are_right():
 
 
 def test_they_are_not_without_the_weights(monkeypatch):
-    monkeypatch.setattr(follow, "row_weights", lambda k, size, force, tolerance: np.ones_like(k))
+    monkeypatch.setattr(point_solver, "row_weights", lambda k, size, force, tolerance: np.ones_like(k))
     system = structures.spatial(k_t=1e-3, k_n=1e5)
     found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
     assert worst(system, found, "force") > 1e-5
@@ -85,9 +88,9 @@ def test_resonance_without_damping_is_named():
         with pytest.raises(CaseError, match="no damping"):
             branch(system, COMM, 0.1, low=float(model.omega_n[0]), high=3.0)
         problem = HarmonicBalance(model, parameters, 64, 0.1)
-        sweep = follow.Sweep(float(model.omega_n[0]), 3.0)
-        steps = follow.ArcLength(ds=0.1, ds_min=1e-3, ds_max=0.2)
-        found = follow.follow_branch(problem, AllPairs(), sweep, steps, tolerance=1e-8, max_points=10)
+        sweep = Sweep(float(model.omega_n[0]), 3.0)
+        steps = ArcLength(ds=0.1, ds_min=1e-3, ds_max=0.2)
+        found = follow_branch(problem, AllPairs(), sweep, steps, tolerance=1e-8, max_points=10)
     assert "resonates without damping" in found.failure and not found.points
 
 

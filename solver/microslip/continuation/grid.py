@@ -14,8 +14,10 @@ from ..reduction.selection import Selection
 from .accuracy import Accuracy
 from .branch import Branch, Point
 from .corrector import Iterate
-from .follow import NOTHING, BranchFollower, State, Sweep, interpolate
+from .follow import NOTHING, BranchFollower
+from .point_solver import State, interpolate
 from .steps import ArcLength
+from .sweep import Sweep
 
 FURTHEST = 2.0          # times the last way between two points over which their secant is trusted
 STEPS = ArcLength(ds=0.1, ds_min=1e-5, ds_max=0.2)      # along the branch, to a frequency that Newton does not reach at once

@@ -21,10 +21,11 @@ from ..reduction.selection import AllPairs, Selection
 from .accuracy import accuracy_of, steps_for
 from .branch import Branch, Point
 from .corrector import Correction, Iterate
-from .follow import BranchFollower, Sweep, follow_branch
+from .follow import BranchFollower, follow_branch
 from .record import point_record
 from .scaled import ScaledFollower, is_linear, sticks_up_to
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
+from .sweep import Sweep
 
 USUAL_POINTS = 100
 

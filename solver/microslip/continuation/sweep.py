@@ -1,0 +1,33 @@
+"""The range of a parameter in which a branch is followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A range of the parameter, frequency [rad/s] or level [N], and the direction in which it is followed."""
+
+    start: float
+    stop: float                         # below ``start`` for a sweep down
+    at: tuple[float, ...] = ()          # values that must be points
+
+    @property
+    def direction(self) -> float:
+        return 1.0 if self.stop > self.start else -1.0
+
+    @property
+    def scale(self) -> float:
+        return abs(self.stop - self.start)
+
+    def beyond(self, parameter: float) -> bool:
+        return self.direction * (parameter - self.stop) >= 0.0
+
+    def before(self, parameter: float) -> bool:
+        return self.direction * (parameter - self.start) < 0.0
+
+    def asked_between(self, a: float, b: float) -> list[float]:
+        """Return the asked values strictly between two points, in the order of travel from a to b."""
+        low, high = min(a, b), max(a, b)
+        return sorted((value for value in self.at if low < value < high), reverse=bool(b < a))
