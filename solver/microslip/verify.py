@@ -149,7 +149,9 @@ def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]
         if len(sizes) == 0:
             continue
         top = int(np.argmax(sizes))
-        indices = [i for i, point in enumerate(branch.points) if point.asked] if at else around_peak(sizes)
+        of_top = np.flatnonzero([point.segment == branch.points[top].segment for point in branch.points])
+        indices = ([i for i, point in enumerate(branch.points) if point.asked] if at
+                   else [int(of_top[i]) for i in around_peak(sizes[of_top])])
         nearest = min(indices, key=lambda i: abs(i - top), default=top)
         for i in indices:
             point = branch.points[i]

@@ -14,7 +14,7 @@ from microslip.results import writer as writer_module
 from microslip.results.read import read_results
 
 HEADER = ("level_N,point,frequency_Hz,output,amplitude_m,phase_rad,mean_m,sticking,slipping,open,unknowns,newton,"
-          "friction_J,damping_J,input_J,seconds,error_m,error_modes_m,error_harmonics_m,error_samples_m,error_pairs_m,error_solver_m")
+          "friction_J,damping_J,input_J,seconds,error_m,error_modes_m,error_harmonics_m,error_samples_m,error_pairs_m,error_solver_m,segment")
 
 
 @pytest.fixture(scope="module")

@@ -235,7 +235,7 @@ class BranchFollower(Stepper):
 def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, *, tolerance: float,
                   max_points: int, on_point: Callable[[Point], None] = lambda point: None,
                   estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None,
-                  follower: type[BranchFollower] = BranchFollower) -> Branch:
+                  follower: type[BranchFollower] = BranchFollower, segment: int = 0) -> Branch:
     """Follow the branch of one level over frequency, by the steps of a ``follower``.  Collective on ``problem.comm``.
 
     A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.
@@ -244,7 +244,8 @@ def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, 
     branch = Branch(problem.level)
     steps_of = follower(problem, selection, sweep, steps, tolerance, estimator, accuracy)
     try:
-        for _, point in steps_of.points():
+        for _, found in steps_of.points():
+            point = replace(found, segment=segment)
             on_point(point)
             branch.points.append(point if problem.comm.rank == 0 else replace(point, U=NOTHING, p=NOTHING))
             if len(branch.points) == max_points:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -135,7 +136,21 @@ def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, sel
 
 def follow_level(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep,
                  curve: LinearCurve, level: float, on_point: Callable[[Point], None], truth: Truth | None = None) -> Branch:
-    """Return the branch of one level [N], with error bars where a ``truth`` is given.  Collective on ``model.comm``."""
+    """Return the branch of one level [N], with error bars where a ``truth`` is given.  Collective on ``model.comm``.
+
+    A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
+    Newton does not pass in one direction, often lie on one side only.
+    """
+    follow = partial(_follow_one_way, scene, model, parameters, selection, curve, level, on_point, truth)
+    branch = follow(sweep)
+    if branch.failure is None or len(branch.points) >= most_points(scene.response.points):
+        return branch
+    return branch.with_segment_from_the_other_end(follow(sweep.reverse, segment=1))
+
+
+def _follow_one_way(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, curve: LinearCurve,
+                    level: float, on_point: Callable[[Point], None], truth: Truth | None, sweep: Sweep,
+                    segment: int = 0) -> Branch:
     problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
     estimator = None if truth is None else ErrorEstimator(truth)
     if model.n_pairs == 0:
@@ -147,4 +162,4 @@ def follow_level(scene, model: ReducedModel, parameters: ContactParameters, sele
         steps = steps_for(accuracy.target)
     return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
                          max_points=most_points(scene.response.points), on_point=on_point, estimator=estimator, accuracy=accuracy,
-                         follower=ScaledFollower if linear else BranchFollower)
+                         follower=ScaledFollower if linear else BranchFollower, segment=segment)

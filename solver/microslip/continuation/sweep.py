@@ -21,6 +21,11 @@ class Sweep:
     def scale(self) -> float:
         return abs(self.stop - self.start)
 
+    @property
+    def reverse(self) -> Sweep:
+        """The same range from its other end."""
+        return Sweep(self.stop, self.start, self.at)
+
     def beyond(self, parameter: float) -> bool:
         return self.direction * (parameter - self.stop) >= 0.0
 

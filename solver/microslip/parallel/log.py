@@ -193,6 +193,8 @@ class RunLog:
             self._line(f"  {note}: {len(points)} of {len(branch.points)} points, {low:.6g} to {high:.6g} Hz")
         if branch.scaled:
             self._line("  no pair leaves sticking anywhere on its linear curve: scaled, not solved")
+        if branch.broken:
+            self._line(f"  in two segments: followed from the other end of the range as well, since {branch.broken}")
         if branch.failure:
             self._line(f"  stopped early: {branch.failure}")
 

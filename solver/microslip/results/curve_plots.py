@@ -8,7 +8,7 @@ from matplotlib.patches import Patch
 
 from ..error_bars.parts import PARTS, total
 from .audit import BOUND, closure
-from .measures import amplitude, counts, peak
+from .measures import amplitude, counts, peak, segments
 from .record import STOPPED, LevelResult, ResultFile
 from .style import (
     FAINT,
@@ -217,14 +217,18 @@ def _band(ax, level: LevelResult, k: int, values, factor: float, colour) -> None
     """Draw the error bars of output k about its curve, where they were estimated."""
     if level.error is not None and len(level.frequency) > 1:
         bars = factor * total(level.error[:, k])
-        ax.fill_between(level.frequency, np.maximum(values - bars, 0.0), values + bars, color=colour, alpha=_BAND, lw=0.0)
+        for segment in segments(level.segment):
+            low, high = np.maximum(values[segment] - bars[segment], 0.0), values[segment] + bars[segment]
+            ax.fill_between(level.frequency[segment], low, high, color=colour, alpha=_BAND, lw=0.0)
 
 
 def _curve(ax, level: LevelResult, values, colour, style="-", lw=1.2) -> None:
-    """Draw values in the order of the branch: folds show; a single point and an early end are marked."""
-    ax.plot(level.frequency, values, ls=style, lw=lw, color=colour, marker="." if len(level.frequency) < 3 else None, ms=5.0)
-    if level.status == STOPPED and len(level.frequency):
-        ax.plot(level.frequency[-1], values[-1], "x", color=colour, ms=5.0, mew=1.2, zorder=5)
+    """Draw values in the order of the branch, segment by segment: folds show; a single point and early ends are marked."""
+    for segment in segments(level.segment):
+        n = segment.stop - segment.start
+        ax.plot(level.frequency[segment], values[segment], ls=style, lw=lw, color=colour, marker="." if n < 3 else None, ms=5.0)
+        if level.status == STOPPED:
+            ax.plot(level.frequency[segment][-1], values[segment][-1], "x", color=colour, ms=5.0, mew=1.2, zorder=5)
 
 
 def _joined(values) -> np.ndarray:

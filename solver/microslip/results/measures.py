@@ -34,3 +34,9 @@ def peak(response: np.ndarray, output: int = 0) -> int | None:
     None where the curve has no point.
     """
     return int(np.argmax(amplitude(response[:, output]))) if len(response) else None
+
+
+def segments(segment: np.ndarray) -> list[slice]:
+    """Return the points of each segment of a curve, from the number of the segment at each point, (n,).  Local."""
+    ends = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist(), len(segment)]
+    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:]) if b > a]

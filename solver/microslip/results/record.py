@@ -43,6 +43,7 @@ class LevelResult:
     harmonics: np.ndarray       # (n,) the highest of each point
     samples: np.ndarray         # (n,) a period
     asked: np.ndarray           # (n,) 1 where the frequency is one of [response] at
+    segment: np.ndarray         # (n,) 0 from the start; 1 from the other end of the range, where segment 0 ended early
     notes: np.ndarray           # (n,) of str
     du: np.ndarray | None       # (n, n_pairs, 3, N_H) relative displacement, m; None where it was not read
     p: np.ndarray | None        # (n, n_pairs, 3, N_H) contact force beyond the stuck springs, N; None likewise
@@ -65,6 +66,7 @@ LEVEL_DATA = (
     ("harmonics", "harmonics", "harmonics", "i8", "1"),
     ("samples", "samples", "samples", "i8", "1"),
     ("asked", "asked", "asked", "u1", "1"),
+    ("segment", "segment", "segment", "u1", "0 from the start, 1 from the other end of the range"),
     ("du", "du", "U", "f8", "m"),
     ("p", "p", "p", "f8", "N"),
 )

@@ -14,7 +14,7 @@ from .measures import amplitude, counts, phase
 
 HEADER = ("level_N", "point", "frequency_Hz", "output", "amplitude_m", "phase_rad", "mean_m", "sticking", "slipping", "open",
           "unknowns", "newton", "friction_J", "damping_J", "input_J", "seconds", "error_m",
-          *(f"error_{part}_m" for part in PARTS))  # fmt: skip
+          *(f"error_{part}_m" for part in PARTS), "segment")  # fmt: skip
 NAME = "frf.csv"
 
 
@@ -47,7 +47,7 @@ class ResponseTable:
             for k, (name, u) in enumerate(zip(self.outputs, point.response, strict=True)):
                 own = _digits(float(amplitude(u)), float(phase(u)), u[0])
                 first = [*_digits(level), i, *_digits(point.omega / (2.0 * np.pi)), name]
-                self._rows.writerow([*first, *own, *shared, *_bars(point, k)])
+                self._rows.writerow([*first, *own, *shared, *_bars(point, k), point.segment])
             self._file.flush()
 
     def put_in_order(self, branches: list[Branch]) -> None:

@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 
 from ..continuation.branch import Branch
 from ..parallel.files import make_folder, written_whole
-from .measures import amplitude
+from .measures import amplitude, segments
 from .style import DPI, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, scaled, some
 
 COLUMNS = {
@@ -150,8 +150,10 @@ def draw_verification(checks: Sequence[Check], branches: Sequence[Branch], scene
     curve = page.figure.add_subplot(grid[0, :])
     factor, unit = scaled([amplitude(point.response[0]) for branch in branches for point in branch.points], "m")
     for branch in branches:
-        curve.plot([point.omega / (2.0 * np.pi) for point in branch.points],
-                   [factor * amplitude(point.response[0]) for point in branch.points], color=colours[branch.level])
+        for segment in segments(np.array([point.segment for point in branch.points])):
+            points = branch.points[segment]
+            curve.plot([point.omega / (2.0 * np.pi) for point in points],
+                       [factor * amplitude(point.response[0]) for point in points], color=colours[branch.level])
     for check in checks:
         if not check.failure:
             curve.plot(check.frequency, factor * check.marched, "o", ms=4.5, mfc="none", mec=colours[check.level], mew=1.1)
