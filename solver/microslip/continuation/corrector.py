@@ -6,6 +6,8 @@ extra row is linear in (xi, nu): a plane normal to the predictor for arc-length 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +21,8 @@ from ..harmonic.shell import ShellMatrix, ShellSolver
 from ..harmonic.whole_inverse import LARGEST, WholeInverse
 
 PATIENCE, LEAST_PROGRESS = 4, 0.5       # Newton gives up where so many iterations leave more than this share of the residual
+MOST_ITERATIONS = 20
+PATIENT, MOST_PATIENT_ITERATIONS = 25, 80       # the same where there is no other way left
 SOFT = 100.0            # k |U| over the contact forces beyond which a residual counts as force
 ROUNDING = 1e-2         # share of the tolerance that rounding may take up in a weighted row
 MANY_IN_STIFF = 10      # the same where rows are weighted
@@ -94,7 +98,7 @@ class Corrector:
         self.problem, self.comm = problem, problem.comm
         self.last = self.comm.rank == self.comm.size - 1            # owns the row of the parameter
         self.n_U = int(np.prod(problem.shape))
-        self.tolerance = tolerance
+        self.tolerance, self.patience = tolerance, PATIENCE
         self._step = NewtonStep(problem)
         self._wants_preconditioner = False
         self._history: list[float] = []
@@ -111,7 +115,7 @@ class Corrector:
         snes.setOptionsPrefix("hb_")
         snes.setFunction(self._residual, self._r)
         snes.setJacobian(self._linearise, self._J)
-        snes.setTolerances(rtol=0.0, atol=self.tolerance, stol=0.0, max_it=20)
+        snes.setTolerances(rtol=0.0, atol=self.tolerance, stol=0.0, max_it=MOST_ITERATIONS)
         snes.setConvergenceTest(self._converged)
         ksp = snes.getKSP()
         ksp.setOptionsPrefix("hb_newton_")          # the options -hb_ksp_ are those of the GMRES inside
@@ -130,9 +134,21 @@ class Corrector:
             return reasons.CONVERGED_FNORM_ABS
         if not np.isfinite(norm):
             return reasons.DIVERGED_FUNCTION_DOMAIN
-        if iteration >= PATIENCE and norm > LEAST_PROGRESS * self._history[iteration - PATIENCE]:
+        if iteration >= self.patience and norm > LEAST_PROGRESS * self._history[iteration - self.patience]:
             return reasons.DIVERGED_LOCAL_MIN
         return None
+
+    @contextmanager
+    def patient(self) -> Iterator[None]:
+        """Go on while the residual falls at all, by however short steps.  Local."""
+        usual = self._snes.getTolerances()[3]
+        self.patience = PATIENT
+        self._snes.setTolerances(max_it=max(usual, MOST_PATIENT_ITERATIONS))
+        try:
+            yield
+        finally:
+            self.patience = PATIENCE
+            self._snes.setTolerances(max_it=usual)
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""

@@ -11,7 +11,7 @@ import numpy as np
 from ..contact.law import STICK
 from ..error_bars.estimate import ErrorEstimator
 from ..fourier.harmonics import Harmonics
-from ..harmonic.residual import HarmonicBalance, LevelFamily
+from ..harmonic.residual import DampingFamily, HarmonicBalance, LevelFamily
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
 from .accuracy import Accuracy
@@ -23,8 +23,9 @@ from .stepper import Stepper
 from .steps import ArcLength
 from .sweep import Sweep
 
-# the way to a first point that Newton does not reach at once: steps over the level
+# the way to a first point that Newton does not reach at once: steps over the level or further damping
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
+BEGINNINGS = {LevelFamily: (1e-2, 1e-4), DampingFamily: (1e-1, 1e-3)}     # of the parameter at the end of such a way
 MOST_APPROACH_STEPS = 400
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
 MISSED = "accuracy not met: more harmonics or samples than the program uses, or no convergence with them"
@@ -200,28 +201,41 @@ class BranchFollower(Stepper):
             if abs(way) < FINEST_WAY * abs(goal.parameter - now.iterate.parameter):
                 raise ConvergenceError(self.message(here.parameter, found))
 
-    def reach_first(self, failed: Correction) -> tuple[Correction, np.ndarray]:
-        """Solve the first point over the level; with the mean slip held about none where a body hangs on its joint alone."""
-        try:
-            return self.reach_level(failed)
-        except ConvergenceError:
-            if isinstance(self.problem, LevelFamily) or self.problem.held_at is not None or not self.is_loose:
-                raise
-        self.problem.held_at = np.zeros((self.problem.n_owned, 2))
-        found, selected = self.first()
-        return self.reach_level(found) if found.failure else (found, selected)
+    # -- a first point that Newton does not reach from the linear response -------------------------------------
 
-    def reach_level(self, failed: Correction) -> tuple[Correction, np.ndarray]:
-        """Solve the first point another way: from a small level up, by arc length at its frequency, folds included."""
-        if isinstance(self.problem, LevelFamily):
-            raise ConvergenceError(self.message(self.sweep.start, failed))
-        level = self.problem.level
-        family = LevelFamily(self.problem, self.sweep.start)
-        for share in (1e-2, 1e-4):
-            way = BranchFollower(family, self.selection, Sweep(share * level, level), APPROACH, self.tolerance)
+    def reach_first(self, failed: Correction, may_hold: bool = True) -> tuple[Correction, np.ndarray]:
+        """Solve the first point another way: the ways in turn, from the most natural one to the longest.  Collective.
+
+        Raises
+        ------
+        ConvergenceError : none leads there; on every rank
+        """
+        ways = [self.over_the_level, self.from_rest, self.with_mean_slip_held, self.patiently, self.over_damping]
+        if not may_hold:
+            ways.remove(self.with_mean_slip_held)
+        if self.problem.is_a_way:
+            ways = [self.from_rest, self.patiently]
+        for way in ways:
+            found = way()
+            if found is not None:
+                return found
+        raise ConvergenceError(self.message(self.sweep.start, failed))
+
+    def over_the_level(self) -> tuple[Correction, np.ndarray] | None:
+        """Solve the first point from a small level up, by arc length at its frequency, folds included; None in vain."""
+        return self.over(LevelFamily(self.problem, self.sweep.start), self.problem.level)
+
+    def over_damping(self) -> tuple[Correction, np.ndarray] | None:
+        """Solve the first point from a damping that leaves one solution down to none beside the scene's; None in vain."""
+        return self.over(DampingFamily(self.problem, self.sweep.start), 1.0)
+
+    def over(self, family: LevelFamily | DampingFamily, end: float) -> tuple[Correction, np.ndarray] | None:
+        """Solve at the end of a family's parameter, where it is the problem, from near its beginning; None in vain."""
+        for share in BEGINNINGS[type(family)]:
+            way = BranchFollower(family, self.selection, Sweep(share * end, end), APPROACH, self.tolerance)
             try:
                 for (state, _), _ in zip(way.points(), range(MOST_APPROACH_STEPS)):
-                    if state.iterate.parameter == level:
+                    if state.iterate.parameter == end:
                         there = Iterate(state.iterate.U, self.sweep.start)
                         self.problem.held_at = family.held_at
                         return self.solve_at(there, state.size, state.selected, state.force)
@@ -229,7 +243,31 @@ class BranchFollower(Stepper):
                 continue
             finally:
                 way.destroy()
-        raise ConvergenceError(self.message(self.sweep.start, failed))
+        return None
+
+    def patiently(self) -> tuple[Correction, np.ndarray] | None:
+        """Solve the first point by many small Newton steps, from the linear response and from rest; None in vain."""
+        with self.corrector.patient():
+            found, selected = self.first()
+            return (found, selected) if found.failure is None else self.from_rest()
+
+    def from_rest(self) -> tuple[Correction, np.ndarray] | None:
+        """Solve the first point from no motion, where gaps are open; None in vain."""
+        U_lin, _ = self.problem.linear_motion(self.sweep.start)
+        guess, selected = Iterate(np.zeros_like(U_lin), self.sweep.start), self.selection.first(self.problem.model.n_pairs)
+        found, selected = self.solve_at(guess, self.norm(U_lin), selected)
+        return (found, selected) if found.failure is None else None
+
+    def with_mean_slip_held(self) -> tuple[Correction, np.ndarray] | None:
+        """Solve the first point of a body that hangs on its joint alone with the mean slip held about none; None in vain."""
+        if self.problem.held_at is not None or not self.is_loose:
+            return None
+        self.problem.held_at = np.zeros((self.problem.n_owned, 2))
+        found, selected = self.first()
+        reached = self.over_the_level() or self.over_damping() if found.failure else (found, selected)
+        if reached is None:
+            self.problem.held_at = None
+        return reached
 
 
 def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, *, tolerance: float,

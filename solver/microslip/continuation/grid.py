@@ -77,7 +77,7 @@ def _points(follower: BranchFollower, omegas: Sequence[float]) -> Iterator[Point
     """Yield the point at each frequency."""
     found, selected = follower.first()
     if found.failure:
-        found, selected = follower.reach_level(found)
+        found, selected = follower.reach_first(found, may_hold=False)
     now, point = follower.accept(found, selected, asked=True)
     yield point
     before = None

@@ -30,8 +30,8 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
     ------
     ConvergenceError : work and losses do not balance, although the residual is small beside the motion; on every rank
     """
-    model, U = problem.model, found.iterate.U
-    omega, level = problem.omega_at(found.iterate.parameter), problem.level_at(found.iterate.parameter)
+    parameter, U = found.iterate.parameter, found.iterate.U
+    model, omega, level = problem.model_at(parameter), problem.omega_at(parameter), problem.level_at(parameter)
     everything = np.ones(model.n_pairs, dtype=bool)
     of_all = problem.contact_forces(U, everything, tangents=False)
     used = of_all if selected.all() else problem.contact_forces(U, selected, tangents=False)

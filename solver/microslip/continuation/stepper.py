@@ -143,13 +143,17 @@ class Stepper(PointSolver):
         Where a sample of a pair begins or ends to slip the branch has a corner, and on the plane normal to its old direction
         Newton may go back and forth between the two sides.  A fixed parameter favours none.
         """
+        return self.just_ahead(before, now) or self.sharp_corner(before, now) or self.give_up(now, failed)
+
+    def just_ahead(self, before: State, now: State) -> tuple[Correction, np.ndarray] | None:
+        """Return a point at a fixed parameter within the shortest step; None if Newton finds none.  Collective."""
         direction = np.sign(now.iterate.parameter - before.iterate.parameter) or self.sweep.direction
         for share in 2.0 ** -np.arange(6):
             there = now.iterate.parameter + direction * share * self.steps.ds_min * self.sweep.scale
             found, selected = self.solve_at(Iterate(now.iterate.U, there), now.size, now.selected, now.force)
             if found.failure is None and self.distance(now, found.iterate) <= self.steps.ds_max:
                 return found, selected
-        return self.sharp_corner(before, now) or self.give_up(now, failed)
+        return None
 
     def give_up(self, now: State, failed: Correction) -> NoReturn:
         raise ConvergenceError(self.message(now.iterate.parameter, failed))

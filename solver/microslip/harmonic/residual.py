@@ -35,6 +35,8 @@ class ContactForces:
 class HarmonicBalance:
     """Residual and derivatives over frequency at one level; ``selected`` pairs may slip or open, the others are held stuck."""
 
+    is_a_way = False            # to the first point of a branch, not the branch itself
+
     def __init__(self, model: ReducedModel, parameters: ContactParameters, n_samples: int, level: float):
         self.model = model
         self.comm = model.comm
@@ -115,6 +117,10 @@ class HarmonicBalance:
         """Return the load level [N]."""
         return self.level
 
+    def model_at(self, parameter: float) -> ReducedModel:
+        """Return the model."""
+        return self.model
+
     def where(self, parameter: float) -> str:
         """Name a point of the family in a message."""
         omega = self.omega_at(parameter)
@@ -142,6 +148,8 @@ class HarmonicBalance:
 class LevelFamily(HarmonicBalance):
     """The same residual at a fixed frequency, with the load level as parameter."""
 
+    is_a_way = True
+
     def __init__(self, of: HarmonicBalance, omega: float):
         self.__dict__.update(of.__dict__)
         self.omega = omega
@@ -162,6 +170,49 @@ class LevelFamily(HarmonicBalance):
 
     def force_derivative(self, G: ReceptanceColumns, p: np.ndarray) -> np.ndarray:
         return np.zeros(self.shape)
+
+
+class DampingFamily(HarmonicBalance):
+    """The same residual at a fixed frequency and level, with further damping that falls to none as the parameter t rises to 1.
+
+    D_n gets i n omega sigma (eq. 4.1) with sigma = omega (1 - t) / t, alike for all modes, as of a damping matrix sigma M.
+    """
+
+    is_a_way = True
+
+    def __init__(self, of: HarmonicBalance, omega: float):
+        self.__dict__.update(of.__dict__)
+        self.omega, self._linear_at = omega, np.nan
+        self._damped_at, self._damped = np.nan, self.model
+
+    def omega_at(self, parameter: float) -> float:
+        return self.omega
+
+    def model_at(self, parameter: float) -> ReducedModel:
+        if self._damped_at != parameter:
+            self._damped_at, self._damped = parameter, self.model.with_damping(self.omega * (1.0 - parameter) / parameter)
+        return self._damped
+
+    def where(self, parameter: float) -> str:
+        return f"{super().where(self.omega)}, damped further by {self.omega * (1.0 - parameter) / parameter:.3g} M"
+
+    def linear_motion(self, parameter: float) -> tuple[np.ndarray, np.ndarray]:
+        if self._linear_at != parameter:
+            model, f = self.model_at(parameter), self.level * self.model.f
+            U_lin, _ = receptance.linear_motion(model, self.level, self.omega)
+            dc = self._derivative(parameter)
+            dU_lin = model.r[model.owned_rows] @ receptance.modal(dc, model.b @ f)
+            self._linear_at, self._linear = parameter, (U_lin.reshape(self.shape), dU_lin.reshape(self.shape))
+        return self._linear
+
+    def receptance_at(self, parameter: float, active: np.ndarray) -> ReceptanceColumns:
+        columns = ReceptanceColumns(self.model_at(parameter), self.omega, active)
+        columns.dc = self._derivative(parameter)
+        return columns
+
+    def _derivative(self, parameter: float) -> np.ndarray:
+        """Return d c_n / d t [s2]."""
+        return receptance.damping_derivative(self.model_at(parameter), self.omega) * (-self.omega / parameter**2)
 
 
 class ReceptanceColumns:

@@ -74,6 +74,10 @@ class ReducedModel:
         f = self.harmonics.carry(self.f, harmonics)
         return replace(self, f=f, harmonics=harmonics, H_recorded=self.recorded.highest)
 
+    def with_damping(self, sigma: float) -> ReducedModel:
+        """Return the same model with sigma M [1/s] added to its damping matrix; all else is shared.  Local."""
+        return replace(self, C=self.C + (sigma if self.C.ndim == 1 else sigma * np.eye(self.n_modes)))
+
     @property
     def owned(self) -> slice:
         """The pairs of this rank."""

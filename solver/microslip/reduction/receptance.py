@@ -38,6 +38,16 @@ def dynamic_part(model: ReducedModel, omega: float) -> tuple[np.ndarray, np.ndar
     return inverse - np.diag(1.0 / model.omega_n**2), -inverse @ dD @ inverse
 
 
+def damping_derivative(model: ReducedModel, omega: float) -> np.ndarray:
+    """Return d c_n / d sigma [s3], complex, where sigma M is added to the damping matrix.  Local; shaped as c_n."""
+    n_omega = omega * model.harmonics.numbers
+    if model.C.ndim == 1:
+        c, _ = dynamic_part(model, omega)
+        return -1j * n_omega * (c + 1.0 / model.omega_n[:, None] ** 2) ** 2
+    inverse = _inverse_full(model, omega)
+    return -1j * n_omega[:, None, None] * (inverse @ inverse)
+
+
 def _inverse_full(model: ReducedModel, omega: float) -> np.ndarray:
     """Return D_n^-1 with a full damping matrix, (n_harmonics, n_phi, n_phi).  Local."""
     n_omega = omega * model.harmonics.numbers[:, None, None]
