@@ -1,6 +1,7 @@
 """Branches against exact results, an independent harmonic balance, and themselves; every test runs on any number of ranks."""
 
 import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from oracles import harmonic_balance, scenes
 from petsc4py import PETSc
 
 from microslip.continuation.corrector import ConstraintRow, Corrector, Iterate, Scaling
-from microslip.harmonic.residual import HarmonicBalance
+from microslip.harmonic.residual import DampingFamily, HarmonicBalance, LevelFamily
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 COMM = MPI.COMM_WORLD          # the one- and two-pair systems leave ranks without pairs
@@ -134,17 +135,26 @@ def test_first_point_that_newton_misses_is_reached_over_the_level():
     assert found.failure is None and found.points[0].omega == 0.97
 
 
-def test_jacobian_is_the_derivative_of_the_residual():
+def families(problem):
+    """Every one-parameter family of problems, with a parameter and its scale."""
+    full = problem.model.C if problem.model.C.ndim == 2 else np.diag(problem.model.C) + 3.0
+    with_matrix = problem.of(replace(problem.model, C=full))
+    return {"frequency": (problem, 555.0, 400.0), "level": (LevelFamily(problem, 555.0), 90.0, 100.0),
+            "damping": (DampingFamily(problem, 555.0), 0.6, 1.0), "damping matrix": (DampingFamily(with_matrix, 555.0), 0.6, 1.0)}
+
+
+@pytest.mark.parametrize("family", ["frequency", "level", "damping", "damping matrix"])
+def test_jacobian_is_the_derivative_of_the_residual(family):
     system = scene("chain")
     model, parameters = reduced(system, COMM, 3)
-    problem = HarmonicBalance(model, parameters, 128, 100.0)
-    U, _ = problem.linear_motion(560.0)
+    problem, parameter, unit = families(HarmonicBalance(model, parameters, 128, 100.0))[family]
+    U, _ = problem.linear_motion(parameter)
     everything = np.ones(model.n_pairs, dtype=bool)
     corrector = Corrector(problem, 1e-9)
     rng = np.random.default_rng(COMM.rank)
-    row = ConstraintRow(Iterate(U, 560.0), rng.standard_normal(U.shape), 0.7)
-    scaling, h, direction = Scaling(1e-4, 400.0), 1e-6, (rng.standard_normal(U.shape), 0.3)
-    here = Iterate(1.3 * U, 555.0)
+    row = ConstraintRow(Iterate(U, parameter), rng.standard_normal(U.shape), 0.7)
+    scaling, h, direction = Scaling(1e-4, unit), 1e-6, (rng.standard_normal(U.shape), 0.3)
+    here = Iterate(1.3 * U, parameter)
 
     def shifted(sign):
         return Iterate(here.U + sign * h * scaling.U * direction[0], here.parameter + sign * h * scaling.parameter * direction[1])
@@ -154,6 +164,17 @@ def test_jacobian_is_the_derivative_of_the_residual():
     corrector.destroy()
     size = COMM.allreduce(np.abs(product).max() if product.size else 0.0, op=MPI.MAX)
     assert (plus - minus) / (2 * h) == pytest.approx(product, abs=1e-6 * size)
+
+
+def test_further_damping_ends_at_the_problem_itself_and_begins_without_vibration():
+    model, parameters = reduced(scene("chain"), COMM, 3)
+    problem = HarmonicBalance(model, parameters, 128, 100.0)
+    family = DampingFamily(problem, 555.0)
+    (U, _), (U_end, _), (U_begin, _) = (p.linear_motion(t) for p, t in ((problem, 555.0), (family, 1.0), (family, 1e-9)))
+    size = COMM.allreduce(np.abs(U).max(initial=0.0), op=MPI.MAX)
+    assert U_end == pytest.approx(U, abs=1e-13 * size)
+    assert COMM.allreduce(np.abs(U_begin[..., 1:]).max(initial=0.0), op=MPI.MAX) < 1e-4 * size
+    assert family.where(0.5).endswith("damped further by 555 M")
 
 
 @pytest.mark.parametrize("level, option, tolerance", [(100.0, None, 2e-3), (100.0, "1e-10", 1e-8), (1.0, "1e-10", 1e-8)])

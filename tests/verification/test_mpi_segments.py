@@ -1,0 +1,65 @@
+"""A branch that leaves the range where it began is followed from the other end as well; runs on any number of ranks."""
+
+import csv
+
+import numpy as np
+import pytest
+from matrix_scenes import asked, branches_of, write_matrix_scene
+from mpi4py import MPI
+from verification.fold import FOLDS, followed, mass
+
+from microslip.results.read import read_results
+from microslip.run import run
+from microslip.scene.read import read_scene
+
+COMM = MPI.COMM_WORLD
+FOLD = FOLDS["softening"]
+BETWEEN, AT = (1.31, 1.6), (1.315, 1.33, 1.345)     # the three frequencies lie between the turning points, as the start does
+
+
+def scene_between_the_folds(folder, direction="up"):
+    """Write a scene whose range begins between two turning points: the branch from there ends at the lower one."""
+    if COMM.rank == 0:
+        write_matrix_scene(folder, mass(FOLD), [FOLD.level], BETWEEN, at=AT, points=60, direction=direction, harmonics=7, samples=512,
+                           tolerance=1e-10, error_bars=True)
+    COMM.barrier()
+    return folder / "scene.toml"
+
+
+def responses(branch, omega) -> np.ndarray:
+    """Return all solutions at one of ``AT``, by rising amplitude."""
+    close = [point.response[0] for point in asked(branch) if abs(point.omega - omega) < 1e-12 * omega]
+    return np.array(sorted(close, key=lambda u: np.hypot(*u[1:3])))
+
+
+def test_both_segments_together_are_the_branch_through_both_folds(shared_path):
+    (found,) = branches_of(scene_between_the_folds(shared_path), COMM)
+    omega, segment = (np.array([getattr(point, name) for point in found.points]) for name in ("omega", "segment"))
+    assert (np.diff(segment) >= 0).all() and set(segment) == {0, 1}
+    first, second = omega[segment == 0], omega[segment == 1]
+    assert first[0] == pytest.approx(BETWEEN[0]) and first.max() > 1.35     # over the upper turning point, out of the range
+    assert second[[0, -1]] == pytest.approx(BETWEEN[::-1]) and (np.diff(second) < 0.0).all()
+    assert "back out of the range" in found.broken
+    (shared_path / "whole").mkdir(exist_ok=True)
+    whole = followed(FOLD, "up", shared_path / "whole", COMM)
+    for at in AT:
+        here, there = responses(found, at), responses(whole, at)
+        assert len(here) == len(there) == 3
+        assert here == pytest.approx(there, abs=1e-7 * np.abs(there).max())
+
+
+def test_a_branch_that_reaches_its_end_is_one_segment(shared_path):
+    (found,) = branches_of(scene_between_the_folds(shared_path, "down"), COMM)
+    assert found.broken is None and {point.segment for point in found.points} == {0}
+
+
+def test_a_user_sees_both_segments(shared_path):
+    folder = shared_path / "out"
+    run(read_scene(scene_between_the_folds(shared_path)), COMM, folder, screen=False)
+    COMM.barrier()
+    with open(folder / "frf.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["segment"] for row in rows] == sorted(row["segment"] for row in rows) and rows[-1]["segment"] == "1"
+    level = read_results(folder / "results.h5").levels[0]
+    assert level.status == "complete" and level.segment.tolist() == [int(row["segment"]) for row in rows]
+    assert "in two segments: followed from the other end of the range as well, since hb: a fold" in (folder / "run.log").read_text()
