@@ -17,11 +17,11 @@ FOLD = FOLDS["softening"]
 BETWEEN, AT = (1.31, 1.6), (1.315, 1.33, 1.345)     # the three frequencies lie between the turning points, as the start does
 
 
-def scene_between_the_folds(folder, direction="up"):
+def scene_between_the_folds(folder, direction="up", error_bars=False):
     """Write a scene whose range begins between two turning points: the branch from there ends at the lower one."""
     if COMM.rank == 0:
-        write_matrix_scene(folder, mass(FOLD), [FOLD.level], BETWEEN, at=AT, points=60, direction=direction, harmonics=7, samples=512,
-                           tolerance=1e-10, error_bars=True)
+        write_matrix_scene(folder, mass(FOLD), [FOLD.level], BETWEEN, at=AT, points=40, direction=direction, harmonics=7, samples=512,
+                           tolerance=1e-10, error_bars=error_bars)
     COMM.barrier()
     return folder / "scene.toml"
 
@@ -55,7 +55,7 @@ def test_a_branch_that_reaches_its_end_is_one_segment(shared_path):
 
 def test_a_user_sees_both_segments(shared_path):
     folder = shared_path / "out"
-    run(read_scene(scene_between_the_folds(shared_path)), COMM, folder, screen=False)
+    run(read_scene(scene_between_the_folds(shared_path, error_bars=True)), COMM, folder, screen=False)
     COMM.barrier()
     with open(folder / "frf.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

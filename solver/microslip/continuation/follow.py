@@ -26,7 +26,7 @@ from .sweep import Sweep
 # the way to a first point that Newton does not reach at once: steps over the level or further damping
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
 BEGINNINGS = {LevelFamily: (1e-2, 1e-4), DampingFamily: (1e-1, 1e-3)}     # of the parameter at the end of such a way
-MOST_APPROACH_STEPS = 400
+MOST_APPROACH_ITERATIONS = 1500         # of Newton, on one such way; those that arrive take some hundreds
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
 MISSED = "accuracy not met: more harmonics or samples than the program uses, or no convergence with them"
 MOSTLY = 0.8            # share of the pairs that slip or are open, from which the mean of the slip may be held
@@ -234,7 +234,9 @@ class BranchFollower(Stepper):
         for share in BEGINNINGS[type(family)]:
             way = BranchFollower(family, self.selection, Sweep(share * end, end), APPROACH, self.tolerance)
             try:
-                for (state, _), _ in zip(way.points(), range(MOST_APPROACH_STEPS)):
+                for state, _ in way.points():
+                    if way.spent > MOST_APPROACH_ITERATIONS:
+                        break
                     if state.iterate.parameter == end:
                         there = Iterate(state.iterate.U, self.sweep.start)
                         self.problem.held_at = family.held_at

@@ -44,6 +44,7 @@ class PointSolver:
         self.problem, self.selection, self.sweep = problem, selection, sweep
         self.comm, self.tolerance = problem.comm, tolerance
         self.corrector = Corrector(problem, tolerance)
+        self.spent = 0          # Newton iterations so far
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
@@ -61,7 +62,7 @@ class PointSolver:
         newton = krylov = 0
         while True:
             found = self.corrector.correct(guess, row, scaling, selected)
-            newton, krylov = newton + found.newton, krylov + found.krylov
+            newton, krylov, self.spent = newton + found.newton, krylov + found.krylov, self.spent + found.newton
             found = replace(found, newton=newton, krylov=krylov)
             if found.failure:
                 return found, selected
