@@ -151,10 +151,10 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
     finally:
         writer.close()
     log.note(audit_text(branches))
-    system, omega_n = structure.linearised.system, structure.modes.omega_n if reduction.leaves_out == "modes" else None
-    lines = not_computed(scene, omega_n=omega_n, n_dof=system.n_dof, known=known, branches=branches,
-                         has_mesh=system.dof is not None, has_bars=truth is not None)
-    log.note("\n  ".join(["not computed, for the scene does not require it:", *lines]))
+    system = structure.linearised.system
+    lines = not_computed(scene, leaves_out=reduction.leaves_out, omega_n=structure.modes.omega_n, n_dof=system.n_dof, known=known,
+                         branches=branches, has_mesh=system.dof is not None, has_bars=truth is not None)
+    log.note("\n  ".join(["not computed, and why, or what it would change:", *lines]))
     return branches
 
 
