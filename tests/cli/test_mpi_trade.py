@@ -5,6 +5,9 @@ import signal
 
 import pytest
 from bar_scene import write_bar
+from lap_joint import LapJoint, lap_joint
+from lap_scene import SCENE as LAP
+from msh import write_msh
 
 from microslip import trade_reference
 from microslip.__main__ import main
@@ -123,6 +126,29 @@ def test_without_a_joint_nothing_is_to_trade(program):
 
     status, _, err = program(write)
     assert status == 2 and err.count("[[joints]] is missing: without a joint the response is linear") == 1
+
+
+def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
+    """Two bodies that bend, three meshes of them, the finest of quadratic elements: found in the order of their size."""
+    kinds = {"coarse": ("hex8", 2), "finer": ("hex8", 4), "finest": ("hex20", 4)}
+
+    def write(folder):
+        for name, (kind, n) in kinds.items():
+            write_msh(str(folder / f"{name}.msh"), lap_joint(LapJoint(kind=kind, n_free=n, n_overlap=n, n_width=1, n_thickness=1)))
+        path = folder / "lap.toml"
+        text = LAP.replace("lap.msh", "coarse.msh").replace("frequencies = [10.0, 1000.0]", "mode = 1\nspan = [0.9, 1.1]")
+        path.write_text(text.replace("friction = 0.3", "friction = 0.05").replace("preload = 1e6", "preload = 3e7"))
+        return path
+
+    meshes = ",".join(str(shared_path / f"{name}.msh") for name in ("finest", "finer"))
+    status, out, err = program(write, "--seconds", "3", "--levels", "2", "--knobs", "mesh", "--meshes", meshes)
+    assert (status, err) == (0, "")
+    found = [entry for entry in rows(shared_path) if entry["knob"] == "mesh"]
+    assert [entry["value"] for entry in found] == ["coarse.msh", "finer.msh", "finest.msh"]
+    assert not any(entry["failure"] for entry in found) and len({entry["points"] for entry in found}) == 1
+    peaks = [float(entry["frequency_percent"]) for entry in found]
+    assert peaks[0] > peaks[1] > peaks[2] == 0.0 and float(found[2]["error_percent"]) == 0.0
+    assert "meshes, against the finest, finest.msh" in out and "no pair slips" not in out
 
 
 def with_mass(*changes):
