@@ -12,7 +12,7 @@ TOO_LITTLE = 1e-6       # of the peak: less is not told in digits
 
 
 def not_computed(scene, *, leaves_out: str, omega_n: np.ndarray, n_dof: int, known: np.ndarray | None, branches: list[Branch],
-                 has_mesh: bool, has_bars: bool) -> list[str]:
+                 has_mesh: bool) -> list[str]:
     """Return a line for everything left out, with the reason or what it changes in the response.  Local.
 
     Parameters
@@ -20,13 +20,13 @@ def not_computed(scene, *, leaves_out: str, omega_n: np.ndarray, n_dof: int, kno
     leaves_out : what the method lacks, as :class:`~microslip.reduction.reduction.Reduction` has it
     omega_n : (n_modes,) rad/s, of the modes computed
     known : (n_pairs,) bool, the pairs whose static columns were solved for; None where those of all pairs had to be
-    has_bars : whether points have error bars
     """
     solved = [branch for branch in branches if branch.points]
-    lines = _harmonics(solved, has_pairs=known is None or len(known) > 0)
-    if leaves_out == "basis" and solved:
+    is_static = scene.harmonics == 0
+    lines = _statics(solved) if is_static else _harmonics(solved, has_pairs=known is None or len(known) > 0)
+    if leaves_out == "basis" and solved and not is_static:
         lines.append(f"response outside the basis of method {scene.solver.method}: {changes(solved, 'modes')}")
-    if leaves_out == "modes" and solved and 0 < len(omega_n) < n_dof:
+    if leaves_out == "modes" and solved and not is_static and 0 < len(omega_n) < n_dof:
         lines.append(f"response of modes above {omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(omega_n)} of {n_dof} DOF, "
                      f"beyond their static part: {changes(solved, 'modes')}")
     if _most(solved, "pairs")[0] > 0.0:
@@ -42,13 +42,19 @@ def not_computed(scene, *, leaves_out: str, omega_n: np.ndarray, n_dof: int, kno
         lines.append(f"even harmonics at {_newtons(odd)}: by the symmetry of the scene they vanish")
     if scene.damping is not None:
         lines.append("damping matrix: [damping] gives that of each mode")
-    if not has_bars:
+    if not scene.solver.error_bars:
         lines.append("error bars: [solver] asks for none")
-    elif any(point.error is None for branch in solved for point in branch.points):
-        lines.append("error bars: they are those of harmonic 1, which [solver] harmonics does not hold")
+    elif is_static:
+        lines.append("error bars: they are those of harmonic 1, and harmonics = 0")
     if not has_mesh:
         lines.append("fields for ParaView: the scene has no mesh")
     return lines
+
+
+def _statics(solved: list[Branch]) -> list[str]:
+    """Say that one point stands for all frequencies."""
+    return ["further points of [response]: harmonics = 0, constant loads have the same response at every frequency",
+            "harmonics above 0: no load moves anything to and fro"] if solved else []
 
 
 def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:

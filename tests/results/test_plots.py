@@ -150,6 +150,27 @@ def with_errors(found, parts):
     return found
 
 
+def at_rest(level, pairs, displacement):
+    """Return one point of statics: every output displaced, nothing moves to and fro."""
+    found = branch(level, pairs, n_points=1)
+    response = np.zeros_like(found.points[0].response)
+    response[:, 0] = displacement
+    found.points[:] = [dataclasses.replace(found.points[0], response=response)]
+    return found
+
+
+@pytest.mark.filterwarnings("error")
+def test_statics_are_drawn_over_the_load(tmp_path, pairs, pages):
+    loads, displacements = [4.0, 1.0, 2.0], [-9e-3, -1e-3, -3e-3]
+    path = write(tmp_path, [at_rest(*entry) for entry in zip(loads, [pairs] * 3, displacements)], pairs, linear=False)
+    assert {os.path.basename(file) for file in draw_all(path, str(tmp_path / "out"))} == {"response.png", "states.png", "slip_map.png"}
+    (line,) = pages["response.png"].figure.axes[0].lines
+    assert list(line.get_xdata()) == [1.0, 2.0, 4.0] and list(line.get_ydata()) == pytest.approx([-1.0, -3.0, -9.0])
+    assert any("[mm]" in text for text in texts(pages["response.png"]))
+    stick, slip, open_ = pages["states.png"].figure.axes[0].lines
+    assert list(stick.get_ydata() + slip.get_ydata() + open_.get_ydata()) == 3 * [pairs.n_pairs]
+
+
 @pytest.mark.filterwarnings("error")
 def test_error_names_the_parts_that_are_seen_and_draws_no_floor(tmp_path, pairs, pages):
     some, none = with_errors(branch(3.0, pairs), (1e-3, 1e-2, 0.0, 0.0, 1e-11)), with_errors(branch(1.0, pairs), (0.0, 0, 0, 0, 1e-14))

@@ -24,6 +24,7 @@ from .corrector import Correction, Iterate
 from .follow import BranchFollower, Sweep, follow_branch
 from .record import point_record
 from .scaled import ScaledFollower, is_linear, sticks_up_to
+from .statics import StaticFollower
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
 
 USUAL_POINTS = 100
@@ -137,8 +138,10 @@ def follow_level(scene, model: ReducedModel, parameters: ContactParameters, sele
     """Return the branch of one level [N], with error bars where a ``truth`` is given.  Collective on ``model.comm``."""
     problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
     estimator = None if truth is None else ErrorEstimator(truth)
+    is_static = model.harmonics.highest == 0
     if model.n_pairs == 0:
-        return linear_branch(problem, sweep, curve, scene.response.points, on_point, estimator)
+        n_points, sweep = (1, replace(sweep, at=())) if is_static else (scene.response.points, sweep)
+        return linear_branch(problem, sweep, curve, n_points, on_point, estimator)
     linear = is_linear(problem, curve)
     accuracy = accuracy_of(scene, problem, linear) if estimator else None
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
@@ -146,4 +149,4 @@ def follow_level(scene, model: ReducedModel, parameters: ContactParameters, sele
         steps = steps_for(accuracy.target)
     return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
                          max_points=most_points(scene.response.points), on_point=on_point, estimator=estimator, accuracy=accuracy,
-                         follower=ScaledFollower if linear else BranchFollower)
+                         follower=StaticFollower if is_static else ScaledFollower if linear else BranchFollower)
