@@ -83,8 +83,8 @@ def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
     coordinates = METHODS[solver.method].coordinates(solver, n_modes, n_dof, n_pairs, len(scene.loads))
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
-    points = f"about {scene.response.points} points"
-    if solver.accuracy is not None and "points" not in scene.response.model_fields_set:
+    points = f"about {scene.response.points} points" if scene.harmonics else "one point, for all frequencies"
+    if scene.harmonics and solver.accuracy is not None and "points" not in scene.response.model_fields_set:
         points = f"as many points as accuracy {solver.accuracy:g} takes"
     has_more = n_modes == 0 and solver.method not in ("receptance", "full")
     return [

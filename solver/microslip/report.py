@@ -14,13 +14,13 @@ from .results.writer import ResultWriter
 class Reporter:
     """Levels that come one after the other, from all ranks.  Collective but for ``level_started``."""
 
-    def __init__(self, log: RunLog, writer: ResultWriter, sweep: Sweep, levels: Sequence[float]):
-        self.log, self.writer, self.sweep, self.levels = log, writer, sweep, levels
+    def __init__(self, log: RunLog, writer: ResultWriter, sweep: Sweep, levels: Sequence[float], is_static: bool = False):
+        self.log, self.writer, self.sweep, self.levels, self.is_static = log, writer, sweep, levels, is_static
 
     def level_started(self, number: int, level: float) -> None:
         self.count = 0
         self.level = level
-        self.log.level_started(level, self.sweep.start, self.sweep.stop, number, len(self.levels))
+        self.log.level_started(level, self.sweep.start, self.sweep.stop, number, len(self.levels), is_static=self.is_static)
         self.writer.level_started(level)
 
     def point(self, point: Point) -> None:
@@ -39,13 +39,13 @@ class Minutes:
     ``branches`` has one for each level, in the order of ``levels``, with the points heard of so far.
     """
 
-    def __init__(self, log: RunLog, writer: ResultWriter, sweep: Sweep, levels: Sequence[float]):
-        self.log, self.writer, self.sweep = log, writer, sweep
+    def __init__(self, log: RunLog, writer: ResultWriter, sweep: Sweep, levels: Sequence[float], is_static: bool = False):
+        self.log, self.writer, self.sweep, self.is_static = log, writer, sweep, is_static
         self.branches = [Branch(level) for level in levels]
 
     def level_started(self, number: int, where: str) -> None:
         level = self.branches[number].level
-        self.log.level_started(level, self.sweep.start, self.sweep.stop, number, len(self.branches), where)
+        self.log.level_started(level, self.sweep.start, self.sweep.stop, number, len(self.branches), where, self.is_static)
 
     def point(self, number: int, point: Point) -> None:
         branch = self.branches[number]

@@ -66,7 +66,8 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = (), n_groups: int 
         structure = build_structure(scene, comm, log)
         with log.stage("reduction"):
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-            truth = truth_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.error_bars else None
+            has_bars = scene.solver.error_bars and scene.harmonics > 0
+            truth = truth_of(structure.linearised, structure.modes, reduction, scene) if has_bars else None
         with log.stage("response"):
             branches = follow(scene, structure, reduction, folder, options, log, n_groups, truth)
         with log.stage("fields for ParaView"):
@@ -132,10 +133,10 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
         options=options, linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         node_numbers=None if structure.mesh is None else structure.mesh.numbers,
     )
-    levels, known = scene.response.levels, None
+    levels, known, is_static = scene.response.levels, None, model.harmonics.highest == 0
     try:
         if min(n_groups, len(levels)) == 1:
-            reporter = Reporter(log, writer, sweep, levels)
+            reporter = Reporter(log, writer, sweep, levels, is_static)
             branches = []
             for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter,
                                         truth):
@@ -146,15 +147,16 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
             log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
         else:
             one = partial(follow_level, scene, parameters=parameters, selection=reduction.selection, sweep=sweep, curve=curve)
-            branches = follow_side_by_side(one, model, truth, levels, n_groups, Minutes(log, writer, sweep, levels), log)
+            minutes = Minutes(log, writer, sweep, levels, is_static)
+            branches = follow_side_by_side(one, model, truth, levels, n_groups, minutes, log)
             writer.put_in_order(branches)
     finally:
         writer.close()
     log.note(audit_text(branches))
-    system, omega_n = structure.linearised.system, structure.modes.omega_n if reduction.leaves_out == "modes" else None
-    lines = not_computed(scene, omega_n=omega_n, n_dof=system.n_dof, known=known, branches=branches,
-                         has_mesh=system.dof is not None, has_bars=truth is not None)
-    log.note("\n  ".join(["not computed, for the scene does not require it:", *lines]))
+    system = structure.linearised.system
+    lines = not_computed(scene, leaves_out=reduction.leaves_out, omega_n=structure.modes.omega_n, n_dof=system.n_dof, known=known,
+                         branches=branches, has_mesh=system.dof is not None)
+    log.note("\n  ".join(["not computed, and why, or what it would change:", *lines]))
     return branches
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
+from math import gcd
 from pathlib import Path
 
 from .compare import LARGEST_REFERENCE
@@ -36,6 +37,7 @@ COMBINATIONS = 8
 MANY = 20                           # harmonics of runs that take long, and come late
 GROWTH = 3.0                        # power of the number of harmonics by which time grows at worst
 COMBINED_KNOBS = ("harmonics", "samples", "modes", "tolerance")
+OF_LINEAR = ("modes", "method", "mesh")             # knobs of a response without slip
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def trade(scene, comm, folder: Path, asked: Asked | None = None, options: tuple[
 
     Raises
     ------
-    CaseError : an unknown knob, or a scene with nothing to trade; on every rank
+    CaseError : an unknown knob, or a scene with nothing to trade; on every rank, some of them as soon as the curves tell
     ConvergenceError : no reference; on every rank
     """
     asked = asked or Asked()
@@ -87,12 +89,32 @@ def check_asked(scene, asked: Asked) -> None:
     if not scene.joints:
         raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint the response is linear, and nothing is to trade")
     if scene.solver.harmonics == 0:
-        raise CaseError(f"{scene.path}: [solver] harmonics = 0 is a static balance; trade needs a vibration")
+        raise CaseError(f"{scene.path}: [solver] harmonics = 0 is a static balance; trade needs a vibration: state at least 1, "
+                        "and a load in harmonic 1")
+    check_loads(scene)
     if asked.meshes and scene.model.mesh is None:
         raise CaseError(f"--meshes: {scene.path} is given as matrices; there is no other mesh of it")
     for mesh in asked.meshes:
         if not Path(mesh).is_file():
             raise CaseError(f"--meshes: there is no file {mesh}")
+
+
+def check_loads(scene) -> None:
+    """Refuse loads under which nothing moves in harmonic 1, of which errors are measured.  Local.
+
+    Raises
+    ------
+    CaseError
+    """
+    numbers = sorted({load.harmonic for load in scene.loads} - {0})
+    if not numbers:
+        raise CaseError(f"{scene.path}: [[loads]] harmonic = 0: loads that are all constant move nothing to and fro; trade needs "
+                        "a vibration: add a load with harmonic = 1")
+    common = gcd(*numbers)
+    if common > 1:
+        stated, lower = (", ".join(map(str, some)) for some in (numbers, [n // common for n in numbers]))
+        raise CaseError(f"{scene.path}: [[loads]] harmonic = {stated}: nothing moves in harmonic 1, of which trade measures "
+                        f"errors; state harmonic = {lower}, and {common} times the frequencies in [response]: the same motion")
 
 
 def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
@@ -106,17 +128,18 @@ def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
         with log.stage("modes of the reference"):
             measure_modes(bench, base.modes)
         with log.stage("frequencies"):
-            omegas, most = frequencies(bench, cheap(bench, base), asked.levels or None)
+            omegas, most, slips = frequencies(bench, cheap(bench, base), asked.levels or None)
+        knobs, base = (asked.knobs, base) if slips else linear_trade(bench, asked.knobs, base, list(omegas))
         with log.stage("reference"):
-            reference = find_reference(bench, omegas, base, clock, UNTIL_REFERENCE, log.note)
-        study = Study(scene.title or scene.name, scene.name, reference, base, shared=shared)
-        first, later = settings(bench, base, study, asked.knobs, most)
+            reference = find_reference(bench, omegas, base, clock, UNTIL_REFERENCE, log.note, slips)
+        study = Study(scene.title or scene.name, scene.name, reference, base, shared=shared, is_linear=not slips)
+        first, later = settings(bench, base, study, knobs, most)
         with log.stage("runs, knob by knob"):
             for what in [(BASE, "", base), *first]:
                 run_in_time(bench, study, what, omegas, clock, UNTIL_COMBINED, log)
         with log.stage("runs, combined"):
-            knobs = [knob for knob in COMBINED_KNOBS if knob in asked.knobs]
-            for setting in comm.bcast(promising(study, knobs, COMBINATIONS)):
+            combined = [knob for knob in COMBINED_KNOBS if knob in knobs]
+            for setting in comm.bcast(promising(study, combined, COMBINATIONS)):
                 run_in_time(bench, study, (COMBINED, "", setting), omegas, clock, UNTIL_COMBINED, log)
         with log.stage("runs, methods and what takes long"):
             for what in later:
@@ -140,6 +163,22 @@ def base_of(bench: Bench) -> Setting:
     """Return the setting about which knobs are turned one by one.  Local."""
     H = max(BASE_HARMONICS, bench.least_harmonics)
     return Setting(len(bench.structure.modes.omega_n), H, max(BASE_SAMPLES, 16 * H), BASE_TOLERANCE)
+
+
+def linear_trade(bench: Bench, knobs: Sequence[str], base: Setting, levels: list[float]) -> tuple[tuple[str, ...], Setting]:
+    """Return the knobs that change a response without slip, and its base: the harmonics of the loads alone.  Local.
+
+    Raises
+    ------
+    CaseError : the command line asks for none of them
+    """
+    found = tuple(knob for knob in knobs if knob in OF_LINEAR)
+    if not found:
+        raise CaseError(f"--knobs {','.join(knobs)}: no pair slips or opens at {', '.join(f'{level:g}' for level in levels)} N, "
+                        f"and of a linear response none of these changes anything; turn some of {', '.join(OF_LINEAR)}, or raise "
+                        "--levels or [response] levels until something slips")
+    H = bench.least_harmonics
+    return found, replace(base, harmonics=H, samples=max(BASE_SAMPLES, 16 * H))
 
 
 def cheap(bench: Bench, base: Setting) -> Setting:
@@ -254,7 +293,7 @@ def mesh_runs(scene, comm, asked: Asked, base: Setting, log: RunLog) -> list[Run
             structure = build_structure(other, comm, log)
             setup = clock.spent
             bench = Bench(other, structure)
-            own, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
+            own, _, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
             benches.append((mesh, bench, setup))
         except MicroslipError as problem:
             found.append((0, not_run("mesh", Path(mesh).name, replace(base, mesh=mesh), str(problem))))

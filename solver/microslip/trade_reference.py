@@ -19,8 +19,8 @@ from .continuation.grid import at_frequencies, going_on
 from .continuation.levels import arc_length_steps, linear_curve
 from .continuation.record import point_record
 from .continuation.sweep import Sweep
-from .parallel.errors import ConvergenceError
-from .results.trade import TARGETS, Check, Curve, Reference, Setting, difference, uncertainty
+from .parallel.errors import CaseError, ConvergenceError
+from .results.trade import ROUNDING, TARGETS, Check, Curve, Reference, Setting, difference, uncertainty
 from .trade_bench import Bench, Clock, curve_of
 
 POINTS = 20                         # a level
@@ -33,21 +33,24 @@ ENOUGH = 0.3 * min(TARGETS)         # of the peak
 EVEN = 0.4                          # of what more harmonics would change: other knobs need not be better
 TOLERANCE = 1e-10
 CHECKED_AT = 7                      # harmonics of the rungs of samples and modes
+LINEAR = "those of the loads, nothing slips"
 GROWTH = 2.2                        # of the time from one rung of harmonics to the next, at least
 AGAIN = 1.5                         # rungs' times that the rest takes beside the last one
 
 
-def frequencies(bench: Bench, setting: Setting, levels: Sequence[float] | None) -> tuple[dict[float, list[float]], float]:
-    """Return the frequencies [rad/s] of each level, and the largest loss of a pair [J a cycle].  Collective.
+def frequencies(bench: Bench, setting: Setting,
+                levels: Sequence[float] | None) -> tuple[dict[float, list[float]], float, bool]:
+    """Return the frequencies [rad/s] of each level, the largest loss of a pair [J a cycle] and whether any slips or opens.
 
-    Of the scene's levels the first with slip and the strongest, unless ``levels`` are given.  The frequencies are those of a
-    curve of few harmonics, at equal steps of its length.
+    Collective.  Of the scene's levels the first with slip and the strongest, unless ``levels`` are given.  The frequencies are
+    those of a curve of few harmonics, at equal steps of its length.
 
     Raises
     ------
+    CaseError : the first output does not move in harmonic 1; on every rank
     ConvergenceError : no level has a curve; on every rank
     """
-    prepared, found, most, failures = bench.prepared(setting), {}, 0.0, []
+    prepared, found, most, failures, any_slips = bench.prepared(setting), {}, 0.0, [], False
     steps = arc_length_steps(bench.scene.continuation, STEPS, linear_curve(prepared.reduction.model, bench.sweep))
     strongest = max(levels or bench.scene.response.levels)
     for level in [strongest, *sorted(set(levels or bench.scene.response.levels) - {strongest})]:
@@ -58,13 +61,29 @@ def frequencies(bench: Bench, setting: Setting, levels: Sequence[float] | None) 
         if len(omegas) < FEWEST:
             failures.append(f"{level:g} N: {branch.failure}")
         elif levels or slips or level == strongest:
+            check_moves(bench, branch)
+            any_slips = any_slips or slips
             found[level] = thinned(omegas, curve_of(branch))
             most = max([most, *(float(point.energy.max(initial=0.0)) for point in branch.points)])
         if not levels and (len(found) == 2 or (level == strongest and found and not slips)):
             break
     if not found:
         raise ConvergenceError("no level has a curve to compare on: " + "; ".join(failures))
-    return bench.comm.bcast((dict(sorted(found.items())), most))
+    return bench.comm.bcast((dict(sorted(found.items())), most, any_slips))
+
+
+def check_moves(bench: Bench, branch: Branch) -> None:
+    """Refuse a curve whose first output does not move, over whose peak errors are measured.  Collective: one broadcast.
+
+    Raises
+    ------
+    CaseError : on every rank
+    """
+    motions = [np.abs(motion).max(initial=0.0) for point in branch.points for motion in (point.response, point.U)]
+    if bench.comm.bcast(curve_of(branch).peak <= ROUNDING * max(motions)):
+        scene = bench.scene
+        raise CaseError(f'{scene.path}: [[outputs]] 1 ("{scene.outputs[0].name}") does not move in harmonic 1 at '
+                        f"{branch.level:g} N, and trade measures errors over its peak there; put an output first that moves")
 
 
 def thinned(omegas: Sequence[float], curve: Curve) -> list[float]:
@@ -144,8 +163,10 @@ class Ladder:
 
 
 def find_reference(bench: Bench, omegas: Mapping[float, Sequence[float]], base: Setting, clock: Clock, share: float,
-                   note: Callable[[str], None]) -> Reference:
+                   note: Callable[[str], None], slips: bool = True) -> Reference:
     """Return the reference, as fine as needed or as ``share`` of the time allows.  Collective.
+
+    Where nothing ``slips`` the response is linear, and the harmonics and samples of ``base`` leave nothing out.
 
     Raises
     ------
@@ -153,17 +174,17 @@ def find_reference(bench: Bench, omegas: Mapping[float, Sequence[float]], base: 
     """
     began, ladder = clock.spent, Ladder(bench, omegas, clock)
     start = replace(base, samples=FINE, tolerance=TOLERANCE)
-    by_harmonics, why_H = _more_harmonics(ladder, start, share)
+    by_harmonics, why_H = _more_harmonics(ladder, start, share) if slips else ([ladder.rung(start)], LINEAR)
     goal = max(ENOUGH, EVEN * _rest(bench, by_harmonics))
     coarse = next((rung for rung in by_harmonics if rung.setting.harmonics >= CHECKED_AT), by_harmonics[-1])
     samples = [SAMPLES * 2**k for k in range(20) if 2 * coarse.setting.harmonics < SAMPLES * 2**k <= MOST_SAMPLES]
-    by_samples, why_N = _raised(ladder, coarse, "samples", samples, goal, share)
+    by_samples, why_N = _raised(ladder, coarse, "samples", samples, goal, share) if slips else ([coarse], LINEAR)
     numbers = [len(bench.modes.omega_n)] if bench.has_all_modes else mode_numbers(bench)
     by_modes, _ = _raised(ladder, coarse, "modes", numbers, -1.0, 2.0)
     best = replace(by_harmonics[-1].setting, samples=max(by_samples[-1].setting.samples, by_harmonics[-1].setting.samples),
                    modes=by_modes[-1].setting.modes)
     reference = by_harmonics[-1] if best == by_harmonics[-1].setting else ladder.rung(best, by_harmonics[-1])
-    checks = [_check("harmonics", by_harmonics), _check("samples", by_samples)]
+    checks = [_check("harmonics", by_harmonics), _check("samples", by_samples)] if slips else []
     checks += [] if bench.has_all_modes else [_check("modes", by_modes)]
     for check in checks:
         note(f"  reference, {check.knob} {', '.join(map(str, check.values))}: changes of "

@@ -5,6 +5,9 @@ import signal
 
 import pytest
 from bar_scene import write_bar
+from lap_joint import LapJoint, lap_joint
+from lap_scene import SCENE as LAP
+from msh import write_msh
 
 from microslip import trade_reference
 from microslip.__main__ import main
@@ -123,3 +126,82 @@ def test_without_a_joint_nothing_is_to_trade(program):
 
     status, _, err = program(write)
     assert status == 2 and err.count("[[joints]] is missing: without a joint the response is linear") == 1
+
+
+def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
+    """Two bodies that bend, three meshes of them, the finest of quadratic elements: found in the order of their size."""
+    kinds = {"coarse": ("hex8", 2), "finer": ("hex8", 4), "finest": ("hex20", 4)}
+
+    def write(folder):
+        for name, (kind, n) in kinds.items():
+            write_msh(str(folder / f"{name}.msh"), lap_joint(LapJoint(kind=kind, n_free=n, n_overlap=n, n_width=1, n_thickness=1)))
+        path = folder / "lap.toml"
+        text = LAP.replace("lap.msh", "coarse.msh").replace("frequencies = [10.0, 1000.0]", "mode = 1\nspan = [0.9, 1.1]")
+        path.write_text(text.replace("friction = 0.3", "friction = 0.05").replace("preload = 1e6", "preload = 3e7"))
+        return path
+
+    meshes = ",".join(str(shared_path / f"{name}.msh") for name in ("finest", "finer"))
+    status, out, err = program(write, "--seconds", "3", "--levels", "2", "--knobs", "mesh", "--meshes", meshes)
+    assert (status, err) == (0, "")
+    found = [entry for entry in rows(shared_path) if entry["knob"] == "mesh"]
+    assert [entry["value"] for entry in found] == ["coarse.msh", "finer.msh", "finest.msh"]
+    assert not any(entry["failure"] for entry in found) and len({entry["points"] for entry in found}) == 1
+    peaks = [float(entry["frequency_percent"]) for entry in found]
+    assert peaks[0] > peaks[1] > peaks[2] == 0.0 and float(found[2]["error_percent"]) == 0.0
+    assert "meshes, against the finest, finest.msh" in out and "no pair slips" not in out
+
+
+def with_mass(*changes):
+    """Return a writer of the one mass with parts of its scene replaced."""
+    def write(folder):
+        path, text = write_mass(folder), MASS
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("changes, message", [
+    ([("frequencies = [0.1, 0.3]", "frequencies = [0.1, 0.3]\n[solver]\nharmonics = 0"),
+      ("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 0")],
+     "[solver] harmonics = 0 is a static balance; trade needs a vibration: state at least 1"),
+    ([("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 0")],
+     "[[loads]] harmonic = 0: loads that are all constant move nothing to and fro"),
+    ([("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 2")],
+     "[[loads]] harmonic = 2: nothing moves in harmonic 1, of which trade measures errors; state harmonic = 1, and 2 times"),
+])  # fmt: skip
+def test_a_scene_without_vibration_in_harmonic_1_is_refused(program, changes, message):
+    status, _, err = program(with_mass(*changes))
+    assert status == 2 and err.count(message) == 1
+
+
+def test_an_output_that_does_not_move_is_refused(program):
+    def write(folder):
+        path = with_mass(("[[outputs]]", '[[outputs]]\nname = "still"\ndof = 1\n[[outputs]]'))(folder)
+        for name in ("K", "M"):
+            (folder / f"{name}.mtx").write_text("%%MatrixMarket matrix coordinate real symmetric\n2 2 2\n1 1 1.0\n2 2 30.0\n")
+        return path
+
+    status, _, err = program(write, "--levels", "0.8")
+    assert status == 2 and err.count('[[outputs]] 1 ("still") does not move in harmonic 1 at 0.8 N') == 1
+
+
+def test_without_slip_modes_alone_are_traded_of_what_was_asked(program, shared_path):
+    status, out, err = program(write_bar, "--levels", "0.001", "--seconds", "60", "--knobs", "harmonics,modes,samples")
+    assert (status, err) == (0, "")
+    assert out.count("no pair slips or opens at 0.001 N: the response is linear") == 1
+    found = rows(shared_path)
+    assert {"base", "modes"} <= {entry["knob"] for entry in found} <= {"base", "modes", "accuracy", "combination"}
+    by_modes = {int(entry["modes"]): float(entry["error_percent"]) for entry in found
+                if entry["knob"] in ("base", "modes") and not entry["failure"]}
+    assert "    modes = " in out and "    harmonics = " not in out and "    tolerance = " not in out
+    assert len(by_modes) > 2 and by_modes[min(by_modes)] > 10.0 * by_modes[max(by_modes)]
+
+
+def test_without_slip_knobs_that_change_nothing_are_refused(program):
+    status, _, err = program(write_mass, "--levels", "0.02", "--knobs", "harmonics,samples")
+    assert status == 2
+    assert err.count("--knobs harmonics,samples: no pair slips or opens at 0.02 N, and of a linear response none") == 1

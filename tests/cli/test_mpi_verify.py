@@ -22,8 +22,9 @@ def program(comm, shared_path, capfd):
     """Return what to call with arguments after the scene's: status and what was said on all ranks.  Collective."""
     handler = signal.getsignal(signal.SIGTERM)
 
-    def run(*arguments, system=scenes.chain, levels=(0.5, 20.0), frequencies=(390.0, 590.0)):
-        path = on_root(comm, lambda: write_matrix_scene(shared_path, system(), levels, frequencies, outputs=[len(system()["M"]) - 3 if len(system()["M"]) > 3 else 0], points=48, harmonics=5, samples=64))
+    def run(*arguments, system=scenes.chain, levels=(0.5, 20.0), frequencies=(390.0, 590.0), **own):
+        own = own or {"points": 48, "harmonics": 5, "samples": 64}
+        path = on_root(comm, lambda: write_matrix_scene(shared_path, system(), levels, frequencies, outputs=[len(system()["M"]) - 3 if len(system()["M"]) > 3 else 0], **own))
         status = main(["verify", str(path), "--out", str(shared_path / "out"), "--steps", "64", *arguments])
         assert len(set(comm.allgather(status))) == 1
         said = capfd.readouterr()
@@ -54,6 +55,19 @@ def test_two_pairs_on_any_number_of_ranks(program, shared_path):
             float(row["difference"]) * max(float(one["harmonic_balance_m"]) for one in found[5:]), rel=1e-5, abs=1e-12)
     assert {"verify.png", "verify.log", "verify.csv"} <= {path.name for path in (shared_path / "out").iterdir()}
     assert out.count("time integration's own error is about") == 1 and "largest difference" in out
+
+
+def test_curves_of_a_scene_with_accuracy_are_as_good_as_it_asks(program, shared_path):
+    """Harmonics, samples and points follow from the error bars, which the curves of verify need as those of run do."""
+    difference = {}
+    for accuracy in (0.1, 2e-3):
+        status, out, err = program("--levels", "20", "--at", "66,68", "--steps", "128", accuracy=accuracy)
+        assert (status, err) == (0, "") and f"accuracy {accuracy:g}" in out
+        found = rows(shared_path)
+        assert [float(row["frequency_Hz"]) for row in found] == pytest.approx([66.0, 68.0])
+        difference[accuracy] = max(float(row["difference_with_phase"]) for row in found)
+        assert difference[accuracy] < accuracy + 2.0 * max(float(row["own_error"]) for row in found)
+    assert difference[2e-3] < difference[0.1]
 
 
 def test_more_harmonics_and_frequencies_as_asked(program, shared_path):

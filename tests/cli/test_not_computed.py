@@ -15,7 +15,7 @@ SCALED = "no pair leaves sticking anywhere on its linear curve: scaled, not solv
 
 def not_computed(path) -> list[str]:
     lines = path.read_text().splitlines()
-    start = lines.index("not computed, for the scene does not require it:") + 1
+    start = lines.index("not computed, and why, or what it would change:") + 1
     return [line.strip() for line in takewhile(lambda line: line.startswith("  "), lines[start:])]
 
 
@@ -58,3 +58,54 @@ def test_a_scene_without_joint_has_no_contact_at_all(tmp_path):
     assert "contact forces and static columns: the scene has no pair, the response is linear" in said
     assert "error bars: [solver] asks for none" in said
     assert not any("Newton" in line for line in said)
+
+
+def test_statics_without_a_joint_are_one_point_a_level(tmp_path):
+    for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
+        scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
+    (tmp_path / "static.toml").write_text(
+        '[model]\nstiffness = "K.mtx"\nmass = "M.mtx"\n[[loads]]\ndof = 1\nscale = 1.0\nharmonic = 0\n[[outputs]]\nname = "a"\ndof = 0\n'
+        "[damping]\nratio = 0.01\n[response]\nlevels = [1.0, 2.0]\nfrequencies = [5.0, 15.0]\nat = [7.0]\npoints = 9\n[solver]\nharmonics = 0\n")
+    done = microslip("run", "static.toml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    table = np.genfromtxt(tmp_path / "out" / "frf.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    assert table["mean_m"] == pytest.approx([1e-4, 2e-4], rel=1e-12) and not table["amplitude_m"].any()
+    said = not_computed(tmp_path / "out" / "run.log")
+    assert "further points of [response]: harmonics = 0, constant loads have the same response at every frequency" in said
+    assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"response.png"}
+
+
+@pytest.mark.parametrize("asks", [True, False])
+def test_what_is_lost_is_told_by_the_error_bars(tmp_path, asks):
+    write_matrix_scene(tmp_path, scenes.chain(), [0.3, 100.0], (500.0, 600.0), outputs=[6], points=8, harmonics=1, error_bars=asks)
+    done = microslip("run", "scene.toml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = not_computed(tmp_path / "out" / "run.log")
+    line = next(line for line in said if line.startswith("solution in harmonics above 1: "))
+    table = np.genfromtxt(tmp_path / "out" / "frf.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    high = table[table["level_N"] == 100.0]
+    if asks:
+        percent = 300.0 * high["error_harmonics_m"].max() / high["amplitude_m"].max()
+        assert percent > 0.1, "the scene must lose something by one harmonic"
+        assert line.endswith(f"by the error bars up to {percent:.3g} % of the peak, at 100 N")
+    else:
+        assert line.endswith("without error bars it is not known what they would change")
+        assert "error bars: [solver] asks for none" in said
+
+
+def test_a_linear_response_loses_nothing_by_its_harmonics(tmp_path):
+    write_matrix_scene(tmp_path, scenes.chain(), [0.3], (500.0, 600.0), outputs=[6], points=8, harmonics=3)
+    assert microslip("run", "scene.toml", "--out", "out", cwd=tmp_path).returncode == 0
+    said = not_computed(tmp_path / "out" / "run.log")
+    assert "solution in harmonics above 3: no load acts in them, and the response is linear" in said
+
+
+@pytest.mark.parametrize("method, own, lost", [
+    ("adaptive-energy", {"energy_tolerance": 10.0}, "slip and opening of the pairs that method adaptive-energy holds stuck"),
+    ("rubin", {}, "response outside the basis of method rubin"),
+])  # fmt: skip
+def test_what_a_method_leaves_out_is_told(tmp_path, method, own, lost):
+    write_matrix_scene(tmp_path, scenes.chain(), [10.0], (500.0, 600.0), outputs=[6], points=8, method=method, modes=4, **own)
+    assert microslip("run", "scene.toml", "--out", "out", cwd=tmp_path).returncode == 0
+    line = next(line for line in not_computed(tmp_path / "out" / "run.log") if line.startswith(lost))
+    assert "by the error bars up to" in line

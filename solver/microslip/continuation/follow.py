@@ -28,7 +28,7 @@ APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
 BEGINNINGS = {LevelFamily: (1e-2, 1e-4), DampingFamily: (1e-1, 1e-3)}     # of the parameter at the end of such a way
 MOST_APPROACH_ITERATIONS = 1500         # of Newton, on one such way; those that arrive take some hundreds
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
-MISSED = "accuracy not met: more harmonics or samples than the program uses, or no convergence with them"
+MISSED = "accuracy not met: more harmonics or samples than the program uses or the scene states, or no convergence with them"
 MOSTLY = 0.8            # share of the pairs that slip or are open, from which the mean of the slip may be held
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 

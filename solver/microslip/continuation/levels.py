@@ -25,6 +25,7 @@ from .corrector import Correction, Iterate
 from .follow import BranchFollower, follow_branch
 from .record import point_record
 from .scaled import ScaledFollower, is_linear, sticks_up_to
+from .statics import StaticFollower
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
 from .sweep import Sweep
 
@@ -143,7 +144,7 @@ def follow_level(scene, model: ReducedModel, parameters: ContactParameters, sele
     """
     follow = partial(_follow_one_way, scene, model, parameters, selection, curve, level, on_point, truth)
     branch = follow(sweep)
-    if branch.failure is None or len(branch.points) >= most_points(scene.response.points):
+    if branch.failure is None or model.harmonics.highest == 0 or len(branch.points) >= most_points(scene.response.points):
         return branch
     return branch.with_segment_from_the_other_end(follow(sweep.reverse, segment=1))
 
@@ -153,8 +154,10 @@ def _follow_one_way(scene, model: ReducedModel, parameters: ContactParameters, s
                     segment: int = 0) -> Branch:
     problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
     estimator = None if truth is None else ErrorEstimator(truth)
+    is_static = model.harmonics.highest == 0
     if model.n_pairs == 0:
-        return linear_branch(problem, sweep, curve, scene.response.points, on_point, estimator)
+        n_points, sweep = (1, replace(sweep, at=())) if is_static else (scene.response.points, sweep)
+        return linear_branch(problem, sweep, curve, n_points, on_point, estimator)
     linear = is_linear(problem, curve)
     accuracy = accuracy_of(scene, problem, linear) if estimator else None
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
@@ -162,4 +165,4 @@ def _follow_one_way(scene, model: ReducedModel, parameters: ContactParameters, s
         steps = steps_for(accuracy.target)
     return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
                          max_points=most_points(scene.response.points), on_point=on_point, estimator=estimator, accuracy=accuracy,
-                         follower=ScaledFollower if linear else BranchFollower, segment=segment)
+                         follower=StaticFollower if is_static else ScaledFollower if linear else BranchFollower, segment=segment)

@@ -1,4 +1,4 @@
-"""Samples of a period from the real Fourier coefficients of a set of harmonics, and back; derivative and work.
+"""Samples of a period from the real Fourier coefficients of a set of harmonics, and back; work.
 
 docs/theory.md, sections 5 and 6.  Coefficients run along the last axis in the order of harmonics.py: [mean, cos 1, sin 1, ...,
 cos H, sin H] of the full set, which is meant where no other is named.  NumPy only; every function is local.
@@ -53,21 +53,6 @@ def synthesise(U: np.ndarray, N_t: int, harmonics: Harmonics | None = None) -> n
 def analyse(samples: np.ndarray, harmonics: Harmonics) -> np.ndarray:
     """Return the coefficients (..., N_H) of samples (..., N_t)."""
     return samples @ analysis_matrix(harmonics, samples.shape[-1]).T
-
-
-def differentiate(U: np.ndarray, harmonics: Harmonics | None = None) -> np.ndarray:
-    """Return the coefficients of du/dtheta for coefficients ``U`` (..., N_H); times omega gives the velocity."""
-    harmonics = harmonics or Harmonics.full(U.shape[-1])
-    n, cos, sin = harmonics.above_mean, harmonics.cos, harmonics.sin
-    rate = np.zeros_like(U)
-    rate[..., cos] = n * U[..., sin]
-    rate[..., sin] = -n * U[..., cos]
-    return rate
-
-
-def derivative_matrix(harmonics: Harmonics) -> np.ndarray:
-    """Return D (N_H, N_H) with differentiate(U) = U @ D.T."""
-    return differentiate(np.eye(harmonics.n_coefficients), harmonics).T
 
 
 def cycle_work(force: np.ndarray, U: np.ndarray, harmonics: Harmonics | None = None) -> np.ndarray:

@@ -30,7 +30,7 @@ def contact_harmonics(U: np.ndarray, parameters: ContactParameters, n_samples: i
                       harmonics: Harmonics | None = None) -> AftResult:
     """Return the harmonics of the contact forces beyond the stuck springs under the periodic motion ``U``.
 
-    Local.  Marches the law of contact/law.py through two periods of ``n_samples`` each, from T = k_t du_t at the
+    Local.  Marches the law (docs/theory.md, section 3) through two periods of ``n_samples`` each, from T = k_t du_t at the
     first sample, and keeps the second.
 
     Parameters

@@ -1,6 +1,6 @@
 /* Contact forces over sampled periods and their exact derivatives: the compiled part of aft.py, included by _aft.pyx.
  *
- * The law is that of contact/law.py, marched through two periods of which the second is kept.  Written for the slider
+ * The law is that of docs/theory.md, section 3, marched through two periods of which the second is kept.  Written for the slider
  * position w (T = k_t (du_t - w)), so that p_t = -k_t w, and the slip distance rho = mu N / k_t.  With r = du_t - w:
  *
  *     circle     |r| <= rho: stick;   else  alpha = rho / |r|,  d = r / |r|,  w <- du_t - alpha r

@@ -1,4 +1,4 @@
-"""A Newton step: pairs that stick are eliminated, GMRES solves for the others (docs/theory.md, eq. 5.4, 5.5).
+"""A Newton step: pairs that stick are eliminated, GMRES solves for the others (docs/theory.md, eq. 5.3, 5.4).
 
 A pair that sticks neither carries p nor changes it.  Its rows of the Jacobian I + G P give its motion once that of the other
 pairs is known, so that the iteration needs only the rows and columns of G between pairs that do not stick.

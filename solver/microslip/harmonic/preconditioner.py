@@ -1,6 +1,6 @@
 """A preconditioner for wide slip: the Jacobian without the coupling between harmonics.
 
-docs/theory.md, eq. (5.3).  In micro-slip I + G P is close to the identity and GMRES needs nothing.  When most pairs slip,
+docs/theory.md, eq. (5.5).  In micro-slip I + G P is close to the identity and GMRES needs nothing.  When most pairs slip,
 P takes away most of the joint's stiffness, and I + G P inherits the condition of the structure without its joint.  Harmonic by
 harmonic,
 

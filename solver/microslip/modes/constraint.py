@@ -1,4 +1,4 @@
-"""Static columns and static constraint modes by the kept factor, many right-hand sides at a time."""
+"""Static columns by the kept factor, many right-hand sides at a time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..linear.dense import summed
-from ..linear.joint_springs import joint_stiffness
 
 _BATCH = 128                    # right-hand sides at a time; more gain nothing (docs/validation.md)
 _BATCH_BYTES = 2.5e8            # of a batch of solutions, over all ranks
@@ -54,17 +53,3 @@ def _solve_right(linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: sl
         X_owned = linearised.factor.solve_sparse(right[:, columns])
         product[:, columns] = summed(comm, left_owned @ X_owned)[rows]
     return product
-
-
-def static_modes(linearised, pairs, rows: np.ndarray | None = None) -> np.ndarray:
-    """Return psi = -K_L^-1 R^T K_J, one column per unit ``dp``: this rank's rows, (n_owned, n_psi) [-].
-
-    Collective on the system's communicator.  docs/theory.md, section 4.
-
-    Parameters
-    ----------
-    rows : (n_psi,) which rows of ``du`` (3 pair + direction); all of them if None
-    """
-    R, K_J = linearised.system.R, joint_stiffness(pairs)
-    rows = np.arange(R.shape[0]) if rows is None else np.asarray(rows)
-    return linearised.factor.solve_sparse((-R[rows].T @ sp.diags(K_J[rows])).tocsc())

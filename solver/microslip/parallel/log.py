@@ -63,6 +63,7 @@ class RunLog:
         self._unfinished = ""               # a line of the file and the screen that waits for its numbers
         self._closed = False
         self._names: dict[float, str] = {}  # of the levels begun, by level
+        self._is_static = False             # what is shown of a point is its mean
         self._side_by_side = False          # levels come mixed: the line of a point says whose it is
         self._file = on_root(comm, _open, path, share=False) if path is not None else None
         hosts = comm.gather(socket.gethostname())
@@ -152,16 +153,18 @@ class RunLog:
     # -- levels and points -------------------------------------------------------------------------------------
 
     def level_started(self, level: float, omega_start: float, omega_stop: float, index: int = 0, n_levels: int = 1,
-                      where: str = "") -> None:
+                      where: str = "", is_static: bool = False) -> None:
         """Announce a level [N] and its range [rad/s], the ``index``-th of ``n_levels`` from 0.  Local.
 
-        ``where`` names the ranks at work on it, if others are at work on other levels.
+        ``where`` names the ranks at work on it, if others are at work on other levels.  One point of statics
+        stands for the range.
         """
         start, stop = omega_start / 2.0 / np.pi, omega_stop / 2.0 / np.pi
         name = self._names[level] = f"level {index + 1} of {n_levels}: {level:g} N"
-        self._side_by_side = bool(where)
+        self._side_by_side, self._is_static = bool(where), is_static
+        columns = _HEAD.replace("amplitude_m", "     mean_m") if is_static else _HEAD
         head = f"{name}, {start:.6g} to {stop:.6g} Hz" + (f", on {where}" if where else "")
-        self._line(f"{head}\n{self._of('level_N')}{_HEAD}", on_screen=not self._screen.interactive)
+        self._line(f"{head}\n{self._of('level_N')}{columns}", on_screen=not self._screen.interactive)
         self._screen.bar(name, start, stop)
 
     def _of(self, level: str) -> str:
@@ -171,11 +174,11 @@ class RunLog:
     def point(self, level: float, i: int, point) -> None:
         """Report the ``i``-th converged point of a level, a :class:`~microslip.continuation.branch.Point`.  Local.
 
-        The amplitude is that of harmonic 1 of the first output.
+        The amplitude is that of harmonic 1 of the first output; in statics its mean is shown instead.
         """
         if self.comm.rank > 0:
             return
-        frequency, amplitude = point.omega / 2.0 / np.pi, float(np.hypot(*point.response[0, 1:3]))
+        frequency, amplitude = point.omega / 2.0 / np.pi, _shown(point, self._is_static)
         n_slip, n_open = np.count_nonzero(point.state == 1), np.count_nonzero(point.state == 2)
         line = (f"{self._of(f'{level:.6g}')}{i:>7} {frequency:>12.8g} {amplitude:>12.5e} {n_slip:>5} {n_open:>5} "
                 f"{point.unknowns:>8} {point.newton:>6} {point.krylov:>5} {point.seconds:>8.4f}")  # fmt: skip
@@ -187,7 +190,7 @@ class RunLog:
         self._screen.end_bar(self._name(level))
         if self.comm.rank > 0:
             return
-        self._line(f"{self._name(level)}: {_summary(level, branch.points)}")
+        self._line(f"{self._name(level)}: {_summary(level, branch.points, self._is_static)}")
         for note, points in _noted(branch.points).items():
             low, high = (f(point.omega for point in points) / 2.0 / np.pi for f in (min, max))
             self._line(f"  {note}: {len(points)} of {len(branch.points)} points, {low:.6g} to {high:.6g} Hz")
@@ -232,16 +235,23 @@ class RunLog:
         return "\n".join(rows)
 
 
-def _summary(level: float, points) -> str:
+def _shown(point, is_static: bool) -> float:
+    """Return the amplitude of harmonic 1 of the first output [m], or its mean."""
+    return float(point.response[0, 0] if is_static else np.hypot(*point.response[0, 1:3]))
+
+
+def _summary(level: float, points, is_static: bool) -> str:
     """Return the essential numbers of a level's points."""
     if not points:
         return "no point converged"
-    amplitudes = [float(np.hypot(*point.response[0, 1:3])) for point in points]
-    top = points[int(np.argmax(amplitudes))]
+    top = max(points, key=lambda point: abs(_shown(point, is_static)))
+    largest = _shown(top, is_static)
     n_slip, n_open = np.count_nonzero(top.state == 1), np.count_nonzero(top.state == 2)
-    per_newton = f" ({max(amplitudes) / level:.4e} m/N)" if level else ""
-    return (f"{len(points)} points in {sum(point.seconds for point in points):.3g} s; peak {max(amplitudes):.4e} m{per_newton} "
-            f"at {top.omega / 2.0 / np.pi:.7g} Hz, {n_slip} of {len(top.state)} pairs slip, {n_open} open")  # fmt: skip
+    per_newton = f" ({largest / level:.4e} m/N)" if level else ""
+    number = "one point" if is_static else f"{len(points)} points"
+    what, where = ("displacement", "at every frequency") if is_static else ("peak", f"at {top.omega / 2.0 / np.pi:.7g} Hz")
+    return (f"{number} in {sum(point.seconds for point in points):.3g} s; {what} {largest:.4e} m{per_newton} "
+            f"{where}, {n_slip} of {len(top.state)} pairs slip, {n_open} open")  # fmt: skip
 
 
 def _noted(points) -> dict[str, list]:

@@ -34,7 +34,9 @@ _WIDE = 200.0           # ratio of largest to smallest amplitude of a curve beyo
 _APART = 30.0           # ratio of the peaks of two levels beyond which it is
 _BAND = 0.3             # opacity of an error band
 _PART_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c8c8c")
-_LEAST_ERROR = 1e-12    # of the peak: less is drawn there
+_LEAST_ERROR = 1e-12    # of the peak: less is rounding, and not drawn
+_ERROR_DECADES = 1e-5   # of the largest bar: less is not drawn
+_SEEN = 3.0             # times the lower end of the axis that a part must reach
 _DECADES = 1e-7         # a logarithmic axis shows no less than this of the largest
 
 
@@ -158,25 +160,42 @@ def _draw_closure(ax, results: ResultFile) -> None:
 
 
 def draw_error(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw the error bar of the first output along the curve of each level, and its parts.  Local; returns the files."""
+    """Draw the error bar of the first output along the curve of each level, and its parts.  Local; returns the files.
+
+    A panel shows five decades; the legend names the parts that are seen in one.
+    """
     levels = some([level for level in results.levels if level.error is not None and len(level.frequency)], MOST_PANELS)
     if not levels:
         return []
-    handles = [Line2D([], [], color=INK, lw=1.6, label="error bar")]
-    handles += [Line2D([], [], color=colour, lw=1.1, label=part) for part, colour in zip(PARTS, _PART_COLOURS)]
+    shares = [error_shares(level) for level in levels]
+    lowest = [max(_ERROR_DECADES * bars.max(), _LEAST_ERROR) for bars, _ in shares]
+    seen = [any(parts[:, i].max() > _SEEN * low for (_, parts), low in zip(shares, lowest)) for i in range(len(PARTS))]
+    looks = list(zip(PARTS, _PART_COLOURS))
+    any_bar = any(bars.max() > _LEAST_ERROR for bars, _ in shares)
+    handles = [Line2D([], [], color=INK, lw=1.6, label="error bar")] if any_bar else []
+    handles += [Line2D([], [], color=colour, lw=1.1, label=part) for (part, colour), is_seen in zip(looks, seen) if is_seen]
     says = f"error bar of {plain(results.outputs[0], 24)}, and what it comes from, over the peak of the level"
     page, axes = _panels(results, says, levels, handles)
-    for ax, level in zip(axes, levels):
-        largest = amplitude(level.response[:, 0]).max() or 1.0
-        for values, colour in zip(level.error[:, 0].T, _PART_COLOURS):
-            if values.any():
-                _curve(ax, level, np.maximum(values / largest, _LEAST_ERROR), colour, lw=1.1)
-        bars = np.maximum(total(level.error[:, 0]) / largest, _LEAST_ERROR)
-        _curve(ax, level, bars, INK, lw=1.6)
-        ax.set_yscale("log")
-        ax.set_ylim(max(1e-5 * bars.max(), 0.5 * _LEAST_ERROR), 3.0 * bars.max())
+    for ax, level, (bars, parts), low in zip(axes, levels, shares, lowest):
         ax.set_ylabel("error / peak [-]")
+        if bars.max() <= _LEAST_ERROR:
+            ax.text(0.5, 0.5, f"below {_LEAST_ERROR:.0e} everywhere", transform=ax.transAxes, ha="center", color=FAINT)
+            ax.set_yticks([])
+            continue
+        ax.set_yscale("log")                        # what is 0 lies below the axis
+        _curve(ax, level, bars, INK, lw=1.6)
+        for values, (_, colour) in zip(parts.T, looks):         # on top, so that a part of a single point shows in its spike
+            if values.max() > _SEEN * low:
+                _curve(ax, level, values, colour, lw=1.1)
+        ax.set_ylim(low, 3.0 * bars.max())
     return [page.save(f"{out_dir}/error.png")]
+
+
+def error_shares(level: LevelResult) -> tuple[np.ndarray, np.ndarray]:
+    """Return the bars (n,) of the first output and their parts (n, parts), over the peak of the level.  Local."""
+    assert level.error is not None, "asked of a level with error bars"
+    largest = amplitude(level.response[:, 0]).max() or 1.0
+    return total(level.error[:, 0]) / largest, level.error[:, 0] / largest
 
 
 # -- shared ----------------------------------------------------------------------------------------------------

@@ -11,19 +11,22 @@ from .curve_plots import draw_energy, draw_error, draw_response, draw_rom_size, 
 from .joint_plots import draw_energy_map, draw_slip_map
 from .read import read_results
 from .record import ResultFile
+from .static_plots import draw_static_response, draw_static_states, is_static
 from .style import RC
 
 Picture = Callable[[ResultFile, str], list[str]]
 PICTURES: tuple[Picture, ...] = (
     draw_response, draw_states, draw_slip_map, draw_rom_size, draw_energy, draw_energy_map, draw_error,
 )  # fmt: skip
+STATIC_PICTURES: tuple[Picture, ...] = (draw_static_response, draw_static_states, draw_slip_map)
 
 
 def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> list[str]:
     """Draw all pictures of a result file, or a share of them, into a folder and return the files.  Local; no MPI, no PETSc.
 
     response.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png, error.png.  What a scene does not have (a
-    joint, a converged point) leaves out the pictures of it.
+    joint, a converged point) leaves out the pictures of it.  Where nothing moves to and fro, response.png and states.png are
+    drawn over the load, and with slip_map.png they are all.
 
     Raises
     ------
@@ -35,4 +38,5 @@ def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> lis
     if not any(len(level.frequency) for level in results.levels):
         return []
     with matplotlib.rc_context(RC), said_of(out_dir):
-        return [file for draw in PICTURES[share] for file in draw(results, out_dir)]
+        pictures = STATIC_PICTURES if is_static(results) else PICTURES
+        return [file for draw in pictures[share] for file in draw(results, out_dir)]

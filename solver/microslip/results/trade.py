@@ -187,6 +187,7 @@ class Study:
     meshes: list[Run] = field(default_factory=list)             # against the finest of them, which is the last
     shared: dict[str, float] = field(default_factory=dict)      # s of the set-up that all runs share, by stage
     notes: list[str] = field(default_factory=list)
+    is_linear: bool = False                                     # no pair slips or opens at any point
 
     def __post_init__(self):
         self._scores: dict[int, Score] = {}

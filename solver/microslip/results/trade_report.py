@@ -50,7 +50,7 @@ def write_trade(study: Study, scene: Titled, folder: str) -> str:
 def summary(study: Study) -> list[str]:
     """Return all that is told beside the table, a line each."""
     return [
-        *reference_lines(study), *validation_lines(study), "",
+        *linear_lines(study), *reference_lines(study), *validation_lines(study), "",
         "what each knob costs and buys, in processor time of the response:", *(f"  {line}" for line in sentences(study)), "",
         "the front, nothing of what was run is both faster and better:", *(f"  {line}" for line in front_lines(study)), "",
         *(line for target in TARGETS for line in choice_lines(study, target)), *mesh_lines(study), *study.notes,
@@ -154,6 +154,15 @@ def percent(share: float) -> str:
     return "unknown" if not np.isfinite(share) else f"{100.0 * share:.2g} %"
 
 
+def linear_lines(study: Study) -> list[str]:
+    """Say that nothing slips, and what that leaves to trade."""
+    if not study.is_linear:
+        return []
+    levels = ", ".join(f"{level:g} N" for level in study.reference.curves)
+    return [f"no pair slips or opens at {levels}: the response is linear; harmonics, samples, tolerance and eps change nothing",
+            "and were not turned: modes, method and mesh are all there is to trade; what is chosen below holds without slip", ""]
+
+
 def reference_lines(study: Study) -> list[str]:
     """Say what the reference is and how well it is known."""
     reference = study.reference
@@ -243,7 +252,9 @@ def choice_lines(study: Study, target: float) -> list[str]:
     if run is not None:
         error = _known(study.score(run).error, study)
         said = f"for {asked}: error {error} measured, {run.cost:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
-        return [said, *(f"    {line}" for line in run.setting.table().splitlines()), ""]
+        table = run.setting.table().splitlines()
+        kept = [line for line in table if not (study.is_linear and line.startswith(("harmonics", "samples", "tolerance")))]
+        return [said, *(f"    {line}" for line in kept), ""]
     if study.reference.floor > target:
         known = percent(study.reference.floor)
         return [f"for {asked}: not decided, the reference itself is known to {known} only; raise --seconds", ""]

@@ -1,0 +1,62 @@
+"""Pictures of statics: what does not depend on frequency is drawn over the load."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from .measures import counts
+from .record import ResultFile
+from .style import INK, LINEAR, STATE_COLOURS, STATE_NAMES, STATE_STYLES, Page, plain, scaled
+
+_WIDTH = 4.6            # in
+_ROWS = 5               # outputs in one picture
+
+
+def is_static(results: ResultFile) -> bool:
+    """Tell whether the outputs move, but nothing to and fro: every harmonic above the mean is zero at every point.  Local."""
+    responses = [level.response for level in results.levels if len(level.frequency)]
+    return any(response[..., 0].any() for response in responses) and not any(response[..., 1:].any() for response in responses)
+
+
+def draw_static_response(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw the displacement of every output over the load.  Local; returns the files."""
+    levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)
+    loads = np.array([level.level for level in levels])
+    handles = [Line2D([], [], color=INK, lw=1.2, marker="o", ms=3.5, label="with slip and opening")]
+    handles += [Line2D([], [], label="all stuck, linear", **LINEAR)] if results.linear else []
+    files = []
+    for first in range(0, len(results.outputs), _ROWS):
+        outputs = list(enumerate(results.outputs))[first : first + _ROWS]
+        page = Page(results, "static displacement over the load", _WIDTH, 0.35 + 2.1 * len(outputs), handles)
+        axes = page.grid(len(outputs), 1).subplots(sharex=True, squeeze=False)[:, 0]
+        for ax, (k, name) in zip(axes, outputs):
+            values = np.array([level.response[0, k, 0] for level in levels])
+            linear = results.linear.response[0, k, 0] * np.array([0.0, loads.max()]) if results.linear else np.zeros(2)
+            factor, unit = scaled(np.concatenate([values, linear]), "m")
+            if results.linear:
+                ax.plot([0.0, loads.max()], factor * linear, **LINEAR)
+            ax.plot(loads, factor * values, "o-", color=INK, lw=1.2, ms=3.5)
+            ax.set_ylabel(f"{plain(name, 24)} [{unit}]")
+        axes[-1].set_xlabel("load level [N]")
+        number = f"_{first // _ROWS + 1:02d}" if len(results.outputs) > _ROWS else ""
+        files.append(page.save(f"{out_dir}/response{number}.png"))
+    return files
+
+
+def draw_static_states(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw how many pairs stick, slip and are open over the load.  Local; returns the files."""
+    levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)
+    if not levels or results.joint.n_pairs == 0:
+        return []
+    handles = [Line2D([], [], color=c, ls=s, lw=1.5, marker="o", ms=3.5, label=n)
+               for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)]
+    page = Page(results, f"states of the {results.joint.n_pairs} contact pairs over the load", _WIDTH, 2.4, handles)
+    ax = page.figure.add_subplot(page.grid(1, 1)[0, 0])
+    for number, colour, style in zip(counts(np.array([level.state[0] for level in levels])).T, STATE_COLOURS, STATE_STYLES):
+        ax.plot([level.level for level in levels], number, ls=style, marker="o", ms=3.5, lw=1.5, color=colour)
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.set_ylabel("pairs")
+    ax.set_xlabel("load level [N]")
+    return [page.save(f"{out_dir}/states.png")]
