@@ -168,6 +168,11 @@ class Corrector:
             self._pack(guess, self._x)
             self._snes.solve(None, self._x)
             reason = self._snes.getConvergedReason()
+        if reason <= 0 and self._step.is_single:
+            self._step.in_double = True
+            self._pack(guess, self._x)
+            self._snes.solve(None, self._x)
+            reason, self._step.in_double = self._snes.getConvergedReason(), False
         self._weigh_preconditioner()
         failure = None
         if reason <= 0:

@@ -18,6 +18,7 @@ from .whole_inverse import WholeInverse
 
 FINEST = 1e-9           # relative tolerance of GMRES that no weight asks more than
 SINGLE = 1e-5           # relative tolerance of GMRES down to which products in single precision are exact enough
+SMALL = 2000            # rows of the pairs that do not stick, up to which double precision costs no more
 
 
 class Gatherer:
@@ -79,7 +80,9 @@ class NewtonStep:
         self.preconditioner: HarmonicPreconditioner | WholeInverse | None = None
         self.product = np.empty(0)
         self.weight = 1.0               # the largest of the residual's rows, the same on all ranks: GMRES is as much more exact
+        self.in_double = False          # whatever the size: where steps in single precision lead nowhere
         self._active: np.ndarray | None = None
+        self._columns: ActiveColumns | None = None
         self._ksp: PETSc.KSP | None = None
 
     def destroy(self) -> None:
@@ -115,10 +118,15 @@ class NewtonStep:
             reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL       # rounding kept it from the weight's; Newton makes up
         return d_xi, d_nu_owned, self._ksp.getIterationNumber(), reason
 
+    @property
+    def is_single(self) -> bool:
+        """Whether the last system was solved in single precision."""
+        return self._columns is not None and self._columns.precision is np.float32
+
     # -- the condensed system ----------------------------------------------------------------------------------
 
     def _set_up(self, at: Linearisation) -> None:
-        """Copy what the products need, in single precision where GMRES asks for no more."""
+        """Copy what the products need, in single precision where that pays and GMRES asks for no more."""
         self.at, model = at, self.problem.model
         if self._active is None or not np.array_equal(self._active, at.forces.active):
             self._active = at.forces.active
@@ -126,7 +134,8 @@ class NewtonStep:
             self._rtol, self._columns = self._ksp.getTolerances()[0], None
         rtol = max(self._rtol / self.weight, min(self._rtol, FINEST))
         self._ksp.setTolerances(rtol=rtol)
-        precision = np.float32 if rtol >= SINGLE else np.float64
+        is_large = 3 * len(at.forces.active) * model.N_H > SMALL
+        precision = np.float32 if is_large and rtol >= SINGLE and not self.in_double else np.float64
         if self._columns is None or self._columns.precision is not precision:
             self._columns = ActiveColumns(self.comm, at.G, at.forces.active_owned, precision)
         self._columns.c = at.G.c                # all that the frequency changes
