@@ -9,8 +9,9 @@ from dense_model import amplitude, branch, reduced
 from mpi4py import MPI
 from oracles import harmonic_balance, scenes
 from petsc4py import PETSc
+from probe import Probe
 
-from microslip.continuation.corrector import ConstraintRow, Corrector, Iterate, Scaling
+from microslip.continuation.corrector import ConstraintRow, Iterate, Scaling
 from microslip.harmonic.residual import DampingFamily, HarmonicBalance, LevelFamily
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
@@ -150,7 +151,7 @@ def test_jacobian_is_the_derivative_of_the_residual(family):
     problem, parameter, unit = families(HarmonicBalance(model, parameters, 128, 100.0))[family]
     U, _ = problem.linear_motion(parameter)
     everything = np.ones(model.n_pairs, dtype=bool)
-    corrector = Corrector(problem, 1e-9)
+    corrector = Probe(problem, 1e-9)
     rng = np.random.default_rng(COMM.rank)
     row = ConstraintRow(Iterate(U, parameter), rng.standard_normal(U.shape), 0.7)
     scaling, h, direction = Scaling(1e-4, unit), 1e-6, (rng.standard_normal(U.shape), 0.3)
@@ -188,7 +189,7 @@ def test_newton_step_solves_the_whole_system(level, option, tolerance):
     options = PETSc.Options()
     if option:
         options["hb_ksp_rtol"] = option         # and with it double precision
-    corrector = Corrector(problem, 1e-9)
+    corrector = Probe(problem, 1e-9)
     try:
         step = corrector.newton_step(here, row, scaling, everything)
         d_nu = COMM.bcast(step[-1] if COMM.rank == COMM.size - 1 else None, root=COMM.size - 1)

@@ -5,9 +5,10 @@ import pytest
 from dense_model import amplitude, branch, reduced
 from mpi4py import MPI
 from oracles import scenes
+from probe import Probe
 
 from microslip.contact.law import OPEN, SLIP, STICK
-from microslip.continuation.corrector import ConstraintRow, Corrector, Iterate, Scaling
+from microslip.continuation.corrector import ConstraintRow, Iterate, Scaling
 from microslip.continuation.grid import at_frequencies
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
@@ -52,7 +53,7 @@ def test_jacobian_is_the_derivative_of_the_residual(chosen):
     problem = HarmonicBalance(model, parameters, 128, 100.0)
     U, _ = problem.linear_motion(560.0)
     everything = np.ones(model.n_pairs, dtype=bool)
-    corrector = Corrector(problem, 1e-9)
+    corrector = Probe(problem, 1e-9)
     rng = np.random.default_rng(COMM.rank)
     row = ConstraintRow(Iterate(U, 560.0), rng.standard_normal(U.shape), 0.7)
     scaling, h, direction = Scaling(1e-4, 400.0), 1e-6, (rng.standard_normal(U.shape), 0.3)

@@ -190,16 +190,6 @@ class Corrector:
         self._snes.computeFunction(self._x, self._r)
         return self._r.getArray().copy()
 
-    def jacobian_times(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray,
-                       d_xi: np.ndarray, d_nu: float) -> np.ndarray:
-        """Return this rank's rows of the scaled Jacobian at ``iterate`` times (d_xi, d_nu).  Collective."""
-        self._row, self._scaling, self._selected = row, scaling, selected
-        self._pack(iterate, self._x)
-        self._linearise(self._snes, self._x, self._J, self._J)
-        self._pack(Iterate(d_xi * scaling.U, d_nu * scaling.parameter), self._x)
-        self._J.mult(self._x, self._r)
-        return self._r.getArray().copy()
-
     def tangent(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the direction (d_xi, d_nu) in which the linearisation at ``iterate`` goes on, d_xi of this rank.  Collective.
 
@@ -209,13 +199,6 @@ class Corrector:
         self._linearise(self._snes, self._x, self._J, self._J)
         d_xi, d_nu, _, _ = self._step.solve(self._linear, np.zeros(self.problem.shape), 1.0 if self.last else 0.0)
         return d_xi, self._from_last(d_nu)
-
-    def newton_step(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of J^-1 r at ``iterate``, scaled.  Collective."""
-        r = self.residual_at(iterate, row, scaling, selected)
-        self._linearise(self._snes, self._x, self._J, self._J)
-        d_xi, d_nu, _, _ = self._step.solve(self._linear, r[: self.n_U].reshape(self.problem.shape) / scaling.rows, self._nu(r))
-        return np.append(d_xi, d_nu) if self.last else d_xi.ravel()
 
     def _weigh_preconditioner(self) -> None:
         """Ask for a (new) preconditioner at the next linearisation where GMRES needed many iterations a Newton step."""
