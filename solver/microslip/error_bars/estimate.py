@@ -14,12 +14,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from mpi4py import MPI
 
 from ..fourier.harmonics import Harmonics
 from ..harmonic.anderson import Anderson
 from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
 from ..harmonic.preconditioner import HarmonicPreconditioner
-from ..harmonic.residual import ContactForces, HarmonicBalance
+from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
+from ..harmonic.whole_inverse import WholeInverse
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
 from .truth import Truth
@@ -29,6 +31,7 @@ MOST_SWEEPS = 20        # steps of the iteration for the higher harmonics
 SETTLED = 0.1           # relative miss at which it ends
 ORDER = 1               # of the sampled law in 1 / N_t
 MANY_KRYLOV = 50        # GMRES iterations of an adjoint beyond which the next ones are preconditioned
+DIRECT = 100            # rows of the active pairs, all harmonics, up to which one factor serves all adjoints of a point
 
 
 @dataclass(frozen=True)
@@ -59,11 +62,13 @@ class ErrorEstimator:
             self._step.destroy()
             self._step = None
 
-    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray) -> np.ndarray | None:
+    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray,
+           of_all: ContactForces | None = None) -> np.ndarray | None:
         """Return the parts of the error of the complex amplitude of harmonic 1, (n_outputs, n_parts) [m], as in ``PARTS``.
 
         Collective.  None without harmonic 1.  Where an adjoint is not found the solver's part is the amplitude itself.
-        ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``.
+        ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``; ``of_all`` are the contact forces
+        of all pairs there, with tangents, where they are known.
         """
         model, omega, level = problem.model, problem.omega_at(parameter), problem.level_at(parameter)
         n_out = model.o.shape[0]
@@ -72,7 +77,7 @@ class ErrorEstimator:
             return None
         truth = model if self.truth.is_solved else self.truth.model.with_harmonics(model.harmonics)
         exact = problem if self.truth.is_solved else problem.of(truth)
-        forces = exact.contact_forces(U, np.ones(model.n_pairs, dtype=bool), tangents=True)
+        forces = of_all or exact.contact_forces(U, np.ones(model.n_pairs, dtype=bool), tangents=True)
         used = forces if selected.all() else problem.contact_forces(U, selected, tangents=False)
         p = problem.full_force(used)
         changes = self.changes(exact, U, parameter, problem.full_force(forces), p)
@@ -100,9 +105,9 @@ class ErrorEstimator:
 
         Collective: sums over the ranks, and a broadcast.
         """
-        truth, own = exact.model, exact.model.owned_rows
-        chi, tau = self.adjoints(exact, forces, parameter, sensitivity(truth, problem.omega_at(parameter)))
-        residual = _residual(problem, U, parameter, used)
+        truth, own, G = exact.model, exact.model.owned_rows, exact.receptance_at(parameter, forces.active)
+        chi, tau = self.adjoints(exact, forces, G, sensitivity(truth, problem.omega_at(parameter)))
+        residual = _residual(problem, U, parameter, used, G if used is forces and exact is problem else None)
         sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
         if not self.truth.is_solved:
@@ -137,32 +142,53 @@ class ErrorEstimator:
         by_harmonics *= max(1.0, miss / SETTLED)                # what never settled is known no better than that
         return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
 
-    def adjoints(self, exact: HarmonicBalance, forces: ContactForces, parameter: float,
+    def adjoints(self, exact: HarmonicBalance, forces: ContactForces, G: ReceptanceColumns,
                  B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return chi and tau = P^T chi of this rank's pairs, each (n_quantities, 3 n_owned N_H).  Collective."""
+        """Return chi and tau = P^T chi of this rank's pairs, each (n_quantities, 3 n_owned N_H), with G of the active pairs.
+
+        Collective.
+        """
         self.found = True
         B_owned, tau = B[:, exact.model.owned_rows].reshape(len(B), *exact.shape), np.zeros((len(B), *exact.shape))
         if len(forces.active) == 0:
             return B_owned.reshape(len(B), -1), tau.reshape(len(B), -1)
+        assert forces.P is not None, "asked for with tangents"
+        transposed, owned = replace(forces, P=np.ascontiguousarray(forces.P.transpose(0, 2, 1))), forces.active_owned
+        nothing, gatherer = np.zeros(exact.shape), Gatherer(exact.comm, 3 * len(owned) * exact.model.N_H, 2)
+        at = Linearisation(transposed, G.adjoint(), nothing, nothing, 1.0, gatherer)
+        solve = self._directly if 3 * len(forces.active) * exact.model.N_H <= DIRECT else self._by_gmres
+        chi = solve(exact, at, B_owned, np.abs(B).max(axis=(1, 2)))
+        for i in range(len(B)):
+            tau[i, owned] = at.pair_forces(chi[i, owned]).reshape(len(owned), *exact.shape[1:])
+        return chi.reshape(len(B), -1), tau.reshape(len(B), -1)
+
+    def _directly(self, exact: HarmonicBalance, at: Linearisation, B_owned: np.ndarray, units: np.ndarray) -> np.ndarray:
+        """Return the adjoints of all quantities by one factor, (n_quantities, n_owned, 3, N_H).  Collective."""
+        owned = at.forces.active_owned
+        chi, of_active = B_owned.copy(), WholeInverse(exact, at.forces, at.G).solve(B_owned[:, owned])
+        self.found = bool(exact.comm.allreduce(bool(np.isfinite(of_active).all()), op=MPI.LAND))
+        for i, chi_active in enumerate(of_active if self.found else ()):
+            tau_all, _ = at.gatherer(at.pair_forces(chi_active), (0.0, 0.0))
+            chi[i] -= at.G.apply(tau_all.reshape(-1, exact.model.N_H))
+        return chi
+
+    def _by_gmres(self, exact: HarmonicBalance, at: Linearisation, B_owned: np.ndarray, units: np.ndarray) -> np.ndarray:
+        """Return the adjoints of all quantities by one solve each, in ``units`` of B (n_quantities,).  Collective."""
         if self._step is None or self._harmonics != exact.model.harmonics:
             self.destroy()
             self._step, self._harmonics = NewtonStep(exact), exact.model.harmonics
         self._step.problem = exact
-        assert forces.P is not None, "asked for with tangents"
-        transposed, owned = replace(forces, P=np.ascontiguousarray(forces.P.transpose(0, 2, 1))), forces.active_owned
-        G, nothing = exact.receptance_at(parameter, forces.active).adjoint(), np.zeros(exact.shape)
-        at = Linearisation(transposed, G, nothing, nothing, 1.0, Gatherer(exact.comm, 3 * len(owned) * exact.model.N_H, 2))
-        chi = np.empty_like(tau)
-        for i, unit in enumerate(np.abs(B).max(axis=(1, 2))):                       # the same on every rank
-            chi[i], _, iterations, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
+        chi = np.empty_like(B_owned)
+        for i, unit in enumerate(units):                                            # the same on every rank
+            b = B_owned[i] / (unit or 1.0)
+            chi[i], _, iterations, reason = self._step.solve(at, b, 0.0)
             if iterations > MANY_KRYLOV or reason < 0:
-                self._step.preconditioner = HarmonicPreconditioner(exact, transposed, G)
+                self._step.preconditioner = HarmonicPreconditioner(exact, at.forces, at.G)
             if reason < 0:
-                chi[i], _, _, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
+                chi[i], _, _, reason = self._step.solve(at, b, 0.0)
             self.found = self.found and reason >= 0
             chi[i] *= unit
-            tau[i, owned] = at.pair_forces(chi[i, owned]).reshape(len(owned), *exact.shape[1:])
-        return chi.reshape(len(B), -1), tau.reshape(len(B), -1)
+        return chi
 
 
 _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)       # the limit of many samples, from N_t and FINER N_t
@@ -195,7 +221,8 @@ def extended(harmonics: Harmonics) -> Harmonics:
     return Harmonics.odd_up_to(highest) if all(n % 2 for n in harmonics.chosen) else Harmonics.up_to(highest)
 
 
-def _residual(problem: HarmonicBalance, U: np.ndarray, parameter: float, forces: ContactForces) -> np.ndarray:
-    """Return this rank's rows of (5.1), (n_owned, 3, N_H) [m].  Collective where static columns are new."""
+def _residual(problem: HarmonicBalance, U: np.ndarray, parameter: float, forces: ContactForces,
+              G: ReceptanceColumns | None = None) -> np.ndarray:
+    """Return this rank's rows of (5.1), (n_owned, 3, N_H) [m], with G of the active pairs.  Collective without it."""
     U_lin, _ = problem.linear_motion(parameter)
-    return U - U_lin + problem.receptance_at(parameter, forces.active).apply(forces.p)
+    return U - U_lin + (G or problem.receptance_at(parameter, forces.active)).apply(forces.p)

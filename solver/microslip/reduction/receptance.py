@@ -68,10 +68,10 @@ def modal(c: np.ndarray, q: np.ndarray) -> np.ndarray:
     if c.ndim == 3:
         return to_real(np.einsum("hij,jh->ih", c, to_complex(q)), q.shape[1])
     first = q.shape[1] % 2                          # column of the first cosine
-    y, real, imag, cos, sin = np.empty_like(q), c.real[:, first:], c.imag[:, first:], q[:, first::2], q[:, first + 1::2]
+    y = np.empty(q.shape)
     y[:, :first] = c.real[:, :first] * q[:, :first]
-    y[:, first::2] = real * cos + imag * sin        # amplitudes are cos - i sin
-    y[:, first + 1::2] = real * sin - imag * cos
+    pairs = np.ascontiguousarray(q[:, first:], dtype=float).view(complex)      # cos + i sin, the conjugates of amplitudes
+    np.multiply(c.conj()[:, first:], pairs, out=y[:, first:].view(complex))
     return y
 
 
