@@ -160,7 +160,7 @@ class Bench:
         if setting.accuracy is None:
             return None
         own = self.scene.solver
-        stated = {name: getattr(own, name) for name in own.model_fields_set - {"harmonics", "samples"}}
+        stated = {name: getattr(own, name) for name in own.model_fields_set - {"harmonics", "samples", "tolerance"}}
         solver = type(own)(**stated | {"accuracy": setting.accuracy})
         return accuracy_of(self.scene.model_copy(update={"solver": solver}), problem)
 

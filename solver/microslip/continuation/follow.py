@@ -41,6 +41,7 @@ class BranchFollower(Stepper):
                  estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None):
         if accuracy is not None:
             problem = problem.resolved(accuracy.coarsest.harmonics, accuracy.coarsest.n_samples)
+            tolerance = tolerance if "solver" in accuracy.keeps else accuracy.coarsest.tolerance
         super().__init__(problem, selection, sweep, steps, tolerance)
         self.estimator, self.accuracy = estimator, accuracy
         self.clock = time.perf_counter()
@@ -53,10 +54,23 @@ class BranchFollower(Stepper):
 
     # -- one point ---------------------------------------------------------------------------------------------
 
-    def accept(self, found: Correction, selected: np.ndarray, asked: bool = False) -> tuple[State, Point]:
-        """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective."""
+    def accept(self, found: Correction, selected: np.ndarray, asked: bool = False,
+               on_the_way: bool = False) -> tuple[State, Point]:
+        """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective.
+
+        A point ``on_the_way`` to one that counts has no error bar, and leaves harmonics and samples as they are.
+        """
+        estimator = None if on_the_way else self.estimator
         while True:
-            point, moves = point_record(self.problem, found, selected, self.selection, asked, self.estimator)
+            try:
+                point, moves = point_record(self.problem, found, selected, self.selection, asked, estimator)
+            except ConvergenceError:
+                tighter = self.accuracy and self.accuracy.tighter(self.resolution)      # its residual alone may be to blame
+                better, used = self.solve_with(tighter, found, selected) if tighter else (found, selected)
+                if not tighter or better.failure:
+                    raise
+                found, selected = better, used
+                continue
             ratios = self.ratios(point)
             finer = self.accuracy and self.accuracy.finer(self.resolution, ratios)
             if not finer:

@@ -103,12 +103,13 @@ class PointSolver:
 
     @property
     def resolution(self) -> Resolution:
-        return Resolution(self.harmonics, self.problem.n_samples)
+        return Resolution(self.harmonics, self.problem.n_samples, self.tolerance)
 
     def change_to(self, resolution: Resolution) -> None:
-        """Go on with other harmonics and samples.  Collective; motions at hand are carried over by :meth:`fitted`."""
+        """Go on with other harmonics, samples and tolerance.  Collective; motions at hand are carried over by :meth:`fitted`."""
         if resolution != self.resolution:
             self.problem = self.problem.resolved(resolution.harmonics, resolution.n_samples)
+            self.tolerance = resolution.tolerance
             self.corrector.destroy()
             self.corrector = Corrector(self.problem, self.tolerance)
 
