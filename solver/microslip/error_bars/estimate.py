@@ -11,27 +11,22 @@ with B = d output / d p at fixed motion of the pairs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from mpi4py import MPI
 
 from ..fourier.harmonics import Harmonics
 from ..harmonic.anderson import Anderson
-from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
-from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
-from ..harmonic.whole_inverse import WholeInverse
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
+from .adjoint import Adjoints
 from .truth import Truth
 
 FINER = 2               # times the samples of the better problem
 MOST_SWEEPS = 20        # steps of the iteration for the higher harmonics
 SETTLED = 0.1           # relative miss at which it ends
 ORDER = 1               # of the sampled law in 1 / N_t
-MANY_KRYLOV = 50        # GMRES iterations of an adjoint beyond which the next ones are preconditioned
-DIRECT = 100            # rows of the active pairs, all harmonics, up to which one factor serves all adjoints of a point
 
 
 @dataclass(frozen=True)
@@ -52,15 +47,11 @@ class ErrorEstimator:
 
     def __init__(self, truth: Truth):
         self.truth, self.left_out = truth, truth.left_out
-        self.found = True                               # whether the adjoints of the last point were
-        self._step: NewtonStep | None = None
-        self._harmonics: Harmonics | None = None
+        self.adjoints = Adjoints()
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
-        if self._step is not None:
-            self._step.destroy()
-            self._step = None
+        self.adjoints.destroy()
 
     def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray,
            of_all: ContactForces | None = None) -> np.ndarray | None:
@@ -72,7 +63,7 @@ class ErrorEstimator:
         """
         model, omega, level = problem.model, problem.omega_at(parameter), problem.level_at(parameter)
         n_out = model.o.shape[0]
-        self.found = True
+        found = True
         if 1 not in model.harmonics:
             return None
         truth = model if self.truth.is_solved else self.truth.model.with_harmonics(model.harmonics)
@@ -84,6 +75,7 @@ class ErrorEstimator:
         n_samples = 0 if self.left_out is None else self.left_out.of_pairs.shape[1]
         if len(forces.active) > 0 or changes.are_any:
             totals = self.through_the_joint(problem, exact, U, parameter, forces, used, changes)
+            found = self.adjoints.found
         else:                                           # all pairs stick, in the better problems too: no adjoint is needed
             totals = np.zeros(2 * n_out * (5 + n_samples * truth.N_H))
         by_harmonics, by_samples, by_pairs, by_solver, by_basis = totals[: 10 * n_out].reshape(5, -1)
@@ -94,7 +86,7 @@ class ErrorEstimator:
         by_modes = np.abs(by_basis)
         if self.left_out is not None:
             by_modes = by_modes + self.left_out.changes(truth, level, omega, p, felt)
-        if not self.found:
+        if not found:
             by_solver = by_solver + np.abs(first_harmonic(model, receptance.output_motion(model, level, omega, p)))
         parts = np.stack([by_modes, by_harmonics, by_samples, by_pairs, by_solver], axis=-1)
         return np.hypot(parts[:n_out], parts[n_out:])
@@ -106,7 +98,7 @@ class ErrorEstimator:
         Collective: sums over the ranks, and a broadcast.
         """
         truth, own, G = exact.model, exact.model.owned_rows, exact.receptance_at(parameter, forces.active)
-        chi, tau = self.adjoints(exact, forces, G, sensitivity(truth, problem.omega_at(parameter)))
+        chi, tau = self.adjoints.solve(exact, forces, G, sensitivity(truth, problem.omega_at(parameter)))
         residual = _residual(problem, U, parameter, used, G if used is forces and exact is problem else None)
         sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
@@ -141,54 +133,6 @@ class ErrorEstimator:
         by_harmonics = more.carry(finer.full_force(forces) - finer.full_force(at_finer), harmonics)
         by_harmonics *= max(1.0, miss / SETTLED)                # what never settled is known no better than that
         return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
-
-    def adjoints(self, exact: HarmonicBalance, forces: ContactForces, G: ReceptanceColumns,
-                 B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return chi and tau = P^T chi of this rank's pairs, each (n_quantities, 3 n_owned N_H), with G of the active pairs.
-
-        Collective.
-        """
-        self.found = True
-        B_owned, tau = B[:, exact.model.owned_rows].reshape(len(B), *exact.shape), np.zeros((len(B), *exact.shape))
-        if len(forces.active) == 0:
-            return B_owned.reshape(len(B), -1), tau.reshape(len(B), -1)
-        assert forces.P is not None, "asked for with tangents"
-        transposed, owned = replace(forces, P=np.ascontiguousarray(forces.P.transpose(0, 2, 1))), forces.active_owned
-        nothing, gatherer = np.zeros(exact.shape), Gatherer(exact.comm, 3 * len(owned) * exact.model.N_H, 2)
-        at = Linearisation(transposed, G.adjoint(), nothing, nothing, 1.0, gatherer)
-        solve = self._directly if 3 * len(forces.active) * exact.model.N_H <= DIRECT else self._by_gmres
-        chi = solve(exact, at, B_owned, np.abs(B).max(axis=(1, 2)))
-        for i in range(len(B)):
-            tau[i, owned] = at.pair_forces(chi[i, owned]).reshape(len(owned), *exact.shape[1:])
-        return chi.reshape(len(B), -1), tau.reshape(len(B), -1)
-
-    def _directly(self, exact: HarmonicBalance, at: Linearisation, B_owned: np.ndarray, units: np.ndarray) -> np.ndarray:
-        """Return the adjoints of all quantities by one factor, (n_quantities, n_owned, 3, N_H).  Collective."""
-        owned = at.forces.active_owned
-        chi, of_active = B_owned.copy(), WholeInverse(exact, at.forces, at.G).solve(B_owned[:, owned])
-        self.found = bool(exact.comm.allreduce(bool(np.isfinite(of_active).all()), op=MPI.LAND))
-        for i, chi_active in enumerate(of_active if self.found else ()):
-            tau_all, _ = at.gatherer(at.pair_forces(chi_active), (0.0, 0.0))
-            chi[i] -= at.G.apply(tau_all.reshape(-1, exact.model.N_H))
-        return chi
-
-    def _by_gmres(self, exact: HarmonicBalance, at: Linearisation, B_owned: np.ndarray, units: np.ndarray) -> np.ndarray:
-        """Return the adjoints of all quantities by one solve each, in ``units`` of B (n_quantities,).  Collective."""
-        if self._step is None or self._harmonics != exact.model.harmonics:
-            self.destroy()
-            self._step, self._harmonics = NewtonStep(exact), exact.model.harmonics
-        self._step.problem = exact
-        chi = np.empty_like(B_owned)
-        for i, unit in enumerate(units):                                            # the same on every rank
-            b = B_owned[i] / (unit or 1.0)
-            chi[i], _, iterations, reason = self._step.solve(at, b, 0.0)
-            if iterations > MANY_KRYLOV or reason < 0:
-                self._step.preconditioner = HarmonicPreconditioner(exact, at.forces, at.G)
-            if reason < 0:
-                chi[i], _, _, reason = self._step.solve(at, b, 0.0)
-            self.found = self.found and reason >= 0
-            chi[i] *= unit
-        return chi
 
 
 _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)       # the limit of many samples, from N_t and FINER N_t
