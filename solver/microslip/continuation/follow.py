@@ -75,12 +75,13 @@ class BranchFollower(Stepper):
             finer = self.accuracy and self.accuracy.finer(self.resolution, ratios)
             if not finer:
                 break
-            better, used = self.solve_with(finer, found, selected)
+            better, used = self.solve_with(finer, found, selected, self.force_at(found.iterate, point))
             if better.failure:
                 break
             found, selected = better, used
         if max(ratios.values(), default=0.0) > 1.0:
             point = replace(point, notes=(*point.notes, MISSED))
+        force = self.force_at(found.iterate, point)
         if self.accuracy:
             was = self.resolution
             self.change_to(self.accuracy.coarser(was, ratios))
@@ -90,9 +91,12 @@ class BranchFollower(Stepper):
         B = self.selection.update(moves, point.state, point.energy)
         sliding = float((point.state != STICK).mean())
         amplitude = point.response[:, 1] - 1j * point.response[:, 2]
+        return State(found.iterate, B, self.norm(found.iterate.U), force, not moves.any(), sliding, amplitude), point
+
+    def force_at(self, there: Iterate, point: Point) -> float:
+        """Return |f_nl| over all ranks [N] at a point on record.  Collective."""
         p = Harmonics.full(point.p.shape[-1]).carry(point.p[self.problem.model.owned], self.harmonics)
-        size, force = self.norm(found.iterate.U), self.force_of(found.iterate.U, p)
-        return State(found.iterate, B, size, force, not moves.any(), sliding, amplitude), point
+        return self.force_of(there.U, p)
 
     def ratios(self, point: Point) -> dict[str, float]:
         """Return what is wrong with a point for want of harmonics and samples, over what is allowed.  Collective."""

@@ -142,12 +142,13 @@ class PointSolver:
         found, _ = self.solve_at(state.iterate, state.size, state.selected, state.force)
         return state if found.failure else replace(state, iterate=found.iterate)
 
-    def solve_with(self, finer: Resolution, found: Correction, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
-        """Solve a point again with more harmonics or samples; go back to the old ones where Newton fails.  Collective."""
+    def solve_with(self, finer: Resolution, found: Correction, selected: np.ndarray,
+                   force: float | None = None) -> tuple[Correction, np.ndarray]:
+        """Solve a point of contact forces ``force`` [N] again with more; go back where Newton fails.  Collective."""
         coarse = self.resolution
         self.change_to(finer)
         guess = self.fitted(found.iterate)
-        better, used = self.solve_at(guess, self.norm(guess.U), selected)
+        better, used = self.solve_at(guess, self.norm(guess.U), selected, force)
         better = replace(better, newton=found.newton + better.newton, krylov=found.krylov + better.krylov)
         if better.failure:
             self.change_to(coarse)

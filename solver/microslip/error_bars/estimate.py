@@ -24,6 +24,7 @@ from .adjoint import Adjoints
 from .truth import Truth
 
 FINER = 2               # times the samples of the better problem
+SAMPLES = 4             # of the more harmonics, each, at least
 MOST_SWEEPS = 20        # steps of the iteration for the higher harmonics
 SETTLED = 0.1           # relative miss at which it ends
 ORDER = 1               # of the sampled law in 1 / N_t
@@ -117,20 +118,21 @@ class ErrorEstimator:
         """
         harmonics, more = exact.model.harmonics, extended(exact.model.harmonics)
         everything, nothing = np.ones(exact.model.n_pairs, dtype=bool), np.zeros_like(p_all)
-        finer = exact.resolved(more, FINER * max(exact.n_samples, 2 * (more.highest + 1) // FINER))
+        finer = exact.resolved(harmonics, FINER * exact.n_samples)
+        by_samples = finer.full_force(finer.contact_forces(U, everything, tangents=False)) - p_all
+        wider = exact.resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
         U_more = harmonics.carry(U, more)
-        at_finer = forces = finer.contact_forces(U_more, everything, tangents=False)
+        at_wider = forces = wider.contact_forces(U_more, everything, tangents=False)
         if len(forces.active) == 0:
-            return Changes(nothing, nothing, p_all - p)
-        by_samples = more.carry(finer.full_force(at_finer), harmonics) - p_all
+            return Changes(nothing, _RICHARDSON * by_samples, p_all - p)
         higher, mixing = np.zeros_like(U_more), Anderson(exact)
         for _ in range(MOST_SWEEPS):
-            excited = -finer.receptance_at(parameter, forces.active).apply(forces.p)
+            excited = -wider.receptance_at(parameter, forces.active).apply(forces.p)
             higher, miss = mixing.next(higher, excited - harmonics.carry(more.carry(excited, harmonics), more))
             if miss <= SETTLED:
                 break
-            forces = finer.contact_forces(U_more + higher, everything, tangents=False)
-        by_harmonics = more.carry(finer.full_force(forces) - finer.full_force(at_finer), harmonics)
+            forces = wider.contact_forces(U_more + higher, everything, tangents=False)
+        by_harmonics = more.carry(wider.full_force(forces) - wider.full_force(at_wider), harmonics)
         by_harmonics *= max(1.0, miss / SETTLED)                # what never settled is known no better than that
         return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
 
