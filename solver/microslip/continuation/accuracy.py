@@ -25,7 +25,8 @@ LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}       # share of what i
 PATIENCE = 3                # points in a row
 SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}     # of the accuracy; the parts are estimates, some half of what is true
 STATED = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}        # the key of [solver] that each follows from
-TOLERANCE = 1e-3            # of Newton, times the accuracy
+BOTH = 0.55             # of harmonics and samples together: samples may use what harmonics leave
+TOLERANCE = 1e-2        # of Newton, times the accuracy
 STEP = 0.5                  # share of the accuracy for the straight line between two points
 LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0          # bounds of the change from one step to the next
 LONGEST = 0.1               # step, in the relative norm
@@ -78,9 +79,10 @@ class Accuracy:
         self.peak = amplitude if self.peak is None else np.maximum(self.peak, amplitude)
         allowed = self.target * np.maximum(self.peak, FAINT * self.peak.max(initial=0.0))
         found = {}
+        used = np.minimum(error[:, PARTS.index("harmonics")], SHARES["harmonics"] * allowed)
         for part, share in SHARES.items():
-            values = error[:, PARTS.index(part)]
-            over = np.divide(values, share * allowed, out=np.zeros_like(values), where=allowed > 0.0)
+            values, most = error[:, PARTS.index(part)], BOTH * allowed - used if part == "samples" else share * allowed
+            over = np.divide(values, most, out=np.zeros_like(values), where=allowed > 0.0)
             found[part] = float(over.max(initial=0.0))
         return found
 

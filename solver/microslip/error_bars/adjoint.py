@@ -57,7 +57,7 @@ class Adjoints:
         if len(forces.active) > 0:
             assert forces.P is not None, "asked for with tangents"
             self.problem, self.G = problem, G.adjoint()
-            self.forces = replace(forces, P=np.ascontiguousarray(forces.P.transpose(0, 2, 1)))
+            self.forces = replace(forces, P=forces.P.transpose(0, 2, 1))
             units = np.abs(B).max(axis=(1, 2))
             units[units == 0.0] = 1.0
             self._gatherer = Gatherer(problem.comm, 3 * len(owned) * problem.model.N_H * len(B), 0)
@@ -114,7 +114,7 @@ class Adjoints:
         if self._harmonics != self.problem.model.harmonics.chosen:
             self._harmonics, self._preconditioner = self.problem.model.harmonics.chosen, None
         self._columns = ActiveColumns(comm, self.G, self.forces.active_owned, np.float32)
-        self._P = (self.forces.P * self._columns.unit).astype(np.float32)
+        self._P = self._columns.scaled(self.forces.P)
 
     def _create(self, n: int) -> None:
         self.destroy()
