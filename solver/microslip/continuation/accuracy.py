@@ -47,6 +47,12 @@ class Resolution:
         return replace(self, harmonics=harmonics, n_samples=self.n_samples if same_samples else max(self.n_samples, least_samples(H)))
 
 
+def samples_from(least: float) -> int:
+    """Return the next number of samples of those that the program takes: powers of two, and halfway between two of them."""
+    power = 2 ** int(np.ceil(np.log2(least)))
+    return power - power // 4 if power - power // 4 >= least else power
+
+
 def least_samples(H: int) -> int:
     """Return the fewest samples that the program chooses by itself for harmonics up to H: a power of two."""
     return max(LEAST_SAMPLES, 2 ** int(np.ceil(np.log2(PER_HARMONIC * (H + 1)))))
@@ -97,7 +103,7 @@ class Accuracy:
             found = found.with_highest(min(grown + (grown - H) % 2, most - (most - H) % 2), "samples" in self.keeps)
             self._too_few("harmonics")
         if ratios["samples"] > 1.0 and "samples" not in self.keeps and now.n_samples < MOST_SAMPLES:
-            grown = now.n_samples * 2 ** int(np.ceil(np.log2(min(ratios["samples"], 8.0))))
+            grown = samples_from(now.n_samples * min(ratios["samples"], 8.0))
             found = replace(found, n_samples=min(max(grown, found.n_samples), MOST_SAMPLES))
             self._too_few("samples")
         if ratios.get("solver", 0.0) > 1.0:
@@ -121,8 +127,9 @@ class Accuracy:
         if self._is_calm("harmonics") and H - 2 >= self.coarsest.harmonics.highest:
             found = found.with_highest(H - 2, "samples" in self.keeps)
         least = max(self.coarsest.n_samples, least_samples(found.harmonics.highest))
-        if self._is_calm("samples") and now.n_samples // 2 >= least:
-            found = replace(found, n_samples=now.n_samples // 2)
+        fewer = samples_from(0.5 * now.n_samples)
+        if self._is_calm("samples") and fewer >= least:
+            found = replace(found, n_samples=fewer)
         if self._is_calm("solver"):
             found = replace(found, tolerance=self.coarsest.tolerance)
         return found

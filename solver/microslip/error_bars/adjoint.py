@@ -72,8 +72,8 @@ class Adjoints:
 
     def _transposed(self, P: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return P^T x of this rank's active pairs, (n_quantities, m, 3, N_H) both.  Local; ``P`` is transposed already."""
-        columns = np.moveaxis(x.reshape(len(x), len(P), -1), 0, -1)                                     # (m, 3 N_H, n_quantities)
-        return np.moveaxis(np.matmul(P, columns.astype(P.dtype, copy=False)), -1, 0).reshape(x.shape)
+        columns = x.reshape(len(x), len(P), -1).transpose(1, 2, 0).astype(P.dtype, copy=False)         # (m, 3 N_H, n_quantities)
+        return np.matmul(P, columns).transpose(2, 0, 1).reshape(x.shape)
 
     def _gathered(self, x: np.ndarray) -> np.ndarray:
         """Return rows (n_quantities, m, 3, N_H) of the active pairs of all ranks, (n_quantities, 3 n_active, N_H).  Collective."""
@@ -81,7 +81,7 @@ class Adjoints:
         if self.problem.comm.size == 1:
             return x.reshape(len(x), -1, N_H)
         rows, _ = self._gatherer(np.moveaxis(x, 0, 2).ravel(), ())                  # quantities of a row lie together
-        return np.moveaxis(rows.reshape(-1, len(x), N_H), 1, 0)
+        return rows.reshape(-1, len(x), N_H).swapaxes(0, 1)
 
     def _directly(self, b: np.ndarray) -> np.ndarray:
         """Return the adjoints of the active pairs by one factor, (n_quantities, m, 3, N_H).  Collective."""

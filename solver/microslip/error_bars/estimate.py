@@ -107,7 +107,7 @@ class ErrorEstimator:
             sums[-1] = tau @ (_residual(exact, U, parameter, used) - residual).ravel()
         felt = np.zeros((len(tau), 0, truth.N_H))
         if self.left_out is not None:
-            felt = np.einsum("sk,qsh->qkh", self.left_out.of_pairs[own], tau.reshape(len(tau), -1, truth.N_H))
+            felt = np.matmul(self.left_out.of_pairs[own].T, tau.reshape(len(tau), -1, truth.N_H))
         return problem.comm.bcast(problem.gather_sum(np.concatenate([*sums, felt.ravel()])))
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray, p: np.ndarray) -> Changes:

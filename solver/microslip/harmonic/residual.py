@@ -242,7 +242,6 @@ class ActiveColumns:
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
         """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
         n, rows, N_H = p.shape
-        product = self.columns.T @ np.moveaxis(p, 0, 1).reshape(rows, n * N_H).astype(self.precision, copy=False)
-        modal = [receptance.modal(self.c, q) for q in np.split(product[self.n_rows:].astype(float), n, axis=1)]
-        G_p = product[: self.n_rows] + self.r_rows @ np.concatenate(modal, axis=1)
-        return np.moveaxis(G_p.reshape(-1, n, N_H), 1, 0)
+        product = self.columns.T @ p.swapaxes(0, 1).reshape(rows, n * N_H).astype(self.precision, copy=False)
+        modal = receptance.modal(self.c, product[self.n_rows:].astype(float).reshape(-1, n, N_H)).reshape(-1, n * N_H)
+        return (product[: self.n_rows] + self.r_rows @ modal).reshape(-1, n, N_H).swapaxes(0, 1)

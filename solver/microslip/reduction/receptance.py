@@ -64,14 +64,16 @@ def to_real(amplitudes: np.ndarray, N_H: int) -> np.ndarray:
 
 
 def modal(c: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return the real coefficients of c_n q_n for modal forces q, real coefficients (n_phi, N_H).  Local."""
+    """Return the real coefficients of c_n q_n for modal forces q, real coefficients (n_phi, N_H), or (n_phi, n, N_H).  Local."""
     if c.ndim == 3:
-        return to_real(np.einsum("hij,jh->ih", c, to_complex(q)), q.shape[1])
-    first = q.shape[1] % 2                          # column of the first cosine
+        q_n = np.moveaxis(to_complex(q.reshape(-1, q.shape[-1])), 1, 0).reshape(len(c), len(q), -1)      # (n_harmonics, n_phi, n)
+        return to_real(np.moveaxis(c @ q_n, 0, -1).reshape(-1, len(c)), q.shape[-1]).reshape(q.shape)
+    first = q.shape[-1] % 2                         # column of the first cosine
+    c = c.conj() if q.ndim == 2 else c.conj()[:, None, :]
     y = np.empty(q.shape)
-    y[:, :first] = c.real[:, :first] * q[:, :first]
-    pairs = np.ascontiguousarray(q[:, first:], dtype=float).view(complex)      # cos + i sin, the conjugates of amplitudes
-    np.multiply(c.conj()[:, first:], pairs, out=y[:, first:].view(complex))
+    y[..., :first] = c.real[..., :first] * q[..., :first]
+    pairs = np.ascontiguousarray(q[..., first:], dtype=float).view(complex)    # cos + i sin, the conjugates of amplitudes
+    np.multiply(c[..., first:], pairs, out=y[..., first:].view(complex))
     return y
 
 
