@@ -18,7 +18,7 @@ from ..harmonic.symmetry import symmetric
 from .steps import ArcLength
 
 MOST_HARMONICS, MOST_SAMPLES = 31, 4096
-LEAST_SAMPLES = 16
+LEAST_SAMPLES = 64          # fewer cost no less
 PER_HARMONIC = 4            # samples a harmonic, at least
 FAINT = 1e-3                # of the largest output: fainter ones are judged against that
 LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}       # share of what is allowed, below which less will do
