@@ -99,7 +99,7 @@ class BranchFollower(Stepper):
         return self.force_of(there.U, p)
 
     def ratios(self, point: Point) -> dict[str, float]:
-        """Return what is wrong with a point for want of harmonics and samples, over what is allowed.  Collective."""
+        """Return what is wrong with a point for want of harmonics, samples and tolerance, over what is allowed.  Collective."""
         if self.accuracy is None or point.error is None:
             return {}
         amplitudes = np.hypot(point.response[:, 1::2], point.response[:, 2::2]).max(axis=1)
@@ -273,5 +273,7 @@ def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, 
     finally:
         steps_of.destroy()
     branch.scaled = steps_of.scaled
+    if accuracy is not None and "solver" not in accuracy.keeps:
+        branch.closes_to = max(branch.closes_to, accuracy.target)
     branch.odd = accuracy is not None and not steps_of.scaled and all(n % 2 for n in accuracy.coarsest.harmonics.chosen)
     return branch

@@ -57,14 +57,15 @@ class Adjoints:
         if len(forces.active) > 0:
             assert forces.P is not None, "asked for with tangents"
             self.problem, self.G = problem, G.adjoint()
-            self.forces = replace(forces, P=forces.P.transpose(0, 2, 1))
+            self._P_transposed = forces.P.transpose(0, 2, 1)
+            self.forces = replace(forces, P=self._P_transposed)
             units = np.abs(B).max(axis=(1, 2))
             units[units == 0.0] = 1.0
             self._gatherer = Gatherer(problem.comm, 3 * len(owned) * problem.model.N_H * len(B), 0)
             is_small = 3 * len(forces.active) * problem.model.N_H <= DIRECT
             of_active = (self._directly if is_small else self._by_gmres)(chi[:, owned] / units[:, None, None, None])
             of_active *= units[:, None, None, None]
-            tau[:, owned] = self._transposed(self.forces.P, of_active)
+            tau[:, owned] = self._transposed(self._P_transposed, of_active)
             for i, tau_all in enumerate(self._gathered(tau[:, owned])):
                 chi[i] -= self.G.apply(tau_all)
             chi[:, owned] = of_active
@@ -76,7 +77,7 @@ class Adjoints:
         return np.matmul(P, columns).transpose(2, 0, 1).reshape(x.shape)
 
     def _gathered(self, x: np.ndarray) -> np.ndarray:
-        """Return rows (n_quantities, m, 3, N_H) of the active pairs of all ranks, (n_quantities, 3 n_active, N_H).  Collective."""
+        """Return rows (n_quantities, m, 3, N_H) of all ranks' active pairs, (n_quantities, 3 n_active, N_H).  Collective."""
         N_H = x.shape[-1]
         if self.problem.comm.size == 1:
             return x.reshape(len(x), -1, N_H)
@@ -114,7 +115,7 @@ class Adjoints:
         if self._harmonics != self.problem.model.harmonics.chosen:
             self._harmonics, self._preconditioner = self.problem.model.harmonics.chosen, None
         self._columns = ActiveColumns(comm, self.G, self.forces.active_owned, np.float32)
-        self._P = self._columns.scaled(self.forces.P)
+        self._P = self._columns.scaled(self._P_transposed)
 
     def _create(self, n: int) -> None:
         self.destroy()

@@ -63,8 +63,9 @@ class ModesLeftOut:
 
 def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
     """Return the norm of each harmonic, (..., n_harmonics), of samples (..., SAMPLES, N_H).  Local."""
-    harmonics, squares = model.harmonics, np.einsum("...sh,...sh->...h", samples, samples)
-    return np.sqrt(np.concatenate([squares[..., harmonics.mean], squares[..., harmonics.cos] + squares[..., harmonics.sin]], axis=-1))
+    squares = np.einsum("...sh,...sh->...h", samples, samples)
+    mean, cos, sin = (squares[..., columns] for columns in (model.harmonics.mean, model.harmonics.cos, model.harmonics.sin))
+    return np.sqrt(np.concatenate([mean, cos + sin], axis=-1))
 
 
 def sample_modes_left_out(linearised, modes, model: ReducedModel) -> ModesLeftOut | None:

@@ -236,12 +236,13 @@ class ActiveColumns:
 
     def scaled(self, P: np.ndarray) -> np.ndarray:
         """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
-        scaled = np.empty_like(P, dtype=self.precision)
+        scaled: np.ndarray = np.empty_like(P, dtype=self.precision)
         return np.multiply(P, self.unit, out=scaled, casting="same_kind")
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
-        """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
+        """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in units of 1 / ``unit``.  Local."""
         n, rows, N_H = p.shape
-        product = self.columns.T @ p.swapaxes(0, 1).reshape(rows, n * N_H).astype(self.precision, copy=False)
+        together = p.swapaxes(0, 1).reshape(rows, n * N_H)
+        product = self.columns.T @ together.astype(self.precision, copy=False)
         modal = receptance.modal(self.c, product[self.n_rows:].astype(float).reshape(-1, n, N_H)).reshape(-1, n * N_H)
         return (product[: self.n_rows] + self.r_rows @ modal).reshape(-1, n, N_H).swapaxes(0, 1)
