@@ -23,9 +23,9 @@ PER_HARMONIC = 4            # samples a harmonic, at least
 FAINT = 1e-3                # of the largest output: fainter ones are judged against that
 LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}       # share of what is allowed, below which less will do
 PATIENCE = 3                # points in a row
-SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}     # of the accuracy; the parts are estimates, some half of what is true
-STATED = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}        # the key of [solver] that each follows from
-BOTH = 0.55             # of harmonics and samples together: samples may use what harmonics leave
+SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}     # of the accuracy; parts are estimates, some half of what is true
+STATED = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}        # the key of [solver] for each
+BOTH = SHARES["harmonics"] + SHARES["samples"]      # together: samples may use what harmonics leave
 TOLERANCE = 1e-2        # of Newton, times the accuracy
 STEP = 0.5                  # share of the accuracy for the straight line between two points
 LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0          # bounds of the change from one step to the next
@@ -44,7 +44,8 @@ class Resolution:
         """Return the resolution with harmonics up to H, and no fewer samples than they need unless those are to stay."""
         odd = all(n % 2 for n in self.harmonics.chosen)
         harmonics = Harmonics.odd_up_to(H) if odd else Harmonics.up_to(H)
-        return replace(self, harmonics=harmonics, n_samples=self.n_samples if same_samples else max(self.n_samples, least_samples(H)))
+        n_samples = self.n_samples if same_samples else max(self.n_samples, least_samples(H))
+        return replace(self, harmonics=harmonics, n_samples=n_samples)
 
 
 def samples_from(least: float) -> int:

@@ -73,7 +73,7 @@ class Adjoints:
 
     def _transposed(self, P: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Return P^T x of this rank's active pairs, (n_quantities, m, 3, N_H) both.  Local; ``P`` is transposed already."""
-        columns = x.reshape(len(x), len(P), -1).transpose(1, 2, 0).astype(P.dtype, copy=False)         # (m, 3 N_H, n_quantities)
+        columns = x.reshape(len(x), len(P), P.shape[2]).transpose(1, 2, 0).astype(P.dtype, copy=False)    # (m, 3 N_H, n)
         return np.matmul(P, columns).transpose(2, 0, 1).reshape(x.shape)
 
     def _gathered(self, x: np.ndarray) -> np.ndarray:

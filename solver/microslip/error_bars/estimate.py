@@ -49,10 +49,17 @@ class ErrorEstimator:
     def __init__(self, truth: Truth):
         self.truth, self.left_out = truth, truth.left_out
         self.adjoints = Adjoints()
+        self._models: dict[Harmonics, ReducedModel] = {}        # of the truth, by harmonics
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
         self.adjoints.destroy()
+
+    def model_on(self, harmonics: Harmonics) -> ReducedModel:
+        """Return the better model on a set of harmonics, made once.  Local."""
+        if harmonics not in self._models:
+            self._models[harmonics] = self.truth.model.with_harmonics(harmonics)
+        return self._models[harmonics]
 
     def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray,
            of_all: ContactForces | None = None) -> np.ndarray | None:
@@ -67,7 +74,7 @@ class ErrorEstimator:
         found = True
         if 1 not in model.harmonics:
             return None
-        truth = model if self.truth.is_solved else self.truth.model.with_harmonics(model.harmonics)
+        truth = model if self.truth.is_solved else self.model_on(model.harmonics)
         exact = problem if self.truth.is_solved else problem.of(truth)
         forces = of_all or exact.contact_forces(U, np.ones(model.n_pairs, dtype=bool), tangents=True)
         used = forces if selected.all() else problem.contact_forces(U, selected, tangents=False)
@@ -120,7 +127,7 @@ class ErrorEstimator:
         everything, nothing = np.ones(exact.model.n_pairs, dtype=bool), np.zeros_like(p_all)
         finer = exact.resolved(harmonics, FINER * exact.n_samples)
         by_samples = finer.full_force(finer.contact_forces(U, everything, tangents=False)) - p_all
-        wider = exact.resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
+        wider = exact.of(self.model_on(more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
         U_more = harmonics.carry(U, more)
         at_wider = forces = wider.contact_forces(U_more, everything, tangents=False)
         if len(forces.active) == 0:

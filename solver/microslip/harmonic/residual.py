@@ -240,9 +240,10 @@ class ActiveColumns:
         return np.multiply(P, self.unit, out=scaled, casting="same_kind")
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
-        """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in units of 1 / ``unit``.  Local."""
+        """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in those units.  Local."""
         n, rows, N_H = p.shape
         together = p.swapaxes(0, 1).reshape(rows, n * N_H)
         product = self.columns.T @ together.astype(self.precision, copy=False)
-        modal = receptance.modal(self.c, product[self.n_rows:].astype(float).reshape(-1, n, N_H)).reshape(-1, n * N_H)
-        return (product[: self.n_rows] + self.r_rows @ modal).reshape(-1, n, N_H).swapaxes(0, 1)
+        q = product[self.n_rows:].astype(float)
+        modal = receptance.modal(self.c, q.reshape(len(q), n, N_H)).reshape(q.shape)
+        return (product[: self.n_rows] + self.r_rows @ modal).reshape(self.n_rows, n, N_H).swapaxes(0, 1)

@@ -41,7 +41,7 @@ class WholeInverse:
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return (I + G P)^-1 b for several right-hand sides, (n, m, 3, N_H) both, m active pairs of this rank.  Collective."""
-        by_row = self.problem.gather(b.reshape(len(b), -1, b.shape[-1]).swapaxes(0, 1))           # (3 n_active, n, N_H)
+        by_row = self.problem.gather(b.reshape(len(b), 3 * b.shape[1], b.shape[-1]).swapaxes(0, 1))      # (3 n_active, n, N_H)
         columns = by_row.swapaxes(1, 2).reshape(-1, len(b))
         x = scipy.linalg.lu_solve(self.factor, columns, check_finite=False)
         own = x.reshape(len(by_row), -1, len(b))[self.own]
