@@ -66,8 +66,9 @@ def to_real(amplitudes: np.ndarray, N_H: int) -> np.ndarray:
 def modal(c: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Return the real coefficients of c_n q_n for modal forces q, real coefficients (n_phi, N_H), or (n_phi, n, N_H).  Local."""
     if c.ndim == 3:
-        q_n = np.moveaxis(to_complex(q.reshape(-1, q.shape[-1])), 1, 0).reshape(len(c), len(q), -1)      # (n_harmonics, n_phi, n)
-        return to_real(np.moveaxis(c @ q_n, 0, -1).reshape(-1, len(c)), q.shape[-1]).reshape(q.shape)
+        n = q.shape[1] if q.ndim == 3 else 1
+        q_n = to_complex(q.reshape(len(q) * n, q.shape[-1])).T.reshape(len(c), len(q), n)
+        return to_real(np.moveaxis(c @ q_n, 0, -1).reshape(len(q) * n, len(c)), q.shape[-1]).reshape(q.shape)
     first = q.shape[-1] % 2                         # column of the first cosine
     c = c.conj() if q.ndim == 2 else c.conj()[:, None, :]
     y = np.empty(q.shape)
