@@ -17,7 +17,7 @@ from .error_bars.estimate import ErrorEstimator
 from .error_bars.parts import total
 from .error_bars.truth import Truth, truth_of
 from .fourier.harmonics import Harmonics
-from .harmonic.residual import HarmonicBalance
+from .harmonic.residual import ContactForces, HarmonicBalance
 from .modes.eigen import Modes, first_of, lowest_modes
 from .parallel.errors import MicroslipError
 from .reduction.columns import StaticColumns
@@ -160,7 +160,7 @@ class Bench:
         if setting.accuracy is None:
             return None
         own = self.scene.solver
-        stated = {name: getattr(own, name) for name in own.model_fields_set - {"harmonics", "samples"}}
+        stated = {name: getattr(own, name) for name in own.model_fields_set - {"harmonics", "samples", "tolerance"}}
         solver = type(own)(**stated | {"accuracy": setting.accuracy})
         return accuracy_of(self.scene.model_copy(update={"solver": solver}), problem)
 
@@ -223,9 +223,10 @@ class TimedEstimator(ErrorEstimator):
         super().__init__(truth)
         self.spent = np.zeros(2)
 
-    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray) -> np.ndarray | None:
+    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray,
+           of_all: ContactForces | None = None) -> np.ndarray | None:
         start = Stopwatch.read()
-        parts = super().at(problem, U, parameter, selected)
+        parts = super().at(problem, U, parameter, selected, of_all)
         self.spent += Stopwatch.read() - start
         return parts
 

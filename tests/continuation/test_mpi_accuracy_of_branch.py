@@ -6,11 +6,21 @@ from dense_model import reduced
 from mpi4py import MPI
 from oracles import scenes
 
-from microslip.continuation.accuracy import MOST_SAMPLES, Accuracy, Resolution, chord_error, least_samples, steps_for
-from microslip.continuation.follow import follow_branch
+from microslip.continuation.accuracy import (
+    MOST_SAMPLES,
+    SHARES,
+    Accuracy,
+    Resolution,
+    chord_error,
+    least_samples,
+    samples_from,
+    steps_for,
+)
+from microslip.continuation.follow import BranchFollower, follow_branch
 from microslip.continuation.grid import at_frequencies
 from microslip.continuation.sweep import Sweep
 from microslip.error_bars.estimate import ErrorEstimator
+from microslip.error_bars.parts import PARTS
 from microslip.error_bars.truth import Truth
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
@@ -97,3 +107,57 @@ def test_chords_of_a_circle_stray_by_their_sagitta(radius):
     points = radius * np.exp(1j * turn * np.arange(3))[:, None]
     chord = abs(points[1, 0] - points[0, 0])
     assert chord_error(*points, (chord, chord))[0] == pytest.approx(radius * (1 - np.cos(turn / 2)), rel=1e-2)
+
+
+def test_a_residual_that_is_felt_is_tightened_until_it_is_calm():
+    loose = Resolution(Harmonics.up_to(3), 64, 1e-4)
+    accuracy, error = Accuracy(1e-2, loose), np.zeros((1, 5))
+    assert accuracy.finer(loose, accuracy.ratios(np.array([1.0]), error)) is None
+    error[0, PARTS.index("solver")] = 0.2e-2
+    tight = accuracy.finer(loose, accuracy.ratios(np.array([1.0]), error))
+    assert tight == Resolution(Harmonics.up_to(3), 64, 1e-8)
+    assert accuracy.finer(tight, accuracy.ratios(np.array([1.0]), error)) is None
+    calm = accuracy.ratios(np.array([1.0]), np.zeros((1, 5)))
+    assert [accuracy.coarser(tight, calm).tolerance for _ in range(6)] == [1e-8] * 5 + [1e-4]
+    stated = Accuracy(1e-2, loose, frozenset({"solver"}))
+    assert stated.finer(loose, stated.ratios(np.array([1.0]), error)) is None
+
+
+def test_samples_may_use_what_harmonics_leave():
+    now, error = Resolution(Harmonics.up_to(3), 64), np.zeros((1, 5))
+    error[0, PARTS.index("samples")] = 0.5e-2
+    accuracy = Accuracy(1e-2, now)
+    assert accuracy.ratios(np.array([1.0]), error)["samples"] == pytest.approx(0.5 / 0.55)
+    error[0, PARTS.index("harmonics")] = 0.3e-2
+    ratios = accuracy.ratios(np.array([1.0]), error)
+    assert ratios == {"harmonics": pytest.approx(0.75), "samples": pytest.approx(2.0), "solver": 0.0}
+    assert accuracy.finer(now, ratios) == Resolution(Harmonics.up_to(3), 128)
+    assert [samples_from(n) for n in (64, 65, 97, 300)] == [64, 96, 128, 384]
+
+
+@pytest.mark.parametrize("tolerance", [1e-5, 1e-2, 1e-1])
+def test_the_solver_s_part_stays_within_its_share(tolerance):
+    problem, estimator = problem_of("chain", 100.0)
+    accuracy = Accuracy(1e-3, Resolution(Harmonics.up_to(3), 128, tolerance), frozenset({"harmonics", "samples"}))
+    found = at_frequencies(problem, AllPairs(), list(np.linspace(LOW, HIGH, 12)), tolerance=1e-9, estimator=estimator,
+                           accuracy=accuracy)
+    assert found.failure is None
+    peak = np.abs(amplitudes(found.points)).max()
+    parts = np.array([point.error[0, PARTS.index("solver")] for point in found.points])
+    assert parts.max() <= SHARES["solver"] * 1e-3 * peak
+    assert (parts.max() > 1e-9 * peak) == (tolerance < 1e-1)        # which is felt at the first point, and tightened at once
+
+
+def test_a_point_on_the_way_has_no_bar_and_the_resolution_stays():
+    problem, estimator = problem_of("chain", 100.0)
+    accuracy = Accuracy(1e-3, Resolution(Harmonics.up_to(1), 16))
+    steps = BranchFollower(problem, AllPairs(), Sweep(560.0, HIGH), steps_for(1e-3), 1e-9, estimator, accuracy)
+    try:
+        was = steps.resolution
+        _, point = steps.accept(*steps.first(), on_the_way=True)
+        assert (point.error, steps.resolution) == (None, was)
+        _, point = steps.accept(*steps.first())
+        assert point.error is not None
+        assert steps.resolution != was
+    finally:
+        steps.destroy()

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation.grid import at_frequencies
+from microslip.error_bars import adjoint
 from microslip.error_bars.estimate import ErrorEstimator
 from microslip.error_bars.parts import PARTS, total
 from microslip.error_bars.truth import Truth
@@ -102,3 +103,39 @@ def test_a_branch_has_bars_as_its_points_have():
     estimated = branch(scene("chain"), COMM, 40.0, low=500.0, high=640.0, points=20)
     assert estimated.failure is None
     assert all(point.error is None for point in estimated.points)
+
+
+@pytest.mark.parametrize(("name", "level"), [("chain", 100.0), ("chain", 40.0)])
+@pytest.mark.parametrize("direct", [0, 10**6])
+def test_adjoints_solve_the_transposed_system(monkeypatch, name, level, direct):
+    monkeypatch.setattr(adjoint, "DIRECT", direct)
+    model, parameters = reduced(scene(name), COMM, 3)
+    problem, everything = HarmonicBalance(model, parameters, 128, level), np.ones(model.n_pairs, dtype=bool)
+    U = COMM.bcast(solved(level, omegas=[560.0, 561.0], name=name)[0].U)[model.owned]
+    forces = problem.contact_forces(U, everything, tangents=True)
+    assert len(forces.active) > 0
+    G = problem.receptance_at(560.0, forces.active)
+    # B of any size: one quantity ten orders below the other, and one that is nothing
+    B = np.random.default_rng(3).standard_normal((3, 3 * model.n_pairs, model.N_H)) * np.array([1.0, 1e-10, 0.0])[:, None, None]
+    B[1:2] = B[0:1] * 1e-10
+    adjoints = adjoint.Adjoints()
+    try:
+        chi, tau = adjoints.solve(problem, forces, G, B)
+    finally:
+        adjoints.destroy()
+    assert adjoints.found
+    assert not chi[2].any()
+    np.testing.assert_allclose(chi[1], 1e-10 * chi[0], rtol=1e-5, atol=1e-12 * np.abs(chi[1]).max(initial=0.0))
+    # v . (1 + G^T P^T) chi = (v + P G v) . chi  for any motion's force v: against the forward operators
+    v = np.random.default_rng(4).standard_normal((3 * model.n_pairs, model.N_H))
+    in_active = v.reshape(-1, 3, model.N_H)[forces.active].reshape(-1, model.N_H)
+    G_v = G.apply(in_active)
+    own = v.reshape(-1, 3, model.N_H)[model.owned]
+    B_own = B[0].reshape(-1, 3, model.N_H)[model.owned]
+    mine = np.zeros_like(own)
+    mine[forces.active_owned] = own[forces.active_owned]
+    lhs = np.vdot(mine, chi[0].reshape(own.shape)) + np.vdot(G_v, tau[0].reshape(own.shape))
+    sums = COMM.allreduce(np.array([lhs, np.vdot(mine, B_own), np.vdot(mine, mine) ** 0.5]))
+    assert sums[0] == pytest.approx(sums[1], abs=5e-3 * np.linalg.norm(in_active) * np.abs(B[0]).max())
+    off = COMM.allreduce(float(np.abs(sums[0] - sums[1])))
+    assert direct == 0 or off < 1e-9 * np.linalg.norm(in_active) * np.linalg.norm(B[0])

@@ -137,3 +137,19 @@ def test_diagonal_part_of_a_derivative_is_exact_for_complex_linear_maps(harmonic
     units = np.eye(3 * N_H).reshape(3 * N_H, 3, N_H)
     images = [to_real(np.einsum("hab,bh->ah", blocks, to_complex(unit)), N_H).ravel() for unit in units]
     assert np.allclose(complex_linear(np.array(images).T[None], N_H)[0], blocks)
+
+
+@pytest.mark.parametrize("harmonics", [Harmonics.up_to(3), Harmonics.odd_up_to(5)])
+@pytest.mark.parametrize("n_modes", [0, 4])
+@pytest.mark.parametrize("full", [False, True])
+def test_modal_products_of_several_forces_are_those_of_each(harmonics, n_modes, full):
+    rng, h = np.random.default_rng(7), len(harmonics)
+    c = rng.standard_normal((h, n_modes, n_modes)) + 1j * rng.standard_normal((h, n_modes, n_modes))
+    c[harmonics.numbers == 0] = c[harmonics.numbers == 0].real
+    c = c if full else c.diagonal(axis1=1, axis2=2).T
+    q = rng.standard_normal((n_modes, 3, harmonics.n_coefficients))
+    together = modal(c, q)
+    for i in range(3):
+        amplitudes = np.einsum("hij,jh->ih", c, to_complex(q[:, i])) if full else c * to_complex(q[:, i])
+        assert np.allclose(to_complex(together[:, i]), amplitudes)
+        assert np.allclose(modal(c, q[:, i]), together[:, i])

@@ -1,13 +1,13 @@
-"""Harmonics, samples and steps from the accuracy asked for (docs/theory.md, section 11).
+"""Harmonics, samples, Newton's tolerance and steps from the accuracy asked for (docs/theory.md, section 11).
 
-At every point the error bar says what more harmonics and more samples would change.  Where that exceeds its share of the accuracy
-the point is solved again with more, from where it is; where it stays far below for some points, the next ones have fewer.  The
-step along the branch follows from the error of a straight line between the points.
+At every point the error bar says what more harmonics, more samples and a smaller residual would change.  Where that exceeds its
+share of the accuracy the point is solved again with more, from where it is; where it stays far below for some points, the next
+ones have fewer.  The step along the branch follows from the error of a straight line between the points.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,12 +18,15 @@ from ..harmonic.symmetry import symmetric
 from .steps import ArcLength
 
 MOST_HARMONICS, MOST_SAMPLES = 31, 4096
-LEAST_SAMPLES = 16
+LEAST_SAMPLES = 64          # fewer cost no less
 PER_HARMONIC = 4            # samples a harmonic, at least
 FAINT = 1e-3                # of the largest output: fainter ones are judged against that
-LOW = {"harmonics": 0.05, "samples": 0.2}       # share of what is allowed, below which less will do
+LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}       # share of what is allowed, below which less will do
 PATIENCE = 3                # points in a row
-SHARES = {"harmonics": 0.4, "samples": 0.15}    # of the accuracy; the parts are estimates, some half of what is true
+SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}     # of the accuracy; parts are estimates, some half of what is true
+STATED = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}        # the key of [solver] for each
+BOTH = SHARES["harmonics"] + SHARES["samples"]      # together: samples may use what harmonics leave
+TOLERANCE = 1e-2        # of Newton, times the accuracy
 STEP = 0.5                  # share of the accuracy for the straight line between two points
 LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0          # bounds of the change from one step to the next
 LONGEST = 0.1               # step, in the relative norm
@@ -31,16 +34,24 @@ LONGEST = 0.1               # step, in the relative norm
 
 @dataclass(frozen=True)
 class Resolution:
-    """Harmonics and samples of a point."""
+    """Harmonics and samples of a point, and the tolerance of its residual."""
 
     harmonics: Harmonics
     n_samples: int
+    tolerance: float = 1e-8
 
     def with_highest(self, H: int, same_samples: bool = False) -> Resolution:
         """Return the resolution with harmonics up to H, and no fewer samples than they need unless those are to stay."""
         odd = all(n % 2 for n in self.harmonics.chosen)
         harmonics = Harmonics.odd_up_to(H) if odd else Harmonics.up_to(H)
-        return Resolution(harmonics, self.n_samples if same_samples else max(self.n_samples, least_samples(H)))
+        n_samples = self.n_samples if same_samples else max(self.n_samples, least_samples(H))
+        return replace(self, harmonics=harmonics, n_samples=n_samples)
+
+
+def samples_from(least: float) -> int:
+    """Return the next number of samples of those that the program takes: powers of two, and halfway between two of them."""
+    power = 2 ** int(np.ceil(np.log2(least)))
+    return power - power // 4 if power - power // 4 >= least else power
 
 
 def least_samples(H: int) -> int:
@@ -58,24 +69,27 @@ class Accuracy:
     coarsest : with which a branch starts, and below which it never goes
     keeps : parts whose resolution the scene states
     chooses_steps : whether the step length follows from the accuracy, or from the number of points that the scene states
+    tightest : tolerance of a point whose residual is felt
     """
 
     target: float
     coarsest: Resolution
     keeps: frozenset[str] = frozenset()
     chooses_steps: bool = True
+    tightest: float = 1e-8
     peak: np.ndarray | None = None                              # (n_outputs,) largest amplitude so far [m]
-    calm: dict[str, int] = field(default_factory=lambda: {"harmonics": 0, "samples": 0})
-    patience: dict[str, int] = field(default_factory=lambda: {"harmonics": PATIENCE, "samples": PATIENCE})
+    calm: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))
+    patience: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, PATIENCE))
 
     def ratios(self, amplitude: np.ndarray, error: np.ndarray) -> dict[str, float]:
         """Return each part over what is allowed, the worst of the outputs, from amplitudes (n_outputs,) and parts of the bar."""
         self.peak = amplitude if self.peak is None else np.maximum(self.peak, amplitude)
         allowed = self.target * np.maximum(self.peak, FAINT * self.peak.max(initial=0.0))
         found = {}
+        used = np.minimum(error[:, PARTS.index("harmonics")], SHARES["harmonics"] * allowed)
         for part, share in SHARES.items():
-            values = error[:, PARTS.index(part)]
-            over = np.divide(values, share * allowed, out=np.zeros_like(values), where=allowed > 0.0)
+            values, most = error[:, PARTS.index(part)], BOTH * allowed - used if part == "samples" else share * allowed
+            over = np.divide(values, most, out=np.zeros_like(values), where=allowed > 0.0)
             found[part] = float(over.max(initial=0.0))
         return found
 
@@ -90,10 +104,19 @@ class Accuracy:
             found = found.with_highest(min(grown + (grown - H) % 2, most - (most - H) % 2), "samples" in self.keeps)
             self._too_few("harmonics")
         if ratios["samples"] > 1.0 and "samples" not in self.keeps and now.n_samples < MOST_SAMPLES:
-            grown = now.n_samples * 2 ** int(np.ceil(np.log2(min(ratios["samples"], 8.0))))
-            found = Resolution(found.harmonics, min(max(grown, found.n_samples), MOST_SAMPLES))
+            grown = samples_from(now.n_samples * min(ratios["samples"], 8.0))
+            found = replace(found, n_samples=min(max(grown, found.n_samples), MOST_SAMPLES))
             self._too_few("samples")
+        if ratios.get("solver", 0.0) > 1.0:
+            found = self.tighter(found) or found
         return found if found != now else None
+
+    def tighter(self, now: Resolution) -> Resolution | None:
+        """Return the resolution with the tightest tolerance; None where that is what it has, or what the scene states."""
+        if "solver" in self.keeps or now.tolerance <= self.tightest:
+            return None
+        self._too_few("solver")
+        return replace(now, tolerance=self.tightest)
 
     def coarser(self, now: Resolution, ratios: dict[str, float]) -> Resolution:
         """Return the resolution of the next point after one that was good enough."""
@@ -105,8 +128,11 @@ class Accuracy:
         if self._is_calm("harmonics") and H - 2 >= self.coarsest.harmonics.highest:
             found = found.with_highest(H - 2, "samples" in self.keeps)
         least = max(self.coarsest.n_samples, least_samples(found.harmonics.highest))
-        if self._is_calm("samples") and now.n_samples // 2 >= least:
-            found = Resolution(found.harmonics, now.n_samples // 2)
+        fewer = samples_from(0.5 * now.n_samples)
+        if self._is_calm("samples") and fewer >= least:
+            found = replace(found, n_samples=fewer)
+        if self._is_calm("solver"):
+            found = replace(found, tolerance=self.coarsest.tolerance)
         return found
 
     def _is_calm(self, part: str) -> bool:
@@ -137,15 +163,16 @@ def accuracy_of(scene, problem: HarmonicBalance, linear: bool = False) -> Accura
     which takes static columns to find out.
     """
     solver, harmonics = scene.solver, problem.model.harmonics
-    keeps = frozenset(part for part in SHARES if not scene.chooses(part))
+    keeps = frozenset(part for part, key in STATED.items() if not scene.chooses(key))
     chooses_steps = "points" not in scene.response.model_fields_set
-    if solver.accuracy is None or (len(keeps) == len(SHARES) and not chooses_steps):
+    if solver.accuracy is None or ({"harmonics", "samples"} <= keeps and not chooses_steps):
         return None
     loaded = max((load.harmonic for load in scene.loads), default=1) or 1
     if "harmonics" not in keeps:
         harmonics = Harmonics.odd_up_to(loaded) if not linear and symmetric(problem) else Harmonics.up_to(loaded)
     n_samples = solver.samples if "samples" in keeps else least_samples(harmonics.highest)
-    return Accuracy(solver.accuracy, Resolution(harmonics, n_samples), keeps, chooses_steps)
+    loosest = solver.tolerance if "solver" in keeps else max(TOLERANCE * solver.accuracy, solver.tolerance)
+    return Accuracy(solver.accuracy, Resolution(harmonics, n_samples, loosest), keeps, chooses_steps, solver.tolerance)
 
 
 def steps_for(target: float) -> ArcLength:

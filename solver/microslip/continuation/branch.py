@@ -44,6 +44,7 @@ class Branch:
     points: list[Point] = field(default_factory=list)
     failure: str | None = None              # why the branch ends early; None if it is complete
     scaled: bool = False                    # no pair leaves sticking: the linear response at this level, nothing was solved
+    closes_to: float = 1e-6                 # of the energy balance, what the tolerance of its points asks for
     odd: bool = False                       # solved in odd harmonics alone, by the symmetry of the scene
     broken: str | None = None               # why its first segment ends early, where a second one completes it
 

@@ -42,6 +42,7 @@ class BranchFollower(Stepper):
                  estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None):
         if accuracy is not None:
             problem = problem.resolved(accuracy.coarsest.harmonics, accuracy.coarsest.n_samples)
+            tolerance = tolerance if "solver" in accuracy.keeps else accuracy.coarsest.tolerance
         super().__init__(problem, selection, sweep, steps, tolerance)
         self.estimator, self.accuracy = estimator, accuracy
         self.clock = time.perf_counter()
@@ -54,20 +55,34 @@ class BranchFollower(Stepper):
 
     # -- one point ---------------------------------------------------------------------------------------------
 
-    def accept(self, found: Correction, selected: np.ndarray, asked: bool = False) -> tuple[State, Point]:
-        """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective."""
+    def accept(self, found: Correction, selected: np.ndarray, asked: bool = False,
+               on_the_way: bool = False) -> tuple[State, Point]:
+        """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective.
+
+        A point ``on_the_way`` to one that counts has no error bar, and leaves harmonics and samples as they are.
+        """
+        estimator = None if on_the_way else self.estimator
         while True:
-            point, moves = point_record(self.problem, found, selected, self.selection, asked, self.estimator)
+            try:
+                point, moves = point_record(self.problem, found, selected, self.selection, asked, estimator)
+            except ConvergenceError:
+                tighter = self.accuracy and self.accuracy.tighter(self.resolution)      # its residual alone may be to blame
+                better, used = self.solve_with(tighter, found, selected) if tighter else (found, selected)
+                if not tighter or better.failure:
+                    raise
+                found, selected = better, used
+                continue
             ratios = self.ratios(point)
             finer = self.accuracy and self.accuracy.finer(self.resolution, ratios)
             if not finer:
                 break
-            better, used = self.solve_with(finer, found, selected)
+            better, used = self.solve_with(finer, found, selected, self.force_at(found.iterate, point))
             if better.failure:
                 break
             found, selected = better, used
         if max(ratios.values(), default=0.0) > 1.0:
             point = replace(point, notes=(*point.notes, MISSED))
+        force = self.force_at(found.iterate, point)
         if self.accuracy:
             was = self.resolution
             self.change_to(self.accuracy.coarser(was, ratios))
@@ -77,12 +92,15 @@ class BranchFollower(Stepper):
         B = self.selection.update(moves, point.state, point.energy)
         sliding = float((point.state != STICK).mean())
         amplitude = point.response[:, 1] - 1j * point.response[:, 2]
+        return State(found.iterate, B, self.norm(found.iterate.U), force, not moves.any(), sliding, amplitude), point
+
+    def force_at(self, there: Iterate, point: Point) -> float:
+        """Return |f_nl| over all ranks [N] at a point on record.  Collective."""
         p = Harmonics.full(point.p.shape[-1]).carry(point.p[self.problem.model.owned], self.harmonics)
-        size, force = self.norm(found.iterate.U), self.force_of(found.iterate.U, p)
-        return State(found.iterate, B, size, force, not moves.any(), sliding, amplitude), point
+        return self.force_of(there.U, p)
 
     def ratios(self, point: Point) -> dict[str, float]:
-        """Return what is wrong with a point for want of harmonics and samples, over what is allowed.  Collective."""
+        """Return what is wrong with a point for want of harmonics, samples and tolerance, over what is allowed.  Collective."""
         if self.accuracy is None or point.error is None:
             return {}
         amplitudes = np.hypot(point.response[:, 1::2], point.response[:, 2::2]).max(axis=1)
@@ -296,5 +314,7 @@ def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, 
     finally:
         steps_of.destroy()
     branch.scaled = steps_of.scaled
+    if accuracy is not None and "solver" not in accuracy.keeps:
+        branch.closes_to = max(branch.closes_to, accuracy.target)
     branch.odd = accuracy is not None and not steps_of.scaled and all(n % 2 for n in accuracy.coarsest.harmonics.chosen)
     return branch

@@ -119,7 +119,7 @@ def _follow_to(follower: BranchFollower, before: State | None, now: State, omega
             there = interpolate(follower.fitted(now.iterate), found.iterate, omega)
             last, point = follower.solved(now, there, selected, asked=True)
             return last, spent.added_to(point)
-        after, point = follower.accept(found, selected)
+        after, point = follower.accept(found, selected, on_the_way=True)
         spent.add(point.newton, point.krylov, point.seconds)
         if before is not None:
             ds = follower.steps.next(ds, found.newton, follower.turn(before.iterate, now.iterate, after.iterate, now.size))

@@ -104,12 +104,13 @@ class PointSolver:
 
     @property
     def resolution(self) -> Resolution:
-        return Resolution(self.harmonics, self.problem.n_samples)
+        return Resolution(self.harmonics, self.problem.n_samples, self.tolerance)
 
     def change_to(self, resolution: Resolution) -> None:
-        """Go on with other harmonics and samples.  Collective; motions at hand are carried over by :meth:`fitted`."""
+        """Go on with other harmonics, samples and tolerance.  Collective; motions at hand are carried over by :meth:`fitted`."""
         if resolution != self.resolution:
             self.problem = self.problem.resolved(resolution.harmonics, resolution.n_samples)
+            self.tolerance = resolution.tolerance
             self.corrector.destroy()
             self.corrector = Corrector(self.problem, self.tolerance)
 
@@ -142,12 +143,13 @@ class PointSolver:
         found, _ = self.solve_at(state.iterate, state.size, state.selected, state.force)
         return state if found.failure else replace(state, iterate=found.iterate)
 
-    def solve_with(self, finer: Resolution, found: Correction, selected: np.ndarray) -> tuple[Correction, np.ndarray]:
-        """Solve a point again with more harmonics or samples; go back to the old ones where Newton fails.  Collective."""
+    def solve_with(self, finer: Resolution, found: Correction, selected: np.ndarray,
+                   force: float | None = None) -> tuple[Correction, np.ndarray]:
+        """Solve a point of contact forces ``force`` [N] again with more; go back where Newton fails.  Collective."""
         coarse = self.resolution
         self.change_to(finer)
         guess = self.fitted(found.iterate)
-        better, used = self.solve_at(guess, self.norm(guess.U), selected)
+        better, used = self.solve_at(guess, self.norm(guess.U), selected, force)
         better = replace(better, newton=found.newton + better.newton, krylov=found.krylov + better.krylov)
         if better.failure:
             self.change_to(coarse)

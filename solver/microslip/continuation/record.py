@@ -33,7 +33,7 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
     parameter, U = found.iterate.parameter, found.iterate.U
     model, omega, level = problem.model_at(parameter), problem.omega_at(parameter), problem.level_at(parameter)
     everything = np.ones(model.n_pairs, dtype=bool)
-    of_all = problem.contact_forces(U, everything, tangents=False)
+    of_all = problem.contact_forces(U, everything, tangents=estimator is not None)
     used = of_all if selected.all() else problem.contact_forces(U, selected, tangents=False)
     p = problem.full_force(used)
     shape, harmonics, recorded = (model.n_pairs, 3, model.N_H), model.harmonics, model.recorded
@@ -54,7 +54,7 @@ def point_record(problem: HarmonicBalance, found: Correction, selected: np.ndarr
         damping=damping, input=work, seconds=0.0,
         harmonics=harmonics.highest, samples=problem.n_samples, asked=asked,
         notes=() if problem.held_at is None else (HELD,),
-        error=None if estimator is None else estimator.at(problem, U, found.iterate.parameter, selected),
+        error=None if estimator is None else estimator.at(problem, U, found.iterate.parameter, selected, of_all),
     )
     return point, moves
 

@@ -11,24 +11,23 @@ with B = d output / d p at fixed motion of the pairs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..harmonic.anderson import Anderson
-from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
-from ..harmonic.preconditioner import HarmonicPreconditioner
-from ..harmonic.residual import ContactForces, HarmonicBalance
+from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
 from ..reduction import receptance
 from ..reduction.model import ReducedModel
+from .adjoint import Adjoints
 from .truth import Truth
 
 FINER = 2               # times the samples of the better problem
+SAMPLES = 4             # of the more harmonics, each, at least
 MOST_SWEEPS = 20        # steps of the iteration for the higher harmonics
 SETTLED = 0.1           # relative miss at which it ends
 ORDER = 1               # of the sampled law in 1 / N_t
-MANY_KRYLOV = 50        # GMRES iterations of an adjoint beyond which the next ones are preconditioned
 
 
 @dataclass(frozen=True)
@@ -49,36 +48,42 @@ class ErrorEstimator:
 
     def __init__(self, truth: Truth):
         self.truth, self.left_out = truth, truth.left_out
-        self.found = True                               # whether the adjoints of the last point were
-        self._step: NewtonStep | None = None
-        self._harmonics: Harmonics | None = None
+        self.adjoints = Adjoints()
+        self._models: dict[Harmonics, ReducedModel] = {}        # of the truth, by harmonics
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
-        if self._step is not None:
-            self._step.destroy()
-            self._step = None
+        self.adjoints.destroy()
 
-    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray) -> np.ndarray | None:
+    def model_on(self, harmonics: Harmonics) -> ReducedModel:
+        """Return the better model on a set of harmonics, made once.  Local."""
+        if harmonics not in self._models:
+            self._models[harmonics] = self.truth.model.with_harmonics(harmonics)
+        return self._models[harmonics]
+
+    def at(self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray,
+           of_all: ContactForces | None = None) -> np.ndarray | None:
         """Return the parts of the error of the complex amplitude of harmonic 1, (n_outputs, n_parts) [m], as in ``PARTS``.
 
         Collective.  None without harmonic 1.  Where an adjoint is not found the solver's part is the amplitude itself.
-        ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``.
+        ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``; ``of_all`` are the contact forces
+        of all pairs there, with tangents, where they are known.
         """
         model, omega, level = problem.model, problem.omega_at(parameter), problem.level_at(parameter)
         n_out = model.o.shape[0]
-        self.found = True
+        found = True
         if 1 not in model.harmonics:
             return None
-        truth = model if self.truth.is_solved else self.truth.model.with_harmonics(model.harmonics)
+        truth = model if self.truth.is_solved else self.model_on(model.harmonics)
         exact = problem if self.truth.is_solved else problem.of(truth)
-        forces = exact.contact_forces(U, np.ones(model.n_pairs, dtype=bool), tangents=True)
+        forces = of_all or exact.contact_forces(U, np.ones(model.n_pairs, dtype=bool), tangents=True)
         used = forces if selected.all() else problem.contact_forces(U, selected, tangents=False)
         p = problem.full_force(used)
         changes = self.changes(exact, U, parameter, problem.full_force(forces), p)
         n_samples = 0 if self.left_out is None else self.left_out.of_pairs.shape[1]
         if len(forces.active) > 0 or changes.are_any:
             totals = self.through_the_joint(problem, exact, U, parameter, forces, used, changes)
+            found = self.adjoints.found
         else:                                           # all pairs stick, in the better problems too: no adjoint is needed
             totals = np.zeros(2 * n_out * (5 + n_samples * truth.N_H))
         by_harmonics, by_samples, by_pairs, by_solver, by_basis = totals[: 10 * n_out].reshape(5, -1)
@@ -89,7 +94,7 @@ class ErrorEstimator:
         by_modes = np.abs(by_basis)
         if self.left_out is not None:
             by_modes = by_modes + self.left_out.changes(truth, level, omega, p, felt)
-        if not self.found:
+        if not found:
             by_solver = by_solver + np.abs(first_harmonic(model, receptance.output_motion(model, level, omega, p)))
         parts = np.stack([by_modes, by_harmonics, by_samples, by_pairs, by_solver], axis=-1)
         return np.hypot(parts[:n_out], parts[n_out:])
@@ -100,16 +105,16 @@ class ErrorEstimator:
 
         Collective: sums over the ranks, and a broadcast.
         """
-        truth, own = exact.model, exact.model.owned_rows
-        chi, tau = self.adjoints(exact, forces, parameter, sensitivity(truth, problem.omega_at(parameter)))
-        residual = _residual(problem, U, parameter, used)
+        truth, own, G = exact.model, exact.model.owned_rows, exact.receptance_at(parameter, forces.active)
+        chi, tau = self.adjoints.solve(exact, forces, G, sensitivity(truth, problem.omega_at(parameter)))
+        residual = _residual(problem, U, parameter, used, G if used is forces and exact is problem else None)
         sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
         if not self.truth.is_solved:
             sums[-1] = tau @ (_residual(exact, U, parameter, used) - residual).ravel()
         felt = np.zeros((len(tau), 0, truth.N_H))
         if self.left_out is not None:
-            felt = np.einsum("sk,qsh->qkh", self.left_out.of_pairs[own], tau.reshape(len(tau), -1, truth.N_H))
+            felt = np.matmul(self.left_out.of_pairs[own].T, tau.reshape(len(tau), -1, truth.N_H))
         return problem.comm.bcast(problem.gather_sum(np.concatenate([*sums, felt.ravel()])))
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray, p: np.ndarray) -> Changes:
@@ -120,49 +125,23 @@ class ErrorEstimator:
         """
         harmonics, more = exact.model.harmonics, extended(exact.model.harmonics)
         everything, nothing = np.ones(exact.model.n_pairs, dtype=bool), np.zeros_like(p_all)
-        finer = exact.resolved(more, FINER * max(exact.n_samples, 2 * (more.highest + 1) // FINER))
+        finer = exact.resolved(harmonics, FINER * exact.n_samples)
+        by_samples = finer.full_force(finer.contact_forces(U, everything, tangents=False)) - p_all
+        wider = exact.of(self.model_on(more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
         U_more = harmonics.carry(U, more)
-        at_finer = forces = finer.contact_forces(U_more, everything, tangents=False)
+        at_wider = forces = wider.contact_forces(U_more, everything, tangents=False)
         if len(forces.active) == 0:
-            return Changes(nothing, nothing, p_all - p)
-        by_samples = more.carry(finer.full_force(at_finer), harmonics) - p_all
+            return Changes(nothing, _RICHARDSON * by_samples, p_all - p)
         higher, mixing = np.zeros_like(U_more), Anderson(exact)
         for _ in range(MOST_SWEEPS):
-            excited = -finer.receptance_at(parameter, forces.active).apply(forces.p)
+            excited = -wider.receptance_at(parameter, forces.active).apply(forces.p)
             higher, miss = mixing.next(higher, excited - harmonics.carry(more.carry(excited, harmonics), more))
             if miss <= SETTLED:
                 break
-            forces = finer.contact_forces(U_more + higher, everything, tangents=False)
-        by_harmonics = more.carry(finer.full_force(forces) - finer.full_force(at_finer), harmonics)
+            forces = wider.contact_forces(U_more + higher, everything, tangents=False)
+        by_harmonics = more.carry(wider.full_force(forces) - wider.full_force(at_wider), harmonics)
         by_harmonics *= max(1.0, miss / SETTLED)                # what never settled is known no better than that
         return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
-
-    def adjoints(self, exact: HarmonicBalance, forces: ContactForces, parameter: float,
-                 B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return chi and tau = P^T chi of this rank's pairs, each (n_quantities, 3 n_owned N_H).  Collective."""
-        self.found = True
-        B_owned, tau = B[:, exact.model.owned_rows].reshape(len(B), *exact.shape), np.zeros((len(B), *exact.shape))
-        if len(forces.active) == 0:
-            return B_owned.reshape(len(B), -1), tau.reshape(len(B), -1)
-        if self._step is None or self._harmonics != exact.model.harmonics:
-            self.destroy()
-            self._step, self._harmonics = NewtonStep(exact), exact.model.harmonics
-        self._step.problem = exact
-        assert forces.P is not None, "asked for with tangents"
-        transposed, owned = replace(forces, P=np.ascontiguousarray(forces.P.transpose(0, 2, 1))), forces.active_owned
-        G, nothing = exact.receptance_at(parameter, forces.active).adjoint(), np.zeros(exact.shape)
-        at = Linearisation(transposed, G, nothing, nothing, 1.0, Gatherer(exact.comm, 3 * len(owned) * exact.model.N_H, 2))
-        chi = np.empty_like(tau)
-        for i, unit in enumerate(np.abs(B).max(axis=(1, 2))):                       # the same on every rank
-            chi[i], _, iterations, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
-            if iterations > MANY_KRYLOV or reason < 0:
-                self._step.preconditioner = HarmonicPreconditioner(exact, transposed, G)
-            if reason < 0:
-                chi[i], _, _, reason = self._step.solve(at, B_owned[i] / (unit or 1.0), 0.0)
-            self.found = self.found and reason >= 0
-            chi[i] *= unit
-            tau[i, owned] = at.pair_forces(chi[i, owned]).reshape(len(owned), *exact.shape[1:])
-        return chi.reshape(len(B), -1), tau.reshape(len(B), -1)
 
 
 _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)       # the limit of many samples, from N_t and FINER N_t
@@ -195,7 +174,8 @@ def extended(harmonics: Harmonics) -> Harmonics:
     return Harmonics.odd_up_to(highest) if all(n % 2 for n in harmonics.chosen) else Harmonics.up_to(highest)
 
 
-def _residual(problem: HarmonicBalance, U: np.ndarray, parameter: float, forces: ContactForces) -> np.ndarray:
-    """Return this rank's rows of (5.1), (n_owned, 3, N_H) [m].  Collective where static columns are new."""
+def _residual(problem: HarmonicBalance, U: np.ndarray, parameter: float, forces: ContactForces,
+              G: ReceptanceColumns | None = None) -> np.ndarray:
+    """Return this rank's rows of (5.1), (n_owned, 3, N_H) [m], with G of the active pairs.  Collective without it."""
     U_lin, _ = problem.linear_motion(parameter)
-    return U - U_lin + problem.receptance_at(parameter, forces.active).apply(forces.p)
+    return U - U_lin + (G or problem.receptance_at(parameter, forces.active)).apply(forces.p)

@@ -63,9 +63,9 @@ class ModesLeftOut:
 
 def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
     """Return the norm of each harmonic, (..., n_harmonics), of samples (..., SAMPLES, N_H).  Local."""
-    widths = [1 if n == 0 else 2 for n in model.harmonics.numbers]
-    starts = np.concatenate([[0], np.cumsum(widths)[:-1]])
-    return np.sqrt(np.add.reduceat((samples**2).sum(axis=-2), starts, axis=-1))
+    squares = np.einsum("...sh,...sh->...h", samples, samples)
+    mean, cos, sin = (squares[..., columns] for columns in (model.harmonics.mean, model.harmonics.cos, model.harmonics.sin))
+    return np.sqrt(np.concatenate([mean, cos + sin], axis=-1))
 
 
 def sample_modes_left_out(linearised, modes, model: ReducedModel) -> ModesLeftOut | None:

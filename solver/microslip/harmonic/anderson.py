@@ -23,11 +23,18 @@ class Anderson:
         self.values.append(value)
         self.misses.append(value - x)
         miss = self.misses[-1].ravel()
-        steps = np.array([other.ravel() - miss for other in self.misses[:-1]]).reshape(len(self.misses) - 1, len(miss))
-        columns = np.column_stack([steps.T, miss, value.ravel()])
-        products = self.problem.comm.bcast(self.problem.gather_sum(columns.T @ columns))
-        n = len(steps)
-        weights = -np.linalg.lstsq(products[:n, :n], products[:n, n], rcond=1e-12)[0]
+        rows = np.stack([*(other.ravel() - miss for other in self.misses[:-1]), miss, value.ravel()])
+        products, n = self.problem.gather_sum(rows @ rows.T), len(rows) - 2
+        if self.problem.comm.size > 1:
+            products = self.problem.comm.bcast(products)
+        weights = least(products[:n, :n], -products[:n, n])
         mean = value + sum(weight * (other - value) for weight, other in zip(weights, self.values))
         size = products[n + 1, n + 1]
         return mean, float(np.sqrt(products[n, n] / size)) if size > 0.0 else 0.0
+
+
+def least(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the least x with A x nearest to b, for A (n, n) symmetric, n >= 0.  Local."""
+    if len(b) < 2:
+        return np.divide(b, A.diagonal(), out=np.zeros_like(b), where=A.diagonal() > 0.0)
+    return np.linalg.lstsq(A, b, rcond=1e-12)[0]

@@ -140,7 +140,7 @@ class NewtonStep:
             self._columns = ActiveColumns(self.comm, at.G, at.forces.active_owned, precision)
         self._columns.c = at.G.c                # all that the frequency changes
         assert at.forces.P is not None, "made of a linearisation"
-        self._P: np.ndarray = (at.forces.P * self._columns.unit).astype(self._columns.precision)
+        self._P: np.ndarray = self._columns.scaled(at.forces.P)
         self._r_nu = at.r_nu[at.forces.active_owned].ravel()
 
     def _condense_row(self, at: Linearisation, b_U: np.ndarray) -> float:

@@ -284,3 +284,17 @@ class ActiveColumns:
         """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
         product = (p.T.astype(self.precision, copy=False) @ self.columns).T
         return product[: self.n_rows] + self.r_rows @ receptance.modal(self.c, product[self.n_rows:].astype(float))
+
+    def scaled(self, P: np.ndarray) -> np.ndarray:
+        """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
+        scaled: np.ndarray = np.empty_like(P, dtype=self.precision)
+        return np.multiply(P, self.unit, out=scaled, casting="same_kind")
+
+    def apply_to_several(self, p: np.ndarray) -> np.ndarray:
+        """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in those units.  Local."""
+        n, rows, N_H = p.shape
+        together = p.swapaxes(0, 1).reshape(rows, n * N_H)
+        product = self.columns.T @ together.astype(self.precision, copy=False)
+        q = product[self.n_rows:].astype(float)
+        modal = receptance.modal(self.c, q.reshape(len(q), n, N_H)).reshape(q.shape)
+        return (product[: self.n_rows] + self.r_rows @ modal).reshape(self.n_rows, n, N_H).swapaxes(0, 1)

@@ -25,20 +25,27 @@ class WholeInverse:
         P, static = problem.gather(forces.P), problem.gather(G.rows(forces.active_owned))
         harmonics = problem.model.harmonics
         columns = receptance_of(static, [G.dynamic_block(i) for i in range(len(harmonics))], harmonics)
-        G_P = np.einsum("rmi,mij->rmj", columns.reshape(len(columns), len(P), 3 * N_H), P)
-        self.factor = scipy.linalg.lu_factor(np.eye(len(columns)) + G_P.reshape(columns.shape), check_finite=False)
+        blocks = columns.reshape(len(columns), len(P), 3 * N_H).swapaxes(0, 1)                    # (n_active, rows, 3 N_H)
+        G_P = np.matmul(blocks, P).swapaxes(0, 1).reshape(columns.shape)
+        G_P[np.diag_indices_from(G_P)] += 1.0
+        self.factor = scipy.linalg.lu_factor(G_P, check_finite=False)
         counts = comm.allgather(len(forces.active_owned))
         first = 3 * sum(counts[: comm.rank])
         self.own = slice(first, first + 3 * len(forces.active_owned))
 
     def apply(self, x: np.ndarray) -> np.ndarray:
         """Return (I + G P)^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""
-        N_H = x.shape[-1]
-        rows = self.problem.gather(x[self.active_owned].reshape(-1, N_H))
-        solved = scipy.linalg.lu_solve(self.factor, rows.ravel(), check_finite=False).reshape(-1, N_H)
         y = x.copy()
-        y[self.active_owned] = solved[self.own].reshape(-1, 3, N_H)
+        y[self.active_owned] = self.solve(x[None, self.active_owned])[0]
         return y
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return (I + G P)^-1 b for several right-hand sides, (n, m, 3, N_H) both, m active pairs of this rank.  Collective."""
+        by_row = self.problem.gather(b.reshape(len(b), 3 * b.shape[1], b.shape[-1]).swapaxes(0, 1))      # (3 n_active, n, N_H)
+        columns = by_row.swapaxes(1, 2).reshape(-1, len(b))
+        x = scipy.linalg.lu_solve(self.factor, columns, check_finite=False)
+        own = x.reshape(len(by_row), -1, len(b))[self.own]
+        return np.moveaxis(own, -1, 0).reshape(b.shape)
 
 
 def receptance_of(static: np.ndarray, dynamic: list[np.ndarray], harmonics: Harmonics) -> np.ndarray:

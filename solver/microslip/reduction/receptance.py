@@ -74,14 +74,17 @@ def to_real(amplitudes: np.ndarray, N_H: int) -> np.ndarray:
 
 
 def modal(c: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return the real coefficients of c_n q_n for modal forces q, real coefficients (n_phi, N_H).  Local."""
+    """Return the real coefficients of c_n q_n for modal forces q, real coefficients (n_phi, N_H), or (n_phi, n, N_H).  Local."""
     if c.ndim == 3:
-        return to_real(np.einsum("hij,jh->ih", c, to_complex(q)), q.shape[1])
-    first = q.shape[1] % 2                          # column of the first cosine
-    y, real, imag, cos, sin = np.empty_like(q), c.real[:, first:], c.imag[:, first:], q[:, first::2], q[:, first + 1::2]
-    y[:, :first] = c.real[:, :first] * q[:, :first]
-    y[:, first::2] = real * cos + imag * sin        # amplitudes are cos - i sin
-    y[:, first + 1::2] = real * sin - imag * cos
+        n = q.shape[1] if q.ndim == 3 else 1
+        q_n = to_complex(q.reshape(len(q) * n, q.shape[-1])).T.reshape(len(c), len(q), n)
+        return to_real(np.moveaxis(c @ q_n, 0, -1).reshape(len(q) * n, len(c)), q.shape[-1]).reshape(q.shape)
+    first = q.shape[-1] % 2                         # column of the first cosine
+    c = c.conj() if q.ndim == 2 else c.conj()[:, None, :]
+    y = np.empty(q.shape)
+    y[..., :first] = c.real[..., :first] * q[..., :first]
+    pairs = np.ascontiguousarray(q[..., first:], dtype=float).view(complex)    # cos + i sin, the conjugates of amplitudes
+    np.multiply(c[..., first:], pairs, out=y[..., first:].view(complex))
     return y
 
 

@@ -46,7 +46,8 @@ def audit_text(branches: list[Branch]) -> str:
         top = max(branch.points, key=lambda point: amplitude(point.response[0]))
         lines.append(f"  {branch.level:>10.6g} {closures.max():>15.1e} {worst.omega / 2 / np.pi:>12.7g} "
                      f"{worst.input:>12.4e} {top.friction:>16.4e}")  # fmt: skip
-        n_beyond = np.count_nonzero(closures > BOUND)
+        bound = branch.closes_to
+        n_beyond = np.count_nonzero(closures > bound)
         if n_beyond:
-            lines.append(f"  {n_beyond} of {len(closures)} points close worse than {BOUND:.0e}; lower [solver] tolerance")
+            lines.append(f"  {n_beyond} of {len(closures)} points close worse than {bound:.0e}; lower [solver] tolerance")
     return "\n".join(lines)

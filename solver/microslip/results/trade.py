@@ -22,7 +22,7 @@ ROUNDING = 1e-9         # of the peak: no point is known better
 
 @dataclass(frozen=True)
 class Setting:
-    """What a run is solved with; ``accuracy`` chooses harmonics and samples by itself, which are then those it began with."""
+    """What a run is solved with; ``accuracy`` chooses harmonics, samples and tolerance by itself, whatever they say here."""
 
     modes: int
     harmonics: int
@@ -42,7 +42,9 @@ class Setting:
             lines.append(f"accuracy = {self.accuracy:g}")
         if self.energy_tolerance is not None:
             lines.append(f"energy_tolerance = {self.energy_tolerance:g}")
-        return "\n".join([*lines, f"tolerance = {self.tolerance:g}"])
+        if self.accuracy is None:
+            lines.append(f"tolerance = {self.tolerance:g}")
+        return "\n".join(lines)
 
     def turned(self, knob: str, value: Any) -> Setting:
         """Return it with another value of a knob."""

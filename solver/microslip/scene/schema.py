@@ -328,7 +328,7 @@ class Scene(Table):
             self._path, self._text = context["path"], context["text"]
 
     def chooses(self, key: str) -> bool:
-        """Tell whether the program chooses a key of [solver] at each point, harmonics or samples, by the accuracy asked for."""
+        """Tell whether the program chooses harmonics, samples or tolerance at each point, by the accuracy asked for."""
         return self.solver.accuracy is not None and key not in self.solver.model_fields_set
 
     @property
