@@ -50,7 +50,7 @@ ABOUT = (
     "most 4), is what the reference itself may be wrong by. A smaller error is shown as `< ...`, a choice is made only where error and that "
     "together are within the accuracy asked.",
     "`own %` is what a knob alone does: the difference from the finest value of the same knob, all others as in the base; of harmonics "
-    "and methods, from the reference. `time s` is the wall time of the response, `CPU s` its processor time, by which runs are ranked and compared, `+ bars s` the wall time with error bars; the set-up of a row, modes and "
+    "and methods, from the reference. `time s` is the wall time of the response, `CPU s` its processor time, by which runs are ranked and compared, `+ bars s` the processor time with error bars, which a run has unless its scene says no (an accuracy always has them); the set-up of a row, modes and "
     "reduction, stands apart, and what all rows share (mesh, factor, static columns) is not in it. The time of m modes is read off a straight line "
     "between two eigensolutions that were timed. `bar %` is the largest error bar; `covered %` the share of the points under their bar, `bar/error` the "
     "median, both over the points whose error is above what the reference is known to.",

@@ -174,13 +174,15 @@ class Bench:
         if timed.wall < SHORT and not any(branch.failure for branch in timed.branches):
             again = self._timed_branches(prepared, setting, omegas, bars=False)
             if again.wall < timed.wall:
-                timed = replace(timed, wall=again.wall, cpu=again.cpu, wall_of_bars=timed.wall_of_bars + again.wall - timed.wall)
+                timed = replace(timed, wall=again.wall, cpu=again.cpu,
+                                wall_with_bars=timed.wall_with_bars + again.wall - timed.wall,
+                                cpu_with_bars=timed.cpu_with_bars + again.cpu - timed.cpu)
         failure = "; ".join(f"{branch.level:g} N ends after {len(branch.points)} points: {branch.failure}"
                             for branch in timed.branches if branch.failure)
         unknowns = max((point.unknowns for branch in timed.branches for point in branch.points), default=0)
         curves = self.comm.bcast(tuple(curve_of(branch) for branch in timed.branches))
         return Run(knob, value, setting, prepared.seconds + self.setup_of_modes(setting.modes), timed.wall, timed.cpu,
-                   timed.wall_of_bars, unknowns, curves, failure or None)
+                   timed.wall_with_bars, timed.cpu_with_bars, unknowns, curves, failure or None)
 
     def _timed_branches(self, prepared: Prepared, setting: Setting, omegas, bars: bool) -> Timed:
         """Return the branches of all levels and their times; the error bars count apart unless the response needs them."""
@@ -194,7 +196,7 @@ class Bench:
             if estimator is not None and accuracy is None:
                 spent += estimator.spent
         (wall, cpu), (wall_of_bars, cpu_of_bars) = self.comm.bcast((Stopwatch.read() - start, spent))
-        return Timed(branches, float(wall - wall_of_bars), float(cpu - cpu_of_bars), float(wall))
+        return Timed(branches, float(wall - wall_of_bars), float(cpu - cpu_of_bars), float(wall), float(cpu))
 
 
 @dataclass(frozen=True)
@@ -204,7 +206,8 @@ class Timed:
     branches: list[Branch]
     wall: float             # s, without error bars
     cpu: float              # s
-    wall_of_bars: float     # s, with them
+    wall_with_bars: float   # s
+    cpu_with_bars: float    # s
 
 
 class Stopwatch:
@@ -233,7 +236,7 @@ class TimedEstimator(ErrorEstimator):
 
 def not_run(knob: str, value: str, setting: Setting, why: str) -> Run:
     """Return a run without results.  Local."""
-    return Run(knob, value, setting, np.nan, np.nan, np.nan, np.nan, 0, (), why)
+    return Run(knob, value, setting, np.nan, np.nan, np.nan, np.nan, np.nan, 0, (), why)
 
 
 def curve_of(branch: Branch) -> Curve:

@@ -44,7 +44,7 @@ def curve(error=0.0, bar=0.0, level=3.0):
 
 def run(knob, value, seconds, error, bar=np.nan, setup=0.1, failure=None, **changed):
     setting = replace(Setting(modes=8, harmonics=5, samples=256), **changed)
-    return Run(knob, value, setting, setup, seconds, seconds, 1.3 * seconds, 100, (curve(error, bar),), failure)
+    return Run(knob, value, setting, setup, seconds, seconds, 1.3 * seconds, 1.3 * seconds, 100, (curve(error, bar),), failure)
 
 
 def study(*runs, floor=1e-5):
@@ -148,7 +148,11 @@ def test_combinations_are_the_cheapest_that_the_single_knobs_let_expect():
 def test_files_and_table(tmp_path):
     found = study(*HARMONICS, run("accuracy", "0.01", 0.7, 4e-3, 9e-3, accuracy=1e-2))
     text = write_trade(found, Scene(), str(tmp_path))
-    assert "accuracy = 0.01: met, error 0.4 %" in text and "for 0.1 %: error 0.05 % measured" in text
+    fixed = min((entry for entry in found.complete if entry.knob != "accuracy" and found.score(entry).error <= 1e-2), key=lambda entry: entry.cost)
+    assert found.best_fixed(1e-2) is fixed and found.best_fixed(1e-9) is None
+    compared = f"{0.7 / fixed.cost:.2g}x that of the best fixed setting ({fixed.knob} {fixed.value}".rstrip()
+    assert f"accuracy = 0.01: met, error 0.4 %, in 0.7 s, bars included: {compared}), {0.7 / 1.3 / fixed.cost:.2g}x with its bars" in text
+    assert "for 0.1 %: error 0.05 % measured" in text
     with open(tmp_path / "trade.csv", newline="") as file:
         table = list(csv.DictReader(file))
     assert [entry["knob"] for entry in table] == [entry.knob for entry in found.ordered()]

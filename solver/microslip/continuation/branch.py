@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -51,4 +51,5 @@ class Branch:
     def with_segment_from_the_other_end(self, other: Branch) -> Branch:
         """Return the branch, which ended early, and what was followed from the other end of the range, as one."""
         failure = other.failure and f"{self.failure}; and from the other end of the range: {other.failure}"
-        return Branch(self.level, self.points + other.points, failure, False, self.odd, None if failure else self.failure)
+        return replace(self, points=self.points + other.points, failure=failure, scaled=False,
+                       broken=None if failure else self.failure)

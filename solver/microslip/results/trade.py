@@ -84,6 +84,7 @@ class Run:
     seconds: float              # s of wall time, the response at all frequencies of all levels, without error bars
     cpu: float                  # s of processor time of one rank
     seconds_with_bars: float    # s of wall time
+    cpu_with_bars: float        # s of processor time
     unknowns: int               # the most at any point
     curves: tuple[Curve, ...]
     failure: str | None = None
@@ -249,6 +250,12 @@ class Study:
         """Return the run with the least time, set-up included, that is surely within ``target``; None where there is none."""
         good = [run for run in self.complete if self.sure_error(run) + self.reference.floor <= target]
         return min(good, key=lambda run: run.cost + run.setup) if good else None
+
+    def best_fixed(self, target: float) -> Run | None:
+        """Return the run of fixed settings with the least processor time that is within ``target``; None where there is none."""
+        good = [run for run in self.complete if run.setting.accuracy is None
+                and self.score(run).error <= max(target, self.reference.floor)]
+        return min(good, key=lambda run: run.cost) if good else None
 
     def sure_error(self, run: Run) -> float:
         """Return the error of a run, or what its knob alone is wrong by: errors that cancel at these points do not at others."""

@@ -17,12 +17,12 @@ from .trade import COMBINED, TARGETS, Curve, Run, Score, Study, score
 COLUMNS = {
     "knob": "knob", "value": "value", "level_N": "level N", "method": "method", "modes": "modes", "harmonics": "H",
     "samples": "N_t", "tolerance": "tolerance", "energy_tolerance_J": "eps J", "accuracy": "accuracy", "unknowns": "unknowns",
-    "points": "points", "setup_s": "set-up s", "seconds": "time s", "cpu_s": "CPU s", "seconds_with_bars": "+ bars s",
+    "points": "points", "setup_s": "set-up s", "seconds": "time s", "cpu_s": "CPU s", "cpu_with_bars_s": "+ bars s",
     "error_percent": "error %", "rms_percent": "rms %", "own_percent": "own %", "peak_percent": "peak %",
     "frequency_percent": "frequency %", "bar_percent": "bar %", "covered_percent": "covered %", "bar_over_error": "bar/error",
     "on_front": "front", "failure": "failure",
 }
-SHOWN = ("knob", "value", "modes", "harmonics", "samples", "unknowns", "setup_s", "seconds", "cpu_s", "seconds_with_bars",
+SHOWN = ("knob", "value", "modes", "harmonics", "samples", "unknowns", "setup_s", "seconds", "cpu_s", "cpu_with_bars_s",
          "error_percent", "rms_percent", "own_percent", "peak_percent", "bar_percent", "covered_percent", "bar_over_error",
          "on_front")
 _WIDE = 170         # columns of the printed table
@@ -82,7 +82,7 @@ def _record(run: Run, level: str, curves: Sequence[Curve], found: Score, own: fl
         run.knob, run.value, level, setting.method, setting.modes, setting.harmonics, setting.samples, setting.tolerance,
         np.nan if setting.energy_tolerance is None else setting.energy_tolerance,
         np.nan if setting.accuracy is None else setting.accuracy, run.unknowns, sum(len(curve.omega) for curve in curves),
-        run.setup, run.seconds, run.cpu, run.seconds_with_bars, 100 * found.error, 100 * found.rms, 100 * own, 100 * found.peak,
+        run.setup, run.seconds, run.cpu, run.cpu_with_bars, 100 * found.error, 100 * found.rms, 100 * own, 100 * found.peak,
         100 * found.frequency, 100 * found.bar, 100 * found.coverage, found.ratio, "yes" if is_best else "", run.failure or "",
     )))
 
@@ -124,7 +124,7 @@ def _cell(name: str, record: dict, floor: float) -> str:
         return "\u2013"
     if name in ("error_percent", "own_percent", "peak_percent", "rms_percent") and value < 100.0 * floor:
         return f"< {100.0 * floor:.2g}"
-    return f"{value:.3g}" if name in ("setup_s", "seconds", "cpu_s", "seconds_with_bars", "covered_percent") else f"{value:.2g}"
+    return f"{value:.3g}" if name in ("setup_s", "seconds", "cpu_s", "cpu_with_bars_s", "covered_percent") else f"{value:.2g}"
 
 
 def table(study: Study) -> str:
@@ -204,8 +204,18 @@ def sentences(study: Study) -> list[str]:
             error = study.score(run).error
             said = "met" if error + study.reference.floor <= run.setting.accuracy else \
                 "met as far as the reference tells" if error <= max(run.setting.accuracy, study.reference.floor) else "missed"
-            found.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {run.cost:.2g} s")
+            cost = f"{run.cost:.2g} s{_beside_fixed(study, run)}"
+            found.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {cost}")
     return found
+
+
+def _beside_fixed(study: Study, run: Run) -> str:
+    """Say how the cost of a run of an accuracy, whose bars are in it, compares with the best fixed setting."""
+    best = study.best_fixed(run.setting.accuracy or 0.0)
+    if best is None:
+        return ", bars included; no fixed setting that was run reaches it"
+    return (f", bars included: {run.cost / best.cost:.2g}x that of the best fixed setting ({best.knob} {best.value}".rstrip()
+            + f"), {run.cost / best.cpu_with_bars:.2g}x with its bars")
 
 
 def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
