@@ -89,6 +89,7 @@ class Correction:
     residual: float             # scaled 2-norm
     failure: str | None
     bound: float = 0.0          # the tolerance that was asked for
+    gap: float = 0.0            # m, the most that the motion of the stiffest pairs and that under their forces differ by
 
 
 class Corrector:
@@ -180,7 +181,7 @@ class Corrector:
                        f"(bound {self.tolerance:.1e})")
         return Correction(
             self._unpack(self._x), self._snes.getIterationNumber(), self._snes.getLinearSolveIterations(),
-            self._snes.getFunctionNorm(), failure, self.tolerance,
+            self._snes.getFunctionNorm(), failure, self.tolerance, self._snes.getFunctionNorm() * scaling.U / scaling.weight,
         )
 
     def residual_at(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> np.ndarray:

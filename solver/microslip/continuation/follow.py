@@ -29,6 +29,7 @@ BEGINNINGS = {LevelFamily: (1e-2, 1e-4), DampingFamily: (1e-1, 1e-3)}     # of t
 MOST_APPROACH_ITERATIONS = 1500         # of Newton, on one such way; those that arrive take some hundreds
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
 MISSED = "accuracy not met: more harmonics or samples than the program uses or the scene states, or no convergence with them"
+UNBALANCED = 5e-6       # of the forces beyond which a point is not one, at a tolerance of 1e-8
 MOSTLY = 0.8            # share of the pairs that slip or are open, from which the mean of the slip may be held
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
@@ -65,6 +66,7 @@ class BranchFollower(Stepper):
         while True:
             try:
                 point, moves = point_record(self.problem, found, selected, self.selection, asked, estimator)
+                self._check_forces(found, point)
             except ConvergenceError:
                 tighter = self.accuracy and self.accuracy.tighter(self.resolution)      # its residual alone may be to blame
                 better, used = self.solve_with(tighter, found, selected) if tighter else (found, selected)
@@ -93,6 +95,17 @@ class BranchFollower(Stepper):
         sliding = float((point.state != STICK).mean())
         amplitude = point.response[:, 1] - 1j * point.response[:, 2]
         return State(found.iterate, B, self.norm(found.iterate.U), force, not moves.any(), sliding, amplitude), point
+
+    def _check_forces(self, found: Correction, point: Point) -> None:
+        """Raise ConvergenceError where a motion has outgrown the forces so far that they have no digits left.  Collective."""
+        there = found.iterate
+        loads = abs(self.problem.level_at(there.parameter)) * float(np.linalg.norm(self.problem.model.f))
+        forces, unbalanced = loads + self.force_at(there, point), float(self.stiffest) * found.gap
+        if unbalanced > max(UNBALANCED, 500.0 * found.bound) * forces:
+            raise ConvergenceError(
+                f"hb: at {self.problem.where(there.parameter)} contact forces of {unbalanced:.1e} N are lost beside a motion of "
+                f"{self.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body that nothing but its joint holds, or a joint "
+                "far too stiff? Hold the body, or lower the stiffness")
 
     def force_at(self, there: Iterate, point: Point) -> float:
         """Return |f_nl| over all ranks [N] at a point on record.  Collective."""
@@ -171,7 +184,7 @@ class BranchFollower(Stepper):
                 continue
             if self.sweep.before(found.iterate.parameter):
                 raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, "
-                                       f"{self.problem.where(self.sweep.start)}; begin further off, or sweep the other way")
+                                       f"{self.problem.where(self.sweep.start)}; begin further off")
             if self.sweep.beyond(found.iterate.parameter):
                 end = interpolate(now.iterate, found.iterate, self.sweep.stop)
                 yield from self.asked(now, end, selected)
