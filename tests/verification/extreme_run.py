@@ -49,6 +49,7 @@ class Outcome:
     errors: dict[str, float] = field(default_factory=dict)     # the largest of each kind over the points
     expectation: float = 0.0    # error against what the case expects
     held: int = 0               # points with the mean slip held
+    in_segments: bool = False   # a level was completed from the other end of its range
     seconds: float = 0.0
     cpu: float = 0.0            # processor time [s]
 
@@ -82,6 +83,7 @@ def _solve_and_judge(case: Case, outcome: Outcome, folder: Path) -> None:
     sparse = sp.issparse(system["K"])
     judge = None if sparse else point_check.Judge(system, H, samples)
     for branch in branches:
+        outcome.in_segments |= branch.broken is not None
         if branch.failure:
             outcome.status, outcome.words = FAILED, branch.failure
     faults = []

@@ -104,8 +104,8 @@ class BranchFollower(Stepper):
         if unbalanced > max(UNBALANCED, 500.0 * found.bound) * forces:
             raise ConvergenceError(
                 f"hb: at {self.problem.where(there.parameter)} contact forces of {unbalanced:.1e} N are lost beside a motion of "
-                f"{self.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body that nothing but its joint holds, or a "
-                "joint far too stiff? Hold the body, or lower the stiffness")
+                f"{self.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body that nothing but its joint holds, "
+                "or a joint far too stiff? Hold the body, or lower the stiffness")
 
     def force_at(self, there: Iterate, point: Point) -> float:
         """Return |f_nl| over all ranks [N] at a point on record.  Collective."""
