@@ -90,7 +90,9 @@ class PointSolver:
         ------
         ConvergenceError : the stuck structure resonates there without damping; on every rank
         """
-        if not np.isfinite(self.norm(self.problem.linear_motion(guess.parameter)[0])):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            U_lin, _ = self.problem.linear_motion(guess.parameter)
+        if not np.isfinite(self.norm(U_lin)):
             raise ConvergenceError(f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: "
                                    "its linear response is infinite there; state [damping], or another frequency")
         found, selected = self.solve(guess, ConstraintRow.fixed_parameter(guess), size, selected, force)
