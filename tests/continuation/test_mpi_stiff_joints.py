@@ -11,7 +11,7 @@ from oracles import point_check
 from verification import extreme_structures as structures
 
 from microslip.contact.law import ContactParameters
-from microslip.continuation import point_solver
+from microslip.continuation import follow, point_solver
 from microslip.continuation.corrector import row_weights
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.steps import ArcLength
@@ -40,11 +40,15 @@ def test_contact_forces_of_a_stiff_joint_are_right():
     assert worst(system, found, "force") < 1e-5
 
 
-def test_they_are_not_without_the_weights(monkeypatch):
+def test_without_the_weights_they_are_refused(monkeypatch):
     monkeypatch.setattr(point_solver, "row_weights", lambda k, size, force, tolerance: np.ones_like(k))
     system = structures.spatial(k_t=1e-3, k_n=1e5)
     found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
-    assert worst(system, found, "force") > 1e-5
+    assert "contact forces of" in found.failure and "are lost beside a motion" in found.failure
+    assert worst(system, found, "force") < 1e-5
+    monkeypatch.setattr(follow, "UNBALANCED", np.inf)
+    unjudged = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
+    assert worst(system, unjudged, "force") > 1e-5
 
 
 def test_weights_leave_a_joint_as_stiff_as_its_structure_alone():
