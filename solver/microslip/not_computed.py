@@ -66,7 +66,7 @@ def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:
     low, high = min(numbers), max(numbers)
     if not slips:
         return [f"solution in harmonics above {high}: no load acts in them, and the response is linear"]
-    above = f"{high}" if low == high else f"{low} to {high}, as each point needed"
+    above = f"{high}" if low == high else f"the highest that each point needed, {low} to {high}"
     return [f"solution in harmonics above {above}: {changes(slips, 'harmonics')}"]
 
 

@@ -60,16 +60,19 @@ def test_a_scene_without_joint_has_no_contact_at_all(tmp_path):
     assert not any("Newton" in line for line in said)
 
 
-def test_statics_without_a_joint_are_one_point_a_level(tmp_path):
+@pytest.mark.parametrize("direction, begins", [("up", 5.0), ("down", 15.0)])
+def test_statics_without_a_joint_are_one_point_a_level(tmp_path, direction, begins):
     for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
     (tmp_path / "static.toml").write_text(
         '[model]\nstiffness = "K.mtx"\nmass = "M.mtx"\n[[loads]]\ndof = 1\nscale = 1.0\nharmonic = 0\n[[outputs]]\nname = "a"\ndof = 0\n'
-        "[damping]\nratio = 0.01\n[response]\nlevels = [1.0, 2.0]\nfrequencies = [5.0, 15.0]\nat = [7.0]\npoints = 9\n[solver]\nharmonics = 0\n")
+        "[damping]\nratio = 0.01\n[response]\nlevels = [1.0, 2.0]\nfrequencies = [5.0, 15.0]\nat = [7.0]\npoints = 9\n"
+        f'direction = "{direction}"\n[solver]\nharmonics = 0\n')
     done = microslip("run", "static.toml", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = np.genfromtxt(tmp_path / "out" / "frf.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert table["mean_m"] == pytest.approx([1e-4, 2e-4], rel=1e-12) and not table["amplitude_m"].any()
+    assert table["frequency_Hz"] == pytest.approx([begins, begins])
     said = not_computed(tmp_path / "out" / "run.log")
     assert "further points of [response]: harmonics = 0, constant loads have the same response at every frequency" in said
     assert {path.name for path in (tmp_path / "out").glob("*.png")} == {"response.png"}

@@ -14,7 +14,7 @@ from microslip.scene.read import read_scene
 
 COMM = MPI.COMM_WORLD
 FOLD = FOLDS["softening"]
-BETWEEN, AT = (1.31, 1.6), (1.315, 1.33, 1.345)     # the three frequencies lie between the turning points, as the start does
+BETWEEN, AT = (1.31, 1.6), (1.3101, 1.315, 1.33, 1.345)     # all of them lie between the turning points, as the start does
 
 
 def scene_between_the_folds(folder, direction="up", error_bars=False):
@@ -44,7 +44,9 @@ def test_both_segments_together_are_the_branch_through_both_folds(shared_path):
     whole = followed(FOLD, "up", shared_path / "whole", COMM)
     for at in AT:
         here, there = responses(found, at), responses(whole, at)
-        assert len(here) == len(there) == 3
+        assert len(here) == 3 and len(there) == (3 if at in FOLD.at else 0)
+        if at not in FOLD.at:           # between the start and the last point of the first segment
+            continue
         assert here == pytest.approx(there, abs=1e-7 * np.abs(there).max())
 
 

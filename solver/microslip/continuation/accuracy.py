@@ -90,7 +90,7 @@ class Accuracy:
         for part, share in SHARES.items():
             values, most = error[:, PARTS.index(part)], BOTH * allowed - used if part == "samples" else share * allowed
             over = np.divide(values, most, out=np.zeros_like(values), where=allowed > 0.0)
-            found[part] = float(over.max(initial=0.0))
+            found[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))            # a bar that is none tells nothing
         return found
 
     def finer(self, now: Resolution, ratios: dict[str, float]) -> Resolution | None:

@@ -159,6 +159,10 @@ class Corrector:
 
     def correct(self, guess: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> Correction:
         """Solve from ``guess``.  Collective; never raises for divergence, which comes back as ``failure``."""
+        with np.errstate(all="ignore"):         # what is not finite is a failed step, which SNES tells
+            return self._correct(guess, row, scaling, selected)
+
+    def _correct(self, guess: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> Correction:
         self._row, self._scaling, self._selected = row, scaling, selected
         self._step.weight = scaling.weight
         self._pack(guess, self._x)

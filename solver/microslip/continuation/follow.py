@@ -27,6 +27,7 @@ from .sweep import Sweep
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
 BEGINNINGS = {LevelFamily: (1e-2, 1e-4), DampingFamily: (1e-1, 1e-3)}     # of the parameter at the end of such a way
 MOST_APPROACH_ITERATIONS = 1500         # of Newton, on one such way; those that arrive take some hundreds
+MOST_APPROACH_POINTS = 1000
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
 MISSED = "accuracy not met: more harmonics or samples than the program uses or the scene states, or no convergence with them"
 UNBALANCED = 5e-6       # of the forces beyond which a point is not one, at a tolerance of 1e-8
@@ -133,7 +134,7 @@ class BranchFollower(Stepper):
 
     def hold(self, now: State) -> State | None:
         """Return the point from which to go on with the mean slip held; None where that is of no help.  Collective."""
-        if self.problem.held_at is not None or now.sliding < MOSTLY or not self.is_loose:
+        if not self.may_hold or self.problem.held_at is not None or now.sliding < MOSTLY or not self.is_loose:
             return None
         self.problem.hold_mean_slip(now.iterate.U, now.selected)
         return now
@@ -183,6 +184,9 @@ class BranchFollower(Stepper):
                 now, ds = held, 0.25 * self.steps.ds
                 continue
             if self.sweep.before(found.iterate.parameter):
+                begin = interpolate(now.iterate, found.iterate, self.sweep.start)
+                yield from self.asked(now, begin, selected)
+                yield self.solved(self.carried(now), self.fitted(begin), selected, asked=self.sweep.start in self.sweep.at)
                 raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, "
                                        f"{self.problem.where(self.sweep.start)}; begin further off")
             if self.sweep.beyond(found.iterate.parameter):
@@ -234,7 +238,7 @@ class BranchFollower(Stepper):
 
     # -- a first point that Newton does not reach from the linear response -------------------------------------
 
-    def reach_first(self, failed: Correction, may_hold: bool = True) -> tuple[Correction, np.ndarray]:
+    def reach_first(self, failed: Correction) -> tuple[Correction, np.ndarray]:
         """Solve the first point another way: the ways in turn, from the most natural one to the longest.  Collective.
 
         Raises
@@ -242,7 +246,7 @@ class BranchFollower(Stepper):
         ConvergenceError : none leads there; on every rank
         """
         ways = [self.over_the_level, self.from_rest, self.with_mean_slip_held, self.patiently, self.over_damping]
-        if not may_hold:
+        if not self.may_hold:
             ways.remove(self.with_mean_slip_held)
         if self.problem.is_a_way:
             ways = [self.from_rest, self.patiently]
@@ -250,7 +254,12 @@ class BranchFollower(Stepper):
             found = way()
             if found is not None:
                 return found
-        raise ConvergenceError(self.message(self.sweep.start, failed))
+        where, is_static = self.problem.where(self.sweep.start), self.harmonics.highest == 0
+        raise ConvergenceError(
+            f"hb: no equilibrium under the static load of {self.problem.level_at(self.sweep.start):.4g} N was found "
+            f"({failed.failure}): is it more than friction and preload carry?" if is_static else
+            f"hb: no first point at {where}: neither from the linear response ({failed.failure}) nor from rest, over the level "
+            "or over further damping; begin at another frequency, or raise [solver] samples")
 
     def over_the_level(self) -> tuple[Correction, np.ndarray] | None:
         """Solve the first point from a small level up, by arc length at its frequency, folds included; None in vain."""
@@ -264,18 +273,23 @@ class BranchFollower(Stepper):
         """Solve at the end of a family's parameter, where it is the problem, from near its beginning; None in vain."""
         for share in BEGINNINGS[type(family)]:
             way = BranchFollower(family, self.selection, Sweep(share * end, end), APPROACH, self.tolerance)
+            way.may_hold, held_at = self.may_hold, self.problem.held_at
             try:
-                for state, _ in way.points():
+                for (state, _), _ in zip(way.points(), range(MOST_APPROACH_POINTS)):
                     if way.spent > MOST_APPROACH_ITERATIONS:
                         break
                     if state.iterate.parameter == end:
                         there = Iterate(state.iterate.U, self.sweep.start)
                         self.problem.held_at = family.held_at
-                        return self.solve_at(there, state.size, state.selected, state.force)
+                        found, selected = self.solve_at(there, state.size, state.selected, state.force)
+                        if found.failure is None:
+                            return found, selected
+                        break
             except ConvergenceError:
-                continue
+                pass
             finally:
                 way.destroy()
+            self.problem.held_at = held_at
         return None
 
     def patiently(self) -> tuple[Correction, np.ndarray] | None:

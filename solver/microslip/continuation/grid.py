@@ -62,6 +62,7 @@ def at_frequencies(problem: HarmonicBalance, selection: Selection, omegas: Seque
     """
     branch, width = Branch(problem.level), float(np.ptp(omegas)) or 1e-3 * omegas[0]
     follower = BranchFollower(problem, selection, Sweep(omegas[0], omegas[0] + width), STEPS, tolerance, estimator, accuracy)
+    follower.may_hold = False           # springs would stay for good, and compare another problem
     try:
         for point in _points(follower, omegas):
             on_point(point)
@@ -77,7 +78,7 @@ def _points(follower: BranchFollower, omegas: Sequence[float]) -> Iterator[Point
     """Yield the point at each frequency."""
     found, selected = follower.first()
     if found.failure:
-        found, selected = follower.reach_first(found, may_hold=False)
+        found, selected = follower.reach_first(found)
     now, point = follower.accept(found, selected, asked=True)
     yield point
     before = None

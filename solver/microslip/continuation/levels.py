@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Protocol
 
@@ -72,7 +72,7 @@ def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameter
 def linear_branch(problem: HarmonicBalance, sweep: Sweep, curve: LinearCurve, n_points: int,
                   on_point: Callable[[Point], None], estimator: ErrorEstimator | None = None) -> Branch:
     """Return a branch known to be linear, at equal steps of its length and where asked; nothing is solved.  Collective."""
-    omegas = np.interp(np.linspace(0.0, curve.s[-1], n_points), curve.s, curve.omega)
+    omegas = np.interp(np.linspace(0.0, curve.s[-1], n_points), curve.s, curve.omega) if n_points > 1 else np.array([sweep.start])
     branch, everything = Branch(problem.level), np.ones(problem.model.n_pairs, dtype=bool)
     clock = time.perf_counter()
     for omega in np.union1d(omegas, sweep.at)[:: int(sweep.direction)]:
@@ -96,11 +96,15 @@ def arc_length_steps(continuation, points: int, curve: LinearCurve) -> ArcLength
     The keys of [continuation] are shares of that length.  Few points make long steps, but none of them blind: the shortest step
     is no longer than that of the usual number of points.
     """
+    stated = stated_steps(continuation, curve)
+    ds = stated.get("ds", curve.s[-1] / points)
+    return ArcLength(**{"ds": ds, "ds_min": min(ds, curve.s[-1] / USUAL_POINTS) / 4096.0, "ds_max": 2.0 * ds} | stated)
+
+
+def stated_steps(continuation, curve: LinearCurve) -> dict[str, float]:
+    """Return the step lengths that [continuation] states, from shares of the length of the linear curve.  Local."""
     asked = {key: getattr(continuation, key, None) for key in ("ds", "ds_min", "ds_max")}
-    ds = curve.s[-1] * (asked["ds"] or 1.0 / points)
-    ds_min = curve.s[-1] * asked["ds_min"] if asked["ds_min"] else min(ds, curve.s[-1] / USUAL_POINTS) / 4096.0
-    ds_max = curve.s[-1] * asked["ds_max"] if asked["ds_max"] else 2.0 * ds
-    return ArcLength(ds=ds, ds_min=ds_min, ds_max=ds_max)
+    return {key: curve.s[-1] * value for key, value in asked.items() if value}
 
 
 def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: LinearCurve) -> np.ndarray:
@@ -162,7 +166,7 @@ def _follow_one_way(scene, model: ReducedModel, parameters: ContactParameters, s
     accuracy = accuracy_of(scene, problem, linear) if estimator else None
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
     if accuracy is not None and accuracy.chooses_steps:
-        steps = steps_for(accuracy.target)
+        steps = ArcLength(**asdict(steps_for(accuracy.target)) | stated_steps(scene.continuation, curve))
     return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
                          max_points=most_points(scene.response.points), on_point=on_point, estimator=estimator, accuracy=accuracy,
                          follower=StaticFollower if is_static else ScaledFollower if linear else BranchFollower, segment=segment)

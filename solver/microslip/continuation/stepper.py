@@ -18,6 +18,7 @@ from .sweep import Sweep
 
 FAR_AHEAD = 4.0         # lengths of the last step beyond which a parabola says nothing
 FARTHEST = 4.0          # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
+NEAREST = 1e-3          # lengths of it below which it leads nowhere
 CORNERS = 4.0 ** np.arange(1, 5)        # shortest steps in which the branch is looked for beyond a sharp corner
 BACK = 0.05             # rad between a step and the way back, below which it is that
 
@@ -28,6 +29,7 @@ class Stepper(PointSolver):
     def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, tolerance: float):
         super().__init__(problem, selection, sweep, tolerance)
         self.steps = steps
+        self.may_hold = True            # the mean slip, by springs
 
     # -- the first two points ----------------------------------------------------------------------------------
 
@@ -73,11 +75,12 @@ class Stepper(PointSolver):
         On the linear curve (all pairs stuck) the guess is the linear response itself, at a fixed parameter; otherwise
         the parabola through the last three points (the secant where there are two), and the plane normal to the secant.
         """
-        d_U, d_parameter, length = self.difference(before, now, now.size)
         if now.sticks:
-            parameter = now.iterate.parameter + float(np.sign(d_parameter)) * self.linear_step(now, ds)
+            direction = float(np.sign(now.iterate.parameter - before.iterate.parameter))
+            parameter = now.iterate.parameter + direction * self.linear_step(now, ds)
             guess = Iterate(self.problem.linear_motion(parameter)[0], parameter)
             return guess, ConstraintRow.fixed_parameter(guess)
+        d_U, d_parameter, length = self.difference(before, now, now.size)
         U = now.iterate.U + ds / length * d_U
         parameter = now.iterate.parameter + ds / length * d_parameter
         if earlier is not None and not before.sticks and ds < FAR_AHEAD * length:
@@ -124,9 +127,9 @@ class Stepper(PointSolver):
         return is_held_by_its_joint_alone(self.problem)
 
     def left(self, before: State, now: State, found: Correction, ds: float) -> bool:
-        """Tell whether a step fell back on the branch or jumped off it: it turned by more than 90 degrees, or is far too long."""
-        turn = self.turn(before.iterate, now.iterate, found.iterate, now.size)
-        return turn > 0.5 * np.pi or self.distance(now, found.iterate) > FARTHEST * ds
+        """Tell whether a step fell back on the branch or jumped off it: by a turn of more than 90 degrees or another length."""
+        turn, distance = self.turn(before.iterate, now.iterate, found.iterate, now.size), self.distance(now, found.iterate)
+        return turn > 0.5 * np.pi or not NEAREST * ds <= distance <= FARTHEST * ds
 
     def message(self, parameter: float, found: Correction) -> str:
         return (
@@ -173,7 +176,7 @@ class Stepper(PointSolver):
                 guess = self.moved(now, way, t_xi, t_nu)
                 row = ConstraintRow(guess, np.sign(way) * t_xi, np.sign(way) * t_nu)
                 found, selected = self.solve(guess, row, now.size, now.selected, now.force)
-                if found.failure or self.distance(now, found.iterate) > FARTHEST * ds:
+                if found.failure or not NEAREST * ds <= self.distance(now, found.iterate) <= FARTHEST * ds:
                     continue
                 if self.turn(self.moved(now, -ds, *come_from), now.iterate, found.iterate, now.size) < np.pi - BACK:
                     return found, selected
@@ -183,7 +186,9 @@ class Stepper(PointSolver):
         """Return the unit tangent of the linearisation at ``there``, on the side of the normal (n_U, n_nu).  Collective."""
         row = ConstraintRow(there, n_U, n_nu)
         t_xi, t_nu = self.corrector.tangent(there, row, self.scaling(now.size, now.force), now.selected)
-        size = self.length(t_xi, t_nu) or 1.0
+        size = self.length(t_xi, t_nu)
+        if not np.isfinite(size) or size == 0.0:                # the linearisation is singular there: nowhere to go
+            return np.zeros_like(t_xi), 0.0
         return t_xi / size, t_nu / size
 
     def moved(self, now: State, ds: float, t_xi: np.ndarray, t_nu: float) -> Iterate:

@@ -104,8 +104,9 @@ class Adjoints:
                 self._preconditioner = HarmonicPreconditioner(self.problem, self.forces, self.G)
             if reason >= 0:
                 break
-        self.found = reason >= 0
-        return self._x.getArray(readonly=True).reshape(b.shape).copy()
+        x = self._x.getArray(readonly=True).reshape(b.shape).copy()
+        self.found = bool(self.problem.comm.allreduce(reason >= 0 and bool(np.isfinite(x).all()), op=MPI.LAND))
+        return x if self.found else np.zeros_like(x)
 
     def _set_up(self) -> None:
         """Copy what the products need in single precision; make PETSc's objects where their size is another.  Collective."""

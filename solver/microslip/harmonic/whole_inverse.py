@@ -6,6 +6,8 @@ of a small system, and breaks down in it.  Where the system is small, its matrix
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import scipy.linalg
 
@@ -28,7 +30,9 @@ class WholeInverse:
         blocks = columns.reshape(len(columns), len(P), 3 * N_H).swapaxes(0, 1)                    # (n_active, rows, 3 N_H)
         G_P = np.matmul(blocks, P).swapaxes(0, 1).reshape(columns.shape)
         G_P[np.diag_indices_from(G_P)] += 1.0
-        self.factor = scipy.linalg.lu_factor(G_P, check_finite=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)         # a singular one gives no step, which is seen then
+            self.factor = scipy.linalg.lu_factor(G_P, check_finite=False)
         counts = comm.allgather(len(forces.active_owned))
         first = 3 * sum(counts[: comm.rank])
         self.own = slice(first, first + 3 * len(forces.active_owned))

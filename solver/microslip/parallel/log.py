@@ -197,7 +197,9 @@ class RunLog:
         if branch.scaled:
             self._line("  no pair leaves sticking anywhere on its linear curve: scaled, not solved")
         if branch.broken:
-            self._line(f"  in two segments: followed from the other end of the range as well, since {branch.broken}")
+            both = "in two segments: followed from the other end of the range as well" if branch.points[0].segment == 0 else \
+                "followed from the other end of the range"
+            self._line(f"  {both}, since {branch.broken}")
         if branch.failure:
             self._line(f"  stopped early: {branch.failure}")
 

@@ -35,7 +35,9 @@ def energy_closure(branch: Branch) -> np.ndarray:
 
 def audit_text(branches: list[Branch]) -> str:
     """Return the audit of all levels as a small table for the log.  Local, on rank 0."""
-    lines = ["energy balance, input = damping + friction [J per cycle]",
+    bounds = sorted({branch.closes_to for branch in branches}) or [BOUND]
+    said = " to ".join(f"{bound:.0e}" for bound in {bounds[0], bounds[-1]})
+    lines = [f"energy balance, input = damping + friction [J per cycle]; to close within {said}",
              f"  {'level_N':>10} {'largest closure':>15} {'at Hz':>12} {'input there':>12} {'friction at peak':>16}"]  # fmt: skip
     for branch in branches:
         if not branch.points:
