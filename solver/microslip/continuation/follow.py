@@ -271,9 +271,11 @@ class BranchFollower(Stepper):
 
     def over(self, family: LevelFamily | DampingFamily, end: float) -> tuple[Correction, np.ndarray] | None:
         """Solve at the end of a family's parameter, where it is the problem, from near its beginning; None in vain."""
+        held_at = self.problem.held_at
         for share in BEGINNINGS[type(family)]:
+            family.held_at = held_at
             way = BranchFollower(family, self.selection, Sweep(share * end, end), APPROACH, self.tolerance)
-            way.may_hold, held_at = self.may_hold, self.problem.held_at
+            way.may_hold = self.may_hold
             try:
                 for (state, _), _ in zip(way.points(), range(MOST_APPROACH_POINTS)):
                     if way.spent > MOST_APPROACH_ITERATIONS:
