@@ -134,6 +134,8 @@ def test_branch_that_leaves_the_range_at_its_start_says_so():
 def test_first_point_that_newton_misses_is_reached_over_the_level():
     found = branch(scene("spatial"), COMM, 1.5, low=0.97, high=1.9, points=30)
     assert found.failure is None and found.points[0].omega == 0.97
+    assert found.points[0].notes == ("first point reached over the level, where there may be other solutions",)
+    assert not any(point.notes for point in found.points[1:])
 
 
 def families(problem):

@@ -94,7 +94,7 @@ class Judge:
         u, _ = self.motion(point.omega, f - self.R.T @ p.reshape(-1, N_H))
         du = (self.R @ u).reshape(U.shape)
         march = self.march(U) if march is None else march
-        if point.notes:                     # held mean slip, as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
+        if any("held by springs" in note for note in point.notes):      # as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
             march.p[:, :2, 0] = p[:, :2, 0]
         law = np.abs(p - march.p).max(axis=(1, 2), initial=0.0) / march.size
         f_nl = march.p + self.k[:, :, None] * U

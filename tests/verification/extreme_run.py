@@ -27,6 +27,7 @@ from verification.extreme_structures import scaled
 
 from microslip.contact.law import ContactParameters
 from microslip.continuation.levels import follow_levels, frequency_sweep, linear_curve
+from microslip.continuation.record import HELD
 from microslip.parallel.errors import MicroslipError
 from microslip.reduction.methods import reduce_by_method
 from microslip.scene.read import read_scene
@@ -144,7 +145,7 @@ def _outputs(system: dict) -> list[int]:
 
 def _count(outcome: Outcome, point, verdict) -> None:
     outcome.n_points += 1
-    outcome.held += bool(point.notes)
+    outcome.held += HELD in point.notes
     outcome.states = tuple(sorted({*outcome.states, *map(int, np.unique(point.state))}))
     for name in BOUNDS:
         outcome.errors[name] = float(np.fmax(outcome.errors.get(name, 0.0), getattr(verdict, name)))

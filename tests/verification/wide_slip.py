@@ -14,6 +14,7 @@ import numpy as np
 from mpi4py import MPI
 from verification import chain
 
+from microslip.continuation.record import HELD
 from microslip.harmonic import mean_slip
 from microslip.scene.read import read_scene
 
@@ -37,7 +38,7 @@ def main():
             done = demo([level], MPI.COMM_SELF)
             points = done.branches[0].points
             top = points[int(np.argmax(chain.amplitudes(done.branches[0])))]
-            print(f"{level:6g}, {hold:g}: {len(points)}, {sum(bool(point.notes) for point in points)}; "
+            print(f"{level:6g}, {hold:g}: {len(points)}, {sum(HELD in point.notes for point in points)}; "
                   f"{np.hypot(*top.response[0, 1:3]) / level:.4e} at {top.omega / 2 / np.pi:.3f}, {(top.state == 1).sum()} {(top.state == 2).sum()}; "
                   f"{done.worst_closure:.1e}; {time.perf_counter() - start:.1f}", flush=True)
 

@@ -145,7 +145,6 @@ class Accuracy:
         """Be slower to lower what had to be raised."""
         self.calm[part], self.patience[part] = 0, min(2 * self.patience[part], 48)
 
-
     def stretch(self, responses: list[np.ndarray], steps: tuple[float, float]) -> float:
         """Return the factor from the last step to the next, from the amplitudes (n_outputs,) at the last three points."""
         before, now, after = responses

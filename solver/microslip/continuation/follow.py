@@ -31,6 +31,9 @@ MOST_APPROACH_POINTS = 1000
 FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
 MISSED = "accuracy not met: more harmonics or samples than the program uses or the scene states, or no convergence with them"
 UNBALANCED = 5e-6       # of the forces beyond which a point is not one, at a tolerance of 1e-8
+REACHED = {way: f"first point {how}, where there may be other solutions" for way, how in (       # the notes of such a point
+    ("over_the_level", "reached over the level"), ("from_rest", "found from rest"), ("patiently", "found by small Newton steps"),
+    ("over_damping", "reached over further damping"))}
 MOSTLY = 0.8            # share of the pairs that slip or are open, from which the mean of the slip may be held
 NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
 
@@ -38,6 +41,7 @@ NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks ot
 class BranchFollower(Stepper):
     """The stepping loop of one branch; what it knows of a point goes in and out as :class:`State`."""
 
+    reached: str | None = None      # how the first point was, where not from the linear response; noted with it
     scaled = False          # whether all points so far are the linear response, found without solving
 
     def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, tolerance: float,
@@ -85,6 +89,8 @@ class BranchFollower(Stepper):
             found, selected = better, used
         if max(ratios.values(), default=0.0) > 1.0:
             point = replace(point, notes=(*point.notes, MISSED))
+        if self.reached is not None:
+            point, self.reached = replace(point, notes=(*point.notes, self.reached)), None
         force = self.force_at(found.iterate, point)
         if self.accuracy:
             was = self.resolution
@@ -253,6 +259,7 @@ class BranchFollower(Stepper):
         for way in ways:
             found = way()
             if found is not None:
+                self.reached = REACHED.get(way.__name__)
                 return found
         where, is_static = self.problem.where(self.sweep.start), self.harmonics.highest == 0
         raise ConvergenceError(
