@@ -16,7 +16,7 @@ PYTHON = /usr/bin/python3
 VENV = .venv
 IN_VENV = $(VENV)/bin/python
 PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint .ci/constraints.txt
-KERNEL = solver/microslip/harmonic/_aft.pyx solver/microslip/harmonic/aft_kernel.c
+KERNEL = solver/microslip/contact/_aft.pyx solver/microslip/contact/aft_kernel.c
 GENERATORS = $(wildcard meshes/*.py)
 
 # Open MPI refuses root and more ranks than cores unless asked; a waiting rank leaves its core to others; one BLAS
@@ -36,6 +36,7 @@ demo: $(VENV)/installed meshes/fan_small.msh
 
 test: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
 	$(IN_VENV) -m ruff check .
+	$(IN_VENV) -m ruff format --check .
 	$(IN_VENV) -m mypy
 	@for ranks in 3 2; do \
 		echo "tests on $$ranks ranks"; \
@@ -80,4 +81,4 @@ $(VENV)/docs-tools: $(VENV)/python
 clean:
 	rm -rf $(VENV) build dist results docs/_build solver/*.egg-info meshes/*.msh .pytest_cache .mypy_cache .ruff_cache
 	find solver tests meshes jobs -name __pycache__ -prune -exec rm -rf {} +
-	rm -f solver/microslip/harmonic/_aft.c solver/microslip/harmonic/_aft*.so
+	rm -f solver/microslip/contact/_aft.c solver/microslip/contact/_aft*.so

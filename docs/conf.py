@@ -10,7 +10,7 @@ release = re.search(r'__version__ = "(.+?)"', _text)[1]
 
 extensions = ["myst_parser"]
 myst_enable_extensions = ["dollarmath", "amsmath"]
-myst_heading_anchors = 3        # [text](guide.md#a-heading) is a link
+myst_heading_anchors = 3  # [text](guide.md#a-heading) is a link
 myst_dmath_double_inline = True
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build"]

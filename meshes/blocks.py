@@ -19,34 +19,49 @@ SIDES = ("x0", "x1", "y0", "y1", "z0", "z1")
 
 # Corners of the elements that fill one cell, as lattice offsets 0 or 2; edges and outward faces in VTK order.
 _HEX = [[(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)]]
-_WEDGES = [[(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2)],
-           [(0, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 2, 2), (0, 2, 2)]]  # fmt: skip
+_WEDGES = [
+    [(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2)],
+    [(0, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 2, 2), (0, 2, 2)],
+]
 # Six tetrahedra around the diagonal of the cell: the cut is the same on opposite faces, so neighbours always match.
-_TETS = [[(0, 0, 0), (2, 0, 0), (2, 2, 0), (2, 2, 2)], [(0, 0, 0), (2, 0, 2), (2, 0, 0), (2, 2, 2)],
-         [(0, 0, 0), (0, 2, 0), (0, 2, 2), (2, 2, 2)], [(0, 0, 0), (2, 2, 0), (0, 2, 0), (2, 2, 2)],
-         [(0, 0, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2)], [(0, 0, 0), (0, 2, 2), (0, 0, 2), (2, 2, 2)]]  # fmt: skip
+_TETS = [
+    [(0, 0, 0), (2, 0, 0), (2, 2, 0), (2, 2, 2)],
+    [(0, 0, 0), (2, 0, 2), (2, 0, 0), (2, 2, 2)],
+    [(0, 0, 0), (0, 2, 0), (0, 2, 2), (2, 2, 2)],
+    [(0, 0, 0), (2, 2, 0), (0, 2, 0), (2, 2, 2)],
+    [(0, 0, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2)],
+    [(0, 0, 0), (0, 2, 2), (0, 0, 2), (2, 2, 2)],
+]
 _SHAPES: dict[str, tuple[list, list, list]] = {
-    "hex": (_HEX,
-            [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)],
-            [(0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7)]),
-    "wedge": (_WEDGES,
-              [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
-              [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)]),
-    "tet": (_TETS,
-            [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
-            [(0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1)]),
-}  # fmt: skip
-KINDS = {"hex8": ("hex", 1), "hex20": ("hex", 2), "tet4": ("tet", 1), "tet10": ("tet", 2), "wedge6": ("wedge", 1),
-         "wedge15": ("wedge", 2)}  # fmt: skip
+    "hex": (
+        _HEX,
+        [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)],
+        [(0, 4, 7, 3), (1, 2, 6, 5), (0, 1, 5, 4), (3, 7, 6, 2), (0, 3, 2, 1), (4, 5, 6, 7)],
+    ),
+    "wedge": (
+        _WEDGES,
+        [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
+        [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)],
+    ),
+    "tet": (_TETS, [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)], [(0, 1, 3), (1, 2, 3), (2, 0, 3), (0, 2, 1)]),
+}
+KINDS = {
+    "hex8": ("hex", 1),
+    "hex20": ("hex", 2),
+    "tet4": ("tet", 1),
+    "tet10": ("tet", 2),
+    "wedge6": ("wedge", 1),
+    "wedge15": ("wedge", 2),
+}
 
 
 @dataclass(frozen=True)
 class Body:
     """One body of one element kind; nodes in VTK order."""
 
-    kind: str                           # a key of KINDS
-    points: np.ndarray                  # (n_nodes, 3) m
-    elements: np.ndarray                # (n_elements, n_nodes_of_kind)
+    kind: str  # a key of KINDS
+    points: np.ndarray  # (n_nodes, 3) m
+    elements: np.ndarray  # (n_elements, n_nodes_of_kind)
     faces: dict[str, list[np.ndarray]]  # name: faces of each face kind, (n_faces, 3, 4, 6 or 8), normals outward
 
     def face_nodes(self, name: str) -> np.ndarray:
@@ -69,10 +84,10 @@ def block(kind: str, mapping: Callable, divisions: tuple[int, int, int], names: 
     """
     if min(divisions) < 1:
         raise ValueError(f"a block needs at least one cell along each side, not {divisions}")
-    offsets = _offsets(kind)                                                    # (n_per_cell, n_nodes, 3)
+    offsets = _offsets(kind)  # (n_per_cell, n_nodes, 3)
     size = 2 * np.asarray(divisions) + 1
     cells = 2 * np.stack(np.meshgrid(*map(np.arange, divisions), indexing="ij"), axis=-1).reshape(-1, 1, 1, 3)
-    places = (cells + offsets).reshape(-1, *offsets.shape[1:])                  # (n_elements, n_nodes, 3)
+    places = (cells + offsets).reshape(-1, *offsets.shape[1:])  # (n_elements, n_nodes, 3)
     numbers = np.ravel_multi_index(tuple(np.moveaxis(places, -1, 0)), tuple(size))
     used, elements = np.unique(numbers, return_inverse=True)
     lattice = np.stack(np.unravel_index(used, tuple(size)), axis=-1)
@@ -96,8 +111,9 @@ def box(kind: str, lengths, divisions: tuple[int, int, int], origin=(0.0, 0.0, 0
     return block(kind, mapping, divisions, {side: side for side in SIDES} if names is None else names)
 
 
-def stacked(kind: str, lengths, divisions: tuple[int, int, int], ground_height: float, ground_divisions: int = 1
-            ) -> dict[str, Body]:  # fmt: skip
+def stacked(
+    kind: str, lengths, divisions: tuple[int, int, int], ground_height: float, ground_divisions: int = 1
+) -> dict[str, Body]:
     """Return a bar along x from the origin that rests on a plate of its own length and width.  Local.
 
     The nodes of the two touching surfaces, "bar_bottom" and "ground_top" at z = 0, coincide but are not shared.
@@ -105,8 +121,13 @@ def stacked(kind: str, lengths, divisions: tuple[int, int, int], ground_height: 
     """
     length, width, _ = lengths
     bar = box(kind, lengths, divisions, names={"z0": "bar_bottom", "z1": "bar_top", "x0": "bar_start", "x1": "bar_end"})
-    ground = box(kind, (length, width, ground_height), (*divisions[:2], ground_divisions), (0.0, 0.0, -ground_height),
-                 {"z1": "ground_top", "z0": "ground_base"})  # fmt: skip
+    ground = box(
+        kind,
+        (length, width, ground_height),
+        (*divisions[:2], ground_divisions),
+        (0.0, 0.0, -ground_height),
+        {"z1": "ground_top", "z0": "ground_base"},
+    )
     return {"bar": bar, "ground": ground}
 
 
@@ -191,10 +212,10 @@ def _exponents(kind: str) -> np.ndarray:
     every = np.array(list(itertools.product(range(order + 1), repeat=3)))
     if shape == "tet":
         return every[every.sum(axis=1) <= order]
-    if shape == "wedge":                    # order 2 in the triangle with z, order 1 in the triangle with z^2
+    if shape == "wedge":  # order 2 in the triangle with z, order 1 in the triangle with z^2
         in_plane = every[:, :2].sum(axis=1)
         return every[in_plane + np.maximum(every[:, 2] - 1, 0) <= order]
-    return every[np.where(every > 1, every, 0).sum(axis=1) <= order]        # serendipity: at most one exponent is 2
+    return every[np.where(every > 1, every, 0).sum(axis=1) <= order]  # serendipity: at most one exponent is 2
 
 
 def _determinants(body: Body, places: np.ndarray) -> np.ndarray:
@@ -206,7 +227,7 @@ def _determinants(body: Body, places: np.ndarray) -> np.ndarray:
         lowered = exponents.copy()
         lowered[:, axis] = np.maximum(lowered[:, axis] - 1, 0)
         gradient.append(exponents[:, axis] * np.prod(places[:, None, :] ** lowered, axis=2))
-    d_shape = np.stack(gradient, axis=1) @ np.linalg.inv(at_nodes)              # (n_places, 3, n_nodes)
+    d_shape = np.stack(gradient, axis=1) @ np.linalg.inv(at_nodes)  # (n_places, 3, n_nodes)
     return np.linalg.det(np.einsum("pan,enx->epax", d_shape, body.points[body.elements], optimize=True))
 
 

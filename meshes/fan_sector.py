@@ -76,13 +76,10 @@ class Divisions:
 
 
 SIZES = {
-    "small": Divisions(span=32, chord=4, thickness=2, fillet=2, neck=1, flank=1, lobe=2,
-                       wall=1, post=3, slot=3, ring=4),
-    "medium": Divisions(span=54, chord=8, thickness=3, fillet=3, neck=2, flank=2, lobe=3,
-                        wall=2, post=5, slot=4, ring=5),
-    "paper": Divisions(span=88, chord=13, thickness=4, fillet=4, neck=3, flank=2, lobe=5,
-                       wall=3, post=6, slot=6, ring=7),
-}  # fmt: skip
+    "small": Divisions(span=32, chord=4, thickness=2, fillet=2, neck=1, flank=1, lobe=2, wall=1, post=3, slot=3, ring=4),
+    "medium": Divisions(span=54, chord=8, thickness=3, fillet=3, neck=2, flank=2, lobe=3, wall=2, post=5, slot=4, ring=5),
+    "paper": Divisions(span=88, chord=13, thickness=4, fillet=4, neck=3, flank=2, lobe=5, wall=3, post=6, slot=6, ring=7),
+}
 
 
 class _Geometry:
@@ -95,18 +92,18 @@ class _Geometry:
     def __init__(self, shape: Shape):
         self.shape = shape
         angle = np.radians(shape.flank_angle)
-        self.axis_z = -shape.flare - shape.rim_radius                           # height of the engine's axis
+        self.axis_z = -shape.flare - shape.rim_radius  # height of the engine's axis
         self.neck = np.array([shape.neck_width / 2.0, -shape.flare])
-        self.upper = np.array([shape.throat_width / 2.0, self.neck[1] - shape.neck_height])   # edges of the flank
+        self.upper = np.array([shape.throat_width / 2.0, self.neck[1] - shape.neck_height])  # edges of the flank
         self.lower = self.upper + shape.flank_width * np.array([np.sin(angle), -np.cos(angle)])
-        self.heel = self.lower - shape.lobe_height * np.array([0.2, 1.0])       # lower corner of the dovetail
-        self.foot = np.array([0.6 * self.upper[0], self.heel[1]])               # lower end of the column in its middle
-        self.floor = np.array([self.lower[0] + shape.clearance, self.heel[1] - shape.clearance])   # corner of the slot
+        self.heel = self.lower - shape.lobe_height * np.array([0.2, 1.0])  # lower corner of the dovetail
+        self.foot = np.array([0.6 * self.upper[0], self.heel[1]])  # lower end of the column in its middle
+        self.floor = np.array([self.lower[0] + shape.clearance, self.heel[1] - shape.clearance])  # corner of the slot
 
     def swept(self, point, y, side=1):
         """Return the profile's point(s) (s, z) in the section at y."""
         radius = self.shape.arc_radius
-        shift = self.shape.camber_root * self.shape.chord_root / 3.0            # puts the middle of the root on x = 0
+        shift = self.shape.camber_root * self.shape.chord_root / 3.0  # puts the middle of the root on x = 0
         x = np.sqrt((radius + side * point[0]) ** 2 - y**2) - radius + shift
         return np.stack(np.broadcast_arrays(x, point[1]))
 
@@ -117,7 +114,7 @@ class _Geometry:
     def flank(self, side):
         """Return the flank from its lower to its upper edge, the same curve for both bodies."""
         along = self.upper - self.lower
-        outward = np.array([along[1], -along[0]]) / np.linalg.norm(along)       # out of the blade
+        outward = np.array([along[1], -along[0]]) / np.linalg.norm(along)  # out of the blade
 
         def curve(t, y):
             bulge = 4.0 * self.shape.flank_crown * t * (1.0 - t)
@@ -148,8 +145,10 @@ class _Geometry:
 
     def below_floor(self, side):
         """Return the radial line from the bore to a lower corner of the slot."""
-        return _straight(lambda y: self.on_circle(self.shape.bore_radius, self.angle(self.floor, y, side)),
-                         lambda y: self.swept(self.floor, y, side))  # fmt: skip
+        return _straight(
+            lambda y: self.on_circle(self.shape.bore_radius, self.angle(self.floor, y, side)),
+            lambda y: self.swept(self.floor, y, side),
+        )
 
     def arc(self, radius, start, end):
         """Return the arc between two angles, given as functions of y."""
@@ -180,14 +179,14 @@ def _blade(geometry: _Geometry, n: Divisions) -> Body:
     def aerofoil(u, v, w):
         return np.column_stack([*_aerofoil(shape, 2.0 * u - 1.0, 2.0 * v - 1.0, w), w * shape.length])
 
-    def transition(u, v, w):                    # a parabola that leaves the aerofoil without a kink
+    def transition(u, v, w):  # a parabola that leaves the aerofoil without a kink
         at_top = np.column_stack(_aerofoil(shape, 2.0 * u - 1.0, 2.0 * v - 1.0, 0.0))
         y = (v - 0.5) * shape.root_length
         at_neck = np.column_stack([geometry.swept(((2.0 * u - 1.0) * neck[0], neck[1]), y)[0], y])
         share = (1.0 - (1.0 - w) ** 2)[:, None]
         return np.column_stack([at_neck + share * (at_top - at_neck), (w - 1.0) * shape.flare])
 
-    def column(low, high):                      # a symmetric trapezium of the profile
+    def column(low, high):  # a symmetric trapezium of the profile
         def section(u, v, y):
             half, z = (low[i] + (high[i] - low[i]) * v for i in (0, 1))
             return geometry.swept(((2.0 * u - 1.0) * half, z), y)
@@ -201,8 +200,12 @@ def _blade(geometry: _Geometry, n: Divisions) -> Body:
         _extruded(shape, column(foot, upper), (n.thickness, n.chord, n.lobe)),
     ]
     for side in (-1, 1):
-        wing = _coons(geometry.edge(foot, heel, side), _reversed(geometry.flank(side)),
-                      geometry.edge(foot, upper, side), geometry.edge(heel, lower, side))  # fmt: skip
+        wing = _coons(
+            geometry.edge(foot, heel, side),
+            _reversed(geometry.flank(side)),
+            geometry.edge(foot, upper, side),
+            geometry.edge(heel, lower, side),
+        )
         parts.append(_extruded(shape, wing, (n.flank, n.chord, n.lobe), {"z1": "blade_root"}, side))
     return join(parts)
 
@@ -226,8 +229,12 @@ def _disc(geometry: _Geometry, n: Divisions) -> Body:
     shape, floor = geometry.shape, geometry.floor
     parts = [part for side in (-1, 1) for part in _post(geometry, n, side)]
     angles = [lambda y, side=side: geometry.angle(floor, y, side) for side in (-1, 1)]
-    ring = _coons(geometry.arc(shape.bore_radius, *angles), geometry.edge(floor * [-1, 1], floor),
-                  geometry.below_floor(-1), geometry.below_floor(1))  # fmt: skip
+    ring = _coons(
+        geometry.arc(shape.bore_radius, *angles),
+        geometry.edge(floor * [-1, 1], floor),
+        geometry.below_floor(-1),
+        geometry.below_floor(1),
+    )
     parts.append(_extruded(shape, ring, (n.slot, n.chord, n.ring), {"z0": "disc_base"}))
     return join(parts)
 
@@ -246,9 +253,13 @@ def _post(geometry: _Geometry, n: Divisions, side: int) -> list[Body]:
         return geometry.cyclic_angle(y, side)
 
     bore = geometry.axis_z + shape.bore_radius
-    levels = [geometry.neck[1], upper[1], lower[1], floor[1], bore]             # of the ends of the strips
-    walls = [_straight(at_wall(upper), lambda y: geometry.rim_corner(y, side)), geometry.flank(side),
-             geometry.edge(floor, lower, side), geometry.below_floor(side)]  # fmt: skip
+    levels = [geometry.neck[1], upper[1], lower[1], floor[1], bore]  # of the ends of the strips
+    walls = [
+        _straight(at_wall(upper), lambda y: geometry.rim_corner(y, side)),
+        geometry.flank(side),
+        geometry.edge(floor, lower, side),
+        geometry.below_floor(side),
+    ]
     across = [geometry.arc(shape.rim_radius, lambda y: geometry.rim_angle(y, side), cyclic_angle)]
     across += [_straight(at_wall(point), at_cyclic(point[1])) for point in (upper, lower, floor)]
     across += [geometry.arc(shape.bore_radius, lambda y: geometry.angle(floor, y, side), cyclic_angle)]
@@ -274,8 +285,7 @@ def _coons(low, high, left, right):
     """Return the section's map (u, v, y) -> (x, z) between low and high, curves along u, left and right, along v."""
 
     def section(u, v, y):
-        corners = ((1.0 - u) * ((1.0 - v) * low(0.0, y) + v * high(0.0, y))
-                   + u * ((1.0 - v) * low(1.0, y) + v * high(1.0, y)))  # fmt: skip
+        corners = (1.0 - u) * ((1.0 - v) * low(0.0, y) + v * high(0.0, y)) + u * ((1.0 - v) * low(1.0, y) + v * high(1.0, y))
         return (1.0 - v) * low(u, y) + v * high(u, y) + (1.0 - u) * left(v, y) + u * right(v, y) - corners
 
     return section
@@ -302,9 +312,12 @@ def main(arguments=None) -> None:
     for says, defaults in (("geometry: m, degrees", Shape), ("elements: default as --size says", Divisions)):
         options = parser.add_argument_group(says)
         for item in fields(defaults):
-            options.add_argument("--" + item.name.replace("_", "-"), type=type(item.default),
-                                 default=item.default if defaults is Shape else argparse.SUPPRESS,
-                                 help=item.metadata["help"])  # fmt: skip
+            options.add_argument(
+                "--" + item.name.replace("_", "-"),
+                type=type(item.default),
+                default=item.default if defaults is Shape else argparse.SUPPRESS,
+                help=item.metadata["help"],
+            )
     given = vars(parser.parse_args(arguments))
 
     def named(kind):

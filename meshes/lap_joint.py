@@ -43,11 +43,19 @@ def lap_joint(joint: LapJoint) -> dict[str, Body]:
         return box(joint.kind, (x1 - x0, joint.width, t), (n, joint.n_width, joint.n_thickness), (x0, 0.0, z0), names)
 
     bodies = {
-        "beam_1": join([piece(0.0, start, -t, joint.n_free, {"x0": "clamp"}),
-                        piece(start, joint.length, -t, joint.n_overlap, {"z1": "lap_1"})]),
-        "beam_2": join([piece(start, joint.length, 0.0, joint.n_overlap, {"z0": "lap_2"}),
-                        piece(joint.length, end, 0.0, joint.n_free, {"x1": "tip"})]),
-    }  # fmt: skip
+        "beam_1": join(
+            [
+                piece(0.0, start, -t, joint.n_free, {"x0": "clamp"}),
+                piece(start, joint.length, -t, joint.n_overlap, {"z1": "lap_1"}),
+            ]
+        ),
+        "beam_2": join(
+            [
+                piece(start, joint.length, 0.0, joint.n_overlap, {"z0": "lap_2"}),
+                piece(joint.length, end, 0.0, joint.n_free, {"x1": "tip"}),
+            ]
+        ),
+    }
     if min(jacobian_minimum(body).min() for body in bodies.values()) <= 0.0:
         raise ValueError("lengths must be positive, and the overlap shorter than a beam")
     return bodies
@@ -60,8 +68,13 @@ def main(arguments=None) -> None:
     parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
     parser.add_argument("--ascii", action="store_true", help="write text instead of binary")
     for item in fields(LapJoint):
-        parser.add_argument("--" + item.name.replace("_", "-"), type=type(item.default), default=item.default,
-                            help=item.metadata["help"], choices=KINDS if item.name == "kind" else None)  # fmt: skip
+        parser.add_argument(
+            "--" + item.name.replace("_", "-"),
+            type=type(item.default),
+            default=item.default,
+            help=item.metadata["help"],
+            choices=KINDS if item.name == "kind" else None,
+        )
     given = vars(parser.parse_args(arguments))
     try:
         bodies = lap_joint(LapJoint(**{item.name: given[item.name] for item in fields(LapJoint)}))

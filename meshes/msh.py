@@ -6,8 +6,18 @@ import numpy as np
 from blocks import Body, aspect_ratios, jacobian_minimum, volumes
 
 # Gmsh's element types, and its order of the nodes where that is not VTK's.
-_TYPES = {"tri3": 2, "quad4": 3, "tet4": 4, "hex8": 5, "wedge6": 6, "tri6": 9, "tet10": 11, "quad8": 16, "hex20": 17,
-          "wedge15": 18}  # fmt: skip
+_TYPES = {
+    "tri3": 2,
+    "quad4": 3,
+    "tet4": 4,
+    "hex8": 5,
+    "wedge6": 6,
+    "tri6": 9,
+    "tet10": 11,
+    "quad8": 16,
+    "hex20": 17,
+    "wedge15": 18,
+}
 _FROM_VTK = {
     "tet10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
     "hex20": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 16, 9, 17, 10, 18, 19, 12, 15, 13, 14],

@@ -57,12 +57,14 @@ def draw(path: str, out: str, dpi: int = 100) -> None:
     x, _, z = np.ptp(points, axis=0)
     figure = plt.figure(figsize=(11.0, 6.6))
     if z > x:
-        places = figure.add_gridspec(2, 3, width_ratios=(1.0, 0.8, 2.0), left=0.01, right=0.98, top=0.9, bottom=0.08,
-                                     hspace=0.32, wspace=0.25)  # fmt: skip
+        places = figure.add_gridspec(
+            2, 3, width_ratios=(1.0, 0.8, 2.0), left=0.01, right=0.98, top=0.9, bottom=0.08, hspace=0.32, wspace=0.25
+        )
         whole, side, joint, surface = places[:, 0], places[:, 1], places[0, 2], places[1, 2]
     else:
-        places = figure.add_gridspec(3, 2, height_ratios=(1.1, 0.4, 1.3), left=0.07, right=0.98, top=0.9, bottom=0.08,
-                                     hspace=0.35)  # fmt: skip
+        places = figure.add_gridspec(
+            3, 2, height_ratios=(1.1, 0.4, 1.3), left=0.07, right=0.98, top=0.9, bottom=0.08, hspace=0.35
+        )
         whole, side, joint, surface = places[0, :], places[1, :], places[2, 0], places[2, 1]
     _whole(figure.add_subplot(whole), bodies)
     _side(figure.add_subplot(side), bodies, EAST if z > x else SOUTH)
@@ -99,8 +101,13 @@ def _joint(axes, bodies: dict[str, Body], contact: np.ndarray) -> None:
     axes.plot(*points[front][:, [0, 2]].T, "o", color=CONTACT_COLOUR, markersize=4.0)
     low, high = points[contact].min(axis=0), points[contact].max(axis=0)
     margin = 0.4 * (high - low)[[0, 2]].max()
-    axes.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[2] - margin, high[2] + margin),
-             xlabel="x [mm]", ylabel="z [mm]", title="the joint, along y")  # fmt: skip
+    axes.set(
+        xlim=(low[0] - margin, high[0] + margin),
+        ylim=(low[2] - margin, high[2] + margin),
+        xlabel="x [mm]",
+        ylabel="z [mm]",
+        title="the joint, along y",
+    )
 
 
 def _surface(axes, bodies: dict[str, Body], contact: np.ndarray) -> None:
@@ -112,8 +119,7 @@ def _surface(axes, bodies: dict[str, Body], contact: np.ndarray) -> None:
     normals = np.concatenate([_normals(body, part) for part in faces])
     nodes = np.concatenate(outlines)
     flat = [outline @ view[1:].T for outline in outlines]
-    axes.add_collection(PolyCollection(flat, facecolors=CONTACT_COLOUR, edgecolors=EDGE_COLOUR, linewidths=0.6,
-                                       alpha=0.5))  # fmt: skip
+    axes.add_collection(PolyCollection(flat, facecolors=CONTACT_COLOUR, edgecolors=EDGE_COLOUR, linewidths=0.6, alpha=0.5))
     axes.plot(*(nodes @ view[1:].T).T, "o", color=EDGE_COLOUR, markersize=24.0 / np.sqrt(len(contact)))
     start = np.array([outline.mean(axis=0) for outline in flat])
     size = 0.06 * np.linalg.norm(np.ptp(nodes, axis=0))
@@ -146,8 +152,11 @@ def _paint(axes, bodies: dict[str, Body], view: np.ndarray, line_width: float) -
             colours.append(np.array(matplotlib.colors.to_rgb(colour)) * (0.65 + 0.35 * towards[seen, None]))
             depth.append(body.points[faces[seen]].mean(axis=1) @ view[0])
     order = np.argsort(np.concatenate(depth))
-    axes.add_collection(PolyCollection([outlines[i] for i in order], facecolors=np.concatenate(colours)[order],
-                                       edgecolors=EDGE_COLOUR, linewidths=line_width))  # fmt: skip
+    axes.add_collection(
+        PolyCollection(
+            [outlines[i] for i in order], facecolors=np.concatenate(colours)[order], edgecolors=EDGE_COLOUR, linewidths=line_width
+        )
+    )
     axes.set_aspect("equal")
     axes.autoscale_view()
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from blocks import stacked
 from msh import write_msh
 
+from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.parallel.log import RunLog
 from microslip.run import Structure, build_structure
 from microslip.scene.read import read_scene
 from microslip.scene.schema import Scene

@@ -60,8 +60,15 @@ def mesh_of(*parts, groups=None, faces=()) -> Mesh:
 
 
 def joint(name="joint", surfaces=("lower_top", "upper_bottom"), **changes) -> SimpleNamespace:
-    values = {"friction": 0.3, "tangential_stiffness": 2e13, "normal_stiffness": 3e13, "preload": 5e7, "gap": 0.0,
-              "friction_limit": "circle", "tolerance": None}  # fmt: skip
+    values = {
+        "friction": 0.3,
+        "tangential_stiffness": 2e13,
+        "normal_stiffness": 3e13,
+        "preload": 5e7,
+        "gap": 0.0,
+        "friction_limit": "circle",
+        "tolerance": None,
+    }
     return SimpleNamespace(name=name, surfaces=surfaces, pairs=None, **{**values, **changes})
 
 
@@ -71,10 +78,12 @@ def scene(bodies, supports=(), joints=(), loads=(), outputs=(), mesh="box.msh", 
     whole = {"material": "steel", "integration": "full", "incompatible_modes": True}
     nowhere = {"position": None, "node": None, "group": None, "dof": None}
     return SimpleNamespace(
-        model=SimpleNamespace(mesh=mesh, scale=scale), folder=folder, materials={"steel": steel},
+        model=SimpleNamespace(mesh=mesh, scale=scale),
+        folder=folder,
+        materials={"steel": steel},
         bodies={name: SimpleNamespace(group=group, **whole) for name, group in bodies.items()},
         supports=tuple(SimpleNamespace(group=group, fix=fix) for group, fix in supports),
         joints=tuple(joints),
         loads=tuple(SimpleNamespace(**{**nowhere, **load}) for load in loads),
         outputs=tuple(SimpleNamespace(**{**nowhere, **output}) for output in outputs),
-    )  # fmt: skip
+    )

@@ -15,8 +15,8 @@ from petsc4py import PETSc
 from microslip.assembly.system import System
 from microslip.mesh.data import ContactPairs
 
-STIFFNESS = np.array([1.7e6, 1.0e6, 1.0e6])     # N/m, in direction x, y, z; y and z equal: every mode of theirs is double
-MASS = 0.25                                     # kg
+STIFFNESS = np.array([1.7e6, 1.0e6, 1.0e6])  # N/m, in direction x, y, z; y and z equal: every mode of theirs is double
+MASS = 0.25  # kg
 
 
 def split_rows(n: int, size: int, empty_rank: int | None = None) -> np.ndarray:
@@ -41,7 +41,7 @@ def distributed(comm, A, ranges: np.ndarray) -> PETSc.Mat:
 
 def chain(n: int, walls: bool, cut: int | None = None) -> sp.csr_matrix:
     """Return the stiffness of n masses in a row with unit springs, without spring ``cut`` (between cut - 1 and cut)."""
-    B = sp.diags([-np.ones(n), np.ones(n)], [-1, 0], shape=(n + 1, n)).tolil()      # elongations, walls included
+    B = sp.diags([-np.ones(n), np.ones(n)], [-1, 0], shape=(n + 1, n)).tolil()  # elongations, walls included
     if not walls:
         B[0] = B[n] = 0.0
     if cut is not None:
@@ -89,21 +89,36 @@ def lattice(comm, shape=(6, 3, 2), *, k_t=None, k_n=None, walls=True, empty_rank
     frame = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     R = sp.lil_matrix((3 * n_yz, n_dof))
     for pair in range(n_yz):
-        R[3 * pair:3 * pair + 3, 3 * upper[pair]:3 * upper[pair] + 3] = frame
-        R[3 * pair:3 * pair + 3, 3 * lower[pair]:3 * lower[pair] + 3] = -frame
+        R[3 * pair : 3 * pair + 3, 3 * upper[pair] : 3 * upper[pair] + 3] = frame
+        R[3 * pair : 3 * pair + 3, 3 * lower[pair] : 3 * lower[pair] + 3] = -frame
     pairs = ContactPairs(
-        joint=("cut",) * n_yz, node1=upper, node2=lower, position=np.zeros((n_yz, 3)), frame=np.tile(frame, (n_yz, 1, 1)),
-        area=np.ones(n_yz), mu=np.full(n_yz, 0.3), N0=np.ones(n_yz),
-        k_t=np.full(n_yz, STIFFNESS[1] if k_t is None else k_t), k_n=np.full(n_yz, STIFFNESS[0] if k_n is None else k_n),
-        separate=np.zeros(n_yz, dtype=bool), faces=(),
+        joint=("cut",) * n_yz,
+        node1=upper,
+        node2=lower,
+        position=np.zeros((n_yz, 3)),
+        frame=np.tile(frame, (n_yz, 1, 1)),
+        area=np.ones(n_yz),
+        mu=np.full(n_yz, 0.3),
+        N0=np.ones(n_yz),
+        k_t=np.full(n_yz, STIFFNESS[1] if k_t is None else k_t),
+        k_n=np.full(n_yz, STIFFNESS[0] if k_n is None else k_n),
+        separate=np.zeros(n_yz, dtype=bool),
+        faces=(),
     )
     first, last = ranges[comm.rank], ranges[comm.rank + 1]
     M = MASS * sp.identity(n_dof) if mass is None else mass
     loads = sp.csc_matrix(([1.0], ([5], [0])), shape=(n_dof, 1))
     system = System(
-        comm=comm, K=distributed(comm, K, ranges), M=distributed(comm, M, ranges), C=None, R=R.tocsr(), loads=loads,
-        outputs=loads.T.tocsr(), dof=np.arange(n_dof).reshape(-1, 3),
-        parts=(np.arange(first, last) >= 3 * n_yz * cut).astype(int), part_names=("body 'left'", "body 'right'"),
+        comm=comm,
+        K=distributed(comm, K, ranges),
+        M=distributed(comm, M, ranges),
+        C=None,
+        R=R.tocsr(),
+        loads=loads,
+        outputs=loads.T.tocsr(),
+        dof=np.arange(n_dof).reshape(-1, 3),
+        parts=(np.arange(first, last) >= 3 * n_yz * cut).astype(int),
+        part_names=("body 'left'", "body 'right'"),
     )
     return system, pairs
 
@@ -118,5 +133,7 @@ def truss(n_x=3, n_y=2, n_z=2) -> tuple[np.ndarray, sp.csr_matrix]:
     rows = np.arange(len(a))
     elongation = sum(
         sp.csr_matrix((axis[:, d], (rows, 3 * b + d)), (len(a), points.size))
-        - sp.csr_matrix((axis[:, d], (rows, 3 * a + d)), (len(a), points.size)) for d in range(3))
+        - sp.csr_matrix((axis[:, d], (rows, 3 * a + d)), (len(a), points.size))
+        for d in range(3)
+    )
     return points, (1.0e7 * elongation.T @ elongation).tocsr()

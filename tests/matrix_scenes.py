@@ -9,7 +9,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from microslip.assembly.pair_file import COLUMNS
-from microslip.parallel.log import RunLog
+from microslip.observe.log import RunLog
 from microslip.reduction.methods import reduce_by_method
 from microslip.run import build_structure, follow
 from microslip.scene.read import read_scene
@@ -36,8 +36,10 @@ def _pair_lines(system: dict) -> list[str]:
     N0, k_n = system["N0"], system["k_n"]
     gap = np.divide(-N0, k_n, out=np.zeros_like(k_n), where=N0 < 0.0)
     columns = [system["mu"], np.maximum(N0, 0.0), gap, system["k_t"], k_n]
-    return [",".join([*map(str, dofs), *(repr(float(x)) for x in numbers)])
-            for dofs, numbers in zip(system["pair_dofs"], zip(*columns))]  # fmt: skip
+    return [
+        ",".join([*map(str, dofs), *(repr(float(x)) for x in numbers)])
+        for dofs, numbers in zip(system["pair_dofs"], zip(*columns))
+    ]
 
 
 def _model(system: dict) -> list[str]:
@@ -52,8 +54,13 @@ def _places(system: dict, outputs) -> list[str]:
     lines = []
     for load in system["loads"]:
         for dof in np.flatnonzero(load["vector"]):
-            lines += ["[[loads]]", f"dof = {dof}", f"scale = {float(load['vector'][dof])!r}", f"harmonic = {load['harmonic']}",
-                      f"phase = {load.get('phase', 0.0)!r}"]  # fmt: skip
+            lines += [
+                "[[loads]]",
+                f"dof = {dof}",
+                f"scale = {float(load['vector'][dof])!r}",
+                f"harmonic = {load['harmonic']}",
+                f"phase = {load.get('phase', 0.0)!r}",
+            ]
     for dof in range(len(system["M"])) if outputs is None else outputs:
         lines += ["[[outputs]]", f'name = "{dof}"', f"dof = {dof}"]
     return lines

@@ -5,15 +5,20 @@ import subprocess
 import sys
 import time
 
-LIMIT = 60.0        # s: longer is a hang
+LIMIT = 60.0  # s: longer is a hang
 MPIRUN = os.environ.get("MPIRUN", "mpirun")
 
 
 def environment() -> dict[str, str]:
     """Return this process's environment without what MPI put into it: it would confuse another mpirun."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("OMPI_", "PMIX_", "PMI_", "ORTE_"))}
-    return {**kept, "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_mpi_yield_when_idle": "1",
-            "OPENBLAS_NUM_THREADS": "1"}  # fmt: skip
+    return {
+        **kept,
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_mpi_yield_when_idle": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
 
 
 def python(*arguments, ranks: int = 1, cwd=None) -> subprocess.CompletedProcess:

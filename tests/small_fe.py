@@ -36,7 +36,7 @@ def frequencies(K, M, fixed, n, n_rigid=0):
     shift = -1e-6 * (K.diagonal() / M.diagonal()).max() if n_rigid else 0.0
     start = np.random.default_rng(0).standard_normal(len(free))
     squares = sla.eigsh(K, n + n_rigid, M, sigma=shift, v0=start, return_eigenvectors=False)
-    return np.sqrt(np.maximum(np.sort(squares)[n_rigid:], 0.0)) / (2.0 * np.pi)      # round-off of a mechanism
+    return np.sqrt(np.maximum(np.sort(squares)[n_rigid:], 0.0)) / (2.0 * np.pi)  # round-off of a mechanism
 
 
 def bent(points: np.ndarray) -> np.ndarray:
@@ -45,5 +45,11 @@ def bent(points: np.ndarray) -> np.ndarray:
     s = z / 4.0
     angle, taper = 0.6 * s, 1.0 - 0.3 * s
     x, y = taper * (x - 0.5), taper * (y - 0.75)
-    return np.stack([x * np.cos(angle) - y * np.sin(angle) + 0.5 * s**2, x * np.sin(angle) + y * np.cos(angle),
-                     z + 0.1 * np.sin(3.0 * y) * s], axis=1)  # fmt: skip
+    return np.stack(
+        [
+            x * np.cos(angle) - y * np.sin(angle) + 0.5 * s**2,
+            x * np.sin(angle) + y * np.cos(angle),
+            z + 0.1 * np.sin(3.0 * y) * s,
+        ],
+        axis=1,
+    )

@@ -53,8 +53,20 @@ def two_flanks(n_along: int = 13, n_across: int = 3, names=("dovetail",)) -> Con
 
 def pairs_of(position, frame, area, joint, faces) -> ContactPairs:
     n = len(position)
-    return ContactPairs(joint, np.arange(n), np.arange(n) + n, position, frame, area, np.full(n, 0.3), 5e7 * area,
-                        2e13 * area, 3e13 * area, np.zeros(n, dtype=bool), faces)  # fmt: skip
+    return ContactPairs(
+        joint,
+        np.arange(n),
+        np.arange(n) + n,
+        position,
+        frame,
+        area,
+        np.full(n, 0.3),
+        5e7 * area,
+        2e13 * area,
+        3e13 * area,
+        np.zeros(n, dtype=bool),
+        faces,
+    )
 
 
 def no_pairs() -> ContactPairs:
@@ -62,8 +74,13 @@ def no_pairs() -> ContactPairs:
 
 
 def scene(outputs=("tip",), title="Fan-blade sector, first flap mode", method="adaptive") -> SimpleNamespace:
-    return SimpleNamespace(title=title, name="fan_small", text=f"title = {title!r}\n", solver=SimpleNamespace(method=method),
-                           outputs=tuple(SimpleNamespace(name=name) for name in outputs))  # fmt: skip
+    return SimpleNamespace(
+        title=title,
+        name="fan_small",
+        text=f"title = {title!r}\n",
+        solver=SimpleNamespace(method=method),
+        outputs=tuple(SimpleNamespace(name=name) for name in outputs),
+    )
 
 
 def curve(level: float, n_outputs: int, frequencies: np.ndarray, reach: float, H: int = 3) -> np.ndarray:
@@ -79,8 +96,9 @@ def curve(level: float, n_outputs: int, frequencies: np.ndarray, reach: float, H
     return response
 
 
-def branch(level: float, pairs: ContactPairs, n_outputs: int = 1, n_points: int = 60, H: int = 3, low=97.0, high=102.0,
-           most: float = 8.0) -> Branch:
+def branch(
+    level: float, pairs: ContactPairs, n_outputs: int = 1, n_points: int = 60, H: int = 3, low=97.0, high=102.0, most: float = 8.0
+) -> Branch:
     """Return a branch of a level [N]; at ``most`` newtons about two thirds of the pairs slip at the peak."""
     reach = max(level / most - 0.125, 0.0)
     centre = 100.0 * (1.0 - 0.004 * reach)
@@ -102,9 +120,23 @@ def branch(level: float, pairs: ContactPairs, n_outputs: int = 1, n_points: int 
         p = np.zeros_like(U)
         p[depth > 0.0, 0, 1] = -1.0
         friction, damping = float(energy.sum()), 2e-6 * (size[i] / 1e-3) ** 2
-        points.append(Point(omega=omega, response=response[i], U=U, p=p, energy=energy, state=state,
-                            unknowns=(20 + 3 * int((state > 0).sum())) * (2 * H + 1), newton=3, krylov=5, friction=friction,
-                            damping=damping, input=(friction + damping) * (1.0 + 1e-9 * np.sin(7.0 * i)), seconds=0.004))
+        points.append(
+            Point(
+                omega=omega,
+                response=response[i],
+                U=U,
+                p=p,
+                energy=energy,
+                state=state,
+                unknowns=(20 + 3 * int((state > 0).sum())) * (2 * H + 1),
+                newton=3,
+                krylov=5,
+                friction=friction,
+                damping=damping,
+                input=(friction + damping) * (1.0 + 1e-9 * np.sin(7.0 * i)),
+                seconds=0.004,
+            )
+        )
     return Branch(level, points)
 
 
@@ -123,13 +155,29 @@ def linear_curve(n_outputs: int = 1, H: int = 3, low=97.0, high=102.0) -> Linear
     return LinearCurve(frequency, curve(1.0, n_outputs, frequency, 0.0, H))
 
 
-def writer_of(folder, pairs, *, outputs=("tip",), title="Fan-blade sector, first flap mode", H: int = 3, linear=True,
-              comm=MPI.COMM_SELF, method="adaptive") -> ResultWriter:  # fmt: skip
-    return ResultWriter(comm, str(folder), scene(outputs, title, method), pairs, N_H=2 * H + 1,
-                        omega_n=2 * np.pi * np.array([100.0, 312.5]),
-                        linear=linear_curve(len(outputs), H) if linear else None,
-                        node_numbers=np.arange(2 * pairs.n_pairs) + 1001, versions={"numpy": np.__version__},
-                        options=("-hb_snes_max_it", "30"))  # fmt: skip
+def writer_of(
+    folder,
+    pairs,
+    *,
+    outputs=("tip",),
+    title="Fan-blade sector, first flap mode",
+    H: int = 3,
+    linear=True,
+    comm=MPI.COMM_SELF,
+    method="adaptive",
+) -> ResultWriter:
+    return ResultWriter(
+        comm,
+        str(folder),
+        scene(outputs, title, method),
+        pairs,
+        N_H=2 * H + 1,
+        omega_n=2 * np.pi * np.array([100.0, 312.5]),
+        linear=linear_curve(len(outputs), H) if linear else None,
+        node_numbers=np.arange(2 * pairs.n_pairs) + 1001,
+        versions={"numpy": np.__version__},
+        options=("-hb_snes_max_it", "30"),
+    )
 
 
 def write(folder, branches, pairs, **options) -> str:

@@ -11,9 +11,9 @@ from functools import partial
 
 import numpy as np
 
+from microslip.contact.aft import contact_harmonics
 from microslip.contact.law import STICK, ContactParameters
 from microslip.fourier.coefficients import synthesise
-from microslip.harmonic.aft import contact_harmonics
 
 PAIRS, HARMONICS, SHARES = (208, 2000), (1, 3, 7, 15), ("stuck", "edge", "30 %", "100 %")
 
@@ -32,7 +32,7 @@ def motion(n_pairs, H, share, rng):
     U[:, :, 0] *= 0.1
     U[:, 2] *= 0.02
     peak = np.abs(U).sum(axis=(1, 2))[:, None, None]
-    reach = 30.0 / 2e7                                          # m, slip distance at the preload
+    reach = 30.0 / 2e7  # m, slip distance at the preload
     if share == "edge":
         U[:, 2] = 0.0
         du_t = np.linalg.norm(synthesise(U[:, :2], 1024), axis=1)

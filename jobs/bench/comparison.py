@@ -18,13 +18,37 @@ ARC, REFERENCE, CONDENSED = "receptance, by arc length", "receptance", "condense
 RUBIN, RUBIN_BOUND = "plain Rubin, dense", "one LU of plain Rubin's size"
 PER_POINT = ("index", "omega", "response", "wall", "cpu", "evaluations", "newton", "krylov", "unknowns")
 COLUMNS = (
-    "level_N", "method", "points_of_curve", "points_solved", "unknowns_min", "unknowns_max", "ms_a_point", "cpu_ms_a_point",
-    "evaluations", "newton", "krylov", "difference_from_condensed", "difference_from_receptance", "condensed_over_this",
-    "rubin_over_this", "failure",
+    "level_N",
+    "method",
+    "points_of_curve",
+    "points_solved",
+    "unknowns_min",
+    "unknowns_max",
+    "ms_a_point",
+    "cpu_ms_a_point",
+    "evaluations",
+    "newton",
+    "krylov",
+    "difference_from_condensed",
+    "difference_from_receptance",
+    "condensed_over_this",
+    "rubin_over_this",
+    "failure",
 )
 TITLES = (
-    "level, N", "method", "unknowns", "points solved", "ms a point", "CPU ms", "evaluations", "Newton", "GMRES",
-    "from the condensed full set", "from `receptance`", "condensed / this", "plain Rubin / this",
+    "level, N",
+    "method",
+    "unknowns",
+    "points solved",
+    "ms a point",
+    "CPU ms",
+    "evaluations",
+    "Newton",
+    "GMRES",
+    "from the condensed full set",
+    "from `receptance`",
+    "condensed / this",
+    "plain Rubin / this",
 )
 
 
@@ -34,19 +58,27 @@ class Row:
 
     level: float
     method: str
-    index: list[int] = field(default_factory=list)          # of its points among all points of the level
-    omega: list[float] = field(default_factory=list)        # rad/s
-    response: list[np.ndarray] = field(default_factory=list)    # (n_outputs, N_H) m
-    wall: list[float] = field(default_factory=list)         # s
-    cpu: list[float] = field(default_factory=list)          # s
-    evaluations: list[int] = field(default_factory=list)    # of the contact law over pairs
+    index: list[int] = field(default_factory=list)  # of its points among all points of the level
+    omega: list[float] = field(default_factory=list)  # rad/s
+    response: list[np.ndarray] = field(default_factory=list)  # (n_outputs, N_H) m
+    wall: list[float] = field(default_factory=list)  # s
+    cpu: list[float] = field(default_factory=list)  # s
+    evaluations: list[int] = field(default_factory=list)  # of the contact law over pairs
     newton: list[int] = field(default_factory=list)
     krylov: list[int] = field(default_factory=list)
     unknowns: list[int] = field(default_factory=list)
     failure: str | None = None
 
-    def add(self, index: int, omega: float, response: np.ndarray, lap: tuple[float, float, int], newton: int, krylov: int,
-            unknowns: int) -> None:
+    def add(
+        self,
+        index: int,
+        omega: float,
+        response: np.ndarray,
+        lap: tuple[float, float, int],
+        newton: int,
+        krylov: int,
+        unknowns: int,
+    ) -> None:
         """Take the numbers of a point; ``lap`` is wall time, processor time and evaluations."""
         for name, value in zip(PER_POINT, (index, omega, response, *lap, newton, krylov, unknowns)):
             getattr(self, name).append(value)
@@ -88,15 +120,29 @@ class Comparison:
         rows = [self.rows[level, method] for level in levels]
         cpu, rubin = self.mean(method, levels, "cpu"), RUBIN if RUBIN in self.methods else RUBIN_BOUND
         means = {quantity: self.mean(method, levels, quantity) for quantity in ("evaluations", "newton", "krylov")}
-        differences = {baseline: max(difference(row, self.rows[row.level, baseline]) for row in rows) for baseline in (CONDENSED, REFERENCE)}
-        return dict(zip(COLUMNS, (
-            name, method, sum(self.n_points[level] for level in levels), sum(len(row.index) for row in rows),
-            min(min(row.unknowns) for row in rows), max(max(row.unknowns) for row in rows),
-            1e3 * self.mean(method, levels, "wall"), 1e3 * cpu, *means.values(),
-            *(float("nan") if baseline == method else value for baseline, value in differences.items()),
-            self.mean(CONDENSED, levels, "cpu") / cpu, self.mean(rubin, levels, "cpu") / cpu,
-            "; ".join(row.failure for row in rows if row.failure),
-        )))
+        differences = {
+            baseline: max(difference(row, self.rows[row.level, baseline]) for row in rows) for baseline in (CONDENSED, REFERENCE)
+        }
+        return dict(
+            zip(
+                COLUMNS,
+                (
+                    name,
+                    method,
+                    sum(self.n_points[level] for level in levels),
+                    sum(len(row.index) for row in rows),
+                    min(min(row.unknowns) for row in rows),
+                    max(max(row.unknowns) for row in rows),
+                    1e3 * self.mean(method, levels, "wall"),
+                    1e3 * cpu,
+                    *means.values(),
+                    *(float("nan") if baseline == method else value for baseline, value in differences.items()),
+                    self.mean(CONDENSED, levels, "cpu") / cpu,
+                    self.mean(rubin, levels, "cpu") / cpu,
+                    "; ".join(row.failure for row in rows if row.failure),
+                ),
+            )
+        )
 
     def mean(self, method: str, levels: list[float], quantity: str) -> float:
         """Return a mean a point, each level weighted with the points of its curve."""
@@ -111,7 +157,9 @@ class Comparison:
         found = list(self.records())
         lines = ["| " + " | ".join(TITLES) + " |", "| " + " | ".join(["---"] * 2 + ["---:"] * (len(TITLES) - 2)) + " |"]
         lines += ["| " + " | ".join(cells(record)) + " |" for record in found]
-        text = machine.page("Methods side by side", [*(f"- {note}" for note in head), "", *lines, "", "![](img/bench_methods.png)"])
+        text = machine.page(
+            "Methods side by side", [*(f"- {note}" for note in head), "", *lines, "", "![](img/bench_methods.png)"]
+        )
         (folder / "bench_methods.md").write_text(text)
         with open(folder / "bench_methods.csv", "w", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS)
@@ -152,8 +200,10 @@ def cells(record: dict) -> list[str]:
     solved, of_curve = record["points_solved"], record["points_of_curve"]
     differences = (record["difference_from_condensed"], record["difference_from_receptance"])
     return [
-        record["level_N"], record["method"] + (" (failed)" if record["failure"] else ""),
-        f"{low:,}" + (f" to {high:,}" if high > low else ""), f"{solved}" + (f" of {of_curve}" if solved < of_curve else ""),
+        record["level_N"],
+        record["method"] + (" (failed)" if record["failure"] else ""),
+        f"{low:,}" + (f" to {high:,}" if high > low else ""),
+        f"{solved}" + (f" of {of_curve}" if solved < of_curve else ""),
         *(number(record[key]) for key in ("ms_a_point", "cpu_ms_a_point", "evaluations", "newton", "krylov")),
         *("–" if value != value else f"{value:.1e}" for value in differences),
         *(number(record[key]) for key in ("condensed_over_this", "rubin_over_this")),

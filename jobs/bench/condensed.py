@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from microslip.continuation.corrector import Correction, Iterate
-from microslip.reduction import receptance
+from microslip.receptance import motion as receptance
 
 MOST_ITERATIONS = 20
 MOST_HALVINGS = 10
@@ -66,9 +66,9 @@ def jacobian(G_n: np.ndarray, P: np.ndarray, active: np.ndarray) -> np.ndarray:
     n_rows, N_H = G_n.shape[1], 2 * len(G_n) - 1
     J = np.zeros((n_rows, N_H, n_rows // 3, 3 * N_H))
     P = P.reshape(-1, 3, N_H, 3 * N_H)
-    columns = (3 * active[:, None] + np.arange(3))
+    columns = 3 * active[:, None] + np.arange(3)
     for n in range(len(G_n)):
-        G = np.moveaxis(G_n[n][:, columns], 0, 1)                                   # (n_active, 3 n_pairs, 3)
+        G = np.moveaxis(G_n[n][:, columns], 0, 1)  # (n_active, 3 n_pairs, 3)
         c = max(2 * n - 1, 0)
         # amplitude cos - i sin: the cosine of G p is Re G p_cos + Im G p_sin, its sine Re G p_sin - Im G p_cos
         J[:, c, active] = np.moveaxis(G.real @ P[:, :, c], 0, 1)
@@ -82,7 +82,7 @@ def jacobian(G_n: np.ndarray, P: np.ndarray, active: np.ndarray) -> np.ndarray:
 
 def solve_dense(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return A^-1 b by LU with pivoting; A, row by row in memory, is overwritten."""
-    lu, pivots, info = dgetrf(A.T, overwrite_a=True)                                # of A^T, whose columns are A's rows
+    lu, pivots, info = dgetrf(A.T, overwrite_a=True)  # of A^T, whose columns are A's rows
     if info != 0:
         raise np.linalg.LinAlgError(f"dense Jacobian: pivot {info} is zero")
     return dgetrs(lu, pivots, b, trans=1)[0]

@@ -1,14 +1,14 @@
 """One measurement of costs.py, in a process or job of its own so that its memory is its own: prints a line of JSON.
 
-    [mpirun -n 2] python jobs/bench/cost_of.py '{"kind": "joint", "n_pairs": 200, "share": 0.3, "H": 3, "points": 6}'
-    [mpirun -n 2] python jobs/bench/cost_of.py '{"kind": "scene", "scene": "jobs/fan_small.toml", "level": 15, "points": 98}'
+[mpirun -n 2] python jobs/bench/cost_of.py '{"kind": "joint", "n_pairs": 200, "share": 0.3, "H": 3, "points": 6}'
+[mpirun -n 2] python jobs/bench/cost_of.py '{"kind": "scene", "scene": "jobs/fan_small.toml", "level": 15, "points": 98}'
 """
 
 from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # before NumPy is loaded
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import json
 import sys
 import time
@@ -29,7 +29,7 @@ from microslip.contact.law import STICK
 from microslip.continuation import corrector, follow
 from microslip.continuation.grid import at_frequencies
 from microslip.harmonic import newton, preconditioner, residual
-from microslip.reduction.columns import StaticColumns
+from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.selection import AllPairs
 
 # what is timed, each function without the others in this list that it calls
@@ -82,9 +82,15 @@ class Meter:
         points = [entry[2] for entry in kept]
         memory = self.comm.allreduce(peak_memory())
         return {
-            "points": len(points), "seconds": self.comm.allreduce(wall, op=MPI.MAX), "cpu": self.comm.allreduce(cpu, op=MPI.MAX),
-            "groups": by_group, "calls": calls, "newton": mean(points, "newton"), "krylov": mean(points, "krylov"),
-            "not_sticking": float(np.mean([np.count_nonzero(point.state != STICK) for point in points])), "memory_MiB": memory,
+            "points": len(points),
+            "seconds": self.comm.allreduce(wall, op=MPI.MAX),
+            "cpu": self.comm.allreduce(cpu, op=MPI.MAX),
+            "groups": by_group,
+            "calls": calls,
+            "newton": mean(points, "newton"),
+            "krylov": mean(points, "krylov"),
+            "not_sticking": float(np.mean([np.count_nonzero(point.state != STICK) for point in points])),
+            "memory_MiB": memory,
         }
 
 
@@ -116,13 +122,20 @@ def of_scene(comm, scene: str, level: float, points: int) -> dict:
     problem, tolerance = prepared.problem(level), prepared.scene.solver.tolerance
     with Stopwatch(GROUPS) as watch:
         meter = Meter(comm, watch)
-        branch = follow.follow_branch(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance=tolerance,
-                                      max_points=10 * points, on_point=meter.point)
+        branch = follow.follow_branch(
+            problem, AllPairs(), prepared.sweep, prepared.steps, tolerance=tolerance, max_points=10 * points, on_point=meter.point
+        )
     model, found = prepared.model, meter.report(skip=0)
     return {
-        "level": level, "n_dof": prepared.structure.linearised.system.n_dof, "n_pairs": model.n_pairs, "n_modes": model.n_modes,
-        "H": model.N_H // 2, "unknowns": 3 * model.n_pairs * model.N_H, "failure": branch.failure,
-        "stages": [asdict(stage) for stage in prepared.stages], **found,
+        "level": level,
+        "n_dof": prepared.structure.linearised.system.n_dof,
+        "n_pairs": model.n_pairs,
+        "n_modes": model.n_modes,
+        "H": model.N_H // 2,
+        "unknowns": 3 * model.n_pairs * model.N_H,
+        "failure": branch.failure,
+        "stages": [asdict(stage) for stage in prepared.stages],
+        **found,
     }
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # before NumPy is loaded
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
 import json
 import shlex
@@ -31,9 +31,14 @@ import numpy as np
 
 PARTS = ("scene", "pairs", "share", "harmonics")
 PAIRS, SHARES, HARMONICS = (50, 100, 200, 500, 1000, 2000), (0.0, 0.1, 0.3, 0.6, 1.0), (1, 3, 5, 7, 10, 15)
-GOAL = {"n_pairs": 2000, "share": 0.3, "H": 5}          # a point in under 2 s and 8 GiB
-NAMES = {"AFT": "AFT", "G p": "G p", "Krylov products, besides G p": "Krylov, besides G p", "PETSc: GMRES, SNES, calls": "PETSc",
-         "columns of G: picking": "picking G"}
+GOAL = {"n_pairs": 2000, "share": 0.3, "H": 5}  # a point in under 2 s and 8 GiB
+NAMES = {
+    "AFT": "AFT",
+    "G p": "G p",
+    "Krylov products, besides G p": "Krylov, besides G p",
+    "PETSc: GMRES, SNES, calls": "PETSc",
+    "columns of G: picking": "picking G",
+}
 
 
 def measure(request: dict, ranks: int) -> dict:
@@ -87,7 +92,8 @@ def of_response(found: list[dict]) -> list[str]:
     total = {group: sum(r["groups"].get(group, 0.0) for r in found) for r in found for group in r["groups"]}
     titles = ["CPU ms a point (calls)"] + [f"{r['level']:g} N, {r['ranks']} rank{'s' * (r['ranks'] > 1)}" for r in found]
     rows = [
-        ["wall time, ms", *(ms(r["seconds"]) for r in found)], ["processor time, ms", *(ms(r["cpu"]) for r in found)],
+        ["wall time, ms", *(ms(r["seconds"]) for r in found)],
+        ["processor time, ms", *(ms(r["cpu"]) for r in found)],
         ["points; not sticking, mean", *(f"{r['points']}; {r['not_sticking']:.0f} of {r['n_pairs']}" for r in found)],
         ["Newton; GMRES", *(f"{r['newton']:.1f}; {r['krylov']:.1f}" for r in found)],
     ]
@@ -99,19 +105,40 @@ def of_response(found: list[dict]) -> list[str]:
 
 def of_growth(found: list[dict]) -> list[str]:
     """Return the table of a growth, with the rates of G p beside the times."""
-    titles = ["pairs, slipping, H", "ranks", "unknowns", "ms a point", "CPU ms", *NAMES.values(), "rest", "Newton", "GMRES",
-              "G p GFLOP/s", "G p GB/s", "MiB"]
+    titles = [
+        "pairs, slipping, H",
+        "ranks",
+        "unknowns",
+        "ms a point",
+        "CPU ms",
+        *NAMES.values(),
+        "rest",
+        "Newton",
+        "GMRES",
+        "G p GFLOP/s",
+        "G p GB/s",
+        "MiB",
+    ]
     rows = []
     for r in found:
         parts = [r["groups"].get(name, 0.0) for name in NAMES]
         flops, bytes_ = work_of_G(r)
         busy, calls = r["groups"].get("G p", 0.0), r["calls"].get("G p", 0.0)
         rates = [f"{1e-9 * amount * calls / busy:.2g}" if busy > 0.0 else "–" for amount in (flops, bytes_)]
-        rows.append([
-            f"{r['n_pairs']:,}, {r['not_sticking']:.0f}, {r['H']}", str(r["ranks"]), f"{r['unknowns']:,}", ms(r["seconds"]),
-            ms(r["cpu"]), *(ms(seconds) for seconds in (*parts, r["cpu"] - sum(parts))), f"{r['newton']:.1f}",
-            f"{r['krylov']:.1f}", *rates, f"{r['memory_MiB']:,.0f}",
-        ])
+        rows.append(
+            [
+                f"{r['n_pairs']:,}, {r['not_sticking']:.0f}, {r['H']}",
+                str(r["ranks"]),
+                f"{r['unknowns']:,}",
+                ms(r["seconds"]),
+                ms(r["cpu"]),
+                *(ms(seconds) for seconds in (*parts, r["cpu"] - sum(parts))),
+                f"{r['newton']:.1f}",
+                f"{r['krylov']:.1f}",
+                *rates,
+                f"{r['memory_MiB']:,.0f}",
+            ]
+        )
     return table(titles, rows)
 
 
@@ -121,8 +148,11 @@ def work_of_G(r: dict) -> tuple[float, float]:
     return 2.0 * entries * (2 * r["H"] + 1), 4.0 * entries
 
 
-AXES = {"pairs": ("n_pairs", "pairs, 30 % slip, H = 3"), "share": ("share", "share of slipping pairs, 200 pairs, H = 3"),
-        "harmonics": ("H", "harmonics, 200 pairs, 30 % slip")}
+AXES = {
+    "pairs": ("n_pairs", "pairs, 30 % slip, H = 3"),
+    "share": ("share", "share of slipping pairs, 200 pairs, H = 3"),
+    "harmonics": ("H", "harmonics, 200 pairs, 30 % slip"),
+}
 
 
 def draw(growths: dict[str, list[dict]], path: Path) -> None:
@@ -151,8 +181,11 @@ def measured(options) -> dict[str, list[dict]]:
     """Return what every part asked for has measured."""
     results: dict[str, list[dict]] = {}
     for part in options.parts:
-        requests = joints(part, options) if part != "scene" else [
-            {"kind": "scene", "scene": options.scene, "level": level, "points": options.points} for level in options.levels]
+        requests = (
+            joints(part, options)
+            if part != "scene"
+            else [{"kind": "scene", "scene": options.scene, "level": level, "points": options.points} for level in options.levels]
+        )
         results[part] = [measure(request, ranks) for request in requests for ranks in options.ranks]
     return results
 
@@ -163,7 +196,10 @@ def report(results: dict[str, list[dict]], head: list[str], scene: str) -> list[
     for part, found in results.items():
         if part == "scene":
             one = found[0]
-            lines += [f"## {Path(scene).stem}: {one['n_dof']:,} DOF, {one['n_pairs']} pairs, {one['n_modes']} modes, H = {one['H']}", ""]
+            lines += [
+                f"## {Path(scene).stem}: {one['n_dof']:,} DOF, {one['n_pairs']} pairs, {one['n_modes']} modes, H = {one['H']}",
+                "",
+            ]
             lines += [*of_stages([r for r in found if r["level"] == one["level"]]), *of_response(found)]
         else:
             lines += [f"## A point of a synthetic joint over {part}", "", *of_growth(found)]

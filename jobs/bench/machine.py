@@ -16,8 +16,10 @@ def facts() -> dict[str, str]:
     """Return what a table of times needs beside it.  Local."""
     import microslip
 
-    found = {"processor": f"{processor()}, {len(os.sched_getaffinity(0))} cores, {memory():.0f} GiB",
-             "BLAS threads": os.environ.get("OPENBLAS_NUM_THREADS", "as the library chooses")}
+    found = {
+        "processor": f"{processor()}, {len(os.sched_getaffinity(0))} cores, {memory():.0f} GiB",
+        "BLAS threads": os.environ.get("OPENBLAS_NUM_THREADS", "as the library chooses"),
+    }
     versions = [f"microslip {microslip.__version__}", f"Python {platform.python_version()}"]
     for package in ("numpy", "scipy", "petsc4py", "slepc4py", "mpi4py"):
         try:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # before NumPy is loaded
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
 import time
 from collections.abc import Callable
@@ -40,7 +40,7 @@ from microslip.continuation.corrector import Iterate
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies, going_on, secant
 from microslip.harmonic import residual
-from microslip.reduction import receptance
+from microslip.receptance import motion as receptance
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 
@@ -85,7 +85,7 @@ def spread(n: int, n_wanted: int, peak: int) -> list[int]:
 
 def start_of(problem, points, i: int) -> tuple[Iterate, float]:
     """Return the guess for point i, on the secant through the two before, and |U| of the last; of the linear curve if none."""
-    before = [Iterate(point.U, point.omega) for point in points[max(i - 2, 0): i]]
+    before = [Iterate(point.U, point.omega) for point in points[max(i - 2, 0) : i]]
     before = before or [Iterate(problem.linear_motion(points[0].omega)[0], points[0].omega)]
     return secant(before[0] if len(before) == 2 else None, before[-1], points[i].omega), float(np.linalg.norm(before[-1].U))
 
@@ -109,14 +109,16 @@ def rubin_at(rubin, problem, points, chosen: list[int], tolerance: float, watch:
     newton, row, laps = PlainRubin(rubin, problem, tolerance), Row(problem.level, RUBIN), Laps(watch)
     for i in chosen:
         omega, size = points[i].omega, start_of(problem, points, i)[1]
-        before = points[max(i - 2, 0): i] or points[:1]
-        starts = [Iterate(newton.motion_under(point.p.reshape(-1, problem.model.N_H), point.omega), point.omega) for point in before]
+        before = points[max(i - 2, 0) : i] or points[:1]
+        starts = [
+            Iterate(newton.motion_under(point.p.reshape(-1, problem.model.N_H), point.omega), point.omega) for point in before
+        ]
         guess = secant(starts[0] if len(starts) == 2 else None, starts[-1], omega)
         newton.seconds_of_measure = 0.0
         laps.lap()
         x, iterations, failure = newton.correct(guess.U, omega, size)
         wall, cpu, evaluations = laps.lap()
-        own = 1.0 - newton.seconds_of_measure / cpu                 # without what it takes to measure the residual alike
+        own = 1.0 - newton.seconds_of_measure / cpu  # without what it takes to measure the residual alike
         row.add(i, omega, rubin.outputs @ x, (own * wall, own * cpu, evaluations), iterations, 0, newton.unknowns)
         row.failure = row.failure or failure
     return row
@@ -134,8 +136,15 @@ def rubin_bound(level: float, n_unknowns: int) -> Row:
 def at_level(prepared: Prepared, rubin, level: float, dense_points: int, rubin_points: int) -> list[Row]:
     """Run every method on one level."""
     problem, solver, model = prepared.problem(level), prepared.scene.solver, prepared.model
-    follow = partial(follow_branch, problem, AllPairs(), prepared.sweep, prepared.steps, tolerance=solver.tolerance,
-                     max_points=10 * prepared.scene.response.points)
+    follow = partial(
+        follow_branch,
+        problem,
+        AllPairs(),
+        prepared.sweep,
+        prepared.steps,
+        tolerance=solver.tolerance,
+        max_points=10 * prepared.scene.response.points,
+    )
     with contact_counter() as watch:
         row, curve = of_branch(ARC, follow, level, watch)
         rows, points, omegas = [row], [], going_on(curve, prepared.sweep.direction)
@@ -158,9 +167,14 @@ def notes(prepared: Prepared, rubin) -> list[str]:
     """Return what the table must be read with."""
     model, solver = prepared.model, prepared.scene.solver
     columns = next(stage for stage in prepared.stages if stage.name.startswith("static columns"))
-    of_rubin = "Plain Rubin was not solved: one dense LU of its size stands for a point, a lower bound." if rubin is None else (
-        f"Plain Rubin has {rubin.n_modes} modes of the free bodies, {6 * rubin.n_pairs} interface DOFs and {rubin.n_loads} of the "
-        "load; its difference is that of another truncated basis.")
+    of_rubin = (
+        "Plain Rubin was not solved: one dense LU of its size stands for a point, a lower bound."
+        if rubin is None
+        else (
+            f"Plain Rubin has {rubin.n_modes} modes of the free bodies, {6 * rubin.n_pairs} interface DOFs and {rubin.n_loads} of the "
+            "load; its difference is that of another truncated basis."
+        )
+    )
     return [
         f"Scene {prepared.scene.name}: {prepared.structure.linearised.system.n_dof:,} DOF, {model.n_pairs} pairs, {model.n_modes} "
         f"modes, H = {model.N_H // 2}, {solver.samples} samples, tolerance {solver.tolerance:g}, one rank.",

@@ -12,14 +12,14 @@ from microslip.continuation.levels import arc_length_steps, frequency_sweep, lin
 from microslip.continuation.steps import ArcLength, LinearCurve
 from microslip.continuation.sweep import Sweep
 from microslip.harmonic.residual import HarmonicBalance
+from microslip.observe.log import RunLog, Stage
 from microslip.parallel.agree import on_root
-from microslip.parallel.log import RunLog, Stage
+from microslip.receptance.model import ReducedModel
 from microslip.reduction.build import reduce_structure
-from microslip.reduction.model import ReducedModel
 from microslip.run import Structure, build_structure
 from microslip.scene.read import read_scene
 
-MODES = 20          # of a scene with a mesh that states none
+MODES = 20  # of a scene with a mesh that states none
 
 
 @dataclass(frozen=True)

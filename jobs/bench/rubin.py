@@ -25,20 +25,20 @@ from microslip.linear.dense import multiply
 from microslip.linear.factor import Factor
 from microslip.linear.joint_springs import Linearised, joint_stiffness
 from microslip.modes.eigen import lowest_modes
-from microslip.reduction.receptance import to_complex, to_real
+from microslip.receptance.motion import to_complex, to_real
 
-BATCH = 128             # attachment modes solved for together
-LEAST_FLEXIBILITY = 1e-9    # smallest eigenvalue of the residual flexibility, its diagonal scaled to 1
+BATCH = 128  # attachment modes solved for together
+LEAST_FLEXIBILITY = 1e-9  # smallest eigenvalue of the residual flexibility, its diagonal scaled to 1
 
 
 @dataclass(frozen=True)
 class RubinModel:
     """Reduced matrices in (q, w): modes, then x1 y1 z1 x2 y2 z2 of each pair in its frame, then the loads' motion."""
 
-    K_L: np.ndarray         # (n, n) N/m with the joint's springs
-    M: np.ndarray           # (n, n) kg
-    C: np.ndarray           # (n, n) N s/m
-    outputs: np.ndarray     # (n_outputs, n)
+    K_L: np.ndarray  # (n, n) N/m with the joint's springs
+    M: np.ndarray  # (n, n) kg
+    C: np.ndarray  # (n, n) N s/m
+    outputs: np.ndarray  # (n_outputs, n)
     n_modes: int
     n_pairs: int
     n_loads: int
@@ -65,14 +65,14 @@ def build_rubin(structure, scene) -> RubinModel:
     A.setOption(PETSc.Mat.Option.SPD, True)
     free = Linearised(system, A, system.M, Factor(A, what="K + alpha M"))
     modes = lowest_modes(free, n_modes, verify=False)
-    phi, shifted = modes.phi_owned, modes.omega_n**2                                # lambda + alpha
+    phi, shifted = modes.phi_owned, modes.omega_n**2  # lambda + alpha
     B_phi = B @ phi
     residual = np.empty((B.shape[1], B.shape[0]), order="F")
     for start in range(0, B.shape[0], BATCH):
         rows = slice(start, start + BATCH)
         residual[:, rows] = free.factor.solve_sparse(B[rows].T.tocsc()) - (phi / shifted) @ B_phi[rows].T
     M_aa = np.empty((B.shape[0], B.shape[0]))
-    for start in range(0, B.shape[0], BATCH):                                       # in parts: M residual is as large as it
+    for start in range(0, B.shape[0], BATCH):  # in parts: M residual is as large as it
         rows = slice(start, start + BATCH)
         M_aa[:, rows] = residual.T @ multiply(system.M, residual[:, rows])
     F = B @ residual
@@ -82,7 +82,7 @@ def build_rubin(structure, scene) -> RubinModel:
     if scipy.linalg.eigvalsh(scale[:, None] * F * scale, subset_by_index=[0, 0])[0] < LEAST_FLEXIBILITY:
         raise ValueError(f"plain Rubin: {n_modes} modes leave no residual flexibility to some interface DOFs; take fewer modes")
     n_loads, n_pairs = system.loads.shape[1], structure.pairs.n_pairs
-    to_g = np.linalg.solve(F, np.hstack([-B_phi, np.eye(len(F))]))                  # g = F^-1 (w - B phi q)
+    to_g = np.linalg.solve(F, np.hstack([-B_phi, np.eye(len(F))]))  # g = F^-1 (w - B phi q)
     K = to_g.T @ (F - alpha * M_aa) @ to_g
     M = to_g.T @ M_aa @ to_g
     modal = np.arange(n_modes)
@@ -100,7 +100,7 @@ def boundary(structure) -> sp.csr_matrix:
     """Return B, (6 n_pairs + n_loads, n_dof): both bodies' motion at each pair in its frame, and along the loads."""
     pairs, system = structure.pairs, structure.linearised.system
     nodes = np.column_stack([pairs.node1, pairs.node2])
-    columns = system.dof[nodes]                                                     # (n_pairs, 2, 3)
+    columns = system.dof[nodes]  # (n_pairs, 2, 3)
     if len(np.unique(nodes)) < nodes.size or nodes.min() < 0 or columns.min() < 0:
         raise ValueError("plain Rubin: interface nodes are shared by pairs, fixed or ground; 6 n_pairs DOFs are not independent")
     values = np.broadcast_to(pairs.frame[:, None], (pairs.n_pairs, 2, 3, 3))
@@ -144,8 +144,8 @@ class PlainRubin:
         self.everything = np.ones(rubin.n_pairs, dtype=bool)
         self.R = relative_motion(rubin.n_modes, rubin.n_pairs, rubin.n_loads)
         self.f = np.zeros((len(rubin.M), problem.model.N_H))
-        self.f[len(self.f) - rubin.n_loads:] = problem.level * problem.model.f      # w of the loads is their motion
-        self.seconds_of_measure = 0.0                                               # processor time
+        self.f[len(self.f) - rubin.n_loads :] = problem.level * problem.model.f  # w of the loads is their motion
+        self.seconds_of_measure = 0.0  # processor time
 
     @property
     def unknowns(self) -> int:

@@ -23,7 +23,7 @@ class Stopwatch:
         self.clock, self._groups = clock, groups
         self.seconds: dict[str, float] = defaultdict(float)
         self.calls: dict[str, int] = defaultdict(int)
-        self._inner: list[float] = []           # time spent in wrapped functions called by each open one
+        self._inner: list[float] = []  # time spent in wrapped functions called by each open one
         self._originals: list[tuple[Any, str, Any]] = []
 
     def __enter__(self) -> Stopwatch:

@@ -18,16 +18,16 @@ from microslip.contact.law import ContactParameters
 from microslip.fourier.coefficients import synthesise
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
-from microslip.reduction import receptance
+from microslip.receptance import motion as receptance
+from microslip.receptance.model import ReducedModel
+from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.build import split_evenly
-from microslip.reduction.columns import StaticColumns
-from microslip.reduction.model import ReducedModel
 
-K_T = 2e7                   # N/m, of each pair and direction
-OMEGA = 600.0               # rad/s, the middle of the frequencies to solve at
-BETA = 0.2                  # share of the compliance that modes carry
-DECAY = 0.15                # of the patch's side over which F falls by e
-SLIPS, HOLDS = 0.7, 3.0     # friction limit of slipping and of other pairs over the largest force while stuck
+K_T = 2e7  # N/m, of each pair and direction
+OMEGA = 600.0  # rad/s, the middle of the frequencies to solve at
+BETA = 0.2  # share of the compliance that modes carry
+DECAY = 0.15  # of the patch's side over which F falls by e
+SLIPS, HOLDS = 0.7, 3.0  # friction limit of slipping and of other pairs over the largest force while stuck
 
 
 def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
@@ -55,9 +55,20 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
     f[0, 1] = 1.0
     o = rng.standard_normal((1, n_modes))
     return ReducedModel(
-        comm=comm, pair_ranges=ranges, omega_n=omega_n, C=2e-2 * omega_n, r=r, b=b, o=o,
-        G_static=StaticColumns(n_pairs, len(own) // 3, columns), du_static=du_static, out_static=(o / omega_n**2) @ b,
-        out_R=(o / omega_n**2) @ r.T, load_static=(b.T / omega_n**2) @ b, f=f, harmonics=harmonics,
+        comm=comm,
+        pair_ranges=ranges,
+        omega_n=omega_n,
+        C=2e-2 * omega_n,
+        r=r,
+        b=b,
+        o=o,
+        G_static=StaticColumns(n_pairs, len(own) // 3, columns),
+        du_static=du_static,
+        out_static=(o / omega_n**2) @ b,
+        out_R=(o / omega_n**2) @ r.T,
+        load_static=(b.T / omega_n**2) @ b,
+        f=f,
+        harmonics=harmonics,
     )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # before NumPy is loaded
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
 import shutil
 import time
@@ -22,8 +22,8 @@ initialise()
 import machine
 from mpi4py import MPI
 
-from microslip.results.trade import TARGETS, Study
-from microslip.results.trade_report import (
+from microslip.scene.read import read_scene
+from microslip.studies.trade.report import (
     COLUMNS,
     SHOWN,
     choice_lines,
@@ -35,11 +35,16 @@ from microslip.results.trade_report import (
     sentences,
     validation_lines,
 )
-from microslip.scene.read import read_scene
-from microslip.trade import KNOBS, SECONDS, Asked, trade
+from microslip.studies.trade.story import KNOBS, SECONDS, Asked, trade
+from microslip.studies.trade.study import TARGETS, Study
 
-SCENES = {"jobs/fan_paper.toml": 900.0, "jobs/fan_small.toml": SECONDS, "jobs/lap_joint.toml": SECONDS, "jobs/spatial.toml": SECONDS}
-WITHOUT_METHODS = ("jobs/fan_paper.toml",)      # rubin alone takes six minutes there: docs/bench_methods.md compares them
+SCENES = {
+    "jobs/fan_paper.toml": 900.0,
+    "jobs/fan_small.toml": SECONDS,
+    "jobs/lap_joint.toml": SECONDS,
+    "jobs/spatial.toml": SECONDS,
+}
+WITHOUT_METHODS = ("jobs/fan_paper.toml",)  # rubin alone takes six minutes there: docs/bench_methods.md compares them
 ABOUT = (
     "`microslip trade SCENE.toml` measures on a scene of your own what this page shows for four: what each knob costs and buys. "
     "All runs of a scene are solved at the same frequencies, so that they compare point by point. An error is the difference of "
@@ -87,9 +92,13 @@ def main() -> None:
 def write(n_ranks: int, out: Path) -> None:
     """Write the page and its pictures, of all scenes that have been run."""
     (out / "img").mkdir(parents=True, exist_ok=True)
-    lines = ["    python jobs/bench/trade_docs.py", "",
-             *(f"- {line}" for line in machine.lines(machine.facts())),
-             f"- {n_ranks} rank{'s' if n_ranks > 1 else ''}, {time.strftime('%Y-%m-%d')}.", ""]
+    lines = [
+        "    python jobs/bench/trade_docs.py",
+        "",
+        *(f"- {line}" for line in machine.lines(machine.facts())),
+        f"- {n_ranks} rank{'s' if n_ranks > 1 else ''}, {time.strftime('%Y-%m-%d')}.",
+        "",
+    ]
     for paragraph in ABOUT:
         lines += [paragraph, ""]
     for name in SCENES:
@@ -106,15 +115,35 @@ def section(name: str, study: Study, seconds: float) -> list[str]:
     head = [COLUMNS[key] for key in SHOWN]
     cells = [[cell.replace("<", "&lt;") for cell in row] for row in rows(study)]
     reference, *known = reference_lines(study)
-    lines = [f"## {study.title}", "", f"`microslip trade {name}`, {seconds:.0f} s, {time.strftime('%Y-%m-%d')}.", "", f"![{study.title}](img/trade_{study.name}.png)", "",
-             reference[0].upper() + reference[1:] + ":", "", *(f"- {line.strip()}" for line in known), "",
-             *(line[0].upper() + line[1:] + "." for line in validation_lines(study)), "",
-             "| " + " | ".join(head) + " |", "| " + " | ".join(["---"] * 2 + ["---:"] * (len(head) - 2)) + " |",
-             *("| " + " | ".join(row) + " |" for row in cells), ""]
+    lines = [
+        f"## {study.title}",
+        "",
+        f"`microslip trade {name}`, {seconds:.0f} s, {time.strftime('%Y-%m-%d')}.",
+        "",
+        f"![{study.title}](img/trade_{study.name}.png)",
+        "",
+        reference[0].upper() + reference[1:] + ":",
+        "",
+        *(f"- {line.strip()}" for line in known),
+        "",
+        *(line[0].upper() + line[1:] + "." for line in validation_lines(study)),
+        "",
+        "| " + " | ".join(head) + " |",
+        "| " + " | ".join(["---"] * 2 + ["---:"] * (len(head) - 2)) + " |",
+        *("| " + " | ".join(row) + " |" for row in cells),
+        "",
+    ]
     shared = ", ".join(f"{stage} {spent:.2g} s" for stage, spent in study.shared.items())
     lines += [f"Shared by all: {shared}.", "", *(f"{line[0].upper()}{line[1:]}.\n" for line in failure_lines(study))]
     lines += ["What each knob costs and buys:", "", *(f"- {line}" for line in sentences(study)), ""]
-    lines += ["The front, of which nothing that was run is both faster and better:", "", "```text", *front_lines(study), "```", ""]
+    lines += [
+        "The front, of which nothing that was run is both faster and better:",
+        "",
+        "```text",
+        *front_lines(study),
+        "```",
+        "",
+    ]
     lines += ["What it would choose:", "", "```text"]
     for target in TARGETS:
         lines += choice_lines(study, target)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # before NumPy is loaded
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
 import sys
 import time
@@ -30,8 +30,8 @@ from paper_page import page
 from paper_runs import study
 
 SCENE = "jobs/fan_paper.toml"
-TOLERANCES = (0.0, 1e-8, 1e-7, 1e-6, 1e-5, 3e-5, 1e-4)      # J a cycle and pair: from 0 to 1e-4 as in the paper
-STEPS = (50, 98, 200, 400)                                  # points of a level
+TOLERANCES = (0.0, 1e-8, 1e-7, 1e-6, 1e-5, 3e-5, 1e-4)  # J a cycle and pair: from 0 to 1e-4 as in the paper
+STEPS = (50, 98, 200, 400)  # points of a level
 
 
 def main() -> None:
@@ -44,8 +44,15 @@ def main() -> None:
     parser.add_argument("--no-rubin", action="store_true", help="do not solve plain Rubin: one LU of its size stands for a step")
     options = parser.parse_args()
     start, folder = time.perf_counter(), options.out or Path("docs" if options.scene == SCENE else "results/paper")
-    found = study(options.scene, MPI.COMM_SELF, sorted(options.tolerances), options.steps, options.points, not options.no_rubin,
-                  lambda line: print(line, flush=True))
+    found = study(
+        options.scene,
+        MPI.COMM_SELF,
+        sorted(options.tolerances),
+        options.steps,
+        options.points,
+        not options.no_rubin,
+        lambda line: print(line, flush=True),
+    )
     (folder / "img").mkdir(parents=True, exist_ok=True)
     remove_old(folder / "img")
     figures = draw_all(found, folder / "img")

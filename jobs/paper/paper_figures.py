@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).parents[2] / "meshes"))      # the skin of a mesh, as its generator draws it
+sys.path.append(str(Path(__file__).parents[2] / "meshes"))  # the skin of a mesh, as its generator draws it
 
 import matplotlib
 import numpy as np
@@ -27,23 +27,33 @@ from microslip.results.style import FAINT, INK, LINEAR, RC, WIDTH, Page, level_c
 
 BY_SLIP = "adaptive, \u0394p \u2260 0"
 _RAISED = "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
-FLOOR = 1e-11               # of a difference on a logarithmic axis
+FLOOR = 1e-11  # of a difference on a logarithmic axis
 LATE, CHECKED, RUBIN = "#d55e00", "#0072b2", "#009e73"
-_SAME_SIZE = 5e-3           # relative difference of the mean size of two models that are drawn as one
-_SHAPES = 3                 # modes drawn
-_DEFORMED = 0.10            # largest motion of a drawn mode over the size of the structure
-_VIEW = (22.0, -52.0)       # elevation and azimuth from which it is seen [degrees]
+_SAME_SIZE = 5e-3  # relative difference of the mean size of two models that are drawn as one
+_SHAPES = 3  # modes drawn
+_DEFORMED = 0.10  # largest motion of a drawn mode over the size of the structure
+_VIEW = (22.0, -52.0)  # elevation and azimuth from which it is seen [degrees]
 
 
 def draw_all(study: Study, folder: Path) -> dict[str, str]:
     """Draw all figures into ``folder``; return their files' names by figure: "4", "6" to "15" and "step"."""
     folder.mkdir(parents=True, exist_ok=True)
     own: dict[str, Callable[[Study], Page | None]] = {
-        "4": modes, "10": adaptive, "11": tolerance_response, "12": tolerance_size, "13": tolerance_error,
-        "15": tolerance_summary, "step": steps,
+        "4": modes,
+        "10": adaptive,
+        "11": tolerance_response,
+        "12": tolerance_size,
+        "13": tolerance_error,
+        "15": tolerance_summary,
+        "step": steps,
     }
-    shared = {"6": (draw_response, "reference"), "7": (draw_states, "reference"), "8": (draw_slip_map, "reference"),
-              "9": (draw_rom_size, "adaptive"), "14": (draw_energy_map, "reference")}
+    shared = {
+        "6": (draw_response, "reference"),
+        "7": (draw_states, "reference"),
+        "8": (draw_slip_map, "reference"),
+        "9": (draw_rom_size, "adaptive"),
+        "14": (draw_energy_map, "reference"),
+    }
     files = {}
     with matplotlib.rc_context(RC):
         for name, (draw, of) in shared.items():
@@ -85,8 +95,15 @@ def as_results(study: Study, which: str) -> ResultFile:
     sizes = len(scene.outputs), model.n_pairs, model.N_H
     runs: list[Run] = [getattr(level, which) for level in study.levels]
     return ResultFile(
-        path="", title=scene.title, name=scene.name, method=runs[0].row.method, scene_text="", options=(), versions={},
-        outputs=tuple(output.name for output in scene.outputs), mode_frequency=model.omega_n / (2.0 * np.pi),
+        path="",
+        title=scene.title,
+        name=scene.name,
+        method=runs[0].row.method,
+        scene_text="",
+        options=(),
+        versions={},
+        outputs=tuple(output.name for output in scene.outputs),
+        mode_frequency=model.omega_n / (2.0 * np.pi),
         joint=joint_of(structure.pairs, None if structure.mesh is None else structure.mesh.numbers),
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         levels=tuple(level_result(run.level, run.points, sizes) for run in runs),
@@ -167,12 +184,17 @@ def adaptive(study: Study) -> Page | None:
     levels = study.slipping
     if not levels:
         return None
-    handles = [Line2D([], [], label="full set of pairs (receptance)", **LINEAR), Line2D([], [], color=LATE, label="adaptive"),
-               Line2D([], [], color=CHECKED, ls="--", label="adaptive, checked in the point")]
+    handles = [
+        Line2D([], [], label="full set of pairs (receptance)", **LINEAR),
+        Line2D([], [], color=LATE, label="adaptive"),
+        Line2D([], [], color=CHECKED, ls="--", label="adaptive, checked in the point"),
+    ]
     if any(level.rubin for level in levels):
         handles.append(Line2D([], [], color=RUBIN, ls="", marker="D", ms=5, mfc="none", mew=1.3, label="plain Rubin at the peak"))
-    says = (f"adaptive ROM against the full set at the same points, where pairs slip: response, and difference over its peak "
-            f"({FLOOR:g} or less at the foot)")
+    says = (
+        f"adaptive ROM against the full set at the same points, where pairs slip: response, and difference over its peak "
+        f"({FLOOR:g} or less at the foot)"
+    )
     page = Page(study.prepared.scene, says, WIDTH, 4.2, handles)
     axes = page.grid(2, len(levels)).subplots(squeeze=False, sharey="row", sharex="col")
     factor, unit = scaled(np.concatenate([level.reference.amplitude for level in levels]), "m")
@@ -221,6 +243,7 @@ def _marks(curve, error, level: Level) -> None:
 
 def tolerance_response(study: Study) -> Page | None:
     """Response by `adaptive-energy` for each tolerance, around the peak of each level."""
+
     def draw(ax, run: Run | None, level: Level, factor: float, **looks) -> None:
         run = run or level.reference
         ax.plot(run.frequency, factor * run.amplitude, **looks)
@@ -242,12 +265,12 @@ def tolerance_response(study: Study) -> Page | None:
 
 def tolerance_size(study: Study) -> Page | None:
     """Unknowns of `adaptive-energy` along the curve for each tolerance; those of `adaptive` beneath."""
+
     def draw(ax, run: Run | None, level: Level, factor: float, **looks) -> None:
         run = run or level.adaptive
         ax.plot(run.frequency[1:], run.unknowns[1:], **looks)
 
-    says = ("unknowns of the adaptive ROM along the curve, by energy tolerance \u03b5; without the first point, "
-            "at which B is full")
+    says = "unknowns of the adaptive ROM along the curve, by energy tolerance \u03b5; without the first point, at which B is full"
     page, axes = _by_tolerance(study, says, draw, None, "", base=BY_SLIP)
     for ax, level in zip(axes, study.slipping):
         ax.set(ylabel="unknowns", xlim=_slip_range(level))
@@ -257,6 +280,7 @@ def tolerance_size(study: Study) -> Page | None:
 
 def tolerance_error(study: Study) -> Page | None:
     """Difference from the reference along the curve for each tolerance; that of `adaptive` beneath."""
+
     def draw(ax, run: Run | None, level: Level, factor: float, **looks) -> None:
         _differences(ax, run or level.adaptive, level.reference, **looks)
 
@@ -320,8 +344,9 @@ def tolerance_summary(study: Study) -> Page | None:
     tolerances = list(levels[0].energy)
     places, names = np.arange(len(tolerances)), [_joules(eps).removesuffix(" J") for eps in tolerances]
     colours = level_colours(len(levels))
-    handles = [Line2D([], [], color=colour, marker="o", ms=3.5, label=f"{level.level:g} N")
-               for level, colour in zip(levels, colours)]
+    handles = [
+        Line2D([], [], color=colour, marker="o", ms=3.5, label=f"{level.level:g} N") for level, colour in zip(levels, colours)
+    ]
     handles.append(Line2D([], [], color=INK, ls="--", lw=0.9, label=BY_SLIP))
     says = "adaptive-energy against its tolerance \u03b5: error (1e-8 or less at the foot) and size"
     page = Page(study.prepared.scene, says, WIDTH, 4.4, handles)
@@ -330,8 +355,10 @@ def tolerance_summary(study: Study) -> Page | None:
         ("largest difference on the curve / peak", lambda run, exact: errors(run, exact).max()),
         ("|error of the peak|", lambda run, exact: abs(peak_error(run, exact))),
         ("unknowns, mean of the curve", lambda run, exact: run.unknowns.mean()),
-        ("pairs with \u0394p \u2260 0 held stuck at the peak",
-         lambda run, exact: run.dropped[min(exact.peak, len(run.dropped) - 1)]),
+        (
+            "pairs with \u0394p \u2260 0 held stuck at the peak",
+            lambda run, exact: run.dropped[min(exact.peak, len(run.dropped) - 1)],
+        ),
     ]
     for k, (ax, (name, of)) in enumerate(zip(axes.ravel(), quantities)):
         for level, colour in zip(levels, colours):
@@ -359,8 +386,10 @@ def steps(study: Study) -> Page | None:
     levels = sorted({step.level for step in study.steps})
     colours = dict(zip(levels, level_colours(len(levels))))
     handles = [Line2D([], [], color=colours[level], lw=1.5, label=f"{level:g} N") for level in levels]
-    handles += [Line2D([], [], color=INK, marker="o", ms=3.5, label="largest difference on the curve / peak"),
-                Line2D([], [], color=INK, ls=":", marker="s", ms=3.5, mfc="white", label="|error of the peak|")]
+    handles += [
+        Line2D([], [], color=INK, marker="o", ms=3.5, label="largest difference on the curve / peak"),
+        Line2D([], [], color=INK, ls=":", marker="s", ms=3.5, mfc="white", label="|error of the peak|"),
+    ]
     says = "adaptive without check: the error of an update that looks one point back, by number of points"
     page = Page(study.prepared.scene, says, WIDTH, 2.6, handles)
     axes = page.grid(1, 2).subplots(sharey=True)

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-sys.path[:0] = [str(Path(__file__).parents[1] / "bench")]       # its drivers are scripts beside each other
+sys.path[:0] = [str(Path(__file__).parents[1] / "bench")]  # its drivers are scripts beside each other
 
 import methods
 import numpy as np
@@ -25,11 +25,11 @@ from microslip.continuation.grid import at_frequencies, going_on
 from microslip.continuation.levels import arc_length_steps
 from microslip.parallel.errors import ConvergenceError
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
-from microslip.results.comparison import differences
 from microslip.results.measures import amplitude
+from microslip.studies.compare.report import differences
 
-LU_SIZES = (100, 200, 500, 1000, 2000, 4000)    # unknowns at which one dense LU is timed
-MOST_LU = 12000                                 # unknowns beyond which it is not: 1.2 GB
+LU_SIZES = (100, 200, 500, 1000, 2000, 4000)  # unknowns at which one dense LU is timed
+MOST_LU = 12000  # unknowns beyond which it is not: 1.2 GB
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Run:
     """One method along one level: its points, their times, and what it dropped at each."""
 
     row: Row
-    points: list                # converged points, in the order of the frequencies
-    kept: np.ndarray            # (n,) pairs in B
-    dropped: np.ndarray         # (n,) pairs held stuck with p != 0, as the law gives it for the motion found
-    lost: np.ndarray            # (n,) friction loss of those, likewise [J per cycle]
+    points: list  # converged points, in the order of the frequencies
+    kept: np.ndarray  # (n,) pairs in B
+    dropped: np.ndarray  # (n,) pairs held stuck with p != 0, as the law gives it for the motion found
+    lost: np.ndarray  # (n,) friction loss of those, likewise [J per cycle]
 
     @property
     def level(self) -> float:
@@ -79,11 +79,11 @@ class Level:
 
     reference: Run
     adaptive: Run
-    checked: Run                                                    # adaptive, all pairs checked in the point
-    energy: dict[float, Run]                                        # adaptive-energy by eps [J]
+    checked: Run  # adaptive, all pairs checked in the point
+    energy: dict[float, Run]  # adaptive-energy by eps [J]
     energy_checked: dict[float, Run]
-    condensed: Row | None = None                                    # all pairs by dense Newton at the peak, where it was solved
-    rubin: Row | None = None                                        # plain Rubin at the peak, likewise: first and last level
+    condensed: Row | None = None  # all pairs by dense Newton at the peak, where it was solved
+    rubin: Row | None = None  # plain Rubin at the peak, likewise: first and last level
 
     @property
     def level(self) -> float:
@@ -99,13 +99,13 @@ class Step:
     """The error of `adaptive` for one number of points."""
 
     level: float
-    rule: str                   # ARC or EQUAL
-    asked: int                  # points
+    rule: str  # ARC or EQUAL
+    asked: int  # points
     solved: int
-    spacing: float              # Hz between points beside the peak
-    largest: float              # difference from `receptance` anywhere, over its peak
-    at_peak: float              # relative error of the peak
-    failure: str | None         # why the curve ends early
+    spacing: float  # Hz between points beside the peak
+    largest: float  # difference from `receptance` anywhere, over its peak
+    at_peak: float  # relative error of the peak
+    failure: str | None  # why the curve ends early
 
 
 ARC, EQUAL = "steps of the arc length", "equal steps of frequency"
@@ -118,9 +118,9 @@ class Study:
     prepared: Prepared
     levels: list[Level]
     steps: list[Step]
-    rubin_size: int                                                 # unknowns of plain Rubin
-    lu: dict[int, float] = field(default_factory=dict)              # processor time of one dense LU by unknowns [s]
-    seconds: dict[str, float] = field(default_factory=dict)         # wall time of each part
+    rubin_size: int  # unknowns of plain Rubin
+    lu: dict[int, float] = field(default_factory=dict)  # processor time of one dense LU by unknowns [s]
+    seconds: dict[str, float] = field(default_factory=dict)  # wall time of each part
 
     @property
     def slipping(self) -> list[Level]:
@@ -137,8 +137,15 @@ class Study:
         return np.where(np.asarray(unknowns) > sizes[-1], times[-1] * (np.asarray(unknowns) / sizes[-1]) ** 3, found)
 
 
-def study(path: str, comm, tolerances: Sequence[float], steps: Sequence[int], points: int | None, rubin_points: bool,
-          say: Callable[[str], None]) -> Study:
+def study(
+    path: str,
+    comm,
+    tolerances: Sequence[float],
+    steps: Sequence[int],
+    points: int | None,
+    rubin_points: bool,
+    say: Callable[[str], None],
+) -> Study:
     """Return all runs of a scene.  One rank."""
     clock = Clock(say)
     prepared = prepare(path, comm, points)
@@ -147,7 +154,7 @@ def study(path: str, comm, tolerances: Sequence[float], steps: Sequence[int], po
     levels = [of_level(prepared, level, tolerances, clock) for level in prepared.scene.response.levels]
     condensed_at_peak(prepared, levels[-1], clock)
     slipping = [level for level in levels if level.slips]
-    chosen = slipping[:: max(len(slipping) - 1, 1)]                 # the first and the last
+    chosen = slipping[:: max(len(slipping) - 1, 1)]  # the first and the last
     found = [step for level in chosen for step in of_steps(prepared, level.level, steps)]
     clock.lap("effect of the step")
     size = (6 * model.n_pairs + model.n_modes + len(model.f)) * model.N_H
@@ -178,8 +185,9 @@ class Clock:
 def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], clock: Clock) -> Level:
     """Run every method on one level, at the frequencies to which `receptance` goes by arc length."""
     problem, tolerance = prepared.problem(level), prepared.scene.solver.tolerance
-    curve = follow_branch(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance=tolerance,
-                          max_points=10 * prepared.scene.response.points)
+    curve = follow_branch(
+        problem, AllPairs(), prepared.sweep, prepared.steps, tolerance=tolerance, max_points=10 * prepared.scene.response.points
+    )
     omegas = going_on(curve.points, prepared.sweep.direction)
     if len(omegas) < 3:
         why = curve.failure or "fewer than 3 points"
@@ -188,10 +196,14 @@ def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], cloc
         solve = partial(solved, prepared, problem, omegas, watch)
         reference = solve("receptance", AllPairs(), motion=True)
         found = Level(
-            reference, solve("adaptive", NonStickingPairs(), motion=True), solve("adaptive, checked", NonStickingPairs(True)),
+            reference,
+            solve("adaptive", NonStickingPairs(), motion=True),
+            solve("adaptive, checked", NonStickingPairs(True)),
             {eps: solve(f"adaptive-energy, {eps:g} J", DissipatingPairs(False, eps)) for eps in tolerances},
-            {eps: solve(f"adaptive-energy, {eps:g} J, checked", DissipatingPairs(True, eps))
-             for eps in (tolerances[0], tolerances[-1])},
+            {
+                eps: solve(f"adaptive-energy, {eps:g} J, checked", DissipatingPairs(True, eps))
+                for eps in (tolerances[0], tolerances[-1])
+            },
         )
     clock.lap(f"{level:g} N: {len(omegas)} points, {len(tolerances) + 6} runs")
     return found
@@ -245,8 +257,9 @@ def of_steps(prepared: Prepared, level: float, steps: Sequence[int]) -> list[Ste
         curve = follow_branch(problem, AllPairs(), sweep, lengths, tolerance=tolerance, max_points=10 * n)
         omegas = {ARC: going_on(curve.points, sweep.direction), EQUAL: list(np.linspace(sweep.start, sweep.stop, n))}
         for rule, at in omegas.items():
-            exact, late = (at_frequencies(problem, selection, at, tolerance=tolerance)
-                           for selection in (AllPairs(), NonStickingPairs()))
+            exact, late = (
+                at_frequencies(problem, selection, at, tolerance=tolerance) for selection in (AllPairs(), NonStickingPairs())
+            )
             found.append(step_of(level, rule, n, exact, late))
     return found
 
@@ -259,9 +272,17 @@ def step_of(level: float, rule: str, asked: int, exact, late) -> Step:
     top, scale = int(np.argmax(peaks[0])), np.abs(responses[0]).max(axis=(0, 2))[:, None]
     difference = np.abs(responses[1][:n] - responses[0][:n]) / scale
     frequency = np.array([point.omega for point in exact.points]) / (2.0 * np.pi)
-    spacing = float(np.abs(np.diff(frequency))[max(top - 1, 0): top + 1].mean())
-    return Step(level, rule, asked, n, spacing, float(difference.max()), float(peaks[1].max() / peaks[0].max() - 1.0),
-                exact.failure or late.failure)
+    spacing = float(np.abs(np.diff(frequency))[max(top - 1, 0) : top + 1].mean())
+    return Step(
+        level,
+        rule,
+        asked,
+        n,
+        spacing,
+        float(difference.max()),
+        float(peaks[1].max() / peaks[0].max() - 1.0),
+        exact.failure or late.failure,
+    )
 
 
 def rubin_at_peaks(prepared: Prepared, chosen: list[int], levels: list[Level], clock: Clock) -> None:

@@ -9,15 +9,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
-from .command_line import Command, parse
 from .parallel.agree import on_root
 from .parallel.ending import conclude, launcher_rank, leave, require
 from .parallel.errors import CaseError, Interrupted
 from .parallel.petsc import initialise, unused_options
+from .program.command_line import Command, parse
 
 # before anything imports NumPy or Matplotlib
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # ranks, not threads, share the processors
-os.environ["MPLBACKEND"] = "Agg"                        # pictures are files, also where there is a screen
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # ranks, not threads, share the processors
+os.environ["MPLBACKEND"] = "Agg"  # pictures are files, also where there is a screen
 
 
 def console() -> NoReturn:
@@ -50,7 +50,7 @@ def _perform(command: Command, comm) -> int:
 
 
 def _doctor() -> int:
-    from .doctor import examine
+    from .program.doctor import examine
 
     lines, is_well = examine()
     if launcher_rank() == 0:
@@ -59,7 +59,7 @@ def _doctor() -> int:
 
 
 def _plot(command: Command, comm) -> int:
-    from .doctor import faults
+    from .program.doctor import faults
 
     require(comm, faults("matplotlib", "h5py"))
     from .results.plots import draw_all
@@ -73,7 +73,7 @@ def _plot(command: Command, comm) -> int:
 
 def _solve(command: Command, comm) -> int:
     """Run, compare, verify, trade or check a scene.  Collective on ``comm``."""
-    from .doctor import faults
+    from .program.doctor import faults
 
     require(comm, faults("pydantic", "mpi4py"))
     from .parallel.groups import refuse_too_many
@@ -81,11 +81,15 @@ def _solve(command: Command, comm) -> int:
 
     refuse_too_many(command.groups, comm.size)
     scene, *more = (on_root(comm, read_scene, file) for file in (command.file, *command.more))
-    with suppress(ImportError):                 # what is missing is named with the rest, below
+    with suppress(ImportError):  # what is missing is named with the rest, below
         initialise(list(command.petsc))
     require(comm, faults())
-    stop_on(signal.SIGTERM)                     # PETSc has taken it for a message of its own
-    from . import compare, run, several, trade, verify
+    stop_on(signal.SIGTERM)  # PETSc has taken it for a message of its own
+    from . import run
+    from .studies import batch as several
+    from .studies.compare import story as compare
+    from .studies.trade import story as trade
+    from .studies.verify import story as verify
 
     status = 0
     if command.name == "check":
@@ -96,8 +100,9 @@ def _solve(command: Command, comm) -> int:
         compare.compare(scene, comm, out, command.methods, command.petsc)
     elif command.name == "verify":
         out = Path("results", f"{scene.name}_verify") if command.out is None else command.out
-        asked = verify.Asked(command.at, command.levels, command.harmonics, command.samples, command.steps or verify.STEPS,
-                             command.from_rest)
+        asked = verify.Asked(
+            command.at, command.levels, command.harmonics, command.samples, command.steps or verify.STEPS, command.from_rest
+        )
         verify.verify(scene, comm, out, asked, command.petsc)
     elif command.name == "trade":
         out = Path("results", f"{scene.name}_trade") if command.out is None else command.out
@@ -109,10 +114,11 @@ def _solve(command: Command, comm) -> int:
     else:
         out = Path("results", scene.name) if command.out is None else command.out
         run.run(scene, comm, out, command.petsc, n_groups=command.groups)
-    unused = set.intersection(*map(set, comm.allgather(unused_options(command.petsc))))     # a group may have had no work
+    unused = set.intersection(*map(set, comm.allgather(unused_options(command.petsc))))  # a group may have had no work
     if unused and status == 0:
-        raise CaseError(f"{min(unused)}: no solver of this run reads this PETSc option; the results in {out} were made "
-                        "without it")  # fmt: skip
+        raise CaseError(
+            f"{min(unused)}: no solver of this run reads this PETSc option; the results in {out} were made without it"
+        )
     return status
 
 

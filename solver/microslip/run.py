@@ -14,7 +14,7 @@ from .assembly.matrices import distribute_structure, read_structure
 from .assembly.system import System
 from .contact.law import ContactParameters
 from .continuation.levels import follow_level, follow_levels, frequency_sweep, linear_curve
-from .error_bars.truth import Truth, truth_of
+from .error_estimate.better_model import Truth, truth_of
 from .linear.joint_springs import Linearised, linearise
 from .mesh.data import ContactPairs, Mesh
 from .mesh.pairing import pair_contacts
@@ -22,30 +22,30 @@ from .mesh.partition import distribute
 from .mesh.read import read_mesh
 from .modes.eigen import Modes
 from .modes.limits import refuse_too_many
-from .needs import needs, needs_of_matrices
-from .not_computed import not_computed
+from .observe.log import RunLog
+from .observe.not_computed import not_computed
+from .observe.reporter import Minutes, Reporter
+from .observe.side_by_side import follow_side_by_side
 from .parallel.agree import on_each, on_root
 from .parallel.errors import ConvergenceError
-from .parallel.log import RunLog
 from .parallel.versions import versions
 from .reduction.choose_modes import choose_modes
 from .reduction.expand import node_fields, peak_displacement
 from .reduction.methods import check_size, reduce_by_method
 from .reduction.reduction import Reduction
-from .report import Minutes, Reporter
 from .results.audit import audit_text
 from .results.plots import draw_all
 from .results.record import LinearCurve
 from .results.vtk import peak_fields, write_fields, write_modes
 from .results.writer import ResultWriter
-from .side_by_side import follow_side_by_side
+from .studies.check import needs, needs_of_matrices
 
 
 @dataclass(frozen=True)
 class Structure:
     """The linearised structure and its contact pairs."""
 
-    mesh: Mesh | None               # rank 0 only; None of a scene given as matrices
+    mesh: Mesh | None  # rank 0 only; None of a scene given as matrices
     pairs: ContactPairs
     linearised: Linearised
     modes: Modes
@@ -78,8 +78,10 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = (), n_groups: int 
         structure.linearised.destroy()
     failed = [branch for branch in branches if branch.failure]
     if failed:
-        raise ConvergenceError("\n".join(f"level {branch.level:g} N ends after {len(branch.points)} points: {branch.failure}"
-                                         for branch in failed) + f"\nwhat converged is in {folder}")
+        raise ConvergenceError(
+            "\n".join(f"level {branch.level:g} N ends after {len(branch.points)} points: {branch.failure}" for branch in failed)
+            + f"\nwhat converged is in {folder}"
+        )
 
 
 def build_structure(scene, comm, log: RunLog) -> Structure:
@@ -118,8 +120,16 @@ def from_matrices(scene, comm, log: RunLog) -> tuple[None, System, ContactPairs]
     return None, system, pairs
 
 
-def follow(scene, structure: Structure, reduction: Reduction, folder: Path, options, log: RunLog, n_groups: int = 1,
-           truth: Truth | None = None) -> list:
+def follow(
+    scene,
+    structure: Structure,
+    reduction: Reduction,
+    folder: Path,
+    options,
+    log: RunLog,
+    n_groups: int = 1,
+    truth: Truth | None = None,
+) -> list:
     """Return the branches of all levels, with error bars where a ``truth`` is given; write and log each point as it comes.
 
     Collective.
@@ -129,8 +139,15 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
     parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
     curve = linear_curve(model, sweep, parameters)
     writer = ResultWriter(
-        comm, str(folder), scene, pairs, N_H=model.recorded.n_coefficients, omega_n=structure.modes.omega_n, versions=versions(),
-        options=options, linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
+        comm,
+        str(folder),
+        scene,
+        pairs,
+        N_H=model.recorded.n_coefficients,
+        omega_n=structure.modes.omega_n,
+        versions=versions(),
+        options=options,
+        linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         node_numbers=None if structure.mesh is None else structure.mesh.numbers,
     )
     levels, known, is_static = scene.response.levels, None, model.harmonics.highest == 0
@@ -138,8 +155,7 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
         if min(n_groups, len(levels)) == 1:
             reporter = Reporter(log, writer, sweep, levels, is_static)
             branches = []
-            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter,
-                                        truth):
+            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter, truth):
                 branches.append(branch)
                 reporter.level_finished(branch)
             columns = model.G_static
@@ -154,8 +170,15 @@ def follow(scene, structure: Structure, reduction: Reduction, folder: Path, opti
         writer.close()
     log.note(audit_text(branches))
     system = structure.linearised.system
-    lines = not_computed(scene, leaves_out=reduction.leaves_out, omega_n=structure.modes.omega_n, n_dof=system.n_dof, known=known,
-                         branches=branches, has_mesh=system.dof is not None)
+    lines = not_computed(
+        scene,
+        leaves_out=reduction.leaves_out,
+        omega_n=structure.modes.omega_n,
+        n_dof=system.n_dof,
+        known=known,
+        branches=branches,
+        has_mesh=system.dof is not None,
+    )
     log.note("\n  ".join(["not computed, and why, or what it would change:", *lines]))
     return branches
 

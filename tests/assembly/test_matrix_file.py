@@ -60,17 +60,23 @@ def test_what_rounding_left_of_symmetry_is_evened_out(tmp_path):
     np.testing.assert_allclose(found, K, rtol=1e-11)
 
 
-@pytest.mark.parametrize("value, expected", [
-    (np.ones((3, 2)), " has the shape (3, 2); a matrix must be square"),
-    (np.zeros((0, 0)), " has the shape (0, 0); a matrix must be square"),
-    (np.ones((2, 2, 2)), " has the shape (2, 2, 2); a matrix must be square"),
-    (K * (1.0 + 0.1j), " is complex; microslip takes real matrices: damping goes into [model] damping or [damping]"),
-    (np.where(K == 0.5, np.nan, K), " has an entry in row 1 that is not a finite number (rows count from 0)"),
-    (np.where(K == 3.0, np.inf, K), " has an entry in row 1 that is not a finite number"),
-    (100.0 * np.tril(K) + K, " is not symmetric: entries (0, 1) and (1, 0), counted from 0, are -1 and -101; both triangles are "
-     "needed, or a Matrix Market file that says 'symmetric' in its first line"),
-    (np.array([["a"]]), " holds no numbers"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "value, expected",
+    [
+        (np.ones((3, 2)), " has the shape (3, 2); a matrix must be square"),
+        (np.zeros((0, 0)), " has the shape (0, 0); a matrix must be square"),
+        (np.ones((2, 2, 2)), " has the shape (2, 2, 2); a matrix must be square"),
+        (K * (1.0 + 0.1j), " is complex; microslip takes real matrices: damping goes into [model] damping or [damping]"),
+        (np.where(K == 0.5, np.nan, K), " has an entry in row 1 that is not a finite number (rows count from 0)"),
+        (np.where(K == 3.0, np.inf, K), " has an entry in row 1 that is not a finite number"),
+        (
+            100.0 * np.tril(K) + K,
+            " is not symmetric: entries (0, 1) and (1, 0), counted from 0, are -1 and -101; both triangles are "
+            "needed, or a Matrix Market file that says 'symmetric' in its first line",
+        ),
+        (np.array([["a"]]), " holds no numbers"),
+    ],
+)
 def test_a_faulty_matrix_is_named(tmp_path, value, expected):
     assert message(save(tmp_path / "K.npz", value)).startswith(expected)
 
@@ -78,17 +84,20 @@ def test_a_faulty_matrix_is_named(tmp_path, value, expected):
 HEAD = "%%MatrixMarket matrix coordinate real symmetric\n"
 
 
-@pytest.mark.parametrize("name, content, expected", [
-    ("K.txt", "1 2\n", ": ending '.txt' is not one of .mtx, .npz, .mat"),
-    ("K.mtx", "", " is not a Matrix Market file; its first line must begin with %%MatrixMarket matrix"),
-    ("K.mtx", "1 1 2.0\n", " is not a Matrix Market file"),
-    ("K.mtx", HEAD.replace("real", "pattern") + "2 2 1\n1 1\n", " is a pattern without numbers"),
-    ("K.mtx", HEAD + "2 2 3\n1 1 1.0\n", " cannot be read as a matrix: "),
-    ("K.mtx", HEAD + "2 2 1\n3 1 1.0\n", " cannot be read as a matrix: row index exceeds matrix dimensions"),
-    ("K.mtx", HEAD + "2 2 1\n1 1 abc\n", " cannot be read as a matrix: "),
-    ("K.npz", "nothing", " is not a file of scipy.sparse.save_npz or numpy.savez"),
-    ("K.mat", "nothing", " cannot be read as a matrix: "),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, content, expected",
+    [
+        ("K.txt", "1 2\n", ": ending '.txt' is not one of .mtx, .npz, .mat"),
+        ("K.mtx", "", " is not a Matrix Market file; its first line must begin with %%MatrixMarket matrix"),
+        ("K.mtx", "1 1 2.0\n", " is not a Matrix Market file"),
+        ("K.mtx", HEAD.replace("real", "pattern") + "2 2 1\n1 1\n", " is a pattern without numbers"),
+        ("K.mtx", HEAD + "2 2 3\n1 1 1.0\n", " cannot be read as a matrix: "),
+        ("K.mtx", HEAD + "2 2 1\n3 1 1.0\n", " cannot be read as a matrix: row index exceeds matrix dimensions"),
+        ("K.mtx", HEAD + "2 2 1\n1 1 abc\n", " cannot be read as a matrix: "),
+        ("K.npz", "nothing", " is not a file of scipy.sparse.save_npz or numpy.savez"),
+        ("K.mat", "nothing", " cannot be read as a matrix: "),
+    ],
+)
 def test_a_file_that_holds_no_matrix_is_named(tmp_path, name, content, expected):
     (tmp_path / name).write_text(content)
     assert message(tmp_path / name).startswith(expected)

@@ -17,8 +17,11 @@ from microslip.parallel.errors import CaseError, MeshError
 
 comm = MPI.COMM_WORLD
 BOTTOM = {"base": lambda x: x[:, 2] == 0.0}
-STACK = {**BOTTOM, "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),
-         "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2)}  # fmt: skip
+STACK = {
+    **BOTTOM,
+    "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),
+    "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2),
+}
 
 
 def bend(mesh):
@@ -84,19 +87,28 @@ def test_equals_serial_assembly(kind):
 
 
 def test_small_pieces_give_the_same_matrices(monkeypatch):
-    monkeypatch.setattr(assemble_module, "_CHUNK_BYTES", 1e5)       # 3 elements at a time
+    monkeypatch.setattr(assemble_module, "_CHUNK_BYTES", 1e5)  # 3 elements at a time
     monkeypatch.setattr(blocks_module, "_CHUNK_NODES", 7)
     mesh, case = one_body("hex20"), scene({"block": "block"}, [("base", ["x", "z"])])
     assert_equal_matrices(system_of(mesh, case)[0], mesh, case)
 
 
 def test_mixed_kinds_and_a_fully_fixed_base():
-    mesh = bend(mesh_of(("low", "hex20", *box("hex20")), ("high", "hex20", *box("hex20", origin=(0, 0, 1))),
-                        ("side", "tet10", *box("tet10", (1, 1, 2), origin=(3, 0, 0))), groups=STACK))  # fmt: skip
-    mesh.node_groups["lower_top"] = np.flatnonzero((np.arange(len(mesh.points)) < 81) & np.isin(
-        np.arange(len(mesh.points)), mesh.elements[0].nodes[:, [4, 5, 6, 7, 12, 13, 14, 15]][1::2]))  # fmt: skip
-    case = scene({"low": "low", "high": "high", "side": "side"}, [("low", ["x", "y", "z"]), ("base", ["x", "y"]),
-                                                                 ("high", ["z"])])  # fmt: skip
+    mesh = bend(
+        mesh_of(
+            ("low", "hex20", *box("hex20")),
+            ("high", "hex20", *box("hex20", origin=(0, 0, 1))),
+            ("side", "tet10", *box("tet10", (1, 1, 2), origin=(3, 0, 0))),
+            groups=STACK,
+        )
+    )
+    mesh.node_groups["lower_top"] = np.flatnonzero(
+        (np.arange(len(mesh.points)) < 81)
+        & np.isin(np.arange(len(mesh.points)), mesh.elements[0].nodes[:, [4, 5, 6, 7, 12, 13, 14, 15]][1::2])
+    )
+    case = scene(
+        {"low": "low", "high": "high", "side": "side"}, [("low", ["x", "y", "z"]), ("base", ["x", "y"]), ("high", ["z"])]
+    )
     system, _ = system_of(mesh, case)
     assert (system.dof[mesh.node_groups["low"]] == -1).all()
     assert_equal_matrices(system, mesh, case)
@@ -153,7 +165,7 @@ def test_relative_motion_of_the_pairs():
     owned[system.dof[system.dof >= 0]] = u[system.dof >= 0]
     du = np.einsum("pij,pj->pi", pairs.frame, u[pairs.node1] - u[pairs.node2])
     np.testing.assert_allclose(system.R @ owned, du.ravel(), atol=1e-13)
-    opens = np.zeros(system.n_dof)                          # body 1 is the lower one: pushed down it opens the contact
+    opens = np.zeros(system.n_dof)  # body 1 is the lower one: pushed down it opens the contact
     rows = system.dof[mesh.node_groups["low"], 2]
     opens[rows[rows >= 0]] = -1.0
     assert ((system.R @ opens)[2::3] > 0.9).all()
@@ -172,11 +184,15 @@ def test_loads_and_outputs():
     mesh = stack()
     tip = int(mesh.numbers[-1])
     case = scene(
-        {"low": "low", "high": "high"}, [("base", ["x", "y"])], [joint()],
+        {"low": "low", "high": "high"},
+        [("base", ["x", "y"])],
+        [joint()],
         loads=[{"node": tip, "direction": (0.0, 3.0, 4.0)}, {"group": "base", "direction": (5.0, 0.0, 2.0)}],
-        outputs=[{"name": "tip", "position": mesh.points[-1] + 1e-3, "direction": (0.0, 1.0, 0.0)},
-                 {"name": "fixed", "node": 1001, "direction": (1.0, 0.0, 0.0)}],
-    )  # fmt: skip
+        outputs=[
+            {"name": "tip", "position": mesh.points[-1] + 1e-3, "direction": (0.0, 1.0, 0.0)},
+            {"name": "fixed", "node": 1001, "direction": (1.0, 0.0, 0.0)},
+        ],
+    )
     mesh_with_support = mesh
     mesh_with_support.node_groups["base"] = np.flatnonzero(mesh.points[:, 2] < 0.06)
     system, _ = system_of(mesh, case)
@@ -226,12 +242,15 @@ def test_inverted_elements_are_named_once():
         system_of(mesh, case)
 
 
-@pytest.mark.parametrize("supports, loads, error, message", [
-    ([], [], MeshError, "nothing holds body 'blade'"),
-    ([("base", ["x", "y", "z"])], [{"group": "base", "direction": (1, 0, 0)}], CaseError, "1 acts only on degrees"),
-    ([("block", ["x", "y", "z"])], [], CaseError, "fix every degree of freedom"),
-    ([("base", ["x"])], [{"node": 5, "direction": (1, 0, 0)}], MeshError, r"\[\[loads\]\] 1 node = 5: no element"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "supports, loads, error, message",
+    [
+        ([], [], MeshError, "nothing holds body 'blade'"),
+        ([("base", ["x", "y", "z"])], [{"group": "base", "direction": (1, 0, 0)}], CaseError, "1 acts only on degrees"),
+        ([("block", ["x", "y", "z"])], [], CaseError, "fix every degree of freedom"),
+        ([("base", ["x"])], [{"node": 5, "direction": (1, 0, 0)}], MeshError, r"\[\[loads\]\] 1 node = 5: no element"),
+    ],
+)
 def test_scenes_that_cannot_move_or_cannot_stay(supports, loads, error, message):
     with pytest.raises(error, match=message):
         system_of(one_body("hex8"), scene({"blade": "block"}, supports, loads=loads))

@@ -9,10 +9,10 @@ from matrix_scenes import asked, branches_of, write_matrix_scene
 from mpi4py import MPI
 from oracles import exact, scenes
 
+from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
-from microslip.parallel.log import RunLog
-from microslip.reduction import receptance
+from microslip.receptance import motion as receptance
 from microslip.reduction.build import reduce_structure
 from microslip.run import build_structure
 from microslip.scene.read import read_scene
@@ -60,7 +60,7 @@ def exact_motion(system, omega, p):
 def assert_receptance(system, model, omega):
     """Outputs and pairs move as dense algebra says, under loads and contact forces, and so do derivatives and losses."""
     p = np.random.default_rng(5).standard_normal((3 * model.n_pairs, model.N_H))
-    p[~system["R"].any(axis=1)] = 0.0                       # directions that do not move carry nothing
+    p[~system["R"].any(axis=1)] = 0.0  # directions that do not move carry nothing
     u, still = exact_motion(system, omega, p), np.zeros_like(p)
     found = receptance.output_motion(model, 1.0, omega, p)
     np.testing.assert_allclose(found, u, atol=1e-10 * np.abs(u).max())
@@ -84,7 +84,7 @@ def test_matrices_and_maps_arrive(shared_path, name):
     np.testing.assert_allclose(given.loads.toarray() @ model.f, scenes.force_coefficients(system, 1.0, 3), atol=1e-15)
     for key in ("mu", "k_t", "k_n", "N0"):
         np.testing.assert_allclose(getattr(structure.pairs, key), system[key], rtol=1e-15)
-    np.testing.assert_allclose(model.omega_n, scenes.stuck_frequencies(system), rtol=1e-12)       # all of them, unasked
+    np.testing.assert_allclose(model.omega_n, scenes.stuck_frequencies(system), rtol=1e-12)  # all of them, unasked
     structure.linearised.destroy()
 
 
@@ -132,8 +132,20 @@ def test_one_mass_has_the_exact_amplitude_also_where_ranks_own_nothing(shared_pa
     """One harmonic, 4096 samples: docs/validation.md; the sampled loop converges as N_t^-2."""
     data = {"m": 1.0, "c": 0.02, "k": 1.0, "k_t": 1.0, "muN": 1.0}
     at = exact.jenkins_frequencies(1.5, 0.8, **data)
-    path = on_root(COMM, lambda: write_matrix_scene(shared_path, scenes.jenkins_mass(), [0.8], (1.05, 1.55), at=at, points=20,
-                                                    harmonics=1, samples=4096, method="receptance"))
+    path = on_root(
+        COMM,
+        lambda: write_matrix_scene(
+            shared_path,
+            scenes.jenkins_mass(),
+            [0.8],
+            (1.05, 1.55),
+            at=at,
+            points=20,
+            harmonics=1,
+            samples=4096,
+            method="receptance",
+        ),
+    )
     (branch,) = branches_of(path, COMM)
     assert [np.hypot(*point.response[0, 1:3]) for point in asked(branch)] == pytest.approx([1.5, 1.5], rel=2e-6)
 
@@ -145,19 +157,34 @@ def spoilt(**changes):
     return system
 
 
-@pytest.mark.parametrize("system, expected", [
-    (spoilt(M=np.eye(2)), r"M.mtx: \[model\] mass is 2 x 2, but the stiffness 3 x 3"),
-    (spoilt(M=np.diag([1.0, -2.0, 1.0])), r"\[model\] mass of DOF 1 is -2 kg; a mass must not be negative"),
-    (spoilt(M=np.zeros((3, 3))), "zero on the whole diagonal; without any mass nothing vibrates"),
-    (spoilt(M=[[1.0, 0.1, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 1.0]]), r"mass of DOF 1 is 0, yet mass couples it to others \(1 DOFs"),
-    (spoilt(M=[[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "the mass matrix is indefinite"),
-    (with_damping(spoilt(M=np.diag([1.0, 0.0, 0.0])), np.eye(3)), r"mass of DOF 1 is 0, yet damping acts on it \(2 DOFs"),
-    (with_damping(spoilt(), np.diag([1.0, -0.5, 1.0])), r"\[model\] damping: z\^T C z = -0.41.* feeds energy in"),
-    (spoilt(K=-9.0 * np.eye(3)), "K_L is not positive definite: 3 of 3 degrees of freedom have no positive stiffness"),
-    (spoilt(K=np.diag([1.0, 1.0, 0.0]), pair_dofs=np.array([[0, 1, -1, -1, -1, -1]])), "no positive stiffness .* the first is DOF 2"),
-    (spoilt(pair_dofs=np.array([[0, 1, 3, -1, -1, -1]])), "pairs.csv, line 2: z1 = 3 is not a DOF number; they go from 0 to 2"),
-    (spoilt(loads=[{"vector": np.array([0.0, 0.0, 0.0, 1.0]), "harmonic": 1}]), r"scene.toml: \[\[loads\]\] 1 dof = 3: the matrices have"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "system, expected",
+    [
+        (spoilt(M=np.eye(2)), r"M.mtx: \[model\] mass is 2 x 2, but the stiffness 3 x 3"),
+        (spoilt(M=np.diag([1.0, -2.0, 1.0])), r"\[model\] mass of DOF 1 is -2 kg; a mass must not be negative"),
+        (spoilt(M=np.zeros((3, 3))), "zero on the whole diagonal; without any mass nothing vibrates"),
+        (
+            spoilt(M=[[1.0, 0.1, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 1.0]]),
+            r"mass of DOF 1 is 0, yet mass couples it to others \(1 DOFs",
+        ),
+        (spoilt(M=[[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), "the mass matrix is indefinite"),
+        (with_damping(spoilt(M=np.diag([1.0, 0.0, 0.0])), np.eye(3)), r"mass of DOF 1 is 0, yet damping acts on it \(2 DOFs"),
+        (with_damping(spoilt(), np.diag([1.0, -0.5, 1.0])), r"\[model\] damping: z\^T C z = -0.41.* feeds energy in"),
+        (spoilt(K=-9.0 * np.eye(3)), "K_L is not positive definite: 3 of 3 degrees of freedom have no positive stiffness"),
+        (
+            spoilt(K=np.diag([1.0, 1.0, 0.0]), pair_dofs=np.array([[0, 1, -1, -1, -1, -1]])),
+            "no positive stiffness .* the first is DOF 2",
+        ),
+        (
+            spoilt(pair_dofs=np.array([[0, 1, 3, -1, -1, -1]])),
+            "pairs.csv, line 2: z1 = 3 is not a DOF number; they go from 0 to 2",
+        ),
+        (
+            spoilt(loads=[{"vector": np.array([0.0, 0.0, 0.0, 1.0]), "harmonic": 1}]),
+            r"scene.toml: \[\[loads\]\] 1 dof = 3: the matrices have",
+        ),
+    ],
+)
 def test_every_rank_hears_of_a_mistake(shared_path, system, expected):
     with pytest.raises(CaseError, match=expected):
         reduced(shared_path, system)

@@ -93,14 +93,19 @@ def test_newton_that_does_not_converge_says_so():
 
 def two_boxes(n_modes):
     """Return a structure of two boxes with a joint between them, its scene and its reduced model."""
-    groups = {"base": lambda x: x[:, 2] == 0.0,
-              "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),
-              "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2)}  # fmt: skip
+    groups = {
+        "base": lambda x: x[:, 2] == 0.0,
+        "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),
+        "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2),
+    }
     mesh = mesh_of(("low", "hex8", *box("hex8")), ("high", "hex8", *box("hex8", origin=(0.0, 0.0, 1.0))), groups=groups)
     case = scene(
-        {"low": "low", "high": "high"}, [("base", ["x", "y", "z"])], [joint(tangential_stiffness=2e11, normal_stiffness=3e11, preload=100.0)],
+        {"low": "low", "high": "high"},
+        [("base", ["x", "y", "z"])],
+        [joint(tangential_stiffness=2e11, normal_stiffness=3e11, preload=100.0)],
         [{"position": (1.0, 1.0, 1.5), "direction": (1.0, 0.4, 0.1), "scale": 1.0, "harmonic": 1, "phase": 0.3}],
-        [{"name": "top", "position": (0.0, 0.5, 2.0), "direction": (0.0, 1.0, 0.0)}])
+        [{"name": "top", "position": (0.0, 0.5, 2.0), "direction": (0.0, 1.0, 0.0)}],
+    )
     case.damping = SimpleNamespace(ratio=0.02, rayleigh=None)
     case.solver, case.harmonics = SimpleNamespace(harmonics=3), 3
     pairs = pair_contacts(mesh, case.joints)
@@ -111,9 +116,9 @@ def two_boxes(n_modes):
 
 @pytest.mark.parametrize("level", [0.05, 4.0])
 def test_plain_rubin_meets_receptance_and_comes_closer_with_more_modes(level):
-    structure, _, model = two_boxes(135)                                            # all modes: exact
+    structure, _, model = two_boxes(135)  # all modes: exact
     pairs = structure.pairs
-    N0 = np.where(np.arange(9) % 2 == 0, pairs.N0, 100.0 * pairs.N0)                # the others hold the upper box
+    N0 = np.where(np.arange(9) % 2 == 0, pairs.N0, 100.0 * pairs.N0)  # the others hold the upper box
     problem = HarmonicBalance(model, ContactParameters(pairs.mu, N0, pairs.k_t, pairs.k_n, pairs.separate), 64, level)
     omegas = model.omega_n[0] * np.linspace(0.95, 1.05, 9)
     points = at_frequencies(problem, AllPairs(), omegas, tolerance=1e-9).points
@@ -134,7 +139,7 @@ def test_free_bodies_of_plain_rubin_have_the_modes_of_the_joined_structure():
     theta, phi = scipy.linalg.eigh(rubin.M, rubin.K_L)
     omega_n, phi = 1.0 / np.sqrt(theta[:-5:-1]), phi[:, :-5:-1]
     assert omega_n == pytest.approx(model.omega_n[:4], rel=1e-5)
-    C = phi.T @ rubin.C @ phi * omega_n[:, None] * omega_n                          # modes normalised to M
+    C = phi.T @ rubin.C @ phi * omega_n[:, None] * omega_n  # modes normalised to M
     assert pytest.approx(np.diag(2 * 0.02 * omega_n), abs=1e-6 * omega_n[0]) == C
 
 
@@ -164,8 +169,12 @@ def row_of(level, method, indices, milliseconds, responses, unknowns=10):
 def all_rows():
     rows = []
     for level, n in ((1.0, 2), (5.0, 6)):
-        rows += [row_of(level, REFERENCE, range(n), level, [1.0] * n), row_of(level, "adaptive", range(n), 2 * level, [1.0] * (n - 1) + [1.1]),
-                 row_of(level, CONDENSED, [0, n - 1], 100.0 * level, [1.0, 2.0]), row_of(level, RUBIN, [n - 1], 1e4 * level, [1.0])]
+        rows += [
+            row_of(level, REFERENCE, range(n), level, [1.0] * n),
+            row_of(level, "adaptive", range(n), 2 * level, [1.0] * (n - 1) + [1.1]),
+            row_of(level, CONDENSED, [0, n - 1], 100.0 * level, [1.0, 2.0]),
+            row_of(level, RUBIN, [n - 1], 1e4 * level, [1.0]),
+        ]
     return rows
 
 
@@ -220,7 +229,9 @@ def test_stopwatch_counts_each_function_without_those_it_calls_and_leaves_no_tra
 def test_one_command_writes_table_numbers_and_plot(tmp_path, monkeypatch, capsys):
     system = scenes.chain()
     path = write_matrix_scene(tmp_path, system, [1.0, 10.0], system["omega"], points=12, outputs=[6], harmonics=2, samples=64)
-    monkeypatch.setattr("sys.argv", ["methods.py", str(path), "--dense-points", "3", "--rubin-points", "0", "--out", str(tmp_path / "out")])
+    monkeypatch.setattr(
+        "sys.argv", ["methods.py", str(path), "--dense-points", "3", "--rubin-points", "0", "--out", str(tmp_path / "out")]
+    )
     methods.main()
     assert "condensed full set" in capsys.readouterr().out
     with open(tmp_path / "out" / "bench_methods.csv") as file:

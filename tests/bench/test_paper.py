@@ -34,7 +34,19 @@ def test_one_command_draws_all_figures_and_writes_the_page(tmp_path, monkeypatch
     lap_scene.write_mesh(tmp_path / "lap.msh")
     scene = lap_scene.SCENE.replace("levels = [1.0]", "levels = [0.1, 0.3]").replace("[10.0, 1000.0]", "[90.0, 102.0]")
     (tmp_path / "scene.toml").write_text(scene)
-    text = run(monkeypatch, tmp_path / "scene.toml", tmp_path / "out", "--points", "12", "--tolerances", "0", "1e-5", "--steps", "12", "20")
+    text = run(
+        monkeypatch,
+        tmp_path / "scene.toml",
+        tmp_path / "out",
+        "--points",
+        "12",
+        "--tolerances",
+        "0",
+        "1e-5",
+        "--steps",
+        "12",
+        "20",
+    )
     assert {file.name for file in (tmp_path / "out" / "img").iterdir()} == FIGURES | {"paper_fig04.png"}
     for name in FIGURES:
         assert f"(img/{name})" in text
@@ -74,4 +86,8 @@ def test_numbers_as_the_page_shows_them():
     assert (paper_page.percent(0.022), paper_page.percent(0.0), paper_page.percent(3e-9)) == ("2.2 %", "0 %", "3e-09")
     assert (paper_page.times(12345.0), paper_page.times(98.0), paper_page.times(1.26)) == ("12,000x", "98x", "1.3x")
     assert (paper_page.second(7200.0), paper_page.second(600.0), paper_page.second(0.25), paper_page.second(0.0012)) == (
-        "2 h", "10 min", "0.25 s", "1.2 ms")
+        "2 h",
+        "10 min",
+        "0.25 s",
+        "1.2 ms",
+    )

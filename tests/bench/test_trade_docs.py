@@ -3,7 +3,7 @@
 import numpy as np
 import trade_docs
 
-from microslip.results.trade import BASE, Check, Curve, Reference, Run, Setting, Study
+from microslip.studies.trade.study import BASE, Check, Curve, Reference, Run, Setting, Study
 
 
 def study():
@@ -11,8 +11,12 @@ def study():
     exact = Curve(2.0, omega, 1.0 / (1.0 + 1j * (omega - 1.5)), np.full(5, 1e-6))
     off = Curve(2.0, omega, exact.u + 4e-3, np.full(5, 1e-2))
     base = Setting(8, 5, 256)
-    reference = Reference(Setting(40, 31, 1024), {2.0: exact}, (Check("harmonics", (7, 15, 31), (4e-3, 1e-3)),), 1.0, "harmonics: enough")
-    return Study("A scene", "scene", reference, base, [Run(BASE, "", base, 0.2, 1.5, 1.4, 2.0, 1.9, 77, (off,))], shared={"assembly": 0.5})
+    reference = Reference(
+        Setting(40, 31, 1024), {2.0: exact}, (Check("harmonics", (7, 15, 31), (4e-3, 1e-3)),), 1.0, "harmonics: enough"
+    )
+    return Study(
+        "A scene", "scene", reference, base, [Run(BASE, "", base, 0.2, 1.5, 1.4, 2.0, 1.9, 77, (off,))], shared={"assembly": 0.5}
+    )
 
 
 def test_a_section_has_reference_table_sentences_and_choices():
@@ -33,5 +37,9 @@ def test_the_page_names_its_command_and_has_all_scenes_that_were_run(tmp_path, m
     trade_docs.write(1, tmp_path / "docs")
     page = (tmp_path / "docs" / "trade.md").read_text()
     assert page.startswith("# Speed against accuracy\n\n    python jobs/bench/trade_docs.py\n")
-    assert page.index("`microslip trade jobs/lap_joint.toml`, 9 s") < page.index("`microslip trade jobs/spatial.toml`") < page.index("## Limits")
+    assert (
+        page.index("`microslip trade jobs/lap_joint.toml`, 9 s")
+        < page.index("`microslip trade jobs/spatial.toml`")
+        < page.index("## Limits")
+    )
     assert (tmp_path / "docs" / "img" / "trade_spatial.png").read_bytes() == b"spatial"

@@ -15,7 +15,9 @@ MISSED = "accuracy not met"
 def test_points_that_miss_the_accuracy_say_so(tmp_path, harmonics, accuracy, ranks):
     """One harmonic, stated, is too few in slip; left to the program, enough are taken."""
     stated = {} if harmonics is None else {"harmonics": harmonics}
-    write_matrix_scene(tmp_path, scenes.chain(), [0.3, 100.0], (520.0, 600.0), outputs=[6], points=12, accuracy=accuracy, **stated)
+    write_matrix_scene(
+        tmp_path, scenes.chain(), [0.3, 100.0], (520.0, 600.0), outputs=[6], points=12, accuracy=accuracy, **stated
+    )
     done = microslip("run", "scene.toml", "--out", "out", ranks=ranks, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     with h5py.File(tmp_path / "out" / "results.h5") as file:

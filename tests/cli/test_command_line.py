@@ -4,67 +4,108 @@ from pathlib import Path
 
 import pytest
 
-from microslip.command_line import Command, parse
 from microslip.parallel.errors import CaseError
+from microslip.program.command_line import Command, parse
 
 
-@pytest.mark.parametrize("line, command", [
-    ("run fan.toml", Command("run", "fan.toml")),
-    ("run --out here fan.toml", Command("run", "fan.toml", Path("here"))),
-    ("run fan.toml -- -hb_snes_monitor -static_mat_mumps_cntl_1 -1e-3",
-     Command("run", "fan.toml", None, ("-hb_snes_monitor", "-static_mat_mumps_cntl_1", "-1e-3"))),
-    ("run a.toml b.toml c.toml --groups 2", Command("run", "a.toml", more=("b.toml", "c.toml"), groups=2)),
-    ("run --groups=3 a.toml --out here b.toml -- -hb_snes_max_it 9",
-     Command("run", "a.toml", Path("here"), ("-hb_snes_max_it", "9"), more=("b.toml",), groups=3)),
-    ("compare fan.toml", Command("compare", "fan.toml")),
-    ("compare fan.toml --methods rubin,full --out here", Command("compare", "fan.toml", Path("here"), methods=("rubin", "full"))),
-    ("verify fan.toml", Command("verify", "fan.toml")),
-    ("verify fan.toml --at 99.5,100 --levels 5 --harmonics 7 --samples 512 --steps 64 --from-rest --out v -- -hb_snes_max_it 9",
-     Command("verify", "fan.toml", Path("v"), ("-hb_snes_max_it", "9"), at=(99.5, 100.0), levels=(5.0,), harmonics=7, samples=512,
-             steps=64, from_rest=True)),
-    ("trade fan.toml", Command("trade", "fan.toml")),
-    ("trade fan.toml --knobs modes,eps --levels 1,2.5 --meshes a.msh,b.msh --seconds 30",
-     Command("trade", "fan.toml", knobs=("modes", "eps"), levels=(1.0, 2.5), meshes=("a.msh", "b.msh"), seconds=30.0)),
-    ("check fan.toml", Command("check", "fan.toml")),
-    ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
-    ("doctor", Command("doctor")),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "line, command",
+    [
+        ("run fan.toml", Command("run", "fan.toml")),
+        ("run --out here fan.toml", Command("run", "fan.toml", Path("here"))),
+        (
+            "run fan.toml -- -hb_snes_monitor -static_mat_mumps_cntl_1 -1e-3",
+            Command("run", "fan.toml", None, ("-hb_snes_monitor", "-static_mat_mumps_cntl_1", "-1e-3")),
+        ),
+        ("run a.toml b.toml c.toml --groups 2", Command("run", "a.toml", more=("b.toml", "c.toml"), groups=2)),
+        (
+            "run --groups=3 a.toml --out here b.toml -- -hb_snes_max_it 9",
+            Command("run", "a.toml", Path("here"), ("-hb_snes_max_it", "9"), more=("b.toml",), groups=3),
+        ),
+        ("compare fan.toml", Command("compare", "fan.toml")),
+        (
+            "compare fan.toml --methods rubin,full --out here",
+            Command("compare", "fan.toml", Path("here"), methods=("rubin", "full")),
+        ),
+        ("verify fan.toml", Command("verify", "fan.toml")),
+        (
+            "verify fan.toml --at 99.5,100 --levels 5 --harmonics 7 --samples 512 --steps 64 --from-rest --out v -- -hb_snes_max_it 9",
+            Command(
+                "verify",
+                "fan.toml",
+                Path("v"),
+                ("-hb_snes_max_it", "9"),
+                at=(99.5, 100.0),
+                levels=(5.0,),
+                harmonics=7,
+                samples=512,
+                steps=64,
+                from_rest=True,
+            ),
+        ),
+        ("trade fan.toml", Command("trade", "fan.toml")),
+        (
+            "trade fan.toml --knobs modes,eps --levels 1,2.5 --meshes a.msh,b.msh --seconds 30",
+            Command("trade", "fan.toml", knobs=("modes", "eps"), levels=(1.0, 2.5), meshes=("a.msh", "b.msh"), seconds=30.0),
+        ),
+        ("check fan.toml", Command("check", "fan.toml")),
+        ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
+        ("doctor", Command("doctor")),
+    ],
+)
 def test_what_is_asked_arrives(line, command):
     assert parse(line.split()) == command
 
 
-@pytest.mark.parametrize("line, message", [
-    ("", "a command is missing: run, compare, verify, trade, check, plot or doctor"),
-    ("rnu fan.toml", "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, check, plot and doctor"),
-    ("fan.toml", "unknown command 'fan.toml'; commands are"),
-    ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),
-    ("run fan.toml --oout x", "unknown option --oout; nearest is --out"),
-    ("run fan.toml --ou x", "unknown option --ou; nearest is --out"),
-    ("run fan.toml --out", "argument --out: expected one argument"),
-    ("check fan.toml other.toml", "'other.toml' is one argument too many; usage: microslip check [-h] SCENE.toml"),
-    ("run fan.toml --groups 0", "argument --groups: '0' is not a number of at least 1; try: microslip run --help"),
-    ("run fan.toml --groups two", "argument --groups: 'two' is not a number of at least 1"),
-    ("run fan.toml --group 2", "unknown option --group; nearest is --groups"),
-    ("run fan.toml more.toml --oout x", "unknown option --oout; nearest is --out"),
-    ("compare fan.toml --groups 2", "unknown option --groups"),
-    ("verify fan.toml --at 99,x", "argument --at: '99,x' are not numbers above 0, separated by commas; try: microslip verify --help"),
-    ("verify fan.toml --levels -1", "argument --levels: '-1' are not numbers above 0"),
-    ("verify fan.toml --levels 5,5", "argument --levels: '5,5' holds a number twice"),
-    ("verify fan.toml --steps 33", "argument --steps: '33' is not an even number of at least 16"),
-    ("run fan.toml --steps 64", "unknown option --steps"),
-    ("run fan.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
-    ("check fan.toml -- -hb_snes_monitor", "PETSc options after -- belong to the commands run, compare, verify and trade; check solves nothing"),
-    ("run fan.toml -- -snes_monitor", "perhaps -hb_snes_monitor"),
-    ("run fan.toml -- -statc_ksp_rtol 1", "-statc_ksp_rtol: not an option of this program's solvers; they begin with "
-     "-static_, -modes_ or -hb_; nearest is -static_ksp_rtol"),
-    ("run fan.toml -- -dll_append lib.so", "-dll_append: not an option of this program's solvers"),
-    ("run fan.toml -- -options_file x", "-options_file: not an option of this program's solvers"),
-    ("run fan.toml -- --out x", "--out: not an option of this program's solvers; they begin with -static_, -modes_ or -hb_; "
-     "--out stands before --"),
-    ("run fan.toml -- -hb_", "-hb_: not an option"),
-    ("run fan.toml -- x -hb_snes_monitor", "'x' after --: an option's name is missing before it"),
-    ("run fan.toml -- -hb_snes_max_it 3 4", "'4' after --: an option's name is missing before it"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "line, message",
+    [
+        ("", "a command is missing: run, compare, verify, trade, check, plot or doctor"),
+        (
+            "rnu fan.toml",
+            "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, check, plot and doctor",
+        ),
+        ("fan.toml", "unknown command 'fan.toml'; commands are"),
+        ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),
+        ("run fan.toml --oout x", "unknown option --oout; nearest is --out"),
+        ("run fan.toml --ou x", "unknown option --ou; nearest is --out"),
+        ("run fan.toml --out", "argument --out: expected one argument"),
+        ("check fan.toml other.toml", "'other.toml' is one argument too many; usage: microslip check [-h] SCENE.toml"),
+        ("run fan.toml --groups 0", "argument --groups: '0' is not a number of at least 1; try: microslip run --help"),
+        ("run fan.toml --groups two", "argument --groups: 'two' is not a number of at least 1"),
+        ("run fan.toml --group 2", "unknown option --group; nearest is --groups"),
+        ("run fan.toml more.toml --oout x", "unknown option --oout; nearest is --out"),
+        ("compare fan.toml --groups 2", "unknown option --groups"),
+        (
+            "verify fan.toml --at 99,x",
+            "argument --at: '99,x' are not numbers above 0, separated by commas; try: microslip verify --help",
+        ),
+        ("verify fan.toml --levels -1", "argument --levels: '-1' are not numbers above 0"),
+        ("verify fan.toml --levels 5,5", "argument --levels: '5,5' holds a number twice"),
+        ("verify fan.toml --steps 33", "argument --steps: '33' is not an even number of at least 16"),
+        ("run fan.toml --steps 64", "unknown option --steps"),
+        ("run fan.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
+        (
+            "check fan.toml -- -hb_snes_monitor",
+            "PETSc options after -- belong to the commands run, compare, verify and trade; check solves nothing",
+        ),
+        ("run fan.toml -- -snes_monitor", "perhaps -hb_snes_monitor"),
+        (
+            "run fan.toml -- -statc_ksp_rtol 1",
+            "-statc_ksp_rtol: not an option of this program's solvers; they begin with "
+            "-static_, -modes_ or -hb_; nearest is -static_ksp_rtol",
+        ),
+        ("run fan.toml -- -dll_append lib.so", "-dll_append: not an option of this program's solvers"),
+        ("run fan.toml -- -options_file x", "-options_file: not an option of this program's solvers"),
+        (
+            "run fan.toml -- --out x",
+            "--out: not an option of this program's solvers; they begin with -static_, -modes_ or -hb_; --out stands before --",
+        ),
+        ("run fan.toml -- -hb_", "-hb_: not an option"),
+        ("run fan.toml -- x -hb_snes_monitor", "'x' after --: an option's name is missing before it"),
+        ("run fan.toml -- -hb_snes_max_it 3 4", "'4' after --: an option's name is missing before it"),
+    ],
+)
 def test_what_nobody_knows_is_an_error(line, message):
     with pytest.raises(CaseError) as found:
         parse(line.split())

@@ -13,12 +13,29 @@ from processes import microslip
 JOBS = Path(__file__).parents[2] / "jobs"
 
 
-@pytest.mark.parametrize("name, said", [
-    ("jenkins", ["matrices   1 DOF; entries: stiffness 1, mass 1, damping 1", "slider: 1 pairs, normal preload 2 N in all",
-                 "method     receptance: harmonics 0 to 15", "modes      all there are"]),
-    ("spatial", ["matrices   3 DOF; entries: stiffness 9, mass 3", "load 5     DOF 2, scale -0.1, harmonic 0", "output     z: DOF 2",
-                 "modes      all there are"]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, said",
+    [
+        (
+            "jenkins",
+            [
+                "matrices   1 DOF; entries: stiffness 1, mass 1, damping 1",
+                "slider: 1 pairs, normal preload 2 N in all",
+                "method     receptance: harmonics 0 to 15",
+                "modes      all there are",
+            ],
+        ),
+        (
+            "spatial",
+            [
+                "matrices   3 DOF; entries: stiffness 9, mass 3",
+                "load 5     DOF 2, scale -0.1, harmonic 0",
+                "output     z: DOF 2",
+                "modes      all there are",
+            ],
+        ),
+    ],
+)
 def test_the_scenes_of_jobs_are_sound(name, said):
     done = microslip("check", JOBS / f"{name}.toml")
     assert (done.returncode, done.stderr) == (0, "")
@@ -30,8 +47,18 @@ def test_a_run_leaves_curves_and_pictures_and_nothing_for_paraview(tmp_path):
     done = microslip("run", "scene.toml", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     written = {path.name for path in (tmp_path / "out").iterdir()}
-    assert written == {"frf.csv", "results.h5", "run.log", "response.png", "states.png", "slip_map.png", "rom_size.png", "energy.png",
-                       "energy_map.png", "error.png"}  # fmt: skip
+    assert written == {
+        "frf.csv",
+        "results.h5",
+        "run.log",
+        "response.png",
+        "states.png",
+        "slip_map.png",
+        "rom_size.png",
+        "energy.png",
+        "energy_map.png",
+        "error.png",
+    }
     rows = (tmp_path / "out" / "frf.csv").read_text().splitlines()
     assert len(rows) > 2 * 2 * 12 // 2 and not any("nan" in row for row in rows)
 
@@ -56,8 +83,8 @@ def test_statics_run_from_scene_to_pictures(tmp_path, ranks):
         mean = float(of_level[0]["mean_m"])
         stays = mean == pytest.approx(level * u_lin[0], rel=1e-8)
         assert stays == (of_level[0]["sticking"] == "1") == (level == 0.02)
-        said = log[log.index(f": {level:g} N, "):]
-        said = said[:said.index("m/N")]
+        said = log[log.index(f": {level:g} N, ") :]
+        said = said[: said.index("m/N")]
         assert f"{mean:.5e}" in said and f"displacement {mean:.4e} m" in said and "one point in " in said
         assert "mean_m" in said and "amplitude_m" not in said
     assert "further points of [response]: harmonics = 0, constant loads have the same response at every frequency" in log
@@ -82,7 +109,7 @@ def test_a_level_that_newton_cannot_finish_keeps_all_that_converged(tmp_path, ra
     assert "level 0.4 N ends after" in done.stderr and "Hz" in done.stderr and "what converged is in out" in done.stderr
     assert (tmp_path / "out" / "response.png").exists()
     levels, frequencies = np.loadtxt(tmp_path / "out" / "frf.csv", delimiter=",", skiprows=1, usecols=(0, 2)).T
-    assert frequencies[levels == 0.02].max() == pytest.approx(1.6 / (2 * np.pi))        # the level that is stuck is whole
+    assert frequencies[levels == 0.02].max() == pytest.approx(1.6 / (2 * np.pi))  # the level that is stuck is whole
     assert frequencies.max() <= frequencies[levels == 0.02].max()
     with h5py.File(tmp_path / "out" / "results.h5") as file:
         assert len(file["levels/0000/response"]) == np.count_nonzero(levels == 0.02)
@@ -95,11 +122,24 @@ def test_a_static_load_beyond_all_friction_is_named(tmp_path, n_pairs, ranks):
     pairs = [[0, 1, 2, -1, -1, -1], [3, 4, 5, -1, -1, -1]][:n_pairs]
     K = np.diag([0.0, 1.0, 1.0, 0.0, 1.0, 1.0][: 3 * n_pairs])
     load = {"vector": np.eye(3 * n_pairs)[0], "harmonic": 0, "phase": 0.0}
-    system = scenes.make_system("sliders", np.eye(len(K)), K, pairs, mu=0.4, N0=1.0, k_t=1.5, k_n=2.0, zeta=0.01, loads=[load],
-                                output=np.eye(3 * n_pairs)[0], omega=(0.5, 2.0), levels={})
+    system = scenes.make_system(
+        "sliders",
+        np.eye(len(K)),
+        K,
+        pairs,
+        mu=0.4,
+        N0=1.0,
+        k_t=1.5,
+        k_n=2.0,
+        zeta=0.01,
+        loads=[load],
+        output=np.eye(3 * n_pairs)[0],
+        omega=(0.5, 2.0),
+        levels={},
+    )
     write_matrix_scene(tmp_path, system, [0.3, 5.0], (0.5, 2.0), outputs=[0], points=4, harmonics=0)
     done = microslip("run", "scene.toml", "--out", "out", ranks=ranks, cwd=tmp_path)
     assert done.returncode == 3 and "no equilibrium under the static load of 5 N" in done.stderr, done.stderr
     assert "Warning" not in done.stderr and "Traceback" not in done.stderr
     with open(tmp_path / "out" / "frf.csv", newline="", encoding="utf-8") as table:
-        assert [float(row["mean_m"]) for row in csv.DictReader(table)] == pytest.approx([0.2])         # 0.3 N on 1.5 N/m
+        assert [float(row["mean_m"]) for row in csv.DictReader(table)] == pytest.approx([0.2])  # 0.3 N on 1.5 N/m

@@ -41,21 +41,24 @@ def number(lines, section, i):
 def with_nan(lines):
     row = number(lines, "$Nodes", 4)
     x = lines[row].split()
-    return [*lines[:row], f"{x[0]} {x[1]} nan {x[3]}", *lines[row + 1:]]
+    return [*lines[:row], f"{x[0]} {x[1]} nan {x[3]}", *lines[row + 1 :]]
 
 
 def with_inverted_element(lines):
     row = next(row for row in range(number(lines, "$Elements", 0), len(lines)) if lines[row].split()[1] == "5")
     words = lines[row].split()
-    return [*lines[:row], " ".join([*words[:-8], *words[-4:], *words[-8:-4]]), *lines[row + 1:]]
+    return [*lines[:row], " ".join([*words[:-8], *words[-4:], *words[-8:-4]]), *lines[row + 1 :]]
 
 
-@pytest.mark.parametrize("change, messages", [
-    (with_nan, ["1 of ", "not a finite number", "node 5 at"]),
-    (with_inverted_element, ["1 elements are inverted or collapsed", "det J = -"]),
-    (lambda lines: lines[: len(lines) // 2], ["the file is truncated"]),
-    (lambda lines: ["not a mesh"], ["this is not a Gmsh file"]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change, messages",
+    [
+        (with_nan, ["1 of ", "not a finite number", "node 5 at"]),
+        (with_inverted_element, ["1 elements are inverted or collapsed", "det J = -"]),
+        (lambda lines: lines[: len(lines) // 2], ["the file is truncated"]),
+        (lambda lines: ["not a mesh"], ["this is not a Gmsh file"]),
+    ],
+)
 def test_a_bad_mesh(said, mesh, change, messages):
     text = said(SCENE, change(mesh))
     assert text.count("microslip: error: ") == 1
@@ -63,14 +66,17 @@ def test_a_bad_mesh(said, mesh, change, messages):
     assert all(message in text for message in ["lap.msh", *messages])
 
 
-@pytest.mark.parametrize("old, new, messages", [
-    ('"clamp"', '"clmp"', ["[[supports]] 1 group = 'clmp'", "nearest is 'clamp'", "it has: "]),
-    ('"lap_2"', '"clamp"', ["joint 'lap'", "have no partner within", "the worst is node"]),
-    (SCENE[SCENE.index("[[supports]]"):SCENE.index("[[joints]]")], "", ["nothing holds body 'left'", "it can move freely"]),
-    (SCENE[SCENE.index("[[joints]]"):SCENE.index("[[loads]]")], "", ["nothing holds body 'right'", "it can move freely"]),
-    ("modes = 5", "modes = 5000", ["[solver] modes = 5000: the structure has only", "degrees of freedom"]),
-    ("[0.21, 0.0, 0.0]", "[26.0, 0.0, 0.0]", ["[[outputs]] 'tip' position", "from the nearest node"]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "old, new, messages",
+    [
+        ('"clamp"', '"clmp"', ["[[supports]] 1 group = 'clmp'", "nearest is 'clamp'", "it has: "]),
+        ('"lap_2"', '"clamp"', ["joint 'lap'", "have no partner within", "the worst is node"]),
+        (SCENE[SCENE.index("[[supports]]") : SCENE.index("[[joints]]")], "", ["nothing holds body 'left'", "it can move freely"]),
+        (SCENE[SCENE.index("[[joints]]") : SCENE.index("[[loads]]")], "", ["nothing holds body 'right'", "it can move freely"]),
+        ("modes = 5", "modes = 5000", ["[solver] modes = 5000: the structure has only", "degrees of freedom"]),
+        ("[0.21, 0.0, 0.0]", "[26.0, 0.0, 0.0]", ["[[outputs]] 'tip' position", "from the nearest node"]),
+    ],
+)
 def test_a_scene_that_does_not_fit_its_mesh(said, mesh, old, new, messages):
     text = said(SCENE.replace(old, new, 1), mesh)
     assert text.count("microslip: error: ") == 1

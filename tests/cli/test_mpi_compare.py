@@ -6,10 +6,10 @@ import signal
 import pytest
 from bar_scene import write_bar
 
-from microslip import compare
 from microslip.__main__ import main
 from microslip.parallel.agree import on_root
 from microslip.reduction.methods import METHODS, full
+from microslip.studies.compare import story as compare
 
 
 @pytest.fixture

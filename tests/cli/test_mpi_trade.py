@@ -9,10 +9,10 @@ from lap_joint import LapJoint, lap_joint
 from lap_scene import SCENE as LAP
 from msh import write_msh
 
-from microslip import trade_reference
 from microslip.__main__ import main
 from microslip.parallel.agree import on_root
-from microslip.results.trade import KNOBS
+from microslip.studies.trade import reference as trade_reference
+from microslip.studies.trade.study import KNOBS
 
 MASS = """
 [model]
@@ -79,7 +79,7 @@ def test_one_mass_from_scene_to_choices(program, shared_path, comm):
     by_H = {int(entry["harmonics"]): float(entry["error_percent"]) for entry in found if entry["knob"] in ("base", "harmonics")}
     base = next(entry for entry in found if entry["knob"] == "base")
     assert float(base["error_percent"]) <= float(base["bar_percent"]) < 5.0
-    if comm.size == 1:                              # several ranks on few processors may not come so far
+    if comm.size == 1:  # several ranks on few processors may not come so far
         assert by_H[1] > by_H[5] and "harmonics 1 -> 2:" in out
         covered = [float(entry["covered_percent"]) for entry in found if entry["covered_percent"]]
         assert covered and sum(covered) / len(covered) >= 90.0
@@ -107,12 +107,15 @@ def test_every_knob_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path
     assert "meshes, against the finest" in out
 
 
-@pytest.mark.parametrize("arguments, message", [
-    (("--knobs", "harmonic"), "--knobs: unknown knob 'harmonic'; nearest is harmonics; known: harmonics, samples, modes"),
-    (("--levels", "0"), "argument --levels: '0' are not numbers above 0"),
-    (("--seconds", "soon"), "argument --seconds: 'soon' is not a number above 0"),
-    (("--meshes", "other.msh"), "is given as matrices; there is no other mesh of it"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (("--knobs", "harmonic"), "--knobs: unknown knob 'harmonic'; nearest is harmonics; known: harmonics, samples, modes"),
+        (("--levels", "0"), "argument --levels: '0' are not numbers above 0"),
+        (("--seconds", "soon"), "argument --seconds: 'soon' is not a number above 0"),
+        (("--meshes", "other.msh"), "is given as matrices; there is no other mesh of it"),
+    ],
+)
 def test_a_bad_option_is_named_once(program, arguments, message):
     status, _, err = program(write_mass, *arguments)
     assert status == 2 and err.count(message) == 1
@@ -134,7 +137,9 @@ def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
 
     def write(folder):
         for name, (kind, n) in kinds.items():
-            write_msh(str(folder / f"{name}.msh"), lap_joint(LapJoint(kind=kind, n_free=n, n_overlap=n, n_width=1, n_thickness=1)))
+            write_msh(
+                str(folder / f"{name}.msh"), lap_joint(LapJoint(kind=kind, n_free=n, n_overlap=n, n_width=1, n_thickness=1))
+            )
         path = folder / "lap.toml"
         text = LAP.replace("lap.msh", "coarse.msh").replace("frequencies = [10.0, 1000.0]", "mode = 1\nspan = [0.9, 1.1]")
         path.write_text(text.replace("friction = 0.3", "friction = 0.05").replace("preload = 1e6", "preload = 3e7"))
@@ -153,6 +158,7 @@ def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
 
 def with_mass(*changes):
     """Return a writer of the one mass with parts of its scene replaced."""
+
     def write(folder):
         path, text = write_mass(folder), MASS
         for old, new in changes:
@@ -164,15 +170,26 @@ def with_mass(*changes):
     return write
 
 
-@pytest.mark.parametrize("changes, message", [
-    ([("frequencies = [0.1, 0.3]", "frequencies = [0.1, 0.3]\n[solver]\nharmonics = 0"),
-      ("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 0")],
-     "[solver] harmonics = 0 is a static balance; trade needs a vibration: state at least 1"),
-    ([("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 0")],
-     "[[loads]] harmonic = 0: loads that are all constant move nothing to and fro"),
-    ([("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 2")],
-     "[[loads]] harmonic = 2: nothing moves in harmonic 1, of which trade measures errors; state harmonic = 1, and 2 times"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "changes, message",
+    [
+        (
+            [
+                ("frequencies = [0.1, 0.3]", "frequencies = [0.1, 0.3]\n[solver]\nharmonics = 0"),
+                ("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 0"),
+            ],
+            "[solver] harmonics = 0 is a static balance; trade needs a vibration: state at least 1",
+        ),
+        (
+            [("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 0")],
+            "[[loads]] harmonic = 0: loads that are all constant move nothing to and fro",
+        ),
+        (
+            [("[[loads]]\ndof = 0", "[[loads]]\ndof = 0\nharmonic = 2")],
+            "[[loads]] harmonic = 2: nothing moves in harmonic 1, of which trade measures errors; state harmonic = 1, and 2 times",
+        ),
+    ],
+)
 def test_a_scene_without_vibration_in_harmonic_1_is_refused(program, changes, message):
     status, _, err = program(with_mass(*changes))
     assert status == 2 and err.count(message) == 1
@@ -195,8 +212,11 @@ def test_without_slip_modes_alone_are_traded_of_what_was_asked(program, shared_p
     assert out.count("no pair slips or opens at 0.001 N: the response is linear") == 1
     found = rows(shared_path)
     assert {"base", "modes"} <= {entry["knob"] for entry in found} <= {"base", "modes", "accuracy", "combination"}
-    by_modes = {int(entry["modes"]): float(entry["error_percent"]) for entry in found
-                if entry["knob"] in ("base", "modes") and not entry["failure"]}
+    by_modes = {
+        int(entry["modes"]): float(entry["error_percent"])
+        for entry in found
+        if entry["knob"] in ("base", "modes") and not entry["failure"]
+    }
     assert "    modes = " in out and "    harmonics = " not in out and "    tolerance = " not in out
     assert len(by_modes) > 2 and by_modes[min(by_modes)] > 10.0 * by_modes[max(by_modes)]
 

@@ -10,10 +10,10 @@ import scipy.sparse as sp
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
-from microslip import verify
 from microslip.__main__ import main
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import ConvergenceError
+from microslip.studies.verify import story as verify
 from microslip.transient.march import March
 
 
@@ -24,7 +24,17 @@ def program(comm, shared_path, capfd):
 
     def run(*arguments, system=scenes.chain, levels=(0.5, 20.0), frequencies=(390.0, 590.0), **own):
         own = own or {"points": 48, "harmonics": 5, "samples": 64}
-        path = on_root(comm, lambda: write_matrix_scene(shared_path, system(), levels, frequencies, outputs=[len(system()["M"]) - 3 if len(system()["M"]) > 3 else 0], **own))
+        path = on_root(
+            comm,
+            lambda: write_matrix_scene(
+                shared_path,
+                system(),
+                levels,
+                frequencies,
+                outputs=[len(system()["M"]) - 3 if len(system()["M"]) > 3 else 0],
+                **own,
+            ),
+        )
         status = main(["verify", str(path), "--out", str(shared_path / "out"), "--steps", "64", *arguments])
         assert len(set(comm.allgather(status))) == 1
         said = capfd.readouterr()
@@ -46,13 +56,14 @@ def test_two_pairs_on_any_number_of_ranks(program, shared_path):
     found = rows(shared_path)
     assert [float(row["level_N"]) for row in found] == [0.5] * 5 + [20.0] * 5
     assert [row["peak"] for row in found].count("peak") == 2
-    assert all(float(row["difference_with_phase"]) < 2e-3 for row in found[:5])     # nothing slips
+    assert all(float(row["difference_with_phase"]) < 2e-3 for row in found[:5])  # nothing slips
     for row in found[5:]:
         assert float(row["difference_with_phase"]) < 4e-3 + 2.0 * float(row["own_error"])
         assert float(row["distance"]) <= verify.TOLERANCE and float(row["change"]) <= 10.0 * verify.TOLERANCE
         assert abs(float(row["energy_closure"])) < 1e-2 and float(row["higher_harmonics"]) > 1e-4
         assert float(row["harmonic_balance_m"]) - float(row["time_integration_m"]) == pytest.approx(
-            float(row["difference"]) * max(float(one["harmonic_balance_m"]) for one in found[5:]), rel=1e-5, abs=1e-12)
+            float(row["difference"]) * max(float(one["harmonic_balance_m"]) for one in found[5:]), rel=1e-5, abs=1e-12
+        )
     assert {"verify.png", "verify.log", "verify.csv"} <= {path.name for path in (shared_path / "out").iterdir()}
     assert out.count("time integration's own error is about") == 1 and "largest difference" in out
 
@@ -79,7 +90,9 @@ def test_more_harmonics_and_frequencies_as_asked(program, shared_path):
     many = rows(shared_path)
     for one, other in zip(few, many):
         assert float(other["time_integration_m"]) == pytest.approx(float(one["time_integration_m"]), rel=2e-3)
-    assert max(float(row["difference_with_phase"]) for row in many) < 0.5 * max(float(row["difference_with_phase"]) for row in few)
+    assert max(float(row["difference_with_phase"]) for row in many) < 0.5 * max(
+        float(row["difference_with_phase"]) for row in few
+    )
 
 
 def test_what_contradicts_the_scene_is_named_once(program):
@@ -117,8 +130,10 @@ def test_a_structure_without_contact_is_verified_and_run_too(comm, shared_path, 
         for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
             scipy.io.mmwrite(shared_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
         path = shared_path / "free.toml"
-        path.write_text('[model]\nstiffness = "K.mtx"\nmass = "M.mtx"\n[[loads]]\ndof = 1\nscale = 1.0\n[[outputs]]\nname = "a"\ndof = 0\n'
-                        "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [5.0, 15.0]\npoints = 30\n")
+        path.write_text(
+            '[model]\nstiffness = "K.mtx"\nmass = "M.mtx"\n[[loads]]\ndof = 1\nscale = 1.0\n[[outputs]]\nname = "a"\ndof = 0\n'
+            "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [5.0, 15.0]\npoints = 30\n"
+        )
         return path
 
     path = on_root(comm, write)

@@ -51,7 +51,8 @@ def test_a_scene_without_joint_has_no_contact_at_all(tmp_path):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
     (tmp_path / "free.toml").write_text(
         '[model]\nstiffness = "K.mtx"\nmass = "M.mtx"\n[[loads]]\ndof = 1\nscale = 1.0\n[[outputs]]\nname = "a"\ndof = 0\n'
-        "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [5.0, 15.0]\npoints = 9\n[solver]\nerror_bars = false\n")
+        "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [5.0, 15.0]\npoints = 9\n[solver]\nerror_bars = false\n"
+    )
     done = microslip("run", "free.toml", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     said = not_computed(tmp_path / "out" / "run.log")
@@ -67,7 +68,8 @@ def test_statics_without_a_joint_are_one_point_a_level(tmp_path, direction, begi
     (tmp_path / "static.toml").write_text(
         '[model]\nstiffness = "K.mtx"\nmass = "M.mtx"\n[[loads]]\ndof = 1\nscale = 1.0\nharmonic = 0\n[[outputs]]\nname = "a"\ndof = 0\n'
         "[damping]\nratio = 0.01\n[response]\nlevels = [1.0, 2.0]\nfrequencies = [5.0, 15.0]\nat = [7.0]\npoints = 9\n"
-        f'direction = "{direction}"\n[solver]\nharmonics = 0\n')
+        f'direction = "{direction}"\n[solver]\nharmonics = 0\n'
+    )
     done = microslip("run", "static.toml", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     table = np.genfromtxt(tmp_path / "out" / "frf.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
@@ -80,7 +82,9 @@ def test_statics_without_a_joint_are_one_point_a_level(tmp_path, direction, begi
 
 @pytest.mark.parametrize("asks", [True, False])
 def test_what_is_lost_is_told_by_the_error_bars(tmp_path, asks):
-    write_matrix_scene(tmp_path, scenes.chain(), [0.3, 100.0], (500.0, 600.0), outputs=[6], points=8, harmonics=1, error_bars=asks)
+    write_matrix_scene(
+        tmp_path, scenes.chain(), [0.3, 100.0], (500.0, 600.0), outputs=[6], points=8, harmonics=1, error_bars=asks
+    )
     done = microslip("run", "scene.toml", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     said = not_computed(tmp_path / "out" / "run.log")
@@ -103,10 +107,13 @@ def test_a_linear_response_loses_nothing_by_its_harmonics(tmp_path):
     assert "solution in harmonics above 3: no load acts in them, and the response is linear" in said
 
 
-@pytest.mark.parametrize("method, own, lost", [
-    ("adaptive-energy", {"energy_tolerance": 10.0}, "slip and opening of the pairs that method adaptive-energy holds stuck"),
-    ("rubin", {}, "response outside the basis of method rubin"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "method, own, lost",
+    [
+        ("adaptive-energy", {"energy_tolerance": 10.0}, "slip and opening of the pairs that method adaptive-energy holds stuck"),
+        ("rubin", {}, "response outside the basis of method rubin"),
+    ],
+)
 def test_what_a_method_leaves_out_is_told(tmp_path, method, own, lost):
     write_matrix_scene(tmp_path, scenes.chain(), [10.0], (500.0, 600.0), outputs=[6], points=8, method=method, modes=4, **own)
     assert microslip("run", "scene.toml", "--out", "out", cwd=tmp_path).returncode == 0

@@ -6,7 +6,7 @@ from processes import microslip
 from scene_files import write_scene
 
 import microslip as package
-from microslip import doctor
+from microslip.program import doctor
 
 
 def test_it_knows_its_version():
@@ -27,11 +27,14 @@ def test_a_misspelled_key_gives_one_message(tmp_path, ranks):
     assert not (tmp_path / "results").exists()
 
 
-@pytest.mark.parametrize("arguments, message", [
-    (("run", "none.toml"), "there is no such file"),
-    (("run", "fan.toml", "--ot", "x"), "unknown option --ot; nearest is --out"),
-    (("run", "fan.toml", "--", "-snes_monitor"), "perhaps -hb_snes_monitor"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (("run", "none.toml"), "there is no such file"),
+        (("run", "fan.toml", "--ot", "x"), "unknown option --ot; nearest is --out"),
+        (("run", "fan.toml", "--", "-snes_monitor"), "perhaps -hb_snes_monitor"),
+    ],
+)
 def test_two_ranks_say_once_what_is_wrong(tmp_path, arguments, message):
     write_scene(tmp_path)
     done = microslip(*arguments, ranks=2, cwd=tmp_path)
@@ -51,8 +54,10 @@ def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path):
     assert {"frf.csv", "results.h5", "run.log", "response.png"} <= written
     done = microslip("run", "lap.toml", "--out", "again", "--", *options, "-hb_snes_maxit", "15", cwd=tmp_path)
     assert done.returncode == 2
-    assert done.stderr == ("microslip: error: -hb_snes_maxit: no solver of this run reads this PETSc option; the results in again "
-                           "were made without it\n")  # fmt: skip
+    assert done.stderr == (
+        "microslip: error: -hb_snes_maxit: no solver of this run reads this PETSc option; the results in again "
+        "were made without it\n"
+    )
     assert microslip("plot", "again/results.h5", "--out", "pictures", cwd=tmp_path).returncode == 0
     assert (tmp_path / "pictures" / "response.png").exists()
 

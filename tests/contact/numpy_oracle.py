@@ -23,16 +23,16 @@ def rows(H, N_t):
 class Marched:
     """The kept period of one pair."""
 
-    p: np.ndarray           # (3, N_H)
-    P: np.ndarray           # (3 N_H, 3 N_H)
-    T: np.ndarray           # (N_t, 2)
-    N: np.ndarray           # (N_t,)
-    pattern: tuple          # what each sample of both periods did: slip in x, slip in y (or in the circle), open
-    margin: float           # least distance from a change of any of these, relative to the forces
+    p: np.ndarray  # (3, N_H)
+    P: np.ndarray  # (3 N_H, 3 N_H)
+    T: np.ndarray  # (N_t, 2)
+    N: np.ndarray  # (N_t,)
+    pattern: tuple  # what each sample of both periods did: slip in x, slip in y (or in the circle), open
+    margin: float  # least distance from a change of any of these, relative to the forces
 
     @property
     def state(self):
-        kept = self.pattern[len(self.N) - 1:]
+        kept = self.pattern[len(self.N) - 1 :]
         return 2 if any(open_ for _, _, open_ in kept) else 1 if any(x or y for x, y, _ in kept) else 0
 
 
@@ -41,7 +41,7 @@ def pair_harmonics(U, mu, N0, k_t, k_n, separate, N_t):
     N_H = U.shape[1]
     E = rows(N_H // 2, N_t)
     du = E @ U.T
-    gradient = [np.kron(np.eye(3), E[j]) for j in range(N_t)]        # (3, 3 N_H) of du at sample j
+    gradient = [np.kron(np.eye(3), E[j]) for j in range(N_t)]  # (3, 3 N_H) of du at sample j
     scale = np.abs(N0) + max(k_t, k_n) * np.abs(U).sum() + 1e-300
     T, dT = k_t * du[0, :2], k_t * gradient[0][:2]
     pattern, margin, forces, slopes = [], 1.0, [], []
@@ -55,7 +55,7 @@ def pair_harmonics(U, mu, N0, k_t, k_n, separate, N_t):
         T = T + k_t * (du[j, :2] - du[before, :2])
         dT = dT + k_t * (gradient[j][:2] - gradient[before][:2])
         limit, size = mu * N, np.abs(T) if separate else np.full(2, np.hypot(*T))
-        free = limit == 0.0 and k_t > 0.0                            # no friction: T is zero, whatever happens
+        free = limit == 0.0 and k_t > 0.0  # no friction: T is zero, whatever happens
         slips = (size > limit) | free
         margin = margin if free else min(margin, *np.abs(size - limit) / scale)
         if free:

@@ -7,9 +7,9 @@ import pytest
 from numpy_oracle import pair_harmonics
 from oracles.fourier import differentiate
 
+from microslip.contact.aft import contact_harmonics, contact_work, pair_energy
 from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
 from microslip.fourier.coefficients import synthesise
-from microslip.harmonic.aft import contact_harmonics, contact_work, pair_energy
 
 
 def joint(n=1, mu=0.5, N0=6.0, k_t=2.0, k_n=4.0, separate=False):
@@ -48,7 +48,7 @@ def test_below_the_limit_nothing_is_lost_and_p_is_exactly_zero(X):
 
 def test_jenkins_harmonic_and_its_convergence():
     """The error depends on where the samples meet the corners of the loop; its envelope falls as N_t^-2."""
-    U, exact = motion(x=[0.0, 5.0]), np.array([0.0, 2.5231578773, -2.6738030439])       # f ~ a1 cos - b1 sin
+    U, exact = motion(x=[0.0, 5.0]), np.array([0.0, 2.5231578773, -2.6738030439])  # f ~ a1 cos - b1 sin
     for base in (128, 512, 2048):
         N_t = np.arange(base, base + 64, 2)
         errors = [np.abs(friction(U, joint(), n)[0, 0] - exact).max() for n in N_t]
@@ -111,7 +111,7 @@ def test_lift_off_lets_the_friction_go():
 def test_normal_force_of_an_opening_pair():
     """f_z = min(k_n du_z, N0) for du_z = Z cos: mean and first harmonic of the clipped cosine."""
     k_n, N0, Z = 4.0, 6.0, 4.0
-    th = np.arccos(N0 / (k_n * Z))                                  # closed from th to 2 pi - th
+    th = np.arccos(N0 / (k_n * Z))  # closed from th to 2 pi - th
     mean = (N0 * th - k_n * Z * np.sin(th)) / np.pi
     first = (k_n * Z * (np.pi - th - np.sin(th) * np.cos(th)) + 2.0 * N0 * np.sin(th)) / np.pi
     p = contact_harmonics(motion(z=[0.0, Z]), joint(), 8192).p[0]
@@ -175,7 +175,10 @@ def test_law_scales_with_force_and_with_length():
     plain = contact_harmonics(U, parameters, 64)
     for force, length in ((1e9, 1e-9), (1e-9, 1.0), (3.0, 1e6)):
         scaled = ContactParameters(
-            parameters.mu, force * parameters.N0, force / length * parameters.k_t, force / length * parameters.k_n,
+            parameters.mu,
+            force * parameters.N0,
+            force / length * parameters.k_t,
+            force / length * parameters.k_n,
             parameters.separate,
         )
         found = contact_harmonics(length * U, scaled, 64)

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from numpy_oracle import pair_harmonics
 from oracles.law import friction_step, normal_contact_force, normal_force
 
+from microslip.contact.aft import contact_harmonics, pair_energy
 from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
 from microslip.fourier.coefficients import analyse, synthesise
 from microslip.fourier.harmonics import Harmonics
-from microslip.harmonic.aft import contact_harmonics, pair_energy
 
 FAST = settings(max_examples=60, deadline=None, derandomize=True)
 
@@ -85,7 +85,7 @@ def test_jacobian_meets_central_differences_where_no_sample_switches(joint):
 @given(joints())
 def test_kernel_meets_the_formulas_of_the_law(joint):
     U, parameters, N_t = joint
-    du = synthesise(U, N_t)                                          # (n, 3, N_t)
+    du = synthesise(U, N_t)  # (n, 3, N_t)
     N = normal_force(du[:, 2], parameters.N0[:, None], parameters.k_n[:, None])
     w, T = np.zeros((len(U), 2)), np.empty((len(U), 2, N_t))
     for sample in range(1, 2 * N_t):
@@ -216,11 +216,11 @@ def test_pairs_at_their_limit_stick_without_roundoff():
 def test_slip_while_settling_leaves_a_constant_force_and_the_state_stick():
     """The first samples push the slider, the cycle then fits between its limits."""
     U = np.zeros((1, 3, 3))
-    U[0, 0] = [0.6, 0.0, 0.5]                                       # k_t (mean +- amplitude) = 3.3, 0.3; mu N0 = 2
+    U[0, 0] = [0.6, 0.0, 0.5]  # k_t (mean +- amplitude) = 3.3, 0.3; mu N0 = 2
     found = contact_harmonics(U, one_pair(mu=1.0), 64)
     assert found.state[0] == STICK and found.active.tolist() == [0]
     assert np.allclose(found.p[0, 0], [-1.3, 0.0, 0.0], atol=1e-14)
-    assert np.allclose(found.P[0, 0, :3], [-3.0, 0.0, -3.0], atol=1e-13)      # the peak, sample 16, set the slider
+    assert np.allclose(found.P[0, 0, :3], [-3.0, 0.0, -3.0], atol=1e-13)  # the peak, sample 16, set the slider
     assert abs(pair_energy(U, found.p)[0]) < 1e-14
 
 

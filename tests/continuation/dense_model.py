@@ -9,9 +9,9 @@ from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequenc
 from microslip.continuation.sweep import Sweep
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
+from microslip.receptance.model import ReducedModel
+from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.build import split_evenly
-from microslip.reduction.columns import StaticColumns
-from microslip.reduction.model import ReducedModel
 from microslip.reduction.selection import AllPairs
 
 
@@ -40,16 +40,41 @@ def reduced(system, comm, H, n_modes=None):
         cos_and_sin = np.array([np.cos(load["phase"]), -np.sin(load["phase"])])
         row[harmonics.columns(load["harmonic"])] = cos_and_sin[: 1 if load["harmonic"] == 0 else 2]
     model = ReducedModel(
-        comm=comm, pair_ranges=ranges, omega_n=omega_n, C=C, r=R @ phi, b=phi.T @ f, o=o @ phi,
-        G_static=StaticColumns(len(R) // 3, ranges[comm.rank + 1] - ranges[comm.rank], columns), du_static=R @ flexibility @ f,
-        out_static=o @ flexibility @ f, out_R=o @ flexibility @ R.T, load_static=f.T @ flexibility @ f, f=coefficients,
+        comm=comm,
+        pair_ranges=ranges,
+        omega_n=omega_n,
+        C=C,
+        r=R @ phi,
+        b=phi.T @ f,
+        o=o @ phi,
+        G_static=StaticColumns(len(R) // 3, ranges[comm.rank + 1] - ranges[comm.rank], columns),
+        du_static=R @ flexibility @ f,
+        out_static=o @ flexibility @ f,
+        out_R=o @ flexibility @ R.T,
+        load_static=f.T @ flexibility @ f,
+        f=coefficients,
         harmonics=harmonics,
     )
     return model, ContactParameters(*(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")))
 
 
-def branch(system, comm, level, *, low=None, high=None, H=3, n_samples=128, at=(), selection=None, points=100,
-           down=False, tolerance=1e-9, ds_min=1e-4, n_modes=None):
+def branch(
+    system,
+    comm,
+    level,
+    *,
+    low=None,
+    high=None,
+    H=3,
+    n_samples=128,
+    at=(),
+    selection=None,
+    points=100,
+    down=False,
+    tolerance=1e-9,
+    ds_min=1e-4,
+    n_modes=None,
+):
     """Follow the branch of one level between two frequencies [rad/s]."""
     model, parameters = reduced(system, comm, H, n_modes)
     problem = HarmonicBalance(model, parameters, n_samples, level)
@@ -58,8 +83,10 @@ def branch(system, comm, level, *, low=None, high=None, H=3, n_samples=128, at=(
     ds = arc_lengths(comm, [problem.linear_motion(w)[0] for w in grid], grid, high - low)[-1] / points
     start, stop = (high, low) if down else (low, high)
     steps = ArcLength(ds=ds, ds_min=ds_min * ds, ds_max=2 * ds)
-    return follow_branch(problem, selection or AllPairs(), Sweep(start, stop, tuple(at)), steps, tolerance=tolerance, max_points=20 * points)
+    return follow_branch(
+        problem, selection or AllPairs(), Sweep(start, stop, tuple(at)), steps, tolerance=tolerance, max_points=20 * points
+    )
 
 
 def amplitude(point, harmonic=1):
-    return np.hypot(*point.response[0, 2 * harmonic - 1: 2 * harmonic + 1])
+    return np.hypot(*point.response[0, 2 * harmonic - 1 : 2 * harmonic + 1])

@@ -10,8 +10,9 @@ from microslip.continuation.corrector import ConstraintRow, Corrector, Iterate, 
 class Probe(Corrector):
     """What tests ask of a corrector."""
 
-    def jacobian_times(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray,
-                       d_xi: np.ndarray, d_nu: float) -> np.ndarray:
+    def jacobian_times(
+        self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray, d_xi: np.ndarray, d_nu: float
+    ) -> np.ndarray:
         """Return this rank's rows of the scaled Jacobian at ``iterate`` times (d_xi, d_nu).  Collective."""
         self._row, self._scaling, self._selected = row, scaling, selected
         self._pack(iterate, self._x)

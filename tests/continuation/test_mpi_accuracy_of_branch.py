@@ -19,15 +19,15 @@ from microslip.continuation.accuracy import (
 from microslip.continuation.follow import BranchFollower, follow_branch
 from microslip.continuation.grid import at_frequencies
 from microslip.continuation.sweep import Sweep
-from microslip.error_bars.estimate import ErrorEstimator
-from microslip.error_bars.parts import PARTS
-from microslip.error_bars.truth import Truth
+from microslip.error_estimate.better_model import Truth
+from microslip.error_estimate.components import PARTS
+from microslip.error_estimate.estimate import ErrorEstimator
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction.selection import AllPairs
 
 COMM = MPI.COMM_WORLD
-LOW, HIGH = 520.0, 640.0            # beyond, several solutions exist
+LOW, HIGH = 520.0, 640.0  # beyond, several solutions exist
 
 
 def problem_of(name, level, H=3, n_samples=128):
@@ -47,8 +47,16 @@ def amplitudes(points):
 def test_a_branch_meets_the_accuracy_asked_for(level, target):
     problem, estimator = problem_of("chain", level)
     accuracy = Accuracy(target, Resolution(Harmonics.up_to(1), 16))
-    found = follow_branch(problem, AllPairs(), Sweep(LOW, HIGH), steps_for(target), tolerance=1e-9, max_points=2000,
-                          estimator=estimator, accuracy=accuracy)
+    found = follow_branch(
+        problem,
+        AllPairs(),
+        Sweep(LOW, HIGH),
+        steps_for(target),
+        tolerance=1e-9,
+        max_points=2000,
+        estimator=estimator,
+        accuracy=accuracy,
+    )
     assert found.failure is None
     fine, _ = problem_of("chain", level, 15, 2048)
     omegas = COMM.bcast([point.omega for point in found.points])
@@ -139,13 +147,14 @@ def test_samples_may_use_what_harmonics_leave():
 def test_the_solver_s_part_stays_within_its_share(tolerance):
     problem, estimator = problem_of("chain", 100.0)
     accuracy = Accuracy(1e-3, Resolution(Harmonics.up_to(3), 128, tolerance), frozenset({"harmonics", "samples"}))
-    found = at_frequencies(problem, AllPairs(), list(np.linspace(LOW, HIGH, 12)), tolerance=1e-9, estimator=estimator,
-                           accuracy=accuracy)
+    found = at_frequencies(
+        problem, AllPairs(), list(np.linspace(LOW, HIGH, 12)), tolerance=1e-9, estimator=estimator, accuracy=accuracy
+    )
     assert found.failure is None
     peak = np.abs(amplitudes(found.points)).max()
     parts = np.array([point.error[0, PARTS.index("solver")] for point in found.points])
     assert parts.max() <= SHARES["solver"] * 1e-3 * peak
-    assert (parts.max() > 1e-9 * peak) == (tolerance < 1e-1)        # which is felt at the first point, and tightened at once
+    assert (parts.max() > 1e-9 * peak) == (tolerance < 1e-1)  # which is felt at the first point, and tightened at once
 
 
 def test_a_point_on_the_way_has_no_bar_and_the_resolution_stays():

@@ -15,7 +15,7 @@ from microslip.continuation.corrector import ConstraintRow, Iterate, Scaling
 from microslip.harmonic.residual import DampingFamily, HarmonicBalance, LevelFamily
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
-COMM = MPI.COMM_WORLD          # the one- and two-pair systems leave ranks without pairs
+COMM = MPI.COMM_WORLD  # the one- and two-pair systems leave ranks without pairs
 
 
 def load(system, key, value):
@@ -28,9 +28,10 @@ def scene(name):
     return load(scenes.SCENES[name](), "phase", 0.0)
 
 
-@pytest.mark.parametrize("X, frequencies", [
-    (0.5, (0.632495064828, 1.897248005129)), (1.5, (1.127402158122, 1.463083257582)), (2.0, (1.136206225921, 1.305151377843)),
-])
+@pytest.mark.parametrize(
+    "X, frequencies",
+    [(0.5, (0.632495064828, 1.897248005129)), (1.5, (1.127402158122, 1.463083257582)), (2.0, (1.136206225921, 1.305151377843))],
+)
 def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, frequencies):
     found = branch(scene("jenkins"), COMM, 0.8, H=1, n_samples=4096, at=frequencies)
     asked = [point for point in found.points if point.asked]
@@ -40,14 +41,16 @@ def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, freq
     assert [amplitude(point) for point in asked] == pytest.approx([X, X], rel=2e-6)
 
 
-@pytest.mark.parametrize("name, level, omega", [
-    (name, *at[:2]) for name in ("spatial", "chain", "gap") for at in scenes.SCENES[name]()["levels"].values()])
+@pytest.mark.parametrize(
+    "name, level, omega",
+    [(name, *at[:2]) for name in ("spatial", "chain", "gap") for at in scenes.SCENES[name]()["levels"].values()],
+)
 def test_points_are_solutions_of_an_independent_harmonic_balance(name, level, omega):
     system = scene(name)
     low = {"gap": system["omega"][0]}.get(name, system["omega"][0])
     found = branch(system, COMM, level, low=low, H=5, n_samples=256, at=(omega,))
     point = next(point for point in found.points if point.asked)
-    if COMM.rank > 0:                                       # motions and forces are recorded on rank 0
+    if COMM.rank > 0:  # motions and forces are recorded on rank 0
         return
     model, _ = reduced(system, COMM, 5)
     # started from this point, so that the two codes mean the same solution where several exist
@@ -105,7 +108,7 @@ def test_fold_is_passed_and_the_way_back_is_the_same_curve():
     assert up.failure is None and down.failure is None
     steps = np.diff([point.omega for point in up.points])
     turns = int(np.sum(steps[1:] * steps[:-1] < 0))
-    assert turns >= 2 and turns % 2 == 0                    # forward, backward, forward
+    assert turns >= 2 and turns % 2 == 0  # forward, backward, forward
     # every point of the way back lies on the way forward: solved again at its own frequency from the nearest point
     forward = np.array([[p.omega, *p.response[0, 1:3]] for p in up.points])
     for point in down.points[::5]:
@@ -123,7 +126,7 @@ def distance_to_polyline(point, line):
 def test_second_point_does_not_jump_over_the_folds_beside_the_first():
     found = branch(scene("spatial"), COMM, 0.8, low=0.97, high=1.9, H=5, points=30)
     assert found.failure is None
-    assert max(amplitude(point) for point in found.points) > 3.5        # 2.1 at the start; the peak lies between two folds
+    assert max(amplitude(point) for point in found.points) > 3.5  # 2.1 at the start; the peak lies between two folds
 
 
 def test_branch_that_leaves_the_range_at_its_start_says_so():
@@ -142,8 +145,12 @@ def families(problem):
     """Every one-parameter family of problems, with a parameter and its scale."""
     full = problem.model.C if problem.model.C.ndim == 2 else np.diag(problem.model.C) + 3.0
     with_matrix = problem.of(replace(problem.model, C=full))
-    return {"frequency": (problem, 555.0, 400.0), "level": (LevelFamily(problem, 555.0), 90.0, 100.0),
-            "damping": (DampingFamily(problem, 555.0), 0.6, 1.0), "damping matrix": (DampingFamily(with_matrix, 555.0), 0.6, 1.0)}
+    return {
+        "frequency": (problem, 555.0, 400.0),
+        "level": (LevelFamily(problem, 555.0), 90.0, 100.0),
+        "damping": (DampingFamily(problem, 555.0), 0.6, 1.0),
+        "damping matrix": (DampingFamily(with_matrix, 555.0), 0.6, 1.0),
+    }
 
 
 @pytest.mark.parametrize("family", ["frequency", "level", "damping", "damping matrix"])
@@ -190,14 +197,16 @@ def test_newton_step_solves_the_whole_system(level, option, tolerance):
     here = Iterate(1.3 * U, 555.0)
     options = PETSc.Options()
     if option:
-        options["hb_ksp_rtol"] = option         # and with it double precision
+        options["hb_ksp_rtol"] = option  # and with it double precision
     corrector = Probe(problem, 1e-9)
     try:
         step = corrector.newton_step(here, row, scaling, everything)
         d_nu = COMM.bcast(step[-1] if COMM.rank == COMM.size - 1 else None, root=COMM.size - 1)
         d_xi = step[: problem.n_owned * 3 * model.N_H].reshape(problem.shape)
-        found, r = (corrector.jacobian_times(here, row, scaling, everything, d_xi, d_nu),
-                    corrector.residual_at(here, row, scaling, everything))
+        found, r = (
+            corrector.jacobian_times(here, row, scaling, everything, d_xi, d_nu),
+            corrector.residual_at(here, row, scaling, everything),
+        )
     finally:
         options.delValue("hb_ksp_rtol")
         corrector.destroy()
@@ -234,8 +243,8 @@ def test_energy_filter_drops_pairs_and_counts_fewer_unknowns():
     plain = branch(system, COMM, 10.0, selection=NonStickingPairs())
     filtered = branch(system, COMM, 10.0, selection=DissipatingPairs(energy_tolerance=1e3))
     N_H, n_modes = 7, 9
-    assert plain.points[0].unknowns == (n_modes + 3 * 2) * N_H              # Algorithm 1 starts with all pairs
-    assert filtered.points[-1].unknowns == n_modes * N_H                    # nothing dissipates a kilojoule
+    assert plain.points[0].unknowns == (n_modes + 3 * 2) * N_H  # Algorithm 1 starts with all pairs
+    assert filtered.points[-1].unknowns == n_modes * N_H  # nothing dissipates a kilojoule
     assert max(point.unknowns for point in plain.points[2:]) > n_modes * N_H
 
 

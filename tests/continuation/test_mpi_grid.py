@@ -51,14 +51,14 @@ def test_the_order_of_the_frequencies_is_kept_and_does_not_matter():
 def test_frequencies_beyond_a_fold_are_reached_along_the_branch():
     system, omegas = chain(), np.linspace(*chain()["omega"], 15)
     followed = branch(system, COMM, 50.0, at=omegas, tolerance=1e-10)
-    assert min(np.diff([point.omega for point in followed.points])) < -1.0      # it folds back
+    assert min(np.diff([point.omega for point in followed.points])) < -1.0  # it folds back
     found = grid(system, 50.0, omegas)
     assert found.failure is None and len(found.points) == 15
     peak = max(np.abs(point.response).max() for point in followed.points)
     for point in found.points:
         there = [other for other in followed.points if other.omega == pytest.approx(point.omega, rel=1e-12)]
         assert min(np.abs(point.response - other.response).max() for other in there) < 1e-7 * peak
-    assert max(point.newton for point in found.points) > 20                      # one solve of Newton's ends after 20
+    assert max(point.newton for point in found.points) > 20  # one solve of Newton's ends after 20
 
 
 def test_in_point_check_makes_adaptive_exact_also_here():

@@ -14,7 +14,7 @@ from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
 from microslip.fourier.coefficients import synthesis_matrix
 from microslip.harmonic.residual import HarmonicBalance
-from microslip.reduction import receptance
+from microslip.receptance import motion as receptance
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
 COMM = MPI.COMM_WORLD
@@ -44,8 +44,15 @@ def slip_level(model, parameters, curve):
 
 def follow(model, parameters, sweep, curve, level, follower, selection=None):
     ds = curve.s[-1] / 40
-    return follow_branch(HarmonicBalance(model, parameters, 128, level), selection or AllPairs(), sweep,
-                         ArcLength(ds=ds, ds_min=ds / 1024, ds_max=2 * ds), tolerance=1e-12, max_points=400, follower=follower)
+    return follow_branch(
+        HarmonicBalance(model, parameters, 128, level),
+        selection or AllPairs(),
+        sweep,
+        ArcLength(ds=ds, ds_min=ds / 1024, ds_max=2 * ds),
+        tolerance=1e-12,
+        max_points=400,
+        follower=follower,
+    )
 
 
 @pytest.mark.parametrize("name", ["chain", "spatial"])
@@ -94,7 +101,9 @@ def test_a_scaled_level_is_proportional_to_its_load():
 @pytest.mark.parametrize("changes", [{"mu": 0.0}, {"N0": 0.0}, {"N0": -1.0}])
 def test_a_pair_without_friction_preload_or_contact_at_rest_is_never_scaled(changes):
     system = scenes.SCENES["chain"]()
-    altered = {key: np.where(np.arange(len(system[key])) == len(system[key]) - 1, value, system[key]) for key, value in changes.items()}
+    altered = {
+        key: np.where(np.arange(len(system[key])) == len(system[key]) - 1, value, system[key]) for key, value in changes.items()
+    }
     model, parameters, _, curve = prepared("chain", **altered)
     for level in (1e-12, 1e-3, 1.0):
         assert not is_linear(HarmonicBalance(model, parameters, 128, level), curve)

@@ -10,17 +10,17 @@ from mpi4py import MPI
 from oracles import point_check
 from verification import extreme_structures as structures
 
+from microslip.contact.aft import contact_harmonics
 from microslip.contact.law import ContactParameters
 from microslip.continuation import follow, point_solver
 from microslip.continuation.corrector import row_weights
 from microslip.continuation.follow import follow_branch
-from microslip.continuation.record import HELD
+from microslip.continuation.point_record import HELD
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
-from microslip.harmonic.aft import contact_harmonics
+from microslip.harmonic.direct import WholeInverse
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
 from microslip.harmonic.residual import HarmonicBalance
-from microslip.harmonic.whole_inverse import WholeInverse
 from microslip.parallel.errors import CaseError
 from microslip.reduction.selection import AllPairs
 
@@ -86,7 +86,7 @@ def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
 
 
 def test_resonance_without_damping_is_named():
-    system = structures.coincident(2, zeta=0.0, k_t=3.0)        # omega_n = 2, the same to the last bit
+    system = structures.coincident(2, zeta=0.0, k_t=3.0)  # omega_n = 2, the same to the last bit
     model, parameters = reduced(system, COMM, 3)
     assert model.omega_n == pytest.approx(2.0)
     with np.errstate(divide="ignore", invalid="ignore"):

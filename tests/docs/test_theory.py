@@ -11,8 +11,11 @@ NUMBERS = [(int(section), int(n)) for section, n in re.findall(r"\\tag\{(\d+)\.(
 
 def referred(text):
     """Return the numbers in "eq. 5.3, 5.4" and "eq. (5.1)"."""
-    return [(int(section), int(n)) for found in re.findall(r"\beqs?\. \(?(\d+\.\d+(?:(?:, | and | to )\d+\.\d+)*)", text)
-            for section, n in re.findall(r"(\d+)\.(\d+)", found)]
+    return [
+        (int(section), int(n))
+        for found in re.findall(r"\beqs?\. \(?(\d+\.\d+(?:(?:, | and | to )\d+\.\d+)*)", text)
+        for section, n in re.findall(r"(\d+)\.(\d+)", found)
+    ]
 
 
 def test_equations_are_numbered_in_order_in_each_section():
@@ -26,8 +29,12 @@ def test_equations_are_numbered_in_order_in_each_section():
 
 
 def test_every_equation_referred_to_is_there():
-    files = [path for folder, ending in (("solver", "py"), ("solver", "c"), ("tests", "py"), ("docs", "md"), ("jobs", "py"))
-             for path in (ROOT / folder).rglob(f"*.{ending}") if path.name != "test_theory.py"]
+    files = [
+        path
+        for folder, ending in (("solver", "py"), ("solver", "c"), ("tests", "py"), ("docs", "md"), ("jobs", "py"))
+        for path in (ROOT / folder).rglob(f"*.{ending}")
+        if path.name != "test_theory.py"
+    ]
     found = {(path.name, number) for path in files for number in referred(path.read_text(encoding="utf-8"))}
     assert len(found) > 10
     inside = {("theory.md", (int(s), int(n))) for s, n in re.findall(r"(?<!tag)[ (]\((\d+)\.(\d+)\)", THEORY)}

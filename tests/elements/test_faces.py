@@ -69,7 +69,7 @@ def test_faces_of_an_element_enclose_its_volume(kind):
     for face_kind, local in elements.KINDS[kind].faces:
         vectors = face_nodal_areas(face_kind, x[:, local])[..., None] * face_normals(face_kind, x[:, local])
         closure += vectors.sum(axis=1)
-        flux += np.einsum("ei,ei->e", vectors.sum(axis=1), x[:, local[0]]) / 3.0        # flat: any point of the face
+        flux += np.einsum("ei,ei->e", vectors.sum(axis=1), x[:, local[0]]) / 3.0  # flat: any point of the face
     assert abs(closure).max() < 1e-14
     assert flux == pytest.approx(elements.mass(kind, x, 1.0).sum(axis=(1, 2)), rel=1e-12)
 

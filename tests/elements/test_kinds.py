@@ -6,8 +6,18 @@ import pytest
 from microslip.elements import FACE_KINDS, KINDS
 
 ALL = {**KINDS, **FACE_KINDS}
-N_NODES = {"tet4": 4, "tet10": 10, "hex8": 8, "hex20": 20, "wedge6": 6, "wedge15": 15,
-           "tri3": 3, "tri6": 6, "quad4": 4, "quad8": 8}  # fmt: skip
+N_NODES = {
+    "tet4": 4,
+    "tet10": 10,
+    "hex8": 8,
+    "hex20": 20,
+    "wedge6": 6,
+    "wedge15": 15,
+    "tri3": 3,
+    "tri6": 6,
+    "quad4": 4,
+    "quad8": 8,
+}
 QUADRATIC = ("tet10", "hex20", "wedge15", "tri6", "quad8")
 # The mid-side nodes that VTK's documentation of its quadratic cells places between these corners.
 MID_SIDES = {
@@ -68,4 +78,4 @@ def test_faces_close_the_element_and_look_outward(kind):
         normal = np.cross(nodes[corners[1]] - nodes[corners[0]], nodes[corners[2]] - nodes[corners[0]])
         assert normal @ (nodes[corners].mean(axis=0) - nodes.mean(axis=0)) > 0.0
         edges += zip(corners, np.roll(corners, -1))
-    assert sorted(edges) == sorted((b, a) for a, b in edges)        # every edge once in each direction
+    assert sorted(edges) == sorted((b, a) for a, b in edges)  # every edge once in each direction

@@ -36,10 +36,13 @@ def test_every_entry_of_ansys_stiffness_and_mass(ansys):
     assert abs(M[rows][:, rows] - M_ansys).max() < 5e-12 * abs(M_ansys).max()
 
 
-@pytest.mark.parametrize("integration, clamped, tolerance", [
-    ("reduced", [1283.20036921, 1283.20036921, 5781.97486169, 6919.39887714, 6919.39887714, 10172.61497694], 1e-11),
-    ("full", [1284.975, 1284.975, 5807.23, 6929.48, 6929.48, 10177.09], 1e-6),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "integration, clamped, tolerance",
+    [
+        ("reduced", [1283.20036921, 1283.20036921, 5781.97486169, 6919.39887714, 6919.39887714, 10172.61497694], 1e-11),
+        ("full", [1284.975, 1284.975, 5807.23, 6929.48, 6929.48, 10177.09], 1e-6),
+    ],
+)
 def test_frequencies_of_ansys_clamped_beam(ansys, integration, clamped, tolerance):
     K, M = assemble("hex20", ansys["points"], ansys["elements"].astype(int), *ANSYS, integration)
     found = frequencies(K, M, dofs(ansys["points"][:, 2] == 0.0), 6)
@@ -62,14 +65,41 @@ def test_thick_plate_of_nafems_fv52():
     assert found == pytest.approx(expected, abs=6e-5)
 
 
-@pytest.mark.parametrize("kind, integration, cells, size, clamped_axis, young, density, expected", [
-    ("hex8", "full", (4, 4, 16), (1.0, 1.5, 8.0), 2, 210e3, 7.8e-9,                 # beam8f: C3D8
-     [13798.13, 19852.05, 81356.76, 88787.12, 109446.1, 163403.6, 211154.3]),
-    ("hex20", "reduced-both", (2, 2, 8), (1.0, 1.5, 8.0), 2, 210e3, 7.8e-9,         # beamf: C3D20R
-     [13096.03, 19319.52, 76839.71, 86955.23, 105963.6, 162998.5, 197645.0]),
-    ("hex20", "full", (15, 1, 1), (300.0, 30.0, 1.0), 0, 209e3, 7.85e-9,            # dloadlin20f: C3D20
-     [9.482967, 59.57710, 168.5564, 183.5669, 277.7554, 336.6766, 554.0336]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "kind, integration, cells, size, clamped_axis, young, density, expected",
+    [
+        (
+            "hex8",
+            "full",
+            (4, 4, 16),
+            (1.0, 1.5, 8.0),
+            2,
+            210e3,
+            7.8e-9,  # beam8f: C3D8
+            [13798.13, 19852.05, 81356.76, 88787.12, 109446.1, 163403.6, 211154.3],
+        ),
+        (
+            "hex20",
+            "reduced-both",
+            (2, 2, 8),
+            (1.0, 1.5, 8.0),
+            2,
+            210e3,
+            7.8e-9,  # beamf: C3D20R
+            [13096.03, 19319.52, 76839.71, 86955.23, 105963.6, 162998.5, 197645.0],
+        ),
+        (
+            "hex20",
+            "full",
+            (15, 1, 1),
+            (300.0, 30.0, 1.0),
+            0,
+            209e3,
+            7.85e-9,  # dloadlin20f: C3D20
+            [9.482967, 59.57710, 168.5564, 183.5669, 277.7554, 336.6766, 554.0336],
+        ),
+    ],
+)
 def test_beams_of_the_calculix_test_set(kind, integration, cells, size, clamped_axis, young, density, expected):
     points, nodes = box(kind, cells, size)
     K, M = assemble(kind, points, nodes, young, 0.3, density, integration, incompatible_modes=False)
@@ -79,20 +109,23 @@ def test_beams_of_the_calculix_test_set(kind, integration, cells, size, clamped_
     assert found[1:] == pytest.approx(expected[1:], rel=3e-7)
 
 
-@pytest.mark.parametrize("kind, integration, expected", [
-    ("hex8", "full", [71.70729, 92.76236, 247.1821, 328.8789, 383.7459, 389.2037]),             # C3D8
-    ("hex20", "full", [58.23373, 82.68278, 227.1654, 251.1924, 318.9250, 374.9176]),            # C3D20
-    ("hex20", "reduced-both", [57.93813, 82.30199, 225.8158, 249.4178, 317.5295, 374.0730]),    # C3D20R
-    ("tet4", "reduced-both", [99.69866, 122.5547, 370.8912, 431.9456, 457.2480, 516.1528]),     # C3D4
-    ("tet10", "reduced-both", [58.50963, 82.97337, 231.0202, 254.1173, 321.3827, 375.4241]),    # C3D10
-    ("wedge15", "reduced-both", [58.31414, 82.75722, 229.2993, 251.4401, 318.8106, 374.9191]),  # C3D15
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "kind, integration, expected",
+    [
+        ("hex8", "full", [71.70729, 92.76236, 247.1821, 328.8789, 383.7459, 389.2037]),  # C3D8
+        ("hex20", "full", [58.23373, 82.68278, 227.1654, 251.1924, 318.9250, 374.9176]),  # C3D20
+        ("hex20", "reduced-both", [57.93813, 82.30199, 225.8158, 249.4178, 317.5295, 374.0730]),  # C3D20R
+        ("tet4", "reduced-both", [99.69866, 122.5547, 370.8912, 431.9456, 457.2480, 516.1528]),  # C3D4
+        ("tet10", "reduced-both", [58.50963, 82.97337, 231.0202, 254.1173, 321.3827, 375.4241]),  # C3D10
+        ("wedge15", "reduced-both", [58.31414, 82.75722, 229.2993, 251.4401, 318.8106, 374.9191]),  # C3D15
+    ],
+)
 def test_curved_bar_of_every_kind_in_calculix(kind, integration, expected):
     points, nodes = box(kind, (2, 2, 4), (1.0, 1.5, 4.0))
     points = bent(points)
     K, M = assemble(kind, points, nodes, 2.1e11, 0.3, 7800.0, integration, incompatible_modes=False)
     assert frequencies(K, M, dofs(points[:, 2] == 0.0), 6) == pytest.approx(expected, rel=3e-7)
-    if kind == "tet10":         # the exact mass of "full" lies this near to CalculiX' 4 points
+    if kind == "tet10":  # the exact mass of "full" lies this near to CalculiX' 4 points
         K, M = assemble(kind, points, nodes, 2.1e11, 0.3, 7800.0)
         assert frequencies(K, M, dofs(points[:, 2] == 0.0), 6) == pytest.approx(expected, rel=6e-4)
 

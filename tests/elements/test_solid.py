@@ -9,8 +9,8 @@ from microslip import elements
 from microslip.elements import solid
 
 YOUNG, POISSON, DENSITY = 2.0e11, 0.3, 7800.0
-MASS_RANK = {"hex8": 8, "hex20": 8, "tet4": 1, "tet10": 4, "wedge6": 6, "wedge15": 9}       # by the points of K
-WITH_MODES = [(kind, True) for kind in KINDS] + [("hex8", False)]     # kind, incompatible_modes: hex8 alone has any
+MASS_RANK = {"hex8": 8, "hex20": 8, "tet4": 1, "tet10": 4, "wedge6": 6, "wedge15": 9}  # by the points of K
+WITH_MODES = [(kind, True) for kind in KINDS] + [("hex8", False)]  # kind, incompatible_modes: hex8 alone has any
 
 
 def distorted(kind):
@@ -51,8 +51,9 @@ def test_mass_of_full_integration_is_positive_definite_the_others_have_the_rank_
     points = distorted(kind)
     for integration in elements.INTEGRATIONS:
         values = np.linalg.eigvalsh(elements.mass(kind, points, DENSITY, integration)[0])
-        rank = {"full": len(values), "reduced": 14 if kind == "hex20" else len(values),
-                "reduced-both": MASS_RANK[kind]}[integration]  # fmt: skip
+        rank = {"full": len(values), "reduced": 14 if kind == "hex20" else len(values), "reduced-both": MASS_RANK[kind]}[
+            integration
+        ]
         assert np.count_nonzero(values > 1e-4 * values[-1]) == rank
         assert abs(values[: len(values) - rank]).max(initial=0.0) < 1e-13 * values[-1]
 
@@ -70,7 +71,7 @@ def test_mass_and_its_moments_are_those_of_the_body(kind, integration):
     squares = {"hex": [1.0 / 3.0] * 3, "tet": [0.1] * 3, "wedge": [1.0 / 6.0, 1.0 / 6.0, 1.0 / 3.0]}[family]
     assert M.sum() == pytest.approx(DENSITY * volume, rel=1e-14)
     assert M.sum(axis=0) @ reference == pytest.approx(DENSITY * volume * centre, rel=1e-13, abs=1e-9)
-    if (kind, integration) != ("tet4", "reduced-both"):         # one point knows no second moment: the price of C3D4
+    if (kind, integration) != ("tet4", "reduced-both"):  # one point knows no second moment: the price of C3D4
         second = np.diag(reference.T @ M @ reference)
         assert second == pytest.approx(DENSITY * volume * np.array(squares) * [1.0, 4.0, 9.0], rel=1e-13)
 
@@ -173,9 +174,14 @@ def test_one_layer_of_hex8_bends_exactly_with_incompatible_modes_and_locks_witho
     K, _ = assemble("hex8", points, nodes, YOUNG, poisson, DENSITY, "full", incompatible_modes)
     force = np.zeros(len(points) * 3)
     end = points[:, 0] == 10.0
-    force[dofs(end, "x")] = np.where(points[end, 2] > 0.5, 0.5, -0.5)       # moment 1 N m about y, from z = 0 to 1
-    fixed = np.concatenate([dofs(points[:, 0] == 0.0, "x"), dofs((points[:, 0] == 0.0) & (points[:, 2] == 0.0), "z"),
-                            dofs((points == 0.0).all(axis=1), "y")])  # fmt: skip
+    force[dofs(end, "x")] = np.where(points[end, 2] > 0.5, 0.5, -0.5)  # moment 1 N m about y, from z = 0 to 1
+    fixed = np.concatenate(
+        [
+            dofs(points[:, 0] == 0.0, "x"),
+            dofs((points[:, 0] == 0.0) & (points[:, 2] == 0.0), "z"),
+            dofs((points == 0.0).all(axis=1), "y"),
+        ]
+    )
     free = np.setdiff1d(np.arange(len(force)), fixed)
     w = np.zeros(len(force))
     w[free] = np.linalg.solve(K[free][:, free].toarray(), force[free])

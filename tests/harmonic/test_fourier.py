@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from oracles.fourier import differentiate
 
-from microslip.fourier.coefficients import (
-    analyse,
-    analysis_matrix,
-    cycle_work,
-    synthesis_matrix,
-    synthesise,
-)
+from microslip.fourier.coefficients import analyse, analysis_matrix, cycle_work, synthesis_matrix, synthesise
 from microslip.fourier.harmonics import Harmonics
 
 
@@ -54,9 +48,10 @@ def test_derivative():
     U = np.random.default_rng(1).standard_normal((3, 9))
     h = 1e-5
     theta = 2.0 * np.pi * np.arange(32) / 32
-    shifted = [sum(
-        U[:, [2 * n - 1]] * np.cos(n * (theta + s)) + U[:, [2 * n]] * np.sin(n * (theta + s)) for n in range(1, 5)
-    ) for s in (h, -h)]
+    shifted = [
+        sum(U[:, [2 * n - 1]] * np.cos(n * (theta + s)) + U[:, [2 * n]] * np.sin(n * (theta + s)) for n in range(1, 5))
+        for s in (h, -h)
+    ]
     assert np.allclose(synthesise(differentiate(U), 32), (shifted[0] - shifted[1]) / (2.0 * h), atol=1e-7)
     assert np.allclose(differentiate(differentiate(U)), -U * [0, 1, 1, 4, 4, 9, 9, 16, 16])
 
@@ -65,5 +60,5 @@ def test_cycle_work_is_the_integral_of_force_times_velocity():
     force, U = np.random.default_rng(2).standard_normal((2, 5, 3, 7))
     power = synthesise(force, 64) * synthesise(differentiate(U), 64)
     assert np.allclose(cycle_work(force, U), 2.0 * np.pi * power.mean(axis=-1), atol=1e-12)
-    assert np.allclose(cycle_work(U, U), 0.0, atol=1e-13)               # springs do no work in a cycle
-    assert np.allclose(cycle_work(differentiate(U), U) >= 0.0, True)    # dashpots take it
+    assert np.allclose(cycle_work(U, U), 0.0, atol=1e-13)  # springs do no work in a cycle
+    assert np.allclose(cycle_work(differentiate(U), U) >= 0.0, True)  # dashpots take it

@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles.fourier import differentiate
 
+from microslip.contact.aft import contact_harmonics, pair_energy
 from microslip.contact.law import ContactParameters
 from microslip.fourier.coefficients import analyse, analysis_matrix, cycle_work, synthesis_matrix, synthesise
 from microslip.fourier.harmonics import Harmonics
-from microslip.harmonic.aft import contact_harmonics, pair_energy
 from microslip.harmonic.preconditioner import complex_linear
-from microslip.reduction.receptance import modal, to_complex, to_real
+from microslip.receptance.motion import modal, to_complex, to_real
 
 sets = st.sets(st.integers(0, 9), min_size=1, max_size=6).map(lambda chosen: Harmonics(tuple(sorted(chosen))))
 seeds = st.integers(0, 2**32 - 1)
@@ -61,7 +61,7 @@ def test_coefficients_that_do_not_fit_their_set_are_refused():
 def test_carried_coefficients_mean_the_same_motion_less_what_is_dropped(a, b, seed):
     U = coefficients(a, seed, 2, 3)
     everything = Harmonics.up_to(9)
-    assert np.array_equal(everything.carry(a.carry(U, everything), a), U)           # there and back: all is kept
+    assert np.array_equal(everything.carry(a.carry(U, everything), a), U)  # there and back: all is kept
     there = a.carry(U, b)
     samples, N_t = synthesise(U, 32, a), 32
     assert np.allclose(there, analyse(samples, b) * [n in a for n in b.chosen for _ in range(2 if n else 1)], atol=1e-12)
@@ -77,7 +77,9 @@ def test_carried_coefficients_mean_the_same_motion_less_what_is_dropped(a, b, se
 @given(sets, seeds, st.integers(0, 40))
 def test_analysis_undoes_synthesis(harmonics, seed, extra):
     N_t = 2 * harmonics.highest + 1 + extra
-    assert np.allclose(analysis_matrix(harmonics, N_t) @ synthesis_matrix(harmonics, N_t), np.eye(harmonics.n_coefficients), atol=1e-13)
+    assert np.allclose(
+        analysis_matrix(harmonics, N_t) @ synthesis_matrix(harmonics, N_t), np.eye(harmonics.n_coefficients), atol=1e-13
+    )
     U = coefficients(harmonics, seed, 4)
     assert np.allclose(analyse(synthesise(U, N_t, harmonics), harmonics), U, atol=1e-12)
 
@@ -114,8 +116,12 @@ def test_contact_forces_on_a_set_are_those_of_the_full_set_there(harmonics, seed
     rng = np.random.default_rng(seed)
     full = Harmonics.up_to(harmonics.highest)
     n, N_t = 12, 2 * harmonics.highest + 1 + extra
-    parameters = ContactParameters(*rng.uniform(0.2, 1.0, (1, n)), rng.standard_normal(n) + rng.integers(0, 4, n),
-                                   *rng.uniform(0.2, 1.0, (2, n)), rng.random(n) < 0.5)
+    parameters = ContactParameters(
+        *rng.uniform(0.2, 1.0, (1, n)),
+        rng.standard_normal(n) + rng.integers(0, 4, n),
+        *rng.uniform(0.2, 1.0, (2, n)),
+        rng.random(n) < 0.5,
+    )
     U = coefficients(harmonics, seed, n, 3) * 10.0 ** rng.uniform(-1.0, 0.5, (n, 1, 1))
     found = contact_harmonics(U, parameters, N_t, harmonics=harmonics)
     expected = contact_harmonics(harmonics.carry(U, full), parameters, N_t)

@@ -41,8 +41,22 @@ def row_of_masses(n=3, separate=False, flat=False):
         K = np.block([[k, 0.2 * np.eye(n)], [0.2 * np.eye(n), 1.3 * k]])
         vector, output = np.concatenate([np.eye(n)[0], 0.8 * np.eye(n)[1]]), np.eye(2 * n)[0]
     loads = [{"vector": vector, "harmonic": 1, "phase": 0.3}, {"vector": 0.4 * vector[::-1], "harmonic": 3, "phase": 0.0}]
-    return scenes.make_system("row", np.eye(len(K)), K, pairs, mu=[0.5, 0.3, 0.4][:n], N0=[2.0, 1.0, 1.5][:n], k_t=[1.0, 1.5, 0.7][:n],
-                              k_n=1.0, zeta=0.02, loads=loads, output=output, omega=(1.2, 2.4), levels={}, separate=separate)
+    return scenes.make_system(
+        "row",
+        np.eye(len(K)),
+        K,
+        pairs,
+        mu=[0.5, 0.3, 0.4][:n],
+        N0=[2.0, 1.0, 1.5][:n],
+        k_t=[1.0, 1.5, 0.7][:n],
+        k_n=1.0,
+        zeta=0.02,
+        loads=loads,
+        output=output,
+        omega=(1.2, 2.4),
+        levels={},
+        separate=separate,
+    )
 
 
 @pytest.mark.parametrize("chosen", SETS)
@@ -137,7 +151,9 @@ def static_solution(system, level):
         r = static_force(system, u) - f
         if np.linalg.norm(r) <= 1e-13 * np.linalg.norm(f):
             return u
-        J = np.column_stack([static_force(system, u + h * e) - static_force(system, u - h * e) for e in np.eye(len(u))]) / (2.0 * h)
+        J = np.column_stack([static_force(system, u + h * e) - static_force(system, u - h * e) for e in np.eye(len(u))]) / (
+            2.0 * h
+        )
         step, share = np.linalg.solve(J, -r), 1.0
         while share > 1e-6 and np.linalg.norm(static_force(system, u + share * step) - f) >= np.linalg.norm(r):
             share /= 2.0
@@ -153,9 +169,18 @@ def static_state(system, u):
     return np.where(N == 0.0, OPEN, np.where(slips, SLIP, STICK))
 
 
-@pytest.mark.parametrize("name, level, states", [
-    ("chain", 0.1, {STICK}), ("chain", 40.0, {STICK, SLIP}), ("chain", 400.0, {SLIP}), ("spatial", 2.0, {SLIP}), ("spatial", 20.0, {OPEN}),
-    ("gap", 0.4, {OPEN}), ("gap", -4.0, {STICK})])
+@pytest.mark.parametrize(
+    "name, level, states",
+    [
+        ("chain", 0.1, {STICK}),
+        ("chain", 40.0, {STICK, SLIP}),
+        ("chain", 400.0, {SLIP}),
+        ("spatial", 2.0, {SLIP}),
+        ("spatial", 20.0, {OPEN}),
+        ("gap", 0.4, {OPEN}),
+        ("gap", -4.0, {STICK}),
+    ],
+)
 def test_statics_are_those_of_a_dense_contact_problem_at_every_frequency(name, level, states):
     system = scene(name, harmonic=0)
     if level < 0.0:
@@ -173,8 +198,21 @@ def test_statics_are_those_of_a_dense_contact_problem_at_every_frequency(name, l
 
 
 def test_a_static_load_beyond_all_friction_is_not_held_by_springs():
-    system = scenes.make_system("sliding", [[1.0]], [[1e-9]], [[0, -1, -1, -1, -1, -1]], mu=0.5, N0=2.0, k_t=1.0, k_n=1.0, zeta=0.02,
-                                loads=[{"vector": [1.0], "harmonic": 0, "phase": 0.0}], output=[1.0], omega=(0.5, 2.0), levels={})
+    system = scenes.make_system(
+        "sliding",
+        [[1.0]],
+        [[1e-9]],
+        [[0, -1, -1, -1, -1, -1]],
+        mu=0.5,
+        N0=2.0,
+        k_t=1.0,
+        k_n=1.0,
+        zeta=0.02,
+        loads=[{"vector": [1.0], "harmonic": 0, "phase": 0.0}],
+        output=[1.0],
+        omega=(0.5, 2.0),
+        levels={},
+    )
     within, beyond = (branch(system, COMM, level, H=0, points=5) for level in (0.9, 1.2))
     assert within.failure is None and within.points[0].response[0, 0] == pytest.approx(0.9, rel=1e-6)
     model, parameters = reduced(system, COMM, 0)
@@ -210,12 +248,25 @@ def tilted(system):
     return {**system, "R": R}
 
 
-@pytest.mark.parametrize("system, n_samples, expected", [
-    (row_of_masses(), 64, True), (row_of_masses(), 65, False), (row_of_masses(flat=True, separate=True), 64, True),
-    (row_of_masses(flat=True), 64, False), (changed(row_of_masses(flat=True), mu=0.0), 64, True),
-    (changed(row_of_masses(flat=True), N0=-1.0), 64, True), (changed(row_of_masses(), N0=-1.0), 64, True),
-    (with_load(row_of_masses(), 2), 64, False), (with_load(row_of_masses(), 0), 64, False), (with_load(row_of_masses(), 5), 64, True),
-    (tilted(row_of_masses()), 64, False), (scene("jenkins"), 64, True), (scene("chain"), 64, False), (scene("gap"), 64, False)])
+@pytest.mark.parametrize(
+    "system, n_samples, expected",
+    [
+        (row_of_masses(), 64, True),
+        (row_of_masses(), 65, False),
+        (row_of_masses(flat=True, separate=True), 64, True),
+        (row_of_masses(flat=True), 64, False),
+        (changed(row_of_masses(flat=True), mu=0.0), 64, True),
+        (changed(row_of_masses(flat=True), N0=-1.0), 64, True),
+        (changed(row_of_masses(), N0=-1.0), 64, True),
+        (with_load(row_of_masses(), 2), 64, False),
+        (with_load(row_of_masses(), 0), 64, False),
+        (with_load(row_of_masses(), 5), 64, True),
+        (tilted(row_of_masses()), 64, False),
+        (scene("jenkins"), 64, True),
+        (scene("chain"), 64, False),
+        (scene("gap"), 64, False),
+    ],
+)
 def test_scenes_that_odd_harmonics_solve(system, n_samples, expected):
     assert symmetric(problem_of(system, n_samples=n_samples)) is expected
 
@@ -225,13 +276,21 @@ def test_symmetry_sees_static_coupling_that_no_mode_shows():
     model = problem.model
     columns = model.G_static.transposed(np.arange(model.n_pairs))
     if COMM.rank == 0:
-        columns[3, 2] = 1e-20                       # a force in x of the second pair moves the first in z
+        columns[3, 2] = 1e-20  # a force in x of the second pair moves the first in z
     assert symmetric(problem) is False
 
 
-@pytest.mark.parametrize("system, level", [
-    (row_of_masses(), 0.3), (row_of_masses(), 1.0), (row_of_masses(), 4.0), (row_of_masses(flat=True, separate=True), 2.0),
-    (changed(row_of_masses(flat=True), N0=-1.0), 1.0), (scene("jenkins"), 0.8)])
+@pytest.mark.parametrize(
+    "system, level",
+    [
+        (row_of_masses(), 0.3),
+        (row_of_masses(), 1.0),
+        (row_of_masses(), 4.0),
+        (row_of_masses(flat=True, separate=True), 2.0),
+        (changed(row_of_masses(flat=True), N0=-1.0), 1.0),
+        (scene("jenkins"), 0.8),
+    ],
+)
 def test_odd_harmonics_alone_give_the_solution_of_the_full_set(system, level):
     full, odd = Harmonics.up_to(7), Harmonics.odd_up_to(7)
     model, parameters = reduced(system, COMM, full)

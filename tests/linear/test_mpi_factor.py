@@ -84,11 +84,14 @@ def test_negative_and_infinite_input_is_refused():
         linearise(system, pairs)
 
 
-@pytest.mark.parametrize("springs, motions", [
-    ({"k_t": 0.0}, r"moves freely in 2 ways \(translation along y and z\)"),
-    ({"k_n": 0.0}, r"moves freely in one way \(translation along x\)"),
-    ({"k_t": 0.0, "k_n": 0.0}, r"moves freely in 3 ways \(translation along x, y and z\)"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "springs, motions",
+    [
+        ({"k_t": 0.0}, r"moves freely in 2 ways \(translation along y and z\)"),
+        ({"k_n": 0.0}, r"moves freely in one way \(translation along x\)"),
+        ({"k_t": 0.0, "k_n": 0.0}, r"moves freely in 3 ways \(translation along x, y and z\)"),
+    ],
+)
 @pytest.mark.parametrize("empty_rank", [None, 0])
 def test_a_body_that_its_joint_does_not_hold_is_named(springs, motions, empty_rank):
     system, pairs = lattices.lattice(comm, SHAPE, walls=False, empty_rank=empty_rank, **springs)
@@ -103,13 +106,17 @@ def test_bodies_that_move_together_are_named_together():
     K, n_end = lattices.lattice_stiffness(SHAPE).tolil(), 3 * SHAPE[1] * SHAPE[2]
     for row in [*range(n_end), *range(K.shape[0] - n_end, K.shape[0])]:
         K[row, row] -= lattices.STIFFNESS[row % 3]
-    with pytest.raises(CaseError, match=r"body 'left' and body 'right' together move freely in 3 ways \(translation along x, y and z\)"):
+    with pytest.raises(
+        CaseError, match=r"body 'left' and body 'right' together move freely in 3 ways \(translation along x, y and z\)"
+    ):
         Factor(spd(K.tocsr()), system)
 
 
 def test_a_singular_structure_names_the_scene_file():
     system, pairs = lattices.lattice(comm, SHAPE, walls=False, k_t=0.0)
-    with pytest.raises(CaseError, match=r"^fan.toml: K_L, the stiffness with all pairs stuck, is singular: body 'right' moves freely"):
+    with pytest.raises(
+        CaseError, match=r"^fan.toml: K_L, the stiffness with all pairs stuck, is singular: body 'right' moves freely"
+    ):
         linearise(system, pairs, "fan.toml")
 
 
@@ -128,6 +135,7 @@ def test_free_structures_without_a_mesh_and_with_one():
 def named(points):
     class System:
         dof, parts, part_names = np.arange(points.size).reshape(-1, 3), None, ()
+
     return System
 
 
@@ -160,7 +168,7 @@ def test_a_wrong_solution_does_not_pass():
     wrong[:, 13] *= 1.01
     error, rounding = factor.relative_residual(B_owned, wrong)
     assert 0.003 < error < 0.03 and error > rounding
-    factor.A.scale(1.1)                                 # the factor is now that of another matrix
+    factor.A.scale(1.1)  # the factor is now that of another matrix
     factor.A.shift(2.0)
     with pytest.raises(ConvergenceError, match="residual"):
         factor.solve(B_owned)
@@ -207,7 +215,7 @@ def test_repeated_solves_leave_no_memory_behind():
         return resident_memory()
 
     settled = repeat(20)
-    assert repeat(100) - settled < 3e6                  # 200 solves; one block of solutions kept each time: 9 MB
+    assert repeat(100) - settled < 3e6  # 200 solves; one block of solutions kept each time: 9 MB
     factor.destroy()
 
 

@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 from box_meshes import box, joint, mesh_of, scene
 
+from microslip.mesh.connected import check_held, connected_parts
 from microslip.mesh.locate import find_node, nearest_node
 from microslip.mesh.pairing import pair_contacts
-from microslip.mesh.parts import check_held, connected_parts
 from microslip.parallel.errors import CaseError, MeshError
 
-GROUPS = {"base": lambda x: x[:, 2] == 0.0,
-          "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < 27),
-          "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= 27)}  # fmt: skip
+GROUPS = {
+    "base": lambda x: x[:, 2] == 0.0,
+    "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < 27),
+    "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= 27),
+}
 
 
 def stack():
@@ -47,11 +49,14 @@ def test_parts_are_named_by_their_bodies():
     assert names[0] == "body 'all' (a separate piece around (0.5, 0.5, 0.5) m)"
 
 
-@pytest.mark.parametrize("supports, joints, message", [
-    ([("base", "xyz")], [joint()], None),
-    ([("base", "xyz")], [], "nothing holds body 'blade': no support, and no joint"),
-    ([], [joint()], "nothing holds body 'disc'; body 'blade'"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "supports, joints, message",
+    [
+        ([("base", "xyz")], [joint()], None),
+        ([("base", "xyz")], [], "nothing holds body 'blade': no support, and no joint"),
+        ([], [joint()], "nothing holds body 'disc'; body 'blade'"),
+    ],
+)
 def test_every_part_must_be_held(supports, joints, message):
     mesh = stack()
     case = scene({"disc": "low", "blade": "high"}, supports, joints)

@@ -24,9 +24,12 @@ def test_owners_and_elements(mesh):
     np.testing.assert_array_equal(np.sort(dmesh.rank_order), np.arange(len(mesh.points)))
     first, last = dmesh.node_ranges[comm.rank : comm.rank + 2]
     body_of = {"low": "left", "high": "right"}
-    expected = {(body_of[block.group], number) for block in mesh.elements
-                for number, nodes in zip(block.numbers, dmesh.rank_order[block.nodes], strict=True)
-                if ((nodes >= first) & (nodes < last)).any()}  # fmt: skip
+    expected = {
+        (body_of[block.group], number)
+        for block in mesh.elements
+        for number, nodes in zip(block.numbers, dmesh.rank_order[block.nodes], strict=True)
+        if ((nodes >= first) & (nodes < last)).any()
+    }
     assert expected == {(block.body, number) for block in dmesh.blocks for number in block.numbers}
     ranked_points = np.empty_like(mesh.points)
     ranked_points[dmesh.rank_order] = mesh.points

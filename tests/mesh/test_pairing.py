@@ -10,8 +10,10 @@ from microslip.mesh.data import FaceBlock
 from microslip.mesh.pairing import contact_frames, pair_contacts
 from microslip.parallel.errors import CaseError, MeshError
 
-TOUCH = {"lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),
-         "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2)}  # fmt: skip
+TOUCH = {
+    "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),
+    "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2),
+}
 
 
 def two_boxes(kind, upper_kind=None, n=(2, 3, 1)):
@@ -84,7 +86,7 @@ def assert_frames(frames):
 @pytest.mark.parametrize("kind, tolerance", CYLINDERS)
 def test_cylinder_normals_and_areas(kind, tolerance):
     mesh = ring(kind)
-    pairs = pair_contacts(mesh, [joint()])                  # body 1 inside, body 2 outside: z points to the axis
+    pairs = pair_contacts(mesh, [joint()])  # body 1 inside, body 2 outside: z points to the axis
     radial = pairs.position * (1.0, 0.0, 1.0) / 2.0
     angle = np.degrees(np.arccos(np.clip(-np.einsum("pi,pi->p", pairs.frame[:, 2], radial), -1, 1)))
     assert angle.max() < tolerance
@@ -176,7 +178,7 @@ def test_sharp_edge_in_a_surface():
 
 def test_sides_that_do_not_face_each_other():
     lower = box("hex8")
-    mesh = mesh_of(("lower", "hex8", *lower), ("upper", "hex8", *lower), groups=TOUCH)      # one inside the other
+    mesh = mesh_of(("lower", "hex8", *lower), ("upper", "hex8", *lower), groups=TOUCH)  # one inside the other
     with pytest.raises(MeshError, match=r"do not face each other at 9 of 9 pairs: .* 180 degrees from opposite"):
         pair_contacts(mesh, [joint()])
 

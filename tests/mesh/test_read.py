@@ -4,13 +4,19 @@ import numpy as np
 import pytest
 from box_meshes import EDGES, KINDS, box, joint, scene
 
-from microslip.mesh.other import load_meshio
 from microslip.mesh.read import read_mesh
+from microslip.mesh.via_meshio import load_meshio
 from microslip.parallel.errors import CaseError, MeshError
 
 meshio = load_meshio()
-MESHIO = {"tet4": "tetra", "tet10": "tetra10", "hex8": "hexahedron", "hex20": "hexahedron20", "wedge6": "wedge",
-          "wedge15": "wedge15"}  # fmt: skip
+MESHIO = {
+    "tet4": "tetra",
+    "tet10": "tetra10",
+    "hex8": "hexahedron",
+    "hex20": "hexahedron20",
+    "wedge6": "wedge",
+    "wedge15": "wedge15",
+}
 
 
 def meshio_box(kind):
@@ -37,7 +43,7 @@ def test_gmsh_formats_give_vtk_order_and_groups(tmp_path, kind, file_format, bin
     meshio.write(path, written, file_format=file_format, binary=binary)
     mesh = read_mesh(scene_of(path, scale=1e-3))
     assert [(block.kind, block.group) for block in mesh.elements] == [(kind, "block")]
-    as_written = mesh.numbers - 1                       # version 4.1 writes the nodes entity by entity
+    as_written = mesh.numbers - 1  # version 4.1 writes the nodes entity by entity
     np.testing.assert_allclose(mesh.points, 1e-3 * written.points[as_written], atol=1e-15)
     np.testing.assert_array_equal(as_written[mesh.elements[0].nodes], written.cells[1].data)
     np.testing.assert_array_equal(mesh.node_groups["bottom"], np.flatnonzero(mesh.points[:, 2] == 0.0))
@@ -107,7 +113,9 @@ def test_abaqus_sets_surfaces_and_numbers(tmp_path):
     assert mesh.numbers[mesh.node_groups["low"]].tolist() == [10, 20, 30, 40]
     assert mesh.numbers[mesh.node_groups["of_wedge"]].tolist() == [20, 30, 60, 70, 90, 100]
     assert {block.kind: mesh.numbers[block.nodes].tolist() for block in mesh.faces if block.group == "top"} == {
-        "quad4": [[50, 80, 70, 60]], "tri3": [[60, 70, 100]]}  # fmt: skip
+        "quad4": [[50, 80, 70, 60]],
+        "tri3": [[60, 70, 100]],
+    }
     assert any("SPRINGA" in note for note in mesh.notes)
 
 

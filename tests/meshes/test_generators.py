@@ -25,8 +25,15 @@ from fan_sector import SIZES, Shape, fan_sector
 from lap_joint import LapJoint, lap_joint
 from msh import write_msh
 
-MESHIO_KIND = {"hex8": "hexahedron", "hex20": "hexahedron20", "tet4": "tetra", "tet10": "tetra10", "wedge6": "wedge",
-               "quad8": "quad8", "tri6": "triangle6"}  # fmt: skip
+MESHIO_KIND = {
+    "hex8": "hexahedron",
+    "hex20": "hexahedron20",
+    "tet4": "tetra",
+    "tet10": "tetra10",
+    "wedge6": "wedge",
+    "quad8": "quad8",
+    "tri6": "triangle6",
+}
 
 
 @pytest.fixture(scope="module", params=SIZES)
@@ -129,7 +136,7 @@ def test_fan_blade_stays_out_of_the_disc(small):
     centres = disc.points[faces[:, 4:]].mean(axis=1)
     corners = disc.points[faces]
     normals = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
-    ends = np.abs(normals[:, 1]) > 0.9 * np.linalg.norm(normals, axis=1)          # front and rear do not face the blade
+    ends = np.abs(normals[:, 1]) > 0.9 * np.linalg.norm(normals, axis=1)  # front and rear do not face the blade
     nearest = cKDTree(centres[~ends]).query(blade.points[nodes])[1]
     height = np.einsum("ij,ij->i", blade.points[nodes] - centres[~ends][nearest], normals[~ends][nearest])
     assert (height > 0.0).all()
@@ -156,8 +163,9 @@ def test_fan_volumes(fan):
     assert least < volume["blade"] < most
 
     c = s.clearance
-    slot = ((s.neck_width + 2 * c + throat) / 2 * s.neck_height + (throat + widest) / 2 * flank
-            + (widest + c) * (s.lobe_height + c))  # fmt: skip
+    slot = (
+        (s.neck_width + 2 * c + throat) / 2 * s.neck_height + (throat + widest) / 2 * flank + (widest + c) * (s.lobe_height + c)
+    )
     sector = np.pi / s.n_blades * (s.rim_radius**2 - s.bore_radius**2)
     assert volume["disc"] == pytest.approx(s.root_length * (sector - slot), rel=5e-3)
 
@@ -176,11 +184,26 @@ def test_fan_sectors_fit_each_other(small):
 
 
 def scene_of(path, first, second):
-    joint = SimpleNamespace(name="joint", surfaces=(first, second), tolerance=None, friction=0.3, gap=0.0, preload=5e7,
-                            tangential_stiffness=2e13, normal_stiffness=3e13, friction_limit="circle")  # fmt: skip
+    joint = SimpleNamespace(
+        name="joint",
+        surfaces=(first, second),
+        tolerance=None,
+        friction=0.3,
+        gap=0.0,
+        preload=5e7,
+        tangential_stiffness=2e13,
+        normal_stiffness=3e13,
+        friction_limit="circle",
+    )
     bodies = {name: SimpleNamespace(group=name) for name in ("blade", "disc")}
-    return SimpleNamespace(folder=os.path.dirname(path), model=SimpleNamespace(mesh=os.path.basename(path), scale=1.0),
-                           bodies=bodies, supports=(), joints=(joint,), loads=())  # fmt: skip
+    return SimpleNamespace(
+        folder=os.path.dirname(path),
+        model=SimpleNamespace(mesh=os.path.basename(path), scale=1.0),
+        bodies=bodies,
+        supports=(),
+        joints=(joint,),
+        loads=(),
+    )
 
 
 def test_fan_as_the_program_sees_it(small, tmp_path):
@@ -195,9 +218,9 @@ def test_fan_as_the_program_sees_it(small, tmp_path):
     assert pairs.area.min() > 0.0
     assert pairs.area.sum() == pytest.approx(2 * s.flank_width * s.root_length, rel=0.02)
     normals = pairs.frame[:, 2]
-    assert normals[:, 2].max() < -0.5                           # from the disc into the blade, which it holds down
+    assert normals[:, 2].max() < -0.5  # from the disc into the blade, which it holds down
     closest = cKDTree(normals).query(normals, k=2)[0][:, 1]
-    assert closest.min() > 1e-3                                 # every pair has a frame of its own
+    assert closest.min() > 1e-3  # every pair has a frame of its own
     assert np.degrees(np.arccos(-normals[:, 2])).mean() == pytest.approx(90 - s.flank_angle, abs=3.0)
 
 
@@ -221,10 +244,12 @@ def test_lap_joint(kind):
     assert np.allclose(np.ptp(first, axis=0), [joint.overlap, joint.width, 0.0])
     if kind == "tet10":
         assert 30 <= len(first) <= 60 and 2000 <= sum(len(body.points) for body in bodies.values()) <= 4000
-    triangles = [{tuple(np.round(body.points[row].ravel(), 9)) for row in np.sort(body.faces[name][0][:, :3], axis=1)}
-                 for body, name in zip(bodies.values(), ("lap_1", "lap_2"), strict=True)]  # fmt: skip
+    triangles = [
+        {tuple(np.round(body.points[row].ravel(), 9)) for row in np.sort(body.faces[name][0][:, :3], axis=1)}
+        for body, name in zip(bodies.values(), ("lap_1", "lap_2"), strict=True)
+    ]
     corners = [{frozenset(zip(*[iter(t)] * 3, strict=True)) for t in side} for side in triangles]
-    assert corners[0] == corners[1]                             # the same triangles on both sides
+    assert corners[0] == corners[1]  # the same triangles on both sides
     for body in bodies.values():
         assert n_parts(body) == 1 and blocks.jacobian_minimum(body).min() > 0.0
         assert blocks.volumes(body).sum() == pytest.approx(joint.length * joint.width * joint.thickness, rel=1e-12)
@@ -241,13 +266,13 @@ def test_box_is_filled_once_and_named(kind):
     assert blocks.jacobian_minimum(body).min() > 0.0
     assert blocks.volumes(body).sum() == pytest.approx(lengths.prod(), rel=1e-12)
     assert body.points.min(axis=0) == pytest.approx([1.0, 0.0, -1.0])
-    flux = 0.0                                                  # divergence theorem over corner triangles of the skin
+    flux = 0.0  # divergence theorem over corner triangles of the skin
     for faces in blocks.skin(body):
         n_corners = {3: 3, 6: 3, 4: 4, 8: 4}[faces.shape[1]]
         for i in range(1, n_corners - 1):
             a, b, c = (body.points[faces[:, j]] for j in (0, i, i + 1))
             flux += np.einsum("ij,ij->", a, np.cross(b, c)) / 6
-    assert flux == pytest.approx(lengths.prod(), rel=1e-12)     # neighbours match inside, faces look outwards
+    assert flux == pytest.approx(lengths.prod(), rel=1e-12)  # neighbours match inside, faces look outwards
     for axis, side in enumerate(blocks.SIDES):
         on_side = body.points[body.face_nodes(side), axis // 2]
         assert np.allclose(on_side, body.points[:, axis // 2].max() if axis % 2 else body.points[:, axis // 2].min())
@@ -301,7 +326,7 @@ def test_file_reads_back_as_written(kind, binary, tmp_path):
             read = np.concatenate([file.cells[i].nodes[rows].ravel() for i, rows in file.groups[surface].cells.items()])
             assert np.array_equal(np.unique(read), body.face_nodes(surface) + start)
         start += len(body.points)
-    if kind in MESHIO_KIND:                                     # meshio has no 15-node wedge in this format
+    if kind in MESHIO_KIND:  # meshio has no 15-node wedge in this format
         mesh = meshio.read(path)
         assert np.array_equal(mesh.points, points)
         assert np.array_equal(mesh.cells_dict[MESHIO_KIND[kind]][: len(bodies["bar"].elements)], bodies["bar"].elements)

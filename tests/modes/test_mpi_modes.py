@@ -20,7 +20,7 @@ from microslip.modes.rayleigh import sharpened
 from microslip.parallel.errors import CaseError, ConvergenceError
 
 comm = MPI.COMM_WORLD
-SMALL, LARGE = (6, 3, 2), (12, 7, 6)            # 108 DOFs: LAPACK; 1512: SLEPc
+SMALL, LARGE = (6, 3, 2), (12, 7, 6)  # 108 DOFs: LAPACK; 1512: SLEPc
 
 
 class Bare:
@@ -102,7 +102,7 @@ def test_a_multiple_mode_spans_the_exact_subspace():
 def test_motions_without_mass(n_dof):
     """Twelve of the masses of a chain are not zero: the twelve modes are those of the condensed chain."""
     mass = np.zeros(n_dof)
-    mass[5::n_dof // 12] = 2.0
+    mass[5 :: n_dof // 12] = 2.0
     K, loaded = lattices.chain(n_dof, True), np.flatnonzero(mass)
     flexibility = np.linalg.inv(K.toarray())[np.ix_(loaded, loaded)]
     omega = np.sort((2.0 * np.linalg.eigvalsh(flexibility)) ** -0.5)
@@ -148,7 +148,7 @@ def test_more_modes_than_dofs():
 @pytest.mark.parametrize("n_below", [0, 1, 7, 100, 599])
 def test_inertia_counts_the_modes_below_a_shift(n_below):
     linearised = structure(lattices.chain(600, True), sp.identity(600))
-    eigenvalues = np.append(4 * np.sin(np.arange(601) * np.pi / 1202) ** 2, 5.0)        # from 0, for the gap below the first
+    eigenvalues = np.append(4 * np.sin(np.arange(601) * np.pi / 1202) ** 2, 5.0)  # from 0, for the gap below the first
     sigma = 0.5 * (eigenvalues[n_below] + eigenvalues[n_below + 1])
     assert count_below(linearised.K_L, linearised.M, sigma) == n_below
     linearised.destroy()
@@ -175,7 +175,7 @@ def test_a_mode_missed_below_a_cluster_is_noticed(monkeypatch):
     monkeypatch.setattr(eigen, "slepc_modes", forgetful)
     stiffness = np.where(np.arange(450) == 200, 0.999, np.where(np.arange(450) < 400, 1.0, 2.0))
     linearised = structure(sp.diags(stiffness).tocsr(), sp.identity(450))
-    np.testing.assert_allclose(lowest_modes(linearised, 5).omega_n**2, [0.999, 1.0, 1.0, 1.0, 1.0], rtol=1e-10)
+    np.testing.assert_allclose(lowest_modes(linearised, 5).omega_n ** 2, [0.999, 1.0, 1.0, 1.0, 1.0], rtol=1e-10)
     assert len(calls) == 2
     linearised.destroy()
 
@@ -220,12 +220,12 @@ def test_wrong_modes_are_refused(monkeypatch):
 
 def test_signs_do_not_depend_on_the_partition():
     """A symmetric chain: equal largest components at both ends of odd modes; the user's first one is positive."""
-    n, reverse = 455, np.arange(455)[::-1]              # all lobes of modes 1 to 4 peak at a mass
+    n, reverse = 455, np.arange(455)[::-1]  # all lobes of modes 1 to 4 peak at a mass
     for dof in (None, np.stack([reverse, np.full(n, -1), np.full(n, -1)], axis=1)):
         linearised = structure(lattices.chain(n, True), sp.identity(n), empty_rank=0, dof=dof)
         modes = lowest_modes(linearised, 4)
         phi = np.concatenate(comm.allgather(modes.phi_owned))
-        phi = phi if dof is None else phi[reverse]      # by the user's numbers
+        phi = phi if dof is None else phi[reverse]  # by the user's numbers
         exact = np.sqrt(2.0 / (n + 1)) * np.sin(np.outer(np.arange(1, n + 1), np.arange(1, 5)) * np.pi / (n + 1))
         np.testing.assert_allclose(phi, exact, atol=1e-8)
         linearised.destroy()

@@ -33,9 +33,9 @@ def test_flexibility_of_the_pairs(joined, batch):
     exact = system.R @ inverse(system, pairs) @ system.R.T
     found = static_columns(linearised, system.R, system.R.T.tocsc(), batch=batch)
     np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max())
-    ranges = np.array([0] + [len(exact)] * comm.size)                  # all rows on rank 0
+    ranges = np.array([0] + [len(exact)] * comm.size)  # all rows on rank 0
     found = static_columns(linearised, system.R, system.R.T.tocsc(), row_ranges=ranges, batch=batch)
-    np.testing.assert_allclose(found, exact[ranges[comm.rank]:ranges[comm.rank + 1]], atol=1e-13 * abs(exact).max())
+    np.testing.assert_allclose(found, exact[ranges[comm.rank] : ranges[comm.rank + 1]], atol=1e-13 * abs(exact).max())
 
 
 @pytest.mark.parametrize("m_left, m_right", [(0, 3), (3, 0), (0, 0), (2, 7), (7, 2)])
@@ -53,7 +53,7 @@ def test_shapes_and_the_smaller_side(joined, m_left, m_right):
     assert linearised.factor.info["solves"] - before == min(m_left, m_right)
     ranges = np.arange(comm.size + 1) * m_left // comm.size
     mine = static_columns(linearised, left, right, row_ranges=ranges)
-    np.testing.assert_allclose(mine, found[ranges[comm.rank]:ranges[comm.rank + 1]], rtol=1e-12)
+    np.testing.assert_allclose(mine, found[ranges[comm.rank] : ranges[comm.rank + 1]], rtol=1e-12)
 
 
 def test_columns_of_zeros_cost_nothing(joined):

@@ -82,9 +82,11 @@ def jenkins_frequencies(X, F, *, m, c, k, k_t, muN):
 
 def jenkins_amplitude(omega, F, *, m, c, k, k_t, muN):
     """Return the one-harmonic amplitude X at one frequency; the smallest where there are several."""
+
     def excess(X):
         a1, b1, _ = jenkins_harmonic(X, k_t, muN)
-        return (k * X + a1 - m * omega ** 2 * X) ** 2 + (c * omega * X + b1) ** 2 - F * F
+        return (k * X + a1 - m * omega**2 * X) ** 2 + (c * omega * X + b1) ** 2 - F * F
+
     X = muN / k_t * 1e-6
     while excess(X) > 0.0:
         X *= 0.5
@@ -100,9 +102,9 @@ class HalfCycle:
     omega: float
     X: float
     phi: float
-    stick: float            # time after the turn at which sliding begins
-    pieces: tuple           # functions t -> (u, v): sticking, sliding
-    loss: float             # per cycle
+    stick: float  # time after the turn at which sliding begins
+    pieces: tuple  # functions t -> (u, v): sticking, sliding
+    loss: float  # per cycle
 
     @property
     def is_valid(self):
@@ -128,7 +130,7 @@ class HalfCycle:
 
 def _forced_piece(m, c, kappa, g, F, omega, phi, t0, u0, v0):
     """Return t -> (u, v) of m u'' + c u' + kappa u + g = F cos(omega t + phi) from u0, v0 at t0."""
-    amplitude = F * np.exp(1j * phi) / (kappa - m * omega ** 2 + 1j * c * omega)
+    amplitude = F * np.exp(1j * phi) / (kappa - m * omega**2 + 1j * c * omega)
     roots = np.roots([m, c, kappa]).astype(complex)
     at_t0 = amplitude * np.exp(1j * omega * t0)
     rest = [u0 + g / kappa - at_t0.real, v0 - (1j * omega * at_t0).real]
@@ -140,6 +142,7 @@ def _forced_piece(m, c, kappa, g, F, omega, phi, t0, u0, v0):
         u = forced.real - g / kappa + free.sum(axis=0).real.reshape(np.shape(t))
         v = (1j * omega * forced).real + (roots[:, None] * free).sum(axis=0).real.reshape(np.shape(t))
         return np.array([u, v])
+
     return motion
 
 
@@ -170,7 +173,7 @@ def jenkins_steady_state(omega, F, *, m, c, k, k_t, muN):
     if X <= d:
         raise RuntimeError(f"jenkins_steady_state: omega = {omega}: the element sticks (X = {X:.4g}, d = {d:.4g})")
     a1, b1, _ = jenkins_harmonic(X, k_t, muN)
-    phi = np.angle(complex(k * X + a1 - m * omega ** 2 * X, c * omega * X + b1))
+    phi = np.angle(complex(k * X + a1 - m * omega**2 * X, c * omega * X + b1))
     stick = np.arccos(max(-1.0, 1.0 - 2.0 * d / X)) / omega
     found, _, status, message = fsolve(mismatch, [X, phi, stick], xtol=1e-13, full_output=True)
     if status != 1 and np.abs(mismatch(found)).max() > 1e-9:
@@ -213,8 +216,8 @@ class FrictionBar:
 
     EA: float
     L: float
-    q: float        # friction limit per length
-    k: float        # foundation stiffness per length
+    q: float  # friction limit per length
+    k: float  # foundation stiffness per length
 
     @property
     def lam(self):
@@ -265,8 +268,9 @@ class FrictionBar:
             return np.sign(u) * self.full_slip
         if abs(u) * self.stuck_stiffness <= self.first_slip:
             return u * self.stuck_stiffness
-        return np.sign(u) * brentq(lambda P: self.end_displacement(P) - abs(u), self.first_slip, self.full_slip,
-                                   xtol=1e-15 * self.full_slip)
+        return np.sign(u) * brentq(
+            lambda P: self.end_displacement(P) - abs(u), self.first_slip, self.full_slip, xtol=1e-15 * self.full_slip
+        )
 
     def displacement(self, x, P):
         """Return u(x) under a monotonic force P."""
@@ -294,7 +298,7 @@ class FrictionBar:
 
 def rigid_foundation_bar(P, EA, q):
     """Return slip length, end displacement and loss per cycle of ``FrictionBar`` for k -> infinity, P <= q L."""
-    return P / q, P * P / (2.0 * EA * q), 2.0 * P ** 3 / (3.0 * EA * q)
+    return P / q, P * P / (2.0 * EA * q), 2.0 * P**3 / (3.0 * EA * q)
 
 
 def cattaneo_mindlin(Q, *, mu, P, a, G, nu):

@@ -28,16 +28,16 @@ class Balance:
 
     omega: float
     level: float
-    u_hat: np.ndarray       # (n, 2 H + 1) m
-    du_hat: np.ndarray      # (n_pairs, 3, 2 H + 1) m
-    f_hat: np.ndarray       # (n_pairs, 3, 2 H + 1) N, harmonics of f_nl
-    p_hat: np.ndarray       # (n_pairs, 3, 2 H + 1) N, f_nl - K_J du
-    state: np.ndarray       # (n_pairs,) 0 stuck, 1 slips, 2 open at some sample of the kept period
-    T: np.ndarray           # (n_pairs, 2) N, friction forces at the first sample of the kept period
-    input: float            # J per cycle
-    viscous: float          # J per cycle
-    friction: np.ndarray    # (n_pairs,) J per cycle, of the retained harmonics
-    residual: float         # |r| over |f_ex|
+    u_hat: np.ndarray  # (n, 2 H + 1) m
+    du_hat: np.ndarray  # (n_pairs, 3, 2 H + 1) m
+    f_hat: np.ndarray  # (n_pairs, 3, 2 H + 1) N, harmonics of f_nl
+    p_hat: np.ndarray  # (n_pairs, 3, 2 H + 1) N, f_nl - K_J du
+    state: np.ndarray  # (n_pairs,) 0 stuck, 1 slips, 2 open at some sample of the kept period
+    T: np.ndarray  # (n_pairs, 2) N, friction forces at the first sample of the kept period
+    input: float  # J per cycle
+    viscous: float  # J per cycle
+    friction: np.ndarray  # (n_pairs,) J per cycle, of the retained harmonics
+    residual: float  # |r| over |f_ex|
     iterations: int
 
     def start(self):
@@ -57,19 +57,19 @@ def sampled_law(du, system, law="return"):
     closing = N0 - k_n * du[..., 2]
     N = np.where(closing.real > 0.0, closing, 0.0)
     limit = (mu * N)[..., None]
-    pull = k_t[:, None] * (du[..., :2] - np.roll(du, 1, axis=0)[..., :2])       # k_t d(du_t) from the sample before
+    pull = k_t[:, None] * (du[..., :2] - np.roll(du, 1, axis=0)[..., :2])  # k_t d(du_t) from the sample before
     T, slips = k_t[:, None] * du[0, ..., :2], np.zeros(du.shape[1:-1], dtype=bool)
     f = np.empty_like(du)
     f[..., 2] = np.maximum(N0, 0.0) - N
     for k in range(1, 2 * len(du)):
-        k = k % len(du) if k >= len(du) else k - len(du)        # negative: the first period, overwritten by the second
+        k = k % len(du) if k >= len(du) else k - len(du)  # negative: the first period, overwritten by the second
         T_before, T = T, T + pull[k]
         square = T * T
         square = np.where(separate[:, None], square, square.sum(axis=-1, keepdims=True))
         leaves = square.real > limit[k].real ** 2
         if leaves.any():
             T = np.where(leaves, limit[k] * T / np.sqrt(np.where(leaves, square, 1.0)), T)
-            if k >= 0:      # a pair that settled touches its limit once a cycle; only roundoff makes it slip there
+            if k >= 0:  # a pair that settled touches its limit once a cycle; only roundoff makes it slip there
                 slips |= (square.real > (1.0 + 1e-9) * limit[k].real ** 2).any(axis=-1)
         if law == "path":
             T = _along_path(T, T_before, pull[k], closing[k - 1], closing[k], mu, separate)
@@ -95,6 +95,7 @@ def straight_step(T, e, closing, closing_new, mu):
     until |T| - mu N reaches zero for good; then it slips, |T| = mu N, and the angle psi from e to T obeys
     d(psi) = -sin(psi) |de| / (mu N): tan(psi / 2) decays exponentially.
     """
+
     def dot(x, y):
         return (x * y).sum(axis=-1)
 
@@ -106,9 +107,9 @@ def straight_step(T, e, closing, closing_new, mu):
     T, closing = np.where(closes[..., None], 0.0, T), np.where(closes, 0.0, closing)
     end, growth = mu * closing_new, mu * (closing_new - closing)
     stuck = T + e
-    slips = dot(stuck, stuck).real > end.real ** 2
+    slips = dot(stuck, stuck).real > end.real**2
     # |T + xi e|^2 = (mu N(xi))^2 where it begins to slip
-    a, b, c = dot(e, e) - growth ** 2, dot(T, e) - mu * closing * growth, dot(T, T) - (mu * closing) ** 2
+    a, b, c = dot(e, e) - growth**2, dot(T, e) - mu * closing * growth, dot(T, T) - (mu * closing) ** 2
     c, square = np.where(c.real > 0.0, 0.0, c), b * b - a * c
     root = np.sqrt(np.where(square.real > 0.0, square, 0.0))
     xi = np.where(b.real > 0.0, divide(-c, b + root), divide(root - b, a))
@@ -121,10 +122,10 @@ def straight_step(T, e, closing, closing_new, mu):
     near = np.abs(end.real - limit.real) <= 1e-6 * np.abs(end.real)
     ratio = np.where(near | (limit.real <= 0.0) | (end.real <= 0.0), 2.0, divide(end, limit))
     mean = np.where(near, 0.5 * (end + limit), (end - limit) / np.log(ratio))
-    tangent = divide(T[..., 1] * e[..., 0] - T[..., 0] * e[..., 1], limit + dot(T, e))      # tan(psi / 2)
-    turns = slips & (end.real > 0.0) & (limit.real > 1e-14 * end.real)      # else: it closes in this step, T is along e
+    tangent = divide(T[..., 1] * e[..., 0] - T[..., 0] * e[..., 1], limit + dot(T, e))  # tan(psi / 2)
+    turns = slips & (end.real > 0.0) & (limit.real > 1e-14 * end.real)  # else: it closes in this step, T is along e
     tangent = np.where(turns, tangent, 0.0) * np.exp(np.where(turns, -divide((1.0 - xi) * size, mean), 0.0))
-    cos, sin = (1.0 - tangent ** 2) / (1.0 + tangent ** 2), 2.0 * tangent / (1.0 + tangent ** 2)
+    cos, sin = (1.0 - tangent**2) / (1.0 + tangent**2), 2.0 * tangent / (1.0 + tangent**2)
     turned = np.stack([cos * e[..., 0] - sin * e[..., 1], cos * e[..., 1] + sin * e[..., 0]], axis=-1)
     slid = end[..., None] * np.where(moves[..., None], turned, divide(T, limit[..., None] + 0.0 * T))
     return np.where((closing_new.real > 0.0)[..., None], np.where(slips[..., None], slid, stuck), 0.0)
@@ -143,10 +144,10 @@ def contact_derivative(du_hat, system, n_samples, law="return"):
     n_pairs, _, N_H = du_hat.shape
     columns = np.eye(3 * N_H).reshape(3 * N_H, 1, 3, N_H)
     step = 1e-30 * max(np.abs(du_hat).max(), 1e-12)
-    trial = du_hat[None] + 1j * step * columns                                  # (3 N_H, n_pairs, 3, N_H)
+    trial = du_hat[None] + 1j * step * columns  # (3 N_H, n_pairs, 3, N_H)
     du = np.moveaxis(trial @ harmonic_basis(N_H // 2, n_samples), -1, 0)
     f, _ = sampled_law(du, system, law)
-    d_f = harmonic_coefficients(np.moveaxis(f.imag, 0, -1), N_H // 2) / step    # column, pair, direction, coefficient
+    d_f = harmonic_coefficients(np.moveaxis(f.imag, 0, -1), N_H // 2) / step  # column, pair, direction, coefficient
     return np.moveaxis(d_f, 0, -1).reshape(n_pairs, 3 * N_H, 3 * N_H)
 
 
@@ -199,7 +200,7 @@ def newton(system, omega, level, u_hat, n_samples, tolerance=1e-10, max_iteratio
         for factor in 0.5 ** np.arange(8):
             trial = u_hat + factor * d_u
             r = _residual(trial, Z, F, system, n_samples, law)
-            if np.linalg.norm(r) < max(history[-6:]):   # not monotone: it rises where samples change state
+            if np.linalg.norm(r) < max(history[-6:]):  # not monotone: it rises where samples change state
                 break
         u_hat = trial
         history.append(np.linalg.norm(r))
@@ -219,15 +220,14 @@ def solve(system, omega, level, *, H=15, n_samples=1024, start=None, tolerance=1
     if start is None:
         K = system["K"] if (system["N0"] < 0.0).all() else None
         start = linear_response(system, omega, level, H, K)
-    start = np.pad(start, ((0, 0), (0, max(0, 2 * H + 1 - start.shape[1]))))[:, :2 * H + 1]
+    start = np.pad(start, ((0, 0), (0, max(0, 2 * H + 1 - start.shape[1]))))[:, : 2 * H + 1]
     u_hat, residual, iterations = newton(system, omega, level, start, n_samples, tolerance, law=law)
     if u_hat is None:
         u_hat, residual, iterations = _raise_level(system, omega, level, start, n_samples, tolerance, law)
     return _summary(system, omega, level, u_hat, n_samples, residual, iterations, law)
 
 
-def follow(system, omegas, level, *, H=15, n_samples=1024, start=None, tolerance=1e-10, smallest=1e-3,
-           law="return"):
+def follow(system, omegas, level, *, H=15, n_samples=1024, start=None, tolerance=1e-10, smallest=1e-3, law="return"):
     """Return the ``Balance`` at each of ``omegas``, one from the other by a secant predictor and halved steps.
 
     A branch is followed in frequency only: a turning point on the way is an error.
@@ -236,8 +236,7 @@ def follow(system, omegas, level, *, H=15, n_samples=1024, start=None, tolerance
     ------
     RuntimeError : a step below ``smallest`` times the distance between two of ``omegas`` fails
     """
-    points = [solve(system, omegas[0], level, H=H, n_samples=n_samples, start=start, tolerance=tolerance,
-                    law=law)]
+    points = [solve(system, omegas[0], level, H=H, n_samples=n_samples, start=start, tolerance=tolerance, law=law)]
     omega, u_hat, slope = omegas[0], points[0].u_hat, 0.0
     for goal in omegas[1:]:
         step = goal - omega
@@ -251,8 +250,10 @@ def follow(system, omegas, level, *, H=15, n_samples=1024, start=None, tolerance
                 continue
             step *= 0.5
             if abs(step) < smallest * abs(goal - omega):
-                raise RuntimeError(f"{system['name']}: level {level:.4g} cannot be followed beyond omega = "
-                                   f"{omega:.6g}, |r| / |f_ex| = {residual:.1e}")
+                raise RuntimeError(
+                    f"{system['name']}: level {level:.4g} cannot be followed beyond omega = "
+                    f"{omega:.6g}, |r| / |f_ex| = {residual:.1e}"
+                )
         points.append(_summary(system, omega, level, u_hat, n_samples, residual, iterations, law))
     return points
 
@@ -262,15 +263,16 @@ def _raise_level(system, omega, level, start, n_samples, tolerance, law):
     reached, step, u_hat = 1e-3, 0.3, 1e-3 * start
     while reached < 1.0:
         goal = min(1.0, reached + step)
-        trial, residual, iterations = newton(system, omega, goal * level, u_hat * goal / reached, n_samples, tolerance,
-                                             law=law)
+        trial, residual, iterations = newton(system, omega, goal * level, u_hat * goal / reached, n_samples, tolerance, law=law)
         if trial is not None:
             reached, u_hat = goal, trial
             continue
         step *= 0.5
         if step < 0.01:
-            raise RuntimeError(f"{system['name']}: no harmonic balance at omega = {omega:.6g} above level "
-                               f"{reached * level:.4g} of {level:.4g}, |r| / |f_ex| = {residual:.1e}; give a start")
+            raise RuntimeError(
+                f"{system['name']}: no harmonic balance at omega = {omega:.6g} above level "
+                f"{reached * level:.4g} of {level:.4g}, |r| / |f_ex| = {residual:.1e}; give a start"
+            )
     return u_hat, residual, iterations
 
 
@@ -280,9 +282,19 @@ def _summary(system, omega, level, u_hat, n_samples, residual, iterations, law):
     du_hat = (system["R"] @ u_hat).reshape(-1, 3, N_H)
     f_hat, state, T = contact_harmonics(du_hat, system, n_samples, law)
     n = np.repeat(np.arange(1, N_H // 2 + 1), 2)
-    viscous = np.pi * omega * np.einsum("k,ik,ij,jk->", n ** 2, u_hat[:, 1:], damping_matrix(system), u_hat[:, 1:])
+    viscous = np.pi * omega * np.einsum("k,ik,ij,jk->", n**2, u_hat[:, 1:], damping_matrix(system), u_hat[:, 1:])
     return Balance(
-        omega=omega, level=level, u_hat=u_hat, du_hat=du_hat, f_hat=f_hat,
-        p_hat=f_hat - joint_stiffness(system).reshape(-1, 3, 1) * du_hat, state=state, T=T,
-        input=float(cycle_work(force_coefficients(system, level, N_H // 2), u_hat).sum()), viscous=float(viscous),
-        friction=cycle_work(f_hat, du_hat)[:, :2].sum(axis=1), residual=float(residual), iterations=iterations)
+        omega=omega,
+        level=level,
+        u_hat=u_hat,
+        du_hat=du_hat,
+        f_hat=f_hat,
+        p_hat=f_hat - joint_stiffness(system).reshape(-1, 3, 1) * du_hat,
+        state=state,
+        T=T,
+        input=float(cycle_work(force_coefficients(system, level, N_H // 2), u_hat).sum()),
+        viscous=float(viscous),
+        friction=cycle_work(f_hat, du_hat)[:, :2].sum(axis=1),
+        residual=float(residual),
+        iterations=iterations,
+    )

@@ -24,17 +24,19 @@ _LONG, _CLONG = np.longdouble, np.clongdouble
 class Verdict:
     """Errors of a point, all relative; a point is right where each lies below its bound."""
 
-    motion: float       # |R u - U| / |U|, u = Z^-1 (f - R^T p) by the full matrices at every harmonic
-    response: float     # |outputs - u there| / |outputs|
-    force: float        # |Z u + R^T f_nl(U) - f| over |f| + |R^T f_nl|: what the law at the returned motion leaves unbalanced
-    law: float          # |p - p(U)| of a pair over the largest of K_J |U|, N0 and |p| there
-    energy: float       # |W - D - E| over |W|, or over a hundredth of the apparent work where |W| is less
-    reported: float     # the largest difference of W, D, E from what the point says, on the same scale
-    friction_limit: float       # |T| - mu N at the samples, over the largest force of the pair
-    tension: float              # -N over the largest force of the pair
-    negative_energy: float      # -e_i over pi H |T| |du_t| (2 / N_t)^2: the sampled law turns its slip within a sample; 2 / N_t if it opens
+    motion: float  # |R u - U| / |U|, u = Z^-1 (f - R^T p) by the full matrices at every harmonic
+    response: float  # |outputs - u there| / |outputs|
+    force: float  # |Z u + R^T f_nl(U) - f| over |f| + |R^T f_nl|: what the law at the returned motion leaves unbalanced
+    law: float  # |p - p(U)| of a pair over the largest of K_J |U|, N0 and |p| there
+    energy: float  # |W - D - E| over |W|, or over a hundredth of the apparent work where |W| is less
+    reported: float  # the largest difference of W, D, E from what the point says, on the same scale
+    friction_limit: float  # |T| - mu N at the samples, over the largest force of the pair
+    tension: float  # -N over the largest force of the pair
+    negative_energy: (
+        float  # -e_i over pi H |T| |du_t| (2 / N_t)^2: the sampled law turns its slip within a sample; 2 / N_t if it opens
+    )
     finite: bool
-    states: bool                # the states are those of the march, but for pairs at the limit to rounding
+    states: bool  # the states are those of the march, but for pairs at the limit to rounding
 
     def worst(self) -> tuple[str, float]:
         """Return the name and the size of the largest error over its bound."""
@@ -45,14 +47,26 @@ class Verdict:
     def faults(self, slack: float = 1.0) -> list[str]:
         """Return what is wrong with the point; nothing if it is right."""
         found = [] if self.finite else ["not a finite number"]
-        found += [f"{name} {getattr(self, name):.1e} (bound {slack * bound:.0e})" for name, bound in BOUNDS.items()
-                  if not getattr(self, name) <= slack * bound]
+        found += [
+            f"{name} {getattr(self, name):.1e} (bound {slack * bound:.0e})"
+            for name, bound in BOUNDS.items()
+            if not getattr(self, name) <= slack * bound
+        ]
         return found + ([] if self.states else ["states differ from those of the march"])
 
 
 # a point is accepted at a relative residual of 1e-8 in U; the rest follows with the stiffness of joint and structure
-BOUNDS = {"motion": 1e-7, "response": 1e-7, "force": 1e-5, "law": 1e-9, "energy": 1e-4, "reported": 1e-5,
-          "friction_limit": 1e-9, "tension": 1e-12, "negative_energy": 1.0}
+BOUNDS = {
+    "motion": 1e-7,
+    "response": 1e-7,
+    "force": 1e-5,
+    "law": 1e-9,
+    "energy": 1e-4,
+    "reported": 1e-5,
+    "friction_limit": 1e-9,
+    "tension": 1e-12,
+    "negative_energy": 1.0,
+}
 
 
 class Judge:
@@ -64,7 +78,9 @@ class Judge:
         self.k = np.stack([k_t, k_t, k_n], axis=1)
         self.R = np.asarray(system["R"], dtype=float)
         self.M = np.asarray(system["M"], dtype=_LONG)
-        self.K_L = np.asarray(system["K"], dtype=_LONG) + self.R.T.astype(_LONG) @ (self.k.ravel().astype(_LONG)[:, None] * self.R.astype(_LONG))
+        self.K_L = np.asarray(system["K"], dtype=_LONG) + self.R.T.astype(_LONG) @ (
+            self.k.ravel().astype(_LONG)[:, None] * self.R.astype(_LONG)
+        )
         self.C = damping(system, self.K_L).astype(_LONG)
 
     def verdicts(self, points, level: float, outputs, forces: np.ndarray | None = None) -> list[Verdict]:
@@ -85,16 +101,29 @@ class Judge:
         if not all(np.isfinite(part).all() for part in everything):
             return Verdict(*[np.nan] * 9, finite=False, states=False)
         f = loads(self.system, level, self.H) if forces is None else forces
-        if forces is None and not np.any(f):                            # loads that cancel: nothing moves, but by rounding
+        if forces is None and not np.any(f):  # loads that cancel: nothing moves, but by rounding
             alone = [{**load, "vector": np.abs(load["vector"]), "phase": 0.0} for load in self.system["loads"]]
             u, _ = self.motion(point.omega, loads({**self.system, "loads": alone}, level, self.H))
             still = float(np.linalg.norm(U) / (np.linalg.norm(u) or 1.0))
-            return Verdict(motion=still, response=still, force=still, law=0.0, energy=0.0, reported=0.0, friction_limit=0.0, tension=0.0,
-                           negative_energy=0.0, finite=True, states=True)
+            return Verdict(
+                motion=still,
+                response=still,
+                force=still,
+                law=0.0,
+                energy=0.0,
+                reported=0.0,
+                friction_limit=0.0,
+                tension=0.0,
+                negative_energy=0.0,
+                finite=True,
+                states=True,
+            )
         u, _ = self.motion(point.omega, f - self.R.T @ p.reshape(-1, N_H))
         du = (self.R @ u).reshape(U.shape)
         march = self.march(U) if march is None else march
-        if any("held by springs" in note for note in point.notes):      # as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
+        if any(
+            "held by springs" in note for note in point.notes
+        ):  # as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
             march.p[:, :2, 0] = p[:, :2, 0]
         law = np.abs(p - march.p).max(axis=(1, 2), initial=0.0) / march.size
         f_nl = march.p + self.k[:, :, None] * U
@@ -102,20 +131,29 @@ class Judge:
         size = np.linalg.norm(f) + np.linalg.norm(self.R.T @ f_nl.reshape(-1, N_H))
         energies = self.energies(point.omega, f, u, march, U)
         W, D, E = energies
-        apparent = np.pi * sum(n * np.linalg.norm(f[:, 2 * n - 1:2 * n + 1]) * np.linalg.norm(u[:, 2 * n - 1:2 * n + 1])
-                               for n in range(1, self.H + 1)) + 1e-3 * np.pi * np.linalg.norm(f[:, 0]) * np.linalg.norm(u[:, 0])
+        apparent = np.pi * sum(
+            n * np.linalg.norm(f[:, 2 * n - 1 : 2 * n + 1]) * np.linalg.norm(u[:, 2 * n - 1 : 2 * n + 1])
+            for n in range(1, self.H + 1)
+        ) + 1e-3 * np.pi * np.linalg.norm(f[:, 0]) * np.linalg.norm(u[:, 0])
         scale = max(abs(W), abs(D) + abs(E), 1e-2 * apparent) or 1.0
-        order = np.where(march.state == OPEN, 1, 2)         # of the sampled law: where a pair lifts off, its friction jumps
+        order = np.where(march.state == OPEN, 1, 2)  # of the sampled law: where a pair lifts off, its friction jumps
         said = np.array([point.input, point.damping, point.friction])
         response = np.asarray(point.response)
         return Verdict(
-            motion=relative(du - U, U), response=relative(response - u[list(outputs)], response),
-            force=float(np.linalg.norm(unbalanced) / (size or 1.0)), law=float(law.max(initial=0.0)),
-            energy=float(abs(W - D - E) / scale), reported=float(np.abs(said - energies).max() / scale),
-            friction_limit=float(march.beyond_limit.max(initial=0.0)), tension=float(march.tension.max(initial=0.0)),
-            negative_energy=float((np.maximum(-point.energy, 0.0) / march.most_work * (self.n_samples / 2.0) ** order).max(initial=0.0)),
+            motion=relative(du - U, U),
+            response=relative(response - u[list(outputs)], response),
+            force=float(np.linalg.norm(unbalanced) / (size or 1.0)),
+            law=float(law.max(initial=0.0)),
+            energy=float(abs(W - D - E) / scale),
+            reported=float(np.abs(said - energies).max() / scale),
+            friction_limit=float(march.beyond_limit.max(initial=0.0)),
+            tension=float(march.tension.max(initial=0.0)),
+            negative_energy=float(
+                (np.maximum(-point.energy, 0.0) / march.most_work * (self.n_samples / 2.0) ** order).max(initial=0.0)
+            ),
             finite=True,
-            states=bool(np.all((np.asarray(point.state) == march.state) | march.at_limit)))
+            states=bool(np.all((np.asarray(point.state) == march.state) | march.at_limit)),
+        )
 
     def motion(self, omega: float, forces: np.ndarray) -> tuple[np.ndarray, float]:
         """Return u (n, N_H) under forces (n, N_H) with all joint springs in place, and the backward error of its last solve."""
@@ -130,8 +168,7 @@ class Judge:
 
     def energies(self, omega: float, f, u, march, U) -> np.ndarray:
         """Return the work of the loads, the viscous loss and what the pairs take, each over a cycle [J]."""
-        D = np.pi * omega * sum(n * n * (u[:, c] @ self.C @ u[:, c]) for n in range(1, self.H + 1)
-                                for c in (2 * n - 1, 2 * n))
+        D = np.pi * omega * sum(n * n * (u[:, c] @ self.C @ u[:, c]) for n in range(1, self.H + 1) for c in (2 * n - 1, 2 * n))
         return np.array([work(f, u).sum(), float(D), work(march.p, U).sum()])
 
     def march(self, U: np.ndarray) -> March:
@@ -142,7 +179,7 @@ class Judge:
         n = np.arange(1, self.H + 1)[:, None]
         basis = np.empty((2 * self.H + 1, self.n_samples))
         basis[0], basis[1::2], basis[2::2] = 1.0, np.cos(n * theta), np.sin(n * theta)
-        du = np.moveaxis(U @ basis, -1, 0)                                          # (N_t, n_pairs, 3)
+        du = np.moveaxis(U @ basis, -1, 0)  # (N_t, n_pairs, 3)
         pressed = s["N0"] - s["k_n"] * du[..., 2]
         N = np.where(pressed > 0.0, pressed, 0.0)
         limit, k_t, separate = s["mu"] * N, s["k_t"], s["separate"]
@@ -178,22 +215,28 @@ class Judge:
         beyond = beyond / np.maximum(limit.max(axis=0), size)
         T_size, u_size = (np.linalg.norm(x[:, :2, 1:], axis=(1, 2)) for x in (f_hat, U))
         most_work = np.pi * self.H * np.maximum(T_size * u_size, 1e-9 * size * u_size)
-        return March(p=p, size=size, most_work=np.where(most_work > 0.0, most_work, 1.0), state=np.where(opens, OPEN, np.where(slides, SLIP, STICK)),
-                     at_limit=nearly | (np.abs(pressed).min(axis=0) <= 1e-7 * size), beyond_limit=beyond,
-                     tension=np.maximum(-N.min(axis=0), 0.0) / size)
+        return March(
+            p=p,
+            size=size,
+            most_work=np.where(most_work > 0.0, most_work, 1.0),
+            state=np.where(opens, OPEN, np.where(slides, SLIP, STICK)),
+            at_limit=nearly | (np.abs(pressed).min(axis=0) <= 1e-7 * size),
+            beyond_limit=beyond,
+            tension=np.maximum(-N.min(axis=0), 0.0) / size,
+        )
 
 
 @dataclass(frozen=True)
 class March:
     """The law under a motion."""
 
-    p: np.ndarray               # (n_pairs, 3, N_H) N
-    size: np.ndarray            # (n_pairs,) N, the largest force of each pair
-    most_work: np.ndarray       # (n_pairs,) J, the most that its friction force could do in a cycle
-    state: np.ndarray           # (n_pairs,)
-    at_limit: np.ndarray        # (n_pairs,) bool: within rounding of another state
-    beyond_limit: np.ndarray    # (n_pairs,) of |T| - mu N, over the largest force
-    tension: np.ndarray         # (n_pairs,) of -N, over the same
+    p: np.ndarray  # (n_pairs, 3, N_H) N
+    size: np.ndarray  # (n_pairs,) N, the largest force of each pair
+    most_work: np.ndarray  # (n_pairs,) J, the most that its friction force could do in a cycle
+    state: np.ndarray  # (n_pairs,)
+    at_limit: np.ndarray  # (n_pairs,) bool: within rounding of another state
+    beyond_limit: np.ndarray  # (n_pairs,) of |T| - mu N, over the largest force
+    tension: np.ndarray  # (n_pairs,) of -N, over the same
 
     def of(self, pairs: slice) -> March:
         """Return the law of some pairs."""

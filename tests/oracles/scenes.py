@@ -37,8 +37,17 @@ def make_system(name, M, K, pair_dofs, *, mu, N0, k_t, k_n, loads, output, omega
     pair_dofs = np.atleast_2d(np.asarray(pair_dofs, dtype=int))
     n_pairs = len(pair_dofs)
     M, K = np.asarray(M, dtype=float), np.asarray(K, dtype=float)
-    system = {"name": name, "M": M, "K": K, "pair_dofs": pair_dofs, "R": incidence(pair_dofs, len(M)),
-              "loads": loads, "output": np.asarray(output, dtype=float), "omega": omega, "levels": levels}
+    system = {
+        "name": name,
+        "M": M,
+        "K": K,
+        "pair_dofs": pair_dofs,
+        "R": incidence(pair_dofs, len(M)),
+        "loads": loads,
+        "output": np.asarray(output, dtype=float),
+        "omega": omega,
+        "levels": levels,
+    }
     for key, value in {"mu": mu, "N0": N0, "k_t": k_t, "k_n": k_n}.items():
         system[key] = np.broadcast_to(np.asarray(value, dtype=float), (n_pairs,)).copy()
     system["separate"] = np.broadcast_to(np.asarray(separate, dtype=bool), (n_pairs,)).copy()
@@ -116,21 +125,44 @@ def cycle_work(F, X):
 def jenkins_mass():
     """One mass on a Jenkins element, as in docs/validation.md: m = k = k_t = mu N = 1, c = 0.02."""
     return make_system(
-        "jenkins mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=0.5, N0=2.0, k_t=1.0, k_n=1.0,
-        C=np.array([[0.02]]), loads=[{"vector": [1.0], "harmonic": 1}], output=[1.0], omega=(0.5, 2.0),
-        levels={"stuck": (0.02, 1.3, (0,)), "onset": (0.8, 1.13, (1,)), "slip": (0.8, 1.2, (1,))})
+        "jenkins mass",
+        [[1.0]],
+        [[1.0]],
+        [[0, -1, -1, -1, -1, -1]],
+        mu=0.5,
+        N0=2.0,
+        k_t=1.0,
+        k_n=1.0,
+        C=np.array([[0.02]]),
+        loads=[{"vector": [1.0], "harmonic": 1}],
+        output=[1.0],
+        omega=(0.5, 2.0),
+        levels={"stuck": (0.02, 1.3, (0,)), "onset": (0.8, 1.13, (1,)), "slip": (0.8, 1.2, (1,))},
+    )
 
 
 def spatial_mass():
     """One mass with three coupled DOFs on one 3-D pair: elliptic sliding, varying normal force, lift-off."""
     return make_system(
-        "spatial mass", np.diag([1.0, 1.2, 0.9]), [[1.0, 0.15, 0.10], [0.15, 1.3, -0.12], [0.10, -0.12, 1.5]],
-        [[0, 1, 2, -1, -1, -1]], mu=0.4, N0=1.0, k_t=1.5, k_n=2.5, zeta=0.03,
-        loads=[{"vector": [1.0, 0.0, 0.3], "harmonic": 1},
-               {"vector": [0.0, 0.7, 0.0], "harmonic": 1, "phase": np.pi / 3},
-               {"vector": [0.0, 0.1, 0.2], "harmonic": 2, "phase": 0.4}, {"vector": [0.05, 0.0, -0.1], "harmonic": 0}],
-        output=[1.0, 0.0, 0.0], omega=(0.8, 2.4),
-        levels={"stuck": (0.02, 1.5, (0,)), "slip": (0.4, 1.3, (1,)), "lift-off": (4.0, 1.1, (2,))})
+        "spatial mass",
+        np.diag([1.0, 1.2, 0.9]),
+        [[1.0, 0.15, 0.10], [0.15, 1.3, -0.12], [0.10, -0.12, 1.5]],
+        [[0, 1, 2, -1, -1, -1]],
+        mu=0.4,
+        N0=1.0,
+        k_t=1.5,
+        k_n=2.5,
+        zeta=0.03,
+        loads=[
+            {"vector": [1.0, 0.0, 0.3], "harmonic": 1},
+            {"vector": [0.0, 0.7, 0.0], "harmonic": 1, "phase": np.pi / 3},
+            {"vector": [0.0, 0.1, 0.2], "harmonic": 2, "phase": 0.4},
+            {"vector": [0.05, 0.0, -0.1], "harmonic": 0},
+        ],
+        output=[1.0, 0.0, 0.0],
+        omega=(0.8, 2.4),
+        levels={"stuck": (0.02, 1.5, (0,)), "slip": (0.4, 1.3, (1,)), "lift-off": (4.0, 1.1, (2,))},
+    )
 
 
 def chain():
@@ -141,13 +173,28 @@ def chain():
     K = np.block([[soft + link, -link, zero], [-link, 2.0 * link, -link], [zero, -link, link + soft]])
     M = np.diag(np.repeat([0.5, 0.4, 0.3], 3))
     return make_system(
-        "chain", M, K, [[0, 1, 2, 3, 4, 5], [6, 7, 8, -1, -1, -1]], mu=[0.3, 0.25], N0=[60.0, 40.0],
-        k_t=[5.0e5, 4.0e5], k_n=[8.0e5, 6.0e5], zeta=0.02,
-        loads=[{"vector": [1.0, 0.4, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], "harmonic": 1},
-               {"vector": [0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.2, 0.0, 0.0], "harmonic": 1, "phase": 1.0}],
-        output=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0], omega=(400.0, 800.0),
-        levels={"stuck": (0.3, 560.0, (0, 0)), "micro": (10.0, 560.0, (0, 1)), "gross": (100.0, 560.0, (1, 1)),
-                "lift-off": (400.0, 650.0, (2, 2))})
+        "chain",
+        M,
+        K,
+        [[0, 1, 2, 3, 4, 5], [6, 7, 8, -1, -1, -1]],
+        mu=[0.3, 0.25],
+        N0=[60.0, 40.0],
+        k_t=[5.0e5, 4.0e5],
+        k_n=[8.0e5, 6.0e5],
+        zeta=0.02,
+        loads=[
+            {"vector": [1.0, 0.4, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], "harmonic": 1},
+            {"vector": [0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.2, 0.0, 0.0], "harmonic": 1, "phase": 1.0},
+        ],
+        output=[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0],
+        omega=(400.0, 800.0),
+        levels={
+            "stuck": (0.3, 560.0, (0, 0)),
+            "micro": (10.0, 560.0, (0, 1)),
+            "gross": (100.0, 560.0, (1, 1)),
+            "lift-off": (400.0, 650.0, (2, 2)),
+        },
+    )
 
 
 def gap_mass():
@@ -157,10 +204,20 @@ def gap_mass():
     stable states exist between about omega = 1.19 and 1.29.
     """
     return make_system(
-        "gap mass", np.eye(3), np.diag([1.5, 1.4, 1.0]), [[0, 1, 2, -1, -1, -1]], mu=0.3, N0=-1.5, k_t=0.5, k_n=3.0,
-        C=0.06 * np.eye(3), loads=[{"vector": [0.4, 0.2, 1.0], "harmonic": 1}], output=[0.0, 0.0, 1.0],
+        "gap mass",
+        np.eye(3),
+        np.diag([1.5, 1.4, 1.0]),
+        [[0, 1, 2, -1, -1, -1]],
+        mu=0.3,
+        N0=-1.5,
+        k_t=0.5,
+        k_n=3.0,
+        C=0.06 * np.eye(3),
+        loads=[{"vector": [0.4, 0.2, 1.0], "harmonic": 1}],
+        output=[0.0, 0.0, 1.0],
         omega=(0.6, 1.6),
-        levels={"open": (0.02, 0.9, (2,)), "struck": (0.2, 1.15, (2,)), "two states": (0.2, 1.25, (2,))})
+        levels={"open": (0.02, 0.9, (2,)), "struck": (0.2, 1.15, (2,)), "two states": (0.2, 1.25, (2,))},
+    )
 
 
 def den_hartog_mass(beta=0.75, friction_ratio=0.2, k_t=2000.0):
@@ -170,11 +227,20 @@ def den_hartog_mass(beta=0.75, friction_ratio=0.2, k_t=2000.0):
     per period for the default; with too few it settles on a motion of three periods that the equation does not have.
     """
     return make_system(
-        "Den Hartog mass", [[1.0]], [[1.0]], [[0, -1, -1, -1, -1, -1]], mu=1.0, N0=friction_ratio, k_t=k_t, k_n=1.0,
-        C=np.zeros((1, 1)), loads=[{"vector": [1.0], "harmonic": 1}], output=[1.0], omega=(0.5, 1.6),
-        levels={"slip": (1.0, beta, (1,))})
+        "Den Hartog mass",
+        [[1.0]],
+        [[1.0]],
+        [[0, -1, -1, -1, -1, -1]],
+        mu=1.0,
+        N0=friction_ratio,
+        k_t=k_t,
+        k_n=1.0,
+        C=np.zeros((1, 1)),
+        loads=[{"vector": [1.0], "harmonic": 1}],
+        output=[1.0],
+        omega=(0.5, 1.6),
+        levels={"slip": (1.0, beta, (1,))},
+    )
 
 
-SCENES = {
-    "jenkins": jenkins_mass, "spatial": spatial_mass, "chain": chain, "gap": gap_mass, "den-hartog": den_hartog_mass,
-}
+SCENES = {"jenkins": jenkins_mass, "spatial": spatial_mass, "chain": chain, "gap": gap_mass, "den-hartog": den_hartog_mass}

@@ -14,8 +14,21 @@ BARS = [exact.FrictionBar(EA=2.0, L=3.0, q=1.5, k=k) for k in (0.5, 5.0, 500.0)]
 def one_pair(mu=0.4, N0=1.0, k_t=1.5, k_n=2.5, separate=False):
     """A free pair, for the laws alone."""
     return scenes.make_system(
-        "pair", np.eye(3), np.eye(3), [[0, 1, 2, -1, -1, -1]], mu=mu, N0=N0, k_t=k_t, k_n=k_n, separate=separate,
-        zeta=0.0, loads=[], output=[1.0, 0.0, 0.0], omega=(0.0, 1.0), levels={})
+        "pair",
+        np.eye(3),
+        np.eye(3),
+        [[0, 1, 2, -1, -1, -1]],
+        mu=mu,
+        N0=N0,
+        k_t=k_t,
+        k_n=k_n,
+        separate=separate,
+        zeta=0.0,
+        loads=[],
+        output=[1.0, 0.0, 0.0],
+        omega=(0.0, 1.0),
+        levels={},
+    )
 
 
 def random_cycle(n_samples=256, H=4, seed=3):
@@ -53,7 +66,7 @@ def test_sampled_jenkins_loop_converges_quadratically():
 def test_circular_path_keeps_the_force_at_its_limit_and_trailing():
     pair, X = one_pair(mu=0.4, N0=1.0, k_t=1.5), 0.9
     U = np.zeros((1, 3, 3))
-    U[0, 0, 1], U[0, 1, 2] = X, X               # (cos, sin)
+    U[0, 0, 1], U[0, 1, 2] = X, X  # (cos, sin)
     f_hat, state, T = harmonic_balance.contact_harmonics(U, pair, 4096)
     along, against, loss = exact.circle_path(X, 1.5, 0.4)
     assert T[0] == pytest.approx([along, against], abs=1e-3)
@@ -61,11 +74,11 @@ def test_circular_path_keeps_the_force_at_its_limit_and_trailing():
     assert state == [1] and np.hypot(*T[0]) == pytest.approx(0.4, rel=1e-12)
 
 
-@pytest.mark.parametrize("gamma", [0.8, 2.0])   # the second lifts off
+@pytest.mark.parametrize("gamma", [0.8, 2.0])  # the second lifts off
 def test_normal_force_in_phase_gives_the_exact_polygon(gamma):
     pair, X = one_pair(mu=0.3, N0=1.0, k_t=2.0, k_n=1.0), 1.0
     U = np.zeros((1, 3, 3))
-    U[0, 0, 1], U[0, 2, 1] = X, -gamma * X      # N = N0 + gamma u
+    U[0, 0, 1], U[0, 2, 1] = X, -gamma * X  # N = N0 + gamma u
     du = np.moveaxis(U @ scenes.harmonic_basis(1, 8192), -1, 0)
     f, state = harmonic_balance.sampled_law(du, pair)
     u, T = du[:, 0, 0], f[:, 0, 0]
@@ -83,20 +96,20 @@ def test_both_codes_of_a_law_agree_step_by_step(separate, law):
     _, du = random_cycle()
     du = du.reshape(-1, 3)
     contacts = time_integration.Contacts(pair, np.zeros((3, 3)), law)
-    x, f = du[0], contacts.f_rest + contacts.K_J * du[0]    # T = k_t du_t, as the sampled law starts
+    x, f = du[0], contacts.f_rest + contacts.K_J * du[0]  # T = k_t du_t, as the sampled law starts
     forces = []
     for sample in [*du[1:], *du]:
         x, f, _ = contacts.step(sample, x, f)
         forces.append(f)
     sampled, _ = harmonic_balance.sampled_law(du[:, None, :], pair, law)
-    np.testing.assert_allclose(forces[-len(du):], sampled[:, 0], atol=1e-13)
+    np.testing.assert_allclose(forces[-len(du) :], sampled[:, 0], atol=1e-13)
 
 
 def test_straight_step_is_the_limit_of_many_small_returns():
     rng = np.random.default_rng(5)
     for closing, closing_new in ((1.0, 1.0), (1.0, 0.3), (0.4, 1.2), (-0.5, 1.0), (1.0, -0.2)):
         T, e = rng.normal(size=2), 2.0 * rng.normal(size=2)
-        T *= 0.5 * max(closing, 0.0) / max(np.hypot(*T), 0.5 * max(closing, 0.1))       # |T| <= mu N
+        T *= 0.5 * max(closing, 0.0) / max(np.hypot(*T), 0.5 * max(closing, 0.1))  # |T| <= mu N
         small, n = T, 20000
         for k in range(n):
             limit = 0.5 * max(0.0, closing + (closing_new - closing) * (k + 1) / n)
@@ -109,7 +122,7 @@ def test_straight_step_is_the_limit_of_many_small_returns():
 @pytest.mark.parametrize("separate", [False, True])
 def test_tangent_of_a_step_is_its_derivative(separate):
     contacts = time_integration.Contacts(one_pair(separate=separate), np.zeros((3, 3)))
-    for f_stick in ([0.2, 0.1, 0.3], [0.9, -0.5, 0.2], [0.9, -0.5, 1.3]):      # sticks, slips, open
+    for f_stick in ([0.2, 0.1, 0.3], [0.9, -0.5, 0.2], [0.9, -0.5, 1.3]):  # sticks, slips, open
         f_stick = np.array(f_stick)
         J = contacts.tangent(contacts.law(f_stick.tolist())[1])
         for j in range(3):
@@ -144,9 +157,10 @@ def test_an_open_gap_exerts_no_force_and_a_stuck_pair_is_its_spring():
 # --- one mass ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("X", "published"), [(0.5, (0.632495064828, 1.897248005129)),
-                                              (1.5, (1.127402158122, 1.463083257582)),
-                                              (2.0, (1.136206225921, 1.305151377843))])
+@pytest.mark.parametrize(
+    ("X", "published"),
+    [(0.5, (0.632495064828, 1.897248005129)), (1.5, (1.127402158122, 1.463083257582)), (2.0, (1.136206225921, 1.305151377843))],
+)
 def test_one_harmonic_frequencies_have_the_published_values(X, published):
     assert exact.jenkins_frequencies(X, 0.8, **JENKINS) == pytest.approx(published, abs=1e-12)
 
@@ -157,17 +171,19 @@ def test_balance_of_one_harmonic_meets_the_amplitude_equation(omega):
     assert np.abs(exact.jenkins_frequencies(X, 0.8, **JENKINS) - omega).min() < 1e-11
     for n_samples in (128, 1024):
         balance = harmonic_balance.solve(scenes.jenkins_mass(), omega, 0.8, H=1, n_samples=n_samples)
-        assert abs(np.hypot(*balance.u_hat[0, 1:3]) / X - 1.0) < 30.0 / n_samples ** 2      # of the sampled loop
+        assert abs(np.hypot(*balance.u_hat[0, 1:3]) / X - 1.0) < 30.0 / n_samples**2  # of the sampled loop
 
 
-@pytest.mark.parametrize(("beta", "ratio", "published"), [(0.75, 0.2, 2.2385612), (0.9, 0.5, 4.2159037),
-                                                           (1.25, 0.2, 1.7082175), (1.5, 0.3, 0.7211103)])
+@pytest.mark.parametrize(
+    ("beta", "ratio", "published"), [(0.75, 0.2, 2.2385612), (0.9, 0.5, 4.2159037), (1.25, 0.2, 1.7082175), (1.5, 0.3, 0.7211103)]
+)
 def test_den_hartog_has_the_published_values_and_is_the_limit_of_stiff_jenkins(beta, ratio, published):
     motion = exact.den_hartog_motion(beta, ratio)
     assert motion.X == pytest.approx(published, abs=5e-8) and motion.is_valid
-    errors = [abs(exact.jenkins_steady_state(beta, 1.0, m=1.0, c=0.0, k=1.0, k_t=k_t, muN=ratio).X - motion.X)
-              for k_t in (1e4, 1e6)]
-    assert errors[1] < 3e-3 and 0.4 < np.log(errors[0] / errors[1]) / np.log(100.0) < 1.1    # at least 1 / sqrt(k_t)
+    errors = [
+        abs(exact.jenkins_steady_state(beta, 1.0, m=1.0, c=0.0, k=1.0, k_t=k_t, muN=ratio).X - motion.X) for k_t in (1e4, 1e6)
+    ]
+    assert errors[1] < 3e-3 and 0.4 < np.log(errors[0] / errors[1]) / np.log(100.0) < 1.1  # at least 1 / sqrt(k_t)
 
 
 def test_exact_half_cycle_satisfies_its_equation_of_motion():
@@ -191,7 +207,8 @@ def test_every_scheme_converges_quadratically_to_the_exact_steady_state(scheme):
     errors = []
     for n_steps in (64, 128, 256):
         march = time_integration.steady_state(
-            system, 1.2, 0.8, n_steps=n_steps, scheme=scheme, tolerance=1e-9, coarse=1, harmonics=7)
+            system, 1.2, 0.8, n_steps=n_steps, scheme=scheme, tolerance=1e-9, coarse=1, harmonics=7
+        )
         errors.append(np.abs(march.u_hat[0] - motion.harmonics(7)).max() / motion.X)
     rate = np.log2(errors[0] / errors[2]) / 2.0
     assert errors[2] < 1e-3 and rate > 1.6, (errors, rate)
@@ -217,19 +234,24 @@ def test_time_integration_meets_den_hartog_with_a_stiff_element():
 
 # --- time integration against harmonic balance ------------------------------------------------------------------------
 
-POINTS = [("jenkins", "slip", 15, "exponential"), ("spatial", "stuck", 3, "explicit"),
-          ("spatial", "slip", 15, "generalised-alpha"), ("spatial", "lift-off", 15, "explicit"),
-          ("chain", "micro", 15, "explicit"), ("chain", "gross", 15, "explicit"),
-          ("chain", "lift-off", 15, "explicit"),
-          ("gap", "struck", 15, "explicit"), ("gap", "two states", 3, "explicit")]
+POINTS = [
+    ("jenkins", "slip", 15, "exponential"),
+    ("spatial", "stuck", 3, "explicit"),
+    ("spatial", "slip", 15, "generalised-alpha"),
+    ("spatial", "lift-off", 15, "explicit"),
+    ("chain", "micro", 15, "explicit"),
+    ("chain", "gross", 15, "explicit"),
+    ("chain", "lift-off", 15, "explicit"),
+    ("gap", "struck", 15, "explicit"),
+    ("gap", "two states", 3, "explicit"),
+]
 
 
 @pytest.mark.parametrize(("scene", "regime", "H", "scheme"), POINTS)
 def test_balance_meets_time_integration_from_rest(scene, regime, H, scheme):
     system = scenes.SCENES[scene]()
     level, omega, states = system["levels"][regime]
-    march = time_integration.steady_state(
-        system, omega, level, n_steps=512, harmonics=H, tolerance=1e-5, scheme=scheme)
+    march = time_integration.steady_state(system, omega, level, n_steps=512, harmonics=H, tolerance=1e-5, scheme=scheme)
     balance = harmonic_balance.solve(system, omega, level, H=H, n_samples=256, start=march.u_hat, law="path")
     assert tuple(march.state) == tuple(balance.state) == states
     assert largest_difference(balance, march) < 1e-3
@@ -243,7 +265,8 @@ def test_the_upper_state_of_the_stop_is_periodic():
     balance = harmonic_balance.follow(system, [0.7, 0.9, 1.0, omega], level, H=7, n_samples=256)[-1]
     balance = harmonic_balance.solve(system, omega, level, H=15, n_samples=512, start=balance.u_hat)
     march = time_integration.steady_state(
-        system, omega, level, n_steps=512, start=balance.start(), tolerance=1e-5, scheme="explicit")
+        system, omega, level, n_steps=512, start=balance.start(), tolerance=1e-5, scheme="explicit"
+    )
     assert np.hypot(*balance.u_hat[2, 1:3]) == pytest.approx(2.3222, rel=1e-3)
     assert largest_difference(balance, march) < 1e-3
 
@@ -293,9 +316,14 @@ def test_load_phase_and_modal_damping_mean_what_they_say():
     expected = 2.0 * (0.7 * np.cos(theta + np.pi / 3) + 0.1 * np.cos(2.0 * theta + 0.4))
     np.testing.assert_allclose(f[1], expected, atol=1e-12)
     np.testing.assert_allclose(f[0], 2.0 * (np.cos(theta) + 0.05), atol=1e-12)
-    poles = np.linalg.eigvals(np.block([    # of the stuck system, first-order form
-        [np.zeros((3, 3)), np.eye(3)],
-        [-np.linalg.solve(system["M"], matrix(system)) for matrix in (scenes.stuck_stiffness, scenes.damping_matrix)]]))
+    poles = np.linalg.eigvals(
+        np.block(
+            [  # of the stuck system, first-order form
+                [np.zeros((3, 3)), np.eye(3)],
+                [-np.linalg.solve(system["M"], matrix(system)) for matrix in (scenes.stuck_stiffness, scenes.damping_matrix)],
+            ]
+        )
+    )
     np.testing.assert_allclose(-poles.real / np.abs(poles), 0.03, rtol=1e-10)
 
 
@@ -310,7 +338,7 @@ def test_friction_bar_is_consistent(bar):
         u = bar.displacement(x, P)
         assert u[0] == pytest.approx(bar.end_displacement(P), rel=1e-12)
         assert bar.end_force(u[0]) == pytest.approx(P, rel=1e-9)
-        tau = np.minimum(bar.k * u, bar.q)      # equilibrium: P is carried by the foundation
+        tau = np.minimum(bar.k * u, bar.q)  # equilibrium: P is carried by the foundation
         assert np.trapz(tau, x) == pytest.approx(P, rel=1e-6)
         assert bar.loss(P) == pytest.approx(np.trapz(bar.loss_density(x, P), x), rel=1e-4)
         assert bar.loss(P) == pytest.approx(exact.masing_loss(bar.end_force, u[0]), rel=1e-3, abs=1e-6 * P * u[0])
@@ -339,9 +367,14 @@ def test_spheres_dissipate_what_masing_says():
         assert exact.masing_loss(backbone, displacement) == pytest.approx(loss, rel=1e-6)
 
 
-@pytest.mark.parametrize(("ends", "first"), [(("clamped", "free"), (1.87510407, 4.69409113, 7.85475744)),
-                                             (("free", "free"), (4.73004074, 7.85320462, 10.99560784)),
-                                             (("clamped", "pinned"), (3.92660231, 7.06858275, 10.21017612))])
+@pytest.mark.parametrize(
+    ("ends", "first"),
+    [
+        (("clamped", "free"), (1.87510407, 4.69409113, 7.85475744)),
+        (("free", "free"), (4.73004074, 7.85320462, 10.99560784)),
+        (("clamped", "pinned"), (3.92660231, 7.06858275, 10.21017612)),
+    ],
+)
 def test_slender_beam_has_the_textbook_roots(ends, first):
     omega = structures.beam_frequencies(3, length=1.0, EI=1.0, rhoA=1.0, ends=ends)
     assert np.sqrt(omega) == pytest.approx(first, abs=1e-8)
@@ -351,19 +384,21 @@ def test_pinned_timoshenko_beam_meets_its_closed_form():
     length, EI, rhoA, rhoI, S = 2.0, 3.0, 5.0, 0.2, 40.0
     n = np.arange(1, 4)
     wave = (n * np.pi / length) ** 2
-    a, b, c = rhoI * rhoA / (S * EI), rhoA / EI + wave * (rhoI / EI + rhoA / S), wave ** 2
+    a, b, c = rhoI * rhoA / (S * EI), rhoA / EI + wave * (rhoI / EI + rhoA / S), wave**2
     squares = (b - np.sqrt(b * b - 4.0 * a * c)) / (2.0 * a)
     found = structures.beam_frequencies(
-        3, length=length, EI=EI, rhoA=rhoA, ends=("pinned", "pinned"), shear_stiffness=S, rhoI=rhoI)
+        3, length=length, EI=EI, rhoA=rhoA, ends=("pinned", "pinned"), shear_stiffness=S, rhoI=rhoI
+    )
     assert found == pytest.approx(np.sqrt(squares), rel=1e-9)
 
 
 def test_timoshenko_beam_is_near_the_free_solid_beam_of_ansys():
     omega = structures.timoshenko_rectangle(
-        1, length=5.0, width=1.0, height=1.0, young=16.9e6, poisson=0.31, density=4.1408e-4, ends=("free", "free"))
+        1, length=5.0, width=1.0, height=1.0, young=16.9e6, poisson=0.31, density=4.1408e-4, ends=("free", "free")
+    )
     assert omega / (2.0 * np.pi) == pytest.approx([7366.495], rel=2e-3)
     axial = structures.bar_frequencies(1, length=5.0, young=16.9e6, density=4.1408e-4)
-    assert axial / (2.0 * np.pi) == pytest.approx([10172.6], rel=1e-2)     # the solid's clamp resists contraction
+    assert axial / (2.0 * np.pi) == pytest.approx([10172.6], rel=1e-2)  # the solid's clamp resists contraction
 
 
 def test_free_square_plate_has_the_parameters_of_the_literature():

@@ -36,11 +36,11 @@ from .scenes import (
 class Scheme:
     """Matrices of one linear step; the load enters as ``B0 f_ex(t_k + shift h)`` and ``B1 f_ex(t_k+1 ...)``."""
 
-    Phi: np.ndarray     # (n_z, n_z)
-    Psi: np.ndarray     # (n_z, 3 n_pairs)
-    Gam: np.ndarray     # (n_z, 3 n_pairs)
-    B0: np.ndarray      # (n_z, n) load at the start of the step
-    B1: np.ndarray      # (n_z, n) load at its end
+    Phi: np.ndarray  # (n_z, n_z)
+    Psi: np.ndarray  # (n_z, 3 n_pairs)
+    Gam: np.ndarray  # (n_z, 3 n_pairs)
+    B0: np.ndarray  # (n_z, n) load at the start of the step
+    B1: np.ndarray  # (n_z, n) load at its end
 
 
 @dataclass(frozen=True)
@@ -49,18 +49,18 @@ class SteadyState:
 
     omega: float
     level: float
-    u: np.ndarray           # (n_steps, n) m
-    du: np.ndarray          # (n_steps, n_pairs, 3) m
-    f_nl: np.ndarray        # (n_steps, n_pairs, 3) N
-    u_hat: np.ndarray       # (n, 2 H + 1) harmonics of u
-    du_hat: np.ndarray      # (n_pairs, 3, 2 H + 1)
-    state: np.ndarray       # (n_pairs,) 0 stuck, 1 slips, 2 open at some sample of the period
-    input: float            # J per cycle
-    viscous: float          # J per cycle
-    friction: np.ndarray    # (n_pairs,) J per cycle
-    change: float           # largest change of u between the last two periods over the largest |u|
+    u: np.ndarray  # (n_steps, n) m
+    du: np.ndarray  # (n_steps, n_pairs, 3) m
+    f_nl: np.ndarray  # (n_steps, n_pairs, 3) N
+    u_hat: np.ndarray  # (n, 2 H + 1) harmonics of u
+    du_hat: np.ndarray  # (n_pairs, 3, 2 H + 1)
+    state: np.ndarray  # (n_pairs,) 0 stuck, 1 slips, 2 open at some sample of the period
+    input: float  # J per cycle
+    viscous: float  # J per cycle
+    friction: np.ndarray  # (n_pairs,) J per cycle
+    change: float  # largest change of u between the last two periods over the largest |u|
     cycles: int
-    restart: tuple          # u, v, T at the end of the period, for ``start``
+    restart: tuple  # u, v, T at the end of the period, for ``start``
 
 
 def generalised_alpha(system, h, rho_inf=0.9):
@@ -73,9 +73,10 @@ def generalised_alpha(system, h, rho_inf=0.9):
     v_pred = np.hstack([zero, one, h * (1.0 - gamma) * one])
     u_now, v_now, a_now = np.eye(3 * n).reshape(3, n, 3 * n)
     A = (1.0 - alpha_m) * M + (1.0 - alpha_f) * (gamma * h * C + beta * h * h * K)
-    weigh = np.vstack([beta * h * h * one, gamma * h * one, one]) @ np.linalg.inv(A)      # new z per unit force
-    history = (alpha_m * M @ a_now + C @ ((1.0 - alpha_f) * v_pred + alpha_f * v_now)
-               + K @ ((1.0 - alpha_f) * u_pred + alpha_f * u_now))
+    weigh = np.vstack([beta * h * h * one, gamma * h * one, one]) @ np.linalg.inv(A)  # new z per unit force
+    history = (
+        alpha_m * M @ a_now + C @ ((1.0 - alpha_f) * v_pred + alpha_f * v_now) + K @ ((1.0 - alpha_f) * u_pred + alpha_f * u_now)
+    )
     Phi = np.vstack([u_pred, v_pred, np.zeros((n, 3 * n))]) - weigh @ history
     return Scheme(Phi, -alpha_f * weigh @ R.T, (1.0 - alpha_f) * weigh @ R.T, alpha_f * weigh, (1.0 - alpha_f) * weigh)
 
@@ -84,14 +85,14 @@ def exponential(system, h):
     """Return the scheme with z = (u, v) that is exact for forces linear in a step."""
     M, K, C, R = system["M"], system["K"], damping_matrix(system), system["R"]
     n, M_inv = len(M), np.linalg.inv(M)
-    big = np.zeros((4 * n, 4 * n))      # (u, v, force, slope of the force)
-    big[:n, n:2 * n] = np.eye(n)
-    big[n:2 * n, :n], big[n:2 * n, n:2 * n], big[n:2 * n, 2 * n:3 * n] = -M_inv @ K, -M_inv @ C, M_inv
-    big[2 * n:3 * n, 3 * n:] = np.eye(n)
-    E = expm(h * big)[:2 * n]
-    B1 = E[:, 3 * n:] / h
-    B0 = E[:, 2 * n:3 * n] - B1
-    return Scheme(E[:, :2 * n], -B0 @ R.T, B1 @ R.T, B0, B1)
+    big = np.zeros((4 * n, 4 * n))  # (u, v, force, slope of the force)
+    big[:n, n : 2 * n] = np.eye(n)
+    big[n : 2 * n, :n], big[n : 2 * n, n : 2 * n], big[n : 2 * n, 2 * n : 3 * n] = -M_inv @ K, -M_inv @ C, M_inv
+    big[2 * n : 3 * n, 3 * n :] = np.eye(n)
+    E = expm(h * big)[: 2 * n]
+    B1 = E[:, 3 * n :] / h
+    B0 = E[:, 2 * n : 3 * n] - B1
+    return Scheme(E[:, : 2 * n], -B0 @ R.T, B1 @ R.T, B0, B1)
 
 
 def explicit(system, h):
@@ -100,8 +101,9 @@ def explicit(system, h):
     n, one = len(M), np.eye(len(M))
     fastest = stuck_frequencies(system).max()
     if h * fastest >= 2.0:
-        raise ValueError(f"{system['name']}: leapfrog is unstable, h omega_max = {h * fastest:.3g} of 2; "
-                         "take more steps or a smaller coarse")
+        raise ValueError(
+            f"{system['name']}: leapfrog is unstable, h omega_max = {h * fastest:.3g} of 2; take more steps or a smaller coarse"
+        )
     kick = h * np.linalg.inv(M + 0.5 * h * C)
     v_rows = np.hstack([-kick @ K, kick @ (M / h - 0.5 * C)])
     Phi = np.vstack([np.hstack([one, np.zeros_like(M)]) + h * v_rows, v_rows])
@@ -121,7 +123,7 @@ class Contacts:
         self.pairs = list(zip(*(system[key].tolist() for key in ("mu", "N0", "k_t", "k_n", "separate")), strict=True))
         self.one = np.eye(len(G))
         self.stick_inverse = np.linalg.inv(self.one + G * self.K_J)
-        self.f_rest = np.zeros(len(G))      # closed: f_z = max(N0, 0) - N0 + k_n du_z
+        self.f_rest = np.zeros(len(G))  # closed: f_z = max(N0, 0) - N0 + k_n du_z
         self.f_rest[2::3] = np.maximum(-system["N0"], 0.0)
         self.tangential = np.tile([1.0, 1.0, 0.0], len(self.pairs))
 
@@ -132,7 +134,7 @@ class Contacts:
         """
         f, rows, state = [], [], []
         for i, (mu, N0, k_t, k_n, separate) in enumerate(self.pairs):
-            closing = max(N0, 0.0) - f_stick[3 * i + 2]             # N0 - k_n du_z
+            closing = max(N0, 0.0) - f_stick[3 * i + 2]  # N0 - k_n du_z
             N, dN = (closing, -k_n) if closing > 0.0 else (0.0, 0.0)
             limit = _limit_separate if separate else _limit_circle
             (Tx, Ty), rows_t, slips = limit(f_stick[3 * i], f_stick[3 * i + 1], mu, N, dN, k_t)
@@ -147,42 +149,44 @@ class Contacts:
         for i, (mu, N0, _, _, separate) in enumerate(self.pairs):
             j, rest = 3 * i, max(N0, 0.0)
             if state[i]:
-                (Tx, Ty), ex, ey = f_before[j:j + 2], f_stick[j] - f_before[j], f_stick[j + 1] - f_before[j + 1]
+                (Tx, Ty), ex, ey = f_before[j : j + 2], f_stick[j] - f_before[j], f_stick[j + 1] - f_before[j + 1]
                 normal = (self.closing_before[i], rest - f_stick[j + 2], mu)
                 if separate:
                     f[j], f[j + 1] = (straight_step((T, 0.0), (e, 0.0), *normal)[0] for T, e in ((Tx, ex), (Ty, ey)))
                 else:
-                    f[j:j + 2] = straight_step((Tx, Ty), (ex, ey), *normal)
+                    f[j : j + 2] = straight_step((Tx, Ty), (ex, ey), *normal)
         return np.array(f)
 
     def tangent(self, rows):
         """Return d f / d du, (3 n_pairs, 3 n_pairs) [N/m]; pairs do not feel each other."""
         J = np.zeros_like(self.one)
         for i, block in enumerate(rows):
-            J[3 * i:3 * i + 3, 3 * i:3 * i + 3] = block
+            J[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = block
         return J
 
     def step(self, du_free, du, f, max_iterations=50):
         """Return du, f and states at the end of a step from ``du`` and ``f``; Newton from the stuck solution."""
-        self.closing_before = [max(N0, 0.0) - fz for (_, N0, *_), fz in
-                               zip(self.pairs, (self.f_rest + self.K_J * du)[2::3].tolist(), strict=True)]
+        self.closing_before = [
+            max(N0, 0.0) - fz for (_, N0, *_), fz in zip(self.pairs, (self.f_rest + self.K_J * du)[2::3].tolist(), strict=True)
+        ]
         f_before = f.tolist()
-        base = self.f_rest + self.tangential * (f - self.K_J * du)      # f_stick = base + K_J du+
+        base = self.f_rest + self.tangential * (f - self.K_J * du)  # f_stick = base + K_J du+
         new = self.stick_inverse @ (du_free - self.G @ base)
         f_new, rows, state = self.law((base + self.K_J * new).tolist())
         if not any(state):
             return new, f_new, state
         bound = 1e-13 * (max(map(abs, new.tolist())) + max(map(abs, du_free.tolist())))
         for _ in range(max_iterations):
-            if self.follows_path:       # its tangent differs from that of the radial return by the turn within a step
+            if self.follows_path:  # its tangent differs from that of the radial return by the turn within a step
                 f_new = self.along_path(f_new, (base + self.K_J * new).tolist(), f_before, state)
             gap = du_free - new - self.G @ f_new
             if max(map(abs, gap.tolist())) <= bound:
                 return new, f_new, state
             new = new + np.linalg.solve(self.one + self.G @ self.tangent(rows), gap)
             f_new, rows, state = self.law((base + self.K_J * new).tolist())
-        raise RuntimeError(f"contact step: no convergence, residual {np.abs(gap).max():.2e} m (bound {bound:.1e}); "
-                           "take smaller steps")
+        raise RuntimeError(
+            f"contact step: no convergence, residual {np.abs(gap).max():.2e} m (bound {bound:.1e}); take smaller steps"
+        )
 
 
 def straight_step(T, e, closing, closing_new, mu):
@@ -195,7 +199,7 @@ def straight_step(T, e, closing, closing_new, mu):
     (Tx, Ty), (ex, ey) = T, e
     if closing_new <= 0.0:
         return [0.0, 0.0]
-    if closing < 0.0:       # closes on the way
+    if closing < 0.0:  # closes on the way
         share = closing_new / (closing_new - closing)
         Tx, Ty, ex, ey, closing = 0.0, 0.0, share * ex, share * ey, 0.0
     growth = mu * (closing_new - closing)
@@ -215,7 +219,7 @@ def straight_step(T, e, closing, closing_new, mu):
     if limit <= 1e-14 * end:
         return [end * ex, end * ey]
     mean = (end - limit) / log(end / limit) if abs(end - limit) > 1e-6 * end else 0.5 * (end + limit)
-    half = atan2(Ty * ex - Tx * ey, limit + Tx * ex + Ty * ey)      # psi / 2
+    half = atan2(Ty * ex - Tx * ey, limit + Tx * ex + Ty * ey)  # psi / 2
     psi = 2.0 * atan(tan(half) * exp(-length / mean))
     return [end * (ex * cos(psi) - ey * sin(psi)), end * (ey * cos(psi) + ex * sin(psi))]
 
@@ -259,7 +263,7 @@ class March:
         D = np.hstack([system["R"], np.zeros((len(system["R"]), len(self.scheme.Phi) - n))])
         self.contacts, self.D, self.n = Contacts(system, D @ self.scheme.Gam, law), D, n
         H = max(load["harmonic"] for load in system["loads"])
-        self.f_ex = force_coefficients(system, level, H) @ harmonic_basis(H, n_steps)       # (n, n_steps)
+        self.f_ex = force_coefficients(system, level, H) @ harmonic_basis(H, n_steps)  # (n, n_steps)
         self.b = (self.scheme.B0 @ self.f_ex + self.scheme.B1 @ np.roll(self.f_ex, -1, axis=1)).T.copy()
 
     def begin(self, u, v, T):
@@ -272,14 +276,14 @@ class March:
         a = self._acceleration(u, v, f)
         if self.explicit:
             return np.concatenate([u, v - 0.5 * self.h * a]), du, f
-        return np.concatenate([u, v, a])[:len(self.scheme.Phi)], du, f
+        return np.concatenate([u, v, a])[: len(self.scheme.Phi)], du, f
 
     def velocity(self, z, du, f):
         """Return the velocity at the sample of ``z`` (leapfrog keeps it half a step earlier)."""
-        v = z[self.n:2 * self.n]
+        v = z[self.n : 2 * self.n]
         if not self.explicit:
             return v
-        return v + 0.5 * self.h * self._acceleration(z[:self.n], v, f)
+        return v + 0.5 * self.h * self._acceleration(z[: self.n], v, f)
 
     def _acceleration(self, u, v, f):
         """Return u'' at the start of a period."""
@@ -298,15 +302,28 @@ class March:
             z_free = s.Phi @ z + s.Psi @ f + b
             du, f, state = contacts.step(D @ z_free, du, f)
             z = z_free - s.Gam @ f
-            us.append(z[:self.n])
+            us.append(z[: self.n])
             dus.append(du)
             fs.append(f)
             states.append(state)
         return z, du, f, [np.array(record) for record in (us, dus, fs, states)]
 
 
-def steady_state(system, omega, level, *, n_steps=1024, harmonics=15, scheme="generalised-alpha", tolerance=1e-6,
-                 max_cycles=1000, ramp_cycles=5, start=None, coarse=4, **options):
+def steady_state(
+    system,
+    omega,
+    level,
+    *,
+    n_steps=1024,
+    harmonics=15,
+    scheme="generalised-alpha",
+    tolerance=1e-6,
+    max_cycles=1000,
+    ramp_cycles=5,
+    start=None,
+    coarse=4,
+    **options,
+):
     """March until one period repeats the one before, and return its ``SteadyState``.
 
     Parameters
@@ -333,7 +350,7 @@ def steady_state(system, omega, level, *, n_steps=1024, harmonics=15, scheme="ge
         march = March(system, omega, level, steps, scheme, **options)
         z, du, f = march.begin(np.asarray(u), np.asarray(v), T)
         before, change = None, np.inf
-        last_cycle = max_cycles if steps == n_steps else max_cycles // 4     # coarse steps need not settle
+        last_cycle = max_cycles if steps == n_steps else max_cycles // 4  # coarse steps need not settle
         while change > tolerance and cycles < last_cycle:
             ramp = None
             if cycles < ramp_cycles:
@@ -345,14 +362,16 @@ def steady_state(system, omega, level, *, n_steps=1024, harmonics=15, scheme="ge
             before = records[0]
         u, v, T = z[:n], march.velocity(z, du, f), f.reshape(-1, 3)[:, :2].copy()
     if not change <= tolerance:
-        raise RuntimeError(f"{system['name']}: not periodic at omega = {omega:.6g}, level {level:.4g} after {cycles} "
-                           f"cycles of {n_steps} steps, change {change:.2e} (tolerance {tolerance:.1e})")
+        raise RuntimeError(
+            f"{system['name']}: not periodic at omega = {omega:.6g}, level {level:.4g} after {cycles} "
+            f"cycles of {n_steps} steps, change {change:.2e} (tolerance {tolerance:.1e})"
+        )
     return _summary(system, omega, level, records, march.f_ex, harmonics, change, cycles, (u, v, T))
 
 
 def _summary(system, omega, level, records, f_ex, harmonics, change, cycles, restart):
     """Return the ``SteadyState`` of one period of records taken at the end of every step."""
-    u, du, f, states = (np.roll(record, 1, axis=0) for record in records)      # first sample at t = 0
+    u, du, f, states = (np.roll(record, 1, axis=0) for record in records)  # first sample at t = 0
     n_pairs = len(system["mu"])
     H_energy = (len(u) - 1) // 2
     u_all = harmonic_coefficients(u.T, H_energy)
@@ -364,8 +383,18 @@ def _summary(system, omega, level, records, f_ex, harmonics, change, cycles, res
     work = (T * d_du).reshape(len(u), n_pairs, 3)[:, :, :2].sum(axis=(0, 2))
     du = du.reshape(len(u), n_pairs, 3)
     return SteadyState(
-        omega=omega, level=level, u=u, du=du, f_nl=f.reshape(len(u), n_pairs, 3),
-        u_hat=harmonic_coefficients(u.T, harmonics), du_hat=harmonic_coefficients(np.moveaxis(du, 0, -1), harmonics),
-        state=states.max(axis=0), input=float(cycle_work(harmonic_coefficients(f_ex, H_energy), u_all).sum()),
-        viscous=float(np.pi * omega * np.sum(n ** 2 * squares)), friction=work, change=float(change), cycles=cycles,
-        restart=restart)
+        omega=omega,
+        level=level,
+        u=u,
+        du=du,
+        f_nl=f.reshape(len(u), n_pairs, 3),
+        u_hat=harmonic_coefficients(u.T, harmonics),
+        du_hat=harmonic_coefficients(np.moveaxis(du, 0, -1), harmonics),
+        state=states.max(axis=0),
+        input=float(cycle_work(harmonic_coefficients(f_ex, H_energy), u_all).sum()),
+        viscous=float(np.pi * omega * np.sum(n**2 * squares)),
+        friction=work,
+        change=float(change),
+        cycles=cycles,
+        restart=restart,
+    )

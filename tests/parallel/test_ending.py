@@ -16,10 +16,18 @@ from microslip.parallel.errors import CaseError, ConvergenceError, Interrupted, 
 ENDINGS = Path(__file__).with_name("endings.py")
 
 
-@pytest.mark.parametrize("problem, status", [
-    (CaseError("x"), 2), (ConvergenceError("x"), 3), (ResourceError("x"), 4), (Interrupted("x"), 5),
-    (MemoryError(), 4), (OSError(errno.ENOSPC, "No space left on device", "frf.csv"), 4), (KeyboardInterrupt(), 5),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "problem, status",
+    [
+        (CaseError("x"), 2),
+        (ConvergenceError("x"), 3),
+        (ResourceError("x"), 4),
+        (Interrupted("x"), 5),
+        (MemoryError(), 4),
+        (OSError(errno.ENOSPC, "No space left on device", "frf.csv"), 4),
+        (KeyboardInterrupt(), 5),
+    ],
+)
 def test_each_problem_has_its_status(problem, status, capsys):
     def action():
         raise problem
@@ -46,13 +54,16 @@ def test_what_went_well_says_nothing(capsys):
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize("ending, status, message", [
-    ("agreed", 2, "the first is wrong (rank 1; 1 of 2 ranks affected)"),
-    ("alone_while_others_wait", 3, "one rank did not converge (rank 1 of 2, alone)"),
-    ("alone_after_others_finished", 3, "one rank did not converge"),
-    ("defect_while_others_wait", 70, "a defect of the program on rank 1 of 2"),
-    ("out_of_memory", 4, "not enough memory"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "ending, status, message",
+    [
+        ("agreed", 2, "the first is wrong (rank 1; 1 of 2 ranks affected)"),
+        ("alone_while_others_wait", 3, "one rank did not converge (rank 1 of 2, alone)"),
+        ("alone_after_others_finished", 3, "one rank did not converge"),
+        ("defect_while_others_wait", 70, "a defect of the program on rank 1 of 2"),
+        ("out_of_memory", 4, "not enough memory"),
+    ],
+)
 def test_two_ranks_end_together_and_say_it_once(ending, status, message):
     done = python(ENDINGS, ending, ranks=2)
     assert done.returncode == status

@@ -30,13 +30,19 @@ def test_what_goes_wrong_leaves_the_old_file(tmp_path, problem):
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["x"]
 
 
-@pytest.mark.parametrize("problem, error", [
-    (OSError(errno.ENOSPC, "No space left on device"), ResourceError), (OSError(errno.EIO, "x"), ResourceError),
-    (PermissionError(errno.EACCES, "x"), CaseError), (NotADirectoryError(errno.ENOTDIR, "x"), CaseError),
-    (OSError("Can't write data (file write failed: errno = 28, error message = 'No space left on device')"), ResourceError),
-    (OSError("Unable to create file (unable to open file: errno = 13, error message = 'Permission denied')"), CaseError),
-    (RuntimeError("Can't decrement id ref count (file write failed: errno = 28)"), ResourceError), (CaseError("own"), CaseError),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "problem, error",
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), ResourceError),
+        (OSError(errno.EIO, "x"), ResourceError),
+        (PermissionError(errno.EACCES, "x"), CaseError),
+        (NotADirectoryError(errno.ENOTDIR, "x"), CaseError),
+        (OSError("Can't write data (file write failed: errno = 28, error message = 'No space left on device')"), ResourceError),
+        (OSError("Unable to create file (unable to open file: errno = 13, error message = 'Permission denied')"), CaseError),
+        (RuntimeError("Can't decrement id ref count (file write failed: errno = 28)"), ResourceError),
+        (CaseError("own"), CaseError),
+    ],
+)
 def test_errors_of_the_system_get_their_status(problem, error):
     with pytest.raises(error) as caught:
         with said_of("/some/file"):

@@ -11,19 +11,19 @@ from oracles import scenes
 from petsc4py import PETSc
 
 from microslip.__main__ import main
+from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ResourceError
 from microslip.parallel.groups import Counter, Reports, dealt, refuse_too_many, split
-from microslip.parallel.log import RunLog
+from microslip.receptance.on_group import model_on_group
 from microslip.reduction.methods import reduce_by_method
-from microslip.reduction.on_group import model_on_group
 from microslip.results.read import read_results
 from microslip.results.table import ResponseTable
 from microslip.run import build_structure
 from microslip.scene.read import read_scene
 
-LEVELS = [0.1, 0.4, 0.02, 0.2]          # N, neither rising nor falling
-AT = [1.1, 1.2, 1.3, 1.45]              # rad/s
+LEVELS = [0.1, 0.4, 0.02, 0.2]  # N, neither rising nor falling
+AT = [1.1, 1.2, 1.3, 1.45]  # rad/s
 
 
 # -- the parts ---------------------------------------------------------------------------------------------------------
@@ -66,7 +66,7 @@ def test_rank_0_hears_everything_in_the_order_of_each_group(comm):
     reports = Reports(parts, lambda *news: heard.append(news))
     with reports.shared_failure():
         for k in range(20):
-            on_root(parts.comm, reports.tell, parts.number, k, np.full(5000, float(k)))       # too long to be sent at once
+            on_root(parts.comm, reports.tell, parts.number, k, np.full(5000, float(k)))  # too long to be sent at once
         on_root(parts.comm, reports.finish)
     reports.free()
     for number in range(parts.n) if comm.rank == 0 else ():
@@ -110,7 +110,7 @@ def test_a_group_that_has_finished_still_hears_of_a_failure(comm):
 
 
 def test_each_group_holds_the_whole_model(comm, shared_path, monkeypatch):
-    monkeypatch.setattr("microslip.reduction.on_group._BATCH", 2)
+    monkeypatch.setattr("microslip.receptance.on_group._BATCH", 2)
     path = on_root(comm, lambda: write_matrix_scene(shared_path, scenes.chain(), [0.4], (1.0, 1.6)))
     scene = read_scene(path)
     structure = build_structure(scene, comm, RunLog(comm, screen=False))
@@ -132,7 +132,7 @@ def program(comm, shared_path, capfd, monkeypatch):
     """Return what to call with arguments: status and what was said on all ranks, in the folder of the test.  Collective."""
     handler = signal.getsignal(signal.SIGTERM)
     monkeypatch.chdir(shared_path)
-    monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])       # pictures have tests of their own
+    monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])  # pictures have tests of their own
 
     def run(*arguments):
         status = main(list(arguments))
@@ -171,7 +171,9 @@ def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     assert [level.level for level in side] == [level.level for level in turn] == LEVELS
     for a, b in zip(turn, side):
         assert (b.status, b.failure) == ("complete", "")
-        assert b.frequency[b.asked == 1] == pytest.approx(a.frequency[a.asked == 1], rel=1e-14) and (b.asked == 1).sum() == len(AT)
+        assert b.frequency[b.asked == 1] == pytest.approx(a.frequency[a.asked == 1], rel=1e-14) and (b.asked == 1).sum() == len(
+            AT
+        )
         peak = np.abs(a.response).max()
         assert np.abs(b.response[b.asked == 1] - a.response[a.asked == 1]).max() < 1e-8 * peak
         assert np.abs(b.du[b.asked == 1] - a.du[a.asked == 1]).max() < 1e-8 * np.abs(a.du).max()
@@ -190,7 +192,7 @@ def test_more_groups_than_ranks_are_refused_before_anything_is_done(comm, shared
 
 def test_a_level_that_ends_early_leaves_the_others_whole(comm, shared_path, program):
     scene = write(comm, shared_path, levels=[0.4, 0.02, 0.01])
-    options = PETSc.Options()                       # PETSc has started: it reads no more of a command line
+    options = PETSc.Options()  # PETSc has started: it reads no more of a command line
     options["hb_snes_max_it"] = 1
     status, _, err = program("run", scene, "--out", "out", "--groups", str(min(2, comm.size)))
     del options["hb_snes_max_it"]
@@ -228,7 +230,7 @@ def test_scenes_side_by_side(comm, shared_path, program):
 def test_an_option_counts_as_read_where_any_rank_has_read_it(comm, shared_path, program, monkeypatch):
     """A group may have had no work."""
     scene, options = write(comm, shared_path, levels=[0.02]), ["-hb_a", "-hb_b"]
-    monkeypatch.setattr("microslip.__main__.unused_options", lambda given: options[comm.rank > 0:])
+    monkeypatch.setattr("microslip.__main__.unused_options", lambda given: options[comm.rank > 0 :])
     status, _, err = program("run", scene, "--out", "out")
     assert status == 2 and err.count(f"error: {'-hb_a' if comm.size == 1 else '-hb_b'}: no solver of this run reads") == 1
 

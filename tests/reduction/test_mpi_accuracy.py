@@ -10,11 +10,12 @@ from microslip.fourier.harmonics import Harmonics
 from microslip.linear.joint_springs import linearise
 from microslip.modes.eigen import lowest_modes
 from microslip.modes.limits import most_modes, refuse_too_many
+from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
-from microslip.parallel.log import RunLog
-from microslip.reduction import choose_modes, receptance
-from microslip.reduction.left_out import gains, left_out, residual_norms, slipping_share
+from microslip.receptance import motion as receptance
+from microslip.reduction import choose_modes
+from microslip.reduction.truncation import gains, left_out, residual_norms, slipping_share
 from microslip.run import build_structure, from_matrices
 from microslip.scene.read import read_scene
 
@@ -28,9 +29,17 @@ def chain(n, damping=None):
     dofs[:, 0], dofs[1, 3], dofs[3, 3] = [end, n // 2, 3 * n // 4, n // 4], n // 2 + 1, n // 4 + 1
     load = np.zeros(n)
     load[end] = 1.0
-    system = {"K": K, "M": sp.identity(n, format="csc"), "pair_dofs": dofs, "mu": np.full(4, 0.3), "k_n": np.full(4, 1e6),
-              "N0": np.array([20.0, 400.0, 10.0, 400.0]), "k_t": np.array([2e3, 1e6, 1e3, 1e6]) * 200 / n,
-              "separate": np.zeros(4, dtype=bool), "loads": [{"vector": load, "harmonic": 1}]}  # fmt: skip
+    system = {
+        "K": K,
+        "M": sp.identity(n, format="csc"),
+        "pair_dofs": dofs,
+        "mu": np.full(4, 0.3),
+        "k_n": np.full(4, 1e6),
+        "N0": np.array([20.0, 400.0, 10.0, 400.0]),
+        "k_t": np.array([2e3, 1e6, 1e3, 1e6]) * 200 / n,
+        "separate": np.zeros(4, dtype=bool),
+        "loads": [{"vector": load, "harmonic": 1}],
+    }
     if damping is None:
         return system | {"zeta": 0.01}
     C = (damping * K).tolil()
@@ -69,6 +78,7 @@ def test_gains_cover_every_mode_left_out():
         omega_n = np.array([10.0, 12.0, 30.0, 31.0, 80.0])
         zeta = np.array([0.01, 0.2, 0.01, 0.3, 0.05])
         C, harmonics = 2.0 * zeta * omega_n, Harmonics.up_to(1)
+
     for omega in np.linspace(0.1, 60.0, 400):
         c = np.abs(receptance.dynamic_part(Model, omega)[0][:, 1]) * Model.omega_n**2
         exact = np.array([c[m:].max() for m in range(1, 5)])
@@ -87,14 +97,16 @@ def test_residual_norms_are_sums_over_the_modes_left_out(shared_path):
     linearised.destroy()
 
 
-@pytest.mark.parametrize("n, damping, asked_for", [(60, None, (1e-1, 1e-3, 1e-4)), (40, 1e-4, (1e-1, 1e-2))], ids=["modal", "full"])
+@pytest.mark.parametrize(
+    "n, damping, asked_for", [(60, None, (1e-1, 1e-3, 1e-4)), (40, 1e-4, (1e-1, 1e-2))], ids=["modal", "full"]
+)
 def test_the_true_error_stays_within_what_was_asked(shared_path, n, damping, asked_for):
     def curves(**solver):
         path = written(shared_path, chain(n, damping), points=15, **solver)
         return comm.bcast(np.array([[point.response for point in asked(branch)] for branch in branches_of(path, comm)]))
 
     reference = curves(modes=n)
-    peak = np.abs(reference).max(axis=(1, 3))[:, None, :, None]         # below the linear peak
+    peak = np.abs(reference).max(axis=(1, 3))[:, None, :, None]  # below the linear peak
     found = []
     for accuracy in asked_for:
         structure, line = structure_of(written(shared_path, chain(n, damping), accuracy=accuracy))
@@ -113,7 +125,7 @@ def test_batches_grow_until_the_bound_is_met_and_nothing_is_missing(shared_path)
     structure.linearised.destroy()
     scene, pairs, linearised, modes = all_modes(written(shared_path, chain(450)))
     bound = left_out(linearised, modes, pairs, scene).total
-    assert int(np.argmax(bound <= 1e-5)) + 1 == n_modes                 # the same from all modes
+    assert int(np.argmax(bound <= 1e-5)) + 1 == n_modes  # the same from all modes
     linearised.destroy()
     stated, line = structure_of(written(shared_path, chain(450), accuracy=1e-5, modes=7))
     assert len(stated.modes.omega_n) == 7 and line == "modes: 7, as [solver] modes says"
@@ -139,8 +151,9 @@ def test_a_small_structure_keeps_all_of_its_modes(shared_path):
 def test_share_of_the_force_that_slip_can_take_away():
     class Pairs:
         k_t, k_n, mu, N0 = np.full(5, 2.0), np.full(5, 4.0), np.full(5, 0.5), np.array([10.0, 10.0, 10.0, -1.0, 0.0])
+
     U = np.zeros((5, 3))
-    U[:, 0] = [1.0, 5.0, 5.0, 5.0, 0.0]     # half a limit of 2.5 N: below it, four times it, with less normal force, open, at rest
+    U[:, 0] = [1.0, 5.0, 5.0, 5.0, 0.0]  # half a limit of 2.5 N: below it, four times it, with less normal force, open, at rest
     U[2, 2], U[3, 2] = 2.0, 1.0
     expected = [[0, 0, 0], [0.75, 0.75, 0], [0.95, 0.95, 0.375], [1, 1, 1], [0, 0, 0]]
     np.testing.assert_allclose(slipping_share(Pairs, U.ravel()).reshape(5, 3), expected)

@@ -14,12 +14,18 @@ from microslip.linear.dense import gram, multiply
 from microslip.modes.dense import gathered
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
-from microslip.reduction import receptance
+from microslip.receptance import motion as receptance
 from microslip.reduction.expand import displacement
 from microslip.reduction.free_interface import free_bodies, residual_attachment_modes
 from microslip.reduction.methods import METHODS, full, reduce_by_method
 
-BASES = {"rubin": {}, "rubin, condensed": {"condensed": True}, "craig-bampton": {}, "joint-interface-modes": {}, "trial-vectors": {}}
+BASES = {
+    "rubin": {},
+    "rubin, condensed": {"condensed": True},
+    "craig-bampton": {},
+    "joint-interface-modes": {},
+    "trial-vectors": {},
+}
 
 
 def reduced(scene, structure, method, **solver):
@@ -80,8 +86,15 @@ def oracle():
 @pytest.mark.parametrize("method", METHODS)
 def test_on_the_chain_as_dense_harmonic_balance_in_all_coordinates(comm, shared_path, oracle, method):
     system, (level, omega) = scenes.chain(), (10.0, 560.0)
-    scene, structure = stuck(comm, on_root(comm, lambda: write_matrix_scene(
-        shared_path, system, [level], (540.0, 580.0), harmonics=3, method=method, in_point_check=True)))
+    scene, structure = stuck(
+        comm,
+        on_root(
+            comm,
+            lambda: write_matrix_scene(
+                shared_path, system, [level], (540.0, 580.0), harmonics=3, method=method, in_point_check=True
+            ),
+        ),
+    )
     _, point = curve(scene, structure, reduced(scene, structure, method), [555.0, omega], level)
     structure.linearised.destroy()
     assert point.response == pytest.approx(oracle, abs=1e-8 * np.abs(oracle).max())
@@ -159,7 +172,9 @@ def test_full_expands_to_the_same_field_as_receptance(whole, reference):
     model = reduced(scene, structure, "receptance").model
     p = model.comm.bcast(points[4].p).reshape(-1, model.N_H)
     u = of_full.displacement(30.0, omegas[4], p)
-    assert u == pytest.approx(displacement(structure.linearised, structure.modes, model, 30.0, omegas[4], p), abs=1e-9 * np.abs(u).max(initial=1e-9))
+    assert u == pytest.approx(
+        displacement(structure.linearised, structure.modes, model, 30.0, omegas[4], p), abs=1e-9 * np.abs(u).max(initial=1e-9)
+    )
 
 
 def test_full_beyond_the_memory_is_refused_with_the_estimate(comm, shared_path, monkeypatch):
@@ -201,8 +216,10 @@ def test_a_floating_body_has_six_rigid_body_modes_and_attachment_modes_orthogona
     M_Z = multiply(system.M, Z)
     sizes = np.sqrt(np.diag(gram(comm, Z, M_Z)))
     assert np.abs(gram(comm, free.phi_owned, M_Z)).max() < 1e-10 * sizes.max()
-    first, last = system.K.getOwnershipRange()                          # K Z is the load less what the modes take of it
-    balanced = system.R.T.toarray()[first:last] - multiply(system.M, free.phi_owned) @ gram(comm, free.phi_owned, system.R.T.toarray()[first:last])
+    first, last = system.K.getOwnershipRange()  # K Z is the load less what the modes take of it
+    balanced = system.R.T.toarray()[first:last] - multiply(system.M, free.phi_owned) @ gram(
+        comm, free.phi_owned, system.R.T.toarray()[first:last]
+    )
     assert multiply(system.K, Z) == pytest.approx(balanced, abs=1e-7)
     free.destroy()
     structure.linearised.destroy()
@@ -211,7 +228,9 @@ def test_a_floating_body_has_six_rigid_body_modes_and_attachment_modes_orthogona
 def test_fewer_modes_than_rigid_body_modes_are_refused(comm, shared_path):
     scene, structure = bar(comm, shared_path, method="rubin", modes=4)
     for method in ("rubin", "rubin, condensed"):
-        with pytest.raises(CaseError, match=r"bar\.toml: \[solver\] modes = 4: .* 6 rigid-body modes, .* ask for 6 modes at least"):
+        with pytest.raises(
+            CaseError, match=r"bar\.toml: \[solver\] modes = 4: .* 6 rigid-body modes, .* ask for 6 modes at least"
+        ):
             reduced(scene, structure, method, **BASES[method])
     structure.linearised.destroy()
 
@@ -226,9 +245,9 @@ def test_few_shapes_of_the_joint_make_a_small_model_that_more_shapes_improve(who
         for n in (5, 20, 45):
             model = reduce_by_method(structure.linearised, few, structure.pairs, by(scene, method, interface_modes=n)).model
             assert model.n_modes == 8 + 1 + n
-            flexibility = np.sum(model.r**2 / model.omega_n**2)             # trace of G_static
+            flexibility = np.sum(model.r**2 / model.omega_n**2)  # trace of G_static
             errors.append(1.0 - flexibility / np.sum(of_full.model.r**2 / of_full.model.omega_n**2))
             motion = receptance.linear_motion_of_all(model, 1.0, omegas[0])
             assert np.abs(motion - exact).max() < 1e-3 * np.abs(exact).max()
         assert 1.0 > errors[0] > errors[1] > errors[2] > -1e-10
-        assert errors[2] < 1e-10                                            # with all shapes the static columns are exact
+        assert errors[2] < 1e-10  # with all shapes the static columns are exact

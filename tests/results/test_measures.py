@@ -18,7 +18,7 @@ def test_amplitude_and_phase_give_back_the_motion():
 
 
 def test_a_motion_that_lags_has_a_negative_phase():
-    lag = 0.3       # cos(tau - lag) = cos(lag) cos(tau) + sin(lag) sin(tau)
+    lag = 0.3  # cos(tau - lag) = cos(lag) cos(tau) + sin(lag) sin(tau)
     assert phase(np.array([0.0, np.cos(lag), np.sin(lag)])) == pytest.approx(-lag)
 
 

@@ -163,7 +163,11 @@ def at_rest(level, pairs, displacement):
 def test_statics_are_drawn_over_the_load(tmp_path, pairs, pages):
     loads, displacements = [4.0, 1.0, 2.0], [-9e-3, -1e-3, -3e-3]
     path = write(tmp_path, [at_rest(*entry) for entry in zip(loads, [pairs] * 3, displacements)], pairs, linear=False)
-    assert {os.path.basename(file) for file in draw_all(path, str(tmp_path / "out"))} == {"response.png", "states.png", "slip_map.png"}
+    assert {os.path.basename(file) for file in draw_all(path, str(tmp_path / "out"))} == {
+        "response.png",
+        "states.png",
+        "slip_map.png",
+    }
     (line,) = pages["response.png"].figure.axes[0].lines
     assert list(line.get_xdata()) == [1.0, 2.0, 4.0] and list(line.get_ydata()) == pytest.approx([-1.0, -3.0, -9.0])
     assert any("[mm]" in text for text in texts(pages["response.png"]))
@@ -173,7 +177,10 @@ def test_statics_are_drawn_over_the_load(tmp_path, pairs, pages):
 
 @pytest.mark.filterwarnings("error")
 def test_error_names_the_parts_that_are_seen_and_draws_no_floor(tmp_path, pairs, pages):
-    some, none = with_errors(branch(3.0, pairs), (1e-3, 1e-2, 0.0, 0.0, 1e-11)), with_errors(branch(1.0, pairs), (0.0, 0, 0, 0, 1e-14))
+    some, none = (
+        with_errors(branch(3.0, pairs), (1e-3, 1e-2, 0.0, 0.0, 1e-11)),
+        with_errors(branch(1.0, pairs), (0.0, 0, 0, 0, 1e-14)),
+    )
     assert "error.png" in drawn_files(draw_only(curve_plots.draw_error, write(tmp_path, [none, some], pairs)))
     page = pages["error.png"]
     legend = [text.get_text() for text in page.figure.legends[0].get_texts()]
@@ -248,10 +255,17 @@ def test_energy_map_has_one_scale_and_none_when_all_stick(tmp_path, pairs, pages
     assert any("none" in text for text in texts(pages["energy_map.png"]))
 
 
-@pytest.mark.parametrize("sizes, n_levels", [
-    ([(0.066, 0.012)] * 2, 4), ([(0.05, 0.05)], 8), ([(1.0, 1e-4)], 4), ([(0.01, 0.01)] * 12, 12), ([(1e-3, 1e-3)], 1),
-    ([(0.3, 0.02), (0.01, 0.01)], 5),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "sizes, n_levels",
+    [
+        ([(0.066, 0.012)] * 2, 4),
+        ([(0.05, 0.05)], 8),
+        ([(1.0, 1e-4)], 4),
+        ([(0.01, 0.01)] * 12, 12),
+        ([(1e-3, 1e-3)], 1),
+        ([(0.3, 0.02), (0.01, 0.01)], 5),
+    ],
+)
 def test_layouts_fit_the_page(sizes, n_levels):
     layout = joint_plots.choose_layout(np.array(sizes), n_levels, len(sizes) > 1)
     assert layout.level_columns * layout.block[0] + layout.LEFT <= style.WIDTH

@@ -90,8 +90,11 @@ def test_soft_links_are_refused(path):
 
 def test_external_storage_is_refused(path, tmp_path):
     np.ones(5).tofile(tmp_path / "raw")
-    replace(path, "levels/0000/seconds", lambda group, name: group.create_dataset(
-        name, (5,), "f8", external=[(str(tmp_path / "raw"), 0, 40)]))  # fmt: skip
+    replace(
+        path,
+        "levels/0000/seconds",
+        lambda group, name: group.create_dataset(name, (5,), "f8", external=[(str(tmp_path / "raw"), 0, 40)]),
+    )
     refused(path, "seconds", "another file")
 
 
@@ -103,16 +106,26 @@ def test_virtual_datasets_are_refused(path, tmp_path):
 
 
 def test_a_dataset_that_claims_more_than_it_holds_is_refused(path):
-    replace(path, "levels/0000/response", lambda group, name: group.create_dataset(
-        name, (5_000_000_000, 1, 7), "f8", chunks=(1000, 1, 7)))  # fmt: skip
+    replace(
+        path,
+        "levels/0000/response",
+        lambda group, name: group.create_dataset(name, (5_000_000_000, 1, 7), "f8", chunks=(1000, 1, 7)),
+    )
     refused(path, "response", "claims")
 
 
-@pytest.mark.parametrize("name, values", [
-    ("levels/0000/seconds", np.ones(4)), ("levels/0000/response", np.ones((5, 1, 6))), ("joint/frame", np.ones((3, 3))),
-    ("levels/0000/newton", np.array([b"x"] * 5)), ("joint/faces/0000", np.full((1, 8), 10**6)), ("scene/title", 3.0),
-    ("levels/0000/energy_J", None),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, values",
+    [
+        ("levels/0000/seconds", np.ones(4)),
+        ("levels/0000/response", np.ones((5, 1, 6))),
+        ("joint/frame", np.ones((3, 3))),
+        ("levels/0000/newton", np.array([b"x"] * 5)),
+        ("joint/faces/0000", np.full((1, 8), 10**6)),
+        ("scene/title", 3.0),
+        ("levels/0000/energy_J", None),
+    ],
+)
 def test_wrong_shapes_and_types(path, name, values):
     replace(path, name, lambda group, last: values is None or group.create_dataset(last, data=values))
     refused(path)

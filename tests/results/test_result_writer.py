@@ -13,8 +13,10 @@ from microslip.parallel.errors import CaseError, ResourceError
 from microslip.results import writer as writer_module
 from microslip.results.read import read_results
 
-HEADER = ("level_N,point,frequency_Hz,output,amplitude_m,phase_rad,mean_m,sticking,slipping,open,unknowns,newton,"
-          "friction_J,damping_J,input_J,seconds,error_m,error_modes_m,error_harmonics_m,error_samples_m,error_pairs_m,error_solver_m,segment")
+HEADER = (
+    "level_N,point,frequency_Hz,output,amplitude_m,phase_rad,mean_m,sticking,slipping,open,unknowns,newton,"
+    "friction_J,damping_J,input_J,seconds,error_m,error_modes_m,error_harmonics_m,error_samples_m,error_pairs_m,error_solver_m,segment"
+)
 
 
 @pytest.fixture(scope="module")
@@ -64,8 +66,16 @@ def test_result_file_gives_back_everything(tmp_path, pairs):
     for level, expected in zip(results.levels, found):
         assert level.status == "complete" and level.failure == ""
         assert level.frequency == pytest.approx([point.omega / 2 / np.pi for point in expected.points], rel=1e-15)
-        for name, of_point in (("response", "response"), ("du", "U"), ("p", "p"), ("energy", "energy"), ("state", "state"),
-                               ("unknowns", "unknowns"), ("seconds", "seconds"), ("input", "input")):  # fmt: skip
+        for name, of_point in (
+            ("response", "response"),
+            ("du", "U"),
+            ("p", "p"),
+            ("energy", "energy"),
+            ("state", "state"),
+            ("unknowns", "unknowns"),
+            ("seconds", "seconds"),
+            ("input", "input"),
+        ):
             assert np.array_equal(getattr(level, name), [getattr(point, of_point) for point in expected.points]), name
     joint = results.joint
     assert joint.names == ("dovetail",) and np.array_equal(joint.frame, pairs.frame) and np.array_equal(joint.area, pairs.area)
@@ -77,8 +87,15 @@ def test_layout_is_the_one_that_scripts_know(tmp_path, pairs):
     with h5py.File(tmp_path / "results.h5") as file:
         level = file["levels/0000"]
         n_pairs = pairs.n_pairs
-        shapes = {"frequency_Hz": (4,), "response": (4, 1, 7), "du": (4, n_pairs, 3, 7), "p": (4, n_pairs, 3, 7),
-                  "energy_J": (4, n_pairs), "state": (4, n_pairs), "seconds": (4,)}  # fmt: skip
+        shapes = {
+            "frequency_Hz": (4,),
+            "response": (4, 1, 7),
+            "du": (4, n_pairs, 3, 7),
+            "p": (4, n_pairs, 3, 7),
+            "energy_J": (4, n_pairs),
+            "state": (4, n_pairs),
+            "seconds": (4,),
+        }
         assert {name: level[name].shape for name in shapes} == shapes
         assert level.attrs["level_N"] == 5.0 and level.attrs["status"] == "complete"
         assert file["modes/frequency_Hz"].shape == (2,) and file["joint/position"].shape == (n_pairs, 3)

@@ -7,7 +7,7 @@ from synthetic_results import pairs_of, two_flanks
 from microslip.results.record import joint_of
 from microslip.results.unroll import patches
 
-FACES = {    # nodes of one face of unit side, VTK order
+FACES = {  # nodes of one face of unit side, VTK order
     "quad4": [(0, 0), (1, 0), (1, 1), (0, 1)],
     "quad8": [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5)],
     "tri3": [(0, 0), (1, 0), (0, 1)],
@@ -58,7 +58,7 @@ def test_a_plane_keeps_its_distances_and_is_seen_from_body_1():
     (patch,) = patches(joint(points, np.tile(turn[:, 2], (len(grid), 1)), ()))
     for i in (0, 5, 11):
         assert np.linalg.norm(patch.points - patch.points[i], axis=1) == pytest.approx(np.linalg.norm(grid - grid[i], axis=1))
-    assert np.ptp(patch.points, axis=0) == pytest.approx([3.0, 1.0])        # the longer side along x
+    assert np.ptp(patch.points, axis=0) == pytest.approx([3.0, 1.0])  # the longer side along x
     # x cross y points along the normal, towards the viewer
     a, b = patch.points[20] - patch.points[0], patch.points[2] - patch.points[0]
     side = np.cross(points[20] - points[0], points[2] - points[0]) @ turn[:, 2]
@@ -73,8 +73,13 @@ def test_a_cylinder_is_rolled_off(n_around, reach):
     normal = np.column_stack([np.cos(T), np.sin(T), 0 * T])
     points = radius * normal + np.column_stack([0 * T, 0 * T, Z]) + [0.3, -0.2, 0.1]
     n_strips = n_around if is_closed else n_around - 1
-    faces = np.array([[i * 5 + j, (i + 1) % n_around * 5 + j, (i + 1) % n_around * 5 + j + 1, i * 5 + j + 1]
-                      for i in range(n_strips) for j in range(4)])  # fmt: skip
+    faces = np.array(
+        [
+            [i * 5 + j, (i + 1) % n_around * 5 + j, (i + 1) % n_around * 5 + j + 1, i * 5 + j + 1]
+            for i in range(n_strips)
+            for j in range(4)
+        ]
+    )
     turn = rotation()
     (patch,) = patches(joint(points @ turn.T, normal @ turn.T, (faces,)))
     assert patch.size == pytest.approx([reach * radius, length])

@@ -9,7 +9,7 @@ from microslip.transient.scheme import GeneralisedAlpha, Motion, fitted_angle, s
 def oscillator(n_steps, rho, t_end=7.0, zeta=0.05):
     """Return the largest error of u'' + 2 zeta u' + u = cos(2 t), u(0) = 1, u'(0) = 0.5, against its exact solution."""
     n, w, e = 1.0 - 4.0, np.sqrt(1.0 - zeta**2), 4.0 * zeta
-    a, b = n / (n**2 + e**2), e / (n**2 + e**2)                 # the forced part a cos 2t + b sin 2t
+    a, b = n / (n**2 + e**2), e / (n**2 + e**2)  # the forced part a cos 2t + b sin 2t
 
     def exact(t):
         c, s = 1.0 - a, (0.5 - 2.0 * b + zeta * (1.0 - a)) / w
@@ -38,15 +38,15 @@ def test_the_spectral_radius_falls_from_one_to_rho(rho):
     assert max(radii) <= 1.0 + 1e-12
     assert np.abs(step_factors(1e9, rho)) == pytest.approx(rho, abs=1e-4)
     assert np.all(np.diff(radii) < 1e-12)
-    assert 1.0 - radii[0] < 0.1 * 0.01**3 * 4.0         # what is resolved loses of the order of the angle's cube
+    assert 1.0 - radii[0] < 0.1 * 0.01**3 * 4.0  # what is resolved loses of the order of the angle's cube
 
 
 def test_a_fitted_step_has_exactly_its_number_of_steps_a_period():
     for n_steps, rho in ((16, 0.5), (128, 0.9), (512, 0.9)):
         angle = fitted_angle(n_steps, rho)
         assert n_steps * step_angle(angle, rho) == pytest.approx(2.0 * np.pi, rel=1e-12)
-        assert angle * n_steps / 2.0 / np.pi > 1.0                             # the plain step would be too short
-    assert fitted_angle(64, 1.0) == pytest.approx(2.0 * np.tan(np.pi / 64), rel=1e-12)    # the trapezoidal rule, prewarped
+        assert angle * n_steps / 2.0 / np.pi > 1.0  # the plain step would be too short
+    assert fitted_angle(64, 1.0) == pytest.approx(2.0 * np.tan(np.pi / 64), rel=1e-12)  # the trapezoidal rule, prewarped
 
 
 @pytest.mark.parametrize("full", [False, True])

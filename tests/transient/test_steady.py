@@ -6,7 +6,7 @@ from dense_model import branch, reduced
 from mpi4py import MPI
 from oracles import exact, scenes, time_integration
 
-from microslip.reduction.receptance import modal_motion, output_motion, to_real
+from microslip.receptance.motion import modal_motion, output_motion, to_real
 from microslip.transient.march import March
 from microslip.transient.model import transient_model
 from microslip.transient.steady import coefficients, energies, from_harmonics, from_rest, samples, steady_state
@@ -50,7 +50,9 @@ def test_it_meets_the_march_of_the_unreduced_system(name, level, omega):
     """Another scheme, all coordinates, contact condensed another way; the same steps, so that the law is sampled alike."""
     system = system_of(name)
     transient, _, levels, found = marched(system, omega, level, 128, tolerance=1e-6)
-    other = time_integration.steady_state(system, omega, level, n_steps=128, scheme="exponential", tolerance=1e-5, coarse=1, law="return")
+    other = time_integration.steady_state(
+        system, omega, level, n_steps=128, scheme="exponential", tolerance=1e-5, coarse=1, law="return"
+    )
     theirs = system["output"] @ other.u_hat
     assert np.abs(output(transient, levels, found)[0] - theirs).max() < 2e-3 * np.abs(theirs[1:]).max()
     assert np.array_equal(found.cycle.state[0], other.state)
@@ -91,8 +93,10 @@ def test_harmonic_balance_comes_to_it_with_more_harmonics(n_modes):
     """The same reduced model, with modes left out or not, and the law at as many instants: the harmonics left out are what differs."""
     system, omega, level, differences = system_of("chain"), 560.0, 20.0, []
     for H in (1, 3, 9):
-        points = branch(system, COMM, level, low=550.0, high=570.0, H=H, n_samples=128, at=(omega,), points=4, n_modes=n_modes).points
-        point, = (one for one in points if one.asked)
+        points = branch(
+            system, COMM, level, low=550.0, high=570.0, H=H, n_samples=128, at=(omega,), points=4, n_modes=n_modes
+        ).points
+        (point,) = (one for one in points if one.asked)
         model, parameters = reduced(system, COMM, H, n_modes)
         transient = transient_model(model, parameters)
         omegas, levels = np.array([omega]), np.array([level])

@@ -24,8 +24,8 @@ import scipy.sparse.linalg as sla
 from box_meshes import box
 from small_fe import assemble, bent, dofs, frequencies
 
-STEEL = (2.1e11, 0.3, 7800.0)       # Pa, -, kg/m3
-FORCE = np.array([1e6, 2e6, 3e6])   # N, at the corner node (1, 1.5, 4) of the straight bar
+STEEL = (2.1e11, 0.3, 7800.0)  # Pa, -, kg/m3
+FORCE = np.array([1e6, 2e6, 3e6])  # N, at the corner node (1, 1.5, 4) of the straight bar
 
 # CalculiX element type: kind, integration, incompatible modes
 TYPES = {
@@ -71,21 +71,43 @@ def deck(name, static):
     rows = [f"{i}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(points, 1)]
     elements = []
     for i, element in enumerate(nodes + 1, 1):
-        first, rest = [i, *element[:14]], element[14:]      # at most 16 numbers a line
+        first, rest = [i, *element[:14]], element[14:]  # at most 16 numbers a line
         elements += [", ".join(map(str, first)) + ("," if len(rest) else "")]
         elements += [", ".join(map(str, rest))] if len(rest) else []
     young, poisson, density = STEEL
     clamped = [f"{i}, 1, 3" for i in np.flatnonzero(points[:, 2] == 0.0) + 1]
     if static:
-        step = ["*STATIC", "*CLOAD", *(f"{tip + 1}, {axis}, {value}" for axis, value in enumerate(FORCE, 1)),
-                "*NODE PRINT, NSET=TIP", "U"]  # fmt: skip
+        step = [
+            "*STATIC",
+            "*CLOAD",
+            *(f"{tip + 1}, {axis}, {value}" for axis, value in enumerate(FORCE, 1)),
+            "*NODE PRINT, NSET=TIP",
+            "U",
+        ]
     else:
         step = ["*FREQUENCY", "6"]
     return "\n".join(
-        ["*NODE", *rows, f"*ELEMENT, TYPE={name}, ELSET=ALL", *elements, "*NSET, NSET=TIP", str(tip + 1),
-         "*MATERIAL, NAME=STEEL", "*ELASTIC", f"{young}, {poisson}", "*DENSITY", str(density),
-         "*SOLID SECTION, ELSET=ALL, MATERIAL=STEEL", "*BOUNDARY", *clamped, "*STEP", *step, "*END STEP", ""]
-    )  # fmt: skip
+        [
+            "*NODE",
+            *rows,
+            f"*ELEMENT, TYPE={name}, ELSET=ALL",
+            *elements,
+            "*NSET, NSET=TIP",
+            str(tip + 1),
+            "*MATERIAL, NAME=STEEL",
+            "*ELASTIC",
+            f"{young}, {poisson}",
+            "*DENSITY",
+            str(density),
+            "*SOLID SECTION, ELSET=ALL, MATERIAL=STEEL",
+            "*BOUNDARY",
+            *clamped,
+            "*STEP",
+            *step,
+            "*END STEP",
+            "",
+        ]
+    )
 
 
 def calculix(ccx, name, static=False):

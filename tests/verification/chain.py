@@ -9,13 +9,13 @@ import numpy as np
 
 from microslip.parallel.petsc import initialise
 
-initialise()            # before anything imports PETSc; does nothing where it has been done
+initialise()  # before anything imports PETSc; does nothing where it has been done
 
 from microslip.contact.law import ContactParameters
 from microslip.continuation.levels import follow_levels, frequency_sweep, linear_curve
-from microslip.parallel.log import RunLog
+from microslip.observe.log import RunLog
+from microslip.receptance.model import ReducedModel
 from microslip.reduction.methods import reduce_by_method
-from microslip.reduction.model import ReducedModel
 from microslip.results.audit import energy_closure
 from microslip.run import Structure, build_structure
 from microslip.scene.read import read_scene
@@ -28,7 +28,7 @@ class Chain:
     structure: Structure
     model: ReducedModel
     branches: list
-    n_rows: int                 # matrix rows of this rank
+    n_rows: int  # matrix rows of this rank
 
     @property
     def worst_closure(self) -> float:

@@ -23,7 +23,7 @@ from scipy.optimize import brentq
 from small_fe import assemble, dofs, frequencies
 
 YOUNG, POISSON, DENSITY = 2.1e11, 0.3, 7800.0
-SERIES = {      # name: kind, integration, incompatible modes, degree
+SERIES = {  # name: kind, integration, incompatible modes, degree
     "tet4": ("tet4", "full", True, 1),
     "wedge6": ("wedge6", "full", True, 1),
     "hex8": ("hex8", "full", True, 1),
@@ -44,7 +44,7 @@ def frequency(series, points, nodes, fixed, n_rigid=0, poisson=POISSON):
 
 # ---- box on rollers
 
-ROLLER_BOX = np.array([1.0, 0.8, 0.7])      # m
+ROLLER_BOX = np.array([1.0, 0.8, 0.7])  # m
 
 
 def roller_box_exact():
@@ -66,7 +66,7 @@ def roller_box(series, n):
 
 # ---- free plate
 
-PLATE = (1.0, 1.0, 0.2)     # m
+PLATE = (1.0, 1.0, 0.2)  # m
 
 
 def ritz_frequencies(size, degrees, n):
@@ -114,7 +114,7 @@ def plate(series, n):
 
 # ---- cantilever
 
-LENGTH, SIDE = 10.0, 1.0    # m
+LENGTH, SIDE = 10.0, 1.0  # m
 
 
 def timoshenko_frequency():
@@ -134,12 +134,14 @@ def timoshenko_frequency():
         # theta' = -(w'' + rho_A omega^2 w / shear) gives theta = g sinh, g cosh, -k sin, k cos
         g, k = p + rho_A * omega**2 / shear / p, q - rho_A * omega**2 / shear / q
         ch, sh, cs, sn = np.cosh(p * LENGTH), np.sinh(p * LENGTH), np.cos(q * LENGTH), np.sin(q * LENGTH)
-        return np.linalg.det([
-            [1.0, 0.0, 1.0, 0.0],                                               # w(0)
-            [0.0, g, 0.0, k],                                                   # theta(0)
-            [g * p * ch, g * p * sh, -k * q * cs, -k * q * sn],                 # theta'(L)
-            [(p - g) * sh, (p - g) * ch, (k - q) * sn, (q - k) * cs],           # w'(L) - theta(L)
-        ])  # fmt: skip
+        return np.linalg.det(
+            [
+                [1.0, 0.0, 1.0, 0.0],  # w(0)
+                [0.0, g, 0.0, k],  # theta(0)
+                [g * p * ch, g * p * sh, -k * q * cs, -k * q * sn],  # theta'(L)
+                [(p - g) * sh, (p - g) * ch, (k - q) * sn, (q - k) * cs],  # w'(L) - theta(L)
+            ]
+        )
 
     slender = (1.8751 / LENGTH) ** 2 * np.sqrt(EI / rho_A)
     return brentq(determinant, 0.8 * slender, 1.05 * slender, xtol=1e-10 * slender) / (2.0 * np.pi)

@@ -57,42 +57,84 @@ def write_page(docs: str, outcomes: list, seconds: float, processes: int) -> Non
     counts = Counter(outcome.status for outcome in outcomes)
     expected = sum(outcome.expected for outcome in outcomes)
     points, held = (sum(getattr(outcome, name) for outcome in outcomes) for name in ("n_points", "held"))
-    first = (f"**{len(outcomes)} cases, {points} returned points, in {seconds / 60:.1f} minutes on {processes} processes: {counts[SOLVED]} solved "
-             f"({100 * counts[SOLVED] / len(outcomes):.1f} %; {100 * (counts[SOLVED] + expected) / len(outcomes):.1f} % with those refused as they should be), "
-             f"{counts[REFUSED]} refused ({expected} as expected), {counts[FAILED]} failed with a "
-             f"reason, {counts[WRONG]} wrong without a word, {counts[DEFECT]} defects.**")
-    lines = ["# Extremes", "", f"    {COMMAND}", "", first, *ABOUT.splitlines(), *table(outcomes), "", "![](img/extremes.png)",
-             *ERRORS.format(bounds=", ".join(f"{name} {bound:g}" for name, bound in BOUNDS.items())).splitlines(), *not_solved(outcomes),
-             "", "## Folds, forward and backward", "",
-             "One mass on a spring with a contact in its way, 7 harmonics and 512 samples, swept over the same range both ways (`fold.py`, test_mpi_fold.py on one and two ranks).", "",
-             "![](img/fold.png)", "", *[f"- {line}" for line in folds], *LIMITS.format(held=held, segments=sum(outcome.in_segments for outcome in outcomes), points=points).splitlines(), "## The run", "",
-             *[f"- {line}" for line in machine.lines({**machine.facts(), "date": f"{datetime.date.today():%Y-%m-%d}", **load(outcomes, seconds, processes)})], ""]
+    first = (
+        f"**{len(outcomes)} cases, {points} returned points, in {seconds / 60:.1f} minutes on {processes} processes: {counts[SOLVED]} solved "
+        f"({100 * counts[SOLVED] / len(outcomes):.1f} %; {100 * (counts[SOLVED] + expected) / len(outcomes):.1f} % with those refused as they should be), "
+        f"{counts[REFUSED]} refused ({expected} as expected), {counts[FAILED]} failed with a "
+        f"reason, {counts[WRONG]} wrong without a word, {counts[DEFECT]} defects.**"
+    )
+    lines = [
+        "# Extremes",
+        "",
+        f"    {COMMAND}",
+        "",
+        first,
+        *ABOUT.splitlines(),
+        *table(outcomes),
+        "",
+        "![](img/extremes.png)",
+        *ERRORS.format(bounds=", ".join(f"{name} {bound:g}" for name, bound in BOUNDS.items())).splitlines(),
+        *not_solved(outcomes),
+        "",
+        "## Folds, forward and backward",
+        "",
+        "One mass on a spring with a contact in its way, 7 harmonics and 512 samples, swept over the same range both ways (`fold.py`, test_mpi_fold.py on one and two ranks).",
+        "",
+        "![](img/fold.png)",
+        "",
+        *[f"- {line}" for line in folds],
+        *LIMITS.format(held=held, segments=sum(outcome.in_segments for outcome in outcomes), points=points).splitlines(),
+        "## The run",
+        "",
+        *[
+            f"- {line}"
+            for line in machine.lines(
+                {**machine.facts(), "date": f"{datetime.date.today():%Y-%m-%d}", **load(outcomes, seconds, processes)}
+            )
+        ],
+        "",
+    ]
     (folder / "extremes.md").write_text("\n".join(lines))
 
 
 def load(outcomes: list, seconds: float, processes: int) -> dict[str, str]:
     """Return how busy the machine was, so that a time means something."""
-    return {"time": f"{seconds:.0f} s of wall clock for {sum(outcome.cpu for outcome in outcomes):.0f} s of processor on {processes} processes "
-                    f"(load average of the last quarter of an hour {os.getloadavg()[2]:.1f})"}
+    return {
+        "time": f"{seconds:.0f} s of wall clock for {sum(outcome.cpu for outcome in outcomes):.0f} s of processor on {processes} processes "
+        f"(load average of the last quarter of an hour {os.getloadavg()[2]:.1f})"
+    }
 
 
 def table(outcomes: list) -> list[str]:
     """Return the families, a row each."""
-    rows = ["| family | cases | solved | refused | failed | wrong | points | largest motion | force | law | energy | processor s |",
-            "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |"]
+    rows = [
+        "| family | cases | solved | refused | failed | wrong | points | largest motion | force | law | energy | processor s |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
     for family in dict.fromkeys(outcome.family for outcome in outcomes):
         mine = [outcome for outcome in outcomes if outcome.family == family]
         counts = Counter(outcome.status for outcome in mine)
-        worst = [max((outcome.errors.get(name, 0.0) for outcome in mine), default=0.0) for name in ("motion", "force", "law", "energy")]
-        rows.append(f"| {family} | {len(mine)} | {counts[SOLVED]} | {counts[REFUSED]} | {counts[FAILED]} | {counts[WRONG] + counts[DEFECT]} | "
-                    f"{sum(outcome.n_points for outcome in mine)} | " + " | ".join(f"{error:.0e}" for error in worst)
-                    + f" | {sum(outcome.cpu for outcome in mine):.0f} |")
+        worst = [
+            max((outcome.errors.get(name, 0.0) for outcome in mine), default=0.0) for name in ("motion", "force", "law", "energy")
+        ]
+        rows.append(
+            f"| {family} | {len(mine)} | {counts[SOLVED]} | {counts[REFUSED]} | {counts[FAILED]} | {counts[WRONG] + counts[DEFECT]} | "
+            f"{sum(outcome.n_points for outcome in mine)} | "
+            + " | ".join(f"{error:.0e}" for error in worst)
+            + f" | {sum(outcome.cpu for outcome in mine):.0f} |"
+        )
     return ["", *rows]
 
 
 def not_solved(outcomes: list) -> list[str]:
     """Return the list of every case that was not solved, with the program's own words."""
-    lines = ["", "## Every case that was not solved", "", "| case | outcome | points kept | in the program's words |", "| --- | --- | ---: | --- |"]
+    lines = [
+        "",
+        "## Every case that was not solved",
+        "",
+        "| case | outcome | points kept | in the program's words |",
+        "| --- | --- | ---: | --- |",
+    ]
     for outcome in outcomes:
         if outcome.status != SOLVED:
             words = outcome.words.split("/scene.toml: ")[-1].splitlines()[0].replace("|", "\\|") if outcome.words else ""
@@ -109,14 +151,28 @@ def draw(outcomes: list, path: Path) -> None:
     for status, colour in COLOURS.items():
         mine = [outcome for outcome in outcomes if outcome.status == status and outcome.n_points]
         if mine:
-            axis.semilogx([max(outcome.errors["force"], 1e-17) for outcome in mine],
-                          [families.index(outcome.family) + rng.uniform(-0.3, 0.3) for outcome in mine], "o", ms=4, alpha=0.7, color=colour,
-                          label=f"{status} ({len(mine)})")
+            axis.semilogx(
+                [max(outcome.errors["force"], 1e-17) for outcome in mine],
+                [families.index(outcome.family) + rng.uniform(-0.3, 0.3) for outcome in mine],
+                "o",
+                ms=4,
+                alpha=0.7,
+                color=colour,
+                label=f"{status} ({len(mine)})",
+            )
     axis.axvline(BOUNDS["force"], color="k", lw=0.8, ls=":")
-    axis.annotate("bound", (BOUNDS["force"], 1.0), (4, -10), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=8)
-    axis.set(yticks=range(len(families)), yticklabels=families, xlabel="largest unbalanced force of any point of a case, over the forces [-]")
-    axis.set_title(f"{sum(outcome.n_points for outcome in outcomes)} points of {len(outcomes)} cases, judged from the matrices alone",
-                   loc="right")
+    axis.annotate(
+        "bound", (BOUNDS["force"], 1.0), (4, -10), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=8
+    )
+    axis.set(
+        yticks=range(len(families)),
+        yticklabels=families,
+        xlabel="largest unbalanced force of any point of a case, over the forces [-]",
+    )
+    axis.set_title(
+        f"{sum(outcome.n_points for outcome in outcomes)} points of {len(outcomes)} cases, judged from the matrices alone",
+        loc="right",
+    )
     axis.legend(fontsize=8, loc="upper right", bbox_to_anchor=(1.0, -0.1), ncol=2)
     axis.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=150)

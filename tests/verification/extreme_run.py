@@ -15,7 +15,7 @@ import scipy.sparse.linalg
 
 from microslip.parallel.petsc import initialise
 
-initialise()            # before anything imports PETSc
+initialise()  # before anything imports PETSc
 
 from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
@@ -27,7 +27,7 @@ from verification.extreme_structures import scaled
 
 from microslip.contact.law import ContactParameters
 from microslip.continuation.levels import follow_levels, frequency_sweep, linear_curve
-from microslip.continuation.record import HELD
+from microslip.continuation.point_record import HELD
 from microslip.parallel.errors import MicroslipError
 from microslip.reduction.methods import reduce_by_method
 from microslip.scene.read import read_scene
@@ -43,16 +43,16 @@ class Outcome:
     name: str
     family: str
     status: str = SOLVED
-    words: str = ""             # the program's own, of a refusal or a failure; else what is wrong
-    expected: bool = False      # a refusal that the case expects
+    words: str = ""  # the program's own, of a refusal or a failure; else what is wrong
+    expected: bool = False  # a refusal that the case expects
     n_points: int = 0
-    states: tuple[int, ...] = ()        # seen at any point
-    errors: dict[str, float] = field(default_factory=dict)     # the largest of each kind over the points
-    expectation: float = 0.0    # error against what the case expects
-    held: int = 0               # points with the mean slip held
-    in_segments: bool = False   # a level was completed from the other end of its range
+    states: tuple[int, ...] = ()  # seen at any point
+    errors: dict[str, float] = field(default_factory=dict)  # the largest of each kind over the points
+    expectation: float = 0.0  # error against what the case expects
+    held: int = 0  # points with the mean slip held
+    in_segments: bool = False  # a level was completed from the other end of its range
     seconds: float = 0.0
-    cpu: float = 0.0            # processor time [s]
+    cpu: float = 0.0  # processor time [s]
 
 
 def run_case(case: Case) -> Outcome:
@@ -62,10 +62,10 @@ def run_case(case: Case) -> Outcome:
         with tempfile.TemporaryDirectory() as folder:
             _solve_and_judge(case, outcome, Path(folder))
     except MicroslipError as refusal:
-        outcome.words = re.sub(r"\S*/(?=\w+\.mtx)", "", str(refusal))         # without the temporary folder
+        outcome.words = re.sub(r"\S*/(?=\w+\.mtx)", "", str(refusal))  # without the temporary folder
         outcome.expected = case.expect == "refused" and case.reason in outcome.words
         outcome.status = REFUSED if outcome.words else DEFECT
-    except Exception as defect:         # a traceback of the program: what the battery is there to find
+    except Exception as defect:  # a traceback of the program: what the battery is there to find
         outcome.status, outcome.words = DEFECT, f"{type(defect).__name__}: {defect}"
     outcome.seconds, outcome.cpu = time.perf_counter() - start, time.process_time() - cpu
     return outcome
@@ -75,7 +75,7 @@ def _solve_and_judge(case: Case, outcome: Outcome, folder: Path) -> None:
     system = case.build()
     H, samples = case.solver.get("harmonics", 3), case.solver.get("samples", 128)
     if H == 0:
-        H, samples = 1, 3               # statics are recorded with a harmonic 1, which is zero
+        H, samples = 1, 3  # statics are recorded with a harmonic 1, which is zero
     levels, band, at = asked(case, system)
     branches = solved(folder, system, levels, band, at, case)
     outputs = _outputs(system)
@@ -89,8 +89,11 @@ def _solve_and_judge(case: Case, outcome: Outcome, folder: Path) -> None:
             outcome.status, outcome.words = FAILED, branch.failure
     faults = []
     for branch in branches:
-        verdicts = ([_sparse_verdict(system, point, branch.level, H, samples) for point in branch.points] if judge is None
-                    else judge.verdicts(branch.points, branch.level, outputs))
+        verdicts = (
+            [_sparse_verdict(system, point, branch.level, H, samples) for point in branch.points]
+            if judge is None
+            else judge.verdicts(branch.points, branch.level, outputs)
+        )
         for point, verdict in zip(branch.points, verdicts):
             _count(outcome, point, verdict)
             faults += [f"{branch.level:.3g} N, {point.omega:.6g} rad/s: {fault}" for fault in verdict.faults()]
@@ -104,7 +107,7 @@ def asked(case: Case, system: dict) -> tuple[list[float], tuple[float, float], l
     """Return levels [N], band and further frequencies [rad/s] of a case."""
     unit = 2.0 * np.pi if case.hertz else stuck_frequencies(system)[0]
     low, high = case.band[0] * unit, case.band[1] * unit
-    if case.wide:               # from below the resonance of the open structure, whatever the joint shifts it by
+    if case.wide:  # from below the resonance of the open structure, whatever the joint shifts it by
         open_ = np.sqrt(max(scipy.linalg.eigh(system["K"], system["M"], eigvals_only=True)[0], 0.0))
         low = min(low, case.band[0] * open_) if open_ > 1e-3 * unit else low
         high = min(high, max(3.0 * open_, 1.5 * low))
@@ -133,7 +136,9 @@ def solved(folder: Path, system: dict, levels, band, at, case: Case) -> list:
         model, pairs = reduction.model, structure.pairs
         sweep = frequency_sweep(scene.response, structure.modes.omega_n)
         parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-        return list(follow_levels(scene, model, parameters, reduction.selection, sweep, linear_curve(model, sweep), chain.Silent()))
+        return list(
+            follow_levels(scene, model, parameters, reduction.selection, sweep, linear_curve(model, sweep), chain.Silent())
+        )
     finally:
         structure.linearised.destroy()
 
@@ -157,7 +162,10 @@ def _count(outcome: Outcome, point, verdict) -> None:
 def _against_expectation(case: Case, system: dict, branches, H: int, outcome: Outcome, what, folder: Path) -> list[str]:
     """Return what differs from the exact, limiting or scaled solution; notes the largest error."""
     if case.expect in ("stuck", "frictionless", "open"):
-        worst = max((_linear_error(case.expect, system, point, branch.level, H) for branch in branches for point in branch.points), default=0.0)
+        worst = max(
+            (_linear_error(case.expect, system, point, branch.level, H) for branch in branches for point in branch.points),
+            default=0.0,
+        )
     elif case.expect == "jenkins":
         worst = max(_jenkins_error(point, branch.level, H) for branch in branches for point in branch.points if point.asked)
     elif case.expect == "twin":
@@ -171,8 +179,11 @@ def _against_expectation(case: Case, system: dict, branches, H: int, outcome: Ou
 
 def _linear_error(expect: str, system: dict, point, level: float, H: int) -> float:
     """Return the relative error of the response against a linear structure, and infinity where a pair is in another state."""
-    wanted = {"stuck": lambda: system, "frictionless": lambda: {**system, "k_t": 0.0 * system["k_t"]},
-              "open": lambda: {**system, "k_t": 0.0 * system["k_t"], "k_n": 0.0 * system["k_n"]}}[expect]()
+    wanted = {
+        "stuck": lambda: system,
+        "frictionless": lambda: {**system, "k_t": 0.0 * system["k_t"]},
+        "open": lambda: {**system, "k_t": 0.0 * system["k_t"], "k_n": 0.0 * system["k_n"]},
+    }[expect]()
     if expect == "stuck" and (point.state != 0).any():
         return np.inf
     C = point_check.damping(system, scenes.stuck_stiffness(system))
@@ -200,8 +211,14 @@ def _twin_error(case: Case, system: dict, branches, what, folder: Path) -> float
     length, time_ = unit["length"], unit["time"]
     force = unit["mass"] * length / time_**2
     (folder / "twin").mkdir()
-    others = solved(folder / "twin", scaled(system, **case.twin), [level * force for level in levels], [w / time_ for w in band],
-                    [w / time_ for w in at], case)
+    others = solved(
+        folder / "twin",
+        scaled(system, **case.twin),
+        [level * force for level in levels],
+        [w / time_ for w in band],
+        [w / time_ for w in at],
+        case,
+    )
     worst = 0.0
     for branch, other in zip(branches, others):
         if other.failure:
@@ -210,8 +227,11 @@ def _twin_error(case: Case, system: dict, branches, what, folder: Path) -> float
         if len(mine) != len(its):
             return np.inf
         for a, b in zip(mine, its):
-            worst = max(worst, point_check.relative(b.response / length - a.response, a.response),
-                        float(np.abs(b.energy / (force * length) - a.energy).max() / max(abs(a.input), 1e-300)))
+            worst = max(
+                worst,
+                point_check.relative(b.response / length - a.response, a.response),
+                float(np.abs(b.energy / (force * length) - a.energy).max() / max(abs(a.input), 1e-300)),
+            )
     return worst
 
 

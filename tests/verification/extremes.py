@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")      # before NumPy is loaded
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
 import multiprocessing
 import sys
@@ -73,7 +73,9 @@ def run_all(numbers, cases, n_processes: int, limit: float, on_outcome=lambda ou
                 try:
                     _, outcome = worker.pipe.recv()
                 except EOFError:
-                    outcome = Outcome(case.name, case.family, DEFECT, f"the process died with status {worker.process.exitcode}", seconds=spent)
+                    outcome = Outcome(
+                        case.name, case.family, DEFECT, f"the process died with status {worker.process.exitcode}", seconds=spent
+                    )
             elif spent > limit:
                 outcome = Outcome(case.name, case.family, DEFECT, f"no end after {limit:g} s", seconds=spent)
             if outcome is None:
@@ -115,7 +117,9 @@ def main() -> None:
     start = time.perf_counter()
     outcomes = run_all(numbers, cases, chosen.processes, chosen.limit, say)
     seconds = time.perf_counter() - start
-    counts = {status: sum(outcome.status == status for outcome in outcomes) for status in ("solved", "refused", "failed", WRONG, DEFECT)}
+    counts = {
+        status: sum(outcome.status == status for outcome in outcomes) for status in ("solved", "refused", "failed", WRONG, DEFECT)
+    }
     print(f"{len(outcomes)} cases, {sum(outcome.n_points for outcome in outcomes)} points in {seconds:.0f} s: {counts}")
     if chosen.docs:
         from verification.extreme_page import write_page

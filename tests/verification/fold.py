@@ -16,7 +16,7 @@ import numpy as np
 
 from microslip.parallel.petsc import initialise
 
-initialise()            # before anything imports PETSc
+initialise()  # before anything imports PETSc
 
 from matrix_scenes import branches_of, write_matrix_scene
 from mpi4py import MPI
@@ -30,29 +30,53 @@ class Fold:
     """A mass of 1 kg on 1 N/m with a contact: the level, the band and frequencies to compare at [rad/s]."""
 
     title: str
-    k_n: float          # N/m
-    N0: float           # N
-    level: float        # N
+    k_n: float  # N/m
+    N0: float  # N
+    level: float  # N
     band: tuple[float, float]
     at: tuple[float, ...]
 
 
-FOLDS = {"softening": Fold("preloaded contact opens", 1.0, 1.0, 0.18, (1.0, 1.6), (1.05, 1.2, 1.315, 1.33, 1.345, 1.38, 1.5)),
-         "hardening": Fold("gap closes", 1.0, -1.0, 0.1, (0.7, 1.5), (0.8, 0.95, 1.0, 1.045, 1.05, 1.056, 1.2, 1.4))}
+FOLDS = {
+    "softening": Fold("preloaded contact opens", 1.0, 1.0, 0.18, (1.0, 1.6), (1.05, 1.2, 1.315, 1.33, 1.345, 1.38, 1.5)),
+    "hardening": Fold("gap closes", 1.0, -1.0, 0.1, (0.7, 1.5), (0.8, 0.95, 1.0, 1.045, 1.05, 1.056, 1.2, 1.4)),
+}
 
 
 def mass(fold: Fold) -> dict:
     """Return the system."""
     return scenes.make_system(
-        "bouncing mass", [[1.0]], [[1.0]], [[-1, -1, 0, -1, -1, -1]], mu=0.0, N0=fold.N0, k_t=1.0, k_n=fold.k_n, zeta=0.02,
-        loads=[{"vector": [1.0], "harmonic": 1, "phase": 0.0}], output=[1.0], omega=fold.band, levels={})
+        "bouncing mass",
+        [[1.0]],
+        [[1.0]],
+        [[-1, -1, 0, -1, -1, -1]],
+        mu=0.0,
+        N0=fold.N0,
+        k_t=1.0,
+        k_n=fold.k_n,
+        zeta=0.02,
+        loads=[{"vector": [1.0], "harmonic": 1, "phase": 0.0}],
+        output=[1.0],
+        omega=fold.band,
+        levels={},
+    )
 
 
 def followed(fold: Fold, direction: str, folder: Path, comm, points: int = 60):
     """Return the branch followed "up" or "down".  Collective on ``comm``; ``folder`` is the same on all ranks."""
     if comm.rank == 0:
-        write_matrix_scene(folder, mass(fold), [fold.level], fold.band, at=fold.at, points=points, direction=direction, harmonics=7,
-                           samples=512, tolerance=1e-10)
+        write_matrix_scene(
+            folder,
+            mass(fold),
+            [fold.level],
+            fold.band,
+            at=fold.at,
+            points=points,
+            direction=direction,
+            harmonics=7,
+            samples=512,
+            tolerance=1e-10,
+        )
     comm.barrier()
     (branch,) = branches_of(folder / "scene.toml", comm)
     return branch
@@ -99,13 +123,23 @@ def draw(folder: Path) -> list[str]:
             hertz, sizes = np.array([point.omega for point in branch.points]) / HZ, amplitudes(branch)
             axis.plot(hertz, sizes, label=f"{words}, {len(sizes)} points", **style)
         turns = turning_points(up)
-        axis.plot([up.points[i].omega / HZ for i in turns], amplitudes(up)[turns], "o", ms=7, mfc="none", color="k", label="turning points")
+        axis.plot(
+            [up.points[i].omega / HZ for i in turns],
+            amplitudes(up)[turns],
+            "o",
+            ms=7,
+            mfc="none",
+            color="k",
+            label="turning points",
+        )
         axis.set(xlabel="frequency in Hz", ylabel="amplitude of harmonic 1 in m", title=f"{fold.title}: {name}, {fold.level:g} N")
         axis.legend(frameon=False, fontsize=8, loc="upper left" if name == "hardening" else "upper right")
         axis.spines[["top", "right"]].set_visible(False)
-        lines.append(f"{fold.title} ({name}): {len(turning_points(up))} turning points forward, {len(turning_points(down))} backward; of "
-                     f"{len(fold.at)} common frequencies {sum(len(found) == 3 for found in at_asked(fold, up))} have three solutions, and both "
-                     f"directions give the same ones to {difference(fold, up, down):.1e}.")
+        lines.append(
+            f"{fold.title} ({name}): {len(turning_points(up))} turning points forward, {len(turning_points(down))} backward; of "
+            f"{len(fold.at)} common frequencies {sum(len(found) == 3 for found in at_asked(fold, up))} have three solutions, and both "
+            f"directions give the same ones to {difference(fold, up, down):.1e}."
+        )
     figure.savefig(folder / "fold.png", dpi=150)
     plt.close(figure)
     return lines

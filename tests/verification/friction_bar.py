@@ -22,11 +22,11 @@ from msh import write_msh
 from oracles.exact import FrictionBar
 from verification import chain
 
-LENGTH, WIDTH, HEIGHT = 0.2, 0.005, 0.0005             # m
-YOUNG, DENSITY = 210e9, 7850.0                          # Pa, kg/m3; nu = 0
-K_T, K_N, PRELOAD, FRICTION = 1.05e10, 2.0e10, 1.0e6, 0.3   # N/m3, N/m3, Pa, -
-LEVELS = (175.0, 212.5, 250.0, 287.5)                   # N, between first and full slip
-FREQUENCY = 8.0                                         # Hz; the first resonance lies near 8 kHz
+LENGTH, WIDTH, HEIGHT = 0.2, 0.005, 0.0005  # m
+YOUNG, DENSITY = 210e9, 7850.0  # Pa, kg/m3; nu = 0
+K_T, K_N, PRELOAD, FRICTION = 1.05e10, 2.0e10, 1.0e6, 0.3  # N/m3, N/m3, Pa, -
+LEVELS = (175.0, 212.5, 250.0, 287.5)  # N, between first and full slip
+FREQUENCY = 8.0  # Hz; the first resonance lies near 8 kHz
 EXACT = FrictionBar(EA=YOUNG * WIDTH * HEIGHT, L=LENGTH, q=FRICTION * PRELOAD * WIDTH, k=K_T * WIDTH)
 
 MESHES = {"hex20": (8, 16, 32, 64), "hex8": (8, 16, 32, 64), "tet10": (8, 16, 32, 64)}
@@ -92,7 +92,7 @@ def end_shares(bar) -> dict[int, float]:
     """Return the share of the pull that each node of the bar's start carries, by node number of the file."""
     shares: dict[int, float] = {}
     faces = bar.faces["bar_start"]
-    n_faces = sum(map(len, faces))                      # all of the same area
+    n_faces = sum(map(len, faces))  # all of the same area
     for nodes in faces:
         for node, share in zip(nodes.ravel(), np.tile(PULL[nodes.shape[1]], len(nodes))):
             shares[int(node) + 1] = shares.get(int(node) + 1, 0.0) + share / n_faces
@@ -106,9 +106,22 @@ def write_case(folder: Path, kind: str, cells: tuple[int, int, int], levels, har
     shares = end_shares(bodies["bar"])
     ends = "".join(f"[[loads]]\nnode = {node}\ndirection = [{share!r}, 0.0, 0.0]\n\n" for node, share in shares.items())
     ends += "".join(f'[[outputs]]\nname = "end {node}"\nnode = {node}\ndirection = [1.0, 0.0, 0.0]\n\n' for node in shares)
-    (folder / "bar.toml").write_text(SCENE.format(
-        young=YOUNG, density=DENSITY, friction=FRICTION, k_t=K_T, k_n=K_N, preload=PRELOAD, ends=ends, levels=list(map(float, levels)),
-        frequency=FREQUENCY, beyond=1.01 * FREQUENCY, harmonics=harmonics, samples=samples))  # fmt: skip
+    (folder / "bar.toml").write_text(
+        SCENE.format(
+            young=YOUNG,
+            density=DENSITY,
+            friction=FRICTION,
+            k_t=K_T,
+            k_n=K_N,
+            preload=PRELOAD,
+            ends=ends,
+            levels=list(map(float, levels)),
+            frequency=FREQUENCY,
+            beyond=1.01 * FREQUENCY,
+            harmonics=harmonics,
+            samples=samples,
+        )
+    )
     return np.array(list(shares.values()))
 
 
@@ -117,18 +130,21 @@ class Errors:
     """Relative errors of the chain against the exact bar."""
 
     pairs: int
-    stiffness: float            # of the end, all pairs stuck
-    first_slip: float           # of the pull at which the first pair slips
-    motion: np.ndarray          # (n_levels,) of the end's displacement in harmonic 1: amplitude and phase
-    loop: np.ndarray            # (n_levels,) of its harmonics 1 to H together
-    loss: np.ndarray            # (n_levels,) of the loss per cycle
-    closure: float              # of the energy, at the worst point
+    stiffness: float  # of the end, all pairs stuck
+    first_slip: float  # of the pull at which the first pair slips
+    motion: np.ndarray  # (n_levels,) of the end's displacement in harmonic 1: amplitude and phase
+    loop: np.ndarray  # (n_levels,) of its harmonics 1 to H together
+    loss: np.ndarray  # (n_levels,) of the loss per cycle
+    closure: float  # of the energy, at the worst point
 
     def __str__(self) -> str:
         def columns(values):
             return " | ".join(f"{value:+.1e}" for value in values)
-        return f"{self.pairs} | {columns([self.stiffness, self.first_slip])} | {columns(self.motion)} | {columns(self.loss)} | " \
-               f"{np.max(self.loop):.1e} | {self.closure:.0e}"
+
+        return (
+            f"{self.pairs} | {columns([self.stiffness, self.first_slip])} | {columns(self.motion)} | {columns(self.loss)} | "
+            f"{np.max(self.loop):.1e} | {self.closure:.0e}"
+        )
 
 
 def errors(kind: str, cells, comm, levels=LEVELS, harmonics=15, samples=512) -> Errors:
@@ -142,11 +158,14 @@ def errors(kind: str, cells, comm, levels=LEVELS, harmonics=15, samples=512) -> 
     exact = np.array([exact_harmonics(P, harmonics) for P in levels])
     difference = np.array([weights @ point.response for point in points]) - exact
     return Errors(
-        pairs=done.structure.pairs.n_pairs, stiffness=small / (weights @ stuck.response)[1] / EXACT.stuck_stiffness - 1.0,
+        pairs=done.structure.pairs.n_pairs,
+        stiffness=small / (weights @ stuck.response)[1] / EXACT.stuck_stiffness - 1.0,
         first_slip=first_slip / EXACT.first_slip - 1.0,
         motion=np.hypot(*difference[:, 1:3].T) / np.hypot(*exact[:, 1:3].T),
         loop=np.linalg.norm(difference, axis=1) / np.linalg.norm(exact, axis=1),
-        loss=np.array([point.friction / EXACT.loss(P) for P, point in zip(levels, points)]) - 1.0, closure=done.worst_closure)
+        loss=np.array([point.friction / EXACT.loss(P) for P, point in zip(levels, points)]) - 1.0,
+        closure=done.worst_closure,
+    )
 
 
 def utilisation(U: np.ndarray, pairs) -> np.ndarray:
@@ -170,10 +189,16 @@ def rate(coarse, fine) -> float:
 
 
 def main():
-    print(f"stuck end stiffness {EXACT.stuck_stiffness:.4e} N/m, first slip {EXACT.first_slip:.2f} N, full slip "
-          f"{EXACT.full_slip:.2f} N\n")
-    print("\n".join(f"{P:.1f} N: slip length {EXACT.slip_length(P):.4f} m, end {EXACT.end_displacement(P):.5e} m, loss {EXACT.loss(P):.5e} J"
-                    for P in LEVELS))  # fmt: skip
+    print(
+        f"stuck end stiffness {EXACT.stuck_stiffness:.4e} N/m, first slip {EXACT.first_slip:.2f} N, full slip "
+        f"{EXACT.full_slip:.2f} N\n"
+    )
+    print(
+        "\n".join(
+            f"{P:.1f} N: slip length {EXACT.slip_length(P):.4f} m, end {EXACT.end_displacement(P):.5e} m, loss {EXACT.loss(P):.5e} J"
+            for P in LEVELS
+        )
+    )
     at = " | ".join(f"{P:g} N" for P in LEVELS)
     print(f"\n| elements | pairs | stiffness | first slip | motion {at} | loss {at} | loop | closure |\n" + "| --- " * 14 + "|")
     for kind, sizes in MESHES.items():

@@ -23,9 +23,9 @@ from verification import chain
 
 from microslip.scene.read import read_scene
 
-YOUNG, DENSITY = 210e9, 7850.0          # Pa, kg/m3
-BEAM = (10.0, 0.8, 1.2)                 # m
-SIDE, THICKNESS = 1.0, 0.02             # m
+YOUNG, DENSITY = 210e9, 7850.0  # Pa, kg/m3
+BEAM = (10.0, 0.8, 1.2)  # m
+SIDE, THICKNESS = 1.0, 0.02  # m
 
 SCENE = """\
 [model]
@@ -84,10 +84,15 @@ def cantilever_theory() -> dict[str, np.ndarray]:
     """Return the lowest frequencies [Hz] of bending in either direction and of motion along the axis."""
     length, width, height = BEAM
     steel = dict(young=YOUNG, density=DENSITY)
-    bending = {axis: structures.timoshenko_rectangle(3, length=length, width=b, height=h, poisson=0.0, **steel) / (2.0 * np.pi)
-               for axis, b, h in (("y", height, width), ("z", width, height))}
-    return {"bending along y": bending["y"], "bending along z": bending["z"],
-            "along x": structures.bar_frequencies(1, length=length, **steel) / (2.0 * np.pi)}
+    bending = {
+        axis: structures.timoshenko_rectangle(3, length=length, width=b, height=h, poisson=0.0, **steel) / (2.0 * np.pi)
+        for axis, b, h in (("y", height, width), ("z", width, height))
+    }
+    return {
+        "bending along y": bending["y"],
+        "bending along z": bending["z"],
+        "along x": structures.bar_frequencies(1, length=length, **steel) / (2.0 * np.pi),
+    }
 
 
 def plate(n: int, comm) -> np.ndarray:
@@ -110,14 +115,22 @@ def nearest(found: np.ndarray, theory) -> np.ndarray:
 def main():
     for n in (1, 2, 3):
         found = cantilever(n, MPI.COMM_SELF)
-        print(f"cantilever, {10 * n} x {n} x {n} hex20: " + "; ".join(
-            f"{name} " + ", ".join(f"{value:.4f} Hz {error:+.1e}" for value, error in zip(values, nearest(found, values)))
-            for name, values in cantilever_theory().items()), flush=True)
+        print(
+            f"cantilever, {10 * n} x {n} x {n} hex20: "
+            + "; ".join(
+                f"{name} " + ", ".join(f"{value:.4f} Hz {error:+.1e}" for value, error in zip(values, nearest(found, values)))
+                for name, values in cantilever_theory().items()
+            ),
+            flush=True,
+        )
     for n in (4, 8, 12):
         found = plate(n, MPI.COMM_SELF)
         errors = [min(value / plate_theory() - 1.0, key=abs) for value in found]
-        print(f"free plate, {n} x {n} x 1 hex20 a quarter: " + ", ".join(f"{value:.4f} Hz {error:+.1e}" for value, error in zip(found, errors)),
-              flush=True)
+        print(
+            f"free plate, {n} x {n} x 1 hex20 a quarter: "
+            + ", ".join(f"{value:.4f} Hz {error:+.1e}" for value, error in zip(found, errors)),
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -78,18 +78,46 @@ class Case:
 
 def lap(kind: str, low: float, high: float, **cells) -> Case:
     """Return the lap joint, coarse, all stuck and in micro-slip, between two frequencies [Hz]."""
-    return Case(lap_joint(LapJoint(kind=kind, **cells)), dict(
-        clamp="clamp", first="lap_1", second="lap_2", k_t=1e13, k_n=2e13, preload=1e7, loaded=[0.21, 0.01, 0.0],
-        direction=[0.0, 1.0, 0.0], levels=[0.1, 2.0], frequencies=[low, high], points=25, modes=12,
-        damping=2e-3))
+    return Case(
+        lap_joint(LapJoint(kind=kind, **cells)),
+        dict(
+            clamp="clamp",
+            first="lap_1",
+            second="lap_2",
+            k_t=1e13,
+            k_n=2e13,
+            preload=1e7,
+            loaded=[0.21, 0.01, 0.0],
+            direction=[0.0, 1.0, 0.0],
+            levels=[0.1, 2.0],
+            frequencies=[low, high],
+            points=25,
+            modes=12,
+            damping=2e-3,
+        ),
+    )
 
 
 def two_elements() -> Case:
     """Return a cube of one element on a held one, sheared across: with three ranks one owns no element and no row."""
-    return Case(stacked("hex8", (0.02, 0.02, 0.02), (1, 1, 1), ground_height=0.02), dict(
-        clamp="ground_base", first="bar_bottom", second="ground_top", k_t=1e12, k_n=2e12, preload=1e6, loaded=[0.0, 0.0, 0.02],
-        direction=[1.0, 0.3, 0.0], levels=[0.5, 6.0], frequencies=[6700.0, 7040.0], points=20, modes=6,
-        damping=2e-3))
+    return Case(
+        stacked("hex8", (0.02, 0.02, 0.02), (1, 1, 1), ground_height=0.02),
+        dict(
+            clamp="ground_base",
+            first="bar_bottom",
+            second="ground_top",
+            k_t=1e12,
+            k_n=2e12,
+            preload=1e6,
+            loaded=[0.0, 0.0, 0.02],
+            direction=[1.0, 0.3, 0.0],
+            levels=[0.5, 6.0],
+            frequencies=[6700.0, 7040.0],
+            points=20,
+            modes=6,
+            damping=2e-3,
+        ),
+    )
 
 
 CASES = {
@@ -103,8 +131,9 @@ def write_case(folder: Path, case: Case) -> Path:
     """Write mesh and scene; return the scene's path.  Local."""
     write_msh(str(folder / "case.msh"), case.bodies)
     bodies = "".join(f'[bodies.{name}]\ngroup = "{name}"\nmaterial = "steel"\n\n' for name in case.bodies)
-    (folder / "case.toml").write_text(SCENE.format(name="case", bodies=bodies, at=np.linspace(*case.keys["frequencies"], 10)[1:-1].tolist(),
-                                                    **case.keys))
+    (folder / "case.toml").write_text(
+        SCENE.format(name="case", bodies=bodies, at=np.linspace(*case.keys["frequencies"], 10)[1:-1].tolist(), **case.keys)
+    )
     return folder / "case.toml"
 
 
@@ -112,11 +141,11 @@ def write_case(folder: Path, case: Case) -> Path:
 class Difference:
     """How far the answers of one rank and of several lie apart."""
 
-    frequencies: float          # largest relative difference
-    response: float             # largest difference at the same frequencies, over the peak of their level
-    closure: float              # of the energy, at the worst point
-    states: list[int]           # of the pairs at these frequencies
-    shares: list[tuple[int, int]]       # matrix rows and contact pairs of each rank
+    frequencies: float  # largest relative difference
+    response: float  # largest difference at the same frequencies, over the peak of their level
+    closure: float  # of the energy, at the worst point
+    states: list[int]  # of the pairs at these frequencies
+    shares: list[tuple[int, int]]  # matrix rows and contact pairs of each rank
 
 
 def difference(path: Path, comm) -> Difference:
@@ -132,7 +161,8 @@ def difference(path: Path, comm) -> Difference:
     return Difference(
         *(float(comm.allreduce(value, op=MPI.MAX)) for value in found),
         states=sorted(states),
-        shares=comm.allgather((together.n_rows, together.model.owned.stop - together.model.owned.start)))
+        shares=comm.allgather((together.n_rows, together.model.owned.stop - together.model.owned.start)),
+    )
 
 
 def main():
@@ -141,8 +171,11 @@ def main():
         with tempfile.TemporaryDirectory() as folder:
             found = difference(write_case(Path(folder), case), comm)
         if comm.rank == 0:
-            print(f"| {comm.size} | {name} | {found.frequencies:.1e} | {found.response:.1e} | {found.closure:.1e} | "
-                  f"{found.states} | {'; '.join(map(str, found.shares))} |", flush=True)
+            print(
+                f"| {comm.size} | {name} | {found.frequencies:.1e} | {found.response:.1e} | {found.closure:.1e} | "
+                f"{found.states} | {'; '.join(map(str, found.shares))} |",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

@@ -20,8 +20,8 @@ def test_end_stiffness_and_load_at_first_slip(hex20):
 
 
 def test_motion_of_the_end(hex20):
-    assert hex20[1].motion.max() < 1e-3         # harmonic 1, amplitude and phase
-    assert hex20[1].loop.max() < 1e-3           # harmonics 1 to 15 together
+    assert hex20[1].motion.max() < 1e-3  # harmonic 1, amplitude and phase
+    assert hex20[1].loop.max() < 1e-3  # harmonics 1 to 15 together
 
 
 def test_loss_per_cycle(hex20):

@@ -13,5 +13,5 @@ def test_cantilever_has_timoshenkos_frequencies():
 
 def test_free_plate_has_mindlins_frequencies():
     found, theory = linear_scenes.plate(12, MPI.COMM_SELF), linear_scenes.plate_theory()
-    assert abs(found[0] / theory[0] - 1.0) < 2e-3           # the twist, the lowest of all
+    assert abs(found[0] / theory[0] - 1.0) < 2e-3  # the twist, the lowest of all
     assert min(abs(found[1] / theory - 1.0)) < 2e-3

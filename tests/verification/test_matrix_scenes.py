@@ -9,12 +9,12 @@ from mpi4py import MPI
 from msh import write_msh
 from oracles import scenes, time_integration
 
-from microslip.parallel.log import RunLog
+from microslip.observe.log import RunLog
 from microslip.run import build_structure
 from microslip.scene.read import read_scene
 
 HERE = MPI.COMM_SELF
-H, N_SAMPLES = 15, 512      # the sampled law turns the direction of slip with an error of 4e-3 of the peak at 512 samples
+H, N_SAMPLES = 15, 512  # the sampled law turns the direction of slip with an error of 4e-3 of the peak at 512 samples
 # band [rad/s] in which the branch is followed, steps a period of the march
 CASES = {"jenkins": ((1.0, 1.4), 512), "spatial": ((0.8, 1.6), 256), "chain": ((500.0, 700.0), 256), "gap": ((0.7, 1.35), 256)}
 
@@ -22,8 +22,17 @@ CASES = {"jenkins": ((1.0, 1.4), 512), "spatial": ((0.8, 1.6), 256), "chain": ((
 def solved(folder, system, band, regimes, **solver):
     """Return the points of the branches at the frequency of each regime; several where the branch folds."""
     levels, at = ({regime[i] for regime in regimes} for i in (0, 1))
-    path = write_matrix_scene(folder, system, sorted(levels), band, at=sorted(at), points=40, harmonics=H, samples=N_SAMPLES,
-                              **{"method": "receptance", **solver})
+    path = write_matrix_scene(
+        folder,
+        system,
+        sorted(levels),
+        band,
+        at=sorted(at),
+        points=40,
+        harmonics=H,
+        samples=N_SAMPLES,
+        **{"method": "receptance", **solver},
+    )
     branches = {branch.level: branch for branch in branches_of(path, HERE)}
     return [[point for point in asked(branches[level]) if point.omega == pytest.approx(omega)] for level, omega, *_ in regimes]
 
@@ -40,7 +49,7 @@ def test_from_stuck_to_gross_slip_and_lift_off_as_time_integration_from_rest(tmp
     regimes = list(system["levels"].values())
     for (level, omega, states), points in zip(regimes, solved(tmp_path, system, band, regimes)):
         march = time_integration.steady_state(system, omega, level, n_steps=n_steps, harmonics=H, tolerance=3e-5)
-        point = min(points, key=lambda point: difference(point, march))         # of several solutions, the one reached from rest
+        point = min(points, key=lambda point: difference(point, march))  # of several solutions, the one reached from rest
         assert difference(point, march) < 5e-3
         assert tuple(point.state) == tuple(march.state) == states
         assert point.energy == pytest.approx(march.friction, abs=1e-2 * march.input)
@@ -80,8 +89,11 @@ def test_every_method_finds_the_same_points(tmp_path):
     regimes = [system["levels"]["micro"]]
     ((exact,),) = solved(tmp_path, system, (520.0, 600.0), regimes)
     peak = np.abs(exact.response).max()
-    for method, solver, bound in (("adaptive", {"in_point_check": True}, 1e-7), ("adaptive", {}, 5e-3),
-                                  ("adaptive-energy", {"in_point_check": True}, 1e-7)):  # fmt: skip
+    for method, solver, bound in (
+        ("adaptive", {"in_point_check": True}, 1e-7),
+        ("adaptive", {}, 5e-3),
+        ("adaptive-energy", {"in_point_check": True}, 1e-7),
+    ):
         ((point,),) = solved(tmp_path, system, (520.0, 600.0), regimes, method=method, **solver)
         assert np.abs(point.response - exact.response).max() < bound * peak
 
@@ -149,11 +161,23 @@ def exported(structure) -> dict:
             turn[np.ix_(system.dof[node], system.dof[node])] = frame
     turn = turn.tocsr()
     R = (system.R @ turn.T).toarray().round(12)
-    pair_dofs = np.stack([np.where((R == sign).any(axis=1), np.argmax(R == sign, axis=1), -1).reshape(-1, 3) for sign in (1, -1)], 1)
+    pair_dofs = np.stack(
+        [np.where((R == sign).any(axis=1), np.argmax(R == sign, axis=1), -1).reshape(-1, 3) for sign in (1, -1)], 1
+    )
     load = (turn @ system.loads).toarray().ravel()
-    return {"name": "exported", "K": turn @ K @ turn.T, "M": turn @ M @ turn.T, "pair_dofs": pair_dofs.reshape(-1, 6), "zeta": 0.01,
-            "mu": pairs.mu, "N0": pairs.N0, "k_t": pairs.k_t, "k_n": pairs.k_n, "separate": pairs.separate,
-            "loads": [{"vector": load, "harmonic": 1}]}  # fmt: skip
+    return {
+        "name": "exported",
+        "K": turn @ K @ turn.T,
+        "M": turn @ M @ turn.T,
+        "pair_dofs": pair_dofs.reshape(-1, 6),
+        "zeta": 0.01,
+        "mu": pairs.mu,
+        "N0": pairs.N0,
+        "k_t": pairs.k_t,
+        "k_n": pairs.k_n,
+        "separate": pairs.separate,
+        "loads": [{"vector": load, "harmonic": 1}],
+    }
 
 
 def test_matrices_of_a_mesh_give_its_curve(tmp_path):
@@ -164,8 +188,9 @@ def test_matrices_of_a_mesh_give_its_curve(tmp_path):
     structure = build_structure(read_scene(path), HERE, RunLog(HERE, screen=False))
     system, (row,) = exported(structure), structure.linearised.system.outputs.indices
     omega_1 = structure.modes.omega_n[0]
-    of_matrices = write_matrix_scene(tmp_path, system, [100.0, 300.0], (0.9 * omega_1, 1.1 * omega_1), outputs=[row], points=40,
-                                     method="receptance", modes=12)
+    of_matrices = write_matrix_scene(
+        tmp_path, system, [100.0, 300.0], (0.9 * omega_1, 1.1 * omega_1), outputs=[row], points=40, method="receptance", modes=12
+    )
     for mesh, matrices in zip(branches_of(path, HERE), branches_of(of_matrices, HERE)):
         assert len(mesh.points) == len(matrices.points)
         peak = max(np.abs(point.response).max() for point in mesh.points)

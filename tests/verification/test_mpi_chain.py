@@ -17,4 +17,4 @@ def test_ranks_together_agree_with_one_alone(name, shared_path):
     assert found.frequencies < 1e-9
     assert found.response < 1e-6
     assert found.closure < 1e-6
-    assert found.states == [0, 1]       # some pairs slip: not only a linear curve was compared
+    assert found.states == [0, 1]  # some pairs slip: not only a linear curve was compared

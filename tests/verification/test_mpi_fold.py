@@ -17,7 +17,7 @@ def test_both_directions_pass_two_turning_points_on_the_same_branch(name, shared
     assert [down.points[0].omega, down.points[-1].omega] == pytest.approx([last, first])
     turns = [[branch.points[i].omega for i in fold.turning_points(branch)] for branch in (up, down)]
     assert len(turns[0]) == len(turns[1]) == 2
-    assert turns[1][::-1] == pytest.approx(turns[0], rel=2e-3)         # the points nearest the folds, a step apart
+    assert turns[1][::-1] == pytest.approx(turns[0], rel=2e-3)  # the points nearest the folds, a step apart
     solutions = [len(found) for found in fold.at_asked(case, up)]
     assert set(solutions) == {1, 3} and solutions.count(3) >= 2
     assert fold.difference(case, up, down) < 1e-8

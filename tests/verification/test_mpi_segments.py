@@ -14,14 +14,25 @@ from microslip.scene.read import read_scene
 
 COMM = MPI.COMM_WORLD
 FOLD = FOLDS["softening"]
-BETWEEN, AT = (1.31, 1.6), (1.3101, 1.315, 1.33, 1.345)     # all of them lie between the turning points, as the start does
+BETWEEN, AT = (1.31, 1.6), (1.3101, 1.315, 1.33, 1.345)  # all of them lie between the turning points, as the start does
 
 
 def scene_between_the_folds(folder, direction="up", error_bars=False):
     """Write a scene whose range begins between two turning points: the branch from there ends at the lower one."""
     if COMM.rank == 0:
-        write_matrix_scene(folder, mass(FOLD), [FOLD.level], BETWEEN, at=AT, points=40, direction=direction, harmonics=7, samples=512,
-                           tolerance=1e-10, error_bars=error_bars)
+        write_matrix_scene(
+            folder,
+            mass(FOLD),
+            [FOLD.level],
+            BETWEEN,
+            at=AT,
+            points=40,
+            direction=direction,
+            harmonics=7,
+            samples=512,
+            tolerance=1e-10,
+            error_bars=error_bars,
+        )
     COMM.barrier()
     return folder / "scene.toml"
 
@@ -37,7 +48,7 @@ def test_both_segments_together_are_the_branch_through_both_folds(shared_path):
     omega, segment = (np.array([getattr(point, name) for point in found.points]) for name in ("omega", "segment"))
     assert (np.diff(segment) >= 0).all() and set(segment) == {0, 1}
     first, second = omega[segment == 0], omega[segment == 1]
-    assert first[0] == pytest.approx(BETWEEN[0]) and first.max() > 1.35     # over the upper turning point, out of the range
+    assert first[0] == pytest.approx(BETWEEN[0]) and first.max() > 1.35  # over the upper turning point, out of the range
     assert second[[0, -1]] == pytest.approx(BETWEEN[::-1]) and (np.diff(second) < 0.0).all()
     assert "back out of the range" in found.broken
     (shared_path / "whole").mkdir(exist_ok=True)
@@ -45,7 +56,7 @@ def test_both_segments_together_are_the_branch_through_both_folds(shared_path):
     for at in AT:
         here, there = responses(found, at), responses(whole, at)
         assert len(here) == 3 and len(there) == (3 if at in FOLD.at else 0)
-        if at not in FOLD.at:           # between the start and the last point of the first segment
+        if at not in FOLD.at:  # between the start and the last point of the first segment
             continue
         assert here == pytest.approx(there, abs=1e-7 * np.abs(there).max())
 
@@ -64,4 +75,6 @@ def test_a_user_sees_both_segments(shared_path):
     assert [row["segment"] for row in rows] == sorted(row["segment"] for row in rows) and rows[-1]["segment"] == "1"
     level = read_results(folder / "results.h5").levels[0]
     assert level.status == "complete" and level.segment.tolist() == [int(row["segment"]) for row in rows]
-    assert "in two segments: followed from the other end of the range as well, since hb: a fold" in (folder / "run.log").read_text()
+    assert (
+        "in two segments: followed from the other end of the range as well, since hb: a fold" in (folder / "run.log").read_text()
+    )

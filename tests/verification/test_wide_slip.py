@@ -6,14 +6,14 @@ from mpi4py import MPI
 from verification import chain, ranks, wide_slip
 
 from microslip.contact.law import OPEN, STICK
-from microslip.continuation.record import HELD
+from microslip.continuation.point_record import HELD
 
 
 @pytest.mark.parametrize("level", [5.0, 6.0])
 def test_branch_is_followed_round_its_corners(level, tmp_path):
     case = ranks.two_elements()
     case.keys["levels"] = [level]
-    done = chain.solve(ranks.write_case(tmp_path, case), MPI.COMM_SELF)     # an early end is an error there
+    done = chain.solve(ranks.write_case(tmp_path, case), MPI.COMM_SELF)  # an early end is an error there
     steps = [b.omega - a.omega for a, b in zip(done.branches[0].points, done.branches[0].points[1:])]
     assert len(steps) > 15 and min(steps) > 0.0
     assert done.worst_closure < 1e-6
@@ -25,7 +25,7 @@ def test_the_demo_in_gross_slip_with_its_mean_held_while_nearly_all_slips(level)
     points = done.branches[0].points
     sliding = np.array([(point.state != STICK).mean() for point in points])
     is_held = np.array([HELD in point.notes for point in points])
-    assert is_held.any() and sliding[is_held].min() > 0.7               # a point may have been reached with them
+    assert is_held.any() and sliding[is_held].min() > 0.7  # a point may have been reached with them
     assert not is_held[sliding < 0.5].any()
     assert done.worst_closure < 2e-6
     assert max(int((point.state == OPEN).sum()) for point in points) >= 14

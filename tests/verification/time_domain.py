@@ -45,16 +45,26 @@ def system_of(case: Case) -> dict:
 
 def balanced(case: Case, omegas, H: int, n_samples: int) -> list:
     """Return the points of the branch at ``omegas``, in rising order."""
-    found = branch(system_of(case), MPI.COMM_SELF, case.level, low=0.97 * min(omegas), high=1.03 * max(omegas), H=H,
-                   n_samples=n_samples, at=tuple(omegas), points=60)
+    found = branch(
+        system_of(case),
+        MPI.COMM_SELF,
+        case.level,
+        low=0.97 * min(omegas),
+        high=1.03 * max(omegas),
+        H=H,
+        n_samples=n_samples,
+        at=tuple(omegas),
+        points=60,
+    )
     assert found.failure is None, found.failure
     return sorted((point for point in found.points if point.asked), key=lambda point: point.omega)
 
 
 def marched(case: Case, omega: float, n_steps: int, start=None, tolerance=1e-7):
     """Return the steady state by time integration."""
-    return time_integration.steady_state(system_of(case), omega, case.level, n_steps=n_steps, harmonics=31, scheme="exponential",
-                                         start=start, tolerance=tolerance)
+    return time_integration.steady_state(
+        system_of(case), omega, case.level, n_steps=n_steps, harmonics=31, scheme="exponential", start=start, tolerance=tolerance
+    )
 
 
 def state_at_start(case: Case, point) -> tuple:
@@ -81,9 +91,11 @@ def main():
         steady, coarse = ({omega: marched(case, omega, n_steps) for omega in case.omegas} for n_steps in (1024, 512))
         change = max(np.abs(steady[omega].u[::2] @ output - coarse[omega].u @ output).max() for omega in case.omegas)
         peak = max(np.hypot(*(output @ steady[omega].u_hat)[1:3]) for omega in case.omegas)
-        print(f"\n{name}: level {case.level:g}, largest amplitude {peak:.4f} m, states "
-              f"{sorted({int(state) for found in steady.values() for state in found.state})}; "
-              f"512 to 1024 steps a period change the march by {change / peak:.1e} of it")
+        print(
+            f"\n{name}: level {case.level:g}, largest amplitude {peak:.4f} m, states "
+            f"{sorted({int(state) for found in steady.values() for state in found.state})}; "
+            f"512 to 1024 steps a period change the march by {change / peak:.1e} of it"
+        )
         print("\n| harmonics | samples | largest difference of u(t) | of harmonic 1 |\n| --- | --- | --- | --- |")
         for H, n_samples in ((3, 4096), (7, 4096), (15, 4096), (31, 4096), (15, 1024), (15, 256), (15, 128)):
             points = balanced(case, case.omegas, H, n_samples)

@@ -14,18 +14,21 @@ import numpy as np
 from mpi4py import MPI
 from verification import chain
 
-from microslip.continuation.record import HELD
+from microslip.continuation.point_record import HELD
 from microslip.harmonic import mean_slip
 from microslip.scene.read import read_scene
 
 DEMO = Path(__file__).parents[2] / "jobs" / "fan_small.toml"
-LEVELS = (1.0, 5.0, 10.0, 15.0, 30.0, 40.0, 60.0, 100.0, 200.0, 300.0, 1000.0)      # N
+LEVELS = (1.0, 5.0, 10.0, 15.0, 30.0, 40.0, 60.0, 100.0, 200.0, 300.0, 1000.0)  # N
 
 
 def demo(levels, comm) -> chain.Chain:
     """Return the demo at other levels, by `receptance`.  Collective."""
     scene = read_scene(DEMO)
-    response, solver = scene.response.model_copy(update={"levels": tuple(levels)}), scene.solver.model_copy(update={"method": "receptance"})
+    response, solver = (
+        scene.response.model_copy(update={"levels": tuple(levels)}),
+        scene.solver.model_copy(update={"method": "receptance"}),
+    )
     return chain.solve_scene(scene.model_copy(update={"response": response, "solver": solver}), comm)
 
 
@@ -38,9 +41,12 @@ def main():
             done = demo([level], MPI.COMM_SELF)
             points = done.branches[0].points
             top = points[int(np.argmax(chain.amplitudes(done.branches[0])))]
-            print(f"{level:6g}, {hold:g}: {len(points)}, {sum(HELD in point.notes for point in points)}; "
-                  f"{np.hypot(*top.response[0, 1:3]) / level:.4e} at {top.omega / 2 / np.pi:.3f}, {(top.state == 1).sum()} {(top.state == 2).sum()}; "
-                  f"{done.worst_closure:.1e}; {time.perf_counter() - start:.1f}", flush=True)
+            print(
+                f"{level:6g}, {hold:g}: {len(points)}, {sum(HELD in point.notes for point in points)}; "
+                f"{np.hypot(*top.response[0, 1:3]) / level:.4e} at {top.omega / 2 / np.pi:.3f}, {(top.state == 1).sum()} {(top.state == 2).sum()}; "
+                f"{done.worst_closure:.1e}; {time.perf_counter() - start:.1f}",
+                flush=True,
+            )
 
 
 if __name__ == "__main__":

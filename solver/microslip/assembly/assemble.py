@@ -6,9 +6,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from .. import elements
+from ..mesh.connected import check_held, connected_parts
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
 from ..mesh.locate import find_node
-from ..mesh.parts import check_held, connected_parts
 from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
 from .blocks import BlockSum, NodePattern, expand, node_pattern
@@ -17,7 +17,7 @@ from .maps import load_map, output_map, pair_map
 from .numbering import number_dofs
 from .system import System
 
-_CHUNK_BYTES = 8e6     # of element stiffness matrices held at a time
+_CHUNK_BYTES = 8e6  # of element stiffness matrices held at a time
 
 
 def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, scene, comm) -> System:
@@ -47,14 +47,17 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, sce
     first, last = dmesh.node_ranges[comm.rank : comm.rank + 2]
     is_free = dof[first:last] >= 0
     return System(
-        comm=comm, K=K, M=M, C=None,
+        comm=comm,
+        K=K,
+        M=M,
+        C=None,
         R=pair_map(pairs, dof_of_mesh, n_dof),
         loads=load_map(scene.loads, load_nodes, dof_of_mesh, n_dof),
         outputs=output_map(scene.outputs, output_nodes, dof_of_mesh, n_dof),
         dof=dof_of_mesh,
         parts=np.repeat(part[to_mesh[first:last]], 3)[is_free.ravel()],
         part_names=part_names,
-    )  # fmt: skip
+    )
 
 
 def read_off(mesh: Mesh, pairs: ContactPairs, scene) -> tuple:
@@ -88,9 +91,11 @@ def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, s
     raise_together(
         comm,
         f"a rank's stiffness matrix has {n_entries} entries, more than the {PETSc.IntType.__name__} numbers of this "
-        "PETSc count; use more ranks, or a PETSc built with 64-bit indices" if too_many else None,
+        "PETSc count; use more ranks, or a PETSc built with 64-bit indices"
+        if too_many
+        else None,
         ResourceError,
-    )  # fmt: skip
+    )
     n_owned = int(row_ranges[comm.rank + 1] - row_ranges[comm.rank])
     sums = _sums(dmesh, scene, pattern)
     K = _petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
@@ -117,8 +122,7 @@ def _add_elements(block: LocalBlock, scene, pattern: NodePattern, K_sum: BlockSu
         chunk = slice(start, start + n_chunk)
         points = block.points[chunk]
         is_owned, positions = pattern.positions(block.nodes[chunk])
-        K = elements.stiffness(block.kind, points, material.young, material.poisson, body.integration,
-                               body.incompatible_modes)  # fmt: skip
+        K = elements.stiffness(block.kind, points, material.young, material.poisson, body.integration, body.incompatible_modes)
         K_sum.add(is_owned, positions, K.reshape(-1, n_nodes, 3, n_nodes, 3))
         M = elements.mass(block.kind, points, material.density, body.integration)
         M_sum.add(is_owned, positions, M.reshape(-1, n_nodes, 1, n_nodes, 1))

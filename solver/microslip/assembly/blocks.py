@@ -9,18 +9,18 @@ import scipy.sparse as sp
 
 from ..mesh.data import DistributedMesh
 
-_CHUNK_NODES = 500      # rows of nodes that are expanded at a time
+_CHUNK_NODES = 500  # rows of nodes that are expanded at a time
 
 
 @dataclass(frozen=True)
 class NodePattern:
     """Which nodes the owned nodes are coupled to; a compressed row per owned node, columns sorted."""
 
-    row_start: int              # first owned node, rank-ordered
-    indptr: np.ndarray          # (n_owned + 1,)
-    indices: np.ndarray         # (n_blocks,) rank-ordered column nodes
-    keys: np.ndarray            # (n_blocks,) row * n_nodes + column, rising; row counted from row_start
-    n_nodes: int                # of the whole mesh
+    row_start: int  # first owned node, rank-ordered
+    indptr: np.ndarray  # (n_owned + 1,)
+    indices: np.ndarray  # (n_blocks,) rank-ordered column nodes
+    keys: np.ndarray  # (n_blocks,) row * n_nodes + column, rising; row counted from row_start
+    n_nodes: int  # of the whole mesh
 
     def positions(self, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return which element rows are owned, (n_elements, n), and where their blocks lie, (n_rows, n)."""
@@ -85,13 +85,13 @@ def expand(pattern: NodePattern, total: BlockSum, dof: np.ndarray, integer) -> t
     n_owned = len(pattern.indptr) - 1
     is_free = dof >= 0
     row_is_free = is_free[pattern.row_start : pattern.row_start + n_owned]
-    in_block = is_free.sum(axis=1, keepdims=True) if len(total.data) == 3 else is_free      # columns, by row of a block
+    in_block = is_free.sum(axis=1, keepdims=True) if len(total.data) == 3 else is_free  # columns, by row of a block
     before = np.concatenate([np.zeros((1, in_block.shape[1]), dtype=int), np.cumsum(in_block[pattern.indices], axis=0)])
     n_columns = np.broadcast_to(np.diff(before[pattern.indptr], axis=0), (n_owned, 3))
     indptr = np.concatenate([[0], np.cumsum(n_columns[row_is_free])])
     first_row = np.concatenate([[0], np.cumsum(np.count_nonzero(row_is_free, axis=1))])
     values, columns = np.empty(indptr[-1]), np.empty(indptr[-1], dtype=integer)
-    for start in range(0, n_owned, _CHUNK_NODES):                   # small pieces stay in the cache
+    for start in range(0, n_owned, _CHUNK_NODES):  # small pieces stay in the cache
         end = min(start + _CHUNK_NODES, n_owned)
         target = slice(indptr[first_row[start]], indptr[first_row[end]])
         own_columns, own_values = _lines(pattern, start, end, dof, total.data)

@@ -8,7 +8,7 @@ from .. import elements
 from ..mesh.data import DistributedMesh
 from ..parallel.errors import MeshError
 
-_CHUNK = 5000       # elements whose Jacobians are held at a time
+_CHUNK = 5000  # elements whose Jacobians are held at a time
 
 
 def check_elements(dmesh: DistributedMesh, scene) -> None:
@@ -17,7 +17,7 @@ def check_elements(dmesh: DistributedMesh, scene) -> None:
     Collective on ``dmesh.comm``: one gather of the element numbers at fault.
     """
     bad_owned = [bad for block in dmesh.blocks for bad in _not_positive(block, scene)]
-    bad = sorted({found for rank in dmesh.comm.allgather(bad_owned) for found in rank})     # ranks share some elements
+    bad = sorted({found for rank in dmesh.comm.allgather(bad_owned) for found in rank})  # ranks share some elements
     if bad:
         lowest, number, kind, body = min((det, number, kind, body) for body, kind, number, det in bad)
         first = ", ".join(str(number) for _, _, number, _ in bad[:10]) + (", ..." if len(bad) > 10 else "")

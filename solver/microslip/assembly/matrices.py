@@ -20,17 +20,18 @@ from .pair_file import COLUMNS, GROUND, read_pairs
 from .system import System
 
 _SYMBOLS = {"stiffness": "K", "mass": "M", "damping": "C"}
-_MOST_ENTRIES = 2**31 - 1       # MPI and PETSc count with 32 bits
+_MOST_ENTRIES = 2**31 - 1  # MPI and PETSc count with 32 bits
+
 
 @dataclass(frozen=True)
 class GivenStructure:
     """What the files of a scene hold.  Rank 0 only."""
 
-    K: sp.csr_matrix            # (n_dof, n_dof) N/m, without the joint springs
-    M: sp.csr_matrix            # (n_dof, n_dof) kg
-    C: sp.csr_matrix | None     # (n_dof, n_dof) N s/m
+    K: sp.csr_matrix  # (n_dof, n_dof) N/m, without the joint springs
+    M: sp.csr_matrix  # (n_dof, n_dof) kg
+    C: sp.csr_matrix | None  # (n_dof, n_dof) N s/m
     pairs: ContactPairs
-    dofs: np.ndarray            # (n_pairs, 6) x, y, z of body 1, x, y, z of body 2; -1 is ground
+    dofs: np.ndarray  # (n_pairs, 6) x, y, z of body 1, x, y, z of body 2; -1 is ground
 
     @property
     def n_dof(self) -> int:
@@ -57,16 +58,20 @@ def read_structure(scene) -> GivenStructure:
     n_dof = K.shape[0]
     for key, matrix in matrices.items():
         if matrix.shape != K.shape:
-            raise CaseError(f"{scene.folder / files[key]}: [model] {key} is {matrix.shape[0]} x {matrix.shape[1]}, but the "
-                            f"stiffness {n_dof} x {n_dof}")
+            raise CaseError(
+                f"{scene.folder / files[key]}: [model] {key} is {matrix.shape[0]} x {matrix.shape[1]}, but the "
+                f"stiffness {n_dof} x {n_dof}"
+            )
     _check_mass(M, C, f"{scene.folder / files['mass']}: [model] mass")
     for table, entries in (("loads", scene.loads), ("outputs", scene.outputs)):
         for i, entry in enumerate(entries, 1):
             if not entry.dof < n_dof:
                 raise CaseError(f"{scene.path}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
     if K.nnz > _MOST_ENTRIES:
-        raise ResourceError(f"{scene.folder / files['stiffness']}: [model] stiffness has {K.nnz} entries; this version reads "
-                            f"{_MOST_ENTRIES} at most")
+        raise ResourceError(
+            f"{scene.folder / files['stiffness']}: [model] stiffness has {K.nnz} entries; this version reads "
+            f"{_MOST_ENTRIES} at most"
+        )
     return GivenStructure(K, M, C, *_read_joints(scene, n_dof))
 
 
@@ -81,8 +86,10 @@ def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
         if matrix is not None:
             loaded = np.flatnonzero((mass == 0.0) & (abs(matrix).sum(axis=1).A1 > 0.0))
             if len(loaded):
-                raise CaseError(f"{where} of DOF {loaded[0]} is 0, yet {name} ({len(loaded)} DOFs of this sort); a DOF without "
-                                "mass follows its springs alone: give it a small mass, or remove the entries")
+                raise CaseError(
+                    f"{where} of DOF {loaded[0]} is 0, yet {name} ({len(loaded)} DOFs of this sort); a DOF without "
+                    "mass follows its springs alone: give it a small mass, or remove the entries"
+                )
 
 
 def _read_joints(scene, n_dof: int) -> tuple[ContactPairs, np.ndarray]:
@@ -96,9 +103,18 @@ def _read_joints(scene, n_dof: int) -> tuple[ContactPairs, np.ndarray]:
     table = np.concatenate(tables)
     n, (mu, n0, g0, k_t, k_n) = len(table), table[:, 6:].T
     pairs = ContactPairs(
-        joint=tuple(names), node1=np.full(n, -1), node2=np.full(n, -1), position=np.full((n, 3), np.nan),
-        frame=np.tile(np.eye(3), (n, 1, 1)), area=np.full(n, np.nan), mu=mu, N0=np.where(g0 > 0.0, -k_n * g0, n0), k_t=k_t,
-        k_n=k_n, separate=np.array(separate, dtype=bool), faces=(),
+        joint=tuple(names),
+        node1=np.full(n, -1),
+        node2=np.full(n, -1),
+        position=np.full((n, 3), np.nan),
+        frame=np.tile(np.eye(3), (n, 1, 1)),
+        area=np.full(n, np.nan),
+        mu=mu,
+        N0=np.where(g0 > 0.0, -k_n * g0, n0),
+        k_t=k_t,
+        k_n=k_n,
+        separate=np.array(separate, dtype=bool),
+        faces=(),
     )
     return pairs, table[:, :6].astype(int)
 
@@ -118,8 +134,16 @@ def distribute_structure(given: GivenStructure | None, scene, comm) -> tuple[Sys
     part, names = comm.bcast(_connected(given.K) if here else None)
     n_dof, (first, last) = K.getSize()[0], K.getOwnershipRange()
     return System(
-        comm=comm, K=K, M=M, C=C, R=_pair_map(dofs, n_dof), loads=_load_map(scene.loads, n_dof),
-        outputs=_output_map(scene.outputs, n_dof), dof=None, parts=part[first:last], part_names=names,
+        comm=comm,
+        K=K,
+        M=M,
+        C=C,
+        R=_pair_map(dofs, n_dof),
+        loads=_load_map(scene.loads, n_dof),
+        outputs=_output_map(scene.outputs, n_dof),
+        dof=None,
+        parts=part[first:last],
+        part_names=names,
     ), pairs
 
 

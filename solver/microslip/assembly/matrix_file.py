@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ..parallel.errors import CaseError, ResourceError
 
 ENDINGS = (".mtx", ".npz", ".mat")
-_SYMMETRY = 1e-8        # of the largest entry: what a text file may lose
+_SYMMETRY = 1e-8  # of the largest entry: what a text file may lose
 
 
 def read_matrix(path: Path, key: str, symbol: str) -> sp.csr_matrix:
@@ -39,7 +39,7 @@ def read_matrix(path: Path, key: str, symbol: str) -> sp.csr_matrix:
         raise
     except MemoryError:
         raise ResourceError(f"{where}: not enough memory to read it") from None
-    except Exception as problem:            # whatever a reader makes of a damaged file
+    except Exception as problem:  # whatever a reader makes of a damaged file
         raise CaseError(f"{where} cannot be read as a matrix: {' '.join(str(problem).split())[:200]}") from None
     matrix = matrix.astype(float)
     matrix.sum_duplicates()
@@ -61,7 +61,7 @@ def _load(path: Path, where: str, symbol: str):
     if not zipfile.is_zipfile(path):
         raise CaseError(f"{where} is not a file of scipy.sparse.save_npz or numpy.savez")
     with np.load(path, allow_pickle=False) as arrays:
-        if "format" not in arrays:          # of scipy.sparse.save_npz
+        if "format" not in arrays:  # of scipy.sparse.save_npz
             return _variable(dict(arrays), where, symbol)
     return sp.load_npz(path)
 
@@ -70,8 +70,10 @@ def _variable(found: dict, where: str, symbol: str):
     """Return the one variable of a file, or of several the one named like the matrix."""
     value = next(iter(found.values())) if len(found) == 1 else found.get(symbol)
     if value is None:
-        raise CaseError(f"{where} needs a file with one variable, or with one named {symbol}; this one has "
-                        f"{', '.join(sorted(found)) or 'none'}")
+        raise CaseError(
+            f"{where} needs a file with one variable, or with one named {symbol}; this one has "
+            f"{', '.join(sorted(found)) or 'none'}"
+        )
     return value
 
 
@@ -109,6 +111,8 @@ def _check_symmetry(matrix: sp.csr_matrix, where: str) -> None:
     if skew.nnz and skew.data.max() > _SYMMETRY * largest:
         at = np.argmax(skew.data)
         i, j = skew.row[at], skew.col[at]
-        raise CaseError(f"{where} is not symmetric: entries ({i}, {j}) and ({j}, {i}), counted from 0, are {matrix[i, j]:g} and "
-                        f"{matrix[j, i]:g}; both triangles are needed, or a Matrix Market file "
-                        "that says 'symmetric' in its first line")
+        raise CaseError(
+            f"{where} is not symmetric: entries ({i}, {j}) and ({j}, {i}), counted from 0, are {matrix[i, j]:g} and "
+            f"{matrix[j, i]:g}; both triangles are needed, or a Matrix Market file "
+            "that says 'symmetric' in its first line"
+        )

@@ -102,5 +102,7 @@ def _check_normal(pair: dict[str, float], where: str) -> None:
     if g0 > 0.0 and pair["kn"] == 0.0:
         raise CaseError(f"{where}: a gap g0 = {g0:g} that closes on kn = 0; kn must be above 0")
     if pair["z1"] == pair["z2"] == GROUND and (g0 > 0.0 or n0 <= 0.0):
-        raise CaseError(f"{where}: z1 and z2 are ground, so that the normal force stays at n0 = {n0:g} N: the pair never "
-                        "touches; n0 must be above 0")
+        raise CaseError(
+            f"{where}: z1 and z2 are ground, so that the normal force stays at n0 = {n0:g} N: the pair never "
+            "touches; n0 must be above 0"
+        )

@@ -17,15 +17,15 @@ class System:
     """
 
     comm: Any
-    K: Any                      # PETSc.Mat (n_dof, n_dof) N/m, without the joint springs
-    M: Any                      # PETSc.Mat (n_dof, n_dof) kg
-    C: Any | None               # PETSc.Mat N s/m, where the user gives one; otherwise damping is modal
-    R: sp.csr_matrix            # (3 n_pairs, n_dof) relative displacement, du = R u
-    loads: sp.csc_matrix        # (n_dof, n_loads) load shapes, per unit level [N/N]
-    outputs: sp.csr_matrix      # (n_outputs, n_dof)
-    dof: np.ndarray | None      # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed; None without a mesh
-    parts: np.ndarray | None = None     # (n_dof_owned,) connected part of each owned row, for messages on free bodies
-    part_names: tuple[str, ...] = ()    # what to call each part: its bodies
+    K: Any  # PETSc.Mat (n_dof, n_dof) N/m, without the joint springs
+    M: Any  # PETSc.Mat (n_dof, n_dof) kg
+    C: Any | None  # PETSc.Mat N s/m, where the user gives one; otherwise damping is modal
+    R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement, du = R u
+    loads: sp.csc_matrix  # (n_dof, n_loads) load shapes, per unit level [N/N]
+    outputs: sp.csr_matrix  # (n_outputs, n_dof)
+    dof: np.ndarray | None  # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed; None without a mesh
+    parts: np.ndarray | None = None  # (n_dof_owned,) connected part of each owned row, for messages on free bodies
+    part_names: tuple[str, ...] = ()  # what to call each part: its bodies
 
     @property
     def n_dof(self) -> int:

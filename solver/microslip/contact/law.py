@@ -19,11 +19,11 @@ STICK, SLIP, OPEN = 0, 1, 2
 class ContactParameters:
     """Parameters of ``n`` contact pairs, contiguous arrays (n,); ValueError if one is negative or misshapen."""
 
-    mu: np.ndarray          # friction coefficient [-]
-    N0: np.ndarray          # normal preload [N]; negative states an initial gap -N0 / k_n
-    k_t: np.ndarray         # tangential stiffness [N/m]
-    k_n: np.ndarray         # normal stiffness [N/m]
-    separate: np.ndarray    # bool: each tangential direction has its own friction limit
+    mu: np.ndarray  # friction coefficient [-]
+    N0: np.ndarray  # normal preload [N]; negative states an initial gap -N0 / k_n
+    k_t: np.ndarray  # tangential stiffness [N/m]
+    k_n: np.ndarray  # normal stiffness [N/m]
+    separate: np.ndarray  # bool: each tangential direction has its own friction limit
 
     def __post_init__(self):
         n = np.size(self.k_t)
@@ -42,6 +42,4 @@ class ContactParameters:
 
     def take(self, indices) -> ContactParameters:
         """Return the parameters of some pairs: an index array, a mask or a slice.  Local."""
-        return ContactParameters(
-            self.mu[indices], self.N0[indices], self.k_t[indices], self.k_n[indices], self.separate[indices]
-        )
+        return ContactParameters(self.mu[indices], self.N0[indices], self.k_t[indices], self.k_n[indices], self.separate[indices])

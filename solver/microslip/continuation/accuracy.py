@@ -11,25 +11,25 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..error_bars.parts import PARTS
+from ..error_estimate.components import PARTS
 from ..fourier.harmonics import Harmonics
 from ..harmonic.residual import HarmonicBalance
 from ..harmonic.symmetry import symmetric
 from .steps import ArcLength
 
 MOST_HARMONICS, MOST_SAMPLES = 31, 4096
-LEAST_SAMPLES = 64          # fewer cost no less
-PER_HARMONIC = 4            # samples a harmonic, at least
-FAINT = 1e-3                # of the largest output: fainter ones are judged against that
-LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}       # share of what is allowed, below which less will do
-PATIENCE = 3                # points in a row
-SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}     # of the accuracy; parts are estimates, some half of what is true
-STATED = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}        # the key of [solver] for each
-BOTH = SHARES["harmonics"] + SHARES["samples"]      # together: samples may use what harmonics leave
-TOLERANCE = 1e-2        # of Newton, times the accuracy
-STEP = 0.5                  # share of the accuracy for the straight line between two points
-LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0          # bounds of the change from one step to the next
-LONGEST = 0.1               # step, in the relative norm
+LEAST_SAMPLES = 64  # fewer cost no less
+PER_HARMONIC = 4  # samples a harmonic, at least
+FAINT = 1e-3  # of the largest output: fainter ones are judged against that
+LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}  # share of what is allowed, below which less will do
+PATIENCE = 3  # points in a row
+SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}  # of the accuracy; parts are estimates, some half of what is true
+STATED = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # the key of [solver] for each
+BOTH = SHARES["harmonics"] + SHARES["samples"]  # together: samples may use what harmonics leave
+TOLERANCE = 1e-2  # of Newton, times the accuracy
+STEP = 0.5  # share of the accuracy for the straight line between two points
+LEAST_STRETCH, MOST_STRETCH = 0.5, 2.0  # bounds of the change from one step to the next
+LONGEST = 0.1  # step, in the relative norm
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Accuracy:
     keeps: frozenset[str] = frozenset()
     chooses_steps: bool = True
     tightest: float = 1e-8
-    peak: np.ndarray | None = None                              # (n_outputs,) largest amplitude so far [m]
+    peak: np.ndarray | None = None  # (n_outputs,) largest amplitude so far [m]
     calm: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))
     patience: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, PATIENCE))
 
@@ -90,7 +90,7 @@ class Accuracy:
         for part, share in SHARES.items():
             values, most = error[:, PARTS.index(part)], BOTH * allowed - used if part == "samples" else share * allowed
             over = np.divide(values, most, out=np.zeros_like(values), where=allowed > 0.0)
-            found[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))            # a bar that is none tells nothing
+            found[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))  # a bar that is none tells nothing
         return found
 
     def finer(self, now: Resolution, ratios: dict[str, float]) -> Resolution | None:

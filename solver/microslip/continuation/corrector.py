@@ -14,19 +14,19 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from ..harmonic.direct import LARGEST, WholeInverse
 from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
+from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
 from ..harmonic.preconditioner import HarmonicPreconditioner
 from ..harmonic.residual import HarmonicBalance
-from ..harmonic.shell import ShellMatrix, ShellSolver
-from ..harmonic.whole_inverse import LARGEST, WholeInverse
 
-PATIENCE, LEAST_PROGRESS = 4, 0.5       # Newton gives up where so many iterations leave more than this share of the residual
+PATIENCE, LEAST_PROGRESS = 4, 0.5  # Newton gives up where so many iterations leave more than this share of the residual
 MOST_ITERATIONS = 20
-PATIENT, MOST_PATIENT_ITERATIONS = 25, 80       # the same where there is no other way left
-SOFT = 100.0            # k |U| over the contact forces beyond which a residual counts as force
-ROUNDING = 1e-2         # share of the tolerance that rounding may take up in a weighted row
-MANY_IN_STIFF = 10      # the same where rows are weighted
-MANY_KRYLOV = 50        # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
+PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other way left
+SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
+ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
+MANY_IN_STIFF = 10  # the same where rows are weighted
+MANY_KRYLOV = 50  # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
 
 
@@ -34,18 +34,18 @@ _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items(
 class Iterate:
     """A motion of this rank's pairs and the parameter of the family, unscaled."""
 
-    U: np.ndarray       # (n_owned, 3, N_H) m
-    parameter: float    # frequency rad/s, or level N
+    U: np.ndarray  # (n_owned, 3, N_H) m
+    parameter: float  # frequency rad/s, or level N
 
 
 @dataclass(frozen=True)
 class Scaling:
     """Units of the unknowns in SNES and in the arc-length norm, and weights of the rows of the residual."""
 
-    U: float            # m
-    parameter: float    # rad/s or N
-    rows: np.ndarray | float = 1.0      # (n_owned, 3, 1) -, at least 1; see ``row_weights``
-    weight: float = 1.0                 # the largest of all ranks' rows
+    U: float  # m
+    parameter: float  # rad/s or N
+    rows: np.ndarray | float = 1.0  # (n_owned, 3, 1) -, at least 1; see ``row_weights``
+    weight: float = 1.0  # the largest of all ranks' rows
 
 
 def row_weights(stiffness: np.ndarray, size: float, force: float, tolerance: float) -> np.ndarray:
@@ -71,8 +71,8 @@ class ConstraintRow:
     """The row n_U . (xi - xi_0) + n_nu (nu - nu_0) = 0 about the iterate ``about``."""
 
     about: Iterate
-    n_U: np.ndarray     # (n_owned, 3, N_H) -
-    n_nu: float         # -
+    n_U: np.ndarray  # (n_owned, 3, N_H) -
+    n_nu: float  # -
 
     @classmethod
     def fixed_parameter(cls, about: Iterate) -> ConstraintRow:
@@ -86,10 +86,10 @@ class Correction:
     iterate: Iterate
     newton: int
     krylov: int
-    residual: float             # scaled 2-norm
+    residual: float  # scaled 2-norm
     failure: str | None
-    bound: float = 0.0          # the tolerance that was asked for
-    gap: float = 0.0            # m, the most that the motion of the stiffest pairs and that under their forces differ by
+    bound: float = 0.0  # the tolerance that was asked for
+    gap: float = 0.0  # m, the most that the motion of the stiffest pairs and that under their forces differ by
 
 
 class Corrector:
@@ -97,7 +97,7 @@ class Corrector:
 
     def __init__(self, problem: HarmonicBalance, tolerance: float):
         self.problem, self.comm = problem, problem.comm
-        self.last = self.comm.rank == self.comm.size - 1            # owns the row of the parameter
+        self.last = self.comm.rank == self.comm.size - 1  # owns the row of the parameter
         self.n_U = int(np.prod(problem.shape))
         self.tolerance, self.patience = tolerance, PATIENCE
         self._step = NewtonStep(problem)
@@ -119,7 +119,7 @@ class Corrector:
         snes.setTolerances(rtol=0.0, atol=self.tolerance, stol=0.0, max_it=MOST_ITERATIONS)
         snes.setConvergenceTest(self._converged)
         ksp = snes.getKSP()
-        ksp.setOptionsPrefix("hb_newton_")          # the options -hb_ksp_ are those of the GMRES inside
+        ksp.setOptionsPrefix("hb_newton_")  # the options -hb_ksp_ are those of the GMRES inside
         ksp.setType(PETSc.KSP.Type.PYTHON)
         ksp.setPythonContext(ShellSolver(self.solve_step))
         ksp.getPC().setType(PETSc.PC.Type.NONE)
@@ -159,7 +159,7 @@ class Corrector:
 
     def correct(self, guess: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> Correction:
         """Solve from ``guess``.  Collective; never raises for divergence, which comes back as ``failure``."""
-        with np.errstate(all="ignore"):         # what is not finite is a failed step, which SNES tells
+        with np.errstate(all="ignore"):  # what is not finite is a failed step, which SNES tells
             return self._correct(guess, row, scaling, selected)
 
     def _correct(self, guess: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> Correction:
@@ -168,7 +168,7 @@ class Corrector:
         self._pack(guess, self._x)
         self._snes.solve(None, self._x)
         reason = self._snes.getConvergedReason()
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:         # with a preconditioner made here and now
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:  # with a preconditioner made here and now
             self._wants_preconditioner = True
             self._pack(guess, self._x)
             self._snes.solve(None, self._x)
@@ -181,11 +181,18 @@ class Corrector:
         self._weigh_preconditioner()
         failure = None
         if reason <= 0:
-            failure = (f"SNES {_NAMES.get(reason, reason)}, scaled residual {self._snes.getFunctionNorm():.1e} "
-                       f"(bound {self.tolerance:.1e})")
+            failure = (
+                f"SNES {_NAMES.get(reason, reason)}, scaled residual {self._snes.getFunctionNorm():.1e} "
+                f"(bound {self.tolerance:.1e})"
+            )
         return Correction(
-            self._unpack(self._x), self._snes.getIterationNumber(), self._snes.getLinearSolveIterations(),
-            self._snes.getFunctionNorm(), failure, self.tolerance, self._snes.getFunctionNorm() * scaling.U / scaling.weight,
+            self._unpack(self._x),
+            self._snes.getIterationNumber(),
+            self._snes.getLinearSolveIterations(),
+            self._snes.getFunctionNorm(),
+            failure,
+            self.tolerance,
+            self._snes.getFunctionNorm() * scaling.U / scaling.weight,
         )
 
     def residual_at(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> np.ndarray:
@@ -243,7 +250,7 @@ class Corrector:
         forces = problem.contact_forces(U, self._selected, tangents=False, extras=(plane_U, self._nu(values)))
         plane_U, nu = forces.extras
         out, parameter = r.getArray(), nu * scaling.parameter
-        out[: self.n_U] = np.nan                    # what a parameter below zero gets: a failed step, on every rank
+        out[: self.n_U] = np.nan  # what a parameter below zero gets: a failed step, on every rank
         if parameter > 0.0:
             U_lin, _ = problem.linear_motion(parameter)
             rows = U - U_lin + problem.receptance_at(parameter, forces.active).apply(forces.p)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..contact.law import STICK
-from ..error_bars.estimate import ErrorEstimator
+from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.harmonics import Harmonics
 from ..harmonic.residual import DampingFamily, HarmonicBalance, LevelFamily
 from ..parallel.errors import ConvergenceError
@@ -17,35 +17,49 @@ from ..reduction.selection import Selection
 from .accuracy import Accuracy
 from .branch import Branch, Point
 from .corrector import Correction, Iterate
+from .point_record import point_record
 from .point_solver import State, interpolate
-from .record import point_record
 from .stepper import Stepper
 from .steps import ArcLength
 from .sweep import Sweep
 
 # the way to a first point that Newton does not reach at once: steps over the level or further damping
 APPROACH = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)
-BEGINNINGS = {LevelFamily: (1e-2, 1e-4), DampingFamily: (1e-1, 1e-3)}     # of the parameter at the end of such a way
-MOST_APPROACH_ITERATIONS = 1500         # of Newton, on one such way; those that arrive take some hundreds
+BEGINNINGS = {LevelFamily: (1e-2, 1e-4), DampingFamily: (1e-1, 1e-3)}  # of the parameter at the end of such a way
+MOST_APPROACH_ITERATIONS = 1500  # of Newton, on one such way; those that arrive take some hundreds
 MOST_APPROACH_POINTS = 1000
-FINEST_WAY = 1e-2       # of the way from a point to an asked value: the smallest step in between
+FINEST_WAY = 1e-2  # of the way from a point to an asked value: the smallest step in between
 MISSED = "accuracy not met: more harmonics or samples than the program uses or the scene states, or no convergence with them"
-UNBALANCED = 5e-6       # of the forces beyond which a point is not one, at a tolerance of 1e-8
-REACHED = {way: f"first point {how}, where there may be other solutions" for way, how in (       # the notes of such a point
-    ("over_the_level", "reached over the level"), ("from_rest", "found from rest"), ("patiently", "found by small Newton steps"),
-    ("over_damping", "reached over further damping"))}
-MOSTLY = 0.8            # share of the pairs that slip or are open, from which the mean of the slip may be held
-NOTHING = np.empty((0, 3, 0))       # the motion of a recorded point on ranks other than 0
+UNBALANCED = 5e-6  # of the forces beyond which a point is not one, at a tolerance of 1e-8
+REACHED = {
+    way: f"first point {how}, where there may be other solutions"
+    for way, how in (  # the notes of such a point
+        ("over_the_level", "reached over the level"),
+        ("from_rest", "found from rest"),
+        ("patiently", "found by small Newton steps"),
+        ("over_damping", "reached over further damping"),
+    )
+}
+MOSTLY = 0.8  # share of the pairs that slip or are open, from which the mean of the slip may be held
+NOTHING = np.empty((0, 3, 0))  # the motion of a recorded point on ranks other than 0
 
 
 class BranchFollower(Stepper):
     """The stepping loop of one branch; what it knows of a point goes in and out as :class:`State`."""
 
-    reached: str | None = None      # how the first point was, where not from the linear response; noted with it
-    scaled = False          # whether all points so far are the linear response, found without solving
+    reached: str | None = None  # how the first point was, where not from the linear response; noted with it
+    scaled = False  # whether all points so far are the linear response, found without solving
 
-    def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, tolerance: float,
-                 estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None):
+    def __init__(
+        self,
+        problem: HarmonicBalance,
+        selection: Selection,
+        sweep: Sweep,
+        steps: ArcLength,
+        tolerance: float,
+        estimator: ErrorEstimator | None = None,
+        accuracy: Accuracy | None = None,
+    ):
         if accuracy is not None:
             problem = problem.resolved(accuracy.coarsest.harmonics, accuracy.coarsest.n_samples)
             tolerance = tolerance if "solver" in accuracy.keeps else accuracy.coarsest.tolerance
@@ -61,8 +75,9 @@ class BranchFollower(Stepper):
 
     # -- one point ---------------------------------------------------------------------------------------------
 
-    def accept(self, found: Correction, selected: np.ndarray, asked: bool = False,
-               on_the_way: bool = False) -> tuple[State, Point]:
+    def accept(
+        self, found: Correction, selected: np.ndarray, asked: bool = False, on_the_way: bool = False
+    ) -> tuple[State, Point]:
         """Evaluate all pairs at a converged point, record it and choose B of the next one.  Collective.
 
         A point ``on_the_way`` to one that counts has no error bar, and leaves harmonics and samples as they are.
@@ -73,7 +88,7 @@ class BranchFollower(Stepper):
                 point, moves = point_record(self.problem, found, selected, self.selection, asked, estimator)
                 self._check_forces(found, point)
             except ConvergenceError:
-                tighter = self.accuracy and self.accuracy.tighter(self.resolution)      # its residual alone may be to blame
+                tighter = self.accuracy and self.accuracy.tighter(self.resolution)  # its residual alone may be to blame
                 better, used = self.solve_with(tighter, found, selected) if tighter else (found, selected)
                 if not tighter or better.failure:
                     raise
@@ -112,7 +127,8 @@ class BranchFollower(Stepper):
             raise ConvergenceError(
                 f"hb: at {self.problem.where(there.parameter)} contact forces of {unbalanced:.1e} N are lost beside a motion of "
                 f"{self.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body that nothing but its joint holds, "
-                "or a joint far too stiff? Hold the body, or lower the stiffness")
+                "or a joint far too stiff? Hold the body, or lower the stiffness"
+            )
 
     def force_at(self, there: Iterate, point: Point) -> float:
         """Return |f_nl| over all ranks [N] at a point on record.  Collective."""
@@ -193,8 +209,10 @@ class BranchFollower(Stepper):
                 begin = interpolate(now.iterate, found.iterate, self.sweep.start)
                 yield from self.asked(now, begin, selected)
                 yield self.solved(self.carried(now), self.fitted(begin), selected, asked=self.sweep.start in self.sweep.at)
-                raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, "
-                                       f"{self.problem.where(self.sweep.start)}; begin further off")
+                raise ConvergenceError(
+                    f"hb: a fold leads the branch back out of the range at its start, "
+                    f"{self.problem.where(self.sweep.start)}; begin further off"
+                )
             if self.sweep.beyond(found.iterate.parameter):
                 end = interpolate(now.iterate, found.iterate, self.sweep.stop)
                 yield from self.asked(now, end, selected)
@@ -264,9 +282,11 @@ class BranchFollower(Stepper):
         where, is_static = self.problem.where(self.sweep.start), self.harmonics.highest == 0
         raise ConvergenceError(
             f"hb: no equilibrium under the static load of {self.problem.level_at(self.sweep.start):.4g} N was found "
-            f"({failed.failure}): is it more than friction and preload carry?" if is_static else
-            f"hb: no first point at {where}: neither from the linear response ({failed.failure}) nor from rest, over the level "
-            "or over further damping; begin at another frequency, or raise [solver] samples")
+            f"({failed.failure}): is it more than friction and preload carry?"
+            if is_static
+            else f"hb: no first point at {where}: neither from the linear response ({failed.failure}) nor from rest, "
+            "over the level or over further damping; begin at another frequency, or raise [solver] samples"
+        )
 
     def over_the_level(self) -> tuple[Correction, np.ndarray] | None:
         """Solve the first point from a small level up, by arc length at its frequency, folds included; None in vain."""
@@ -326,10 +346,20 @@ class BranchFollower(Stepper):
         return reached
 
 
-def follow_branch(problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, *, tolerance: float,
-                  max_points: int, on_point: Callable[[Point], None] = lambda point: None,
-                  estimator: ErrorEstimator | None = None, accuracy: Accuracy | None = None,
-                  follower: type[BranchFollower] = BranchFollower, segment: int = 0) -> Branch:
+def follow_branch(
+    problem: HarmonicBalance,
+    selection: Selection,
+    sweep: Sweep,
+    steps: ArcLength,
+    *,
+    tolerance: float,
+    max_points: int,
+    on_point: Callable[[Point], None] = lambda point: None,
+    estimator: ErrorEstimator | None = None,
+    accuracy: Accuracy | None = None,
+    follower: type[BranchFollower] = BranchFollower,
+    segment: int = 0,
+) -> Branch:
     """Follow the branch of one level over frequency, by the steps of a ``follower``.  Collective on ``problem.comm``.
 
     A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.

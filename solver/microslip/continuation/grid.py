@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..error_bars.estimate import ErrorEstimator
+from ..error_estimate.estimate import ErrorEstimator
 from ..harmonic.residual import HarmonicBalance
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
@@ -19,8 +19,8 @@ from .point_solver import State, interpolate
 from .steps import ArcLength
 from .sweep import Sweep
 
-FURTHEST = 2.0          # times the last way between two points over which their secant is trusted
-STEPS = ArcLength(ds=0.1, ds_min=1e-5, ds_max=0.2)      # along the branch, to a frequency that Newton does not reach at once
+FURTHEST = 2.0  # times the last way between two points over which their secant is trusted
+STEPS = ArcLength(ds=0.1, ds_min=1e-5, ds_max=0.2)  # along the branch, to a frequency that Newton does not reach at once
 MOST_STEPS = 1000
 
 
@@ -46,9 +46,16 @@ def secant(before: Iterate | None, now: Iterate, omega: float) -> Iterate:
     return interpolate(before, now, omega)
 
 
-def at_frequencies(problem: HarmonicBalance, selection: Selection, omegas: Sequence[float], *, tolerance: float,
-                   on_point: Callable[[Point], None] = lambda point: None, estimator: ErrorEstimator | None = None,
-                   accuracy: Accuracy | None = None) -> Branch:
+def at_frequencies(
+    problem: HarmonicBalance,
+    selection: Selection,
+    omegas: Sequence[float],
+    *,
+    tolerance: float,
+    on_point: Callable[[Point], None] = lambda point: None,
+    estimator: ErrorEstimator | None = None,
+    accuracy: Accuracy | None = None,
+) -> Branch:
     """Solve one level at ``omegas`` (n,) [rad/s], each another than the one before, from the points solved before it.
 
     Collective on ``problem.comm``.  Nothing is raised for divergence: the branch keeps its points and says why in
@@ -62,7 +69,7 @@ def at_frequencies(problem: HarmonicBalance, selection: Selection, omegas: Seque
     """
     branch, width = Branch(problem.level), float(np.ptp(omegas)) or 1e-3 * omegas[0]
     follower = BranchFollower(problem, selection, Sweep(omegas[0], omegas[0] + width), STEPS, tolerance, estimator, accuracy)
-    follower.may_hold = False           # springs would stay for good, and compare another problem
+    follower.may_hold = False  # springs would stay for good, and compare another problem
     try:
         for point in _points(follower, omegas):
             on_point(point)
@@ -126,8 +133,10 @@ def _follow_to(follower: BranchFollower, before: State | None, now: State, omega
             ds = follower.steps.next(ds, found.newton, follower.turn(before.iterate, now.iterate, after.iterate, now.size))
         earlier, before, now = before, now, after
         found, selected, ds = follower.step(earlier, before, now, ds)
-    raise ConvergenceError(f"hb: {follower.problem.where(omega)} not reached along the branch from "
-                           f"{follower.problem.where(start)}; ask for frequencies closer to each other")
+    raise ConvergenceError(
+        f"hb: {follower.problem.where(omega)} not reached along the branch from "
+        f"{follower.problem.where(start)}; ask for frequencies closer to each other"
+    )
 
 
 @dataclass
@@ -143,5 +152,6 @@ class Spent:
 
     def added_to(self, point: Point) -> Point:
         """Return the record of the point with this effort added."""
-        return replace(point, newton=point.newton + self.newton, krylov=point.krylov + self.krylov,
-                       seconds=point.seconds + self.seconds)
+        return replace(
+            point, newton=point.newton + self.newton, krylov=point.krylov + self.krylov, seconds=point.seconds + self.seconds
+        )

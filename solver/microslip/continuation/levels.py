@@ -11,19 +11,19 @@ from typing import Protocol
 import numpy as np
 
 from ..contact.law import ContactParameters
-from ..error_bars.estimate import ErrorEstimator
-from ..error_bars.truth import Truth
+from ..error_estimate.better_model import Truth
+from ..error_estimate.estimate import ErrorEstimator
 from ..harmonic.residual import HarmonicBalance
 from ..modes.band import frequency_band
 from ..parallel.errors import CaseError
-from ..reduction import receptance
-from ..reduction.model import ReducedModel
+from ..receptance import motion as receptance
+from ..receptance.model import ReducedModel
 from ..reduction.selection import AllPairs, Selection
 from .accuracy import accuracy_of, steps_for
 from .branch import Branch, Point
 from .corrector import Correction, Iterate
 from .follow import BranchFollower, follow_branch
-from .record import point_record
+from .point_record import point_record
 from .scaled import ScaledFollower, is_linear, sticks_up_to
 from .statics import StaticFollower
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
@@ -42,8 +42,10 @@ def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
     low, high = frequency_band(response, omega_n)
     highest = float(np.max(omega_n, initial=0.0)) / (2 * np.pi)
     if len(omega_n) and low > 10.0 * highest:
-        raise CaseError(f"[response] starts at {low:g} Hz, far above the highest of the {len(omega_n)} modes computed, "
-                        f"{highest:.4g} Hz; check the unit (Hz), or raise [solver] modes")
+        raise CaseError(
+            f"[response] starts at {low:g} Hz, far above the highest of the {len(omega_n)} modes computed, "
+            f"{highest:.4g} Hz; check the unit (Hz), or raise [solver] modes"
+        )
     outside = [f for f in response.at if not low <= f <= high]
     if outside:
         raise CaseError(f"[response] at = {outside[0]:g} Hz lies outside {low:.6g} to {high:.6g} Hz")
@@ -69,8 +71,14 @@ def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameter
     return LinearCurve(omega, model.harmonics.carry(response, model.recorded), s, stuck)
 
 
-def linear_branch(problem: HarmonicBalance, sweep: Sweep, curve: LinearCurve, n_points: int,
-                  on_point: Callable[[Point], None], estimator: ErrorEstimator | None = None) -> Branch:
+def linear_branch(
+    problem: HarmonicBalance,
+    sweep: Sweep,
+    curve: LinearCurve,
+    n_points: int,
+    on_point: Callable[[Point], None],
+    estimator: ErrorEstimator | None = None,
+) -> Branch:
     """Return a branch known to be linear, at equal steps of its length and where asked; nothing is solved.  Collective."""
     omegas = np.interp(np.linspace(0.0, curve.s[-1], n_points), curve.s, curve.omega) if n_points > 1 else np.array([sweep.start])
     branch, everything = Branch(problem.level), np.ones(problem.model.n_pairs, dtype=bool)
@@ -115,10 +123,14 @@ def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: Li
     at_peak = curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))]
     U = np.abs(receptance.linear_motion_of_all(model, 1.0, at_peak)).reshape(model.n_pairs, 3, model.N_H).sum(axis=2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.stack([parameters.k_t * np.hypot(U[:, 0], U[:, 1]) / (parameters.mu * parameters.N0),
-                           parameters.k_n * U[:, 2] / parameters.N0])
+        shares = np.stack(
+            [
+                parameters.k_t * np.hypot(U[:, 0], U[:, 1]) / (parameters.mu * parameters.N0),
+                parameters.k_n * U[:, 2] / parameters.N0,
+            ]
+        )
     order = np.argsort(-np.nan_to_num(shares, nan=0.0, posinf=1e300, neginf=1e300).max(axis=0), kind="stable")
-    return model.comm.bcast(order)              # all ranks solve for the same columns, also where a tie falls otherwise on some
+    return model.comm.bcast(order)  # all ranks solve for the same columns, also where a tie falls otherwise on some
 
 
 class Listener(Protocol):
@@ -129,8 +141,16 @@ class Listener(Protocol):
     def point(self, point: Point) -> None: ...
 
 
-def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep,
-                  curve: LinearCurve, listener: Listener, truth: Truth | None = None) -> Iterator[Branch]:
+def follow_levels(
+    scene,
+    model: ReducedModel,
+    parameters: ContactParameters,
+    selection: Selection,
+    sweep: Sweep,
+    curve: LinearCurve,
+    listener: Listener,
+    truth: Truth | None = None,
+) -> Iterator[Branch]:
     """Yield the branch of each level as it is done.  Collective."""
     if model.n_pairs > 0:
         model.G_static.likely = likely_to_slip(model, parameters, curve)
@@ -139,8 +159,17 @@ def follow_levels(scene, model: ReducedModel, parameters: ContactParameters, sel
         yield follow_level(scene, model, parameters, selection, sweep, curve, level, listener.point, truth)
 
 
-def follow_level(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, sweep: Sweep,
-                 curve: LinearCurve, level: float, on_point: Callable[[Point], None], truth: Truth | None = None) -> Branch:
+def follow_level(
+    scene,
+    model: ReducedModel,
+    parameters: ContactParameters,
+    selection: Selection,
+    sweep: Sweep,
+    curve: LinearCurve,
+    level: float,
+    on_point: Callable[[Point], None],
+    truth: Truth | None = None,
+) -> Branch:
     """Return the branch of one level [N], with error bars where a ``truth`` is given.  Collective on ``model.comm``.
 
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
@@ -153,9 +182,18 @@ def follow_level(scene, model: ReducedModel, parameters: ContactParameters, sele
     return branch.with_segment_from_the_other_end(follow(sweep.reverse, segment=1))
 
 
-def _follow_one_way(scene, model: ReducedModel, parameters: ContactParameters, selection: Selection, curve: LinearCurve,
-                    level: float, on_point: Callable[[Point], None], truth: Truth | None, sweep: Sweep,
-                    segment: int = 0) -> Branch:
+def _follow_one_way(
+    scene,
+    model: ReducedModel,
+    parameters: ContactParameters,
+    selection: Selection,
+    curve: LinearCurve,
+    level: float,
+    on_point: Callable[[Point], None],
+    truth: Truth | None,
+    sweep: Sweep,
+    segment: int = 0,
+) -> Branch:
     problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
     estimator = None if truth is None else ErrorEstimator(truth)
     is_static = model.harmonics.highest == 0
@@ -167,6 +205,16 @@ def _follow_one_way(scene, model: ReducedModel, parameters: ContactParameters, s
     steps = arc_length_steps(scene.continuation, scene.response.points, curve)
     if accuracy is not None and accuracy.chooses_steps:
         steps = ArcLength(**asdict(steps_for(accuracy.target)) | stated_steps(scene.continuation, curve))
-    return follow_branch(problem, selection, sweep, steps, tolerance=scene.solver.tolerance,
-                         max_points=most_points(scene.response.points), on_point=on_point, estimator=estimator, accuracy=accuracy,
-                         follower=StaticFollower if is_static else ScaledFollower if linear else BranchFollower, segment=segment)
+    return follow_branch(
+        problem,
+        selection,
+        sweep,
+        steps,
+        tolerance=scene.solver.tolerance,
+        max_points=most_points(scene.response.points),
+        on_point=on_point,
+        estimator=estimator,
+        accuracy=accuracy,
+        follower=StaticFollower if is_static else ScaledFollower if linear else BranchFollower,
+        segment=segment,
+    )

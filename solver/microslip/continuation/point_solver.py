@@ -15,7 +15,7 @@ from .accuracy import Resolution
 from .corrector import ConstraintRow, Correction, Corrector, Iterate, Scaling, row_weights
 from .sweep import Sweep
 
-SHRINKS = 0.5           # of the unit of U: a motion below it is solved again in its own unit
+SHRINKS = 0.5  # of the unit of U: a motion below it is solved again in its own unit
 
 
 @dataclass(frozen=True)
@@ -23,12 +23,12 @@ class State:
     """A converged point as the next step needs it."""
 
     iterate: Iterate
-    selected: np.ndarray            # B of the next point
-    size: float                     # |U| over all ranks [m]
-    force: float                    # |f_nl| over all ranks [N]
-    sticks: bool                    # no pair slips or opens: the point lies on the linear curve
-    sliding: float                  # share of the pairs that do not stick
-    amplitude: np.ndarray           # (n_outputs,) complex, of harmonic 1 [m]
+    selected: np.ndarray  # B of the next point
+    size: float  # |U| over all ranks [m]
+    force: float  # |f_nl| over all ranks [N]
+    sticks: bool  # no pair slips or opens: the point lies on the linear curve
+    sliding: float  # share of the pairs that do not stick
+    amplitude: np.ndarray  # (n_outputs,) complex, of harmonic 1 [m]
 
 
 def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
@@ -44,14 +44,15 @@ class PointSolver:
         self.problem, self.selection, self.sweep = problem, selection, sweep
         self.comm, self.tolerance = problem.comm, tolerance
         self.corrector = Corrector(problem, tolerance)
-        self.spent = 0          # Newton iterations so far
+        self.spent = 0  # Newton iterations so far
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
         self.corrector.destroy()
 
-    def solve(self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray,
-              force: float | None = None) -> tuple[Correction, np.ndarray]:
+    def solve(
+        self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray, force: float | None = None
+    ) -> tuple[Correction, np.ndarray]:
         """Correct a guess; with the in-point check, again with the pairs that want to slip, until none is left out.
 
         ``size`` [m] and ``force`` [N] are what residuals are measured by, of a point near by.  Where the answer is much
@@ -68,7 +69,7 @@ class PointSolver:
                 return found, selected
             own = self.norm(found.iterate.U)
             if force is None or 0.0 < own < SHRINKS * size:
-                row = replace(row, n_U=row.n_U * ((own or size) / size))        # the same plane in the new unit
+                row = replace(row, n_U=row.n_U * ((own or size) / size))  # the same plane in the new unit
                 size, force = own or size, self.force(found.iterate.U, selected)
                 scaling, guess = self.scaling(size, force), found.iterate
                 continue
@@ -82,8 +83,9 @@ class PointSolver:
             selected[left_out] = True
             guess = found.iterate
 
-    def solve_at(self, guess: Iterate, size: float, selected: np.ndarray,
-                 force: float | None = None) -> tuple[Correction, np.ndarray]:
+    def solve_at(
+        self, guess: Iterate, size: float, selected: np.ndarray, force: float | None = None
+    ) -> tuple[Correction, np.ndarray]:
         """Correct a guess at its own parameter; the answer carries exactly that value, not its last bit's rounding.
 
         Raises
@@ -93,8 +95,10 @@ class PointSolver:
         with np.errstate(divide="ignore", invalid="ignore"):
             U_lin, _ = self.problem.linear_motion(guess.parameter)
         if not np.isfinite(self.norm(U_lin)):
-            raise ConvergenceError(f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: "
-                                   "its linear response is infinite there; state [damping], or another frequency")
+            raise ConvergenceError(
+                f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: "
+                "its linear response is infinite there; state [damping], or another frequency"
+            )
         found, selected = self.solve(guess, ConstraintRow.fixed_parameter(guess), size, selected, force)
         return replace(found, iterate=Iterate(found.iterate.U, guess.parameter)), selected
 
@@ -145,8 +149,9 @@ class PointSolver:
         found, _ = self.solve_at(state.iterate, state.size, state.selected, state.force)
         return state if found.failure else replace(state, iterate=found.iterate)
 
-    def solve_with(self, finer: Resolution, found: Correction, selected: np.ndarray,
-                   force: float | None = None) -> tuple[Correction, np.ndarray]:
+    def solve_with(
+        self, finer: Resolution, found: Correction, selected: np.ndarray, force: float | None = None
+    ) -> tuple[Correction, np.ndarray]:
         """Solve a point of contact forces ``force`` [N] again with more; go back where Newton fails.  Collective."""
         coarse = self.resolution
         self.change_to(finer)

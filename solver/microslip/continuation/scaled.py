@@ -7,14 +7,14 @@ from mpi4py import MPI
 
 from ..contact.law import ContactParameters
 from ..harmonic.residual import HarmonicBalance
-from ..reduction import receptance
-from ..reduction.model import ReducedModel
+from ..receptance import motion as receptance
+from ..receptance.model import ReducedModel
 from .corrector import ConstraintRow, Correction, Iterate
 from .follow import BranchFollower
 from .steps import LinearCurve
 
-FINER = 2               # times the samples of the scene, where the linear curve is tested for slip
-MARGIN = 1.0 - 1e-9     # of the level up to which no pair leaves sticking, for roundoff
+FINER = 2  # times the samples of the scene, where the linear curve is tested for slip
+MARGIN = 1.0 - 1e-9  # of the level up to which no pair leaves sticking, for roundoff
 
 
 def sticks_up_to(model: ReducedModel, parameters: ContactParameters, motions: list[np.ndarray]) -> np.ndarray:
@@ -25,10 +25,10 @@ def sticks_up_to(model: ReducedModel, parameters: ContactParameters, motions: li
     it may stick, too.  The level is 0 where a pair has no preload, a gap, or no friction.
     """
     own = parameters.take(np.arange(model.n_pairs)[model.owned])
-    most_moved = np.array([np.abs(receptance.to_complex(U)).sum(axis=1) for U in motions])                       # m per newton
+    most_moved = np.array([np.abs(receptance.to_complex(U)).sum(axis=1) for U in motions])  # m per newton
     x, y, z = most_moved.reshape(len(motions), -1, 3).transpose(2, 0, 1)
-    limit = np.broadcast_to(own.mu * np.maximum(own.N0, 0.0), x.shape)                                          # N
-    taken = own.k_t * np.hypot(x, y) + own.mu * own.k_n * z                                                     # N per newton
+    limit = np.broadcast_to(own.mu * np.maximum(own.N0, 0.0), x.shape)  # N
+    taken = own.k_t * np.hypot(x, y) + own.mu * own.k_n * z  # N per newton
     most = np.divide(limit, taken, out=np.where(limit > 0.0, np.inf, 0.0), where=taken > 0.0)
     least = np.nan_to_num(most.min(axis=1, initial=np.inf), nan=0.0, posinf=np.inf)
     model.comm.Allreduce(MPI.IN_PLACE, least, op=MPI.MIN)
@@ -67,8 +67,9 @@ class ScaledFollower(BranchFollower):
 
     scaled = True
 
-    def solve(self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray,
-              force: float | None = None) -> tuple[Correction, np.ndarray]:
+    def solve(
+        self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray, force: float | None = None
+    ) -> tuple[Correction, np.ndarray]:
         """Return the linear response at the parameter of the guess; solve once a pair has left sticking."""
         self.scaled = self.scaled and sticks(self.problem, guess.parameter)
         if not self.scaled:

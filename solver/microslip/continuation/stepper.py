@@ -16,11 +16,11 @@ from .point_solver import PointSolver, State
 from .steps import ArcLength
 from .sweep import Sweep
 
-FAR_AHEAD = 4.0         # lengths of the last step beyond which a parabola says nothing
-FARTHEST = 4.0          # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
-NEAREST = 1e-3          # lengths of it below which it leads nowhere
-CORNERS = 4.0 ** np.arange(1, 5)        # shortest steps in which the branch is looked for beyond a sharp corner
-BACK = 0.05             # rad between a step and the way back, below which it is that
+FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola says nothing
+FARTHEST = 4.0  # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
+NEAREST = 1e-3  # lengths of it below which it leads nowhere
+CORNERS = 4.0 ** np.arange(1, 5)  # shortest steps in which the branch is looked for beyond a sharp corner
+BACK = 0.05  # rad between a step and the way back, below which it is that
 
 
 class Stepper(PointSolver):
@@ -29,7 +29,7 @@ class Stepper(PointSolver):
     def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, steps: ArcLength, tolerance: float):
         super().__init__(problem, selection, sweep, tolerance)
         self.steps = steps
-        self.may_hold = True            # the mean slip, by springs
+        self.may_hold = True  # the mean slip, by springs
 
     # -- the first two points ----------------------------------------------------------------------------------
 
@@ -85,7 +85,7 @@ class Stepper(PointSolver):
         parameter = now.iterate.parameter + ds / length * d_parameter
         if earlier is not None and not before.sticks and ds < FAR_AHEAD * length:
             e_U, e_parameter, e_length = self.difference(earlier, before, now.size)
-            share = ds * (ds + length) / (length + e_length)            # Newton's divided differences in the arc length
+            share = ds * (ds + length) / (length + e_length)  # Newton's divided differences in the arc length
             U += share * (d_U / length - e_U / e_length)
             parameter += share * (d_parameter / length - e_parameter / e_length)
         guess = Iterate(U, parameter)
@@ -187,7 +187,7 @@ class Stepper(PointSolver):
         row = ConstraintRow(there, n_U, n_nu)
         t_xi, t_nu = self.corrector.tangent(there, row, self.scaling(now.size, now.force), now.selected)
         size = self.length(t_xi, t_nu)
-        if not np.isfinite(size) or size == 0.0:                # the linearisation is singular there: nowhere to go
+        if not np.isfinite(size) or size == 0.0:  # the linearisation is singular there: nowhere to go
             return np.zeros_like(t_xi), 0.0
         return t_xi / size, t_nu / size
 

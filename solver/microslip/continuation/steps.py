@@ -16,7 +16,7 @@ import numpy as np
 
 from ..parallel.errors import CaseError
 
-SHARPEST = 0.35         # rad between two steps at which a step chosen by accuracy grows no further
+SHARPEST = 0.35  # rad between two steps at which a step chosen by accuracy grows no further
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +26,8 @@ class ArcLength:
     ds: float
     ds_min: float
     ds_max: float
-    turn: float = 0.12          # rad between two steps at which ds is kept: a straighter branch grows it
-    easy: int = 4               # Newton iterations at which ds is kept
+    turn: float = 0.12  # rad between two steps at which ds is kept: a straighter branch grows it
+    easy: int = 4  # Newton iterations at which ds is kept
 
     def __post_init__(self):
         if not 0.0 < self.ds_min <= self.ds <= self.ds_max:
@@ -45,7 +45,6 @@ class ArcLength:
         smallest = self.ds if by_newton >= 1.0 else self.ds_min
         return min(max(ds * factor, min(smallest, 1.5 * ds)), self.ds_max)
 
-
     def stretched(self, ds: float, newton: int, turn: float, stretch: float) -> float:
         """Return the length of the next step, ``stretch`` times the last one as far as turn and Newton's iterations allow."""
         by_newton = (self.easy / max(newton, 1)) ** 0.5
@@ -57,10 +56,10 @@ class ArcLength:
 class LinearCurve:
     """The response with every pair stuck, at one newton of level."""
 
-    omega: np.ndarray           # (n,) rad/s
-    response: np.ndarray        # (n, n_outputs, N_H) m/N, the harmonics that are recorded
-    s: np.ndarray               # (n,) its length up to each point, in the norm of the steps
-    sticks_up_to: np.ndarray    # (n,) N, a level up to which no pair leaves sticking there; 0 where that is not known
+    omega: np.ndarray  # (n,) rad/s
+    response: np.ndarray  # (n, n_outputs, N_H) m/N, the harmonics that are recorded
+    s: np.ndarray  # (n,) its length up to each point, in the norm of the steps
+    sticks_up_to: np.ndarray  # (n,) N, a level up to which no pair leaves sticking there; 0 where that is not known
 
 
 def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.ndarray) -> np.ndarray:
@@ -88,8 +87,10 @@ def arc_lengths(comm, motions: list[np.ndarray], omegas: np.ndarray, omega_scale
     difference, size = comm.allreduce(np.array(squares)).T
     infinite = np.flatnonzero(~np.isfinite(difference + size))
     if len(infinite):
-        raise CaseError(f"[response] {omegas[infinite[0]] / 2 / np.pi:.9g} Hz lies on a resonance of the stuck structure, which "
-                        "has no damping there: its linear response is infinite; state [damping], or begin beside the resonance")
+        raise CaseError(
+            f"[response] {omegas[infinite[0]] / 2 / np.pi:.9g} Hz lies on a resonance of the stuck structure, which "
+            "has no damping there: its linear response is infinite; state [damping], or begin beside the resonance"
+        )
     relative = np.divide(difference, size, out=np.zeros_like(size), where=size > 0.0)
     pieces = np.sqrt(relative + (np.diff(omegas) / omega_scale) ** 2)
     return np.concatenate([[0.0], np.cumsum(pieces)])

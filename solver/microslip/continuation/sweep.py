@@ -10,8 +10,8 @@ class Sweep:
     """A range of the parameter, frequency [rad/s] or level [N], and the direction in which it is followed."""
 
     start: float
-    stop: float                         # below ``start`` for a sweep down
-    at: tuple[float, ...] = ()          # values that must be points
+    stop: float  # below ``start`` for a sweep down
+    at: tuple[float, ...] = ()  # values that must be points
 
     @property
     def direction(self) -> float:

@@ -17,11 +17,11 @@ class Kind:
     """Shape functions N_a of one kind of element (or face) in reference coordinates xi, and its faces."""
 
     name: str
-    nodes: np.ndarray               # (n_nodes, n_dim) reference coordinates of the nodes
-    exponents: np.ndarray           # (n_nodes, n_dim) monomials that span the shape functions
+    nodes: np.ndarray  # (n_nodes, n_dim) reference coordinates of the nodes
+    exponents: np.ndarray  # (n_nodes, n_dim) monomials that span the shape functions
     n_corners: int
-    faces: tuple[tuple[str, np.ndarray], ...] = ()      # (face kind, local nodes); corners turn left seen from outside
-    coefficients: np.ndarray = field(init=False)        # (n_nodes, n_nodes) N_a = sum_k monomial_k coefficients[k, a]
+    faces: tuple[tuple[str, np.ndarray], ...] = ()  # (face kind, local nodes); corners turn left seen from outside
+    coefficients: np.ndarray = field(init=False)  # (n_nodes, n_nodes) N_a = sum_k monomial_k coefficients[k, a]
 
     def __post_init__(self):
         vandermonde = np.prod(self.nodes[:, None, :] ** self.exponents, axis=-1)
@@ -95,28 +95,80 @@ FACE_KINDS = {
 KINDS = {
     kind.name: kind
     for kind in (
-        Kind("hex8", _with_mid_sides(_HEXAHEDRON, []), _monomials(3, _multilinear), 8, (
-            _face("quad4", 0, 4, 7, 3), _face("quad4", 1, 2, 6, 5), _face("quad4", 0, 1, 5, 4),
-            _face("quad4", 3, 7, 6, 2), _face("quad4", 0, 3, 2, 1), _face("quad4", 4, 5, 6, 7))),
-        Kind("hex20", _with_mid_sides(_HEXAHEDRON, _HEXAHEDRON_EDGES), _monomials(3, _serendipity), 8, (
-            _face("quad8", 0, 4, 7, 3, 16, 15, 19, 11), _face("quad8", 1, 2, 6, 5, 9, 18, 13, 17),
-            _face("quad8", 0, 1, 5, 4, 8, 17, 12, 16), _face("quad8", 3, 7, 6, 2, 19, 14, 18, 10),
-            _face("quad8", 0, 3, 2, 1, 11, 10, 9, 8), _face("quad8", 4, 5, 6, 7, 12, 13, 14, 15))),
-        Kind("tet4", _with_mid_sides(_TETRAHEDRON, []), _monomials(3, lambda x, y, z: x + y + z <= 1), 4, (
-            _face("tri3", 0, 1, 3), _face("tri3", 1, 2, 3), _face("tri3", 2, 0, 3), _face("tri3", 0, 2, 1))),
-        Kind("tet10", _with_mid_sides(_TETRAHEDRON, _TETRAHEDRON_EDGES),
-             _monomials(3, lambda x, y, z: x + y + z <= 2), 4, (
-            _face("tri6", 0, 1, 3, 4, 8, 7), _face("tri6", 1, 2, 3, 5, 9, 8),
-            _face("tri6", 2, 0, 3, 6, 7, 9), _face("tri6", 0, 2, 1, 6, 5, 4))),
+        Kind(
+            "hex8",
+            _with_mid_sides(_HEXAHEDRON, []),
+            _monomials(3, _multilinear),
+            8,
+            (
+                _face("quad4", 0, 4, 7, 3),
+                _face("quad4", 1, 2, 6, 5),
+                _face("quad4", 0, 1, 5, 4),
+                _face("quad4", 3, 7, 6, 2),
+                _face("quad4", 0, 3, 2, 1),
+                _face("quad4", 4, 5, 6, 7),
+            ),
+        ),
+        Kind(
+            "hex20",
+            _with_mid_sides(_HEXAHEDRON, _HEXAHEDRON_EDGES),
+            _monomials(3, _serendipity),
+            8,
+            (
+                _face("quad8", 0, 4, 7, 3, 16, 15, 19, 11),
+                _face("quad8", 1, 2, 6, 5, 9, 18, 13, 17),
+                _face("quad8", 0, 1, 5, 4, 8, 17, 12, 16),
+                _face("quad8", 3, 7, 6, 2, 19, 14, 18, 10),
+                _face("quad8", 0, 3, 2, 1, 11, 10, 9, 8),
+                _face("quad8", 4, 5, 6, 7, 12, 13, 14, 15),
+            ),
+        ),
+        Kind(
+            "tet4",
+            _with_mid_sides(_TETRAHEDRON, []),
+            _monomials(3, lambda x, y, z: x + y + z <= 1),
+            4,
+            (_face("tri3", 0, 1, 3), _face("tri3", 1, 2, 3), _face("tri3", 2, 0, 3), _face("tri3", 0, 2, 1)),
+        ),
+        Kind(
+            "tet10",
+            _with_mid_sides(_TETRAHEDRON, _TETRAHEDRON_EDGES),
+            _monomials(3, lambda x, y, z: x + y + z <= 2),
+            4,
+            (
+                _face("tri6", 0, 1, 3, 4, 8, 7),
+                _face("tri6", 1, 2, 3, 5, 9, 8),
+                _face("tri6", 2, 0, 3, 6, 7, 9),
+                _face("tri6", 0, 2, 1, 6, 5, 4),
+            ),
+        ),
         # Nodes 3, 4, 5 lie on the side that the right-hand rule gives 0, 1, 2, as in Abaqus and meshio files (VTK's
         # documentation says the opposite, its shape functions agree).
-        Kind("wedge6", _with_mid_sides(_WEDGE, []), _monomials(3, lambda x, y, z: x + y <= 1 and z <= 1), 6, (
-            _face("tri3", 0, 2, 1), _face("tri3", 3, 4, 5),
-            _face("quad4", 0, 1, 4, 3), _face("quad4", 1, 2, 5, 4), _face("quad4", 2, 0, 3, 5))),
-        Kind("wedge15", _with_mid_sides(_WEDGE, _WEDGE_EDGES),
-             _monomials(3, lambda x, y, z: x + y + max(z - 1, 0) <= 2), 6, (
-            _face("tri6", 0, 2, 1, 8, 7, 6), _face("tri6", 3, 4, 5, 9, 10, 11),
-            _face("quad8", 0, 1, 4, 3, 6, 13, 9, 12), _face("quad8", 1, 2, 5, 4, 7, 14, 10, 13),
-            _face("quad8", 2, 0, 3, 5, 8, 12, 11, 14))),
+        Kind(
+            "wedge6",
+            _with_mid_sides(_WEDGE, []),
+            _monomials(3, lambda x, y, z: x + y <= 1 and z <= 1),
+            6,
+            (
+                _face("tri3", 0, 2, 1),
+                _face("tri3", 3, 4, 5),
+                _face("quad4", 0, 1, 4, 3),
+                _face("quad4", 1, 2, 5, 4),
+                _face("quad4", 2, 0, 3, 5),
+            ),
+        ),
+        Kind(
+            "wedge15",
+            _with_mid_sides(_WEDGE, _WEDGE_EDGES),
+            _monomials(3, lambda x, y, z: x + y + max(z - 1, 0) <= 2),
+            6,
+            (
+                _face("tri6", 0, 2, 1, 8, 7, 6),
+                _face("tri6", 3, 4, 5, 9, 10, 11),
+                _face("quad8", 0, 1, 4, 3, 6, 13, 9, 12),
+                _face("quad8", 1, 2, 5, 4, 7, 14, 10, 13),
+                _face("quad8", 2, 0, 3, 5, 8, 12, 11, 14),
+            ),
+        ),
     )
-}  # fmt: skip
+}

@@ -94,8 +94,7 @@ def tetrahedron(n: int) -> Rule:
 INTEGRATIONS = {
     "full": "all the rank of the stiffness; the mass exact in straight tetrahedra, prisms and parallelepipeds, positive definite",
     "reduced": "hex20: stiffness 2x2x2, mass by Irons' 14 points (Ansys SOLID186); other kinds as full",
-    "reduced-both": "mass by the same few points as the stiffness (CalculiX C3D20R, C3D15, C3D10, C3D4); "
-    "hex8 and wedge6 as full",
+    "reduced-both": "mass by the same few points as the stiffness (CalculiX C3D20R, C3D15, C3D10, C3D4); hex8 and wedge6 as full",
 }
 
 _WEDGE9 = tensor(triangle(3), gauss_line(3))
@@ -113,6 +112,7 @@ _RULES = {
 def rules(kind: str, integration: str = "full") -> tuple[Rule, Rule]:
     """Return the quadrature rules of a kind for stiffness and mass.  ValueError if either name is unknown."""
     if kind not in _RULES or integration not in INTEGRATIONS:
-        raise ValueError(f"no element {kind!r} with integration {integration!r}; there are {', '.join(_RULES)} "
-                         f"and {', '.join(INTEGRATIONS)}")  # fmt: skip
+        raise ValueError(
+            f"no element {kind!r} with integration {integration!r}; there are {', '.join(_RULES)} and {', '.join(INTEGRATIONS)}"
+        )
     return _RULES[kind][list(INTEGRATIONS).index(integration)]

@@ -7,16 +7,11 @@ import numpy as np
 from .kinds import KINDS, Kind
 from .quadrature import Rule, rules
 
-_CHUNK_ENTRIES = 2**18      # of the largest intermediate array: 2 MiB stay in a core's cache, larger ones do not
+_CHUNK_ENTRIES = 2**18  # of the largest intermediate array: 2 MiB stay in a core's cache, larger ones do not
 
 
 def stiffness(
-    kind: str,
-    points: np.ndarray,
-    young: float,
-    poisson: float,
-    integration: str = "full",
-    incompatible_modes: bool = True,
+    kind: str, points: np.ndarray, young: float, poisson: float, integration: str = "full", incompatible_modes: bool = True
 ) -> np.ndarray:
     """Return the stiffness matrices of elements of one kind.
 

@@ -126,7 +126,6 @@ def _shared_columns(a: Harmonics, b: Harmonics) -> tuple[np.ndarray, np.ndarray]
     return columns(a), columns(b)
 
 
-
 def _read_only(values: np.ndarray) -> np.ndarray:
     values.flags.writeable = False
     return values

@@ -12,8 +12,8 @@ class Anderson:
 
     def __init__(self, problem: HarmonicBalance):
         self.problem = problem
-        self.values: list[np.ndarray] = []              # g(x) of all steps, this rank's rows
-        self.misses: list[np.ndarray] = []              # g(x) - x
+        self.values: list[np.ndarray] = []  # g(x) of all steps, this rank's rows
+        self.misses: list[np.ndarray] = []  # g(x) - x
 
     def next(self, x: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, float]:
         """Return the next x, and how far the last one missed g(x), relative to that.  Collective: one sum and one broadcast.

@@ -11,14 +11,14 @@ from contextlib import suppress
 import numpy as np
 import scipy.sparse.linalg as sla
 
+from ..contact.aft import AftResult
 from ..parallel.agree import on_root
-from .aft import AftResult
 
-HOLD = 1e-3         # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
+HOLD = 1e-3  # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
 
-FREE = 1e-8         # share of the force against a motion that others than the joint's tangential springs carry: nothing holds it
+FREE = 1e-8  # share of the force against a motion that others than the joint's tangential springs carry: nothing holds it
 
-_FEW = 200          # rows up to which LAPACK is as quick
+_FEW = 200  # rows up to which LAPACK is as quick
 
 
 def hold_mean_slip(found: AftResult, about: np.ndarray) -> None:
@@ -59,7 +59,7 @@ def _largest_share(rows: list[np.ndarray], roots: list[np.ndarray]) -> float:
     root = np.concatenate(roots)
     flexibility = root[:, None] * np.concatenate(rows) * root
     if len(root) > _FEW:
-        start = np.random.default_rng(0).standard_normal(len(root))         # no symmetry that a motion could be orthogonal to
+        start = np.random.default_rng(0).standard_normal(len(root))  # no symmetry that a motion could be orthogonal to
         with suppress(sla.ArpackNoConvergence):
             return float(sla.eigsh(flexibility, k=1, tol=1e-10, v0=start, return_eigenvectors=False)[0])
     return float(np.linalg.eigvalsh(flexibility)[-1])

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
+from .direct import WholeInverse
+from .petsc_contexts import ShellMatrix, ShellPreconditioner
 from .preconditioner import HarmonicPreconditioner
 from .residual import ActiveColumns, ContactForces, HarmonicBalance, ReceptanceColumns
-from .shell import ShellMatrix, ShellPreconditioner
-from .whole_inverse import WholeInverse
 
-FINEST = 1e-9           # relative tolerance of GMRES that no weight asks more than
-SINGLE = 1e-5           # relative tolerance of GMRES down to which products in single precision are exact enough
-SMALL = 2000            # rows of the pairs that do not stick, up to which double precision costs no more
+FINEST = 1e-9  # relative tolerance of GMRES that no weight asks more than
+SINGLE = 1e-5  # relative tolerance of GMRES down to which products in single precision are exact enough
+SMALL = 2000  # rows of the pairs that do not stick, up to which double precision costs no more
 
 
 class Gatherer:
@@ -47,10 +47,10 @@ class Linearisation:
 
     forces: ContactForces
     G: ReceptanceColumns
-    r_nu: np.ndarray            # (n_owned, 3, N_H) d r / d nu
-    n_U: np.ndarray             # (n_owned, 3, N_H) the row of the constraint
+    r_nu: np.ndarray  # (n_owned, 3, N_H) d r / d nu
+    n_U: np.ndarray  # (n_owned, 3, N_H) the row of the constraint
     n_nu: float
-    gatherer: Gatherer          # of 3 N_H rows an active pair, and two extras
+    gatherer: Gatherer  # of 3 N_H rows an active pair, and two extras
 
     def pair_forces(self, d_xi: np.ndarray) -> np.ndarray:
         """Return P d_xi of this rank's active pairs, flat.  Local; ``d_xi`` has their rows."""
@@ -76,11 +76,11 @@ class NewtonStep:
 
     def __init__(self, problem: HarmonicBalance):
         self.problem, self.comm = problem, problem.comm
-        self.last = self.comm.rank == self.comm.size - 1            # owns the row of the parameter
+        self.last = self.comm.rank == self.comm.size - 1  # owns the row of the parameter
         self.preconditioner: HarmonicPreconditioner | WholeInverse | None = None
         self.product = np.empty(0)
-        self.weight = 1.0               # the largest of the residual's rows, the same on all ranks: GMRES is as much more exact
-        self.in_double = False          # whatever the size: where steps in single precision lead nowhere
+        self.weight = 1.0  # the largest of the residual's rows, the same on all ranks: GMRES is as much more exact
+        self.in_double = False  # whatever the size: where steps in single precision lead nowhere
         self._active: np.ndarray | None = None
         self._columns: ActiveColumns | None = None
         self._ksp: PETSc.KSP | None = None
@@ -115,7 +115,7 @@ class NewtonStep:
         self.product = d_xi + others
         reason = self._ksp.getConvergedReason()
         if reason < 0 and self._ksp.getResidualNorm() <= self._rtol * self._b.norm():
-            reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL       # rounding kept it from the weight's; Newton makes up
+            reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL  # rounding kept it from the weight's; Newton makes up
         return d_xi, d_nu_owned, self._ksp.getIterationNumber(), reason
 
     @property
@@ -138,7 +138,7 @@ class NewtonStep:
         precision = np.float32 if is_large and rtol >= SINGLE and not self.in_double else np.float64
         if self._columns is None or self._columns.precision is not precision:
             self._columns = ActiveColumns(self.comm, at.G, at.forces.active_owned, precision)
-        self._columns.c = at.G.c                # all that the frequency changes
+        self._columns.c = at.G.c  # all that the frequency changes
         assert at.forces.P is not None, "made of a linearisation"
         self._P: np.ndarray = self._columns.scaled(at.forces.P)
         self._r_nu = at.r_nu[at.forces.active_owned].ravel()
@@ -172,8 +172,8 @@ class NewtonStep:
         self._ksp.setOperators(self._A)
         self._ksp.setType(PETSc.KSP.Type.GMRES)
         self._ksp.setGMRESRestart(100)
-        self._ksp.setPCSide(PETSc.PC.Side.RIGHT)        # the residual that counts is the true one
-        self._ksp.setTolerances(rtol=1e-3, atol=0.0, max_it=300)        # Newton makes up for it; fewer products in all
+        self._ksp.setPCSide(PETSc.PC.Side.RIGHT)  # the residual that counts is the true one
+        self._ksp.setTolerances(rtol=1e-3, atol=0.0, max_it=300)  # Newton makes up for it; fewer products in all
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(ShellPreconditioner(self.precondition))

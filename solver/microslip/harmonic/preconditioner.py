@@ -14,10 +14,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from ..reduction import receptance
+from ..receptance import motion as receptance
 from .residual import ContactForces, HarmonicBalance, ReceptanceColumns
 
-REGULAR = 1.0 - 1e-3        # of P in B_n: without its joint, a body that nothing else holds would make B_n singular
+REGULAR = 1.0 - 1e-3  # of P in B_n: without its joint, a body that nothing else holds would make B_n singular
 
 
 class HarmonicPreconditioner:
@@ -27,8 +27,8 @@ class HarmonicPreconditioner:
         self.problem, self.active_owned = problem, forces.active_owned
         assert forces.P is not None, "made of a linearisation"
         N_H = problem.model.N_H
-        P = problem.gather(complex_linear(forces.P, N_H))                       # (n_active, n_harmonics, 3, 3)
-        static = problem.gather(G.rows(forces.active_owned))                    # (3 n_active, 3 n_active)
+        P = problem.gather(complex_linear(forces.P, N_H))  # (n_active, n_harmonics, 3, 3)
+        static = problem.gather(G.rows(forces.active_owned))  # (3 n_active, 3 n_active)
         self.factors = []
         for i in range(P.shape[1]):
             G_n = static + G.dynamic_block(i)
@@ -59,7 +59,7 @@ def complex_linear(P: np.ndarray, N_H: int) -> np.ndarray:
     (a + d) / 2 + i (b - c) / 2.
     """
     blocks = P.reshape(-1, 3, N_H, 3, N_H)
-    first = N_H % 2                                     # column of the first cosine
+    first = N_H % 2  # column of the first cosine
     parts = np.empty((len(P), (N_H + 1) // 2, 3, 3), dtype=complex)
     if first:
         parts[:, 0] = blocks[:, :, 0, :, 0]

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..contact.aft import contact_harmonics
 from ..contact.law import ContactParameters
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import summed
-from ..reduction import receptance
-from ..reduction.model import ReducedModel
-from .aft import contact_harmonics
+from ..receptance import motion as receptance
+from ..receptance.model import ReducedModel
 from .mean_slip import hold_mean_slip
 
 
@@ -24,18 +24,18 @@ from .mean_slip import hold_mean_slip
 class ContactForces:
     """Contact forces at one motion: what this rank evaluated and what all ranks gathered."""
 
-    state: np.ndarray           # (n_owned,) STICK, SLIP, OPEN
-    active_owned: np.ndarray    # (m,) pairs of this rank, counted from its first, with p or dp/dU not zero
-    P: np.ndarray | None        # (m, 3 N_H, 3 N_H) dp/dU of those [N/m]
-    active: np.ndarray          # (n_active,) the active pairs of all ranks, in rank order
-    p: np.ndarray               # (3 n_active, N_H) their forces [N]
-    extras: tuple[float, ...]   # sums over the ranks of what each passed along
+    state: np.ndarray  # (n_owned,) STICK, SLIP, OPEN
+    active_owned: np.ndarray  # (m,) pairs of this rank, counted from its first, with p or dp/dU not zero
+    P: np.ndarray | None  # (m, 3 N_H, 3 N_H) dp/dU of those [N/m]
+    active: np.ndarray  # (n_active,) the active pairs of all ranks, in rank order
+    p: np.ndarray  # (3 n_active, N_H) their forces [N]
+    extras: tuple[float, ...]  # sums over the ranks of what each passed along
 
 
 class HarmonicBalance:
     """Residual and derivatives over frequency at one level; ``selected`` pairs may slip or open, the others are held stuck."""
 
-    is_a_way = False            # to the first point of a branch, not the branch itself
+    is_a_way = False  # to the first point of a branch, not the branch itself
 
     def __init__(self, model: ReducedModel, parameters: ContactParameters, n_samples: int, level: float):
         self.model = model
@@ -44,13 +44,14 @@ class HarmonicBalance:
         # a constant motion is one sample: the kept period then holds the one step there is, and the state says which pairs slid
         self.n_samples = n_samples if model.harmonics.highest > 0 else 1
         self.level = level
-        self.held_at: np.ndarray | None = None      # (n_owned, 2) mean of p_t about which the mean slip is held [N]
+        self.held_at: np.ndarray | None = None  # (n_owned, 2) mean of p_t about which the mean slip is held [N]
         self.n_owned = model.owned.stop - model.owned.start
         self.shape = (self.n_owned, 3, model.N_H)
         self._linear_at, self._linear = np.nan, (np.empty(0), np.empty(0))
 
-    def contact_forces(self, U: np.ndarray, selected: np.ndarray, tangents: bool,
-                       extras: tuple[float, ...] = ()) -> ContactForces:
+    def contact_forces(
+        self, U: np.ndarray, selected: np.ndarray, tangents: bool, extras: tuple[float, ...] = ()
+    ) -> ContactForces:
         """Return the contact forces under the motion ``U`` (n_owned, 3, N_H) [m] of this rank's pairs.
 
         Collective on ``comm``: one gather, which also sums the ``extras`` of the ranks.  ``selected`` (n_pairs,) bool,
@@ -59,8 +60,9 @@ class HarmonicBalance:
         chosen = np.flatnonzero(selected[self.model.owned])
         all_chosen = len(chosen) == self.n_owned
         parameters = self.parameters if all_chosen else self.parameters.take(chosen)
-        found = contact_harmonics(U if all_chosen else U[chosen], parameters, self.n_samples, tangents=tangents,
-                                  harmonics=self.model.harmonics)
+        found = contact_harmonics(
+            U if all_chosen else U[chosen], parameters, self.n_samples, tangents=tangents, harmonics=self.model.harmonics
+        )
         if self.held_at is not None:
             hold_mean_slip(found, self.held_at if all_chosen else self.held_at[chosen])
         state = np.zeros(self.n_owned, dtype=np.uint8)
@@ -271,19 +273,19 @@ class ActiveColumns:
 
     def __init__(self, comm, G: ReceptanceColumns, owned: np.ndarray, precision: type):
         self.precision, rows = precision, (3 * owned[:, None] + np.arange(3)).ravel()
-        self.unit = max(comm.allgather(float(np.abs(G.G_static).max(initial=0.0)))) or 1.0          # m/N
+        self.unit = max(comm.allgather(float(np.abs(G.G_static).max(initial=0.0)))) or 1.0  # m/N
         self.r_unit = float(np.abs(G.r_active).max(initial=0.0)) or 1.0
         self.n_rows = len(rows)
         self.columns: np.ndarray = np.empty((len(G.r_active), len(rows) + G.r_active.shape[1]), dtype=precision)
         self.columns[:, : self.n_rows] = G.G_static[:, rows] / self.unit
-        self.columns[:, self.n_rows:] = G.r_active / self.r_unit
+        self.columns[:, self.n_rows :] = G.r_active / self.r_unit
         self.r_rows = G.r_owned[rows] * (self.r_unit / self.unit)
         self.c = G.c
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
         product = (p.T.astype(self.precision, copy=False) @ self.columns).T
-        return product[: self.n_rows] + self.r_rows @ receptance.modal(self.c, product[self.n_rows:].astype(float))
+        return product[: self.n_rows] + self.r_rows @ receptance.modal(self.c, product[self.n_rows :].astype(float))
 
     def scaled(self, P: np.ndarray) -> np.ndarray:
         """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
@@ -295,6 +297,6 @@ class ActiveColumns:
         n, rows, N_H = p.shape
         together = p.swapaxes(0, 1).reshape(rows, n * N_H)
         product = self.columns.T @ together.astype(self.precision, copy=False)
-        q = product[self.n_rows:].astype(float)
+        q = product[self.n_rows :].astype(float)
         modal = receptance.modal(self.c, q.reshape(len(q), n, N_H)).reshape(q.shape)
         return (product[: self.n_rows] + self.r_rows @ modal).reshape(self.n_rows, n, N_H).swapaxes(0, 1)

@@ -34,7 +34,7 @@ def symmetric(problem: HarmonicBalance) -> bool:
     if problem.n_samples % 2 or any(model.f[:, model.harmonics.columns(n)].any() for n in even):
         return False
     moves = _moving_rows(model).reshape(-1, 3)
-    if problem.comm.bcast(bool(moves[:, 2].any())):             # the static columns need not be known
+    if problem.comm.bcast(bool(moves[:, 2].any())):  # the static columns need not be known
         return False
     statically = _statically_moving_rows(model).reshape(-1, 3)
     moves = moves[model.owned] | statically

@@ -13,10 +13,10 @@ from .dense import column_norms, diagonal_owned, multiply, summed, wrap
 from .free_motion import explain_singular, is_singular
 from .mumps import SINGULAR, factorise, solve_block
 
-RESIDUAL_LIMIT = 1e-6           # |A x - b| / |b| of an answer
-_ROUNDING_LIMIT = 1e-3          # the same where rounding of A x explains it: a soft joint under a stiff structure
-_REFINE_ABOVE = 1e-9            # one step of iterative refinement beyond this, unless rounding of A x explains it
-_N_PROBES = 4                   # columns of the randomised residual
+RESIDUAL_LIMIT = 1e-6  # |A x - b| / |b| of an answer
+_ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
+_REFINE_ABOVE = 1e-9  # one step of iterative refinement beyond this, unless rounding of A x explains it
+_N_PROBES = 4  # columns of the randomised residual
 
 
 class Factor:
@@ -125,7 +125,8 @@ class Factor:
         if not error <= limit:
             raise ConvergenceError(
                 f"{self.what}: static solve with residual |A x - b| = {error:.1e} |b|, limit {limit:.0e}; the matrix is nearly "
-                "singular or badly scaled: compare the joint's stiffnesses with the structure's")
+                "singular or badly scaled: compare the joint's stiffnesses with the structure's"
+            )
         self.info["solves"] += X_owned.shape[1]
         self.info["solve_seconds"] += perf_counter() - start
         self.info["residual"] = max(self.info["residual"], error)
@@ -144,7 +145,7 @@ class Factor:
             norms = np.sqrt(summed(self.comm, np.asarray(B_owned.multiply(B_owned).sum(axis=0)).ravel()))
         else:
             norms = column_norms(self.comm, B_owned)
-        scale = np.divide(1.0, norms, out=np.ones(m), where=norms > 0.0)    # of a zero column, x itself is the error
+        scale = np.divide(1.0, norms, out=np.ones(m), where=norms > 0.0)  # of a zero column, x itself is the error
         signs = np.eye(m) if m <= _N_PROBES else np.random.default_rng(m).choice([-1.0, 1.0], (m, _N_PROBES))
         probes = scale[:, None] * signs
         X_probed = X_owned @ probes

@@ -16,12 +16,12 @@ from ..parallel.words import listed
 from .dense import diagonal_owned, gram, multiply, summed
 from .mumps import factorise, solve_block
 
-FREE = 1e-14                    # z^T A z / z^T D z of a motion that counts as free; rounding leaves up to 1e-15
-_SHIFT = 1e-9                   # of D, added to A to make it invertible
-_N_SOUGHT = 12                  # two bodies without any support
+FREE = 1e-14  # z^T A z / z^T D z of a motion that counts as free; rounding leaves up to 1e-15
+_SHIFT = 1e-9  # of D, added to A to make it invertible
+_N_SOUGHT = 12  # two bodies without any support
 _ROUNDS = 4
-_HELD = 1e-3                    # squared share of a free motion below which a part does not take part in it
-_ALL = 0.99                     # squared share of a translation in the free motions from which it is one of them
+_HELD = 1e-3  # squared share of a free motion below which a part does not take part in it
+_ALL = 0.99  # squared share of a translation in the free motions from which it is one of them
 
 
 def is_singular(A: PETSc.Mat, ksp: PETSc.KSP) -> bool:
@@ -32,7 +32,7 @@ def is_singular(A: PETSc.Mat, ksp: PETSc.KSP) -> bool:
     for _ in range(2):
         z = solve_block(ksp, diagonal[:, None] * z)
         z /= np.sqrt(gram(comm, z, diagonal[:, None] * z)[0, 0])
-    return not gram(comm, z, multiply(A, z))[0, 0] > FREE           # not a number: singular too
+    return not gram(comm, z, multiply(A, z))[0, 0] > FREE  # not a number: singular too
 
 
 def explain_singular(A: PETSc.Mat, system, what: str) -> NoReturn:
@@ -42,23 +42,31 @@ def explain_singular(A: PETSc.Mat, system, what: str) -> NoReturn:
     bad = int(summed(comm, np.array([np.count_nonzero(~(diagonal > 0.0))]))[0])
     if bad:
         row = _lowest_row(comm, A, ~(diagonal > 0.0))
-        raise CaseError(f"{what} is not positive definite: {bad} of {A.getSize()[0]} degrees of freedom have no positive "
-                        f"stiffness of their own, the first is {_name_of_row(row, system)}")
+        raise CaseError(
+            f"{what} is not positive definite: {bad} of {A.getSize()[0]} degrees of freedom have no positive "
+            f"stiffness of their own, the first is {_name_of_row(row, system)}"
+        )
     strains, Z_owned = _softest_motions(A, diagonal, what)
     if strains[0] < -FREE:
-        raise CaseError(f"{what} is not positive definite: a motion with z^T {what} z = {strains[0]:.1e} z^T diag z exists, "
-                        f"largest at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}; "
-                        "a stiffness matrix must not release energy")
+        raise CaseError(
+            f"{what} is not positive definite: a motion with z^T {what} z = {strains[0]:.1e} z^T diag z exists, "
+            f"largest at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}; "
+            "a stiffness matrix must not release energy"
+        )
     n_free = int(np.count_nonzero(strains <= FREE))
     if n_free == 0:
-        raise CaseError(f"{what} is singular to working precision: its softest motion has z^T {what} z = {strains[0]:.1e} "
-                        f"z^T diag z, most at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}; "
-                        "support it, or make its joint stiffer")
+        raise CaseError(
+            f"{what} is singular to working precision: its softest motion has z^T {what} z = {strains[0]:.1e} "
+            f"z^T diag z, most at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}; "
+            "support it, or make its joint stiffer"
+        )
     free = _by_part(comm, A, diagonal, Z_owned[:, :n_free], system)
     hold = "in the stiffness matrix" if getattr(system, "dof", None) is None else "by [[supports]]"
     many = f"; at least {n_free} free motions in all" if n_free == strains.size else ""
-    raise CaseError(f"{what}, the stiffness with all pairs stuck, is singular: {'; '.join(free)}{many}. Hold these directions: "
-                    f"{hold}, or by [[joints]] to what is held (a joint holds only along directions in which it has stiffness)")
+    raise CaseError(
+        f"{what}, the stiffness with all pairs stuck, is singular: {'; '.join(free)}{many}. Hold these directions: "
+        f"{hold}, or by [[joints]] to what is held (a joint holds only along directions in which it has stiffness)"
+    )
 
 
 def _softest_motions(A: PETSc.Mat, diagonal: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray]:
@@ -130,14 +138,14 @@ def _how(comm, A: PETSc.Mat, weight: np.ndarray, Z_owned: np.ndarray, n_motions:
         moved = weight * np.max(np.abs(Z_owned), axis=1, initial=0.0)
         return f"most at {_name_of_row(_largest_row(comm, A, moved), system)}"
     row_start, row_end = A.getOwnershipRange()
-    T_owned = np.zeros((len(weight), 3))                        # translations of the part along x, y, z
+    T_owned = np.zeros((len(weight), 3))  # translations of the part along x, y, z
     for axis in range(3):
         rows = system.dof[:, axis]
         T_owned[rows[(rows >= row_start) & (rows < row_end)] - row_start, axis] = 1.0
     size = np.sqrt(np.diag(gram(comm, T_owned, weight[:, None] * T_owned)))
-    size[size == 0.0] = np.inf                                  # the supports fix the whole part along this axis
+    size[size == 0.0] = np.inf  # the supports fix the whole part along this axis
     C = gram(comm, Z_owned, weight[:, None] * T_owned) / size
-    G = C.T @ C                                                 # 1 for a direction that is free
+    G = C.T @ C  # 1 for a direction that is free
     shares, axes = np.linalg.eigh(G)
     free_axes = axes[:, shares > _ALL].T + 0.0
     aligned = ["xyz"[axis] for axis in range(3) if G[axis, axis] > _ALL]

@@ -19,9 +19,9 @@ class Linearised:
     """The stuck structure, ``M u'' + C u' + K_L u = f``, rows split as in ``system``."""
 
     system: System
-    K_L: PETSc.Mat              # (n_dof, n_dof) N/m, symmetric positive definite
-    M: PETSc.Mat                # (n_dof, n_dof) kg
-    factor: Factor              # of K_L
+    K_L: PETSc.Mat  # (n_dof, n_dof) N/m, symmetric positive definite
+    M: PETSc.Mat  # (n_dof, n_dof) kg
+    factor: Factor  # of K_L
 
     def destroy(self) -> None:
         """Free K_L and its factor; K and M belong to the system.  Collective."""
@@ -64,8 +64,10 @@ def joint_stiffness(pairs: ContactPairs) -> np.ndarray:
     K_J = np.column_stack([pairs.k_t, pairs.k_t, pairs.k_n]).astype(float).ravel()
     bad = np.flatnonzero(~(np.isfinite(K_J) & (K_J >= 0.0)))
     if len(bad):
-        raise CaseError(f"[[joints]] {pairs.joint[bad[0] // 3]!r}: contact stiffness {K_J[bad[0]]} N/m of pair {bad[0] // 3}; "
-                        "it must be a finite number, not negative")
+        raise CaseError(
+            f"[[joints]] {pairs.joint[bad[0] // 3]!r}: contact stiffness {K_J[bad[0]]} N/m of pair {bad[0] // 3}; "
+            "it must be a finite number, not negative"
+        )
     return K_J
 
 

@@ -12,11 +12,11 @@ from ..parallel.errors import CaseError, ResourceError
 from .dense import wrap
 
 _METIS = 5
-_RHS_BLOCK = 128                        # right-hand sides MUMPS takes at once; its own 32 is up to twice as slow on 2 ranks
-_RELAXATION = (None, 60, 150, 400)      # ICNTL(14): per cent of memory beyond the estimate
+_RHS_BLOCK = 128  # right-hand sides MUMPS takes at once; its own 32 is up to twice as slow on 2 ranks
+_RELAXATION = (None, 60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
 _WORKSPACE_TOO_SMALL = (-8, -9, -11, -14, -15, -17, -20)
 _OUT_OF_MEMORY = (-5, -7, -13, -19)
-SINGULAR = (-6, -10, -40)               # structurally, numerically, not positive definite at the root
+SINGULAR = (-6, -10, -40)  # structurally, numerically, not positive definite at the root
 
 
 def factorise(A: PETSc.Mat, prefix: str, what: str, *, exact_inertia: bool = False) -> tuple[PETSc.KSP, dict[str, Any]]:
@@ -58,10 +58,12 @@ def factorise(A: PETSc.Mat, prefix: str, what: str, *, exact_inertia: bool = Fal
     if code in _WORKSPACE_TOO_SMALL + _OUT_OF_MEMORY:
         raise ResourceError(
             f"{what}: not enough memory for its factor ({A.getSize()[0]} unknowns, MUMPS INFOG(1) = {code}, INFOG(2) = "
-            f"{info['detail']}); use a coarser mesh, a machine with more memory, or more nodes")
+            f"{info['detail']}); use a coarser mesh, a machine with more memory, or more nodes"
+        )
     if code < 0 and code not in SINGULAR:
-        raise CaseError(f"{what}: MUMPS gave up with INFOG(1) = {code}, INFOG(2) = {info['detail']}; "
-                        f"check the -{prefix}mat_mumps options")
+        raise CaseError(
+            f"{what}: MUMPS gave up with INFOG(1) = {code}, INFOG(2) = {info['detail']}; check the -{prefix}mat_mumps options"
+        )
     info["seconds"] = perf_counter() - start
     return ksp, info
 
@@ -96,8 +98,8 @@ def _direct_solver(A: PETSc.Mat, prefix: str, relaxation: int | None, exact_iner
         raise CaseError(f"{chosen}: the factor is kept and used for everything, so it must be preonly with cholesky or lu")
     if _is_mumps(pc):
         pc.setFactorSetUpSolverType()
-        F = pc.getFactorMatrix()                # -mat_mumps_icntl_* are read later, so the user's word is the last
-        F.setMumpsIcntl(7, _METIS)              # MUMPS itself takes its default ordering where it was built without
+        F = pc.getFactorMatrix()  # -mat_mumps_icntl_* are read later, so the user's word is the last
+        F.setMumpsIcntl(7, _METIS)  # MUMPS itself takes its default ordering where it was built without
         F.setMumpsIcntl(27, _RHS_BLOCK)
         if relaxation is not None:
             F.setMumpsIcntl(14, relaxation)
@@ -124,13 +126,13 @@ def _report(ksp: PETSc.KSP) -> dict[str, Any]:
     ordering = {1: "PT-Scotch", 2: "ParMETIS"} if parallel else _ORDERINGS
     return {
         "package": "mumps",
-        "code": min(0, F.getMumpsInfog(1)),         # positive values are warnings
+        "code": min(0, F.getMumpsInfog(1)),  # positive values are warnings
         "detail": F.getMumpsInfog(2),
-        "negative": F.getMumpsInfog(12),            # pivots
+        "negative": F.getMumpsInfog(12),  # pivots
         "ordering": ordering.get(F.getMumpsInfog(7), "unknown"),
-        "entries": _count(F.getMumpsInfog(29)),     # of the factor
-        "memory_MB": F.getMumpsInfog(22),           # used while factoring, all ranks together
-        "memory_max_MB": F.getMumpsInfog(21),       # of the largest rank
+        "entries": _count(F.getMumpsInfog(29)),  # of the factor
+        "memory_MB": F.getMumpsInfog(22),  # used while factoring, all ranks together
+        "memory_max_MB": F.getMumpsInfog(21),  # of the largest rank
         "flops": F.getMumpsRinfog(3),
     }
 

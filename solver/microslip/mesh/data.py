@@ -17,19 +17,19 @@ def place(point) -> str:
 class ElementBlock:
     """Elements of one kind and one physical group, nodes in VTK order."""
 
-    kind: str                   # "tet4" "tet10" "hex8" "hex20" "wedge6" "wedge15"
-    group: str                  # name of the physical group
-    nodes: np.ndarray           # (n_elements, n_nodes_of_kind) index into Mesh.points
-    numbers: np.ndarray         # (n_elements,) element numbers of the user's file
+    kind: str  # "tet4" "tet10" "hex8" "hex20" "wedge6" "wedge15"
+    group: str  # name of the physical group
+    nodes: np.ndarray  # (n_elements, n_nodes_of_kind) index into Mesh.points
+    numbers: np.ndarray  # (n_elements,) element numbers of the user's file
 
 
 @dataclass(frozen=True)
 class FaceBlock:
     """Surface faces of one kind and one physical group, nodes in VTK order."""
 
-    kind: str                   # "tri3" "tri6" "quad4" "quad8"
+    kind: str  # "tri3" "tri6" "quad4" "quad8"
     group: str
-    nodes: np.ndarray           # (n_faces, n_nodes_of_kind)
+    nodes: np.ndarray  # (n_faces, n_nodes_of_kind)
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,12 @@ class Mesh:
     """The whole mesh, in metres.  Rank 0 only."""
 
     path: str
-    points: np.ndarray                      # (n_nodes, 3) m
-    numbers: np.ndarray                     # (n_nodes,) node numbers of the user's file
+    points: np.ndarray  # (n_nodes, 3) m
+    numbers: np.ndarray  # (n_nodes,) node numbers of the user's file
     elements: tuple[ElementBlock, ...]
     faces: tuple[FaceBlock, ...]
-    node_groups: dict[str, np.ndarray]      # every named group, of any dimension: its node indices, sorted
-    notes: tuple[str, ...] = ()             # what was left out or assumed, for the log
+    node_groups: dict[str, np.ndarray]  # every named group, of any dimension: its node indices, sorted
+    notes: tuple[str, ...] = ()  # what was left out or assumed, for the log
 
     @property
     def diagonal(self) -> float:
@@ -55,10 +55,10 @@ class LocalBlock:
     """The elements that a rank needs for the matrix rows of its own nodes."""
 
     kind: str
-    body: str                   # name in [bodies.<name>]
-    nodes: np.ndarray           # (n_elements, n_nodes_of_kind) rank-ordered node numbers
-    points: np.ndarray          # (n_elements, n_nodes_of_kind, 3) m
-    numbers: np.ndarray         # (n_elements,) the user's element numbers
+    body: str  # name in [bodies.<name>]
+    nodes: np.ndarray  # (n_elements, n_nodes_of_kind) rank-ordered node numbers
+    points: np.ndarray  # (n_elements, n_nodes_of_kind, 3) m
+    numbers: np.ndarray  # (n_elements,) the user's element numbers
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class DistributedMesh:
     """A rank's share of the mesh.  Nodes are renumbered so that each rank owns a contiguous range."""
 
     comm: Any
-    node_ranges: np.ndarray     # (size + 1,) rank r owns rank-ordered nodes node_ranges[r]:node_ranges[r + 1]
-    rank_order: np.ndarray      # (n_nodes,) rank-ordered number of each node of Mesh.points; same on every rank
+    node_ranges: np.ndarray  # (size + 1,) rank r owns rank-ordered nodes node_ranges[r]:node_ranges[r + 1]
+    rank_order: np.ndarray  # (n_nodes,) rank-ordered number of each node of Mesh.points; same on every rank
     blocks: tuple[LocalBlock, ...]
 
 
@@ -75,18 +75,18 @@ class DistributedMesh:
 class ContactPairs:
     """The contact pairs, the same on every rank; pair i owns rows 3 i to 3 i + 2 of R (x, y tangential, z normal)."""
 
-    joint: tuple[str, ...]      # (n_pairs,) name of the joint
-    node1: np.ndarray           # (n_pairs,) index of the node of body 1 in Mesh.points; -1 where there is no mesh
-    node2: np.ndarray           # (n_pairs,) of body 2; -1 is ground
-    position: np.ndarray        # (n_pairs, 3) m
-    frame: np.ndarray           # (n_pairs, 3, 3) rows x, y, z in model axes; z from body 2 into body 1
-    area: np.ndarray            # (n_pairs,) m2, positive
-    mu: np.ndarray              # (n_pairs,) -
-    N0: np.ndarray              # (n_pairs,) N; negative states an initial gap -N0 / k_n
-    k_t: np.ndarray             # (n_pairs,) N/m
-    k_n: np.ndarray             # (n_pairs,) N/m
-    separate: np.ndarray        # (n_pairs,) bool: each tangential direction has its own friction limit
-    faces: tuple[np.ndarray, ...]   # contact faces for pictures: (n_faces, n_corners or with mid-sides) pair indices
+    joint: tuple[str, ...]  # (n_pairs,) name of the joint
+    node1: np.ndarray  # (n_pairs,) index of the node of body 1 in Mesh.points; -1 where there is no mesh
+    node2: np.ndarray  # (n_pairs,) of body 2; -1 is ground
+    position: np.ndarray  # (n_pairs, 3) m
+    frame: np.ndarray  # (n_pairs, 3, 3) rows x, y, z in model axes; z from body 2 into body 1
+    area: np.ndarray  # (n_pairs,) m2, positive
+    mu: np.ndarray  # (n_pairs,) -
+    N0: np.ndarray  # (n_pairs,) N; negative states an initial gap -N0 / k_n
+    k_t: np.ndarray  # (n_pairs,) N/m
+    k_n: np.ndarray  # (n_pairs,) N/m
+    separate: np.ndarray  # (n_pairs,) bool: each tangential direction has its own friction limit
+    faces: tuple[np.ndarray, ...]  # contact faces for pictures: (n_faces, n_corners or with mid-sides) pair indices
 
     @property
     def n_pairs(self) -> int:

@@ -25,7 +25,7 @@ _EDGES = {
 _SOLIDS = {4: "tet4", 10: "tet10", 8: "hex8", 20: "hex20", 6: "wedge6", 15: "wedge15", 5: "pyramid5", 27: "hex27"}
 _SHELLS = {3: "tri3", 6: "tri6", 4: "quad4", 8: "quad8", 65: "tri6", 9: "quad9"}
 _LINES = {"T2D2": "line2", "T2D3": "line3", "T3D2": "line2", "T3D3": "line3", "B31": "line2", "B32": "line3"}
-_LONGEST = 10**8        # numbers in a generated set
+_LONGEST = 10**8  # numbers in a generated set
 # Keywords that would change the mesh in ways that are not followed here.
 _REFUSED = {
     "INCLUDE": "write one file with everything in it",
@@ -42,13 +42,13 @@ _REFUSED = {
 class _Content:
     """What has been gathered so far; sets hold numbers of the file."""
 
-    nodes: list[np.ndarray] = field(default_factory=list)               # (n, 4) number and point
+    nodes: list[np.ndarray] = field(default_factory=list)  # (n, 4) number and point
     elements: dict[str, list[np.ndarray]] = field(default_factory=dict)  # kind: (n, 1 + n_nodes)
     sets: dict[str, dict[str, np.ndarray]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
     from_elements: list[tuple[str, str]] = field(default_factory=list)  # node set, element set it is made of
-    surfaces: dict[str, list[tuple[np.ndarray, int]]] = field(default_factory=dict)     # elements, face number
-    skipped: dict[str, int] = field(default_factory=dict)               # element type: how many
-    names: dict[str, str] = field(default_factory=dict)                 # upper case: as first written
+    surfaces: dict[str, list[tuple[np.ndarray, int]]] = field(default_factory=dict)  # elements, face number
+    skipped: dict[str, int] = field(default_factory=dict)  # element type: how many
+    names: dict[str, str] = field(default_factory=dict)  # upper case: as first written
 
     def add(self, kind_of_set: str, name: str, numbers: np.ndarray) -> None:
         key = self.names.setdefault(name.upper(), name)
@@ -208,7 +208,7 @@ def _take_surface(content: _Content, parameters: dict, lines: list[str]) -> None
     for line in lines:
         what, _, face = (word.strip() for word in line.partition(","))
         if not re.fullmatch(r"[sS]\d", face):
-            continue                                    # shell sides, trimming: no face of a solid
+            continue  # shell sides, trimming: no face of a solid
         elements = np.array([int(what)]) if what.isdigit() else _members(content, "ELSET", what.strip('"'))
         key = content.names.setdefault(name.upper(), name)
         content.surfaces.setdefault(key, []).append((elements, int(face[1])))

@@ -7,11 +7,10 @@ import numpy as np
 from ..parallel.errors import CaseError, MeshError
 from .data import Mesh, place
 
-FAR = 0.1       # of the mesh's diagonal: a position this far from every node is a mistake
+FAR = 0.1  # of the mesh's diagonal: a position this far from every node is a mistake
 
 
-def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str | None = None,
-              where: str = "") -> np.ndarray:  # fmt: skip
+def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str | None = None, where: str = "") -> np.ndarray:
     """Return the indices in ``mesh.points`` of what a load or an output names, (n,).  Local, rank 0.
 
     Parameters
@@ -37,8 +36,10 @@ def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str 
     if node is not None:
         found = np.flatnonzero(mesh.numbers == node)
         if len(found) == 0:
-            raise MeshError(f"{mesh.path}: {where} node = {node}: no element of a body has a node of this number; "
-                            f"node numbers run from {mesh.numbers.min()} to {mesh.numbers.max()}")  # fmt: skip
+            raise MeshError(
+                f"{mesh.path}: {where} node = {node}: no element of a body has a node of this number; "
+                f"node numbers run from {mesh.numbers.min()} to {mesh.numbers.max()}"
+            )
         return found
     if group is not None:
         return mesh.node_groups[group]

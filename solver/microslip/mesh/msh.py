@@ -11,10 +11,26 @@ from .file import KINDS, Cells, FileMesh, Group, index_of, names_of_tags
 
 # Gmsh's element types; where its order of mid-side nodes is not VTK's, the permutation to VTK's.
 _TYPES = {
-    1: "line2", 2: "tri3", 3: "quad4", 4: "tet4", 5: "hex8", 6: "wedge6", 7: "pyramid5", 8: "line3", 9: "tri6",
-    10: "quad9", 11: "tet10", 12: "hex27", 13: "wedge18", 14: "pyramid14", 15: "point", 16: "quad8", 17: "hex20",
-    18: "wedge15", 19: "pyramid13",
-}  # fmt: skip
+    1: "line2",
+    2: "tri3",
+    3: "quad4",
+    4: "tet4",
+    5: "hex8",
+    6: "wedge6",
+    7: "pyramid5",
+    8: "line3",
+    9: "tri6",
+    10: "quad9",
+    11: "tet10",
+    12: "hex27",
+    13: "wedge18",
+    14: "pyramid14",
+    15: "point",
+    16: "quad8",
+    17: "hex20",
+    18: "wedge15",
+    19: "pyramid13",
+}
 _TO_VTK = {
     "tet10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
     "hex20": [0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15],
@@ -41,9 +57,7 @@ def read_msh(path: str) -> FileMesh:
         if b"$Entities" in content:
             physical = _entities_4(_cursor(_section(content, "Entities", is_binary), is_binary, order, "Entities"))
         numbers, points = _nodes_4(_cursor(_section(content, "Nodes", is_binary), is_binary, order, "Nodes"))
-        blocks = _elements_4(
-            _cursor(_section(content, "Elements", is_binary), is_binary, order, "Elements"), physical
-        )
+        blocks = _elements_4(_cursor(_section(content, "Elements", is_binary), is_binary, order, "Elements"), physical)
     return _compose(points, numbers, blocks, names)
 
 
@@ -58,8 +72,7 @@ def _format(content: bytes) -> tuple[str, bool, str]:
     version, is_binary, size = words[0].decode(errors="replace"), words[1] == b"1", words[2]
     if version not in ("2.2", "4.1"):
         raise MeshError(
-            f"Gmsh format {version} is not read, only 2.2 and 4.1; convert it: "
-            "gmsh FILE.msh -save -format msh41 -o NEW.msh"
+            f"Gmsh format {version} is not read, only 2.2 and 4.1; convert it: gmsh FILE.msh -save -format msh41 -o NEW.msh"
         )
     if is_binary and size != b"8":
         raise MeshError(f"a binary Gmsh file with {size.decode(errors='replace')}-byte numbers is not read, only 8")
@@ -155,7 +168,7 @@ def _cursor(section: bytes, is_binary: bool, order: str, name: str) -> _Text | _
 def _numbers(section: bytes, name: str) -> np.ndarray:
     """Return all numbers of a text section."""
     with warnings.catch_warnings():
-        warnings.simplefilter("error")              # older NumPy only warns where the text stops being numbers
+        warnings.simplefilter("error")  # older NumPy only warns where the text stops being numbers
         try:
             return np.fromstring(section, sep=" ")
         except (ValueError, DeprecationWarning):
@@ -177,10 +190,10 @@ def _entities_4(cursor: _Text | _Binary) -> dict[tuple[int, int], np.ndarray]:
     for dimension, n_entities in enumerate(cursor.sizes(4)):
         for _ in range(n_entities):
             tag = int(cursor.ints(1)[0])
-            cursor.doubles(3 if dimension == 0 else 6)                      # bounding box
+            cursor.doubles(3 if dimension == 0 else 6)  # bounding box
             physical[dimension, tag] = np.abs(cursor.ints(cursor.sizes(1)[0]))
             if dimension > 0:
-                cursor.ints(cursor.sizes(1)[0])                             # bounding entities
+                cursor.ints(cursor.sizes(1)[0])  # bounding entities
     return physical
 
 

@@ -9,9 +9,9 @@ from ..parallel.errors import CaseError, MeshError
 from .data import ContactPairs, Mesh, place
 from .surface import Surface, surface_of
 
-TOLERANCE = 1e-6        # of the mesh's diagonal, where the joint states none
-MOST_TILT = 20.0        # degrees between the normals of the two sides
-_ALONG = 0.99           # |cosine| above which a normal has no useful projection of an axis
+TOLERANCE = 1e-6  # of the mesh's diagonal, where the joint states none
+MOST_TILT = 20.0  # degrees between the normals of the two sides
+_ALONG = 0.99  # |cosine| above which a normal has no useful projection of an axis
 
 
 def pair_contacts(mesh: Mesh, joints) -> ContactPairs:
@@ -36,8 +36,9 @@ def pair_contacts(mesh: Mesh, joints) -> ContactPairs:
 
 def _no_pairs() -> ContactPairs:
     none, nodes = np.zeros(0), np.zeros(0, dtype=np.int64)
-    return ContactPairs((), nodes, nodes, np.zeros((0, 3)), np.zeros((0, 3, 3)), none, none, none, none, none,
-                        np.zeros(0, dtype=bool), ())  # fmt: skip
+    return ContactPairs(
+        (), nodes, nodes, np.zeros((0, 3)), np.zeros((0, 3, 3)), none, none, none, none, none, np.zeros(0, dtype=bool), ()
+    )
 
 
 def _pair_joint(mesh: Mesh, joint) -> tuple[dict, list[np.ndarray]]:
@@ -50,7 +51,7 @@ def _pair_joint(mesh: Mesh, joint) -> tuple[dict, list[np.ndarray]]:
     order = np.argsort(mesh.numbers[first.nodes[i1]], kind="stable")
     i1, i2 = i1[order], i2[order]
     _check_opposite(mesh, joint, first, second, i1, i2)
-    z = second.normals[i2] - first.normals[i1]              # out of body 2 into body 1, the mean of both sides
+    z = second.normals[i2] - first.normals[i1]  # out of body 2 into body 1, the mean of both sides
     z /= np.linalg.norm(z, axis=1, keepdims=True)
     node1, node2 = first.nodes[i1], second.nodes[i2]
     area = (first.areas[i1] + second.areas[i2]) / 2
@@ -59,25 +60,33 @@ def _pair_joint(mesh: Mesh, joint) -> tuple[dict, list[np.ndarray]]:
     pair_of[node2] = np.arange(len(node2))
     k_n = joint.normal_stiffness * area
     columns = {
-        "joint": (joint.name,) * len(area), "node1": node1, "node2": node2, "position": position,
-        "frame": contact_frames(z), "area": area,
+        "joint": (joint.name,) * len(area),
+        "node1": node1,
+        "node2": node2,
+        "position": position,
+        "frame": contact_frames(z),
+        "area": area,
         "mu": np.full(len(area), float(joint.friction)),
         "N0": _preload(joint, area, k_n),
         "k_t": joint.tangential_stiffness * area,
         "k_n": k_n,
         "separate": np.full(len(area), joint.friction_limit == "separate"),
-    }  # fmt: skip
+    }
     return columns, [pair_of[own] for own in second.faces]
 
 
 def _preload(joint, area: np.ndarray, k_n: np.ndarray) -> np.ndarray:
     """Return N0 [N]: the pressure times the area, or -k_n times the gap."""
     if isinstance(joint.preload, str):
-        raise CaseError(f"[[joints]] {joint.name!r} preload = {joint.preload!r} needs a [statics] solution, which this "
-                        "program does not compute yet; state a pressure in Pa")  # fmt: skip
+        raise CaseError(
+            f"[[joints]] {joint.name!r} preload = {joint.preload!r} needs a [statics] solution, which this "
+            "program does not compute yet; state a pressure in Pa"
+        )
     if joint.gap > 0.0 and joint.preload:
-        raise CaseError(f"[[joints]] {joint.name!r} has a gap of {joint.gap:g} m and a preload of {joint.preload:g} "
-                        "Pa; an open joint carries no preload, set one of them to 0")  # fmt: skip
+        raise CaseError(
+            f"[[joints]] {joint.name!r} has a gap of {joint.gap:g} m and a preload of {joint.preload:g} "
+            "Pa; an open joint carries no preload, set one of them to 0"
+        )
     return -joint.gap * k_n if joint.gap > 0.0 else joint.preload * area
 
 

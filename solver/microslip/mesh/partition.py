@@ -11,7 +11,7 @@ from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 from .data import DistributedMesh, LocalBlock, Mesh
 
-_FACE_CORNERS = 3       # elements that share this many corners share a face
+_FACE_CORNERS = 3  # elements that share this many corners share a face
 
 
 def distribute(mesh: Mesh | None, scene, comm) -> DistributedMesh:
@@ -81,7 +81,7 @@ def _lowest(value: np.ndarray, node: np.ndarray, n_nodes: int) -> np.ndarray:
     """Return the lowest value at every node; each node occurs."""
     falling = np.argsort(value, kind="stable")[::-1]
     lowest = np.empty(n_nodes, dtype=value.dtype)
-    lowest[node[falling]] = value[falling]              # the last one written stays
+    lowest[node[falling]] = value[falling]  # the last one written stays
     return lowest
 
 
@@ -124,6 +124,7 @@ def _shares(mesh: Mesh, scene, order, rank_order, node_ranges) -> list[tuple[Loc
         for rank in range(n_ranks):
             mine = along[(owner[along] == rank).any(axis=1)]
             if len(mine):
-                shares[rank].append(LocalBlock(block.kind, body_of[block.group], nodes[mine],
-                                               mesh.points[block.nodes[mine]], block.numbers[mine]))  # fmt: skip
+                shares[rank].append(
+                    LocalBlock(block.kind, body_of[block.group], nodes[mine], mesh.points[block.nodes[mine]], block.numbers[mine])
+                )
     return [tuple(share) for share in shares]

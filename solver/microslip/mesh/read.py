@@ -12,7 +12,7 @@ from .data import ElementBlock, FaceBlock, Mesh, place
 from .file import KINDS, FileMesh, Group
 from .inp import read_inp
 from .msh import read_msh
-from .other import FORMATS, read_other
+from .via_meshio import FORMATS, read_other
 
 SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15")
 _ADVICE = {
@@ -111,8 +111,15 @@ def _compose(path: str, file: FileMesh, scene) -> Mesh:
         node_groups[name] = new[_group_nodes(group, file, used)]
     if not used.all():
         notes.append(f"{np.count_nonzero(~used)} nodes that no element of a body uses are left out")
-    mesh = Mesh(path, file.points[used] * float(scene.model.scale), file.numbers[used], tuple(elements), tuple(faces),
-                node_groups, tuple(notes))  # fmt: skip
+    mesh = Mesh(
+        path,
+        file.points[used] * float(scene.model.scale),
+        file.numbers[used],
+        tuple(elements),
+        tuple(faces),
+        node_groups,
+        tuple(notes),
+    )
     _check_groups_on_bodies(mesh, scene)
     return mesh
 
@@ -150,11 +157,13 @@ def _elements_of_kind(kind: str, file: FileMesh, scene, notes: list[str]) -> lis
         mine = same[_rows(file.groups[scene.bodies[name].group], start)]
         if (body[mine] >= 0).any():
             first = mine[np.argmax(body[mine] >= 0)]
-            raise MeshError(f"{kind} element {numbers[same == first][0]} belongs to body {names[body[first]]!r} and to "
-                            f"body {name!r}; each element must belong to one body")  # fmt: skip
+            raise MeshError(
+                f"{kind} element {numbers[same == first][0]} belongs to body {names[body[first]]!r} and to "
+                f"body {name!r}; each element must belong to one body"
+            )
         body[mine] = i
     _note_left_out(kind, numbers, same, body, file, start, notes)
-    first = np.unique(same, return_index=True)[1]           # the first copy of each element, in the order of the file
+    first = np.unique(same, return_index=True)[1]  # the first copy of each element, in the order of the file
     first = np.sort(first)
     found = []
     for i, name in enumerate(names):
@@ -193,8 +202,9 @@ def _note_left_out(kind, numbers, same, body, file: FileMesh, start, notes: list
             f"{len(lost)} {kind} elements, the first of them element {numbers[same == lost[0]][0]}, are in no named "
             "group; name a group and a body for them, or delete them from the mesh"
         )
-    notes.append(f"{np.count_nonzero(left_out)} {kind} elements of {', '.join(map(repr, holders))} belong to no body "
-                 "and are left out")  # fmt: skip
+    notes.append(
+        f"{np.count_nonzero(left_out)} {kind} elements of {', '.join(map(repr, holders))} belong to no body and are left out"
+    )
 
 
 def _faces(name: str, group: Group, file: FileMesh, used: np.ndarray, new: np.ndarray) -> list[FaceBlock]:

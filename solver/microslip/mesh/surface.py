@@ -10,7 +10,7 @@ from .. import elements
 from ..parallel.errors import MeshError
 from .data import Mesh, place
 
-MOST_TURN = 40.0        # degrees of a face from the mean normal of its node; beyond, the node lies on an edge
+MOST_TURN = 40.0  # degrees of a face from the mean normal of its node; beyond, the node lies on an edge
 
 
 @dataclass(frozen=True)
@@ -18,10 +18,10 @@ class Surface:
     """The faces of a group, turned outward, and what they give their nodes."""
 
     group: str
-    faces: tuple[np.ndarray, ...]   # per kind of face: (n_faces, n_face_nodes) index into Mesh.points
-    nodes: np.ndarray               # (n_nodes,) index into Mesh.points, sorted
-    normals: np.ndarray             # (n_nodes, 3) outward, unit, averaged over the faces by their tributary areas
-    areas: np.ndarray               # (n_nodes,) tributary areas [m2], positive; their sum is the area of the surface
+    faces: tuple[np.ndarray, ...]  # per kind of face: (n_faces, n_face_nodes) index into Mesh.points
+    nodes: np.ndarray  # (n_nodes,) index into Mesh.points, sorted
+    normals: np.ndarray  # (n_nodes, 3) outward, unit, averaged over the faces by their tributary areas
+    areas: np.ndarray  # (n_nodes,) tributary areas [m2], positive; their sum is the area of the surface
 
 
 def surface_of(mesh: Mesh, group: str) -> Surface:
@@ -69,8 +69,10 @@ def _outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
     outer = {kind: faces for kind, faces in outer.items() if len(faces)}
     if not outer:
         why = "they lie inside the mesh, where elements share nodes" if n_inside else "it holds no whole face"
-        raise MeshError(f"{mesh.path}: group {group!r} has no outer face of an element ({why}); a contact surface is a "
-                        "group of faces, and each body needs nodes of its own there")  # fmt: skip
+        raise MeshError(
+            f"{mesh.path}: group {group!r} has no outer face of an element ({why}); a contact surface is a "
+            "group of faces, and each body needs nodes of its own there"
+        )
     return outer
 
 

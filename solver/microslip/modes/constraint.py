@@ -7,12 +7,12 @@ import scipy.sparse as sp
 
 from ..linear.dense import summed
 
-_BATCH = 128                    # right-hand sides at a time; more gain nothing (docs/validation.md)
-_BATCH_BYTES = 2.5e8            # of a batch of solutions, over all ranks
+_BATCH = 128  # right-hand sides at a time; more gain nothing (docs/validation.md)
+_BATCH_BYTES = 2.5e8  # of a batch of solutions, over all ranks
 
 
 def static_columns(
-    linearised, left: sp.csr_matrix, right: sp.csc_matrix, row_ranges=None, batch: int | None = None,
+    linearised, left: sp.csr_matrix, right: sp.csc_matrix, row_ranges=None, batch: int | None = None
 ) -> np.ndarray:
     """Return left @ K_L^-1 @ right.
 
@@ -34,7 +34,7 @@ def static_columns(
     K_L is symmetric: whichever of ``left`` and ``right`` has fewer columns that are not zero is solved for.
     """
     left, right = sp.csr_matrix(left), sp.csc_matrix(right)
-    rows = slice(None) if row_ranges is None else slice(*row_ranges[linearised.system.comm.rank:][:2])
+    rows = slice(None) if row_ranges is None else slice(*row_ranges[linearised.system.comm.rank :][:2])
     if np.count_nonzero(np.diff(left.indptr)) < np.count_nonzero(np.diff(right.indptr)):
         return np.ascontiguousarray(_solve_right(linearised, right.T.tocsr(), left.T.tocsc(), slice(None), batch).T[rows])
     return _solve_right(linearised, left, right, rows, batch)
@@ -49,7 +49,7 @@ def _solve_right(linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: sl
     batch = batch or int(np.clip(_BATCH_BYTES / (8 * n_dof), 16, _BATCH))
     product = np.zeros((len(range(*rows.indices(left.shape[0]))), right.shape[1]))
     for start in range(0, len(loaded), batch):
-        columns = loaded[start:start + batch]
+        columns = loaded[start : start + batch]
         X_owned = linearised.factor.solve_sparse(right[:, columns])
         product[:, columns] = summed(comm, left_owned @ X_owned)[rows]
     return product

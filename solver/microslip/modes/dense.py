@@ -9,7 +9,7 @@ from petsc4py import PETSc
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 
-_MASSLESS = 1e-13               # eigenvalue of M, scaled to a unit diagonal, of a motion without mass
+_MASSLESS = 1e-13  # eigenvalue of M, scaled to a unit diagonal, of a motion without mass
 
 
 def dense_modes(linearised, n_wanted: int, n_least: int) -> tuple[np.ndarray, np.ndarray, dict]:
@@ -34,15 +34,18 @@ def _solve(K_L: np.ndarray, M: np.ndarray, n_wanted: int, n_least: int) -> tuple
     theta, x = scipy.linalg.eigh(0.5 * (M + M.T), 0.5 * (K_L + K_L.T))
     theta, x = theta[::-1], x[:, ::-1]
     if theta[-1] < -1e-12 * theta[0]:
-        raise CaseError(f"the mass matrix is indefinite: z^T M z = {theta[-1]:.1e} z^T K_L z s2 for some motion; it must not be "
-                        "negative")
+        raise CaseError(
+            f"the mass matrix is indefinite: z^T M z = {theta[-1]:.1e} z^T K_L z s2 for some motion; it must not be negative"
+        )
     n_found = _rank(M)
     if n_found < n_least:
-        raise CaseError(f"[solver] modes = {n_least}, but the structure has only {n_found}: its mass matrix leaves "
-                        f"{len(theta) - n_found} motions without mass")
-    x = x[:, :min(n_wanted, n_found)]
+        raise CaseError(
+            f"[solver] modes = {n_least}, but the structure has only {n_found}: its mass matrix leaves "
+            f"{len(theta) - n_found} motions without mass"
+        )
+    x = x[:, : min(n_wanted, n_found)]
     mass, stiffness = (np.einsum("ij,ij->j", x, A @ x) for A in (M, K_L))
-    theta = mass / stiffness                        # the small ones to full relative accuracy
+    theta = mass / stiffness  # the small ones to full relative accuracy
     order = np.argsort(-theta)
     return theta[order], (x / np.sqrt(mass))[:, order]
 

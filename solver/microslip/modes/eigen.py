@@ -16,21 +16,21 @@ from .krylov_schur import slepc_modes
 from .limits import SHARE
 from .rayleigh import orthonormalised, sharpened
 
-RESIDUAL_LIMIT = 1e-5           # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
-_ROUNDING = 1e-13               # the same beside |diag(K_L) phi|, where rounding of K_L phi explains it
-_DENSE = 400                    # DOFs up to which LAPACK is the quickest
-_GUARD = 2                      # modes beyond the wanted ones, to find a gap for the proof
+RESIDUAL_LIMIT = 1e-5  # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
+_ROUNDING = 1e-13  # the same beside |diag(K_L) phi|, where rounding of K_L phi explains it
+_DENSE = 400  # DOFs up to which LAPACK is the quickest
+_GUARD = 2  # modes beyond the wanted ones, to find a gap for the proof
 _MAX_TRIES = 5
-_EQUAL = 1e-6                   # relative difference of components that count as equally large
+_EQUAL = 1e-6  # relative difference of components that count as equally large
 
 
 @dataclass(frozen=True)
 class Modes:
     """Undamped modes of the stuck structure, M-normalised, rising."""
 
-    omega_n: np.ndarray         # (n,) rad/s
-    phi_owned: np.ndarray       # (n_owned, n) this rank's rows [kg^-1/2]
-    info: dict[str, Any] = field(default_factory=dict)     # method, seconds, residual, proof
+    omega_n: np.ndarray  # (n,) rad/s
+    phi_owned: np.ndarray  # (n_owned, n) this rank's rows [kg^-1/2]
+    info: dict[str, Any] = field(default_factory=dict)  # method, seconds, residual, proof
 
 
 def lowest_modes(linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False) -> Modes:
@@ -58,8 +58,9 @@ def lowest_modes(linearised, n_modes: int, verify: bool = True, fewer_will_do: b
     if fewer_will_do:
         n_modes = min(n_modes, n_dof)
     if not 1 <= n_modes <= n_dof:
-        raise CaseError(f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; "
-                        f"ask for 1 to {n_dof} modes")
+        raise CaseError(
+            f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; ask for 1 to {n_dof} modes"
+        )
     theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify)
     phi_owned = orthonormalised(linearised, phi_owned[:, :n_modes])
     eigenvalues = linearised.system.comm.bcast(sharpened(linearised, 1.0 / theta[:n_modes], phi_owned))
@@ -78,7 +79,7 @@ def first_of(modes: Modes, n_modes: int) -> Modes:
 def is_complete(linearised, modes: Modes, n_modes: int) -> bool:
     """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: one factorisation, if any."""
     if "restarts" not in modes.info or modes.info["complete"]:
-        return True                                         # all of the spectrum
+        return True  # all of the spectrum
     n_below, sigma = find_gap(modes.omega_n**2, n_modes)
     is_proved = count_below(linearised.K_L, linearised.M, sigma) == n_below
     if is_proved:
@@ -97,13 +98,15 @@ def _solve(linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.nda
     """
     n_dof = linearised.M.getSize()[0]
     if n_dof <= _DENSE or SHARE * n_modes > n_dof:
-        return dense_modes(linearised, n_modes, n_least)    # all of the spectrum: nothing can be missing
+        return dense_modes(linearised, n_modes, n_least)  # all of the spectrum: nothing can be missing
     n_wanted = n_modes + _GUARD * verify
     for _ in range(_MAX_TRIES):
         theta, phi_owned, info = slepc_modes(linearised, n_wanted)
         if len(theta) < n_least:
-            raise CaseError(f"[solver] modes = {n_least}, but the structure has only {len(theta)}: its mass matrix leaves "
-                            f"{n_dof - len(theta)} motions without mass")
+            raise CaseError(
+                f"[solver] modes = {n_least}, but the structure has only {len(theta)}: its mass matrix leaves "
+                f"{n_dof - len(theta)} motions without mass"
+            )
         if not verify or info.get("complete"):
             return theta, phi_owned, info
         n_below, sigma = find_gap(1.0 / theta, n_modes)
@@ -111,8 +114,10 @@ def _solve(linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.nda
         if missing == 0:
             return theta, phi_owned, info | {"proof": _proof(n_below, sigma)}
         n_wanted += max(missing, _GUARD)
-    raise ConvergenceError(f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "
-                           "found; ask for more [solver] modes")
+    raise ConvergenceError(
+        f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "
+        "found; ask for more [solver] modes"
+    )
 
 
 def _check(linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> float:
@@ -126,8 +131,10 @@ def _check(linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> float:
     wrong = ~(error <= RESIDUAL_LIMIT * size + rounding)
     if wrong.any():
         k = int(np.argmax(wrong))
-        raise ConvergenceError(f"mode {k + 1} at {np.sqrt(eigenvalues[k]) / (2 * np.pi):.6g} Hz: |K_L phi - omega^2 M phi| = "
-                               f"{error[k] / size[k]:.1e} |omega^2 M phi|, limit {RESIDUAL_LIMIT:.0e}")
+        raise ConvergenceError(
+            f"mode {k + 1} at {np.sqrt(eigenvalues[k]) / (2 * np.pi):.6g} Hz: |K_L phi - omega^2 M phi| = "
+            f"{error[k] / size[k]:.1e} |omega^2 M phi|, limit {RESIDUAL_LIMIT:.0e}"
+        )
     skewness = float(np.max(np.abs(gram(comm, phi_owned, Mphi_owned) - np.eye(len(eigenvalues)))))
     if not skewness <= 1e-8:
         raise ConvergenceError(f"modes: |phi^T M phi - I| = {skewness:.1e}, limit 1e-8; ask for fewer [solver] modes")
@@ -141,7 +148,7 @@ def _signs(linearised, phi_owned: np.ndarray) -> np.ndarray:
     not the first row, which depends on the partition.
     """
     comm, columns = linearised.system.comm, np.arange(phi_owned.shape[1])
-    phi_owned = np.vstack([phi_owned, np.ones(len(columns))])           # one row more, last in order: a rank may own none
+    phi_owned = np.vstack([phi_owned, np.ones(len(columns))])  # one row more, last in order: a rank may own none
     nobody = np.iinfo(np.int64).max
     number = np.append(_user_order(linearised), nobody)
     largest = np.max(comm.allgather(np.max(np.abs(phi_owned[:-1]), axis=0, initial=0.0)), axis=0)

@@ -9,8 +9,8 @@ from ..linear.dense import column_norms, multiply
 from ..linear.mumps import SINGULAR, factorise, solve_block
 from ..parallel.errors import ConvergenceError
 
-_GAP = 1e-6                     # (next - last) / last of omega_n^2 that parts two modes; closer ones count as equal
-_RESIDUAL = 1e-6                # of a solve with the factor: beyond, small pivots may have spoiled the count
+_GAP = 1e-6  # (next - last) / last of omega_n^2 that parts two modes; closer ones count as equal
+_RESIDUAL = 1e-6  # of a solve with the factor: beyond, small pivots may have spoiled the count
 
 
 def find_gap(eigenvalues: np.ndarray, n_wanted: int) -> tuple[int, float]:
@@ -20,7 +20,7 @@ def find_gap(eigenvalues: np.ndarray, n_wanted: int) -> tuple[int, float]:
     cluster: any of its modes are as good as others.  ``eigenvalues`` (n,) omega_n^2 rising, [rad2/s2].
     """
     is_gap = np.append(np.diff(eigenvalues) > _GAP * eigenvalues[1:], False)
-    above = np.flatnonzero(is_gap[n_wanted - 1:])
+    above = np.flatnonzero(is_gap[n_wanted - 1 :])
     if len(above):
         last = n_wanted - 1 + int(above[0])
         return last + 1, float(0.5 * (eigenvalues[last] + eigenvalues[last + 1]))
@@ -45,14 +45,16 @@ def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float) -> int:
     shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     try:
         for unpivoted in (True, False):
-            shifted.setOption(PETSc.Mat.Option.SPD, unpivoted)      # to MUMPS this only means: do not pivot
+            shifted.setOption(PETSc.Mat.Option.SPD, unpivoted)  # to MUMPS this only means: do not pivot
             count = _negative_pivots(shifted)
             if count is not None:
                 return count
     finally:
         shifted.destroy()
-    raise ConvergenceError(f"modes: K_L - sigma M is singular at sigma = {sigma:.6e} rad2/s2, so that its negative pivots prove "
-                           "nothing; ask for one [solver] mode more or less")
+    raise ConvergenceError(
+        f"modes: K_L - sigma M is singular at sigma = {sigma:.6e} rad2/s2, so that its negative pivots prove "
+        "nothing; ask for one [solver] mode more or less"
+    )
 
 
 def _negative_pivots(shifted: PETSc.Mat) -> int | None:

@@ -9,7 +9,7 @@ from slepc4py import SLEPc
 from ..parallel.errors import ConvergenceError
 
 PREFIX = "modes_"
-TOLERANCE = 1e-8                # residual of a mode, relative; the error of its eigenvalue is the square of it
+TOLERANCE = 1e-8  # residual of a mode, relative; the error of its eigenvalue is the square of it
 
 
 def slepc_modes(linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
@@ -35,7 +35,7 @@ def slepc_modes(linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict
     ksp = _solves_with(linearised.factor)
     st.setKSP(ksp)
     eps.setFromOptions()
-    eps.solve()             # what a signal ends in here cannot be freed any more
+    eps.solve()  # what a signal ends in here cannot be freed any more
     try:
         _check_modes(eps, n_wanted)
         return _converged(eps, linearised)
@@ -74,7 +74,8 @@ def _check_modes(eps: SLEPc.EPS, n_wanted: int) -> None:
     if n_found < n_wanted and eps.getConvergedReason() != SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN:
         raise ConvergenceError(
             f"{n_found} of {n_wanted} modes after {eps.getIterationNumber()} iterations (reason {eps.getConvergedReason()}); "
-            f"try -{PREFIX}eps_ncv {4 * n_wanted}")
+            f"try -{PREFIX}eps_ncv {4 * n_wanted}"
+        )
 
 
 def _converged(eps: SLEPc.EPS, linearised) -> tuple[np.ndarray, np.ndarray, dict]:
@@ -86,7 +87,11 @@ def _converged(eps: SLEPc.EPS, linearised) -> tuple[np.ndarray, np.ndarray, dict
         eigenvalues[k] = complex(eps.getEigenpair(k, vector)).real
         phi_owned[:, k] = vector.getArray()
     vector.destroy()
-    info = {"method": f"SLEPc {eps.getType()}", "basis": eps.getDimensions()[1], "restarts": eps.getIterationNumber(),
-            "complete": eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN}
+    info = {
+        "method": f"SLEPc {eps.getType()}",
+        "basis": eps.getDimensions()[1],
+        "restarts": eps.getIterationNumber(),
+        "complete": eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN,
+    }
     order = np.argsort(eigenvalues)
     return 1.0 / eigenvalues[order], np.asfortranarray(phi_owned[:, order]), info

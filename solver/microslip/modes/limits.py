@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ..parallel.errors import CaseError
 
-FEW = 20                        # a structure of so many DOFs keeps all of its modes
-SMALL = 4_000                   # DOFs up to which LAPACK may take all of the spectrum: minutes, and 0.13 GB a matrix
-SHARE = 3                       # beyond n_dof / SHARE modes a Krylov space is as large as the structure: LAPACK takes over
+FEW = 20  # a structure of so many DOFs keeps all of its modes
+SMALL = 4_000  # DOFs up to which LAPACK may take all of the spectrum: minutes, and 0.13 GB a matrix
+SHARE = 3  # beyond n_dof / SHARE modes a Krylov space is as large as the structure: LAPACK takes over
 
 
 def most_modes(n_dof: int) -> int:
@@ -23,8 +23,12 @@ def refuse_too_many(n_modes: int | None, n_dof: int, path) -> None:
         return
     where = f"{path}: [solver] modes = {n_modes}"
     if n_modes > n_dof:
-        raise CaseError(f"{where}: the structure has only {n_dof} degrees of freedom, and as many modes; ask for 1 to "
-                        f"{most_modes(n_dof)}, or leave modes out: the program then picks as many as its accuracy needs")
-    raise CaseError(f"{where}: more than a third of the {n_dof} modes there are. That takes full matrices of {n_dof} x {n_dof} "
-                    f"({8e-9 * n_dof**2:.2g} GB each) and up to hours, and cannot be interrupted; ask for at most "
-                    f"{most_modes(n_dof)}, or leave modes out: the program then picks as many as its accuracy needs")
+        raise CaseError(
+            f"{where}: the structure has only {n_dof} degrees of freedom, and as many modes; ask for 1 to "
+            f"{most_modes(n_dof)}, or leave modes out: the program then picks as many as its accuracy needs"
+        )
+    raise CaseError(
+        f"{where}: more than a third of the {n_dof} modes there are. That takes full matrices of {n_dof} x {n_dof} "
+        f"({8e-9 * n_dof**2:.2g} GB each) and up to hours, and cannot be interrupted; ask for at most "
+        f"{most_modes(n_dof)}, or leave modes out: the program then picks as many as its accuracy needs"
+    )

@@ -13,8 +13,8 @@ from petsc4py import PETSc
 
 from ..linear.dense import gram, multiply, summed
 
-_NOISE = 1e-11                  # of omega_n^2, expected from rounding, that is let pass
-_CHUNK = 2_000_000              # matrix entries multiplied at a time
+_NOISE = 1e-11  # of omega_n^2, expected from rounding, that is let pass
+_CHUNK = 2_000_000  # matrix entries multiplied at a time
 
 
 def orthonormalised(linearised, phi_owned: np.ndarray) -> np.ndarray:

@@ -35,9 +35,9 @@ def on_root(comm, function: Callable[..., Any], *args: Any, share: bool = True) 
     if comm.rank == 0:
         try:
             value = function(*args)
-        except SystemExit as stop:                       # libraries that exit instead of raising
+        except SystemExit as stop:  # libraries that exit instead of raising
             problem = CaseError(f"{getattr(function, '__name__', 'a library')} gave up: {stop}")
-        except Exception as found:                       # re-raised below, on every rank
+        except Exception as found:  # re-raised below, on every rank
             problem = found
     problem, shared = comm.bcast((problem, value if share else None))
     if problem is not None:
@@ -58,7 +58,7 @@ def on_each(comm, function: Callable[..., Any], *args: Any) -> Any:
     problem: Exception | None = None
     try:
         value = function(*args)
-    except Exception as found:                           # re-raised below, on every rank
+    except Exception as found:  # re-raised below, on every rank
         problem = found
     for one in comm.allgather(problem):
         if one is not None:

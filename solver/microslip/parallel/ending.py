@@ -18,10 +18,10 @@ from typing import NoReturn
 
 from .errors import CaseError, Interrupted, MicroslipError, ResourceError
 
-GRACE = 20.0            # s that the ranks may arrive apart with a problem they agreed on
-GRACE_OF_SIGNAL = 2.0   # s: longer than mpirun waits before it kills the ranks that follow another one's Abort
+GRACE = 20.0  # s that the ranks may arrive apart with a problem they agreed on
+GRACE_OF_SIGNAL = 2.0  # s: longer than mpirun waits before it kills the ranks that follow another one's Abort
 DEFECT = 70
-_INTERRUPTED: list[Interrupted] = []        # kept with their traces, and so with the solvers in them
+_INTERRUPTED: list[Interrupted] = []  # kept with their traces, and so with the solvers in them
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 _PETSC_OUT_OF_MEMORY = 55
 _LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
@@ -35,7 +35,7 @@ def conclude(comm, action: Callable[[], int | None]) -> int:
     """
     status, problem = _outcome(comm, action)
     if comm is None or comm.size == 1:
-        if launcher_rank() > 0:         # without MPI: the launcher ends rank 0, too, as soon as one rank ends
+        if launcher_rank() > 0:  # without MPI: the launcher ends rank 0, too, as soon as one rank ends
             time.sleep(1.0)
         elif problem is not None:
             _say(str(problem))
@@ -58,7 +58,7 @@ def _outcome(comm, action: Callable[[], int | None]) -> tuple[int, MicroslipErro
     """Return the exit status of an action on this rank, and the problem that is still to be said."""
     try:
         return action() or 0, None
-    except SystemExit as stop:                  # argparse, after --help
+    except SystemExit as stop:  # argparse, after --help
         return stop.code if isinstance(stop.code, int) else int(stop.code is not None), None
     except BaseException as found:
         problem = expected(found)
@@ -72,12 +72,13 @@ def expected(problem: BaseException) -> MicroslipError | None:
     if isinstance(problem, MicroslipError):
         return problem
     if isinstance(problem, MemoryError) or getattr(problem, "ierr", None) == _PETSC_OUT_OF_MEMORY:
-        return ResourceError(f"not enough memory ({problem or 'no more could be had'}); use more ranks on more machines, or "
-                             "a smaller model")  # fmt: skip
+        return ResourceError(
+            f"not enough memory ({problem or 'no more could be had'}); use more ranks on more machines, or a smaller model"
+        )
     if isinstance(problem, KeyboardInterrupt):
         return Interrupted("interrupted from the keyboard")
     if isinstance(problem, BrokenPipeError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())      # what is left to flush goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to flush goes nowhere
         return Interrupted("the reader of the output went away")
     if isinstance(problem, OSError) and problem.errno in _DISK:
         where = f"{problem.filename}: " if problem.filename else ""
@@ -144,12 +145,12 @@ def _together(comm, status: int, problem: MicroslipError | None, name: str = "")
     if not _arrives(comm.Iallgather(array("i", [status, problem is not None]), found), grace):
         _say(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
         comm.Abort(status)
-    if not _arrives(comm.Ibarrier(), GRACE):    # a rank has waited in vain, has said so and ends this one, too
+    if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited in vain, has said so and ends this one, too
         comm.Abort(status)
     speaker = next((rank for rank in range(comm.size) if found[2 * rank + 1]), None)
     if comm.rank == speaker:
         _say(f"{name}{problem}")
-    comm.Barrier()              # a launcher kills the others as soon as one rank ends with a status
+    comm.Barrier()  # a launcher kills the others as soon as one rank ends with a status
     return max(found[::2])
 
 

@@ -10,8 +10,18 @@ from contextlib import contextmanager, suppress
 
 from .errors import CaseError, MicroslipError, ResourceError
 
-_FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.ENOENT, errno.ENAMETOOLONG,
-              errno.EEXIST, errno.ELOOP, errno.EINVAL}  # fmt: skip
+_FORBIDDEN = {
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.ENOTDIR,
+    errno.EISDIR,
+    errno.ENOENT,
+    errno.ENAMETOOLONG,
+    errno.EEXIST,
+    errno.ELOOP,
+    errno.EINVAL,
+}
 
 
 @contextmanager
@@ -27,7 +37,7 @@ def said_of(path: str) -> Iterator[None]:
         yield
     except MicroslipError:
         raise
-    except (OSError, RuntimeError) as problem:              # HDF5 reports a full disk at close as RuntimeError
+    except (OSError, RuntimeError) as problem:  # HDF5 reports a full disk at close as RuntimeError
         number = _errno(problem)
         cause = os.strerror(number) if number else " ".join(str(problem).split())[:200]
         if number in _FORBIDDEN:

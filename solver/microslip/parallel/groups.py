@@ -18,8 +18,8 @@ from mpi4py import MPI
 from .errors import CaseError, Interrupted, MicroslipError
 from .ownership import split_evenly
 
-_REPORT, _END = 1, 2        # tags: from a root to rank 0, and back
-_PAUSE = 0.002              # s between two looks for a message: other ranks may compute on this processor
+_REPORT, _END = 1, 2  # tags: from a root to rank 0, and back
+_PAUSE = 0.002  # s between two looks for a message: other ranks may compute on this processor
 
 
 def refuse_too_many(n_groups: int, n_ranks: int) -> None:
@@ -31,8 +31,10 @@ def refuse_too_many(n_groups: int, n_ranks: int) -> None:
     """
     if n_groups > n_ranks:
         ranks = "is only 1 rank" if n_ranks == 1 else f"are only {n_ranks} ranks"
-        raise CaseError(f"--groups {n_groups}: there {ranks}, and a group needs one at least; start {n_groups} or more, as in: "
-                        f"mpirun -n {n_groups} microslip run --groups {n_groups} SCENE.toml")
+        raise CaseError(
+            f"--groups {n_groups}: there {ranks}, and a group needs one at least; start {n_groups} or more, as in: "
+            f"mpirun -n {n_groups} microslip run --groups {n_groups} SCENE.toml"
+        )
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,9 @@ class Groups:
     """The ranks of ``world`` in groups of consecutive ones, as equal in size as can be."""
 
     world: Any
-    comm: Any                   # of this rank's group
-    number: int                 # of this rank's group, from 0
-    limits: np.ndarray          # (n + 1,) group g has the ranks limits[g]:limits[g + 1] of world
+    comm: Any  # of this rank's group
+    number: int  # of this rank's group, from 0
+    limits: np.ndarray  # (n + 1,) group g has the ranks limits[g]:limits[g + 1] of world
 
     @property
     def n(self) -> int:
@@ -114,7 +116,7 @@ class Reports:
     def __init__(self, groups: Groups, hear: Callable[..., None]):
         self._world, self._hear = groups.world.Dup(), hear
         self._is_root = groups.is_root
-        self._at_work = {int(rank) for rank in groups.limits[1:-1]}     # roots that rank 0 still hears from
+        self._at_work = {int(rank) for rank in groups.limits[1:-1]}  # roots that rank 0 still hears from
         self._others = sorted(self._at_work)
         self._sent: list[MPI.Request] = []
 

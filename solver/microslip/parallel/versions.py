@@ -15,6 +15,9 @@ def versions() -> dict[str, str]:
         return ".".join(map(str, numbers))
 
     return {
-        "PETSc": dotted(PETSc.Sys.getVersion()), "SLEPc": dotted(SLEPc.Sys.getVersion()), "mpi4py": mpi4py.__version__,
-        "MPI": MPI.Get_library_version().split(",")[0].split("\n")[0], "HDF5": h5py.version.hdf5_version,
+        "PETSc": dotted(PETSc.Sys.getVersion()),
+        "SLEPc": dotted(SLEPc.Sys.getVersion()),
+        "mpi4py": mpi4py.__version__,
+        "MPI": MPI.Get_library_version().split(",")[0].split("\n")[0],
+        "HDF5": h5py.version.hdf5_version,
     }

@@ -10,11 +10,11 @@ from ..linear.dense import gram, multiply
 from ..modes.constraint import static_columns
 from ..parallel.errors import CaseError
 from ..parallel.ownership import split_evenly
-from .columns import StaticColumns
-from .model import ReducedModel
+from ..receptance.model import ReducedModel
+from ..receptance.static_columns import StaticColumns
 
-_COUPLES = 1e-12            # |C_ij| / sqrt(C_ii C_jj) between modes beyond which a damping matrix is kept full
-_ROUNDING = 1e-9            # negative eigenvalue of phi^T C phi over the largest that counts as zero
+_COUPLES = 1e-12  # |C_ij| / sqrt(C_ii C_jj) between modes beyond which a damping matrix is kept full
+_ROUNDING = 1e-9  # negative eigenvalue of phi^T C phi over the largest that counts as zero
 
 
 def modal_damping(damping, omega_n: np.ndarray) -> np.ndarray:
@@ -38,8 +38,10 @@ def projected_damping(C, phi_owned: np.ndarray, comm) -> np.ndarray:
     modal = 0.5 * (modal + modal.T)
     least, most = np.linalg.eigvalsh(modal)[[0, -1]]
     if least < -_ROUNDING * max(most, -least):
-        raise CaseError(f"[model] damping: z^T C z = {least:.3g} z^T M z 1/s for some motion z (of others up to {most:.3g}): "
-                        "the damping matrix feeds energy in, so that no vibration is steady; it must not be negative")
+        raise CaseError(
+            f"[model] damping: z^T C z = {least:.3g} z^T M z 1/s for some motion z (of others up to {most:.3g}): "
+            "the damping matrix feeds energy in, so that no vibration is steady; it must not be negative"
+        )
     size = np.sqrt(np.abs(np.diag(modal)))
     is_coupled = np.abs(modal - np.diag(np.diag(modal))) > _COUPLES * np.outer(size, size)
     return modal if is_coupled.any() else np.diag(modal).copy()
@@ -70,14 +72,20 @@ def reduce_structure(linearised, modes, scene) -> ReducedModel:
     pair_ranges, harmonics = split_evenly(n_rows // 3, comm.size), Harmonics.up_to(scene.harmonics)
     C = modal_damping(scene.damping, modes.omega_n) if system.C is None else projected_damping(system.C, modes.phi_owned, comm)
     return ReducedModel(
-        comm=comm, pair_ranges=pair_ranges, omega_n=modes.omega_n, C=C,
-        r=participation[:n_rows], o=participation[n_rows: n_rows + n_out], b=participation[n_rows + n_out:].T.copy(),
+        comm=comm,
+        pair_ranges=pair_ranges,
+        omega_n=modes.omega_n,
+        C=C,
+        r=participation[:n_rows],
+        o=participation[n_rows : n_rows + n_out],
+        b=participation[n_rows + n_out :].T.copy(),
         G_static=pair_columns(linearised, pair_ranges),
         du_static=static[:n_rows, :n_load].copy(),
-        out_static=static[n_rows: n_rows + n_out, :n_load].copy(),
+        out_static=static[n_rows : n_rows + n_out, :n_load].copy(),
         out_R=static[:n_rows, n_load:].T.copy(),
-        load_static=static[n_rows + n_out:, :n_load].copy(),
-        f=load_coefficients(scene.loads, harmonics), harmonics=harmonics,
+        load_static=static[n_rows + n_out :, :n_load].copy(),
+        f=load_coefficients(scene.loads, harmonics),
+        harmonics=harmonics,
     )
 
 

@@ -9,11 +9,11 @@ from ..modes.eigen import Modes, first_of, is_complete, lowest_modes
 from ..modes.limits import FEW, SHARE, most_modes
 from ..parallel.errors import CaseError
 from ..scene.schema import DEFAULT_ACCURACY
-from .left_out import LeftOut, left_out
+from .truncation import LeftOut, left_out
 
-_AT_ONCE = 400          # DOFs up to which LAPACK finds all modes at once
-_START, _MOST = 12, 600     # modes of the first batch, each further one has twice as many; and of the last
-_EQUAL = 1e-6           # relative difference of equal frequencies, which are kept or left out together
+_AT_ONCE = 400  # DOFs up to which LAPACK finds all modes at once
+_START, _MOST = 12, 600  # modes of the first batch, each further one has twice as many; and of the last
+_EQUAL = 1e-6  # relative difference of equal frequencies, which are kept or left out together
 
 
 def choose_modes(linearised, pairs, scene) -> tuple[Modes, str]:
@@ -44,8 +44,10 @@ def _missing(modes: Modes, response, n_dof: int) -> str:
     last, highest = modes.omega_n[-1] / (2.0 * np.pi), frequency_band(response, modes.omega_n)[1]
     if last >= highest:
         return ""
-    return (f"; WARNING: they end at {last:.6g} Hz, within the range up to {highest:.6g} Hz: resonances between may be missing, "
-            "and error bars do not know of them")
+    return (
+        f"; WARNING: they end at {last:.6g} Hz, within the range up to {highest:.6g} Hz: resonances between may be missing, "
+        "and error bars do not know of them"
+    )
 
 
 def _fewest(linearised, pairs, scene, accuracy: float) -> tuple[Modes, str]:
@@ -85,8 +87,10 @@ def _out_of_reach(bound: np.ndarray, scene) -> int:
     """Return all modes but one, the next one known, where the scene leaves the accuracy to the program; refuse otherwise."""
     n_modes = len(bound) - 1
     if scene.solver.accuracy is not None:
-        raise CaseError(f"{scene.path}: [solver] accuracy = {scene.solver.accuracy:g}: {n_modes} modes reach about "
-                        f"{bound[n_modes - 1]:.1e}, and the program picks no more by itself; ask for that, or state modes")
+        raise CaseError(
+            f"{scene.path}: [solver] accuracy = {scene.solver.accuracy:g}: {n_modes} modes reach about "
+            f"{bound[n_modes - 1]:.1e}, and the program picks no more by itself; ask for that, or state modes"
+        )
     return n_modes
 
 
@@ -94,5 +98,7 @@ def _why(n_modes: int, omega_n: np.ndarray, bound: LeftOut, accuracy: float) -> 
     k, hertz = n_modes - 1, omega_n[n_modes] / (2 * np.pi)
     is_met = bound.total[k] <= accuracy
     goal = f"picked for accuracy {accuracy:g}" if is_met else f"which misses the default accuracy {accuracy:g}"
-    return (f"modes: {n_modes}, {goal}: those left out, from {hertz:.6g} Hz, change the response by at most about "
-            f"{bound.total[k]:.1e} of its linear peak ({bound.direct[k]:.1e} directly, {bound.joint[k]:.1e} through the joint)")
+    return (
+        f"modes: {n_modes}, {goal}: those left out, from {hertz:.6g} Hz, change the response by at most about "
+        f"{bound.total[k]:.1e} of its linear peak ({bound.direct[k]:.1e} directly, {bound.joint[k]:.1e} through the joint)"
+    )

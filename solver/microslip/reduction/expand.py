@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from . import receptance
-from .model import ReducedModel
+from ..receptance import motion as receptance
+from ..receptance.model import ReducedModel
 
 
 def displacement(linearised, modes, model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
@@ -32,7 +32,7 @@ def node_fields(system, owned: np.ndarray) -> np.ndarray | None:
     if gathered is None:
         return None
     rows = np.concatenate(gathered)
-    rows = np.concatenate([rows, np.zeros((1, rows.shape[1]))])         # row -1: the fixed DOFs
+    rows = np.concatenate([rows, np.zeros((1, rows.shape[1]))])  # row -1: the fixed DOFs
     return rows[system.dof]
 
 

@@ -18,9 +18,9 @@ from ..linear.joint_springs import Linearised
 from ..modes.eigen import Modes, lowest_modes
 from ..parallel.errors import CaseError, ConvergenceError
 
-SHIFT = 1e-2            # alpha over the lowest eigenvalue of the stuck structure
-RIGID = 1e-6            # eigenvalue over the lowest one of the stuck structure below which a mode is of a rigid body
-_CONVERGED = 1e-12      # relative change of the attachment modes that is still to come
+SHIFT = 1e-2  # alpha over the lowest eigenvalue of the stuck structure
+RIGID = 1e-6  # eigenvalue over the lowest one of the stuck structure below which a mode is of a rigid body
+_CONVERGED = 1e-12  # relative change of the attachment modes that is still to come
 _MOST_ROUNDS = 40
 _BATCH = 128
 
@@ -30,9 +30,9 @@ class FreeBodies:
     """The structure without joint springs: its factor is that of K + alpha M."""
 
     linearised: Linearised
-    alpha: float                # 1/s2
-    omega_2: np.ndarray         # (n,) eigenvalues of (K, M) [rad2/s2], of rigid bodies about 0
-    phi_owned: np.ndarray       # (n_owned, n) phi^T M phi = I
+    alpha: float  # 1/s2
+    omega_2: np.ndarray  # (n,) eigenvalues of (K, M) [rad2/s2], of rigid bodies about 0
+    phi_owned: np.ndarray  # (n_owned, n) phi^T M phi = I
     n_rigid: int
 
     def destroy(self) -> None:
@@ -58,13 +58,15 @@ def free_bodies(linearised, modes: Modes, scene) -> FreeBodies:
     shifted = Linearised(system, A, system.M, Factor(A, system, what="K + alpha M"))
     found = lowest_modes(shifted, n_modes, scene.solver.verify_modes, fewer_will_do=True)
     n_rigid = _count_rigid(found, alpha, modes)
-    if n_rigid == len(found.omega_n) < system.n_dof:            # there may be more
+    if n_rigid == len(found.omega_n) < system.n_dof:  # there may be more
         most = min(n_modes + 6 * max(len(system.part_names), 1), system.n_dof)
         n_rigid = _count_rigid(lowest_modes(shifted, most, scene.solver.verify_modes, fewer_will_do=True), alpha, modes)
     if n_rigid > n_modes:
         shifted.destroy()
-        raise CaseError(f"{scene.path}: [solver] modes = {n_modes}: without their joint the bodies have {n_rigid} rigid-body "
-                        f"modes, all of which method = \"{scene.solver.method}\" needs; ask for {n_rigid} modes at least")
+        raise CaseError(
+            f"{scene.path}: [solver] modes = {n_modes}: without their joint the bodies have {n_rigid} rigid-body "
+            f'modes, all of which method = "{scene.solver.method}" needs; ask for {n_rigid} modes at least'
+        )
     return FreeBodies(shifted, alpha, found.omega_n**2 - alpha, found.phi_owned, n_rigid)
 
 
@@ -100,18 +102,20 @@ def _batch_of_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.nd
     participation = gram(comm, phi_owned, forces.tocsr()[first:last].toarray())
     first_Z = factor.solve_sparse(forces) - phi_owned @ (participation / (free.omega_2 + free.alpha)[:, None])
     Z_owned = first_Z = _without(free, first_Z)
-    if len(free.omega_2) >= system.n_dof:                           # every mode is computed: what is left is rounding
+    if len(free.omega_2) >= system.n_dof:  # every mode is computed: what is left is rounding
         return Z_owned
     size = change = np.maximum(column_norms(comm, Z_owned), 1e-300)
     for _ in range(_MOST_ROUNDS):
         before, new = change, first_Z + _without(free, factor.solve(free.alpha * multiply(system.M, Z_owned)))
         change = column_norms(comm, new - Z_owned)
         Z_owned = new
-        to_come = change * np.minimum(change / np.maximum(before, 1e-300), 1.0)     # the next change, at the rate of this one
+        to_come = change * np.minimum(change / np.maximum(before, 1e-300), 1.0)  # the next change, at the rate of this one
         if np.all(to_come <= _CONVERGED * size):
             return Z_owned
-    raise ConvergenceError(f"attachment modes: change {np.max(change / size):.1e} after {_MOST_ROUNDS} rounds, limit "
-                           f"{_CONVERGED:.0e}; ask for more [solver] modes")
+    raise ConvergenceError(
+        f"attachment modes: change {np.max(change / size):.1e} after {_MOST_ROUNDS} rounds, limit "
+        f"{_CONVERGED:.0e}; ask for more [solver] modes"
+    )
 
 
 def _without(free: FreeBodies, Z_owned: np.ndarray) -> np.ndarray:

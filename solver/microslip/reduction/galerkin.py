@@ -22,21 +22,22 @@ from ..linear.dense import gram, multiply
 from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
-from . import receptance
+from ..receptance import motion as receptance
+from ..receptance.model import ReducedModel
+from ..receptance.static_columns import StaticColumns
 from .build import load_coefficients, modal_damping, owned_product, projected_damping
-from .columns import StaticColumns
-from .model import ReducedModel
 from .reduction import Reduction
 from .selection import AllPairs
 
-DEPENDENT = 1e-13       # strain energy of a combination of columns, each scaled to energy 1, below which it is dropped
-NEARLY_DEPENDENT = 1e-8     # the same, below which rounding shows and the projection is made twice
-MASSLESS = 1e-16        # theta over the largest: less mass is not told from none, and changes nothing
-_BLOCKS = 4             # blocks of the basis' size held at a time
+DEPENDENT = 1e-13  # strain energy of a combination of columns, each scaled to energy 1, below which it is dropped
+NEARLY_DEPENDENT = 1e-8  # the same, below which rounding shows and the projection is made twice
+MASSLESS = 1e-16  # theta over the largest: less mass is not told from none, and changes nothing
+_BLOCKS = 4  # blocks of the basis' size held at a time
 
 
-def reduce_on_basis(linearised, V_owned: np.ndarray, scene, unknowns: int | None = None,
-                    leaves_out: Literal["basis", "nothing"] = "basis") -> Reduction:
+def reduce_on_basis(
+    linearised, V_owned: np.ndarray, scene, unknowns: int | None = None, leaves_out: Literal["basis", "nothing"] = "basis"
+) -> Reduction:
     """Return the Galerkin reduction on the columns of V, this rank's rows (n_owned, n_V).
 
     Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
@@ -65,7 +66,7 @@ def galerkin_modes(linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndar
             theta, q, least = on_root(comm, reduced_modes, K_r, M_r)
             phi_owned = phi_owned @ q
     theta = np.maximum(theta, MASSLESS * theta[0])
-    phi_owned = phi_owned / np.sqrt(theta)                          # from phi^T K_L phi = I
+    phi_owned = phi_owned / np.sqrt(theta)  # from phi^T K_L phi = I
     eigenvalues = sharpened(linearised, 1.0 / theta, phi_owned)
     order = np.argsort(eigenvalues)
     return np.sqrt(eigenvalues[order]), phi_owned[:, order]
@@ -80,7 +81,7 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)
     values, Q = scipy.linalg.eigh(0.5 * (K_r + K_r.T) * np.outer(scale, scale))
     kept = values > DEPENDENT * values[-1]
-    if not kept.any():                                      # columns without energy: the modes hold all that the joint does
+    if not kept.any():  # columns without energy: the modes hold all that the joint does
         return np.empty(0), np.empty((len(energy), 0)), 1.0
     W = scale[:, None] * Q[:, kept] / np.sqrt(values[kept])
     theta, q = scipy.linalg.eigh(W.T @ (0.5 * (M_r + M_r.T)) @ W)
@@ -93,9 +94,9 @@ def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene
     comm, n_rows, n_out = system.comm, system.R.shape[0], system.outputs.shape[0]
     everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
     participation = owned_product(everything, phi_owned, system)
-    r, o, b = participation[:n_rows], participation[n_rows: n_rows + n_out], participation[n_rows + n_out:].T.copy()
+    r, o, b = participation[:n_rows], participation[n_rows : n_rows + n_out], participation[n_rows + n_out :].T.copy()
     pair_ranges, flexibility = split_evenly(n_rows // 3, comm.size), 1.0 / omega_n**2
-    own = r[3 * pair_ranges[comm.rank]: 3 * pair_ranges[comm.rank + 1]] * flexibility
+    own = r[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
 
     def columns(pairs: np.ndarray) -> np.ndarray:
         return own @ r[(3 * pairs[:, None] + np.arange(3)).ravel()].T
@@ -103,10 +104,20 @@ def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene
     harmonics = Harmonics.up_to(scene.harmonics)
     C = modal_damping(scene.damping, omega_n) if system.C is None else projected_damping(system.C, phi_owned, comm)
     return ReducedModel(
-        comm=comm, pair_ranges=pair_ranges, omega_n=omega_n, C=C, r=r, b=b, o=o,
-        G_static=StaticColumns(n_rows // 3, len(own) // 3, columns), du_static=(r * flexibility) @ b,
-        out_static=(o * flexibility) @ b, out_R=(o * flexibility) @ r.T, load_static=(b.T * flexibility) @ b,
-        f=load_coefficients(scene.loads, harmonics), harmonics=harmonics,
+        comm=comm,
+        pair_ranges=pair_ranges,
+        omega_n=omega_n,
+        C=C,
+        r=r,
+        b=b,
+        o=o,
+        G_static=StaticColumns(n_rows // 3, len(own) // 3, columns),
+        du_static=(r * flexibility) @ b,
+        out_static=(o * flexibility) @ b,
+        out_R=(o * flexibility) @ r.T,
+        load_static=(b.T * flexibility) @ b,
+        f=load_coefficients(scene.loads, harmonics),
+        harmonics=harmonics,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from .model import ReducedModel
+from ..receptance.model import ReducedModel
 from .selection import Selection
 
 
@@ -19,4 +19,4 @@ class Reduction:
     model: ReducedModel
     selection: Selection
     displacement: Callable[[float, float, np.ndarray], np.ndarray]  # collective; level, omega, p -> harmonics of u, owned rows
-    leaves_out: Literal["modes", "basis", "nothing"]    # "modes": their dynamics, not their statics; "basis": what it lacks
+    leaves_out: Literal["modes", "basis", "nothing"]  # "modes": their dynamics, not their statics; "basis": what it lacks

@@ -7,8 +7,8 @@ import numpy as np
 from ..continuation.branch import Branch
 from .measures import amplitude
 
-BOUND = 1e-6            # closure beyond which a point deserves a second look
-_NOTHING = 1e-10        # of pi F a, the most work that a load F can do per cycle at amplitude a
+BOUND = 1e-6  # closure beyond which a point deserves a second look
+_NOTHING = 1e-10  # of pi F a, the most work that a load F can do per cycle at amplitude a
 
 
 def closure(work: np.ndarray, damping: np.ndarray, friction: np.ndarray, most_work: np.ndarray | float = 0.0) -> np.ndarray:
@@ -27,8 +27,9 @@ def closure(work: np.ndarray, damping: np.ndarray, friction: np.ndarray, most_wo
 
 def energy_closure(branch: Branch) -> np.ndarray:
     """Return the closure of the energy balance at each point of a branch, (n_points,) [-].  Local, on rank 0."""
-    work, damping, friction = (np.array([getattr(point, name) for point in branch.points], dtype=float)
-                               for name in ("input", "damping", "friction"))  # fmt: skip
+    work, damping, friction = (
+        np.array([getattr(point, name) for point in branch.points], dtype=float) for name in ("input", "damping", "friction")
+    )
     largest = np.array([amplitude(point.response).max(initial=0.0) for point in branch.points])
     return closure(work, damping, friction, np.pi * branch.level * largest)
 
@@ -37,8 +38,10 @@ def audit_text(branches: list[Branch]) -> str:
     """Return the audit of all levels as a small table for the log.  Local, on rank 0."""
     bounds = sorted({branch.closes_to for branch in branches}) or [BOUND]
     said = " to ".join(f"{bound:.0e}" for bound in {bounds[0], bounds[-1]})
-    lines = [f"energy balance, input = damping + friction [J per cycle]; to close within {said}",
-             f"  {'level_N':>10} {'largest closure':>15} {'at Hz':>12} {'input there':>12} {'friction at peak':>16}"]  # fmt: skip
+    lines = [
+        f"energy balance, input = damping + friction [J per cycle]; to close within {said}",
+        f"  {'level_N':>10} {'largest closure':>15} {'at Hz':>12} {'input there':>12} {'friction at peak':>16}",
+    ]
     for branch in branches:
         if not branch.points:
             lines.append(f"  {branch.level:>10.6g} {'no point':>15}")
@@ -46,8 +49,10 @@ def audit_text(branches: list[Branch]) -> str:
         closures = energy_closure(branch)
         worst = branch.points[int(np.argmax(closures))]
         top = max(branch.points, key=lambda point: amplitude(point.response[0]))
-        lines.append(f"  {branch.level:>10.6g} {closures.max():>15.1e} {worst.omega / 2 / np.pi:>12.7g} "
-                     f"{worst.input:>12.4e} {top.friction:>16.4e}")  # fmt: skip
+        lines.append(
+            f"  {branch.level:>10.6g} {closures.max():>15.1e} {worst.omega / 2 / np.pi:>12.7g} "
+            f"{worst.input:>12.4e} {top.friction:>16.4e}"
+        )
         bound = branch.closes_to
         n_beyond = np.count_nonzero(closures > bound)
         if n_beyond:

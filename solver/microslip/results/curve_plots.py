@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..error_bars.parts import PARTS, total
+from ..error_estimate.components import PARTS, total
 from .audit import BOUND, closure
 from .measures import amplitude, counts, peak, segments
 from .record import STOPPED, LevelResult, ResultFile
@@ -27,17 +27,17 @@ from .style import (
     plain,
     scaled,
     some,
-)  # fmt: skip
+)
 
-_ROWS = 5               # outputs in one picture
-_WIDE = 200.0           # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
-_APART = 30.0           # ratio of the peaks of two levels beyond which it is
-_BAND = 0.3             # opacity of an error band
+_ROWS = 5  # outputs in one picture
+_WIDE = 200.0  # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
+_APART = 30.0  # ratio of the peaks of two levels beyond which it is
+_BAND = 0.3  # opacity of an error band
 _PART_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c8c8c")
-_LEAST_ERROR = 1e-12    # of the peak: less is rounding, and not drawn
-_ERROR_DECADES = 1e-5   # of the largest bar: less is not drawn
-_SEEN = 3.0             # times the lower end of the axis that a part must reach
-_DECADES = 1e-7         # a logarithmic axis shows no less than this of the largest
+_LEAST_ERROR = 1e-12  # of the peak: less is rounding, and not drawn
+_ERROR_DECADES = 1e-5  # of the largest bar: less is not drawn
+_SEEN = 3.0  # times the lower end of the axis that a part must reach
+_DECADES = 1e-7  # a logarithmic axis shows no less than this of the largest
 
 
 def draw_response(results: ResultFile, out_dir: str) -> list[str]:
@@ -106,7 +106,7 @@ def draw_rom_size(results: ResultFile, out_dir: str) -> list[str]:
     says = f"unknowns of the model along the curve, method {plain(results.method)}"
     page = Page(results, says, 4.6, 2.6, _level_handles(drawn, False))
     ax = page.figure.add_subplot(page.grid(1, 1)[0, 0])
-    for (level, colour), width in zip(drawn, np.linspace(3.0, 1.2, len(drawn))):       # equal curves show under each other
+    for (level, colour), width in zip(drawn, np.linspace(3.0, 1.2, len(drawn))):  # equal curves show under each other
         _curve(ax, level, level.unknowns, colour, lw=width if len(drawn) > 1 else 1.2)
     largest = max((level.unknowns.max(initial=1) for level, _ in drawn), default=1)
     ax.set_ylim(0.0, 1.08 * max(largest, 1))
@@ -121,8 +121,11 @@ def draw_energy(results: ResultFile, out_dir: str) -> list[str]:
     levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
     if not levels:
         return []
-    parts = (("input", "input", INK, "-"), ("damping", "viscous damping", "#0072b2", "--"),
-             ("friction", "friction", "#d55e00", "-."))  # fmt: skip
+    parts = (
+        ("input", "input", INK, "-"),
+        ("damping", "viscous damping", "#0072b2", "--"),
+        ("friction", "friction", "#d55e00", "-."),
+    )
     handles = [Line2D([], [], color=c, ls=s, lw=1.2, label=label) for _, label, c, s in parts]
     says = "energy per cycle along the curve, and the closure |input \u2212 damping \u2212 friction| / input"
     page, axes = _panels(results, says, levels, handles, foot=1.5)
@@ -152,8 +155,9 @@ def _draw_closure(ax, results: ResultFile) -> None:
     ax.set_title("closure, all levels", loc="left")
     if len(drawn) > 1:
         named = [Line2D([], [], color=colour, lw=1.5, label=f"{level.level:g} N") for level, colour in some(drawn, 7)]
-        ax.legend(handles=named, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=len(named), borderaxespad=0.2,
-                  columnspacing=1.2)  # fmt: skip
+        ax.legend(
+            handles=named, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=len(named), borderaxespad=0.2, columnspacing=1.2
+        )
     ax.set_ylabel("closure [-]")
     ax.set_xlabel("frequency [Hz]")
     _limit([ax], results)
@@ -182,9 +186,9 @@ def draw_error(results: ResultFile, out_dir: str) -> list[str]:
             ax.text(0.5, 0.5, f"below {_LEAST_ERROR:.0e} everywhere", transform=ax.transAxes, ha="center", color=FAINT)
             ax.set_yticks([])
             continue
-        ax.set_yscale("log")                        # what is 0 lies below the axis
+        ax.set_yscale("log")  # what is 0 lies below the axis
         _curve(ax, level, bars, INK, lw=1.6)
-        for values, (_, colour) in zip(parts.T, looks):         # on top, so that a part of a single point shows in its spike
+        for values, (_, colour) in zip(parts.T, looks):  # on top, so that a part of a single point shows in its spike
             if values.max() > _SEEN * low:
                 _curve(ax, level, values, colour, lw=1.1)
         ax.set_ylim(low, 3.0 * bars.max())

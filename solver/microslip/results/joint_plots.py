@@ -20,8 +20,8 @@ from .unroll import Patch, patches
 
 _MM = 1e3
 _MOST_PATCHES = 12
-_MOST_HEIGHT = 8.6              # in, of all blocks
-_LOWEST, _DEEPEST = 0.34, 2.6   # in, height of a surface: a thin strip is stretched, a small one not blown up
+_MOST_HEIGHT = 8.6  # in, of all blocks
+_LOWEST, _DEEPEST = 0.34, 2.6  # in, height of a surface: a thin strip is stretched, a small one not blown up
 _NO_LOSS = "#ececec"
 _LOSS_DECADES = 1e-4
 
@@ -46,7 +46,7 @@ def draw_slip_map(results: ResultFile, out_dir: str) -> list[str]:
 def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
     """Draw the friction loss per area and cycle at the peak of each level, in one colour scale.  Local; returns the files."""
     area = results.joint.area
-    per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())     # matrices come without areas
+    per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())  # matrices come without areas
     share = area if per_area else np.ones_like(area)
     unit = "J/m\u00b2" if per_area else "J"
 
@@ -73,10 +73,20 @@ def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
         return f"{factor * level.energy[at].sum():.3g} {prefix}"
 
     what = "friction loss per cycle" + (" and area" if per_area else " of each pair") + " at the peak of each level"
-    bar = None if len(losses) == 0 else (matplotlib.colors.ListedColormap(palette(np.linspace(0.04, 0.96, 256))), scale,
-                                      f"friction loss per cycle [{unit}]")  # fmt: skip
-    return _draw(results, f"{out_dir}/energy_map.png", what if len(losses) else what + ": none", colour, says,
-                 [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="no loss")], bar)  # fmt: skip
+    bar = (
+        None
+        if len(losses) == 0
+        else (matplotlib.colors.ListedColormap(palette(np.linspace(0.04, 0.96, 256))), scale, f"friction loss per cycle [{unit}]")
+    )
+    return _draw(
+        results,
+        f"{out_dir}/energy_map.png",
+        what if len(losses) else what + ": none",
+        colour,
+        says,
+        [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="no loss")],
+        bar,
+    )
 
 
 @dataclass(frozen=True)
@@ -85,19 +95,21 @@ class Layout:
 
     level_columns: int
     patch_columns: int
-    label: float                # height of the line above each patch
-    scale: float                # in per m
-    stretch: float              # of y against x
-    widths: np.ndarray          # (patch_columns,) of the columns of patches
-    heights: np.ndarray         # of the rows of patches
+    label: float  # height of the line above each patch
+    scale: float  # in per m
+    stretch: float  # of y against x
+    widths: np.ndarray  # (patch_columns,) of the columns of patches
+    heights: np.ndarray  # of the rows of patches
 
     LEFT, BELOW, TITLE, GAP, LABEL = 0.48, 0.38, 0.20, 0.14, 0.15
 
     @property
     def block(self) -> tuple[float, float]:
         """Width and height of a block."""
-        return (float(self.widths.sum()) + len(self.widths) * self.GAP,
-                self.TITLE + float(self.heights.sum()) + len(self.heights) * (self.GAP + self.label))  # fmt: skip
+        return (
+            float(self.widths.sum()) + len(self.widths) * self.GAP,
+            self.TITLE + float(self.heights.sum()) + len(self.heights) * (self.GAP + self.label),
+        )
 
     def height(self, n_levels: int) -> float:
         return math.ceil(n_levels / self.level_columns) * self.block[1] + self.BELOW
@@ -105,14 +117,19 @@ class Layout:
     def corner(self, k: int) -> tuple[float, float]:
         """Return the upper left corner of patch k in its block."""
         row, column = divmod(k, self.patch_columns)
-        return (float(self.widths[:column].sum()) + column * self.GAP,
-                self.TITLE + float(self.heights[:row].sum()) + row * (self.GAP + self.label) + self.label)  # fmt: skip
+        return (
+            float(self.widths[:column].sum()) + column * self.GAP,
+            self.TITLE + float(self.heights[:row].sum()) + row * (self.GAP + self.label) + self.label,
+        )
 
 
 def choose_layout(sizes: np.ndarray, n_levels: int, labelled: bool) -> Layout:
     """Return the layout with the largest pictures that fits a page; ``sizes`` (n_patches, 2) [m].  Local."""
-    layouts = [_layout(sizes, level_columns, patch_columns, labelled)
-               for level_columns in range(1, n_levels + 1) for patch_columns in range(1, len(sizes) + 1)]  # fmt: skip
+    layouts = [
+        _layout(sizes, level_columns, patch_columns, labelled)
+        for level_columns in range(1, n_levels + 1)
+        for patch_columns in range(1, len(sizes) + 1)
+    ]
     found = [layout for layout in layouts if layout is not None]
 
     def rank(layout: Layout) -> tuple[float, float, float]:
@@ -135,8 +152,15 @@ def _layout(sizes: np.ndarray, level_columns: int, patch_columns: int, labelled:
     if scale <= 0.0:
         return None
     stretch = max(1.0, _LOWEST / (scale * max(heights.min(), 0.02 * largest)))
-    return Layout(level_columns, patch_columns, Layout.LABEL if labelled else 0.0, scale, stretch, scale * widths,
-                  np.maximum(scale * stretch * heights, 0.05))  # fmt: skip
+    return Layout(
+        level_columns,
+        patch_columns,
+        Layout.LABEL if labelled else 0.0,
+        scale,
+        stretch,
+        scale * widths,
+        np.maximum(scale * stretch * heights, 0.05),
+    )
 
 
 def _draw(results: ResultFile, path: str, says: str, colour, level_says, handles, bar=None) -> list[str]:
@@ -195,14 +219,31 @@ def _surface(ax, patch: Patch, rgba: np.ndarray, scale: float) -> None:
     low, high = patch.corners.min(axis=0), patch.corners.max(axis=0)
     if patch.cells:
         shades = rgba[patch.cell_pair]
-        ax.add_collection(PolyCollection([unit * (cell - low) for cell in patch.cells], facecolors=shades, edgecolors=shades,
-                                         linewidths=0.2, clip_on=False))  # fmt: skip
-        ax.add_collection(PolyCollection([unit * (ring - low) for ring in patch.outlines], facecolors="none",
-                                         edgecolors="#5f5f5f", linewidths=0.3, alpha=0.7, clip_on=False))  # fmt: skip
+        ax.add_collection(
+            PolyCollection(
+                [unit * (cell - low) for cell in patch.cells], facecolors=shades, edgecolors=shades, linewidths=0.2, clip_on=False
+            )
+        )
+        ax.add_collection(
+            PolyCollection(
+                [unit * (ring - low) for ring in patch.outlines],
+                facecolors="none",
+                edgecolors="#5f5f5f",
+                linewidths=0.3,
+                alpha=0.7,
+                clip_on=False,
+            )
+        )
     else:
-        diameter = min(max(0.8 * 72.0 * scale * patch.spacing, 1.5), 12.0)      # points
-        ax.scatter(*(unit * (patch.points - low)).T, c=rgba[patch.pairs], s=diameter**2, edgecolors="#5f5f5f", linewidths=0.3,
-                   clip_on=False)  # fmt: skip
+        diameter = min(max(0.8 * 72.0 * scale * patch.spacing, 1.5), 12.0)  # points
+        ax.scatter(
+            *(unit * (patch.points - low)).T,
+            c=rgba[patch.pairs],
+            s=diameter**2,
+            edgecolors="#5f5f5f",
+            linewidths=0.3,
+            clip_on=False,
+        )
     extent = np.maximum(unit * (high - low), 1e-12)
     ax.set_xlim(0.0, extent[0])
     ax.set_ylim(0.0, extent[1])

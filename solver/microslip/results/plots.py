@@ -16,8 +16,14 @@ from .style import RC
 
 Picture = Callable[[ResultFile, str], list[str]]
 PICTURES: tuple[Picture, ...] = (
-    draw_response, draw_states, draw_slip_map, draw_rom_size, draw_energy, draw_energy_map, draw_error,
-)  # fmt: skip
+    draw_response,
+    draw_states,
+    draw_slip_map,
+    draw_rom_size,
+    draw_energy,
+    draw_energy_map,
+    draw_error,
+)
 STATIC_PICTURES: tuple[Picture, ...] = (draw_static_response, draw_static_states, draw_slip_map)
 
 

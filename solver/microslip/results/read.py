@@ -7,12 +7,12 @@ import os
 import h5py
 import numpy as np
 
-from ..error_bars.parts import PARTS
+from ..error_estimate.components import PARTS
 from ..parallel.errors import CaseError
 from .record import ERROR, JOINT_DATA, LEVEL_DATA, MOTION, Joint, LevelResult, LinearCurve, ResultFile
 from .writer import FORMAT, FORMAT_VERSION
 
-_MOST_GAIN = 2000       # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
+_MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
 _MOST_TEXTS = 100_000
 
 
@@ -46,8 +46,10 @@ def _check_format(path: str, file: h5py.File) -> None:
     version = int(file.attrs["format_version"])
     if version != FORMAT_VERSION:
         age = "an older" if version < FORMAT_VERSION else "a newer"
-        raise CaseError(f"{path}: written by {age} version of the program (format {version}, this one reads {FORMAT_VERSION}); "
-                        "run the scene again, or use that version")  # fmt: skip
+        raise CaseError(
+            f"{path}: written by {age} version of the program (format {version}, this one reads {FORMAT_VERSION}); "
+            "run the scene again, or use that version"
+        )
 
 
 def _attribute(item, name: str) -> str:
@@ -113,12 +115,25 @@ class _Reader:
 def _read(path: str, reader: _Reader, motion: bool) -> ResultFile:
     outputs = tuple(reader.texts("outputs/name"))
     joint = _joint(reader)
-    levels = tuple(_level(reader, f"levels/{name}", len(outputs), joint.n_pairs, motion)
-                   for name in sorted(reader.group("levels")))  # fmt: skip
+    levels = tuple(
+        _level(reader, f"levels/{name}", len(outputs), joint.n_pairs, motion) for name in sorted(reader.group("levels"))
+    )
     title, name, method, text = (reader.texts(f"scene/{item}")[0] for item in ("title", "name", "method", "text"))
     versions = dict(zip(reader.texts("versions/name"), reader.texts("versions/version")))
-    return ResultFile(path, title, name, method, text, tuple(reader.texts("options")), versions, outputs,
-                      reader.array("modes/frequency_Hz", "f8", (None,)), joint, _linear(reader, len(outputs)), levels)
+    return ResultFile(
+        path,
+        title,
+        name,
+        method,
+        text,
+        tuple(reader.texts("options")),
+        versions,
+        outputs,
+        reader.array("modes/frequency_Hz", "f8", (None,)),
+        joint,
+        _linear(reader, len(outputs)),
+        levels,
+    )
 
 
 def _linear(reader: _Reader, n_outputs: int) -> LinearCurve | None:
@@ -134,7 +149,8 @@ def _joint(reader: _Reader) -> Joint:
     names = tuple(reader.texts("joint/names"))
     faces = tuple(reader.array(f"joint/faces/{name}", "i8", (None, None)) for name in sorted(reader.group("joint/faces")))
     if any(len(part) and not 0 <= part.min() <= part.max() < n_pairs for part in (*faces,)) or not all(
-            0 <= i < len(names) for i in columns["joint"]):  # fmt: skip
+        0 <= i < len(names) for i in columns["joint"]
+    ):
         raise CaseError(f"{reader.path}: the joint names pairs that are not there; the file is damaged or was edited")
     return Joint(names=names, faces=faces, **columns)
 
@@ -143,16 +159,23 @@ def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bo
     n, _, N_H = reader.array(f"{group}/response", "f8", (None, n_outputs, None)).shape
     if N_H < 3 or N_H % 2 == 0:
         raise CaseError(f"{reader.path}: dataset '{group}/response' has {N_H} coefficients, not 2 H + 1")
-    shapes = {"response": (n_outputs, N_H), "energy": (n_pairs,), "state": (n_pairs,), "du": (n_pairs, 3, N_H),
-              "p": (n_pairs, 3, N_H)}  # fmt: skip
-    arrays = {name: reader.array(f"{group}/{dataset}", kind, (n, *shapes.get(name, ())))
-              if motion or name not in MOTION else None for dataset, name, _, kind, _ in LEVEL_DATA}  # fmt: skip
+    shapes = {
+        "response": (n_outputs, N_H),
+        "energy": (n_pairs,),
+        "state": (n_pairs,),
+        "du": (n_pairs, 3, N_H),
+        "p": (n_pairs, 3, N_H),
+    }
+    arrays = {
+        name: reader.array(f"{group}/{dataset}", kind, (n, *shapes.get(name, ()))) if motion or name not in MOTION else None
+        for dataset, name, _, kind, _ in LEVEL_DATA
+    }
     estimated = f"{group}/{ERROR}" in reader
     arrays["error"] = reader.array(f"{group}/{ERROR}", "f8", (n, n_outputs, len(PARTS))) if estimated else None
     attributes = reader.group(group)
     for name, values in arrays.items():
         if values is not None and values.dtype.kind == "f" and not np.isfinite(values).all():
             raise CaseError(f"{reader.path}: {name} of '{group}' is not finite everywhere; the file is damaged or was edited")
-    return LevelResult(level=float(attributes.attrs["level_N"]), status=_attribute(attributes, "status"),
-                       failure=_attribute(attributes, "failure"),
-                       notes=np.array(reader.texts(f"{group}/notes"), dtype=object)[:n], **arrays)  # type: ignore[arg-type]
+    notes = np.array(reader.texts(f"{group}/notes"), dtype=object)[:n]
+    status, failure = (_attribute(attributes, name) for name in ("status", "failure"))
+    return LevelResult(float(attributes.attrs["level_N"]), status, failure, notes=notes, **arrays)  # type: ignore[arg-type]

@@ -10,8 +10,8 @@ from .measures import counts
 from .record import ResultFile
 from .style import INK, LINEAR, STATE_COLOURS, STATE_NAMES, STATE_STYLES, Page, plain, scaled
 
-_WIDTH = 4.6            # in
-_ROWS = 5               # outputs in one picture
+_WIDTH = 4.6  # in
+_ROWS = 5  # outputs in one picture
 
 
 def is_static(results: ResultFile) -> bool:
@@ -50,8 +50,10 @@ def draw_static_states(results: ResultFile, out_dir: str) -> list[str]:
     levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)
     if not levels or results.joint.n_pairs == 0:
         return []
-    handles = [Line2D([], [], color=c, ls=s, lw=1.5, marker="o", ms=3.5, label=n)
-               for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)]
+    handles = [
+        Line2D([], [], color=c, ls=s, lw=1.5, marker="o", ms=3.5, label=n)
+        for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)
+    ]
     page = Page(results, f"states of the {results.joint.n_pairs} contact pairs over the load", _WIDTH, 2.4, handles)
     ax = page.figure.add_subplot(page.grid(1, 1)[0, 0])
     for number, colour, style in zip(counts(np.array([level.state[0] for level in levels])).T, STATE_COLOURS, STATE_STYLES):

@@ -14,26 +14,46 @@ from matplotlib.figure import Figure
 
 from .record import STOPPED, LevelResult
 
-WIDTH = 7.1             # in: the two columns of a page
+WIDTH = 7.1  # in: the two columns of a page
 DPI = 200
-MOST_PANELS = 12        # small multiples in one picture
-MOST_NAMED = 12         # levels named in a legend
+MOST_PANELS = 12  # small multiples in one picture
+MOST_NAMED = 12  # levels named in a legend
 
 RC = {
-    "font.family": "DejaVu Sans", "font.size": 8.0, "axes.titlesize": 8.0, "axes.labelsize": 8.0, "xtick.labelsize": 7.0,
-    "ytick.labelsize": 7.0, "legend.fontsize": 7.0, "legend.frameon": False, "legend.handlelength": 1.8,
-    "axes.linewidth": 0.6, "lines.linewidth": 1.2, "axes.spines.top": False, "axes.spines.right": False,
-    "axes.grid": True, "grid.linewidth": 0.4, "grid.color": "#dddddd", "axes.axisbelow": True, "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6, "xtick.minor.width": 0.4, "ytick.minor.width": 0.4, "axes.formatter.useoffset": False,
-    "axes.formatter.limits": (-3, 5), "figure.dpi": DPI, "text.usetex": False, "axes.unicode_minus": True,
-}  # fmt: skip
+    "font.family": "DejaVu Sans",
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "legend.handlelength": 1.8,
+    "axes.linewidth": 0.6,
+    "lines.linewidth": 1.2,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.linewidth": 0.4,
+    "grid.color": "#dddddd",
+    "axes.axisbelow": True,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-3, 5),
+    "figure.dpi": DPI,
+    "text.usetex": False,
+    "axes.unicode_minus": True,
+}
 
 # Okabe and Ito: told apart by all kinds of colour vision, and in grey by their lightness
 STATE_COLOURS = ("#56b4e9", "#d55e00", "#1a1a1a")
 STATE_NAMES = ("stick", "slip", "open")
 STATE_STYLES = ("-", "-", "--")
 INK, FAINT = "#1a1a1a", "#8a8a8a"
-LINEAR = {"color": "#b9b9b9", "lw": 3.2, "solid_capstyle": "butt"}      # a broad line that shows under the others
+LINEAR = {"color": "#b9b9b9", "lw": 3.2, "solid_capstyle": "butt"}  # a broad line that shows under the others
 _LEVELS = "viridis"
 
 
@@ -104,8 +124,16 @@ class Page:
         self.text(self.MARGIN, self.MARGIN + self.LINE * len(title), "\n".join(lines))
         if handles:
             at = (self.MARGIN / width, 1.0 - (self.MARGIN + text_height + 0.03) / self.height)
-            self.figure.legend(handles=list(handles), loc="upper left", bbox_to_anchor=at, ncol=columns, borderaxespad=0.0,
-                               borderpad=0.0, columnspacing=1.4, handletextpad=0.6)  # fmt: skip
+            self.figure.legend(
+                handles=list(handles),
+                loc="upper left",
+                bbox_to_anchor=at,
+                ncol=columns,
+                borderaxespad=0.0,
+                borderpad=0.0,
+                columnspacing=1.4,
+                handletextpad=0.6,
+            )
         self.field = (0.0, 0.0, 1.0, 1.0 - self.top / self.height)
 
     def text(self, x: float, y: float, text: str, **options) -> None:
@@ -124,7 +152,7 @@ class Page:
 
     def save(self, path: str) -> str:
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Glyph .* missing")       # a title in letters that the font lacks: boxes
+            warnings.filterwarnings("ignore", "Glyph .* missing")  # a title in letters that the font lacks: boxes
             self.figure.savefig(path, dpi=DPI)
         return path
 

@@ -8,13 +8,31 @@ import os
 import numpy as np
 
 from ..continuation.branch import Branch, Point
-from ..error_bars.parts import PARTS, total
+from ..error_estimate.components import PARTS, total
 from ..parallel.files import said_of, written_whole
 from .measures import amplitude, counts, phase
 
-HEADER = ("level_N", "point", "frequency_Hz", "output", "amplitude_m", "phase_rad", "mean_m", "sticking", "slipping", "open",
-          "unknowns", "newton", "friction_J", "damping_J", "input_J", "seconds", "error_m",
-          *(f"error_{part}_m" for part in PARTS), "segment")  # fmt: skip
+HEADER = (
+    "level_N",
+    "point",
+    "frequency_Hz",
+    "output",
+    "amplitude_m",
+    "phase_rad",
+    "mean_m",
+    "sticking",
+    "slipping",
+    "open",
+    "unknowns",
+    "newton",
+    "friction_J",
+    "damping_J",
+    "input_J",
+    "seconds",
+    "error_m",
+    *(f"error_{part}_m" for part in PARTS),
+    "segment",
+)
 NAME = "frf.csv"
 
 
@@ -41,8 +59,13 @@ class ResponseTable:
 
     def add(self, level: float, i: int, point: Point) -> None:
         """Append the ``i``-th point of a level [N], counted from 0; flushed before this returns."""
-        shared = [*(int(n) for n in counts(point.state)), point.unknowns, point.newton,
-                  *_digits(point.friction, point.damping, point.input), f"{point.seconds:.4g}"]  # fmt: skip
+        shared = [
+            *(int(n) for n in counts(point.state)),
+            point.unknowns,
+            point.newton,
+            *_digits(point.friction, point.damping, point.input),
+            f"{point.seconds:.4g}",
+        ]
         with said_of(self.path):
             for k, (name, u) in enumerate(zip(self.outputs, point.response, strict=True)):
                 own = _digits(float(amplitude(u)), float(phase(u)), u[0])

@@ -13,9 +13,9 @@ from .record import Joint
 
 # nodes of a face in turn around it, by their number
 RING = {3: (0, 1, 2), 4: (0, 1, 2, 3), 6: (0, 3, 1, 4, 2, 5), 8: (0, 4, 1, 5, 2, 6, 3, 7)}
-_FLAT = np.cos(np.radians(60.0))        # normals further apart than this from their mean: the patch is rolled off
-_ELONGATED = 1.3                        # ratio of extents above which the longer one is drawn along x
-_PLACES = 20                            # in a row of a grid by number, at least: few pairs make no large picture
+_FLAT = np.cos(np.radians(60.0))  # normals further apart than this from their mean: the patch is rolled off
+_ELONGATED = 1.3  # ratio of extents above which the longer one is drawn along x
+_PLACES = 20  # in a row of a grid by number, at least: few pairs make no large picture
 
 
 @dataclass(frozen=True)
@@ -23,14 +23,14 @@ class Patch:
     """A connected part of a joint in plane coordinates [m], seen from body 1."""
 
     label: str
-    x_label: str                        # the model axis that x follows, "" if none
-    pairs: np.ndarray                   # (m,) indices of pairs
-    points: np.ndarray                  # (m, 2) where they lie
-    cells: list[np.ndarray]             # (k, 2) polygons; one for each face and pair
-    cell_pair: np.ndarray               # (n_cells,) the pair that a cell belongs to
-    outlines: list[np.ndarray]          # (k, 2) the faces
-    spacing: float                      # between neighbouring pairs [m]
-    to_scale: bool = True               # False where the pairs have no position: a grid by their numbers
+    x_label: str  # the model axis that x follows, "" if none
+    pairs: np.ndarray  # (m,) indices of pairs
+    points: np.ndarray  # (m, 2) where they lie
+    cells: list[np.ndarray]  # (k, 2) polygons; one for each face and pair
+    cell_pair: np.ndarray  # (n_cells,) the pair that a cell belongs to
+    outlines: list[np.ndarray]  # (k, 2) the faces
+    spacing: float  # between neighbouring pairs [m]
+    to_scale: bool = True  # False where the pairs have no position: a grid by their numbers
 
     @property
     def size(self) -> np.ndarray:
@@ -139,8 +139,12 @@ def _roll_off(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.
     across = np.stack([a, np.cross(axis, a)])
     n, q = normal @ across.T, position @ across.T
     # q = centre + radius n, for centre and radius
-    rows = np.concatenate([np.column_stack([np.ones(len(n)), np.zeros(len(n)), n[:, 0]]),
-                           np.column_stack([np.zeros(len(n)), np.ones(len(n)), n[:, 1]])])  # fmt: skip
+    rows = np.concatenate(
+        [
+            np.column_stack([np.ones(len(n)), np.zeros(len(n)), n[:, 0]]),
+            np.column_stack([np.zeros(len(n)), np.ones(len(n)), n[:, 1]]),
+        ]
+    )
     radius = abs(np.linalg.lstsq(rows, np.concatenate([q[:, 0], q[:, 1]]), rcond=None)[0][2])
     angle = np.arctan2(n[:, 1], n[:, 0])
     turned = np.sort(angle)

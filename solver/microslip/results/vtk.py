@@ -32,8 +32,9 @@ def write_modes(path: str, mesh: Mesh, omega_n: np.ndarray, fields: np.ndarray) 
     """
     digits = max(2, len(str(len(omega_n))))
     hertz = [f"{f:.1f}Hz" if f >= 1.0 else f"{f:.3g}Hz" for f in omega_n / (2.0 * np.pi)]
-    write_fields(path, mesh, {f"mode_{i + 1:0{digits}d}_{name}": field
-                              for i, (name, field) in enumerate(zip(hertz, fields, strict=True))})  # fmt: skip
+    write_fields(
+        path, mesh, {f"mode_{i + 1:0{digits}d}_{name}": field for i, (name, field) in enumerate(zip(hertz, fields, strict=True))}
+    )
 
 
 def peak_fields(level: float, frequency: float, u: np.ndarray) -> dict[str, np.ndarray]:
@@ -80,8 +81,11 @@ def _write_grid(root: h5py.Group, mesh: Mesh) -> None:
     connectivity = np.concatenate([block.nodes.ravel() for block in mesh.elements])
     sizes = np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.elements])
     types = np.concatenate([np.full(len(block.nodes), CELL_TYPE[block.kind]) for block in mesh.elements])
-    for name, count in (("NumberOfPoints", len(mesh.points)), ("NumberOfCells", len(sizes)),
-                        ("NumberOfConnectivityIds", len(connectivity))):  # fmt: skip
+    for name, count in (
+        ("NumberOfPoints", len(mesh.points)),
+        ("NumberOfCells", len(sizes)),
+        ("NumberOfConnectivityIds", len(connectivity)),
+    ):
         root.create_dataset(name, data=np.array([count], dtype="i8"))
     _pack(root, "Points", mesh.points.astype("f8"))
     _pack(root, "Connectivity", connectivity.astype("i8"))

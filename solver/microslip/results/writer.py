@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import __version__
 from ..continuation.branch import Branch, Point
-from ..error_bars.parts import PARTS
+from ..error_estimate.components import PARTS
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
 from .record import (
@@ -56,15 +56,26 @@ class ResultWriter:
     CaseError, ResourceError : on every rank, if the folder or a file cannot be written
     """
 
-    def __init__(self, comm, folder: str, scene, pairs, *, N_H: int, omega_n: np.ndarray, linear: LinearCurve | None = None,
-                 node_numbers: np.ndarray | None = None, versions: Mapping[str, str] | None = None,
-                 options: Iterable[str] = ()):
+    def __init__(
+        self,
+        comm,
+        folder: str,
+        scene,
+        pairs,
+        *,
+        N_H: int,
+        omega_n: np.ndarray,
+        linear: LinearCurve | None = None,
+        node_numbers: np.ndarray | None = None,
+        versions: Mapping[str, str] | None = None,
+        options: Iterable[str] = (),
+    ):
         self.comm, self.folder = comm, folder
         self.path = os.path.join(folder, NAME)
         outputs = tuple(output.name for output in scene.outputs)
         self._sizes = (len(outputs), pairs.n_pairs, N_H)
-        self._index, self._level = -1, 0.0              # of the level at work
-        self._points: list[Point] = []                  # on rank 0
+        self._index, self._level = -1, 0.0  # of the level at work
+        self._points: list[Point] = []  # on rank 0
         head = (scene, outputs, omega_n, linear, {"microslip": __version__, **(versions or {})}, tuple(options))
         self._table = on_root(comm, self._create, head, pairs, node_numbers, share=False)
 
@@ -132,8 +143,12 @@ def _write_head(file: h5py.File, scene, outputs, omega_n, linear: LinearCurve | 
     file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
     file.attrs["coefficients"] = "last axis: mean, cos 1, sin 1, ..., cos H, sin H"
     _texts(file, "outputs/name", outputs)
-    for name, text in (("text", scene.text), ("title", scene.title or scene.name), ("name", scene.name),
-                       ("method", scene.solver.method)):  # fmt: skip
+    for name, text in (
+        ("text", scene.text),
+        ("title", scene.title or scene.name),
+        ("name", scene.name),
+        ("method", scene.solver.method),
+    ):
         _texts(file, f"scene/{name}", text)
     _texts(file, "versions/name", versions.keys())
     _texts(file, "versions/version", versions.values())

@@ -13,8 +13,17 @@ from .schema import Scene
 def contradictions(scene: Scene) -> list[str]:
     """Return what does not fit together between the tables of a scene, a text each.  Local."""
     sort = _of_matrices if scene.model.mesh is None else _of_a_mesh
-    return [*_materials(scene), *_same_groups(scene), *_same_names(scene), *_harmonics(scene), *_statics(scene), *_bars(scene),
-            *_mode(scene), *sort(scene), *_damping(scene)]  # fmt: skip
+    return [
+        *_materials(scene),
+        *_same_groups(scene),
+        *_same_names(scene),
+        *_harmonics(scene),
+        *_statics(scene),
+        *_bars(scene),
+        *_mode(scene),
+        *sort(scene),
+        *_damping(scene),
+    ]
 
 
 def _of_a_mesh(scene: Scene) -> list[str]:
@@ -44,8 +53,11 @@ def _of_matrices(scene: Scene) -> list[str]:
 
 def _numbered(scene: Scene, *tables: str) -> list[tuple[str, Any]]:
     """Return the entries of some lists of tables, each with its header as messages show it."""
-    return [(f"[[{table}]] {number}" + (f' ("{name}")' if (name := getattr(entry, "name", None)) else ""), entry)
-            for table in tables for number, entry in enumerate(getattr(scene, table), 1)]  # fmt: skip
+    return [
+        (f"[[{table}]] {number}" + (f' ("{name}")' if (name := getattr(entry, "name", None)) else ""), entry)
+        for table in tables
+        for number, entry in enumerate(getattr(scene, table), 1)
+    ]
 
 
 def _damping(scene: Scene) -> list[str]:
@@ -75,8 +87,10 @@ def _same_groups(scene: Scene) -> list[str]:
     found = []
     for name, body in scene.bodies.items():
         if body.group in first:
-            found.append(f'[bodies.{name}] group = "{body.group}": [bodies.{first[body.group]}] has it already; '
-                         "each element belongs to one body")  # fmt: skip
+            found.append(
+                f'[bodies.{name}] group = "{body.group}": [bodies.{first[body.group]}] has it already; '
+                "each element belongs to one body"
+            )
         first.setdefault(body.group, name)
     return found
 
@@ -106,11 +120,15 @@ def _statics(scene: Scene) -> list[str]:
     if solver.harmonics > 0:
         return []
     if solver.method == "adaptive-energy" and not solver.in_point_check:
-        return ['[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates, and all that slid would be dropped; '
-                'take "receptance", or in_point_check = true']
+        return [
+            '[solver] method = "adaptive-energy": with harmonics = 0 no pair dissipates, and all that slid would be dropped; '
+            'take "receptance", or in_point_check = true'
+        ]
     if solver.method in ("craig-bampton", "rubin") and solver.modes is None:
-        return [f'[solver] modes is missing: with harmonics = 0 the modes of method = "{solver.method}" bear the load, and '
-                'accuracy picks none for that; state a number, or take "receptance", which is exact with any']
+        return [
+            f'[solver] modes is missing: with harmonics = 0 the modes of method = "{solver.method}" bear the load, and '
+            'accuracy picks none for that; state a number, or take "receptance", which is exact with any'
+        ]
     return []
 
 
@@ -141,7 +159,7 @@ def _missing(where: str, file: str, folder: Path) -> str | None:
         if path.is_file():
             return None
         fault = "that is a folder; a file is expected" if path.is_dir() else None
-    except (OSError, ValueError) as problem:        # a name too long, or with a null character
+    except (OSError, ValueError) as problem:  # a name too long, or with a null character
         fault = str(problem)
     return f'{where} = "{file}": {fault or absent(path)}'
 

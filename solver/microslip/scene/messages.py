@@ -13,9 +13,9 @@ from pydantic_core import ErrorDetails
 from ..parallel.words import listed, nearest
 from .schema import Body, Joint, Load, Material, Method, Output, Scene, Support, Table
 
-_NAMED: dict[str, type[Table]] = {"materials": Material, "bodies": Body}            # [materials.NAME]
-_LISTED: dict[str, type[Table]] = {"supports": Support, "joints": Joint, "loads": Load, "outputs": Output}     # [[loads]]
-_LONGEST = 60           # characters of a value that a message shows
+_NAMED: dict[str, type[Table]] = {"materials": Material, "bodies": Body}  # [materials.NAME]
+_LISTED: dict[str, type[Table]] = {"supports": Support, "joints": Joint, "loads": Load, "outputs": Output}  # [[loads]]
+_LONGEST = 60  # characters of a value that a message shows
 
 
 def in_words(problems: Iterable[ErrorDetails], raw: Mapping[str, Any]) -> list[str]:
@@ -36,8 +36,11 @@ def in_words(problems: Iterable[ErrorDetails], raw: Mapping[str, Any]) -> list[s
 def _without_followers(problems: list[ErrorDetails]) -> list[ErrorDetails]:
     """Leave out what only follows: that a list is too short because an entry of it is wrong."""
     locs = [problem["loc"] for problem in problems]
-    return [problem for problem in problems if problem["type"] != "too_short"
-            or not any(loc[: len(problem["loc"])] == problem["loc"] != loc for loc in locs)]  # fmt: skip
+    return [
+        problem
+        for problem in problems
+        if problem["type"] != "too_short" or not any(loc[: len(problem["loc"])] == problem["loc"] != loc for loc in locs)
+    ]
 
 
 def _in_words(problem: ErrorDetails, raw: Mapping[str, Any]) -> str:

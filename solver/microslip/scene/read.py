@@ -15,7 +15,7 @@ from .messages import in_words
 from .not_yet import not_yet
 from .schema import Scene
 
-_LARGEST_FILE = 10_000_000      # bytes
+_LARGEST_FILE = 10_000_000  # bytes
 
 
 def read_scene(path: str | Path) -> Scene:

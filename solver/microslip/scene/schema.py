@@ -11,10 +11,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
-HIGHEST_FREQUENCY = 1e9         # Hz: beyond it a frequency is a slip of the pen
-LARGEST_NUMBER = 2**62          # of nodes and DOFs
+HIGHEST_FREQUENCY = 1e9  # Hz: beyond it a frequency is a slip of the pen
+LARGEST_NUMBER = 2**62  # of nodes and DOFs
 DEFAULT_ACCURACY = 1e-3
-DEFAULT_INTERFACE_MODES = 40    # all there are where the joint has fewer
+DEFAULT_INTERFACE_MODES = 40  # all there are where the joint has fewer
 
 Method = Literal[
     "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"

@@ -6,24 +6,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..contact.return_map import return_map
 from ..parallel.errors import ConvergenceError
 from .model import TransientModel
-from .return_map import return_map
 from .scheme import RHO, GeneralisedAlpha, Motion, fitted_angle
 
-_NEWTON = 60            # iterations of a step
-_TOLERANCE = 1e-10      # of a step's contact forces, over the largest force of the joint's springs in the period
-_HALVINGS = 4           # of a Newton step that makes the error grow
+_NEWTON = 60  # iterations of a step
+_TOLERANCE = 1e-10  # of a step's contact forces, over the largest force of the joint's springs in the period
+_HALVINGS = 4  # of a Newton step that makes the error grow
 
 
 @dataclass(frozen=True)
 class Cycle:
     """What a period left behind; samples at the ends of the steps."""
 
-    eta: np.ndarray         # (n_steps, B, m)
-    v: np.ndarray           # (n_steps, B, m)
-    p: np.ndarray           # (n_steps, B, 3 n_pairs) N
-    state: np.ndarray       # (B, n_pairs) uint8: the most that happened to a pair, STICK < SLIP < OPEN
+    eta: np.ndarray  # (n_steps, B, m)
+    v: np.ndarray  # (n_steps, B, m)
+    p: np.ndarray  # (n_steps, B, 3 n_pairs) N
+    state: np.ndarray  # (B, n_pairs) uint8: the most that happened to a pair, STICK < SLIP < OPEN
 
 
 class March:
@@ -50,10 +50,14 @@ class March:
         model, B = self.model, len(self.level)
         contact = StepContact(model, self.scheme)
         shape, m = (self.n_steps, B), len(model.omega_n)
-        cycle = Cycle(np.empty((*shape, m)), np.empty((*shape, m)), np.empty((*shape, 3 * model.n_pairs)),
-                      np.zeros((B, model.n_pairs), dtype=np.uint8))
+        cycle = Cycle(
+            np.empty((*shape, m)),
+            np.empty((*shape, m)),
+            np.empty((*shape, 3 * model.n_pairs)),
+            np.zeros((B, model.n_pairs), dtype=np.uint8),
+        )
         factor = np.ones(self.n_steps) if ramp is None else ramp
-        before = 1.0 if ramp is None else 2.0 * ramp[0] - ramp[1]              # the factor at the beginning of the period
+        before = 1.0 if ramp is None else 2.0 * ramp[0] - ramp[1]  # the factor at the beginning of the period
         q_load = before * self.level[:, None] * (model.b @ self.f[-1])
         guess = p
         for k in range(self.n_steps):
@@ -109,8 +113,10 @@ class StepContact:
                     break
                 step[worse] *= 0.5
             p, new, L, state, error = trial, new_trial, L_trial, state_trial, error_trial
-        raise ConvergenceError(f"contact forces of a time step not found within {_NEWTON} Newton iterations: "
-                               f"error {error.max():.2e} N; take more steps a period")
+        raise ConvergenceError(
+            f"contact forces of a time step not found within {_NEWTON} Newton iterations: "
+            f"error {error.max():.2e} N; take more steps a period"
+        )
 
     def _law(self, du_free, p_before, p):
         """Return p, the law's answer to it, its derivative and the states."""
@@ -125,7 +131,7 @@ class StepContact:
         """Return Newton's step dp, (1 + L G_h) dp = new - p, of the ``wrong`` points; zero for the others."""
         step, model = np.zeros_like(p), self.model
         step[wrong] = (new - p)[wrong]
-        moving = L.any(axis=-1)                                     # (B, n, 3): rows of L that are not zero
+        moving = L.any(axis=-1)  # (B, n, 3): rows of L that are not zero
         known = np.where(moving.reshape(p.shape), 0.0, step)
         sticking = self.apply(known).reshape(len(p), -1, 3) if known.any() else None
         for b in wrong:
@@ -134,10 +140,10 @@ class StepContact:
                 continue
             rows = 3 * pair + direction
             right = step[b, rows]
-            L_rows = L[b, pair, direction]                          # (k, 3)
+            L_rows = L[b, pair, direction]  # (k, 3)
             if sticking is not None:
                 right = right - (L_rows * sticking[b, pair]).sum(axis=1)
-            of_pair = (3 * pair[:, None] + np.arange(3))            # du of the pair of each row
+            of_pair = 3 * pair[:, None] + np.arange(3)  # du of the pair of each row
             G_h = model.G[of_pair[:, :, None], rows] + self._dynamic(b, of_pair.ravel(), rows).reshape(len(rows), 3, -1)
             J = np.einsum("ki,kij->kj", L_rows, G_h)
             J[np.diag_indices_from(J)] += 1.0

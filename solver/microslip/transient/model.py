@@ -8,24 +8,24 @@ import numpy as np
 
 from ..contact.law import ContactParameters
 from ..fourier.coefficients import synthesise
-from ..reduction.model import ReducedModel
+from ..receptance.model import ReducedModel
 
 
 @dataclass(frozen=True, eq=False)
 class TransientModel:
     """Modes and what is left of statics beside them; du = r eta + s f - G p, everything replicated."""
 
-    omega_n: np.ndarray         # (m,) rad/s
-    C: np.ndarray               # phi^T C phi, (m,) or (m, m) [1/s]
-    r: np.ndarray               # (3 n_pairs, m) R phi
-    b: np.ndarray               # (m, n_loads) phi^T f
-    G: np.ndarray               # (3 n_pairs, 3 n_pairs) G_static - r Omega^-2 r^T [m/N]
-    s: np.ndarray               # (3 n_pairs, n_loads) du_static - r Omega^-2 b [m/N]
-    o: np.ndarray               # (n_outputs, m) output rows times phi
-    out_f: np.ndarray           # (n_outputs, n_loads) outputs' residual flexibility to the loads [m/N]
-    out_p: np.ndarray           # (n_outputs, 3 n_pairs) the same to p
-    load_f: np.ndarray          # (n_loads, n_loads) the loads' own [m/N]
-    f: np.ndarray               # (n_loads, N_H) Fourier coefficients of the loads at unit level
+    omega_n: np.ndarray  # (m,) rad/s
+    C: np.ndarray  # phi^T C phi, (m,) or (m, m) [1/s]
+    r: np.ndarray  # (3 n_pairs, m) R phi
+    b: np.ndarray  # (m, n_loads) phi^T f
+    G: np.ndarray  # (3 n_pairs, 3 n_pairs) G_static - r Omega^-2 r^T [m/N]
+    s: np.ndarray  # (3 n_pairs, n_loads) du_static - r Omega^-2 b [m/N]
+    o: np.ndarray  # (n_outputs, m) output rows times phi
+    out_f: np.ndarray  # (n_outputs, n_loads) outputs' residual flexibility to the loads [m/N]
+    out_p: np.ndarray  # (n_outputs, 3 n_pairs) the same to p
+    load_f: np.ndarray  # (n_loads, n_loads) the loads' own [m/N]
+    f: np.ndarray  # (n_loads, N_H) Fourier coefficients of the loads at unit level
     parameters: ContactParameters
 
     @property
@@ -47,8 +47,16 @@ def transient_model(model: ReducedModel, parameters: ContactParameters) -> Trans
     G_static = rows if model.comm.size == 1 else np.concatenate(model.comm.allgather(rows))
     flexibility = model.omega_n**-2.0
     return TransientModel(
-        omega_n=model.omega_n, C=model.C, r=model.r, b=model.b, o=model.o, f=model.f, parameters=parameters,
-        G=G_static - (model.r * flexibility) @ model.r.T, s=model.du_static - (model.r * flexibility) @ model.b,
-        out_f=model.out_static - (model.o * flexibility) @ model.b, out_p=model.out_R - (model.o * flexibility) @ model.r.T,
+        omega_n=model.omega_n,
+        C=model.C,
+        r=model.r,
+        b=model.b,
+        o=model.o,
+        f=model.f,
+        parameters=parameters,
+        G=G_static - (model.r * flexibility) @ model.r.T,
+        s=model.du_static - (model.r * flexibility) @ model.b,
+        out_f=model.out_static - (model.o * flexibility) @ model.b,
+        out_p=model.out_R - (model.o * flexibility) @ model.r.T,
         load_f=model.load_static - (model.b.T * flexibility) @ model.b,
     )

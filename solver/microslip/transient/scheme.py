@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-RHO = 0.9               # spectral radius at infinite frequency: what the step does not resolve loses 10 % a step
+RHO = 0.9  # spectral radius at infinite frequency: what the step does not resolve loses 10 % a step
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class GeneralisedAlpha:
     def solve_period(self, x: np.ndarray, n_steps: int) -> np.ndarray:
         """Return y with y - Phi^n_steps y = x for scaled coordinates (B, m, 3), Phi being a step without force.  Local."""
         m = len(self.omega_n)
-        if self.C.ndim == 1:            # a block of 3 x 3 a mode
+        if self.C.ndim == 1:  # a block of 3 x 3 a mode
             columns = [self._scaled_step(np.broadcast_to(np.eye(3)[i], x.shape)) for i in range(3)]
             Phi, x = np.stack(columns, axis=-1), x[..., None]
         else:
@@ -121,7 +121,7 @@ def fitted_angle(n_steps: int, rho: float = RHO) -> float:
 def step_angle(angle: float, rho: float = RHO) -> float:
     """Return by how much an undamped oscillator turns in a step of omega h = ``angle`` [rad].  Local."""
     factors = step_factors(angle, rho)
-    return float(np.angle(factors[np.argmax(factors.imag)]))        # the third, spurious one is real
+    return float(np.angle(factors[np.argmax(factors.imag)]))  # the third, spurious one is real
 
 
 def step_factors(angle: float, rho: float = RHO) -> np.ndarray:

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..contact.return_map import return_map
 from ..fourier.coefficients import analyse, synthesise
 from ..fourier.harmonics import Harmonics
 from .march import Cycle, March
 from .model import TransientModel
-from .return_map import return_map
 from .scheme import Motion
 
-DEPTH = 8               # differences that the acceleration remembers
+DEPTH = 8  # differences that the acceleration remembers
 _LARGEST = (2.0, 20.0)  # corrections of motion and of contact forces over F: an excursion would bring slip of its own
-_CUT = 1e-7             # of the largest singular value: differences that say nothing new
-RAMP = 20               # periods over which the load rises from rest
+_CUT = 1e-7  # of the largest singular value: differences that say nothing new
+RAMP = 20  # periods over which the load rises from rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +35,11 @@ class Start:
 class Found:
     """Periods of B points that came closest to repeating, and how close."""
 
-    start: Start            # of that period
+    start: Start  # of that period
     cycle: Cycle
-    periods: np.ndarray     # (B,) marched until then
-    change: np.ndarray      # (B,) of motion and contact forces in a period, over their size
-    distance: np.ndarray    # (B,) from the steady state, over the motion: the change divided by what decays of it in a period
+    periods: np.ndarray  # (B,) marched until then
+    change: np.ndarray  # (B,) of motion and contact forces in a period, over their size
+    distance: np.ndarray  # (B,) from the steady state, over the motion: the change divided by what decays of it in a period
 
 
 def from_rest(model: TransientModel, n_points: int) -> Start:
@@ -94,8 +94,14 @@ class Acceleration:
         return x + np.where(F != 0.0, step, 0.0)
 
 
-def steady_state(march: March, start: Start, tolerance: float, most_periods: int,
-                 accelerated: bool = True, said: Callable[[str], None] = lambda text: None) -> Found:
+def steady_state(
+    march: March,
+    start: Start,
+    tolerance: float,
+    most_periods: int,
+    accelerated: bool = True,
+    said: Callable[[str], None] = lambda text: None,
+) -> Found:
     """Return for every point the period that repeats itself, or came closest.  Local.
 
     Unless ``accelerated`` nothing but time brings the points to their steady state, from rest under a load that grows over
@@ -110,7 +116,7 @@ def steady_state(march: March, start: Start, tolerance: float, most_periods: int
     B = len(march.level)
     accelerations = [Acceleration(3 * len(march.model.omega_n)) for _ in range(B)] if accelerated else None
     K_J = np.stack([march.model.parameters.k_t, march.model.parameters.k_t, march.model.parameters.k_n], axis=1).ravel()
-    root = np.sqrt(np.where(K_J > 0.0, K_J, 1.0))       # p / root is an energy's root, as the scaled motion is
+    root = np.sqrt(np.where(K_J > 0.0, K_J, 1.0))  # p / root is an energy's root, as the scaled motion is
     found: list[tuple] = [()] * B
     best = np.full(B, np.inf)
     left, now = np.arange(B), start
@@ -140,11 +146,15 @@ def steady_state(march: March, start: Start, tolerance: float, most_periods: int
             break
         now = Start(z, p)
         if accelerations is not None:
-            x = [accelerations[point].next(np.append(x0, p0 / root), np.append(c, (p1 - p0) / root))
-                 for point, x0, c, p0, p1 in zip(left, before, correction, before_p, p)]
+            x = [
+                accelerations[point].next(np.append(x0, p0 / root), np.append(c, (p1 - p0) / root))
+                for point, x0, c, p0, p1 in zip(left, before, correction, before_p, p)
+            ]
             n = before[0].size
-            now = Start(part.scheme.unpack(np.array([one[:n].reshape(before[0].shape) for one in x])),
-                        np.array([one[n:] * root for one in x]))
+            now = Start(
+                part.scheme.unpack(np.array([one[:n].reshape(before[0].shape) for one in x])),
+                np.array([one[n:] * root for one in x]),
+            )
         now = now.take(~done)
         left = left[~done]
     return _together(found)
@@ -162,15 +172,24 @@ def _one(cycle: Cycle, i: int) -> Cycle:
 def _together(found: list[tuple]) -> Found:
     starts, cycles, periods, change, distance = zip(*found)
     motion = Motion(*(np.concatenate([getattr(start.z, name) for start in starts]) for name in ("eta", "v", "a")))
-    cycle = Cycle(*(np.concatenate([getattr(one, name) for one in cycles], axis=axis)
-                    for name, axis in (("eta", 1), ("v", 1), ("p", 1), ("state", 0))))
-    return Found(Start(motion, np.concatenate([start.p for start in starts])), cycle, np.array(periods), np.array(change),
-                 np.array(distance))
+    cycle = Cycle(
+        *(
+            np.concatenate([getattr(one, name) for one in cycles], axis=axis)
+            for name, axis in (("eta", 1), ("v", 1), ("p", 1), ("state", 0))
+        )
+    )
+    return Found(
+        Start(motion, np.concatenate([start.p for start in starts])),
+        cycle,
+        np.array(periods),
+        np.array(change),
+        np.array(distance),
+    )
 
 
 def samples(model: TransientModel, level: np.ndarray, cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return du (n_steps, B, 3 n_pairs), the outputs (.., n_outputs) and f^T u (.., n_loads) at the ends of the steps.  Local."""
-    f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]                # (n_steps, B, n_loads)
+    f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]  # (n_steps, B, n_loads)
     du = cycle.eta @ model.r.T + f @ model.s.T - cycle.p @ model.G.T
     output = cycle.eta @ model.o.T + f @ model.out_f.T - cycle.p @ model.out_p.T
     along = cycle.eta @ model.b + f @ model.load_f.T - cycle.p @ model.s
@@ -182,8 +201,9 @@ def coefficients(values: np.ndarray, H: int) -> np.ndarray:
     return analyse(np.moveaxis(np.roll(values, 1, axis=0), 0, -1), Harmonics.up_to(H))
 
 
-def energies(model: TransientModel, omega: np.ndarray, level: np.ndarray,
-             cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def energies(
+    model: TransientModel, omega: np.ndarray, level: np.ndarray, cycle: Cycle
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return input, viscous and friction loss a period, (B,) [J], by the trapezoidal rule.  Local."""
     du, _, along = samples(model, level, cycle)
     f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]

@@ -10,16 +10,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from ..reduction import Reduction
-from . import (
-    adaptive,
-    adaptive_energy,
-    craig_bampton,
-    full,
-    joint_interface_modes,
-    receptance,
-    rubin,
-    trial_vectors,
-)
+from . import adaptive, adaptive_energy, craig_bampton, full, joint_interface_modes, receptance, rubin, trial_vectors
 
 
 class Method(Protocol):
@@ -40,7 +31,7 @@ METHODS: dict[str, Method] = {
     "joint-interface-modes": joint_interface_modes,
     "trial-vectors": trial_vectors,
 }
-CHECKS: dict[str, Callable[..., None]] = {"full": full.check}       # of size, before anything is solved
+CHECKS: dict[str, Callable[..., None]] = {"full": full.check}  # of size, before anything is solved
 
 
 def check_size(scene, n_dof: int, n_rows: int, comm) -> None:

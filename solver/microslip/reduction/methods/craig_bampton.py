@@ -17,7 +17,7 @@ from ...linear.factor import Factor
 from ...linear.joint_springs import Linearised
 from ...modes.eigen import lowest_modes
 from ..galerkin import reduce_on_basis
-from ..interface import interface_dofs, unit_columns
+from ..interface_dofs import interface_dofs, unit_columns
 from ..reduction import Reduction
 
 _BATCH = 128

@@ -28,10 +28,10 @@ from ...parallel.memory import memory_left
 from ..galerkin import memory_of_basis, reduce_on_basis
 from ..reduction import Reduction
 
-ALL_MODES = 1000        # DOFs up to which every mode is computed
-MOST_WITH_C = 3000      # the same with a damping matrix: beyond, `full` is refused
-ACCURACY = 1e-13        # of the residual receptance
-MOST_RATIO = 0.25       # kappa_max over omega_m^2: beyond, more modes are computed
+ALL_MODES = 1000  # DOFs up to which every mode is computed
+MOST_WITH_C = 3000  # the same with a damping matrix: beyond, `full` is refused
+ACCURACY = 1e-13  # of the residual receptance
+MOST_RATIO = 0.25  # kappa_max over omega_m^2: beyond, more modes are computed
 _LEAST_BLOCKS = 2
 
 
@@ -50,8 +50,10 @@ def check(scene, n_dof: int, n_rows: int, comm) -> None:
     CaseError : too large for the memory, with the estimate, or for a damping matrix; on every rank
     """
     if scene.model.damping is not None and n_dof > MOST_WITH_C:
-        raise CaseError(f"{scene.path}: [solver] method = \"full\" with [model] damping needs every mode, of {MOST_WITH_C} "
-                        f"DOF at most; there are {n_dof}. Choose \"receptance\", or state [damping] in place of the matrix")
+        raise CaseError(
+            f'{scene.path}: [solver] method = "full" with [model] damping needs every mode, of {MOST_WITH_C} '
+            f'DOF at most; there are {n_dof}. Choose "receptance", or state [damping] in place of the matrix'
+        )
     n_columns = n_dof if n_dof <= ALL_MODES or scene.model.damping is not None else _LEAST_BLOCKS * (n_rows + 2)
     _refuse_too_large(scene, n_dof, n_columns, comm)
 
@@ -72,8 +74,7 @@ def reduce(linearised, modes, pairs, scene) -> Reduction:
         modes, n_blocks = modes_beyond(linearised, modes, scene)
     _refuse_too_large(scene, system.n_dof, len(modes.omega_n) + n_blocks * Y.shape[1], system.comm)
     blocks = krylov_blocks(linearised, modes, Y, n_blocks)
-    return reduce_on_basis(linearised, np.hstack([modes.phi_owned, *blocks]), scene, unknowns=system.n_dof,
-                           leaves_out="nothing")
+    return reduce_on_basis(linearised, np.hstack([modes.phi_owned, *blocks]), scene, unknowns=system.n_dof, leaves_out="nothing")
 
 
 def modes_beyond(linearised, modes: Modes, scene) -> tuple[Modes, int]:
@@ -110,6 +111,8 @@ def krylov_blocks(linearised, modes: Modes, Y: sp.csc_matrix, n_blocks: int) -> 
 def _refuse_too_large(scene, n_dof: int, n_columns: int, comm) -> None:
     needed, left = memory_of_basis(n_dof, n_columns), memory_left(comm)
     if needed > left:
-        raise CaseError(f"{scene.path}: [solver] method = \"full\" needs about {needed / 1e9:.3g} GB for {n_columns} "
-                        f"columns of {n_dof} DOF, beside the factor; {left / 1e9:.3g} GB are free. Choose \"receptance\", a "
-                        "coarser mesh, or more memory")
+        raise CaseError(
+            f'{scene.path}: [solver] method = "full" needs about {needed / 1e9:.3g} GB for {n_columns} '
+            f'columns of {n_dof} DOF, beside the factor; {left / 1e9:.3g} GB are free. Choose "receptance", a '
+            "coarser mesh, or more memory"
+        )

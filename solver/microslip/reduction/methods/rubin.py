@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from ..free_interface import free_bodies, residual_attachment_modes
 from ..galerkin import reduce_on_basis
-from ..interface import interface_dofs, unit_columns
+from ..interface_dofs import interface_dofs, unit_columns
 from ..reduction import Reduction
 
 

@@ -1,0 +1,110 @@
+"""What is kept of a converged point: motion, forces, energies and states, gathered on rank 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..contact.aft import contact_work, pair_energy
+from ..error_estimate.estimate import ErrorEstimator
+from ..fourier.coefficients import cycle_work
+from ..harmonic.residual import HarmonicBalance
+from ..parallel.errors import ConvergenceError
+from ..receptance import motion as receptance
+from ..receptance.model import ReducedModel
+from ..reduction.selection import Selection
+from .branch import Point
+from .corrector import Correction
+
+IMBALANCE = 1e-6  # of the energy balance beyond which a point is not one, at a tolerance of 1e-8
+HELD = "mean slip held by springs"  # the note of such a point
+
+
+def point_record(
+    problem: HarmonicBalance,
+    found: Correction,
+    selected: np.ndarray,
+    selection: Selection,
+    asked: bool,
+    estimator: ErrorEstimator | None = None,
+) -> tuple[Point, np.ndarray]:
+    """Return the record of a converged point and which pairs of all have p != 0, (n_pairs,) bool.
+
+    Collective on ``problem.comm``.  State, energy and the set of moving pairs come from all pairs; ``p`` is that of the selected
+    pairs, which the motion solves for.  With an ``estimator`` the point has error bars.
+
+    Raises
+    ------
+    ConvergenceError : work and losses do not balance, although the residual is small beside the motion; on every rank
+    """
+    parameter, U = found.iterate.parameter, found.iterate.U
+    model, omega, level = problem.model_at(parameter), problem.omega_at(parameter), problem.level_at(parameter)
+    everything = np.ones(model.n_pairs, dtype=bool)
+    of_all = problem.contact_forces(U, everything, tangents=estimator is not None)
+    used = of_all if selected.all() else problem.contact_forces(U, selected, tangents=False)
+    p = problem.full_force(used)
+    shape, harmonics, recorded = (model.n_pairs, 3, model.N_H), model.harmonics, model.recorded
+    U_all = problem.gather(U)
+    state = problem.gather(of_all.state)
+    moves, energy = np.zeros(model.n_pairs, dtype=bool), np.zeros(model.n_pairs)
+    moves[of_all.active] = True
+    energy[of_all.active] = pair_energy(U_all[of_all.active], of_all.p.reshape(-1, *shape[1:]), harmonics)
+    friction = float(contact_work(U_all[used.active], used.p.reshape(-1, *shape[1:]), harmonics).sum())
+    damping, work = damping_loss(model, level, omega, p), input_work(model, level, omega, p)
+    most = max(abs(work), damping + abs(friction), apparent_work(model, level, omega, p))
+    _check_balance(problem, found, work - damping - friction, most)
+    point = Point(
+        omega=omega,
+        response=harmonics.carry(receptance.output_motion(model, level, omega, p), recorded),
+        U=harmonics.carry(U_all, recorded),
+        p=harmonics.carry(p.reshape(shape), recorded),
+        energy=energy,
+        state=state,
+        unknowns=selection.unknowns(selected, moves, model.n_modes, model.N_H),
+        newton=found.newton,
+        krylov=found.krylov,
+        friction=friction,
+        damping=damping,
+        input=work,
+        seconds=0.0,
+        harmonics=harmonics.highest,
+        samples=problem.n_samples,
+        asked=asked,
+        notes=() if problem.held_at is None else (HELD,),
+        error=None if estimator is None else estimator.at(problem, U, found.iterate.parameter, selected, of_all),
+    )
+    return point, moves
+
+
+def _check_balance(problem: HarmonicBalance, found: Correction, gap: float, most: float) -> None:
+    """Raise ConvergenceError where a motion has outgrown the forces so far that its residual hides them.  Collective."""
+    gap, most = problem.comm.bcast((gap, most))
+    if not abs(gap) <= max(IMBALANCE, 100.0 * found.bound) * most:
+        raise ConvergenceError(
+            f"hb: at {problem.where(found.iterate.parameter)} the work of the loads and the losses differ by {abs(gap):.1e} J "
+            f"a cycle, {abs(gap) / most:.1e} of what they are; the motion has outgrown the forces: a resonance that neither "
+            "damping nor friction holds? State [damping], or end the range before it"
+        )
+
+
+def apparent_work(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
+    """Return the most work that the loads could do at their motion, whatever its phase [J per cycle].  Local.
+
+    A constant load does none, but leaves the rounding of a thousandth of its own.
+    """
+    y, f = receptance.load_motion(model, level, omega, p), level * model.f
+    n, cos, sin, mean = model.harmonics.above_mean, model.harmonics.cos, model.harmonics.sin, model.harmonics.mean
+    vibration = np.sum(n * np.hypot(f[:, cos], f[:, sin]) * np.hypot(y[:, cos], y[:, sin]))
+    return float(np.pi * (vibration + 1e-3 * np.sum(np.abs(f[:, mean] * y[:, mean]))))
+
+
+def damping_loss(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
+    """Return the viscous loss [J per cycle], the sum over harmonics of pi n^2 omega eta_n^H (phi^T C phi) eta_n.  Local."""
+    n = model.harmonics.numbers
+    eta = receptance.modal_motion(model, level, omega, p)
+    C_eta = model.C[:, None] * eta if model.C.ndim == 1 else model.C @ eta
+    return float(np.pi * omega * np.sum(n**2 * (eta.conj() * C_eta).real))
+
+
+def input_work(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
+    """Return the work of the loads [J per cycle]: closed integral of f . du over each load.  Local."""
+    return float(cycle_work(level * model.f, receptance.load_motion(model, level, omega, p), model.harmonics).sum())

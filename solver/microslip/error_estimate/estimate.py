@@ -1,0 +1,192 @@
+"""The error bar of a converged point: five parts, each through the adjoint of the requested output.
+
+docs/theory.md, section 11.  The solution U of (5.1) is put into a better problem: all pairs, more harmonics, more samples, the
+modes left out.  To first order, what that changes in the output is the change of the contact forces times the adjoint chi of the
+output, which one linear solve gives:
+
+    (1 + G^T P^T) chi = B^T,      d output = - chi . d p,
+
+with B = d output / d p at fixed motion of the pairs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..fourier.harmonics import Harmonics
+from ..harmonic.anderson import Anderson
+from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
+from ..receptance import motion as receptance
+from ..receptance.model import ReducedModel
+from .adjoint import Adjoints
+from .better_model import Truth
+
+FINER = 2  # times the samples of the better problem
+SAMPLES = 4  # of the more harmonics, each, at least
+MOST_SWEEPS = 20  # steps of the iteration for the higher harmonics
+SETTLED = 0.1  # relative miss at which it ends
+ORDER = 1  # of the sampled law in 1 / N_t
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What better problems change in the contact forces, in the harmonics solved for, (3 n_pairs, N_H) [N]."""
+
+    harmonics: np.ndarray
+    samples: np.ndarray
+    pairs: np.ndarray
+
+    @property
+    def are_any(self) -> bool:
+        return bool(self.harmonics.any() or self.samples.any() or self.pairs.any())
+
+
+class ErrorEstimator:
+    """Error bars of the points of a branch.  Collective on the communicator of the model."""
+
+    def __init__(self, truth: Truth):
+        self.truth, self.left_out = truth, truth.left_out
+        self.adjoints = Adjoints()
+        self._models: dict[Harmonics, ReducedModel] = {}  # of the truth, by harmonics
+
+    def destroy(self) -> None:
+        """Free the PETSc objects.  Collective."""
+        self.adjoints.destroy()
+
+    def model_on(self, harmonics: Harmonics) -> ReducedModel:
+        """Return the better model on a set of harmonics, made once.  Local."""
+        if harmonics not in self._models:
+            self._models[harmonics] = self.truth.model.with_harmonics(harmonics)
+        return self._models[harmonics]
+
+    def at(
+        self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray, of_all: ContactForces | None = None
+    ) -> np.ndarray | None:
+        """Return the parts of the error of the complex amplitude of harmonic 1, (n_outputs, n_parts) [m], as in ``PARTS``.
+
+        Collective.  None without harmonic 1.  Where an adjoint is not found the solver's part is the amplitude itself.
+        ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``; ``of_all`` are the contact forces
+        of all pairs there, with tangents, where they are known.
+        """
+        model, omega, level = problem.model, problem.omega_at(parameter), problem.level_at(parameter)
+        n_out = model.o.shape[0]
+        found = True
+        if 1 not in model.harmonics:
+            return None
+        truth = model if self.truth.is_solved else self.model_on(model.harmonics)
+        exact = problem if self.truth.is_solved else problem.of(truth)
+        forces = of_all or exact.contact_forces(U, np.ones(model.n_pairs, dtype=bool), tangents=True)
+        used = forces if selected.all() else problem.contact_forces(U, selected, tangents=False)
+        p = problem.full_force(used)
+        changes = self.changes(exact, U, parameter, problem.full_force(forces), p)
+        n_samples = 0 if self.left_out is None else self.left_out.of_pairs.shape[1]
+        if len(forces.active) > 0 or changes.are_any:
+            totals = self.through_the_joint(problem, exact, U, parameter, forces, used, changes)
+            found = self.adjoints.found
+        else:  # all pairs stick, in the better problems too: no adjoint is needed
+            totals = np.zeros(2 * n_out * (5 + n_samples * truth.N_H))
+        by_harmonics, by_samples, by_pairs, by_solver, by_basis = totals[: 10 * n_out].reshape(5, -1)
+        felt = totals[10 * n_out :].reshape(2 * n_out, n_samples, truth.N_H)
+        if not self.truth.is_solved:
+            by_basis = by_basis + first_harmonic(
+                truth, receptance.output_motion(truth, level, omega, p) - receptance.output_motion(model, level, omega, p)
+            )
+        by_modes = np.abs(by_basis)
+        if self.left_out is not None:
+            by_modes = by_modes + self.left_out.changes(truth, level, omega, p, felt)
+        if not found:
+            by_solver = by_solver + np.abs(first_harmonic(model, receptance.output_motion(model, level, omega, p)))
+        parts = np.stack([by_modes, by_harmonics, by_samples, by_pairs, by_solver], axis=-1)
+        return np.hypot(parts[:n_out], parts[n_out:])
+
+    def through_the_joint(
+        self,
+        problem: HarmonicBalance,
+        exact: HarmonicBalance,
+        U: np.ndarray,
+        parameter: float,
+        forces: ContactForces,
+        used: ContactForces,
+        changes: Changes,
+    ) -> np.ndarray:
+        """Return the five parts that the adjoint gives, (2 n_outputs,) each, and what it feels of the modes left out, in a row.
+
+        Collective: sums over the ranks, and a broadcast.
+        """
+        truth, own, G = exact.model, exact.model.owned_rows, exact.receptance_at(parameter, forces.active)
+        chi, tau = self.adjoints.solve(exact, forces, G, sensitivity(truth, problem.omega_at(parameter)))
+        residual = _residual(problem, U, parameter, used, G if used is forces and exact is problem else None)
+        sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
+        sums += [tau @ residual.ravel(), np.zeros(len(tau))]
+        if not self.truth.is_solved:
+            sums[-1] = tau @ (_residual(exact, U, parameter, used) - residual).ravel()
+        felt = np.zeros((len(tau), 0, truth.N_H))
+        if self.left_out is not None:
+            felt = np.matmul(self.left_out.of_pairs[own].T, tau.reshape(len(tau), -1, truth.N_H))
+        return problem.comm.bcast(problem.gather_sum(np.concatenate([*sums, felt.ravel()])))
+
+    def changes(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray, p: np.ndarray) -> Changes:
+        """Return what better problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
+
+        The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of that fixed-point
+        iteration, mixed so that it also converges where a harmonic lies near a resonance.
+        """
+        harmonics, more = exact.model.harmonics, extended(exact.model.harmonics)
+        everything, nothing = np.ones(exact.model.n_pairs, dtype=bool), np.zeros_like(p_all)
+        finer = exact.resolved(harmonics, FINER * exact.n_samples)
+        by_samples = finer.full_force(finer.contact_forces(U, everything, tangents=False)) - p_all
+        wider = exact.of(self.model_on(more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
+        U_more = harmonics.carry(U, more)
+        at_wider = forces = wider.contact_forces(U_more, everything, tangents=False)
+        if len(forces.active) == 0:
+            return Changes(nothing, _RICHARDSON * by_samples, p_all - p)
+        higher, mixing = np.zeros_like(U_more), Anderson(exact)
+        for _ in range(MOST_SWEEPS):
+            excited = -wider.receptance_at(parameter, forces.active).apply(forces.p)
+            higher, miss = mixing.next(higher, excited - harmonics.carry(more.carry(excited, harmonics), more))
+            if miss <= SETTLED:
+                break
+            forces = wider.contact_forces(U_more + higher, everything, tangents=False)
+        by_harmonics = more.carry(wider.full_force(forces) - wider.full_force(at_wider), harmonics)
+        by_harmonics *= max(1.0, miss / SETTLED)  # what never settled is known no better than that
+        return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
+
+
+_RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)  # the limit of many samples, from N_t and FINER N_t
+
+
+def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
+    """Return B, minus the derivative of the outputs' cos 1, then sin 1, with respect to p, (2 n_outputs, 3 n_pairs, N_H).  Local.
+
+    With A = o (K_L^-1 + phi c_1 phi^T) R^T the amplitude is u_lin - A p: the cosine moves by -(Re A p_c + Im A p_s), the sine
+    by Im A p_c - Re A p_s.
+    """
+    c, _ = receptance.dynamic_part(model, omega)
+    at = list(model.harmonics.numbers).index(1)
+    A = model.out_R + ((model.o * c[:, at]) if c.ndim == 2 else (model.o @ c[at])) @ model.r.T
+    n_out, cos = len(A), model.harmonics.columns(1).start
+    B = np.zeros((2 * n_out, A.shape[1], model.N_H))
+    B[:n_out, :, cos], B[:n_out, :, cos + 1] = A.real, A.imag
+    B[n_out:, :, cos], B[n_out:, :, cos + 1] = -A.imag, A.real
+    return B
+
+
+def first_harmonic(model: ReducedModel, motion: np.ndarray) -> np.ndarray:
+    """Return cos 1 and then sin 1 of the outputs, (2 n_outputs,), of coefficients (n_outputs, N_H).  Local."""
+    return motion[:, model.harmonics.columns(1)].T.ravel()
+
+
+def extended(harmonics: Harmonics) -> Harmonics:
+    """Return the set of the better problem: the same, with about twice as many; odd ones alone where it has no others.  Local."""
+    highest = 2 * harmonics.highest + 3
+    return Harmonics.odd_up_to(highest) if all(n % 2 for n in harmonics.chosen) else Harmonics.up_to(highest)
+
+
+def _residual(
+    problem: HarmonicBalance, U: np.ndarray, parameter: float, forces: ContactForces, G: ReceptanceColumns | None = None
+) -> np.ndarray:
+    """Return this rank's rows of (5.1), (n_owned, 3, N_H) [m], with G of the active pairs.  Collective without it."""
+    U_lin, _ = problem.linear_motion(parameter)
+    return U - U_lin + (G or problem.receptance_at(parameter, forces.active)).apply(forces.p)

@@ -1,0 +1,118 @@
+"""How strongly forces act on the modes left out, without knowing them (docs/theory.md, eq. 11.3).
+
+The receptance (4.1) lacks E_n = sum over k > m of phi_k c_kn phi_k^T of the modes left out.  Below their resonances
+
+    E_n ~ (n omega)^2 W,        W = sum over k > m of phi_k phi_k^T / omega_k^4 = Z^T M Z,      Z = K_L^-1 - phi Omega^-2 phi^T,
+
+and W is sampled: with random vectors s of covariance M, W is the mean of (Z s)(Z s)^T.  A few static solutions once, however
+many pairs there are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..linear.dense import diagonal_owned, gram, multiply, summed
+from ..receptance.model import ReducedModel
+from ..reduction.build import owned_product
+
+SAMPLES = 32  # random vectors: norms are known to about a quarter
+_NEAR = 0.9  # of that frequency: a harmonic above it is taken to lie here
+
+
+@dataclass(frozen=True)
+class ModesLeftOut:
+    """The samples Z s seen from pairs, outputs and loads; replicated."""
+
+    omega: float  # rad/s: what the loads move beyond the modes kept vibrates about here, or above
+    damping: float  # phi^T C phi of the last mode kept [1/s]
+    of_pairs: np.ndarray  # (3 n_pairs, SAMPLES)
+    of_outputs: np.ndarray  # (n_outputs, SAMPLES)
+    of_loads: np.ndarray  # (n_loads, SAMPLES)
+    direct: np.ndarray  # (n_outputs, n_loads) W between outputs and loads, exactly
+
+    def gains(self, n_omega: np.ndarray) -> np.ndarray:
+        """Return the factor of W in E_n at the frequencies n omega, (n_harmonics,) [1/s2].  Local."""
+        s = np.minimum(n_omega / self.omega, _NEAR)
+        return np.hypot(n_omega**2, self.damping * n_omega) / (1.0 - s**2)
+
+    def changes(self, model: ReducedModel, level: float, omega: float, p: np.ndarray, felt: np.ndarray) -> np.ndarray:
+        """Return what the modes left out would change in cos 1 and then sin 1 of the outputs, (2 n_outputs,) [m].  Local.
+
+        From a load straight to an output exactly, but for the order beyond W; by way of the pairs at most, by Cauchy and Schwarz,
+        harmonic by harmonic.
+
+        Parameters
+        ----------
+        p : (3 n_pairs, N_H) forces of the pairs [N]
+        felt : (2 n_outputs, SAMPLES, N_H) samples of what an output feels by way of the pairs, R^T tau
+        """
+        harmonics, f = model.harmonics, level * model.f
+        gain, first = self.gains(omega * harmonics.numbers), harmonics.columns(1)
+        loads, pairs = self.of_loads.T @ f, self.of_pairs.T @ p
+        straight = np.zeros((len(felt), SAMPLES, model.N_H))
+        n_out = len(self.of_outputs)
+        straight[:n_out, :, first.start] = straight[n_out:, :, first.start + 1] = self.of_outputs
+        through = _norms(straight, model) * _norms(pairs, model) + _norms(felt, model) * _norms(loads - pairs, model)
+        known = (self.direct @ f[:, first]).T.ravel() * gain[list(harmonics.chosen).index(1)]
+        return np.abs(known) + through @ gain
+
+
+def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
+    """Return the norm of each harmonic, (..., n_harmonics), of samples (..., SAMPLES, N_H).  Local."""
+    squares = np.einsum("...sh,...sh->...h", samples, samples)
+    mean, cos, sin = (squares[..., columns] for columns in (model.harmonics.mean, model.harmonics.cos, model.harmonics.sin))
+    return np.sqrt(np.concatenate([mean, cos + sin], axis=-1))
+
+
+def sample_modes_left_out(linearised, modes, model: ReducedModel) -> ModesLeftOut | None:
+    """Return the samples for the modes beyond ``modes``; None where there are none.
+
+    Collective on the system's communicator: ``SAMPLES`` static solves.
+    """
+    system, n_rows, n_out = linearised.system, linearised.system.R.shape[0], linearised.system.outputs.shape[0]
+    if len(modes.omega_n) == 0 or len(modes.omega_n) == system.n_dof:
+        return None
+    comm, mass = system.comm, np.maximum(diagonal_owned(linearised.M), 0.0)
+    first, last = linearised.K_L.getOwnershipRange()
+    # the diagonal of M, scaled to have the kinetic energy of the highest modes kept
+    energies = summed(comm, mass @ modes.phi_owned[:, -3:] ** 2)
+    random = np.sqrt(mass / energies.mean())[:, None] * signs(first, last - first)
+    given = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
+    Z_random, Z_given = (beyond_modes(linearised, modes, right_owned) for right_owned in (random, given))
+    everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
+    rows = owned_product(everything, Z_random, system) / np.sqrt(SAMPLES)
+    W = gram(comm, Z_given, multiply(linearised.M, Z_given))
+    # Rayleigh's quotients of the loads: energy x^T K_L^-1 x over x^T W x, without the modes kept
+    static = np.diag(model.load_static) - (model.b**2 / modes.omega_n[:, None] ** 2).sum(axis=0)
+    squares = np.maximum(static, 0.0) / np.maximum(np.diag(W)[:-n_out], np.finfo(float).tiny)
+    effective = np.sqrt(squares[squares > 0.0].min(initial=np.inf))
+    omega = np.clip(effective, modes.omega_n[-1], 1e3 * modes.omega_n[-1])
+    damping = model.C if model.C.ndim == 1 else np.diag(model.C)
+    return ModesLeftOut(
+        float(omega),
+        float(damping[-1]),
+        rows[:n_rows],
+        rows[n_rows : n_rows + n_out],
+        rows[n_rows + n_out :],
+        W[-n_out:, :-n_out],
+    )
+
+
+def beyond_modes(linearised, modes, right_owned: np.ndarray) -> np.ndarray:
+    """Return Z B = K_L^-1 B - phi Omega^-2 phi^T B, this rank's rows.  Collective: as many static solves as columns."""
+    comm = linearised.system.comm
+    of_modes = gram(comm, modes.phi_owned, right_owned) / modes.omega_n[:, None] ** 2
+    return linearised.factor.solve(right_owned) - modes.phi_owned @ of_modes
+
+
+def signs(first: int, n: int) -> np.ndarray:
+    """Return random signs of rows ``first`` to ``first + n``, (n, SAMPLES): the same whatever rank owns a row.  Local."""
+    generator = np.random.Philox(key=20)
+    generator.advance(first // 4)  # four words of 64 bits a step of the counter
+    words = generator.random_raw(first % 4 + n)[first % 4 :]
+    bits = (words[:, None] >> np.arange(SAMPLES, dtype=np.uint64)) & np.uint64(1)
+    return 1.0 - 2.0 * bits.astype(float)

@@ -1,0 +1,68 @@
+"""The inverse of a small Jacobian I + G P, harmonics coupled: a preconditioner that leaves GMRES nothing to do.
+
+A joint far stiffer or softer than its structure makes I + G P so badly conditioned that GMRES goes through every dimension
+of a small system, and breaks down in it.  Where the system is small, its matrix is formed and factored instead.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import scipy.linalg
+
+from ..fourier.harmonics import Harmonics
+from .residual import ContactForces, HarmonicBalance, ReceptanceColumns
+
+LARGEST = 400  # rows of the active pairs, all harmonics, up to which the matrix is formed
+
+
+class WholeInverse:
+    """The factored matrix I + G P of the active pairs at one linearisation; on every rank.  Collective on ``problem.comm``."""
+
+    def __init__(self, problem: HarmonicBalance, forces: ContactForces, G: ReceptanceColumns):
+        self.problem, self.active_owned = problem, forces.active_owned
+        assert forces.P is not None, "made of a linearisation"
+        comm, N_H = problem.comm, problem.model.N_H
+        P, static = problem.gather(forces.P), problem.gather(G.rows(forces.active_owned))
+        harmonics = problem.model.harmonics
+        columns = receptance_of(static, [G.dynamic_block(i) for i in range(len(harmonics))], harmonics)
+        blocks = columns.reshape(len(columns), len(P), 3 * N_H).swapaxes(0, 1)  # (n_active, rows, 3 N_H)
+        G_P = np.matmul(blocks, P).swapaxes(0, 1).reshape(columns.shape)
+        G_P[np.diag_indices_from(G_P)] += 1.0
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # a singular one gives no step, which is seen then
+            self.factor = scipy.linalg.lu_factor(G_P, check_finite=False)
+        counts = comm.allgather(len(forces.active_owned))
+        first = 3 * sum(counts[: comm.rank])
+        self.own = slice(first, first + 3 * len(forces.active_owned))
+
+    def apply(self, x: np.ndarray) -> np.ndarray:
+        """Return (I + G P)^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""
+        y = x.copy()
+        y[self.active_owned] = self.solve(x[None, self.active_owned])[0]
+        return y
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return (I + G P)^-1 b for several right-hand sides, (n, m, 3, N_H) both, m active pairs of this rank.  Collective."""
+        by_row = self.problem.gather(b.reshape(len(b), 3 * b.shape[1], b.shape[-1]).swapaxes(0, 1))  # (3 n_active, n, N_H)
+        columns = by_row.swapaxes(1, 2).reshape(-1, len(b))
+        x = scipy.linalg.lu_solve(self.factor, columns, check_finite=False)
+        own = x.reshape(len(by_row), -1, len(b))[self.own]
+        return np.moveaxis(own, -1, 0).reshape(b.shape)
+
+
+def receptance_of(static: np.ndarray, dynamic: list[np.ndarray], harmonics: Harmonics) -> np.ndarray:
+    """Return G on all harmonic coefficients, (n N_H, n N_H), from its static part (n, n) and the complex rest of each harmonic.
+
+    Local.  Index = row N_H + coefficient; amplitudes are cos - i sin.
+    """
+    n, N_H = len(static), harmonics.n_coefficients
+    G = np.zeros((n, N_H, n, N_H))
+    for number, block in zip(harmonics.chosen, dynamic):
+        c = harmonics.columns(number).start
+        G[:, c, :, c] = static + block.real
+        if number > 0:
+            G[:, c + 1, :, c + 1] = static + block.real
+            G[:, c, :, c + 1], G[:, c + 1, :, c] = block.imag, -block.imag
+    return G.reshape(n * N_H, n * N_H)

@@ -1,0 +1,158 @@
+"""Read further formats with meshio, which prints, exits and guesses; here it may only return or fail."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+
+import numpy as np
+
+from ..parallel.errors import MeshError
+from .file import KINDS, Cells, FileMesh, Group, names_of_tags
+
+# Formats that can refer to other files through HDF5 (.xdmf, .h5, .med, .cgns, .e) are left out on purpose.
+FORMATS = {".vtu": "vtu", ".vtk": "vtk", ".bdf": "nastran", ".nas": "nastran", ".fem": "nastran"}
+_KINDS = {
+    "vertex": "point",
+    "line": "line2",
+    "line3": "line3",
+    "triangle": "tri3",
+    "triangle6": "tri6",
+    "quad": "quad4",
+    "quad8": "quad8",
+    "quad9": "quad9",
+    "tetra": "tet4",
+    "tetra10": "tet10",
+    "hexahedron": "hex8",
+    "hexahedron20": "hex20",
+    "hexahedron27": "hex27",
+    "wedge": "wedge6",
+    "wedge15": "wedge15",
+    "wedge18": "wedge18",
+    "pyramid": "pyramid5",
+    "pyramid13": "pyramid13",
+    "pyramid14": "pyramid14",
+}
+_REFERENCES = ("nastran:ref", "gmsh:physical", "cell_tags")  # the format's own word for a group
+_MOST_VALUES = 1000  # an integer array with more values numbers its cells, it does not group them
+
+
+def read_other(path: str, ending: str) -> FileMesh:
+    """Read a file through meshio.  Local.
+
+    Groups are the format's named sets, its references ("3"), and further integer arrays on cells or points
+    ("name=3").  Node and cell numbers are those of the file for Nastran, ``GlobalNodeIds`` and ``GlobalCellIds``
+    where VTK files have them, otherwise positions from 1.
+
+    Raises
+    ------
+    MeshError without the file's name: whatever meshio did not like.
+    """
+    text = _nastran_text(path) if FORMATS[ending] == "nastran" else None
+    mesh = _read_quietly(path if text is None else io.StringIO(text), FORMATS[ending])
+    points = np.asarray(mesh.points, dtype=float)
+    if points.shape[1:] != (3,):
+        raise MeshError(f"the points have {points.shape[-1]} coordinates, not 3")
+    node_numbers, cell_numbers = _nastran_numbers(text) if text else _global_ids(mesh)
+    n_cells = sum(len(block.data) for block in mesh.cells)
+    has_numbers = len(node_numbers) == len(points) and len(cell_numbers) == n_cells
+    if not has_numbers:
+        node_numbers, cell_numbers = np.arange(1, len(points) + 1), np.arange(1, n_cells + 1)
+    cells, first = [], 0
+    for block in mesh.cells:
+        numbers = cell_numbers[first : first + len(block.data)]
+        first += len(block.data)
+        cells.append(Cells(_KINDS.get(block.type, block.type), np.asarray(block.data, dtype=np.int64), numbers))
+    groups: dict[str, Group] = {}
+    for name, parts in mesh.cell_sets.items():
+        for i, rows in enumerate(parts):
+            if rows is not None and len(rows):
+                groups.setdefault(name, Group()).add_cells(i, np.asarray(rows, dtype=np.int64))
+    for name, nodes in mesh.point_sets.items():
+        groups.setdefault(name, Group()).add_nodes(np.asarray(nodes, dtype=np.int64))
+    _group_by_values(mesh, cells, groups)
+    notes = () if has_numbers else ("node and element numbers are positions in the file, from 1",)
+    return FileMesh(points, node_numbers, tuple(cells), groups, notes)
+
+
+def load_meshio():
+    """Return meshio, completed: version 5.3 knows the nodes of a quadratic wedge, but not that it is a solid."""
+    import meshio
+
+    meshio._mesh.topological_dimension.setdefault("wedge15", 3)
+    return meshio
+
+
+def _read_quietly(source, file_format: str):
+    """Return what meshio reads; anything else it does becomes a MeshError."""
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), np.errstate(all="ignore"):
+            return load_meshio().read(source, file_format=file_format)
+    except (KeyboardInterrupt, MemoryError):
+        raise
+    except ImportError:
+        raise MeshError("this format needs meshio; install it: pip install meshio") from None
+    except BaseException as problem:  # meshio exits the interpreter on a bad file
+        text = str(problem) if not isinstance(problem, SystemExit) else ""
+        cause = " ".join((said.getvalue() + " " + text).split()) or type(problem).__name__
+        raise MeshError(
+            f"it cannot be read as {file_format}; it is truncated, damaged or another format ({cause[:200]})"
+        ) from None
+
+
+def _nastran_text(path: str) -> str:
+    """Return a bulk data file with the frame that meshio wants and Gmsh leaves out."""
+    with open(path, encoding="utf-8", errors="replace") as file:
+        text = file.read()
+    begin = "" if re.search(r"^BEGIN BULK", text, re.MULTILINE) else "BEGIN BULK\n"
+    end = "" if re.search(r"^ENDDATA", text, re.MULTILINE) else "\nENDDATA\n"
+    return begin + text + end
+
+
+def _nastran_numbers(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return the numbers of nodes and elements in the order of the file."""
+    nodes: list[int] = []
+    elements: list[int] = []
+    for line in text.splitlines():
+        card = re.match(r"(GRID|C[A-Z]+\d?R?)(\*?)\s*(,?)", line)
+        if card:
+            number = line.split(",")[1] if card[3] else line[8 : 24 if card[2] else 16]
+            if number.strip().isdigit() and card[1] not in ("CORD1R", "CORD2R", "CORD2C", "CONM2"):
+                (nodes if card[1] == "GRID" else elements).append(int(number))
+    return np.array(nodes, dtype=np.int64), np.array(elements, dtype=np.int64)
+
+
+def _global_ids(mesh) -> tuple[np.ndarray, np.ndarray]:
+    nodes = mesh.point_data.get("GlobalNodeIds", ())
+    cells = mesh.cell_data.get("GlobalCellIds", ())
+    return np.asarray(nodes).astype(np.int64), np.concatenate([np.zeros(0, dtype=np.int64), *cells]).astype(np.int64)
+
+
+def _group_by_values(mesh, cells: list[Cells], groups: dict[str, Group]) -> None:
+    """Make a group of every value of the integer arrays; names of the format's field data are used."""
+    named = {int(np.ravel(value)[0]): name for name, value in mesh.field_data.items() if np.size(value) == 2}
+    dimension = [KINDS.get(block.kind, (3, 0))[0] for block in cells]
+    for array, parts in mesh.cell_data.items():
+        if array == "GlobalCellIds":
+            continue
+        grouping = [i for i, values in enumerate(parts) if _groups(values)]
+        keys = {(dimension[i], int(value)) for i in grouping for value in np.unique(parts[i])}
+        names = {key: f"{array}={key[1]}" for key in keys}
+        if array in _REFERENCES:
+            names = {key: named.get(key[1], name) for key, name in names_of_tags(keys).items()}
+        for i in grouping:
+            for value in np.unique(parts[i]):
+                name = names[dimension[i], int(value)]
+                groups.setdefault(name, Group()).add_cells(i, np.flatnonzero(parts[i] == value))
+    for array, values in mesh.point_data.items():
+        if array not in ("GlobalNodeIds", *_REFERENCES) and _groups(values):
+            for value in np.unique(values):
+                groups.setdefault(f"{array}={value}", Group()).add_nodes(np.flatnonzero(values == value))
+
+
+def _groups(values: np.ndarray) -> bool:
+    """Return whether an array groups cells or points: integers, and not a number for each."""
+    values = np.asarray(values)
+    return values.ndim == 1 and values.dtype.kind in "iu" and 0 < len(np.unique(values)) <= _MOST_VALUES

@@ -1,0 +1,112 @@
+"""What a run did not compute, for the end of the response in the log: for want of a reason, or at what cost by the error bars."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..continuation.branch import Branch, Point
+from ..error_estimate.components import PARTS, SAFETY
+
+FAINT = 1e-3  # of the largest output: fainter ones are judged against that
+TOO_LITTLE = 1e-6  # of the peak: less is not told in digits
+
+
+def not_computed(
+    scene, *, leaves_out: str, omega_n: np.ndarray, n_dof: int, known: np.ndarray | None, branches: list[Branch], has_mesh: bool
+) -> list[str]:
+    """Return a line for everything left out, with the reason or what it changes in the response.  Local.
+
+    Parameters
+    ----------
+    leaves_out : what the method lacks, as :class:`~microslip.reduction.reduction.Reduction` has it
+    omega_n : (n_modes,) rad/s, of the modes computed
+    known : (n_pairs,) bool, the pairs whose static columns were solved for; None where those of all pairs had to be
+    """
+    solved = [branch for branch in branches if branch.points]
+    is_static = scene.harmonics == 0
+    lines = _statics(solved) if is_static else _harmonics(solved, has_pairs=known is None or len(known) > 0)
+    if leaves_out == "basis" and solved and not is_static:
+        lines.append(f"response outside the basis of method {scene.solver.method}: {changes(solved, 'modes')}")
+    if leaves_out == "modes" and solved and not is_static and 0 < len(omega_n) < n_dof:
+        lines.append(
+            f"response of modes above {omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(omega_n)} of {n_dof} DOF, "
+            f"beyond their static part: {changes(solved, 'modes')}"
+        )
+    if _most(solved, "pairs")[0] > 0.0:
+        lines.append(f"slip and opening of the pairs that method {scene.solver.method} holds stuck: {changes(solved, 'pairs')}")
+    if known is not None and len(known) == 0:
+        lines.append("contact forces and static columns: the scene has no pair, the response is linear")
+    elif known is not None and not known.all():
+        lines.append(f"static columns of {np.count_nonzero(~known)} of {len(known)} pairs: none of these was let slip or open")
+    scaled, odd = ([branch.level for branch in branches if getattr(branch, name)] for name in ("scaled", "odd"))
+    if scaled:
+        lines.append(f"Newton iterations at {_newtons(scaled)}: no pair leaves sticking, the linear response is scaled")
+    if odd:
+        lines.append(f"even harmonics at {_newtons(odd)}: by the symmetry of the scene they vanish")
+    if scene.damping is not None:
+        lines.append("damping matrix: [damping] gives that of each mode")
+    if not scene.solver.error_bars:
+        lines.append("error bars: [solver] asks for none")
+    elif is_static:
+        lines.append("error bars: they are those of harmonic 1, and harmonics = 0")
+    if not has_mesh:
+        lines.append("fields for ParaView: the scene has no mesh")
+    return lines
+
+
+def _statics(solved: list[Branch]) -> list[str]:
+    """Say that one point stands for all frequencies."""
+    return (
+        [
+            "further points of [response]: harmonics = 0, constant loads have the same response at every frequency",
+            "harmonics above 0: no load moves anything to and fro",
+        ]
+        if solved
+        else []
+    )
+
+
+def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:
+    """Say which harmonics the levels that slip were solved in, or that the others have none but those of the loads."""
+    if not solved:
+        return []
+    slips = [branch for branch in solved if has_pairs and not branch.scaled]
+    numbers = {point.harmonics for branch in slips or solved for point in branch.points}
+    low, high = min(numbers), max(numbers)
+    if not slips:
+        return [f"solution in harmonics above {high}: no load acts in them, and the response is linear"]
+    above = f"{high}" if low == high else f"the highest that each point needed, {low} to {high}"
+    return [f"solution in harmonics above {above}: {changes(slips, 'harmonics')}"]
+
+
+def changes(branches: list[Branch], part: str) -> str:
+    """Say by how much a part of the error bars may change the response of any output, of the peak of its level.  Local."""
+    if not any(point.error is not None for branch in branches for point in branch.points):
+        return "without error bars it is not known what they would change"
+    share, where = _most(branches, part)
+    if share < TOO_LITTLE:
+        return f"by the error bars less than {TOO_LITTLE:.0e} of the peak"
+    return f"by the error bars up to {100.0 * share:.3g} % of the peak, at {where:g} N"
+
+
+def _most(branches: list[Branch], part: str) -> tuple[float, float]:
+    """Return the largest share that a part of the bars has of the peak of its output and level, and that level [N].  Local."""
+    shares = [
+        (_share([point for point in branch.points if point.error is not None], PARTS.index(part)), branch.level)
+        for branch in branches
+    ]
+    return max(shares, default=(0.0, 0.0))
+
+
+def _share(points: list[Point], i: int) -> float:
+    """Return the largest of part i over the peak of its output, of points with error bars.  Local."""
+    if not points:
+        return 0.0
+    peaks = np.max([np.hypot(point.response[:, 1], point.response[:, 2]) for point in points], axis=0)
+    peaks = np.maximum(peaks, FAINT * peaks.max(initial=0.0))
+    bars = SAFETY * np.max([point.error[:, i] for point in points if point.error is not None], axis=0)
+    return float(np.divide(bars, peaks, out=np.zeros_like(bars), where=peaks > 0.0).max(initial=0.0))
+
+
+def _newtons(levels: list[float]) -> str:
+    return ", ".join(f"{level:g}" for level in levels) + " N"

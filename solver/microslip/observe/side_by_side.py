@@ -1,0 +1,84 @@
+"""The story of levels side by side: one model, parted among groups of ranks, each with levels of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..continuation.branch import Branch
+from ..continuation.follow import NOTHING
+from ..error_estimate.better_model import Truth
+from ..parallel.agree import on_root
+from ..parallel.groups import Counter, Reports, dealt, split
+from ..receptance.model import ReducedModel
+from ..receptance.on_group import model_on_group
+from .log import RunLog
+from .reporter import Minutes
+
+
+def follow_side_by_side(
+    follow_level: Callable[..., Branch],
+    model: ReducedModel,
+    truth: Truth | None,
+    levels: Sequence[float],
+    n_groups: int,
+    minutes: Minutes,
+    log: RunLog,
+) -> list[Branch]:
+    """Return the branches of all levels, in their order; the motion of the points is on rank 0.
+
+    Collective on ``model.comm``.  A group takes the highest level that is left whenever it has done the last one: high levels
+    take longest.  A level that ends early keeps its points, and the others go on.
+
+    Parameters
+    ----------
+    follow_level : collective on a model's communicator; takes ``model``, ``level``, ``truth`` and ``on_point``
+    n_groups : at least 2; there are no more groups than levels
+    minutes : hears of levels and points on rank 0, as they come
+
+    Raises
+    ------
+    MicroslipError : what ended a group, on the ranks of all groups
+    """
+    groups = split(model.comm, min(n_groups, len(levels)))
+    log.note(f"{len(levels)} levels on {groups.n} groups of {_sizes(groups.limits)}, the highest first")
+    with log.stage("static columns of all pairs"):
+        own = model_on_group(model, groups.comm)
+        own_truth = truth and truth.on_group(own, groups.comm)
+    highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
+    counter, reports = Counter(groups.world), Reports(groups, lambda event, *news: getattr(minutes, event)(*news))
+
+    def tell(*news) -> None:
+        on_root(groups.comm, reports.tell, *news)
+
+    with reports.shared_failure():
+        for task in dealt(groups, counter, len(levels)):
+            number = highest_first[task]
+            tell("level_started", number, groups.where)
+            branch = follow_level(
+                model=own,
+                level=levels[number],
+                truth=own_truth,
+                on_point=lambda point, number=number: tell("point", number, point),
+            )
+            tell("level_finished", number, replace(branch, points=[]))
+        on_root(groups.comm, reports.finish)
+    reports.free()
+    counter.free()
+    groups.comm.Free()
+    return _shared(groups.world, minutes.branches)
+
+
+def _sizes(limits: np.ndarray) -> str:
+    """Name the sizes of the groups."""
+    sizes = sorted(set(np.diff(limits)))
+    return " or ".join(map(str, sizes)) + (" rank" if sizes == [1] else " ranks")
+
+
+def _shared(comm, branches: list[Branch]) -> list[Branch]:
+    """Return the branches of rank 0 on every rank, on others than rank 0 without the motion.  Collective: one broadcast."""
+    light = [replace(branch, points=[replace(point, U=NOTHING, p=NOTHING) for point in branch.points]) for branch in branches]
+    shared = comm.bcast(light)
+    return branches if comm.rank == 0 else shared

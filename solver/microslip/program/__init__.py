@@ -1,0 +1,1 @@
+"""The command line and what it checks before anything is solved."""

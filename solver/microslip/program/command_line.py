@@ -1,0 +1,278 @@
+"""The command line: commands and their options, and the PETSc options that follow ``--``."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from .. import __version__
+from ..parallel.errors import CaseError
+from ..parallel.petsc import PREFIXES
+from ..parallel.words import listed, nearest
+
+_SOLVE = ("run", "compare", "verify", "trade")  # commands that PETSc options are for
+_KEYS = ("methods", "knobs", "meshes", "seconds", "at", "levels", "harmonics", "samples", "steps", "from_rest")
+_DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
+_EPILOG = f"""\
+In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
+PETSc options follow --, each with the prefix of its solver: {", ".join("-" + prefix for prefix in PREFIXES)}
+Exit status: 0 done; 2 the scene, the mesh or an option is at fault; 3 the computation could not be finished, what
+converged is kept; 4 memory or disk; 5 stopped by a signal: frf.csv keeps every point and results.h5 every level finished
+until then; 70 a defect of the program."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """What the command line asks for."""
+
+    name: str  # run, compare, verify, trade, check, plot or doctor
+    file: str = ""  # the scene, or the results to plot
+    out: Path | None = None  # None: the default of the command
+    petsc: tuple[str, ...] = ()  # what followed ``--``, checked
+    methods: tuple[str, ...] = ()  # to compare; empty: all of them
+    more: tuple[str, ...] = ()  # further scenes to run
+    groups: int = 1  # of ranks, at work side by side
+    at: tuple[float, ...] = ()  # Hz, to verify; empty: around each peak
+    harmonics: int | None = None  # to verify; None: those of the scene
+    samples: int | None = None
+    steps: int | None = None  # of time a period; None: the default
+    from_rest: bool = False
+    knobs: tuple[str, ...] = ()  # to turn; empty: all of them
+    levels: tuple[float, ...] = ()  # N; empty: the command chooses among the scene's
+    meshes: tuple[str, ...] = ()  # files of further meshes
+    seconds: float | None = None  # to be spent; None: the default of the command
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse that raises CaseError instead of ending the process."""
+
+    def error(self, message: str) -> NoReturn:
+        raise CaseError(f"{message}; try: {self.prog} --help")
+
+
+def parse(arguments: list[str]) -> Command:
+    """Return the command of a command line without the program's name.  Local.
+
+    Raises
+    ------
+    CaseError : an unknown command or option, with the nearest known word
+    SystemExit : after --help and --version
+    """
+    cut = arguments.index("--") if "--" in arguments else len(arguments)
+    own, petsc = arguments[:cut], arguments[cut + 1 :]
+    parser, commands = _parsers()
+    word = next((argument for argument in own if not argument.startswith("-")), None)
+    if word is None and not {"-h", "--help", "--version"} & set(own):
+        raise CaseError(f"a command is missing: {listed(commands, 'or')}; try: microslip --help")
+    if word is not None and word not in commands:
+        raise CaseError(f"unknown command {word!r}{_near(word, commands)}; commands are {listed(commands)}")
+    for argument in own:
+        if argument.startswith(tuple(f"-{prefix}" for prefix in PREFIXES)):
+            raise CaseError(f"{argument}: PETSc options follow --, as in: microslip run SCENE.toml -- {argument}")
+    given, unknown = parser.parse_known_args(own)
+    more = tuple(getattr(given, "more", ()))
+    if given.command == "run" and not any(argument.startswith("-") for argument in unknown):
+        more, unknown = (*more, *unknown), []  # scenes on both sides of an option
+    if unknown:
+        raise CaseError(_unknown(unknown[0], commands.get(given.command, parser)))
+    if petsc and given.command not in _SOLVE:
+        raise CaseError(f"PETSc options after -- belong to the commands {listed(_SOLVE)}; {given.command} solves nothing")
+    return Command(
+        given.command,
+        getattr(given, "file", ""),
+        getattr(given, "out", None),
+        petsc_options(petsc),
+        more=more,
+        groups=getattr(given, "groups", 1),
+        **{name: getattr(given, name) for name in _KEYS if hasattr(given, name)},
+    )
+
+
+def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
+    """Return the parser of the program and those of its commands."""
+    parser = _Parser(
+        "microslip",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        allow_abbrev=False,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"microslip {__version__}")
+    group = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    known = {
+        "run": ("one scene or several, from mesh to response and pictures", "SCENE.toml", "results/NAME OF THE SCENE"),
+        "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
+        "verify": ("time integration at points of the curves, beside harmonic balance", "SCENE.toml", "results/NAME_verify"),
+        "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
+        "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
+        "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
+        "doctor": ("print versions, and what is missing with the command that brings it", None, None),
+    }
+    commands: dict[str, _Parser] = {}
+    for name, (summary, file, out) in known.items():
+        after = " [-- PETSc options]" if name in _SOLVE else ""
+        command = group.add_parser(name, help=summary, description=summary.capitalize() + ".", allow_abbrev=False)
+        if file is not None:
+            command.add_argument("file", metavar=file)
+        if out is not None:
+            command.add_argument("--out", metavar="DIR", type=Path, help=f"folder for what is written (default: {out})")
+        if name == "run":
+            command.add_argument(
+                "more", metavar="MORE.toml", nargs="*", default=[], help="further scenes; with --out DIR each in DIR/NAME"
+            )
+            command.add_argument(
+                "--groups",
+                metavar="G",
+                type=_count,
+                default=1,
+                help="split the ranks into G groups, each with "
+                "levels of its own; of several scenes, each with scenes of its own (default: 1)",
+            )
+        if name == "compare":
+            command.add_argument(
+                "--methods", metavar="A,B,...", type=_words, default=(), help="their names, with commas (default: all)"
+            )
+        if name == "trade":
+            command.add_argument(
+                "--knobs",
+                metavar="A,B,...",
+                type=_words,
+                default=(),
+                help="what to turn, with commas: harmonics, samples, modes, tolerance, eps, method, mesh (default: all)",
+            )
+            command.add_argument(
+                "--levels",
+                metavar="A,B,...",
+                type=_numbers,
+                default=(),
+                help="forces in N, with commas (default: of the scene's the first with slip and the strongest)",
+            )
+            command.add_argument(
+                "--meshes",
+                metavar="A,B,...",
+                type=_words,
+                default=(),
+                help="further meshes of the same scene, with the same groups, to measure what the mesh costs and buys",
+            )
+            command.add_argument(
+                "--seconds",
+                metavar="S",
+                type=_above_zero,
+                help="time to spend, as far as it can be known beforehand; more makes a better reference (default: 105)",
+            )
+        if name == "verify":
+            _add_verify(command)
+        command.usage = command.format_usage().removeprefix("usage: ").strip() + after
+        commands[name] = command
+    return parser, commands
+
+
+def _add_verify(command: _Parser) -> None:
+    """Add the options of ``verify``."""
+    command.add_argument(
+        "--at",
+        metavar="F1,F2,...",
+        type=_numbers,
+        default=(),
+        help="frequencies in Hz (default: the peak of each level and two points on each side of it)",
+    )
+    command.add_argument("--levels", metavar="A,B,...", type=_numbers, default=(), help="levels in N (default: the scene's)")
+    command.add_argument("--harmonics", metavar="H", type=_count, help="of harmonic balance (default: the scene's)")
+    command.add_argument("--samples", metavar="N", type=_count, help="of harmonic balance (default: the scene's)")
+    command.add_argument("--steps", metavar="N", type=_steps, help="time steps a period (default: 256)")
+    command.add_argument("--from-rest", action="store_true", help="march from rest, without acceleration: many periods")
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    """Return numbers above 0, separated by commas."""
+    try:
+        numbers = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        numbers = ()
+    if not numbers or not all(0.0 < number < float("inf") for number in numbers):
+        raise argparse.ArgumentTypeError(f"{text!r} are not numbers above 0, separated by commas")
+    if len(set(numbers)) < len(numbers):
+        raise argparse.ArgumentTypeError(f"{text!r} holds a number twice")
+    return numbers
+
+
+def _steps(text: str) -> int:
+    """Return an even number of at least 16."""
+    if not text.isdecimal() or int(text) < 16 or int(text) % 2:
+        raise argparse.ArgumentTypeError(f"{text!r} is not an even number of at least 16")
+    return int(text)
+
+
+def _count(text: str) -> int:
+    """Return a number of at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
+    return int(text)
+
+
+def _words(text: str) -> tuple[str, ...]:
+    """Return what stands between commas."""
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def _above_zero(text: str) -> float:
+    """Return a number above 0."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0.0 < number < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
+    return number
+
+
+def _near(word: str, known) -> str:
+    found = nearest(word, known)
+    return f"; nearest is {found}" if found else ""
+
+
+def _unknown(argument: str, command: _Parser) -> str:
+    """Say what is wrong with an argument that a command does not take."""
+    name = argument.split("=")[0]
+    if name.startswith("-"):
+        known = [option for action in command._actions for option in action.option_strings]
+        return f"unknown option {name}{_near(name, known)}; {command.prog} knows {listed(known)}"
+    return f"{argument!r} is one argument too many; usage: {command.usage}"
+
+
+def petsc_options(arguments: list[str]) -> tuple[str, ...]:
+    """Return the options for PETSc as given, if each has a prefix of this program.  Local.
+
+    Raises
+    ------
+    CaseError : a name without such a prefix, or a value without a name
+    """
+    prefixes = listed([f"-{prefix}" for prefix in PREFIXES], "or")
+    for i, argument in enumerate(arguments):
+        if _is_name(argument):
+            name = argument.lstrip("-")
+            if argument != f"-{name}" or not name.startswith(PREFIXES) or name in PREFIXES:
+                hint = _with_prefix(name)
+                raise CaseError(f"{argument}: not an option of this program's solvers; they begin with {prefixes}{hint}")
+        elif i == 0 or not _is_name(arguments[i - 1]):
+            raise CaseError(f"{argument!r} after --: an option's name is missing before it; names begin with {prefixes}")
+    return tuple(arguments)
+
+
+def _is_name(argument: str) -> bool:
+    """Return whether an argument is an option's name, and not a value such as -1e-3."""
+    return len(argument) > 1 and argument[0] == "-" and (argument[1].isalpha() or argument[1] in "-_")
+
+
+def _with_prefix(name: str) -> str:
+    """Return what was probably meant by an option without one of the prefixes."""
+    first, _, rest = name.partition("_")
+    if name == "out":
+        return "; --out stands before --"
+    places = {"eps": "modes_", "st": "modes_", "snes": "hb_", "ksp": "hb_", "mat": "static_", "pc": "static_"}
+    if first in places:
+        return f"; perhaps -{places[first]}{name}"
+    near = nearest(first + "_", PREFIXES)
+    return f"; nearest is -{near}{rest}" if near and rest else ""

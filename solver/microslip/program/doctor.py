@@ -1,0 +1,190 @@
+"""What the program needs from its machine: what is there, in which version, and the command that brings the rest.
+
+Imports nothing that may be missing before it is asked for.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import os
+import platform
+import re
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from .. import __version__
+from ..parallel.petsc import initialise, locate
+
+
+class Unusable(Exception):
+    """Something is there, but not as the program needs it."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something the program needs: ``version`` raises ImportError if it is missing, Unusable if it is of no use."""
+
+    name: str
+    version: Callable[[], str]
+    remedy: str
+
+
+def examine() -> tuple[list[str], bool]:
+    """Return the lines of ``microslip doctor``, and whether everything is there.  Local; starts MPI and PETSc."""
+    lines = [f"microslip {__version__} on Python {platform.python_version()} ({sys.executable}), {platform.platform()}"]
+    is_well = True
+    for part in PARTS:
+        fault = _fault(part)
+        lines.append(f"  {part.name:<12} {part.version()}" if fault is None else f"  {part.name:<12} {fault}")
+        is_well = is_well and fault is None
+    lines += [f"note: {note}" for note in _notes(is_well)]
+    lines.append("everything is there" if is_well else "something is missing: the lines above name the command that brings it")
+    return lines, is_well
+
+
+def faults(*names: str) -> str | None:
+    """Return what is missing of the parts named, of all parts if none is named, or None.  Local."""
+    wanted = [part for part in PARTS if part.name in names or not names]
+    found = [f"{part.name}: {fault}" for part in wanted if (fault := _fault(part))]
+    return "; ".join(found) + "; see: microslip doctor" if found else None
+
+
+def _fault(part: Part) -> str | None:
+    """Return what is wrong with a part and what brings it, or None."""
+    try:
+        part.version()
+    except Unusable as problem:
+        return f"{problem}: {part.remedy}"
+    except ImportError as problem:
+        missing = isinstance(problem, ModuleNotFoundError) and problem.name == part.name
+        return f"missing{'' if missing else f' ({problem})'}: {part.remedy}"
+    return None
+
+
+def _module(name: str) -> Callable[[], str]:
+    return lambda: str(getattr(importlib.import_module(name), "__version__", "present"))
+
+
+def _distribution(name: str) -> str:
+    """Return the version of a package that does not state it itself."""
+    importlib.import_module(name)
+    return importlib.metadata.version(name)
+
+
+def _pydantic() -> str:
+    version = _module("pydantic")()
+    if int(version.split(".")[0]) < 2:
+        raise Unusable(f"version {version}, 2 or later is needed")
+    return version
+
+
+def _mpi() -> str:
+    module = importlib.import_module("mpi4py")
+    from mpi4py import MPI
+
+    library = re.split(r"[,\n]", MPI.Get_library_version())[0].strip("\x00 ")
+    return f"{module.__version__}, {library}"
+
+
+def _mpirun() -> str:
+    path = shutil.which("mpirun") or shutil.which("mpiexec") or shutil.which("srun")
+    if path is None:
+        raise ImportError("no mpirun, mpiexec or srun on the PATH")
+    return path
+
+
+def _petsc() -> str:
+    locate()
+    PETSc, _ = initialise()
+    if not _is_real(PETSc):
+        raise Unusable("built with complex numbers, real ones are needed")
+    return f"{_dotted(PETSc.Sys.getVersion())}, real, {8 * PETSc.IntType(0).nbytes}-bit indices"
+
+
+def _slepc() -> str:
+    locate()
+    return _dotted(initialise()[1].Sys.getVersion())
+
+
+def _mumps() -> str:
+    locate()
+    PETSc, _ = initialise()
+    if not PETSc.Sys.hasExternalPackage("mumps"):
+        raise Unusable("this PETSc was built without it")
+    version = re.search(r"lib[dz]mumps\S*?-(\d[\d.]*\d)", _libraries())
+    return version[1] if version else "present"
+
+
+def _h5py() -> str:
+    module = importlib.import_module("h5py")
+    return f"{module.__version__}, HDF5 {module.version.hdf5_version}"
+
+
+def _is_real(PETSc) -> bool:
+    import numpy as np
+
+    return PETSc.ScalarType == np.float64
+
+
+def _dotted(numbers) -> str:
+    return ".".join(map(str, numbers))
+
+
+def _kernel() -> str:
+    importlib.import_module("microslip.contact._aft")
+    return "compiled"
+
+
+def _libraries() -> str:
+    """Return the files that this process has loaded, as text; empty where the system does not tell."""
+    try:
+        with open("/proc/self/maps", encoding="utf-8", errors="replace") as maps:
+            return maps.read()
+    except OSError:
+        return ""
+
+
+def _notes(is_well: bool) -> list[str]:
+    """Return what slows the program down without stopping it, and why packages may be there but not found."""
+    found = []
+    if not is_well and os.path.exists("/etc/debian_version") and sys.base_prefix != "/usr":
+        found.append(
+            "Debian's packages serve /usr/bin/python3, and this is another Python; start from its environment: "
+            "/usr/bin/python3 -m venv --system-site-packages .venv"
+        )
+    loaded = _libraries()
+    if "libblas.so" in loaded and not re.search("openblas|mkl|blis|atlas", loaded):
+        found.append("MUMPS runs on the reference BLAS, several times slower: sudo apt-get install libopenblas0-pthread")
+    threads = os.environ.get("OPENBLAS_NUM_THREADS", "1")
+    if threads != "1":
+        found.append(f"OPENBLAS_NUM_THREADS = {threads}: each rank uses so many threads")
+    return found
+
+
+def _debian(package: str) -> str:
+    return f"sudo apt-get install {package}, or load your cluster's module"
+
+
+def _pip(package: str) -> str:
+    return f"{sys.executable} -m pip install {package}"
+
+
+PARTS = (
+    Part("numpy", _module("numpy"), _debian("python3-numpy")),
+    Part("scipy", _module("scipy"), _debian("python3-scipy")),
+    Part("matplotlib", _module("matplotlib"), _debian("python3-matplotlib")),
+    Part("pydantic", _pydantic, _pip("'pydantic>=2'")),
+    Part("rich", lambda: _distribution("rich"), _pip("rich")),
+    Part("meshio", _module("meshio"), _pip("meshio")),
+    Part("pymetis", lambda: _distribution("pymetis"), _pip("pymetis")),
+    Part("h5py", _h5py, _debian("python3-h5py-mpi")),
+    Part("mpi4py", _mpi, _debian("python3-mpi4py")),
+    Part("mpirun", _mpirun, _debian("openmpi-bin")),
+    Part("petsc4py", _petsc, _debian("python3-petsc4py-real")),
+    Part("slepc4py", _slepc, _debian("python3-slepc4py-real")),
+    Part("mumps", _mumps, _debian("python3-petsc4py-real")),
+    Part("kernel", _kernel, "pip install . in the folder of microslip's setup.py"),
+)

@@ -1,0 +1,61 @@
+"""Columns of the static receptance G_static = R K_L^-1 R^T, solved for when a pair first leaves sticking."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+BATCH = 24  # pairs solved for together: a few more right-hand sides cost little beside another pass
+
+
+class StaticColumns:
+    """G_static by columns: p vanishes where a pair sticks, so only the others' columns are ever needed.
+
+    Pairs that are likely to follow the missing ones are solved for with them, ``BATCH`` at a time, in the order of ``likely``.
+
+    Parameters
+    ----------
+    n_pairs, n_owned : pairs in all, and those whose rows this rank keeps
+    solve : collective; takes pair numbers (m,) and returns this rank's rows of their columns, (3 n_owned, 3 m) [m/N]
+    """
+
+    def __init__(self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray]):
+        self.solve = solve
+        # transposed, so that a pair's columns lie together; pages that no pair needs are never touched
+        self._columns = np.empty((3 * n_pairs, 3 * n_owned))
+        self.known = np.zeros(n_pairs, dtype=bool)
+        self.likely = np.empty(0, dtype=int)
+        self.batches = 0
+        self._last: tuple[np.ndarray, np.ndarray] | None = None  # pairs asked for last, and their columns
+
+    def require(self, pairs: np.ndarray) -> None:
+        """Solve for the columns of ``pairs`` (m,) that are not known yet.  Collective; the same pairs on every rank."""
+        missing = pairs[~self.known[pairs]]
+        if len(missing) == 0:
+            return
+        others = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
+        missing = np.concatenate([missing, others[: max(BATCH - len(missing), 0)]])
+        self.put(missing, self.solve(missing))
+        self.batches += 1
+
+    def put(self, pairs: np.ndarray, columns: np.ndarray) -> None:
+        """Take in this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N].  Local."""
+        self._columns[_rows(pairs)] = columns.T
+        self.known[pairs] = True
+
+    def transposed(self, pairs: np.ndarray) -> np.ndarray:
+        """Return the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N]; the same array while the pairs stay the same.
+
+        Collective where some are new.
+        """
+        self.require(pairs)
+        if len(pairs) == len(self.known) and np.array_equal(pairs, np.arange(len(pairs))):
+            return self._columns
+        if self._last is None or not np.array_equal(self._last[0], pairs):
+            self._last = pairs, self._columns[_rows(pairs)]
+        return self._last[1]
+
+
+def _rows(pairs: np.ndarray) -> np.ndarray:
+    return (3 * np.asarray(pairs)[:, None] + np.arange(3)).ravel()

@@ -1,0 +1,212 @@
+"""What the modes left out would change in the response: the bound that decides how many are needed.
+
+docs/theory.md, section 4.  In harmonic n the modes left out act with their static flexibility; what they would do beyond it is
+sum over k > m of phi_k c_kn phi_k^T.  With the residual norm |x|_m^2 = sum over k > m of (phi_k^T x)^2 / omega_k^2, which the
+static solution knows without the modes, x^T K_L^-1 x - sum over k <= m, any motion y under any force x is wrong by at most
+
+    rho_n |y|_m |x|_m,          rho_n = max over k > m of omega_k^2 |c_kn|.                                          (4.4)
+
+Forces are the loads and R^T p; motions are the outputs and, through the joint, the pairs'.  Before anything is solved, p is
+that of the stuck motion at a resonance, at the highest level: what exceeds half of the friction limit or of the preload.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..linear.dense import gram, multiply, summed
+from ..linear.joint_springs import joint_stiffness
+from ..modes.band import frequency_band
+from ..receptance import motion as receptance
+from ..receptance.model import ReducedModel
+from .build import reduce_structure
+
+_EARLY = 0.5  # share of its limit from which a pair counts as slipping or open: its neighbours' slip loads it further
+_RESONANCES = 3  # frequencies at which the joint stores most energy, where its part is evaluated
+_FAINT = 1e-3  # of the largest output's peak: fainter outputs are judged against that
+_COLUMNS = 64  # right-hand sides at a time
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Bounds for 1 to n modes kept, each (n,) relative to the linear peak of an output, the worst of the outputs."""
+
+    direct: np.ndarray  # from the loads straight to the outputs
+    joint: np.ndarray  # through the contact forces
+
+    @property
+    def total(self) -> np.ndarray:
+        return self.direct + self.joint
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """Residual norms (n,) of what acts at one frequency, one load harmonic h, at the highest level."""
+
+    omega: float
+    p: np.ndarray  # of R^T p
+    drag: np.ndarray  # of n omega C u: a full damping matrix couples the modes left out to the motion
+    pairs: np.ndarray  # (n, n_outputs) of the motion of the pairs that an output feels
+    drag_adjoint: np.ndarray  # (n, n_outputs)
+
+
+def left_out(linearised, modes, pairs, scene) -> LeftOut:
+    """Return the bounds of (4.5) for keeping the first 1 to n of n modes; the mode after the last kept must be known.
+
+    Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
+    """
+    model, n = reduce_structure(linearised, modes, scene), len(modes.omega_n)
+    low, high = 2.0 * np.pi * np.array(frequency_band(scene.response, modes.omega_n))
+    omegas = np.union1d(np.linspace(low, high, 60), model.omega_n[(model.omega_n > low) & (model.omega_n < high)])
+    loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
+    comm = model.comm
+    peaks = comm.bcast(output_peaks(model, omegas))  # the same to the bit on all ranks: collective work hangs on it
+    direct, joint = np.zeros((2, n))
+    if not loaded or not peaks.any():
+        return LeftOut(direct, joint)  # a constant load: the static part is exact
+    peaks = np.maximum(peaks, _FAINT * peaks.max())
+    level = max(scene.response.levels)
+    first, last = linearised.K_L.getOwnershipRange()
+    of_load = {h: residual_norms(linearised, modes, _load(linearised.system, model, h)[first:last])[:, 0] for h in loaded}
+    of_output = residual_norms(linearised, modes, linearised.system.outputs.T.tocsr()[first:last].toarray())
+    for h in loaded:
+        error = (gains(model, h * high) * of_load[h])[:, None] * of_output / peaks
+        direct = np.maximum(direct, error.max(axis=1))
+        for omega in comm.bcast(resonances(model, pairs, omegas)) if model.n_pairs or model.C.ndim == 2 else ():
+            at = resonance(linearised, modes, model, pairs, omega, h, level)
+            error = _through_the_joint(model, at, h, of_load[h], of_output, level) / peaks
+            joint = np.maximum(joint, error.max(axis=1))
+    direct[-1] = np.inf  # the first mode left out is not known
+    return LeftOut(direct, joint)
+
+
+def _through_the_joint(model: ReducedModel, at: Resonance, h: int, of_load, of_output, level: float) -> np.ndarray:
+    """Return the sum over the harmonics n of (4.5) but for load and output themselves, (n, n_outputs) [m/N].  Local.
+
+    The drag of a full damping matrix is no part of the static solution: it counts with 1 + rho.
+    """
+    error = np.zeros_like(of_output)
+    for n in model.harmonics.above_mean:
+        rho = gains(model, n * at.omega)[:, None]
+        force, motion = (_content(n, h) * at.p / level)[:, None], _content(n, h) * at.pairs
+        if n != h:
+            error += rho * force * motion
+            continue
+        load, drag = of_load[:, None], at.drag[:, None] / level
+        error += rho * ((load + force) * (of_output + motion) - load * of_output)
+        error += (1.0 + rho) * (drag * (of_output + motion + at.drag_adjoint) + (load + force) * at.drag_adjoint)
+    return error
+
+
+def _content(n: int, h: int) -> float:
+    """Return a bound of harmonic n in a slider's motion under a motion in harmonic h, relative to that motion.  Local.
+
+    The slider moves with the pair while it slips and rests otherwise, so that the total variation of its velocity over a
+    cycle is at most four times the largest, and its n-th harmonic at most 4 / pi (h / n)^2.
+    """
+    return 1.0 if n <= h else 4.0 / np.pi * (h / n) ** 2
+
+
+def gains(model: ReducedModel, n_omega: float) -> np.ndarray:
+    """Return rho of (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out, at n omega.  Local.
+
+    omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first mode left out its
+    parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
+    """
+    first, zeta = np.append(model.omega_n[1:], np.inf), _of_left_out(model.zeta, np.minimum)
+    s, damped = n_omega / first, 2.0 * n_omega * _of_left_out(model.zeta / model.omega_n, np.maximum)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        below = np.hypot(s**2, damped) / np.abs(1.0 - s**2 + 2j * zeta * s)
+        at_resonance = 1.1 * np.sqrt(1.0 + 4.0 * zeta**2) / (2.0 * zeta) + damped
+    return np.where(s < 1.0, below, at_resonance)
+
+
+def _of_left_out(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
+    """Return the extreme value of the modes left out where 1 to n are kept, (n,); beyond the n, that of the last one."""
+    return extreme.accumulate(np.append(values[1:], values[-1])[::-1])[::-1]
+
+
+def residual_norms(linearised, modes, X_owned: np.ndarray) -> np.ndarray:
+    """Return the residual norms of complex columns X (n_owned, q) for keeping 1 to n modes, (n, q).
+
+    Collective: 2 q static solves.
+    """
+    comm, q = linearised.system.comm, X_owned.shape[1]
+    parts = np.concatenate([X_owned.real, X_owned.imag], axis=1)
+    static = np.zeros(2 * q)
+    for start in range(0, 2 * q, _COLUMNS):
+        columns = slice(start, start + _COLUMNS)
+        u_owned = linearised.factor.solve(parts[:, columns])
+        static[columns] = summed(comm, np.einsum("ij,ij->j", parts[:, columns], u_owned))
+    kept = np.cumsum((gram(comm, modes.phi_owned, parts) / modes.omega_n[:, None]) ** 2, axis=0)
+    rest = np.maximum(static - kept, 0.0)
+    return np.sqrt(rest[:, :q] + rest[:, q:])
+
+
+def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
+    """Return the largest amplitude of each output on the linear curve, (n_outputs,) [m/N], any harmonic but the mean.  Local."""
+    nothing = np.zeros((3 * model.n_pairs, model.N_H))
+    motions = [receptance.to_complex(receptance.output_motion(model, 1.0, omega, nothing)) for omega in omegas]
+    return np.abs(motions)[:, :, model.harmonics.numbers > 0].max(axis=(0, 2), initial=0.0)
+
+
+def resonances(model: ReducedModel, pairs, omegas: np.ndarray) -> list[float]:
+    """Return the frequencies at which the stuck joint stores most energy, and the last of the range.  Local."""
+    K_J = joint_stiffness(pairs)[:, None]
+    U = [
+        receptance.to_complex(receptance.linear_motion_of_all(model, 1.0, omega))[:, model.harmonics.numbers > 0]
+        for omega in omegas
+    ]
+    energy = np.array([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U])
+    rises = np.diff(energy, prepend=-1.0, append=-1.0) > 0.0
+    tops = np.flatnonzero(rises[:-1] & ~rises[1:])
+    highest = tops[np.argsort(-energy[tops], kind="stable")][:_RESONANCES]
+    return [float(omega) for omega in np.union1d(omegas[highest], omegas[-1:])]
+
+
+def resonance(linearised, modes, model: ReducedModel, pairs, omega: float, h: int, level: float) -> Resonance:
+    """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective: static solves."""
+    system, n_out = linearised.system, model.o.shape[0]
+    first, last = linearised.K_L.getOwnershipRange()
+    c = receptance.dynamic_part(model, omega)[0]
+    i = model.harmonics.chosen.index(h)
+    c_h = np.diag(c[:, i]) if c.ndim == 2 else c[i]
+    static, eta = np.diag(model.omega_n**-2.0), level * model.b @ receptance.to_complex(model.f)[:, i]
+    U = receptance.to_complex(receptance.linear_motion_of_all(model, level, omega))
+    U_adjoint = model.out_R.T + model.r @ c_h @ model.o.T  # (3 n_pairs, n_outputs)
+    share = slipping_share(pairs, np.abs(U).sum(axis=1))
+    K_J = joint_stiffness(pairs)
+    p = np.column_stack([share * K_J * U[:, i], ((share > 0.0) * K_J)[:, None] * U_adjoint])
+    norms = residual_norms(linearised, modes, system.R.T.tocsr()[first:last] @ p)
+    drags = np.zeros_like(norms)
+    if model.C.ndim == 2:
+        z = (c_h + static) @ np.column_stack([eta, model.o.T])
+        u_owned = modes.phi_owned @ np.concatenate([z.real, z.imag], axis=1)
+        Cu_owned = h * omega * multiply(system.C, u_owned)
+        drags = residual_norms(linearised, modes, Cu_owned[:, : n_out + 1] + 1j * Cu_owned[:, n_out + 1 :])
+    return Resonance(omega, norms[:, 0], drags[:, 0], norms[:, 1:], drags[:, 1:])
+
+
+def slipping_share(pairs, U: np.ndarray) -> np.ndarray:
+    """Return which share of the stuck force p takes away at most, (3 n_pairs,), at the amplitudes ``U`` (3 n_pairs,) [m].  Local.
+
+    A Jenkins element whose stuck force exceeds its limit n-fold slips by 1 - 1/n of its motion; the limit counts by half.
+    """
+    x, y, z = U.reshape(-1, 3).T
+    shear, press = pairs.k_t * np.hypot(x, y), pairs.k_n * z
+    limit = pairs.mu * np.maximum(pairs.N0 - press, 0.0)
+    tangential, normal = _excess(shear, _EARLY * limit), _excess(press, _EARLY * pairs.N0)
+    return np.column_stack([tangential, tangential, normal]).ravel()
+
+
+def _excess(force: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Return 1 - limit / force, at least 0 and at most 1."""
+    return np.clip(1.0 - np.divide(limit, force, out=np.ones_like(force), where=force > 0.0), 0.0, 1.0)
+
+
+def _load(system, model: ReducedModel, h: int) -> np.ndarray:
+    """Return harmonic h of the loads at unit level, (n_dof, 1), complex [N/N]."""
+    i = model.harmonics.chosen.index(h)
+    return system.loads @ receptance.to_complex(model.f)[:, i : i + 1]

@@ -1,0 +1,1 @@
+"""Studies of a scene beside its run: methods compared, time integration, speed against accuracy, batches."""

@@ -1,0 +1,50 @@
+"""The story of several scenes: each is run by one group of ranks, from its mesh to its pictures."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..parallel.ending import conclude_part
+from ..parallel.errors import CaseError, Interrupted
+from ..parallel.groups import Counter, Groups, dealt, split
+from ..run import run
+
+
+def run_scenes(scenes: Sequence, comm, out: Path, options: tuple[str, ...] = (), n_groups: int = 1) -> int:
+    """Run scenes side by side, or in turn with one group, each into ``out``/its name; return the worst exit status.
+
+    Collective on ``comm``.  A group takes the next scene whenever it has done the last one.  A scene that fails is said and
+    ends no other; after a signal no further scene begins.
+
+    Raises
+    ------
+    CaseError : two scenes have the same name; on every rank, before anything is run
+    """
+    names = [scene.name for scene in scenes]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise CaseError(f"two scenes are called {twice!r}, and both would write to {out / twice}; rename one of the files")
+    groups, counter, statuses = split(comm, min(n_groups, len(scenes))), Counter(comm), [0]
+    for number in dealt(groups, counter, len(scenes)):
+        statuses.append(_run(scenes[number], groups, out / names[number], options))
+        if statuses[-1] == Interrupted.exit_status:
+            break
+    counter.free()
+    return max(statuses)
+
+
+def _run(scene, groups: Groups, folder: Path, options: tuple[str, ...]) -> int:
+    """Run one scene on this rank's group and return its exit status.  Collective on ``groups.comm``.
+
+    With several groups the screen has a line when a scene begins and one when it ends; run.log has the rest.
+    """
+    is_alone, began = groups.n == 1, time.perf_counter()
+    if groups.is_root and not is_alone:
+        print(f"{scene.name}: begun on {groups.where}", flush=True)
+    status = conclude_part(groups.comm, scene.name, lambda: run(scene, groups.comm, folder, options, screen=is_alone))
+    if groups.is_root and not is_alone:
+        how = "done" if status == 0 else f"ended with status {status}"
+        print(f"{scene.name}: {how} after {time.perf_counter() - began:.3g} s, see {folder}", flush=True)
+    return status

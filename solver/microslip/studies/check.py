@@ -1,0 +1,122 @@
+"""What a run of a scene will need, told without solving anything."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..assembly.assemble import read_off
+from ..assembly.matrices import GivenStructure
+from ..continuation.accuracy import MOST_HARMONICS
+from ..mesh.data import ContactPairs, Mesh, place
+from ..modes.limits import FEW, refuse_too_many
+from ..reduction.methods import METHODS
+from ..scene.schema import DEFAULT_ACCURACY
+
+# measured on the hex20 fan-blade sector of 122,124 DOF: 1.0 GB for the factor and 4 GiB in all at most (docs/guide.md)
+_FACTOR_GB, _MEASURED_DOF = 1.0, 122_124
+
+
+def needs(scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
+    """Return lines that say what the scene holds and what a run will need.  Local, on rank 0.
+
+    Raises
+    ------
+    MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
+    """
+    is_fixed, _, part_names, load_nodes, output_nodes = read_off(mesh, pairs, scene)
+    n_dof = int((~is_fixed).sum())
+    kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
+    lines = [
+        f"scene      {scene.path}: no fault found",
+        f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(part_names)} connected parts",
+        f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
+        *(f"           {note}" for note in mesh.notes),
+        f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed",
+        *_joints(pairs),
+        *(f"load {i}     {_at(mesh, load, nodes)}" for i, (load, nodes) in enumerate(zip(scene.loads, load_nodes), 1)),
+        *(f"output     {out.name}: {_at(mesh, out, nodes)}" for out, nodes in zip(scene.outputs, output_nodes)),
+        *_solution(scene, n_dof, pairs.n_pairs),
+    ]
+    return lines
+
+
+def needs_of_matrices(scene, given: GivenStructure) -> list[str]:
+    """Return the same lines for a scene given as matrices.  Local, on rank 0.
+
+    Raises
+    ------
+    CaseError : too many modes
+    """
+    massless = f"; {given.n_massless} DOF without mass" if given.n_massless else ""
+    damping = "" if given.C is None else f", damping {given.C.nnz}"
+    return [
+        f"scene      {scene.path}: no fault found",
+        f"matrices   {given.n_dof} DOF{massless}; entries: stiffness {given.K.nnz}, mass {given.M.nnz}{damping}",
+        *_joints(given.pairs),
+        *(
+            f"load {i}     DOF {load.dof}, scale {load.scale:g}, harmonic {load.harmonic}"
+            for i, load in enumerate(scene.loads, 1)
+        ),
+        *(f"output     {output.name}: DOF {output.dof}" for output in scene.outputs),
+        *_solution(scene, given.n_dof, given.pairs.n_pairs),
+    ]
+
+
+def highest_harmonic(scene) -> int:
+    """Return the most harmonics that a point may have."""
+    return MOST_HARMONICS if scene.chooses("harmonics") else scene.harmonics
+
+
+def resolution(scene) -> str:
+    """Say with which harmonics and samples the points are solved."""
+    chosen = f"chosen at each point for accuracy {scene.solver.accuracy}"
+    stated = f"harmonics 0 to {scene.harmonics}" if scene.harmonics else "harmonic 0 alone: statics"
+    harmonics = f"harmonics up to {MOST_HARMONICS}, {chosen}" if scene.chooses("harmonics") else stated
+    return f"{harmonics}, {f'samples {chosen}' if scene.chooses('samples') else f'{scene.solver.samples} samples'}"
+
+
+def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
+    """Say how the scene is solved, and what that takes."""
+    solver = scene.solver
+    refuse_too_many(solver.modes, n_dof, scene.path)
+    modes = f"picked at run time for [solver] accuracy = {solver.accuracy or DEFAULT_ACCURACY:g}"
+    if solver.modes or n_dof <= FEW:
+        modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
+    n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
+    coordinates = METHODS[solver.method].coordinates(solver, n_modes, n_dof, n_pairs, len(scene.loads))
+    unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
+    points = f"about {scene.response.points} points" if scene.harmonics else "one point, for all frequencies"
+    if scene.harmonics and solver.accuracy is not None and "points" not in scene.response.model_fields_set:
+        points = f"as many points as accuracy {solver.accuracy:g} takes"
+    has_more = n_modes == 0 and solver.method not in ("receptance", "full")
+    return [
+        f"method     {solver.method}: {resolution(scene)}; at most {unknowns} unknowns "
+        f"with all pairs slipping{', besides those of the modes' if has_more else ''}",
+        f"modes      {modes}",
+        f"response   {len(scene.response.levels)} levels of {points}",
+        f"memory     about {_FACTOR_GB * (n_dof / _MEASURED_DOF) ** (4 / 3):.2g} GB for the factor (solid meshes), "
+        f"{72e-9 * n_pairs**2:.2g} GB for static columns if every pair slips",
+    ]
+
+
+def _joints(pairs: ContactPairs) -> list[str]:
+    lines = []
+    for name in dict.fromkeys(pairs.joint):
+        own = np.array([joint == name for joint in pairs.joint])
+        N0, area = pairs.N0[own], pairs.area[own].sum()
+        where = f" on {area:.6g} m2" if np.isfinite(area) else ""  # matrices come without areas
+        lines.append(
+            f"joint      {name}: {own.sum()} pairs{where}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
+            f"{np.count_nonzero(N0 < 0)} with a gap"
+        )
+    return lines
+
+
+def _at(mesh: Mesh, entry, nodes: np.ndarray) -> str:
+    """Say where a load or an output lies."""
+    if len(nodes) > 1:
+        return f"shared by {len(nodes)} nodes of {entry.group}"
+    text = f"node {mesh.numbers[nodes[0]]} at {place(mesh.points[nodes[0]])} m"
+    if entry.position is not None:
+        text += f", {np.linalg.norm(mesh.points[nodes[0]] - np.array(entry.position)):.3g} m from the position asked for"
+    return text

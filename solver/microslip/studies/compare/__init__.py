@@ -1,0 +1,1 @@
+"""Several methods at the same points."""

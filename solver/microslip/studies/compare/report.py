@@ -1,0 +1,185 @@
+"""Methods side by side at the same points: the table, compare.csv and compare.png.  Rank 0 only."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.lines import Line2D
+
+from ...parallel.files import make_folder, written_whole
+from ...results.measures import amplitude
+from ...results.style import LINEAR, RC, WIDTH, Page, Titled, scaled, some
+
+COLUMNS = {
+    "level_N": "level N",
+    "method": "method",
+    "setup_s": "set-up s",
+    "ms_a_point": "ms a point",
+    "points": "points",
+    "evaluations": "Newton",
+    "unknowns_min": "unknowns min",
+    "unknowns_max": "max",
+    "peak_m": "peak m",
+    "peak_Hz": "at Hz",
+    "difference_percent": "difference %",
+    "energy_difference_percent": "of energy %",
+    "failure": "failure",
+}
+_WIDE = 170  # columns of the printed table
+_MOST_LEVELS = 4  # in the picture
+_FLOOR = 1e-12  # of a difference on a logarithmic axis
+# Okabe and Ito, and two more
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1a1a1a", "#8a8a8a")
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one method did at the frequencies of one level."""
+
+    level: float  # N
+    method: str
+    setup: float  # s, of the reduction
+    points: list  # converged points, in order
+    failure: str | None  # why they end early
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """Return (n,) Hz."""
+        return np.array([point.omega for point in self.points]) / (2.0 * np.pi)
+
+    @property
+    def amplitude(self) -> np.ndarray:
+        """Return the amplitude of harmonic 1 of the first output, (n,) [m]."""
+        return np.array([amplitude(point.response[0]) for point in self.points])
+
+
+def differences(row: Row, reference: Row) -> np.ndarray:
+    """Return at each common point the largest difference of any harmonic of any output over the reference's peak, (n,) [-]."""
+    n = min(len(row.points), len(reference.points))
+    exact = np.array([point.response for point in reference.points])
+    peak = np.abs(exact).max(axis=(0, 2), initial=0.0)[:, None]
+    own = np.array([point.response for point in row.points[:n]])
+    return (np.abs(own - exact[:n]) / np.where(peak > 0.0, peak, 1.0)).max(axis=(1, 2)) if n else np.empty(0)
+
+
+def energy_difference(row: Row, reference: Row) -> float:
+    """Return the largest difference of the friction loss over the largest of the reference; nan where that loses nothing."""
+    exact = np.array([point.friction for point in reference.points])
+    own = np.array([point.friction for point in row.points])
+    n, most = min(len(own), len(exact)), np.abs(exact).max(initial=0.0)
+    return float(np.abs(own[:n] - exact[:n]).max(initial=0.0) / most) if most > 0.0 and n else float("nan")
+
+
+def record(row: Row, reference: Row) -> dict:
+    """Return the numbers of a row by the names of ``COLUMNS``."""
+    if not row.points:
+        known = {"level_N": row.level, "method": row.method, "setup_s": row.setup, "points": 0, "failure": row.failure or ""}
+        return dict.fromkeys(COLUMNS, float("nan")) | known
+    top, unknowns = int(np.argmax(row.amplitude)), [point.unknowns for point in row.points]
+    return dict(
+        zip(
+            COLUMNS,
+            (
+                row.level,
+                row.method,
+                row.setup,
+                1e3 * np.mean([point.seconds for point in row.points]),
+                len(row.points),
+                sum(point.newton for point in row.points),
+                min(unknowns),
+                max(unknowns),
+                row.amplitude[top],
+                row.frequency[top],
+                100.0 * differences(row, reference).max(initial=0.0),
+                100.0 * energy_difference(row, reference),
+                row.failure or "",
+            ),
+        )
+    )
+
+
+def write_comparison(rows: Sequence[Row], scene: Titled, folder: str) -> str:
+    """Write compare.csv and compare.png; return the table.  Local.  The first row of each level is the reference.
+
+    Raises
+    ------
+    CaseError, ResourceError : a file cannot be written
+    """
+    make_folder(folder)
+    references: dict[float, Row] = {}
+    for row in rows:
+        references.setdefault(row.level, row)
+    ordered = [row for level in references for row in rows if row.level == level]
+    records = [record(row, references[row.level]) for row in ordered]
+    with written_whole(f"{folder}/compare.csv") as path, open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({key: _number(value) for key, value in entry.items()} for entry in records)
+    with matplotlib.rc_context(RC):
+        draw_comparison(rows, references, scene, f"{folder}/compare.png")
+    return table(records, next(iter(references.values())).method)
+
+
+def table(records: Sequence[dict], reference: str) -> str:
+    """Return the records as a table for the screen; differences are from the reference."""
+    names = [name for name in COLUMNS if name != "failure" or any(entry["failure"] for entry in records)]
+    cells = [[_cell(name, entry, reference) for name in names] for entry in records]
+    try:
+        from rich.console import Console
+        from rich.table import Table
+    except ImportError:  # a cluster's Python may lack it
+        return "\n".join("  ".join(line) for line in [[COLUMNS[name] for name in names], *cells])
+    grid = Table(title=f"differences from {reference}, in % of its peak; set-up beside factor and modes, which all share")
+    for name in names:
+        grid.add_column(COLUMNS[name], justify="left" if name in ("method", "failure") else "right", no_wrap=name != "failure")
+    for line, entry, following in zip(cells, records, [*records[1:], {}]):
+        grid.add_row(*line, end_section=following.get("level_N") != entry["level_N"])
+    text = io.StringIO()
+    Console(file=text, width=_WIDE).print(grid)
+    return text.getvalue().rstrip()
+
+
+def _number(value):
+    return f"{value:.9g}" if isinstance(value, float) else value
+
+
+def _cell(name: str, entry: dict, reference: str) -> str:
+    value = entry[name]
+    if name in ("difference_percent", "energy_difference_percent"):
+        return "reference" if entry["method"] == reference else "\u2013" if value != value else f"{value:.2g}"
+    if isinstance(value, float):
+        return "\u2013" if value != value else f"{value:.{ {'peak_m': 5, 'peak_Hz': 7}.get(name, 3) }g}"
+    return str(value)
+
+
+def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Titled, path: str) -> None:
+    """Draw the curves of all methods and their differences from the reference, a column a level."""
+    methods = list(dict.fromkeys(row.method for row in rows))
+    reference, *others = methods
+    colours = dict(zip(others, _COLOURS * (1 + len(others) // len(_COLOURS))))
+    handles = [Line2D([], [], label=f"{reference}, the reference", **LINEAR)]
+    handles += [Line2D([], [], color=colours[method], label=method) for method in others]
+    levels = some(list(references), _MOST_LEVELS)
+    says = "methods at the same points: amplitude of harmonic 1 of the first output; difference from the reference"
+    page = Page(scene, says, WIDTH, 4.6, handles)
+    axes = page.grid(2, len(levels)).subplots(sharex=True, sharey="row", squeeze=False)
+    factor, unit = scaled(np.concatenate([row.amplitude for row in references.values()]), "m")
+    for level, (curve, error) in zip(levels, axes.T):
+        exact = references[level]
+        curve.plot(exact.frequency, factor * exact.amplitude, **LINEAR)
+        curve.set_title(f"{level:g} N")
+        for row in rows:
+            if row.level == level and row.method != reference and row.points:
+                curve.plot(row.frequency, factor * row.amplitude, color=colours[row.method], lw=0.8)
+                found = np.maximum(differences(row, exact), _FLOOR)
+                error.plot(exact.frequency[: len(found)], found, color=colours[row.method], lw=0.8)
+        error.set(yscale="log", xlabel="frequency [Hz]")
+    axes[0, 0].set_ylabel(f"amplitude [{unit}]")
+    axes[1, 0].set_ylabel("difference / peak")
+    with written_whole(path) as beside:
+        page.figure.savefig(beside, dpi=200, format="png")

@@ -1,0 +1,157 @@
+"""The story of a comparison: one structure, several methods at the same frequencies, one table."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from ...contact.law import ContactParameters
+from ...continuation.branch import Branch
+from ...continuation.follow import follow_branch
+from ...continuation.grid import at_frequencies, going_on
+from ...continuation.levels import arc_length_steps, frequency_sweep, likely_to_slip, linear_curve, most_points
+from ...harmonic.residual import HarmonicBalance
+from ...observe.log import RunLog
+from ...parallel.agree import on_root
+from ...parallel.errors import CaseError, ConvergenceError
+from ...parallel.versions import versions
+from ...parallel.words import nearest
+from ...reduction.methods import METHODS, check_size, reduce_by_method
+from ...reduction.reduction import Reduction
+from ...run import Structure, build_structure
+from .report import Row, write_comparison
+
+LARGEST_REFERENCE = 20_000  # DOF up to which `full` is the reference unasked
+
+
+def compare(scene, comm, folder: Path, methods: tuple[str, ...] = (), options: tuple[str, ...] = ()) -> None:
+    """Solve one scene by several methods at the same frequencies; print and write one table.
+
+    Collective on ``comm``.  The reference is `full` where it fits, else `receptance`.  Its curve, followed by arc length, gives
+    the frequencies of each level; at these every method, the reference too, is solved from its own last two points.
+
+    Raises
+    ------
+    CaseError : an unknown method, or one that cannot be used here; on every rank
+    ConvergenceError : a method ended early, after everything was written; on every rank
+    """
+    methods = known_methods(methods)
+    facts = {"scene": str(scene.path), "methods": ", ".join(methods), "PETSc options": " ".join(options) or "none", **versions()}
+    with RunLog(comm, str(folder / "compare.log"), facts=facts) as log:
+        structure = build_structure(by_method(scene, "receptance"), comm, log)
+        if structure.pairs.n_pairs == 0:
+            raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint every method is the same linear response")
+        comparison = Comparison(scene, structure, log)
+        reference, reduction, seconds = comparison.reference("full" in methods)
+        comparison.points_of(reference, reduction)
+        rows = comparison.rows(reference, reduction, seconds)
+        for method in methods:
+            if method != reference:
+                rows += comparison.rows(method, *comparison.reduced(method))
+        log.note(on_root(comm, write_comparison, rows, scene, str(folder)))
+        log.note(f"results in {folder}")
+        structure.linearised.destroy()
+    failed = [row for row in rows if row.failure]
+    if failed:
+        raise ConvergenceError(
+            "\n".join(f"{row.method} at {row.level:g} N ends after {len(row.points)} points: {row.failure}" for row in failed)
+            + f"\nwhat converged is in {folder}"
+        )
+
+
+def known_methods(methods: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the methods asked for, each once, or all of them.  Local.
+
+    Raises
+    ------
+    CaseError : a name that no method has
+    """
+    for name in methods:
+        if name not in METHODS:
+            near = nearest(name, METHODS)
+            hint = f"; nearest is {near}" if near else ""
+            raise CaseError(f"--methods: unknown method {name!r}{hint}; known: {', '.join(METHODS)}")
+    return tuple(dict.fromkeys(methods)) or tuple(METHODS)
+
+
+def by_method(scene, method: str):
+    """Return the scene with another method.  Local."""
+    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})
+
+
+class Comparison:
+    """What all methods share: the structure, the range and, once the reference is followed, the frequencies of each level."""
+
+    def __init__(self, scene, structure: Structure, log: RunLog):
+        self.scene, self.structure, self.log = scene, structure, log
+        self.comm = structure.linearised.system.comm
+        pairs = structure.pairs
+        self.parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+        self.sweep = frequency_sweep(scene.response, structure.modes.omega_n)
+        self.omegas: dict[float, list[float]] = {}
+
+    def reference(self, asked: bool) -> tuple[str, Reduction, float]:
+        """Return the reference, reduced, and the seconds that took: `full` where it fits.  Collective.
+
+        Raises
+        ------
+        CaseError : `full` was asked for and does not fit; on every rank
+        """
+        if asked or self.structure.linearised.system.n_dof <= LARGEST_REFERENCE:
+            try:
+                return "full", *self.reduced("full")
+            except CaseError as reason:
+                if asked:
+                    raise
+                self.log.note(f"the reference is receptance: {reason}")
+        return "receptance", *self.reduced("receptance")
+
+    def reduced(self, method: str) -> tuple[Reduction, float]:
+        """Return the reduction by a method and the seconds it took.  Collective."""
+        scene, start = by_method(self.scene, method), time.perf_counter()
+        system, structure = self.structure.linearised.system, self.structure
+        with self.log.stage(f"reduction: {method}"):
+            check_size(scene, system.n_dof, system.R.shape[0], self.comm)
+            reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
+        seconds = time.perf_counter() - start
+        model = reduction.model
+        model.G_static.likely = likely_to_slip(model, self.parameters, linear_curve(model, self.sweep))
+        return reduction, seconds
+
+    def problem(self, reduction: Reduction, level: float) -> HarmonicBalance:
+        return HarmonicBalance(reduction.model, self.parameters, self.scene.solver.samples, level)
+
+    def points_of(self, method: str, reduction: Reduction) -> None:
+        """Follow the reference by arc length: its points are those of every method.  Collective.
+
+        Raises
+        ------
+        ConvergenceError : no second point at some level; on every rank
+        """
+        response, solver = self.scene.response, self.scene.solver
+        steps = arc_length_steps(self.scene.continuation, response.points, linear_curve(reduction.model, self.sweep))
+        with self.log.stage(f"frequencies, along the curve of {method}"):
+            for level in response.levels:
+                branch = follow_branch(
+                    self.problem(reduction, level),
+                    reduction.selection,
+                    self.sweep,
+                    steps,
+                    tolerance=solver.tolerance,
+                    max_points=most_points(response.points),
+                )
+                self.omegas[level] = going_on(branch.points, self.sweep.direction)
+                if len(self.omegas[level]) < 2:
+                    raise ConvergenceError(f"{method} at {level:g} N: {branch.failure}")
+
+    def rows(self, method: str, reduction: Reduction, seconds: float) -> list[Row]:
+        """Return what a method does at the frequencies of each level.  Collective."""
+        rows = []
+        with self.log.stage(f"response: {method}"):
+            for level, omegas in self.omegas.items():
+                branch = self.solve(reduction, level, omegas)
+                rows.append(Row(level, method, seconds, branch.points, branch.failure))
+        return rows
+
+    def solve(self, reduction: Reduction, level: float, omegas: list[float]) -> Branch:
+        return at_frequencies(self.problem(reduction, level), reduction.selection, omegas, tolerance=self.scene.solver.tolerance)

@@ -1,0 +1,1 @@
+"""Speed against accuracy, each setting measured against a reference that is known."""

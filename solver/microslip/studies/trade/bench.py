@@ -1,0 +1,280 @@
+"""The bench of a trade: one structure, its modes, and timed runs of settings at given frequencies."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...contact.law import ContactParameters
+from ...continuation.accuracy import Accuracy, accuracy_of
+from ...continuation.branch import Branch
+from ...continuation.grid import at_frequencies
+from ...continuation.levels import frequency_sweep, likely_to_slip, linear_curve
+from ...error_estimate.better_model import Truth, truth_of
+from ...error_estimate.components import total
+from ...error_estimate.estimate import ErrorEstimator
+from ...fourier.harmonics import Harmonics
+from ...harmonic.residual import ContactForces, HarmonicBalance
+from ...modes.eigen import Modes, first_of, lowest_modes
+from ...parallel.errors import MicroslipError
+from ...receptance.static_columns import StaticColumns
+from ...reduction.methods import check_size, reduce_by_method
+from ...reduction.reduction import Reduction
+from ...run import Structure
+from .study import Curve, Run, Setting
+
+SHORT = 1.0  # s of a response below which it is solved again, and the smaller time counts
+
+
+class Clock:
+    """The time that is left, the same on all ranks."""
+
+    def __init__(self, comm, seconds: float):
+        self.comm, self.seconds, self._start = comm, seconds, time.perf_counter()
+
+    @property
+    def spent(self) -> float:
+        """Seconds since the start.  Collective: one broadcast."""
+        return self.comm.bcast(time.perf_counter() - self._start)
+
+    def left(self, share: float = 1.0) -> float:
+        """Return the seconds until ``share`` of the time is spent.  Collective: one broadcast."""
+        return share * self.seconds - self.spent
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A reduction with what its error bars compare with."""
+
+    reduction: Reduction
+    truth: Truth
+    seconds: float  # of the reduction
+
+
+class Bench:
+    """What all runs share.  Every method is collective on the structure's communicator."""
+
+    def __init__(self, scene, structure: Structure):
+        self.scene, self.structure = scene, structure
+        self.comm = structure.linearised.system.comm
+        pairs = structure.pairs
+        self.parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+        self.sweep = frequency_sweep(scene.response, structure.modes.omega_n)
+        self.least_harmonics = max([1, *(load.harmonic for load in scene.loads)])
+        self.modes: Modes = structure.modes
+        self.has_all_modes = len(structure.modes.omega_n) == structure.linearised.system.n_dof
+        highest = max(self.sweep.start, self.sweep.stop)
+        in_range = int(np.count_nonzero(structure.modes.omega_n <= highest))
+        self.least_modes = self.comm.bcast(max(scene.response.mode or 1, in_range))  # fewer leave a resonance out
+        self.modes_seconds: dict[int, float] = {}  # measured, by number
+        self.columns_seconds = 0.0  # of static columns, which all runs share
+        self._prepared: dict[tuple, Prepared] = {}
+        self._columns: StaticColumns | None = None
+
+    # -- set-up ------------------------------------------------------------------------------------------------
+
+    def more_modes(self, n_modes: int) -> None:
+        """Compute modes anew where ``n_modes`` are more than there are, and know how long that takes."""
+        modes, seconds = self._timed_modes(n_modes)
+        self.modes_seconds[len(modes.omega_n)] = seconds
+        n_dof = self.structure.linearised.system.n_dof
+        self.has_all_modes = self.has_all_modes or n_modes == n_dof or len(modes.omega_n) < n_modes
+        if len(modes.omega_n) > len(self.modes.omega_n):
+            self.modes = modes
+
+    def _timed_modes(self, n_modes: int) -> tuple[Modes, float]:
+        start = time.perf_counter()
+        modes = lowest_modes(self.structure.linearised, n_modes, self.scene.solver.verify_modes, fewer_will_do=True)
+        return modes, self.comm.bcast(time.perf_counter() - start)
+
+    def setup_of_modes(self, n_modes: int) -> float:
+        """Return the seconds that so many modes take, on straight lines between what was measured.  Local."""
+        known = sorted(self.modes_seconds.items())
+        return float(np.interp(n_modes, [n for n, _ in known], [seconds for _, seconds in known])) if known else 0.0
+
+    def prepared(self, setting: Setting) -> Prepared:
+        """Return a setting's reduction; those of the structure's own modes and statics are kept, with static columns in common.
+
+        Raises
+        ------
+        CaseError, ConvergenceError, ResourceError : the method cannot be used here; on every rank
+        """
+        key = (setting.method, setting.modes)
+        if key not in self._prepared:
+            found = self._prepare(setting)
+            if found.reduction.leaves_out == "basis":
+                return found
+            self._prepared[key] = found
+        found = self._prepared[key]
+        if setting.energy_tolerance is None:
+            return found
+        selection = replace(found.reduction.selection, energy_tolerance=setting.energy_tolerance)  # type: ignore[type-var]
+        return replace(found, reduction=replace(found.reduction, selection=selection))
+
+    def _prepare(self, setting: Setting) -> Prepared:
+        scene, structure, system = self.scene_of(setting), self.structure, self.structure.linearised.system
+        start = time.perf_counter()
+        check_size(scene, system.n_dof, system.R.shape[0], self.comm)
+        modes = first_of(self.modes, setting.modes)
+        reduction = reduce_by_method(structure.linearised, modes, structure.pairs, scene)
+        seconds = self.comm.bcast(time.perf_counter() - start)
+        if reduction.leaves_out == "modes":
+            if self._columns is None:
+                self._columns = reduction.model.G_static
+                self._columns.solve = self._timed(self._columns.solve)  # type: ignore[method-assign]
+            reduction = replace(reduction, model=replace(reduction.model, G_static=self._columns))
+        model = reduction.model
+        if not model.G_static.known.all():
+            model.G_static.likely = likely_to_slip(model, self.parameters, linear_curve(model, self.sweep))
+        return Prepared(reduction, truth_of(structure.linearised, modes, reduction, scene), seconds)
+
+    def _timed(self, solve):
+        def timed(pairs):
+            start = time.perf_counter()
+            columns = solve(pairs)
+            self.columns_seconds += time.perf_counter() - start
+            return columns
+
+        return timed
+
+    def scene_of(self, setting: Setting):
+        """Return the scene with the [solver] of a setting.  Local."""
+        changed = {
+            "method": setting.method,
+            "modes": setting.modes,
+            "samples": setting.samples,
+            "tolerance": setting.tolerance,
+            "harmonics": max(setting.harmonics, self.least_harmonics),
+            "accuracy": setting.accuracy,
+        }
+        if setting.energy_tolerance is not None:
+            changed["energy_tolerance"] = setting.energy_tolerance
+        return self.scene.model_copy(update={"solver": self.scene.solver.model_copy(update=changed)})
+
+    # -- response ----------------------------------------------------------------------------------------------
+
+    def problem(self, prepared: Prepared, setting: Setting, level: float) -> HarmonicBalance:
+        """Return harmonic balance of a setting at a level [N]."""
+        model = prepared.reduction.model.with_harmonics(Harmonics.up_to(setting.harmonics))
+        return HarmonicBalance(model, self.parameters, setting.samples, level)
+
+    def accuracy_of(self, setting: Setting, problem: HarmonicBalance) -> Accuracy | None:
+        """Return a new choice of harmonics and samples for a branch of a setting; the scene's own are left to it."""
+        if setting.accuracy is None:
+            return None
+        own = self.scene.solver
+        stated = {name: getattr(own, name) for name in own.model_fields_set - {"harmonics", "samples", "tolerance"}}
+        solver = type(own)(**stated | {"accuracy": setting.accuracy})
+        return accuracy_of(self.scene.model_copy(update={"solver": solver}), problem)
+
+    def run(self, knob: str, value: str, setting: Setting, omegas: Mapping[float, Sequence[float]], bars: bool = True) -> Run:
+        """Return what a setting does at the frequencies of each level, timed; a failure is part of it."""
+        try:
+            prepared = self.prepared(setting)
+        except MicroslipError as problem:
+            return not_run(knob, value, setting, str(problem))
+        timed = self._timed_branches(prepared, setting, omegas, bars)
+        if timed.wall < SHORT and not any(branch.failure for branch in timed.branches):
+            again = self._timed_branches(prepared, setting, omegas, bars=False)
+            if again.wall < timed.wall:
+                timed = replace(
+                    timed,
+                    wall=again.wall,
+                    cpu=again.cpu,
+                    wall_with_bars=timed.wall_with_bars + again.wall - timed.wall,
+                    cpu_with_bars=timed.cpu_with_bars + again.cpu - timed.cpu,
+                )
+        failure = "; ".join(
+            f"{branch.level:g} N ends after {len(branch.points)} points: {branch.failure}"
+            for branch in timed.branches
+            if branch.failure
+        )
+        unknowns = max((point.unknowns for branch in timed.branches for point in branch.points), default=0)
+        curves = self.comm.bcast(tuple(curve_of(branch) for branch in timed.branches))
+        return Run(
+            knob,
+            value,
+            setting,
+            prepared.seconds + self.setup_of_modes(setting.modes),
+            timed.wall,
+            timed.cpu,
+            timed.wall_with_bars,
+            timed.cpu_with_bars,
+            unknowns,
+            curves,
+            failure or None,
+        )
+
+    def _timed_branches(self, prepared: Prepared, setting: Setting, omegas, bars: bool) -> Timed:
+        """Return the branches of all levels and their times; the error bars count apart unless the response needs them."""
+        start, branches, spent = Stopwatch.read(), [], np.zeros(2)
+        for level, points in omegas.items():
+            problem = self.problem(prepared, setting, level)
+            accuracy = self.accuracy_of(setting, problem)
+            estimator = TimedEstimator(prepared.truth) if bars or accuracy else None
+            branches.append(
+                at_frequencies(
+                    problem,
+                    prepared.reduction.selection,
+                    list(points),
+                    tolerance=setting.tolerance,
+                    estimator=estimator,
+                    accuracy=accuracy,
+                )
+            )
+            if estimator is not None and accuracy is None:
+                spent += estimator.spent
+        (wall, cpu), (wall_of_bars, cpu_of_bars) = self.comm.bcast((Stopwatch.read() - start, spent))
+        return Timed(branches, float(wall - wall_of_bars), float(cpu - cpu_of_bars), float(wall), float(cpu))
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Branches and what they took, of rank 0."""
+
+    branches: list[Branch]
+    wall: float  # s, without error bars
+    cpu: float  # s
+    wall_with_bars: float  # s
+    cpu_with_bars: float  # s
+
+
+class Stopwatch:
+    """Wall and processor time of this process."""
+
+    @staticmethod
+    def read() -> np.ndarray:
+        """Return both [s]."""
+        return np.array([time.perf_counter(), time.process_time()])
+
+
+class TimedEstimator(ErrorEstimator):
+    """Error bars, and the time they took."""
+
+    def __init__(self, truth: Truth):
+        super().__init__(truth)
+        self.spent = np.zeros(2)
+
+    def at(
+        self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray, of_all: ContactForces | None = None
+    ) -> np.ndarray | None:
+        start = Stopwatch.read()
+        parts = super().at(problem, U, parameter, selected, of_all)
+        self.spent += Stopwatch.read() - start
+        return parts
+
+
+def not_run(knob: str, value: str, setting: Setting, why: str) -> Run:
+    """Return a run without results.  Local."""
+    return Run(knob, value, setting, np.nan, np.nan, np.nan, np.nan, np.nan, 0, (), why)
+
+
+def curve_of(branch: Branch) -> Curve:
+    """Return the amplitude of harmonic 1 of the first output along a branch, cos - i sin.  Local."""
+    omega = np.array([point.omega for point in branch.points])
+    u = np.array([complex(point.response[0, 1], -point.response[0, 2]) for point in branch.points])
+    bar = np.array([np.nan if point.error is None else float(total(point.error[0])) for point in branch.points])
+    return Curve(branch.level, omega, u, bar)

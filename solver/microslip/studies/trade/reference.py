@@ -1,0 +1,266 @@
+"""The reference of a trade: levels and frequencies from cheap curves, then harmonics, samples and modes raised rung by rung.
+
+Every rung is solved at all points, each from the solution of the rung below.  The rungs below the reference say how well it is
+known: the changes from one to the next form a series, and what is left of it is the uncertainty of the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...continuation.branch import Branch
+from ...continuation.corrector import Iterate
+from ...continuation.follow import BranchFollower, follow_branch
+from ...continuation.grid import STEPS as ON_GRID
+from ...continuation.grid import at_frequencies, going_on
+from ...continuation.levels import arc_length_steps, linear_curve
+from ...continuation.point_record import point_record
+from ...continuation.sweep import Sweep
+from ...parallel.errors import CaseError, ConvergenceError
+from .bench import Bench, Clock, curve_of
+from .study import ROUNDING, TARGETS, Check, Curve, Reference, Setting, difference, uncertainty
+
+POINTS = 20  # a level
+STEPS = 60  # of the cheap curve
+FEWEST = 5  # points of a level worth comparing on
+RUNGS = (3, 7, 15, 31, 63, 127)  # harmonics, each about twice the one before
+SAMPLES, MOST_SAMPLES = 128, 16384  # of the first rung; each has twice those of the one before
+FINE = 512  # samples of the rungs of harmonics, unless they need more
+ENOUGH = 0.3 * min(TARGETS)  # of the peak
+EVEN = 0.4  # of what more harmonics would change: other knobs need not be better
+TOLERANCE = 1e-10
+CHECKED_AT = 7  # harmonics of the rungs of samples and modes
+LINEAR = "those of the loads, nothing slips"
+GROWTH = 2.2  # of the time from one rung of harmonics to the next, at least
+AGAIN = 1.5  # rungs' times that the rest takes beside the last one
+
+
+def frequencies(bench: Bench, setting: Setting, levels: Sequence[float] | None) -> tuple[dict[float, list[float]], float, bool]:
+    """Return the frequencies [rad/s] of each level, the largest loss of a pair [J a cycle] and whether any slips or opens.
+
+    Collective.  Of the scene's levels the first with slip and the strongest, unless ``levels`` are given.  The frequencies are
+    those of a curve of few harmonics, at equal steps of its length.
+
+    Raises
+    ------
+    CaseError : the first output does not move in harmonic 1; on every rank
+    ConvergenceError : no level has a curve; on every rank
+    """
+    prepared, found, most, failures, any_slips = bench.prepared(setting), {}, 0.0, [], False
+    steps = arc_length_steps(bench.scene.continuation, STEPS, linear_curve(prepared.reduction.model, bench.sweep))
+    strongest = max(levels or bench.scene.response.levels)
+    for level in [strongest, *sorted(set(levels or bench.scene.response.levels) - {strongest})]:
+        branch = follow_branch(
+            bench.problem(prepared, setting, level),
+            prepared.reduction.selection,
+            bench.sweep,
+            steps,
+            tolerance=setting.tolerance,
+            max_points=20 * STEPS,
+        )
+        omegas, slips = going_on(branch.points, bench.sweep.direction), any(np.any(point.state != 0) for point in branch.points)
+        slips = bench.comm.bcast(slips)
+        if len(omegas) < FEWEST:
+            failures.append(f"{level:g} N: {branch.failure}")
+        elif levels or slips or level == strongest:
+            check_moves(bench, branch)
+            any_slips = any_slips or slips
+            found[level] = thinned(omegas, curve_of(branch))
+            most = max([most, *(float(point.energy.max(initial=0.0)) for point in branch.points)])
+        if not levels and (len(found) == 2 or (level == strongest and found and not slips)):
+            break
+    if not found:
+        raise ConvergenceError("no level has a curve to compare on: " + "; ".join(failures))
+    return bench.comm.bcast((dict(sorted(found.items())), most, any_slips))
+
+
+def check_moves(bench: Bench, branch: Branch) -> None:
+    """Refuse a curve whose first output does not move, over whose peak errors are measured.  Collective: one broadcast.
+
+    Raises
+    ------
+    CaseError : on every rank
+    """
+    motions = [np.abs(motion).max(initial=0.0) for point in branch.points for motion in (point.response, point.U)]
+    if bench.comm.bcast(curve_of(branch).peak <= ROUNDING * max(motions)):
+        scene = bench.scene
+        raise CaseError(
+            f'{scene.path}: [[outputs]] 1 ("{scene.outputs[0].name}") does not move in harmonic 1 at '
+            f"{branch.level:g} N, and trade measures errors over its peak there; put an output first that moves"
+        )
+
+
+def thinned(omegas: Sequence[float], curve: Curve) -> list[float]:
+    """Return about POINTS of ``omegas``, evenly, the one with the largest amplitude and its neighbours among them.  Local."""
+    top = int(np.argmin(np.abs(np.array(omegas) - curve.omega[int(np.argmax(np.abs(curve.u)))])))
+    chosen = set(np.linspace(0, len(omegas) - 1, min(POINTS, len(omegas))).round().astype(int)) | {top - 1, top, top + 1}
+    return [omegas[i] for i in sorted(chosen) if 0 <= i < len(omegas)]
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A setting solved at all points: curves, and motions from which another setting starts."""
+
+    setting: Setting
+    curves: tuple[Curve, ...]
+    motions: dict[float, list[Iterate]]  # by level; this rank's pairs
+    seconds: float
+
+
+class Ladder:
+    """Settings solved at the same points, each from another's solution.  Every method is collective."""
+
+    def __init__(self, bench: Bench, omegas: Mapping[float, Sequence[float]], clock: Clock):
+        self.bench, self.omegas, self.clock = bench, omegas, clock
+
+    def rung(self, setting: Setting, below: Rung | None = None) -> Rung:
+        """Return a setting's solution.
+
+        Raises
+        ------
+        ConvergenceError : it does not converge at every frequency; on every rank
+        """
+        start, prepared, curves, motions = self.clock.spent, self.bench.prepared(setting), [], {}
+        for level, omegas in self.omegas.items():
+            branch = None
+            if below is not None:
+                branch, motions[level] = self._from(below.motions[level], prepared, setting, level, omegas)
+            if branch is None:
+                branch, motions[level] = self._anew(prepared, setting, level, omegas)
+            curves.append(curve_of(branch))
+        return Rung(setting, self.bench.comm.bcast(tuple(curves)), motions, self.clock.spent - start)
+
+    def _from(self, motions, prepared, setting: Setting, level: float, omegas) -> tuple[Branch | None, list[Iterate]]:
+        """Return the points found from solutions of another setting; None where one is not found so."""
+        follower = self._follower(prepared, setting, level, omegas)
+        branch, found = Branch(level), []
+        everything = np.ones(follower.problem.model.n_pairs, dtype=bool)
+        try:
+            for motion in motions:
+                guess = follower.fitted(motion)
+                correction, selected = follower.solve_at(guess, follower.norm(guess.U), everything)
+                if correction.failure:
+                    return None, []
+                selection = prepared.reduction.selection
+                branch.points.append(point_record(follower.problem, correction, selected, selection, True)[0])
+                found.append(correction.iterate)
+        finally:
+            follower.destroy()
+        return branch, found
+
+    def _follower(self, prepared, setting: Setting, level: float, omegas) -> BranchFollower:
+        width = float(np.ptp(omegas)) or 1e-3 * omegas[0]
+        return BranchFollower(
+            self.bench.problem(prepared, setting, level),
+            prepared.reduction.selection,
+            Sweep(omegas[0], omegas[0] + width),
+            ON_GRID,
+            setting.tolerance,
+        )
+
+    def _anew(self, prepared, setting: Setting, level: float, omegas) -> tuple[Branch, list[Iterate]]:
+        """Return the points, each found from those before it."""
+        problem = self.bench.problem(prepared, setting, level)
+        branch = at_frequencies(problem, prepared.reduction.selection, list(omegas), tolerance=setting.tolerance)
+        if branch.failure:
+            raise ConvergenceError(
+                f"no reference at {level:g} N: {setting} ends after {len(branch.points)} of {len(omegas)} "
+                f"points: {branch.failure}"
+            )
+        model = problem.model
+        motions = self.bench.comm.bcast([point.U for point in branch.points])
+        owned = [model.recorded.carry(U[model.owned], model.harmonics) for U in motions]
+        return branch, [Iterate(U, point.omega) for U, point in zip(owned, branch.points)]
+
+
+def find_reference(
+    bench: Bench,
+    omegas: Mapping[float, Sequence[float]],
+    base: Setting,
+    clock: Clock,
+    share: float,
+    note: Callable[[str], None],
+    slips: bool = True,
+) -> Reference:
+    """Return the reference, as fine as needed or as ``share`` of the time allows.  Collective.
+
+    Where nothing ``slips`` the response is linear, and the harmonics and samples of ``base`` leave nothing out.
+
+    Raises
+    ------
+    ConvergenceError : it has no curve; on every rank
+    """
+    began, ladder = clock.spent, Ladder(bench, omegas, clock)
+    start = replace(base, samples=FINE, tolerance=TOLERANCE)
+    by_harmonics, why_H = _more_harmonics(ladder, start, share) if slips else ([ladder.rung(start)], LINEAR)
+    goal = max(ENOUGH, EVEN * _rest(bench, by_harmonics))
+    coarse = next((rung for rung in by_harmonics if rung.setting.harmonics >= CHECKED_AT), by_harmonics[-1])
+    samples = [SAMPLES * 2**k for k in range(20) if 2 * coarse.setting.harmonics < SAMPLES * 2**k <= MOST_SAMPLES]
+    by_samples, why_N = _raised(ladder, coarse, "samples", samples, goal, share) if slips else ([coarse], LINEAR)
+    numbers = [len(bench.modes.omega_n)] if bench.has_all_modes else mode_numbers(bench)
+    by_modes, _ = _raised(ladder, coarse, "modes", numbers, -1.0, 2.0)
+    best = replace(
+        by_harmonics[-1].setting,
+        samples=max(by_samples[-1].setting.samples, by_harmonics[-1].setting.samples),
+        modes=by_modes[-1].setting.modes,
+    )
+    reference = by_harmonics[-1] if best == by_harmonics[-1].setting else ladder.rung(best, by_harmonics[-1])
+    checks = [_check("harmonics", by_harmonics), _check("samples", by_samples)] if slips else []
+    checks += [] if bench.has_all_modes else [_check("modes", by_modes)]
+    for check in checks:
+        note(
+            f"  reference, {check.knob} {', '.join(map(str, check.values))}: changes of "
+            f"{', '.join(f'{step:.1e}' for step in check.steps)} of the peak"
+        )
+    known = uncertainty([[rung.curves for rung in rungs] for rungs in (by_harmonics, by_samples, by_modes)], reference.curves)
+    why_m = "all there are" if bench.has_all_modes else "as many as were computed"
+    why = f"harmonics: {why_H}; samples: {why_N}; modes: {why_m}"
+    return Reference(best, {curve.level: curve for curve in bench.comm.bcast(known)}, tuple(checks), clock.spent - began, why)
+
+
+def _more_harmonics(ladder: Ladder, start: Setting, share: float) -> tuple[list[Rung], str]:
+    """Return the rungs of harmonics, up to where they are enough or to what the time allows, and which of the two."""
+    numbers = [H for H in RUNGS if H >= ladder.bench.least_harmonics] or [ladder.bench.least_harmonics]
+    rungs: list[Rung] = []
+    for H in numbers:
+        if len(rungs) > 1:
+            growth = max(GROWTH, rungs[-1].seconds / max(rungs[-2].seconds, 1e-9)) if len(rungs) > 2 else GROWTH
+            if (growth + AGAIN) * rungs[-1].seconds > ladder.clock.left(share):
+                return rungs, "as many as the time allows"
+        setting = replace(start, harmonics=H, samples=max(start.samples, 4 * (H + 1)))
+        rungs.append(ladder.rung(setting, rungs[-1] if rungs else None))
+        if len(rungs) > 2 and _rest(ladder.bench, rungs) <= ENOUGH:
+            return rungs, "enough"
+    return rungs, "as many as are tried"
+
+
+def _raised(ladder: Ladder, below: Rung, knob: str, values: Sequence[int], goal: float, share: float) -> tuple[list[Rung], str]:
+    """Return rungs of a knob, starting from the solution of another, up to where they are enough, and why there."""
+    rungs: list[Rung] = []
+    for value in values:
+        if len(rungs) > 2 and 2.0 * rungs[-1].seconds > ladder.clock.left(share):
+            return rungs, "as many as the time allows"
+        rungs.append(ladder.rung(below.setting.turned(knob, value), rungs[-1] if rungs else below))
+        if len(rungs) > 2 and _rest(ladder.bench, rungs) <= goal:
+            return rungs, "enough"
+    return rungs, "as many as are tried"
+
+
+def _rest(bench: Bench, rungs: Sequence[Rung]) -> float:
+    """Return what further rungs would change, over the peak."""
+    return bench.comm.bcast(_check("", rungs).rest)
+
+
+def _check(knob: str, rungs: Sequence[Rung]) -> Check:
+    """Return how the response changes from rung to rung.  Local."""
+    steps = tuple(difference(low.curves, high.curves) for low, high in zip(rungs, rungs[1:]))
+    return Check(knob, tuple(getattr(rung.setting, knob) if knob else 0 for rung in rungs), steps)
+
+
+def mode_numbers(bench: Bench) -> list[int]:
+    """Return a quarter, half and all of the modes that were computed, as far as these hold the one of the range.  Local."""
+    most, least = len(bench.modes.omega_n), bench.least_modes
+    return sorted({max(most // 4, least), max(most // 2, least), most})

@@ -1,0 +1,386 @@
+"""What a trade says: the table, trade.csv, sentences about each knob, and choices.  Rank 0 only."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from itertools import pairwise
+
+import matplotlib
+import numpy as np
+
+from ...parallel.files import make_folder, written_whole
+from ...results.style import RC, Titled
+from .study import COMBINED, TARGETS, Curve, Run, Score, Study, score
+
+COLUMNS = {
+    "knob": "knob",
+    "value": "value",
+    "level_N": "level N",
+    "method": "method",
+    "modes": "modes",
+    "harmonics": "H",
+    "samples": "N_t",
+    "tolerance": "tolerance",
+    "energy_tolerance_J": "eps J",
+    "accuracy": "accuracy",
+    "unknowns": "unknowns",
+    "points": "points",
+    "setup_s": "set-up s",
+    "seconds": "time s",
+    "cpu_s": "CPU s",
+    "cpu_with_bars_s": "+ bars s",
+    "error_percent": "error %",
+    "rms_percent": "rms %",
+    "own_percent": "own %",
+    "peak_percent": "peak %",
+    "frequency_percent": "frequency %",
+    "bar_percent": "bar %",
+    "covered_percent": "covered %",
+    "bar_over_error": "bar/error",
+    "on_front": "front",
+    "failure": "failure",
+}
+SHOWN = (
+    "knob",
+    "value",
+    "modes",
+    "harmonics",
+    "samples",
+    "unknowns",
+    "setup_s",
+    "seconds",
+    "cpu_s",
+    "cpu_with_bars_s",
+    "error_percent",
+    "rms_percent",
+    "own_percent",
+    "peak_percent",
+    "bar_percent",
+    "covered_percent",
+    "bar_over_error",
+    "on_front",
+)
+_WIDE = 170  # columns of the printed table
+
+
+def write_trade(study: Study, scene: Titled, folder: str) -> str:
+    """Write trade.csv and trade.png; return what is told on the screen.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : a file cannot be written
+    """
+    from .plots import draw_trade
+
+    make_folder(folder)
+    with written_whole(f"{folder}/trade.csv") as path, open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({key: _number(value) for key, value in record.items()} for record in records(study))
+    with matplotlib.rc_context(RC):
+        draw_trade(study, scene, f"{folder}/trade.png")
+    return "\n".join([table(study), *failure_lines(study), "", *summary(study)])
+
+
+def summary(study: Study) -> list[str]:
+    """Return all that is told beside the table, a line each."""
+    return [
+        *linear_lines(study),
+        *reference_lines(study),
+        *validation_lines(study),
+        "",
+        "what each knob costs and buys, in processor time of the response:",
+        *(f"  {line}" for line in sentences(study)),
+        "",
+        "the front, nothing of what was run is both faster and better:",
+        *(f"  {line}" for line in front_lines(study)),
+        "",
+        *(line for target in TARGETS for line in choice_lines(study, target)),
+        *mesh_lines(study),
+        *study.notes,
+    ]
+
+
+# -- numbers -------------------------------------------------------------------------------------------------------
+
+
+def records(study: Study) -> list[dict]:
+    """Return a record a run over all levels, by the names of ``COLUMNS``, and one a run and level where there are several."""
+    front, found = {id(run) for run in study.front()}, []
+    for run in study.ordered():
+        own = study.own(run, run.knob) if run.failure is None else np.nan
+        found.append(_record(run, "all", run.curves, study.score(run), own, id(run) in front))
+        if len(study.reference.curves) > 1:
+            for curve in run.curves:
+                part = score([curve], study.reference.curves)
+                found.append(_record(run, f"{curve.level:g}", [curve], part, np.nan, id(run) in front))
+    for run in study.meshes:
+        finest = {curve.level: curve for curve in study.meshes[-1].curves}
+        found.append(_record(run, "all", run.curves, score(run.curves, finest), np.nan, False))
+    return found
+
+
+def _record(run: Run, level: str, curves: Sequence[Curve], found: Score, own: float, is_best: bool) -> dict:
+    setting = run.setting
+    return dict(
+        zip(
+            COLUMNS,
+            (
+                run.knob,
+                run.value,
+                level,
+                setting.method,
+                setting.modes,
+                setting.harmonics,
+                setting.samples,
+                setting.tolerance,
+                np.nan if setting.energy_tolerance is None else setting.energy_tolerance,
+                np.nan if setting.accuracy is None else setting.accuracy,
+                run.unknowns,
+                sum(len(curve.omega) for curve in curves),
+                run.setup,
+                run.seconds,
+                run.cpu,
+                run.cpu_with_bars,
+                100 * found.error,
+                100 * found.rms,
+                100 * own,
+                100 * found.peak,
+                100 * found.frequency,
+                100 * found.bar,
+                100 * found.coverage,
+                found.ratio,
+                "yes" if is_best else "",
+                run.failure or "",
+            ),
+        )
+    )
+
+
+def _number(value):
+    return ("" if value != value else f"{value:.6g}") if isinstance(value, float) else value
+
+
+# -- the table -----------------------------------------------------------------------------------------------------
+
+
+def rows(study: Study) -> list[list[str]]:
+    """Return the cells of the table, a row a run that has points."""
+    return [
+        [_cell(name, record, study.reference.floor) for name in SHOWN]
+        for record in records(study)
+        if record["level_N"] == "all" and record["knob"] != "mesh" and record["points"]
+    ]
+
+
+def failure_lines(study: Study) -> list[str]:
+    """Say which runs failed and why, those for the same reason together."""
+    reasons: dict[str, dict[str, list[str]]] = {}
+    for run in study.runs:
+        if run.failure:
+            reasons.setdefault(run.failure, {}).setdefault(run.knob, []).append(run.value or str(run.setting))
+    lines = []
+    for reason, knobs in reasons.items():
+        names = "; ".join(
+            f"{knob} {', '.join(values)}" if knob != COMBINED else f"{len(values)} combinations" for knob, values in knobs.items()
+        )
+        lines.append(f"{reason}: {names}")
+    return lines
+
+
+def _cell(name: str, record: dict, floor: float) -> str:
+    value = record[name]
+    if name in ("harmonics", "samples") and np.isfinite(record["accuracy"]):
+        return "chosen"
+    if not isinstance(value, float):
+        return str(value)
+    if value != value:
+        return "\u2013"
+    if name in ("error_percent", "own_percent", "peak_percent", "rms_percent") and value < 100.0 * floor:
+        return f"< {100.0 * floor:.2g}"
+    return f"{value:.3g}" if name in ("setup_s", "seconds", "cpu_s", "cpu_with_bars_s", "covered_percent") else f"{value:.2g}"
+
+
+def table(study: Study) -> str:
+    """Return the runs as a table for the screen."""
+    names, cells = [COLUMNS[name] for name in SHOWN], rows(study)
+    try:
+        from rich.console import Console
+        from rich.table import Table
+    except ImportError:  # a cluster's Python may lack it
+        return "\n".join("  ".join(line) for line in [names, *cells])
+    says = "errors in % of the reference's peak; set-up: modes and reduction, beside what all runs share"
+    grid = Table(title=says, padding=(0, 0))
+    for name in names:
+        grid.add_column(name, justify="left" if name in ("knob", "value") else "right", no_wrap=True)
+    for line, following in zip(cells, [*cells[1:], [""]]):
+        grid.add_row(*line, end_section=following[0] != line[0])
+    text = io.StringIO()
+    Console(file=text, width=_WIDE).print(grid)
+    return text.getvalue().rstrip()
+
+
+# -- sentences -----------------------------------------------------------------------------------------------------
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent, two digits."""
+    return "unknown" if not np.isfinite(share) else f"{100.0 * share:.2g} %"
+
+
+def linear_lines(study: Study) -> list[str]:
+    """Say that nothing slips, and what that leaves to trade."""
+    if not study.is_linear:
+        return []
+    levels = ", ".join(f"{level:g} N" for level in study.reference.curves)
+    return [
+        f"no pair slips or opens at {levels}: the response is linear; harmonics, samples, tolerance and eps change nothing",
+        "and were not turned: modes, method and mesh are all there is to trade; what is chosen below holds without slip",
+        "",
+    ]
+
+
+def reference_lines(study: Study) -> list[str]:
+    """Say what the reference is and how well it is known."""
+    reference = study.reference
+    lines = [
+        f"reference: {reference.setting}, {sum(len(c.omega) for c in reference.curves.values())} points at "
+        + ", ".join(f"{level:g} N" for level in reference.curves)
+    ]
+    for check in reference.checks:
+        steps = ", ".join(f"{a} -> {b}: {percent(step)}" for (a, b), step in zip(pairwise(check.values), check.steps))
+        lines.append(
+            f"  {check.knob} {steps}; more would change {percent(check.rest)}"
+            if check.steps
+            else f"  {check.knob}: all there are"
+        )
+    verdict = "known to" if reference.floor <= min(TARGETS) else "known only to"
+    return [
+        *lines,
+        f"  {verdict} {percent(reference.floor)} of the peak; errors below that are not told apart",
+        f"  {reference.why}",
+    ]
+
+
+def validation_lines(study: Study) -> list[str]:
+    """Say how the error bars did."""
+    found = study.validation()
+    if not found.n_above:
+        return ["error bars: no error above what the reference is known to; nothing to judge them by"]
+    covered = f"{100.0 * found.coverage:.1f} %"
+    return [
+        f"error bars: of {found.n_above} points with an error above that, {covered} lie under their bar; the bar is "
+        f"{found.ratio:.2g} times the error in the median"
+    ]
+
+
+def sentences(study: Study) -> list[str]:
+    """Say of each knob what a step of it costs and buys."""
+    found = []
+    for knob in ("harmonics", "samples", "modes", "tolerance", "eps"):
+        for before, after in pairwise(study.sweep(knob)):
+            found.append(step_sentence(study, knob, before, after))
+    base = study.run_of_base
+    for run in study.sweep("method"):
+        assert base is not None, "run first"
+        found.append(
+            f"{run.value} instead of {base.setting.method}: {run.cost / base.cost:.2g}x the time"
+            f"{_more_setup(base, run)}, error {percent(study.score(base).error)} -> "
+            f"{percent(study.score(run).error)}"
+        )
+    for run in study.complete:
+        if run.setting.accuracy is not None:
+            error = study.score(run).error
+            said = (
+                "met"
+                if error + study.reference.floor <= run.setting.accuracy
+                else "met as far as the reference tells"
+                if error <= max(run.setting.accuracy, study.reference.floor)
+                else "missed"
+            )
+            cost = f"{run.cost:.2g} s{_beside_fixed(study, run)}"
+            found.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {cost}")
+    return found
+
+
+def _beside_fixed(study: Study, run: Run) -> str:
+    """Say how the cost of a run of an accuracy, whose bars are in it, compares with the best fixed setting."""
+    best = study.best_fixed(run.setting.accuracy or 0.0)
+    if best is None:
+        return ", bars included; no fixed setting that was run reaches it"
+    return (
+        f", bars included: {run.cost / best.cost:.2g}x that of the best fixed setting ({best.knob} {best.value}".rstrip()
+        + f"), {run.cost / best.cpu_with_bars:.2g}x with its bars"
+    )
+
+
+def step_sentence(study: Study, knob: str, before: Run, after: Run) -> str:
+    """Say what it costs and buys to go from one value of a knob to the next."""
+    name = {"tolerance": "tolerance", "eps": "eps"}.get(knob, knob)
+    first, second = (_value(knob, run) for run in (before, after))
+    text = f"{name} {first} -> {second}: {after.cost / before.cost:.2g}x the time"
+    text += _more_setup(before, after) if knob == "modes" else ""
+    own = study.own(before, knob), study.own(after, knob)
+    if knob == "harmonics":
+        return f"{text}, error {_known(own[0], study)} -> {_known(own[1], study)}"
+    last = own[1] == 0.0 and knob != "eps"
+    of_it = f"changes {percent(own[0])}" if last else f"its own error {percent(own[0])} -> {percent(own[1])}"
+    errors = " -> ".join(_known(study.score(run).error, study) for run in (before, after))
+    return f"{text}, {of_it} (with all others of the base: {errors})"
+
+
+def _more_setup(before: Run, after: Run) -> str:
+    """Say how much longer the set-up is, where that can be told from chance."""
+    more = after.setup - before.setup
+    return f", {more:+.2g} s of set-up" if abs(more) > 0.02 + 0.02 * before.setup else ""
+
+
+def _value(knob: str, run: Run) -> str:
+    return f"{run.setting.energy_tolerance:g} J" if knob == "eps" else f"{getattr(run.setting, knob):g}"
+
+
+def _known(error: float, study: Study) -> str:
+    return f"below {percent(study.reference.floor)}" if error < study.reference.floor else percent(error)
+
+
+def front_lines(study: Study) -> list[str]:
+    """Return the runs of the front, a line each."""
+    lines = []
+    for run in study.front():
+        name = str(run.setting)
+        lines.append(f"{run.cost:8.3g} s  error {_known(study.score(run).error, study):>14}  {name}")
+    return lines or ["no run reached every frequency"]
+
+
+def choice_lines(study: Study, target: float) -> list[str]:
+    """Say what to take for an accuracy: a table for the scene, or what is best instead."""
+    run, asked = study.choice(target), percent(target)
+    if run is not None:
+        error = _known(study.score(run).error, study)
+        said = f"for {asked}: error {error} measured, {run.cost:.2g} s for {run.n_points} points, {run.setup:.2g} s of set-up"
+        table = run.setting.table().splitlines()
+        kept = [line for line in table if not (study.is_linear and line.startswith(("harmonics", "samples", "tolerance")))]
+        return [said, *(f"    {line}" for line in kept), ""]
+    if study.reference.floor > target:
+        known = percent(study.reference.floor)
+        return [f"for {asked}: not decided, the reference itself is known to {known} only; raise --seconds", ""]
+    best = min(study.complete, key=lambda run: study.score(run).error, default=None)
+    if best is None:
+        return [f"for {asked}: not reached: no run reached every frequency", ""]
+    error = _known(study.score(best).error, study)
+    return [f"for {asked}: not reached; the best is {error} by {best.setting}, {best.cost:.2g} s", ""]
+
+
+def mesh_lines(study: Study) -> list[str]:
+    """Say what other meshes change."""
+    if not study.meshes:
+        return []
+    finest = {curve.level: curve for curve in study.meshes[-1].curves}
+    lines = [f"meshes, against the finest, {study.meshes[-1].value}; bars say nothing of the mesh:"]
+    for run in study.meshes:
+        found = score(run.curves, finest)
+        errors = f"peak {percent(found.peak)} and frequency {percent(found.frequency)} off, curve {percent(found.error)}"
+        lines.append(f"  {run.value}: set-up {run.setup:.2g} s, response {run.seconds:.2g} s, {run.failure or errors}")
+    return [*lines, ""]

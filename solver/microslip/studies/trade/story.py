@@ -1,0 +1,320 @@
+"""The story of a trade: one structure, many settings at the same frequencies, each against a reference that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from math import gcd
+from pathlib import Path
+
+from ...modes.limits import most_modes
+from ...observe.log import RunLog
+from ...parallel.agree import on_root
+from ...parallel.errors import CaseError, MicroslipError
+from ...parallel.versions import versions
+from ...parallel.words import nearest
+from ...reduction.methods import METHODS
+from ...run import build_structure
+from ..compare.story import LARGEST_REFERENCE
+from .bench import Bench, Clock, not_run
+from .reference import find_reference, frequencies
+from .report import write_trade
+from .study import ACCURACY, BASE, COMBINED, KNOBS, TARGETS, Run, Setting, Study, promising
+
+SECONDS = 105.0  # to be spent in all, unless the command line says otherwise
+UNTIL_REFERENCE, UNTIL_COMBINED = 0.33, 0.8  # shares of that
+VALUES: dict[str, tuple] = {
+    "harmonics": (1, 2, 3, 5, 7, 9, 13, 19, 27, 41),
+    "samples": (32, 64, 128, 256, 512, 1024),
+    "modes": (1, 2, 3, 5, 8, 12, 20),
+    "tolerance": (1e-2, 1e-3, 1e-4, 1e-6, 1e-8),
+}
+EPS = (-1, -2, -3, -5)  # decades below the largest loss of a pair
+BASE_HARMONICS, BASE_SAMPLES, BASE_TOLERANCE = 5, 256, 1e-8
+FEWEST_OF_REFERENCE = 40  # modes
+COMBINATIONS = 8
+MANY = 20  # harmonics of runs that take long, and come late
+GROWTH = 3.0  # power of the number of harmonics by which time grows at worst
+COMBINED_KNOBS = ("harmonics", "samples", "modes", "tolerance")
+OF_LINEAR = ("modes", "method", "mesh")  # knobs of a response without slip
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the command line asks of a trade."""
+
+    knobs: tuple[str, ...] = KNOBS
+    levels: tuple[float, ...] = ()  # N; empty: the first of the scene with slip, and its strongest
+    meshes: tuple[str, ...] = ()  # files beside the scene's own mesh
+    seconds: float = SECONDS
+
+
+def trade(scene, comm, folder: Path, asked: Asked | None = None, options: tuple[str, ...] = ()) -> Study:
+    """Measure what each knob of a scene costs and buys; print and write a table, a picture and choices.
+
+    Collective on ``comm``.  A run that fails says so in its row.
+
+    Raises
+    ------
+    CaseError : an unknown knob, or a scene with nothing to trade; on every rank, some of them as soon as the curves tell
+    ConvergenceError : no reference; on every rank
+    """
+    asked = asked or Asked()
+    check_asked(scene, asked)
+    facts = {"scene": str(scene.path), "PETSc options": " ".join(options) or "none", **versions()}
+    with RunLog(comm, str(folder / "trade.log"), facts=facts) as log:
+        study = measured(scene, comm, asked, log)
+        log.note(on_root(comm, write_trade, study, scene, str(folder)))
+        log.note(f"results in {folder}")
+    return study
+
+
+def check_asked(scene, asked: Asked) -> None:
+    """Refuse what cannot be traded.  Local.
+
+    Raises
+    ------
+    CaseError
+    """
+    for name in asked.knobs:
+        if name not in KNOBS:
+            near = nearest(name, KNOBS)
+            raise CaseError(f"--knobs: unknown knob {name!r}{f'; nearest is {near}' if near else ''}; known: {', '.join(KNOBS)}")
+    for level in asked.levels:
+        if not 0.0 < level < float("inf"):
+            raise CaseError(f"--levels: {level:g} N is not a force above 0")
+    if not 0.0 < asked.seconds < float("inf"):
+        raise CaseError(f"--seconds: {asked.seconds:g} is not a time above 0")
+    if not scene.joints:
+        raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint the response is linear, and nothing is to trade")
+    if scene.solver.harmonics == 0:
+        raise CaseError(
+            f"{scene.path}: [solver] harmonics = 0 is a static balance; trade needs a vibration: state at least 1, "
+            "and a load in harmonic 1"
+        )
+    check_loads(scene)
+    if asked.meshes and scene.model.mesh is None:
+        raise CaseError(f"--meshes: {scene.path} is given as matrices; there is no other mesh of it")
+    for mesh in asked.meshes:
+        if not Path(mesh).is_file():
+            raise CaseError(f"--meshes: there is no file {mesh}")
+
+
+def check_loads(scene) -> None:
+    """Refuse loads under which nothing moves in harmonic 1, of which errors are measured.  Local.
+
+    Raises
+    ------
+    CaseError
+    """
+    numbers = sorted({load.harmonic for load in scene.loads} - {0})
+    if not numbers:
+        raise CaseError(
+            f"{scene.path}: [[loads]] harmonic = 0: loads that are all constant move nothing to and fro; trade needs "
+            "a vibration: add a load with harmonic = 1"
+        )
+    common = gcd(*numbers)
+    if common > 1:
+        stated, lower = (", ".join(map(str, some)) for some in (numbers, [n // common for n in numbers]))
+        raise CaseError(
+            f"{scene.path}: [[loads]] harmonic = {stated}: nothing moves in harmonic 1, of which trade measures "
+            f"errors; state harmonic = {lower}, and {common} times the frequencies in [response]: the same motion"
+        )
+
+
+def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
+    """Return the study of a scene.  Collective."""
+    clock = Clock(comm, asked.seconds)
+    structure = build_structure(scene_by(scene, "receptance"), comm, log)
+    shared = {stage.name: stage.seconds for stage in log.stages if stage.depth == 0 and stage.name != "modes"}
+    bench = Bench(scene, structure)
+    try:
+        base = base_of(bench)
+        with log.stage("modes of the reference"):
+            measure_modes(bench, base.modes)
+        with log.stage("frequencies"):
+            omegas, most, slips = frequencies(bench, cheap(bench, base), asked.levels or None)
+        knobs, base = (asked.knobs, base) if slips else linear_trade(bench, asked.knobs, base, list(omegas))
+        with log.stage("reference"):
+            reference = find_reference(bench, omegas, base, clock, UNTIL_REFERENCE, log.note, slips)
+        study = Study(scene.title or scene.name, scene.name, reference, base, shared=shared, is_linear=not slips)
+        first, later = settings(bench, base, study, knobs, most)
+        with log.stage("runs, knob by knob"):
+            for what in [(BASE, "", base), *first]:
+                run_in_time(bench, study, what, omegas, clock, UNTIL_COMBINED, log)
+        with log.stage("runs, combined"):
+            combined = [knob for knob in COMBINED_KNOBS if knob in knobs]
+            for setting in comm.bcast(promising(study, combined, COMBINATIONS)):
+                run_in_time(bench, study, (COMBINED, "", setting), omegas, clock, UNTIL_COMBINED, log)
+        with log.stage("runs, methods and what takes long"):
+            for what in later:
+                run_in_time(bench, study, what, omegas, clock, 1.0, log)
+        shared["static columns"] = comm.bcast(bench.columns_seconds)
+    finally:
+        structure.linearised.destroy()
+    if asked.meshes and "mesh" in asked.knobs:
+        with log.stage("meshes"):
+            study.meshes = mesh_runs(scene, comm, asked, base, log)
+    study.notes.append(f"{clock.spent:.0f} s in all, {reference.seconds:.0f} s of them for the reference")
+    return study
+
+
+def scene_by(scene, method: str):
+    """Return the scene with another method.  Local."""
+    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})
+
+
+def base_of(bench: Bench) -> Setting:
+    """Return the setting about which knobs are turned one by one.  Local."""
+    H = max(BASE_HARMONICS, bench.least_harmonics)
+    return Setting(len(bench.structure.modes.omega_n), H, max(BASE_SAMPLES, 16 * H), BASE_TOLERANCE)
+
+
+def linear_trade(bench: Bench, knobs: Sequence[str], base: Setting, levels: list[float]) -> tuple[tuple[str, ...], Setting]:
+    """Return the knobs that change a response without slip, and its base: the harmonics of the loads alone.  Local.
+
+    Raises
+    ------
+    CaseError : the command line asks for none of them
+    """
+    found = tuple(knob for knob in knobs if knob in OF_LINEAR)
+    if not found:
+        raise CaseError(
+            f"--knobs {','.join(knobs)}: no pair slips or opens at {', '.join(f'{level:g}' for level in levels)} N, "
+            f"and of a linear response none of these changes anything; turn some of {', '.join(OF_LINEAR)}, or raise "
+            "--levels or [response] levels until something slips"
+        )
+    H = bench.least_harmonics
+    return found, replace(base, harmonics=H, samples=max(BASE_SAMPLES, 16 * H))
+
+
+def cheap(bench: Bench, base: Setting) -> Setting:
+    """Return the setting of the curves that show where the points are needed.  Local."""
+    H = max(3, bench.least_harmonics)
+    return replace(base, harmonics=H, samples=max(128, 16 * H), tolerance=1e-6)
+
+
+def measure_modes(bench: Bench, n_base: int) -> None:
+    """Compute the modes of the reference, and learn what fewer cost.  Collective."""
+    n_dof = bench.structure.linearised.system.n_dof
+    most = min(max(FEWEST_OF_REFERENCE, 3 * n_base), most_modes(n_dof))
+    for n_modes in sorted({bench.least_modes, most}):
+        bench.more_modes(n_modes)
+
+
+def settings(
+    bench: Bench, base: Setting, study: Study, knobs: Sequence[str], most: float
+) -> tuple[list[tuple[str, str, Setting]], list[tuple[str, str, Setting]]]:
+    """Return the runs, knob, name of its value and setting: those that combinations are made of, and the others.  Local.
+
+    The same on all ranks.  ``most``, the largest loss of a pair [J a cycle], is what energies are judged against.
+    """
+    first: list[tuple[str, str, Setting]] = []
+    later: list[tuple[str, str, Setting]] = []
+    last: list[tuple[str, str, Setting]] = []
+    turned = {
+        knob: [value for value in values(bench, base, study, knob) if value != getattr(base, knob)]
+        for knob in COMBINED_KNOBS
+        if knob in knobs
+    }
+    for H in turned.pop("harmonics", []):
+        setting = replace(base, harmonics=H, samples=max(base.samples, 4 * (H + 1)))
+        (first if H < MANY else last).append(("harmonics", f"{H}", setting))
+    for row in zip_longest(*([(knob, value) for value in ends_first(found)] for knob, found in turned.items())):
+        settings_of_row = [(knob, f"{value:g}", base.turned(knob, value)) for knob, value in filter(None, row)]
+        first += [entry for entry in settings_of_row if entry[2].samples > 2 * entry[2].harmonics]
+    later += [(ACCURACY, f"{target:g}", replace(base, accuracy=target)) for target in TARGETS[:2]]
+    if "eps" in knobs and most > 0.0:
+        energies = [float(f"{10.0**decade * most:.0e}") for decade in EPS]
+        later += [("eps", f"{eps:g} J", replace(base, method="adaptive-energy", energy_tolerance=eps)) for eps in energies]
+    if "method" in knobs:
+        n_dof = bench.structure.linearised.system.n_dof
+        known = {base.method, *(["adaptive-energy"] if "eps" in knobs else []), *(["full"] if n_dof > LARGEST_REFERENCE else [])}
+        later += [("method", name, replace(base, method=name)) for name in METHODS if name not in known]
+    return first, [*later, *last[:1], (ACCURACY, f"{TARGETS[2]:g}", replace(base, accuracy=TARGETS[2])), *last[1:]]
+
+
+def ends_first(found: list) -> list:
+    """Return a list with its first and last entries first: where time runs out these say most.  Local."""
+    return [*found[:1], *found[1:][-1:], *found[1:-1]]
+
+
+def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
+    """Return the values of a knob that make sense here.  Local."""
+    if knob == "harmonics":
+        return [H for H in VALUES[knob] if bench.least_harmonics <= H < max(study.reference.setting.harmonics, base.harmonics)]
+    if knob == "modes":
+        least, most = bench.least_modes, study.reference.setting.modes
+        return [m for m in VALUES[knob] if least <= m <= most]
+    return list(VALUES[knob])
+
+
+def run_in_time(
+    bench: Bench, study: Study, what: tuple[str, str, Setting], omegas, clock: Clock, share: float, log: RunLog
+) -> None:
+    """Add a run to the study, unless the time is up.  Collective."""
+    knob, value, setting = what
+    if knob != BASE and clock.left(share) <= expected(study, knob, setting):
+        run = not_run(knob, value, setting, "left out for want of time, raise --seconds")
+    else:
+        run = bench.run(knob, value, setting if setting.accuracy is None else with_modes_for(bench, setting), omegas)
+    log_run(log, study, run)
+
+
+def expected(study: Study, knob: str, setting: Setting) -> float:
+    """Return the seconds that a run of many harmonics, or of the least error, may take; 0 where that is not known.  Local."""
+    known = [run for run in study.complete if run.knob == ("harmonics" if knob == "harmonics" else ACCURACY)]
+    if not known or (knob == "harmonics" and setting.harmonics < MANY) or knob not in ("harmonics", ACCURACY):
+        return 0.0
+    growth = (setting.harmonics / known[-1].setting.harmonics) ** GROWTH if knob == "harmonics" else 4.0
+    return growth * known[-1].seconds_with_bars
+
+
+def with_modes_for(bench: Bench, setting: Setting) -> Setting:
+    """Return an accuracy's setting with the number of modes that the program picks for it.  Collective."""
+    from ...reduction.choose_modes import choose_modes
+
+    if bench.scene.solver.modes is not None:
+        return setting
+    try:
+        scene = bench.scene_of(setting)
+        scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"modes": None, "verify_modes": False})})
+        modes, _ = choose_modes(bench.structure.linearised, bench.structure.pairs, scene)
+    except MicroslipError:
+        return replace(setting, modes=len(bench.modes.omega_n))
+    return replace(setting, modes=min(len(modes.omega_n), len(bench.modes.omega_n)))
+
+
+def log_run(log: RunLog, study: Study, run: Run) -> None:
+    """Add a run to the study and say in a line what it did.  Local."""
+    study.runs.append(run)
+    score, name = study.score(run), f"  {run.knob} {run.value}"
+    log.note(f"{name:<34} {run.seconds:8.3f} s  error {score.error:8.1e}  bar {score.bar:8.1e}  {run.failure or ''}".rstrip())
+
+
+def mesh_runs(scene, comm, asked: Asked, base: Setting, log: RunLog) -> list[Run]:
+    """Return a run of the base a mesh, coarse to fine, all at the frequencies that any of them needs.  Collective."""
+    found: list[tuple[int, Run]] = []
+    benches = []
+    omegas: dict[float, list[float]] = {}
+    for mesh in dict.fromkeys([str(scene.folder / scene.model.mesh), *(str(Path(mesh).absolute()) for mesh in asked.meshes)]):
+        clock = Clock(comm, 1.0)
+        try:
+            solver = scene.solver.model_copy(update={"method": "receptance", "modes": base.modes})
+            other = scene.model_copy(update={"model": scene.model.model_copy(update={"mesh": mesh}), "solver": solver})
+            structure = build_structure(other, comm, log)
+            setup = clock.spent
+            bench = Bench(other, structure)
+            own, _, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
+            benches.append((mesh, bench, setup))
+        except MicroslipError as problem:
+            found.append((0, not_run("mesh", Path(mesh).name, replace(base, mesh=mesh), str(problem))))
+            continue
+        for level, points in own.items():
+            omegas[level] = sorted({*omegas.get(level, ()), *points}, reverse=bench.sweep.direction < 0)
+    for mesh, bench, setup in benches:
+        run = bench.run("mesh", Path(mesh).name, replace(base, mesh=mesh), omegas, bars=False)
+        found.append((bench.structure.linearised.system.n_dof, replace(run, setup=setup)))
+        bench.structure.linearised.destroy()
+    return [run for _, run in sorted(found, key=lambda entry: entry[0])]

@@ -1,0 +1,389 @@
+"""Speed against accuracy: settings, what running them took, and the numbers made of it.  NumPy only; every function is local.
+
+Errors are of the complex amplitude of harmonic 1 of the first output, over the largest of the reference on the same level.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+KNOBS = ("harmonics", "samples", "modes", "tolerance", "eps", "method", "mesh")
+KEYS = {knob: knob for knob in KNOBS} | {"eps": "energy_tolerance"}  # of [solver] and of Setting
+BASE, COMBINED, ACCURACY = "base", "combination", "accuracy"  # kinds of runs beside those of the knobs
+TARGETS = (1e-2, 1e-3, 1e-4)
+MOST_GAIN = 4.0  # of one step of a sequence of refinements to the next, as far as that is trusted for what follows
+LEAST_GAIN = 1.25
+ROUNDING = 1e-9  # of the peak: no point is known better
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a run is solved with; ``accuracy`` chooses harmonics, samples and tolerance by itself, whatever they say here."""
+
+    modes: int
+    harmonics: int
+    samples: int
+    tolerance: float = 1e-8
+    method: str = "receptance"
+    energy_tolerance: float | None = None  # J a cycle and pair; adaptive-energy
+    accuracy: float | None = None
+    mesh: str | None = None  # another file than the scene's
+
+    def table(self) -> str:
+        """Return it as the table [solver] of a scene."""
+        lines = ["[solver]", f'method = "{self.method}"', f"modes = {self.modes}"]
+        if self.accuracy is None:
+            lines += [f"harmonics = {self.harmonics}", f"samples = {self.samples}"]
+        else:
+            lines.append(f"accuracy = {self.accuracy:g}")
+        if self.energy_tolerance is not None:
+            lines.append(f"energy_tolerance = {self.energy_tolerance:g}")
+        if self.accuracy is None:
+            lines.append(f"tolerance = {self.tolerance:g}")
+        return "\n".join(lines)
+
+    def turned(self, knob: str, value: Any) -> Setting:
+        """Return it with another value of a knob."""
+        return replace(self, **{KEYS[knob]: value})
+
+    def __str__(self) -> str:
+        if self.accuracy is not None:
+            return f"accuracy {self.accuracy:g}"
+        own = "" if self.method == "receptance" else f"{self.method}, "
+        own += "" if self.energy_tolerance is None else f"eps {self.energy_tolerance:g} J, "
+        return f"{own}{self.modes} modes, H = {self.harmonics}, N_t = {self.samples}, tolerance {self.tolerance:g}"
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The amplitude of a run at the frequencies of one level, and its error bar."""
+
+    level: float  # N
+    omega: np.ndarray  # (n,) rad/s
+    u: np.ndarray  # (n,) complex, m
+    bar: np.ndarray  # (n,) m; nan where not estimated
+
+    @property
+    def peak(self) -> float:
+        """The largest amplitude [m]."""
+        return float(np.abs(self.u).max(initial=0.0))
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one setting took, and what came out."""
+
+    knob: str  # of KNOBS, or BASE, COMBINED, ACCURACY
+    value: str  # of the knob
+    setting: Setting
+    setup: float  # s: modes and reduction, beside what all runs share
+    seconds: float  # s of wall time, the response at all frequencies of all levels, without error bars
+    cpu: float  # s of processor time of one rank
+    seconds_with_bars: float  # s of wall time
+    cpu_with_bars: float  # s of processor time
+    unknowns: int  # the most at any point
+    curves: tuple[Curve, ...]
+    failure: str | None = None
+
+    @property
+    def cost(self) -> float:
+        """The processor time of the response [s]: what runs are ranked by, as others at work on the machine disturb it least."""
+        return self.cpu
+
+    @property
+    def n_points(self) -> int:
+        return sum(len(curve.omega) for curve in self.curves)
+
+
+@dataclass(frozen=True)
+class Check:
+    """Coarser runs on the way to the reference, in one knob."""
+
+    knob: str
+    values: tuple[int, ...]  # of the knob, rising; the last is that of the reference
+    steps: tuple[float, ...]  # change of the response from each to the next over the peak, the largest of all points
+
+    @property
+    def rest(self) -> float:
+        """What further refinement would change: the sum of a geometric series with the gain that was seen, within bounds."""
+        return remainder(self.steps)
+
+
+def remainder(steps: Sequence[float]) -> float:
+    """Return what is left after changes of a sequence of refinements: the last one over gain - 1."""
+    return steps[-1] / (gain_of(steps) - 1.0) if steps else 0.0
+
+
+def gain_of(steps: Sequence[float]) -> float:
+    """Return by which factor the changes fall, as far as it is trusted; 2 where only one is known."""
+    if len(steps) < 2:
+        return 2.0
+    return float(min(max(steps[-2] / steps[-1], LEAST_GAIN), MOST_GAIN)) if steps[-1] > 0.0 else MOST_GAIN
+
+
+def uncertainty(rungs: Sequence[Sequence[Sequence[Curve]]], reference: Sequence[Curve]) -> tuple[Curve, ...]:
+    """Return the reference's curves with how well each of their points is known for a bar [m].
+
+    ``rungs`` are the curves of each sequence of refinements.  The last change at a point or one beside it, whichever is largest,
+    goes on falling by the gain of the level; the sequences add up.
+    """
+    found = []
+    for i, curve in enumerate(reference):
+        known = ROUNDING * curve.peak * np.ones(len(curve.omega))
+        for sequence in rungs:
+            steps = [np.abs(low[i].u - high[i].u) for low, high in zip(sequence, sequence[1:])]
+            if steps:
+                last = np.pad(steps[-1], 1, mode="edge")
+                widest = np.maximum(last[1:-1], np.maximum(last[:-2], last[2:]))
+                known += widest / (gain_of([step.max(initial=0.0) for step in steps]) - 1.0)
+        found.append(replace(curve, bar=known))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The run that all errors are measured against, and how well it is known."""
+
+    setting: Setting
+    curves: Mapping[float, Curve]  # by level; their bars say how well they are known
+    checks: tuple[Check, ...]
+    seconds: float  # s, the checks too
+    why: str  # it is not finer
+
+    @property
+    def floor(self) -> float:
+        """How well the reference is known, over its peak, where it is known least."""
+        return max(float((curve.bar / (curve.peak or 1.0)).max(initial=0.0)) for curve in self.curves.values())
+
+
+@dataclass(frozen=True)
+class Score:
+    """How good a run is."""
+
+    error: float = np.nan  # largest of all points
+    rms: float = np.nan
+    peak: float = np.nan  # error of the peak amplitude
+    frequency: float = np.nan  # of the peak frequency, over it
+    bar: float = np.nan  # largest of all points
+    coverage: float = np.nan  # share under their bar, of the points whose error is larger than the reference's own
+    ratio: float = np.nan  # median of bar over error at these points
+    n_above: int = 0  # of these points
+
+    @property
+    def is_known(self) -> bool:
+        return bool(np.isfinite(self.error))
+
+
+@dataclass
+class Study:
+    """All that was measured on one scene."""
+
+    title: str
+    name: str
+    reference: Reference
+    base: Setting
+    runs: list[Run] = field(default_factory=list)
+    meshes: list[Run] = field(default_factory=list)  # against the finest of them, which is the last
+    shared: dict[str, float] = field(default_factory=dict)  # s of the set-up that all runs share, by stage
+    notes: list[str] = field(default_factory=list)
+    is_linear: bool = False  # no pair slips or opens at any point
+
+    def __post_init__(self):
+        self._scores: dict[int, Score] = {}
+
+    def score(self, run: Run) -> Score:
+        """Return how good a run is; kept."""
+        if id(run) not in self._scores:
+            self._scores[id(run)] = score(run.curves, self.reference.curves)
+        return self._scores[id(run)]
+
+    @property
+    def complete(self) -> list[Run]:
+        """The runs that reached every frequency."""
+        return [run for run in self.runs if run.failure is None and self.score(run).is_known]
+
+    @property
+    def run_of_base(self) -> Run | None:
+        """The run about which knobs are turned, if it is complete."""
+        return next((run for run in self.complete if run.knob == BASE), None)
+
+    def sweep(self, knob: str) -> list[Run]:
+        """Return the complete runs of a knob and that of the base where it is one of them, in the order of their values."""
+        runs = [run for run in self.complete if run.knob == knob]
+        if knob in ("harmonics", "samples", "modes", "tolerance"):
+            runs += [run for run in self.complete if run.knob == BASE]
+            key = KEYS[knob]
+            by_value = {getattr(run.setting, key): run for run in runs}
+            return [by_value[value] for value in sorted(by_value, reverse=knob == "tolerance")]
+        return sorted(runs, key=lambda run: -(run.setting.energy_tolerance or 0.0)) if knob == "eps" else runs
+
+    def own(self, run: Run, knob: str) -> float:
+        """Return the error that a knob alone makes: against the finest of its sweep; of harmonics against the reference."""
+        if knob not in KNOBS:
+            return np.nan
+        sweep = self.sweep(knob)
+        if knob in ("harmonics", "method") or not sweep:
+            return self.score(run).error
+        if knob == "eps":
+            return difference(run.curves, self.run_of_base.curves) if self.run_of_base is not None else np.nan
+        return difference(run.curves, sweep[-1].curves)
+
+    def front(self) -> list[Run]:
+        """Return the runs that no other beats in both cost and error, to two digits of what is known, by rising cost."""
+        runs = self.complete
+        if not runs:
+            return []
+        errors = [float(f"{max(self.score(run).error, self.reference.floor):.1e}") for run in runs]
+        best = pareto(np.array([run.cost for run in runs]), np.array(errors))
+        return sorted((run for run, is_best in zip(runs, best) if is_best), key=lambda run: run.cost)
+
+    def ordered(self) -> list[Run]:
+        """Return the runs kind by kind, by the values of their knobs."""
+        kinds = [BASE, *KNOBS, ACCURACY, COMBINED]
+        return sorted(self.runs, key=lambda run: (kinds.index(run.knob), _place(run)))
+
+    def choice(self, target: float) -> Run | None:
+        """Return the run with the least time, set-up included, that is surely within ``target``; None where there is none."""
+        good = [run for run in self.complete if self.sure_error(run) + self.reference.floor <= target]
+        return min(good, key=lambda run: run.cost + run.setup) if good else None
+
+    def best_fixed(self, target: float) -> Run | None:
+        """Return the run of fixed settings with the least processor time that is within ``target``; None where there is none."""
+        good = [
+            run
+            for run in self.complete
+            if run.setting.accuracy is None and self.score(run).error <= max(target, self.reference.floor)
+        ]
+        return min(good, key=lambda run: run.cost) if good else None
+
+    def sure_error(self, run: Run) -> float:
+        """Return the error of a run, or what its knob alone is wrong by: errors that cancel at these points do not at others."""
+        return max(self.score(run).error, float(np.nan_to_num(self.own(run, run.knob))))
+
+    def validation(self) -> Score:
+        """Return coverage and ratio over the points of all runs."""
+        return score([curve for run in self.runs for curve in run.curves], self.reference.curves)
+
+
+def _place(run: Run) -> float:
+    """Return where a run stands among those of its knob, coarse before fine."""
+    setting = run.setting
+    if run.knob in ("harmonics", "samples", "modes"):
+        return getattr(setting, run.knob)
+    falling = {"tolerance": setting.tolerance, "eps": setting.energy_tolerance, ACCURACY: setting.accuracy}
+    return run.cost if run.knob == COMBINED else -(falling.get(run.knob) or 0.0)
+
+
+def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
+    """Return how good some curves are, point by point against those of the same level."""
+    pairs = [(curve, exact[curve.level]) for curve in curves if len(curve.omega) and curve.level in exact]
+    if not pairs:
+        return Score()
+    errors, bars, floors, peaks, frequencies = [], [], [], [], []
+    for curve, truth in pairs:
+        n = min(len(curve.omega), len(truth.omega))
+        errors.append(np.abs(curve.u[:n] - truth.u[:n]) / (truth.peak or 1.0))
+        bars.append(curve.bar[:n] / (truth.peak or 1.0))
+        floors.append(np.nan_to_num(truth.bar[:n]) / (truth.peak or 1.0))
+        if n == len(truth.omega):
+            (omega, amplitude), (omega_exact, amplitude_exact) = peak_of(curve), peak_of(truth)
+            peaks.append(abs(amplitude / amplitude_exact - 1.0) if amplitude_exact else np.nan)
+            frequencies.append(abs(omega / omega_exact - 1.0))
+    error, bar = np.concatenate(errors), np.concatenate(bars)
+    above = np.isfinite(bar) & (error > np.concatenate(floors))
+    is_found = above.any()
+    return Score(
+        error=float(error.max()),
+        rms=float(np.sqrt(np.mean(error**2))),
+        peak=max(peaks, default=np.nan),
+        frequency=max(frequencies, default=np.nan),
+        bar=float(bar.max()),
+        coverage=float(np.mean(error[above] <= bar[above])) if is_found else np.nan,
+        ratio=float(np.median(bar[above] / error[above])) if is_found else np.nan,
+        n_above=int(above.sum()),
+    )
+
+
+def difference(curves: Sequence[Curve], others: Sequence[Curve]) -> float:
+    """Return the largest difference of curves at the points both have, over the peak of the others; nan without one."""
+    found = {curve.level: curve for curve in others}
+    worst = [np.nan]
+    for curve in curves:
+        other = found.get(curve.level)
+        if other is not None and (n := min(len(curve.omega), len(other.omega))):
+            worst.append(float(np.abs(curve.u[:n] - other.u[:n]).max() / (other.peak or 1.0)))
+    return float(np.nanmax(worst)) if len(worst) > 1 else np.nan
+
+
+def peak_of(curve: Curve) -> tuple[float, float]:
+    """Return frequency [rad/s] and amplitude [m] of a curve's peak, by a parabola through three points."""
+    amplitude = np.abs(curve.u)
+    top = int(np.argmax(amplitude))
+    if not 0 < top < len(amplitude) - 1:
+        return float(curve.omega[top]), float(amplitude[top])
+    near = slice(top - 1, top + 2)
+    x, y = curve.omega[near] - curve.omega[top], amplitude[near]
+    slope_before, slope_after = (y[1] - y[0]) / (x[1] - x[0]), (y[2] - y[1]) / (x[2] - x[1])
+    bend = (slope_after - slope_before) / (x[2] - x[0])
+    if not bend < 0.0:
+        return float(curve.omega[top]), float(amplitude[top])
+    at = -0.5 * (slope_before - bend * x[0]) / bend  # y = y_1 + s x + bend x^2 with y(x_0) = y_0
+    slope = slope_before - bend * x[0]
+    return float(curve.omega[top] + at), float(y[1] + slope * at + bend * at**2)
+
+
+def pareto(cost: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """Return which of n settings no other beats, being no worse in both and better in one, (n,) bool."""
+    order = np.lexsort((error, cost))
+    best, is_best = np.inf, np.zeros(len(cost), dtype=bool)
+    cost_of_best = -np.inf
+    for i in order:
+        if error[i] < best or (error[i] == best and cost[i] == cost_of_best):
+            is_best[i], best, cost_of_best = True, error[i], cost[i]
+    return is_best
+
+
+def predicted(study: Study, knobs: Sequence[str]) -> list[tuple[Setting, float, float]]:
+    """Return every combination of the values that were run one by one: setting, seconds and error as these let expect.
+
+    Each knob is taken to cost a factor of time and to add an error of its own.
+    """
+    base = study.run_of_base
+    if base is None:
+        return []
+    found = [(study.base, base.cost, 0.0)]
+    for knob in knobs:
+        sweep = study.sweep(knob)
+        if not sweep:
+            continue
+        options = [(getattr(run.setting, KEYS[knob]), run.cost / base.cost, study.own(run, knob)) for run in sweep]
+        found = [
+            (setting.turned(knob, value), seconds * factor, error + own)
+            for setting, seconds, error in found
+            for value, factor, own in options
+        ]
+    return [entry for entry in found if entry[0].samples > 2 * entry[0].harmonics]
+
+
+def promising(study: Study, knobs: Sequence[str], most: int) -> list[Setting]:
+    """Return at most ``most`` combinations not run yet: the cheapest expected to reach each of ``TARGETS``, then of the front."""
+    found = predicted(study, knobs)
+    if not found:
+        return []
+    seconds, error = np.array([entry[1] for entry in found]), np.array([entry[2] for entry in found])
+    front = [found[i] for i in np.flatnonzero(pareto(seconds, error))]
+    front.sort(key=lambda entry: entry[1])
+    first = [
+        min(good, key=lambda entry: entry[1])
+        for target in TARGETS
+        for share in (1.0, 0.5)
+        if (good := [entry for entry in front if entry[2] <= share * target])
+    ]
+    spread = [front[i] for i in np.unique(np.linspace(0, len(front) - 1, most).round().astype(int))]
+    known = {run.setting for run in study.runs}
+    chosen = [setting for setting, _, _ in dict.fromkeys([*first, *spread]) if setting not in known]
+    return chosen[:most]

@@ -1,0 +1,213 @@
+"""Harmonic balance beside time integration: the table, verify.csv and verify.png.  Rank 0 only."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import matplotlib
+import numpy as np
+from matplotlib.lines import Line2D
+
+from ...continuation.branch import Branch
+from ...parallel.files import make_folder, written_whole
+from ...results.measures import amplitude, segments
+from ...results.style import DPI, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, scaled, some
+
+COLUMNS = {
+    "level_N": "level N",
+    "frequency_Hz": "frequency Hz",
+    "peak": "",
+    "harmonic_balance_m": "harmonic balance m",
+    "time_integration_m": "time integration m",
+    "difference": "difference",
+    "difference_with_phase": "with phase",
+    "own_error": "own error",
+    "higher_harmonics": "higher harmonics",
+    "energy_closure": "energy closure",
+    "periods": "periods",
+    "change": "change a period",
+    "distance": "distance",
+    "seconds": "s",
+    "failure": "failure",
+}
+EXPECTED = 1e-3  # difference over the peak beyond which harmonics, samples or steps are too few
+MARCHED = {"color": "#d55e00", "ls": "--", "lw": 1.0}
+_MOST_LOOPS = 6
+_WIDE = 200  # columns of the printed table
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """The hysteresis loop of one pair by both ways: along its direction of larger loss."""
+
+    pair: int  # counted from 0
+    direction: str  # x or y
+    balanced: np.ndarray  # (2, n) du [m] and T [N]
+    marched: np.ndarray  # (2, n)
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """One point of a curve, by both ways; amplitudes of harmonic 1 of the first output."""
+
+    level: float  # N
+    frequency: float  # Hz
+    is_peak: bool
+    balanced: float  # m
+    marched: float  # m
+    difference: float  # of the amplitudes over the peak of the curve
+    with_phase: float  # of the complex amplitudes, over the peak
+    own: float  # the same between half the steps and all of them
+    higher: float  # root of the sum of squares of harmonics 2 and up of the marched output over harmonic 1
+    closure: float  # (input - damping - friction) / input of the period marched
+    periods: int
+    change: float  # of the motion or of a contact force in the last period, over the largest
+    distance: float  # from the steady state, over the motion
+    seconds: float
+    failure: str = ""
+    loop: Loop | None = None
+
+    @property
+    def where(self) -> str:
+        return f"{self.level:g} N, {self.frequency:.6g} Hz"
+
+
+def record(check: Check) -> dict:
+    """Return the numbers of a check by the names of ``COLUMNS``."""
+    return dict(
+        zip(
+            COLUMNS,
+            (
+                check.level,
+                check.frequency,
+                "peak" if check.is_peak else "",
+                check.balanced,
+                check.marched,
+                check.difference,
+                check.with_phase,
+                check.own,
+                check.higher,
+                check.closure,
+                check.periods,
+                check.change,
+                check.distance,
+                check.seconds,
+                check.failure,
+            ),
+        )
+    )
+
+
+def write_verification(checks: Sequence[Check], branches: Sequence[Branch], scene: Titled, folder: str, settings: str) -> str:
+    """Write verify.csv and verify.png; return the table and what it says.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : a file cannot be written
+    """
+    make_folder(folder)
+    records = [record(check) for check in checks]
+    with written_whole(f"{folder}/verify.csv") as path, open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(
+            {key: f"{value:.9g}" if isinstance(value, float) else value for key, value in entry.items()} for entry in records
+        )
+    with matplotlib.rc_context(RC):
+        draw_verification(checks, branches, scene, f"{folder}/verify.png", settings)
+    return table(records) + "\n" + verdict(checks)
+
+
+def table(records: Sequence[dict]) -> str:
+    """Return the records as a table for the screen."""
+    names = [name for name in COLUMNS if name != "failure" or any(entry["failure"] for entry in records)]
+    cells = [[_cell(name, entry[name]) for name in names] for entry in records]
+    try:
+        from rich.console import Console
+        from rich.table import Table
+    except ImportError:  # a cluster's Python may lack it
+        return "\n".join("  ".join(line) for line in [[COLUMNS[name] for name in names], *cells])
+    grid = Table(title="harmonic 1 of the first output; differences over the peak of the curve")
+    for name in names:
+        grid.add_column(COLUMNS[name], justify="left" if name in ("peak", "failure") else "right")
+    for line, entry, following in zip(cells, records, [*records[1:], {}]):
+        grid.add_row(*line, end_section=following.get("level_N") != entry["level_N"])
+    text = io.StringIO()
+    Console(file=text, width=_WIDE).print(grid)
+    return text.getvalue().rstrip()
+
+
+def verdict(checks: Sequence[Check]) -> str:
+    """Say in a line how far the two are apart, and which of them is to be doubted.  Local."""
+    good = [check for check in checks if not check.failure]
+    if not good:
+        return "no point could be compared"
+    worst = max(good, key=lambda check: check.with_phase)
+    own = max(check.own for check in good)
+    said = (
+        f"largest difference {worst.with_phase:.1e} of the peak ({worst.where}; amplitude and phase); "
+        f"time integration's own error is about {own:.1e}"
+    )
+    if worst.with_phase <= EXPECTED:
+        return said
+    if worst.own > 0.5 * worst.with_phase:
+        return said + ": the steps a period are too few to tell; raise --steps"
+    return said + ": harmonics or samples of harmonic balance are too few; try --harmonics and --samples"
+
+
+def _cell(name: str, value) -> str:
+    if isinstance(value, float):
+        digits = {"frequency_Hz": 7, "harmonic_balance_m": 5, "time_integration_m": 5, "level_N": 6}.get(name, 2)
+        return "\u2013" if value != value else f"{value:.{digits}g}" if name != "seconds" else f"{value:.1f}"
+    return str(value)
+
+
+def draw_verification(checks: Sequence[Check], branches: Sequence[Branch], scene: Titled, path: str, settings: str) -> None:
+    """Draw the curves with the marched points, and below, at each peak, the loop of the pair that dissipates most."""
+    loops = some([check for check in checks if check.loop is not None], _MOST_LOOPS)
+    branches = [branch for branch in branches if branch.points]
+    colours = dict(zip([branch.level for branch in branches], level_colours(len(branches))))
+    handles = [Line2D([], [], color=colour, label=f"{level:g} N") for level, colour in colours.items()]
+    handles += [
+        Line2D([], [], color=INK, label="harmonic balance"),
+        Line2D([], [], color=INK, ls="", marker="o", ms=4.5, mfc="none", label="time integration, harmonic 1"),
+        Line2D([], [], label="time integration, loop", **MARCHED),
+    ]
+    says = f"harmonic balance ({settings}) and time integration of the same model: first output; friction loops at the peaks"
+    rows, columns = panels(len(loops)) if loops else (0, 1)
+    page = Page(scene, says, WIDTH, 2.9 + 2.1 * rows, handles)
+    grid = page.grid(1 + rows, columns, height_ratios=[2.7] + [2.0] * rows)
+    curve = page.figure.add_subplot(grid[0, :])
+    factor, unit = scaled([amplitude(point.response[0]) for branch in branches for point in branch.points], "m")
+    for branch in branches:
+        for segment in segments(np.array([point.segment for point in branch.points])):
+            points = branch.points[segment]
+            curve.plot(
+                [point.omega / (2.0 * np.pi) for point in points],
+                [factor * amplitude(point.response[0]) for point in points],
+                color=colours[branch.level],
+            )
+    for check in checks:
+        if not check.failure:
+            curve.plot(check.frequency, factor * check.marched, "o", ms=4.5, mfc="none", mec=colours[check.level], mew=1.1)
+    curve.set(xlabel="frequency [Hz]", ylabel=f"amplitude [{unit}]", ylim=(0.0, None))
+    for number, check in enumerate(loops):
+        _draw_loop(page.figure.add_subplot(grid[1 + number // columns, number % columns]), check, colours[check.level])
+    with written_whole(path) as beside:
+        page.figure.savefig(beside, dpi=DPI, format="png")
+
+
+def _draw_loop(ax, check: Check, colour) -> None:
+    """Draw one loop by both ways."""
+    loop = check.loop
+    assert loop is not None
+    sizes = np.concatenate([loop.balanced, loop.marched], axis=1)
+    (across, unit), (up, force) = scaled(sizes[0], "m"), scaled(sizes[1], "N")
+    for (du, T), looks in ((loop.balanced, {"color": colour, "lw": 1.6}), (loop.marched, MARCHED)):
+        ax.plot(across * np.append(du, du[0]), up * np.append(T, T[0]), **looks)
+    ax.axhline(0.0, color=FAINT, lw=0.5, zorder=0.5)
+    ax.set_title(f"{check.level:g} N, {check.frequency:.5g} Hz, pair {loop.pair + 1}")
+    ax.set(xlabel=f"$\\Delta u_{loop.direction}$ [{unit}]", ylabel=f"$T_{loop.direction}$ [{force}]")

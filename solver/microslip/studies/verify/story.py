@@ -1,0 +1,304 @@
+"""The story of a verification: the curve of harmonic balance, and time integration of the same model at some of its points."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ...contact.law import ContactParameters
+from ...continuation.branch import Branch
+from ...continuation.levels import follow_level, frequency_sweep, likely_to_slip, linear_curve
+from ...error_estimate.better_model import Truth, truth_of
+from ...fourier.coefficients import cycle_work, synthesise
+from ...fourier.harmonics import Harmonics
+from ...observe.log import RunLog
+from ...parallel.agree import on_each, on_root
+from ...parallel.errors import CaseError, ConvergenceError
+from ...parallel.versions import versions
+from ...receptance.model import ReducedModel
+from ...receptance.motion import modal_motion, to_real
+from ...reduction.methods import reduce_by_method
+from ...results.measures import amplitude
+from ...run import build_structure
+from ...transient.march import March
+from ...transient.model import TransientModel, transient_model
+from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
+from ..check import resolution
+from .report import Check, Loop, write_verification
+
+SHARES = (0.85, 0.75)  # of the peak, at the points on either side of it that are verified; 0.71 bounds the half-power band
+TOLERANCE = 1e-5  # distance from the steady state over the motion
+ACCEPTED = 1e-3  # the same, beyond which nothing is compared
+MOST_PERIODS, MOST_FROM_REST = 60, 3000
+STEPS = 256  # a period; marched with half as many before
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the command line asks for beside the scene; None or 0: what the scene says."""
+
+    at: tuple[float, ...] = ()  # Hz
+    levels: tuple[float, ...] = ()  # N
+    harmonics: int | None = None
+    samples: int | None = None
+    steps: int = STEPS
+    from_rest: bool = False
+
+
+def verify(scene, comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+    """Integrate the reduced model in time at points of its response curves; print, write and draw how the two agree.
+
+    Collective on ``comm``: the curves as in a run; then each rank marches its share of the points by itself.
+
+    Raises
+    ------
+    CaseError : what is asked for contradicts the scene; on every rank
+    ConvergenceError : a curve ended early, or a point came to no steady state, after everything was written; on every rank
+    """
+    scene = by_what_is_asked(scene, asked)
+    settings = f"{scene.solver.method}, {resolution(scene)}"
+    facts = {
+        "scene": str(scene.path),
+        "harmonic balance": settings,
+        "time integration": f"generalised-alpha, {asked.steps} steps a period",
+        "PETSc options": " ".join(options) or "none",
+        **versions(),
+    }
+    with RunLog(comm, str(folder / "verify.log"), facts=facts) as log:
+        structure = build_structure(scene, comm, log)
+        with log.stage("reduction"):
+            reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
+        pairs, model = structure.pairs, reduction.model
+        parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+        with log.stage("curves by harmonic balance"):
+            truth = truth_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.accuracy else None
+            branches = curves(scene, model, parameters, reduction.selection, structure.modes.omega_n, asked.at, truth)
+        with log.stage("static columns of every pair"):
+            transient = transient_model(model, parameters)
+        with log.stage("time integration"):
+            chosen = on_root(comm, chosen_points, branches, asked.at)
+            checks = integrate(transient, model, chosen, asked, comm)
+        log.note(on_root(comm, write_verification, checks, branches, scene, str(folder), settings))
+        log.note(f"results in {folder}")
+        structure.linearised.destroy()
+    failed = [
+        f"level {branch.level:g} N ends after {len(branch.points)} points: {branch.failure}"
+        for branch in branches
+        if branch.failure
+    ]
+    failed += [f"{check.where}: {check.failure}" for check in checks if check.failure]
+    if failed:
+        raise ConvergenceError("\n".join(failed) + f"\nwhat was computed is in {folder}")
+
+
+def by_what_is_asked(scene, asked: Asked):
+    """Return the scene with the levels, harmonics, samples and frequencies asked for.  Local.
+
+    Raises
+    ------
+    CaseError : values that no scene may hold
+    """
+    solver, response = scene.solver, scene.response
+    harmonics = scene.harmonics if asked.harmonics is None else asked.harmonics
+    n_samples = solver.samples if asked.samples is None else asked.samples
+    if n_samples <= 2 * harmonics:
+        raise CaseError(f"--samples: {n_samples} do not resolve {harmonics} harmonics; at least {2 * harmonics + 1} are needed")
+    highest = max(load.harmonic for load in scene.loads)
+    if harmonics < max(highest, 1):
+        raise CaseError(f"--harmonics {harmonics}: at least {max(highest, 1)} are needed, for loads and response")
+    given = {"harmonics": asked.harmonics, "samples": asked.samples}
+    return scene.model_copy(
+        update={
+            "solver": solver.model_copy(update={key: value for key, value in given.items() if value is not None}),
+            "response": response.model_copy(update={"levels": asked.levels or response.levels, "at": asked.at or response.at}),
+        }
+    )
+
+
+def curves(
+    scene,
+    model: ReducedModel,
+    parameters: ContactParameters,
+    selection,
+    omega_n: np.ndarray,
+    at: tuple[float, ...],
+    truth: Truth | None,
+) -> list[Branch]:
+    """Return the branches of all levels.  Collective.
+
+    Raises
+    ------
+    CaseError : a frequency of --at outside the range, on every rank
+    """
+    try:
+        sweep = frequency_sweep(scene.response, omega_n)
+    except CaseError as problem:
+        raise CaseError(str(problem).replace("[response] at", "--at") if at else str(problem)) from None
+    curve = linear_curve(model, sweep, parameters)
+    model.G_static.likely = likely_to_slip(model, parameters, curve)
+    return [
+        follow_level(scene, model, parameters, selection, sweep, curve, level, lambda point: None, truth)
+        for level in scene.response.levels
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """A point of a curve to verify: harmonic coefficients of the first output, of du and of p, and the loss of each pair."""
+
+    level: float  # N
+    omega: float  # rad/s
+    peak: float  # amplitude at the peak of the curve [m]
+    is_peak: bool
+    response: np.ndarray  # (N_H,) m
+    U: np.ndarray  # (n_pairs, 3, N_H) m
+    p: np.ndarray  # (n_pairs, 3, N_H) N
+    energy: np.ndarray  # (n_pairs,) J
+
+
+def chosen_points(branches: list[Branch], at: tuple[float, ...]) -> list[Chosen]:
+    """Return the points to verify: those ``at`` frequencies, else of every level those of ``around_peak``.  Local, on rank 0."""
+    chosen, most = [], Harmonics.full(max((point.p.shape[-1] for branch in branches for point in branch.points), default=3))
+    for branch in branches:
+        sizes = np.array([amplitude(point.response[0]) for point in branch.points])
+        if len(sizes) == 0:
+            continue
+        top = int(np.argmax(sizes))
+        of_top = np.flatnonzero([point.segment == branch.points[top].segment for point in branch.points])
+        indices = (
+            [i for i, point in enumerate(branch.points) if point.asked]
+            if at
+            else [int(of_top[i]) for i in around_peak(sizes[of_top])]
+        )
+        nearest = min(indices, key=lambda i: abs(i - top), default=top)
+        for i in indices:
+            point = branch.points[i]
+            response, U, p = (
+                Harmonics.full(values.shape[-1]).carry(values, most) for values in (point.response[0], point.U, point.p)
+            )
+            chosen.append(Chosen(branch.level, point.omega, float(sizes[top]), i == nearest, response, U, p, point.energy))
+    return chosen
+
+
+def around_peak(sizes: np.ndarray) -> list[int]:
+    """Return the indices of the peak and of the points on its flanks next to ``SHARES`` of it, in order.  Local."""
+    top = int(np.argmax(sizes))
+    indices = {top}
+    for step, end in ((-1, -1), (1, len(sizes))):
+        flank = np.arange(top + step, end, step)
+        falling = flank[: int(np.argmax(sizes[flank] < 0.5 * sizes[top])) or None] if len(flank) else flank
+        for share in SHARES:
+            others = [i for i in falling if i not in indices]
+            if others:
+                indices.add(int(min(others, key=lambda i: abs(sizes[i] - share * sizes[top]))))
+    return sorted(indices)
+
+
+def integrate(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], asked: Asked, comm) -> list[Check]:
+    """Return the checks of the chosen points, in their order, on every rank.  Collective: a rank marches every size-th."""
+    shares = comm.allgather(on_each(comm, checks_of, transient, model, chosen[comm.rank :: comm.size], asked))
+    return [shares[i % comm.size][i // comm.size] for i in range(len(chosen))]
+
+
+def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], asked: Asked) -> list[Check]:
+    """March some points with half the steps, then, from where that came to, with all of them, and compare.  Local."""
+    if not chosen:
+        return []
+    clock = time.perf_counter()
+    omega, level = (np.array([getattr(one, name) for one in chosen]) for name in ("omega", "level"))
+    start, most = from_rest(transient, len(chosen)), MOST_FROM_REST
+    if not asked.from_rest:
+        start, most = start_of(transient, model, chosen, asked.steps), MOST_PERIODS
+    founds: list[Found] = []
+    responses: list[np.ndarray] = []
+    try:
+        for n_steps in (asked.steps // 2, asked.steps):
+            founds.append(steady_state(March(transient, omega, level, n_steps), start, TOLERANCE, most, not asked.from_rest))
+            start = founds[-1].start
+            output = samples(transient, level, founds[-1].cycle)[1]
+            responses.append(coefficients(output, (n_steps - 1) // 2)[:, 0])
+    except ConvergenceError as problem:
+        if len(chosen) == 1:
+            return [failed_check(chosen[0], str(problem))]
+        return [check for one in chosen for check in checks_of(transient, model, [one], asked)]  # the others come through
+    seconds = (time.perf_counter() - clock) / len(chosen)
+    work, damping, friction = energies(transient, omega, level, founds[-1].cycle)
+    closure = (work - damping - friction) / np.where(work != 0.0, work, 1.0)
+    du = samples(transient, level, founds[-1].cycle)[0]
+    periods = founds[0].periods + founds[1].periods
+    return [
+        replace(
+            compared(one, responses[1][i], responses[0][i]),
+            closure=float(closure[i]),
+            periods=int(periods[i]),
+            change=float(founds[-1].change[i]),
+            distance=float(founds[-1].distance[i]),
+            seconds=seconds,
+            failure=unsteady(founds[-1].distance[i], int(periods[i])),
+            loop=loop_of(transient, one, du[:, i], founds[-1].cycle.p[:, i]) if one.is_peak else None,
+        )
+        for i, one in enumerate(chosen)
+    ]
+
+
+def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], n_steps: int) -> Start:
+    """Return the motions of harmonic balance at t = 0: among steady states that differ by residual tractions, theirs."""
+    N_H = chosen[0].p.shape[-1]
+    model = model.with_harmonics(Harmonics.full(N_H))
+    eta = [to_real(modal_motion(model, one.level, one.omega, one.p.reshape(-1, N_H)), N_H) for one in chosen]
+    return from_harmonics(
+        transient, np.array([one.omega for one in chosen]), np.array(eta), np.array([one.U for one in chosen]), n_steps
+    )
+
+
+def compared(one: Chosen, fine: np.ndarray, coarse: np.ndarray) -> Check:
+    """Return what harmonic balance and the march with all steps and with half of them say, of coefficients (N_H,).  Local."""
+    scale = one.peak or 1.0
+    marched, balanced = float(amplitude(fine)), float(amplitude(one.response))
+    return Check(
+        level=one.level,
+        frequency=one.omega / (2.0 * np.pi),
+        is_peak=one.is_peak,
+        balanced=balanced,
+        marched=marched,
+        difference=(balanced - marched) / scale,
+        with_phase=float(np.hypot(*(one.response[1:3] - fine[1:3]))) / scale,
+        own=float(np.hypot(*(fine[1:3] - coarse[1:3]))) / scale,
+        higher=float(np.linalg.norm(fine[3:])) / (marched or 1.0),
+        closure=np.nan,
+        periods=0,
+        change=np.nan,
+        distance=np.nan,
+        seconds=np.nan,
+    )
+
+
+def failed_check(one: Chosen, why: str) -> Check:
+    nothing = np.full(3, np.nan)
+    return replace(compared(one, nothing, nothing), failure=why)
+
+
+def unsteady(distance: float, periods: int) -> str:
+    """Say that a point came to no steady state, or nothing.  Local."""
+    if distance <= ACCEPTED:
+        return ""
+    return f"no steady state after {periods} periods: {distance:.1e} of the motion away"
+
+
+def loop_of(transient: TransientModel, one: Chosen, du: np.ndarray, p: np.ndarray) -> Loop | None:
+    """Return the loop of the pair that loses most, of du and p (n_steps, 3 n_pairs); None where nothing is lost.  Local."""
+    if not np.any(one.energy > 0.0):
+        return None
+    pair, of = int(np.argmax(one.energy)), transient.parameters
+    direction = int(np.argmax(cycle_work(one.p[pair, :2], one.U[pair, :2])))
+    k_t, row = of.k_t[pair], 3 * pair + direction
+    balanced = [synthesise(x[pair, direction], len(du)) for x in (one.U, one.p)]
+    return Loop(
+        pair,
+        "xy"[direction],
+        np.array([balanced[0], balanced[1] + k_t * balanced[0]]),
+        np.array([du[:, row], p[:, row] + k_t * du[:, row]]),
+    )

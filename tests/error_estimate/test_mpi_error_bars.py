@@ -1,0 +1,146 @@
+"""Error bars against what is true: better problems solved outright; on any number of ranks, one of them without a pair."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from dense_model import branch, reduced
+from mpi4py import MPI
+from oracles import scenes
+
+from microslip.continuation.grid import at_frequencies
+from microslip.error_estimate import adjoint
+from microslip.error_estimate.better_model import Truth
+from microslip.error_estimate.components import PARTS, total
+from microslip.error_estimate.estimate import ErrorEstimator
+from microslip.harmonic.residual import HarmonicBalance
+from microslip.receptance import motion as receptance
+from microslip.reduction.selection import AllPairs, NonStickingPairs
+
+COMM = MPI.COMM_WORLD
+OMEGAS = list(np.linspace(500.0, 640.0, 8))
+
+
+def scene(name):
+    system = scenes.SCENES[name]()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    return system
+
+
+def solved(level, H=3, n_samples=128, tolerance=1e-10, selection=None, comm=COMM, omegas=OMEGAS, name="chain"):
+    """Return the points of a level at some frequencies, with error bars."""
+    model, parameters = reduced(scene(name), comm, H)
+    estimator = ErrorEstimator(Truth(model, None, is_solved=True))
+    found = at_frequencies(
+        HarmonicBalance(model, parameters, n_samples, level),
+        selection or AllPairs(),
+        omegas,
+        tolerance=tolerance,
+        estimator=estimator,
+    )
+    assert found.failure is None
+    return found.points
+
+
+@lru_cache
+def reference(level):
+    """Return the amplitudes of a level with far more harmonics and samples."""
+    return amplitudes(solved(level, H=21, n_samples=1024))
+
+
+def amplitudes(points):
+    return np.array([point.response[0, 1] - 1j * point.response[0, 2] for point in points])
+
+
+def errors(points):
+    return np.array([point.error[0] for point in points])
+
+
+@pytest.mark.parametrize("level", [40.0, 100.0])
+@pytest.mark.parametrize("coarse", [{"H": 1}, {"H": 3}, {"H": 5, "n_samples": 32}])
+def test_the_bar_holds_what_more_harmonics_and_samples_change(level, coarse):
+    points = solved(level, **coarse)
+    true, bars = np.abs(amplitudes(points) - reference(level)), total(errors(points))
+    peak = np.abs(reference(level)).max()
+    seen = true > 1e-7 * peak
+    assert seen.any()
+    assert (true <= bars + 1e-7 * peak).mean() >= 0.85
+    assert 1.0 < np.median(bars[seen] / true[seen]) < 10.0
+
+
+def test_a_stuck_point_has_no_error_but_that_of_modes():
+    assert np.all(errors(solved(0.3)) == 0.0)
+
+
+def test_the_solver_s_part_is_the_distance_to_the_solution():
+    model, parameters = reduced(scene("chain"), COMM, 3)
+    problem, everything = HarmonicBalance(model, parameters, 128, 100.0), np.ones(model.n_pairs, dtype=bool)
+    exact = COMM.bcast(solved(100.0, omegas=[560.0, 561.0], tolerance=1e-12)[0].U)
+    away = 1e-6 * np.abs(exact).max() * np.random.default_rng(1).standard_normal(exact.shape)
+    U = (exact + away)[model.owned]
+
+    def response(U):
+        p = problem.full_force(problem.contact_forces(U, everything, tangents=False))
+        return receptance.output_motion(model, 100.0, 560.0, p)[0]
+
+    off = response(U) - response(exact[model.owned])
+    parts = ErrorEstimator(Truth(model, None, is_solved=True)).at(problem, U, 560.0, everything)[0]
+    # tau . r is the distance to the solution: that of the response at U, plus that of U by its own Newton step
+    assert parts[PARTS.index("solver")] == pytest.approx(np.hypot(off[1], off[2]), rel=0.05)
+
+
+def test_the_pairs_part_holds_what_a_dropped_pair_changes():
+    complete = solved(40.0)
+    late = solved(40.0, selection=NonStickingPairs())
+    true, parts = np.abs(amplitudes(late) - amplitudes(complete)), errors(late)
+    dropped = true > 1e-6 * np.abs(amplitudes(complete)).max()
+    assert np.all(parts[~dropped, PARTS.index("pairs")] <= 1e-5 * np.abs(amplitudes(complete)).max())
+    assert np.all(true[dropped] <= total(parts[dropped]))
+
+
+def test_ranks_agree():
+    together, alone = solved(100.0), solved(100.0, comm=MPI.COMM_SELF)
+    np.testing.assert_allclose(errors(together), errors(alone), rtol=1e-4, atol=1e-9 * np.abs(amplitudes(alone)).max())
+
+
+def test_a_branch_has_bars_as_its_points_have():
+    estimated = branch(scene("chain"), COMM, 40.0, low=500.0, high=640.0, points=20)
+    assert estimated.failure is None
+    assert all(point.error is None for point in estimated.points)
+
+
+@pytest.mark.parametrize(("name", "level"), [("chain", 100.0), ("chain", 40.0)])
+@pytest.mark.parametrize("direct", [0, 10**6])
+def test_adjoints_solve_the_transposed_system(monkeypatch, name, level, direct):
+    monkeypatch.setattr(adjoint, "DIRECT", direct)
+    model, parameters = reduced(scene(name), COMM, 3)
+    problem, everything = HarmonicBalance(model, parameters, 128, level), np.ones(model.n_pairs, dtype=bool)
+    U = COMM.bcast(solved(level, omegas=[560.0, 561.0], name=name)[0].U)[model.owned]
+    forces = problem.contact_forces(U, everything, tangents=True)
+    assert len(forces.active) > 0
+    G = problem.receptance_at(560.0, forces.active)
+    # B of any size: one quantity ten orders below the other, and one that is nothing
+    B = np.random.default_rng(3).standard_normal((3, 3 * model.n_pairs, model.N_H)) * np.array([1.0, 1e-10, 0.0])[:, None, None]
+    B[1:2] = B[0:1] * 1e-10
+    adjoints = adjoint.Adjoints()
+    try:
+        chi, tau = adjoints.solve(problem, forces, G, B)
+    finally:
+        adjoints.destroy()
+    assert adjoints.found
+    assert not chi[2].any()
+    np.testing.assert_allclose(chi[1], 1e-10 * chi[0], rtol=1e-5, atol=1e-12 * np.abs(chi[1]).max(initial=0.0))
+    # v . (1 + G^T P^T) chi = (v + P G v) . chi  for any motion's force v: against the forward operators
+    v = np.random.default_rng(4).standard_normal((3 * model.n_pairs, model.N_H))
+    in_active = v.reshape(-1, 3, model.N_H)[forces.active].reshape(-1, model.N_H)
+    G_v = G.apply(in_active)
+    own = v.reshape(-1, 3, model.N_H)[model.owned]
+    B_own = B[0].reshape(-1, 3, model.N_H)[model.owned]
+    mine = np.zeros_like(own)
+    mine[forces.active_owned] = own[forces.active_owned]
+    lhs = np.vdot(mine, chi[0].reshape(own.shape)) + np.vdot(G_v, tau[0].reshape(own.shape))
+    sums = COMM.allreduce(np.array([lhs, np.vdot(mine, B_own), np.vdot(mine, mine) ** 0.5]))
+    assert sums[0] == pytest.approx(sums[1], abs=5e-3 * np.linalg.norm(in_active) * np.abs(B[0]).max())
+    off = COMM.allreduce(float(np.abs(sums[0] - sums[1])))
+    assert direct == 0 or off < 1e-9 * np.linalg.norm(in_active) * np.linalg.norm(B[0])

@@ -1,0 +1,174 @@
+"""What is made of the runs of a trade: the front, choices, predictions, sentences, the reference's own error."""
+
+import csv
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from microslip.studies.trade.report import choice_lines, failure_lines, rows, sentences, validation_lines, write_trade
+from microslip.studies.trade.study import (
+    BASE,
+    Check,
+    Curve,
+    Reference,
+    Run,
+    Setting,
+    Study,
+    pareto,
+    peak_of,
+    promising,
+    remainder,
+    score,
+    uncertainty,
+)
+
+N = 9
+OMEGA = np.linspace(99.0, 101.0, N)
+EXACT = 2e-3 / (1.0 + 1j * (OMEGA - 100.0))
+
+
+@dataclass
+class Scene:
+    title: str = "a scene"
+
+
+def curve(error=0.0, bar=0.0, level=3.0):
+    """The exact curve, its largest amplitude off by a share of the peak, with bars of another share."""
+    u = EXACT.copy()
+    u[N // 2] += error * np.abs(EXACT).max()
+    return Curve(level, OMEGA, u, np.full(N, bar * np.abs(EXACT).max()))
+
+
+def run(knob, value, seconds, error, bar=np.nan, setup=0.1, failure=None, **changed):
+    setting = replace(Setting(modes=8, harmonics=5, samples=256), **changed)
+    return Run(knob, value, setting, setup, seconds, seconds, 1.3 * seconds, 1.3 * seconds, 100, (curve(error, bar),), failure)
+
+
+def study(*runs, floor=1e-5):
+    reference = Reference(
+        Setting(40, 31, 1024, 1e-10),
+        {3.0: curve(bar=floor)},
+        (Check("harmonics", (7, 15, 31), (4e-3, 1e-3)),),
+        1.0,
+        "harmonics: enough",
+    )
+    return Study("a scene", "scene", reference, Setting(8, 5, 256), [run(BASE, "", 1.0, 8e-3, 2e-2), *runs])
+
+
+HARMONICS = (run("harmonics", "3", 0.5, 2.6e-2, 6e-2, harmonics=3), run("harmonics", "13", 3.0, 5e-4, 1e-3, harmonics=13))
+
+
+@given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=1, max_size=30))
+def test_the_front_is_what_no_other_beats(points):
+    cost, error = np.array(points, dtype=float).T
+    beaten = [
+        any(c <= cost[i] and e <= error[i] and (c < cost[i] or e < error[i]) for c, e in zip(cost, error))
+        for i in range(len(cost))
+    ]
+    np.testing.assert_array_equal(pareto(cost, error), ~np.array(beaten))
+
+
+def test_the_cheapest_within_an_accuracy_is_chosen_set_up_included():
+    heavy = run("modes", "20", 0.9, 8e-3, setup=5.0, modes=20)
+    found = study(*HARMONICS, heavy)
+    assert found.choice(1e-2).knob == BASE
+    assert found.choice(1e-3).setting.harmonics == 13
+    assert found.choice(1e-4) is None
+    assert "harmonics = 13" in "\n".join(choice_lines(found, 1e-3))
+    assert "for 0.01 %: not reached; the best is 0.05 % by 8 modes, H = 13" in choice_lines(found, 1e-4)[0]
+
+
+def test_nothing_is_chosen_by_a_reference_that_is_not_known_well_enough():
+    found = study(*HARMONICS, floor=2e-3)
+    assert found.choice(1e-3) is None
+    assert "not decided, the reference itself is known to 0.2 % only" in choice_lines(found, 1e-3)[0]
+    assert [row for row in rows(found) if row[1] == "13"][0].count("< 0.2") >= 1
+
+
+def test_a_run_that_failed_is_told_and_never_chosen_nor_on_the_front():
+    found = study(run("tolerance", "0.1", 0.01, 0.0, failure="3 N ends after 2 points: no convergence", tolerance=0.1))
+    assert [entry.knob for entry in found.front()] == [BASE]
+    assert failure_lines(found) == ["3 N ends after 2 points: no convergence: tolerance 0.1"]
+    assert found.choice(1e-2).knob == BASE
+
+
+def test_sentences_have_the_numbers_of_the_runs():
+    said = sentences(study(*HARMONICS, run("method", "full", 4.0, 8e-3, setup=3.1, method="full")))
+    assert said[0] == "harmonics 3 -> 5: 2x the time, error 2.6 % -> 0.8 %"
+    assert said[1] == "harmonics 5 -> 13: 3x the time, error 0.8 % -> 0.05 %"
+    assert said[2] == "full instead of receptance: 4x the time, +3 s of set-up, error 0.8 % -> 0.8 %"
+
+
+def test_bars_are_judged_where_the_error_is_above_that_of_the_reference():
+    found = study(run("samples", "32", 0.4, 1e-2, 5e-3, samples=32), run("samples", "64", 0.5, 2e-6, 1e-7, samples=64))
+    assert found.validation().n_above == 2  # base and 32 samples; 64 are better than the reference is known
+    assert found.validation().coverage == 0.5
+    assert found.score(found.runs[1]).ratio == pytest.approx(0.5)
+    assert "of 2 points with an error above that, 50.0 % lie under their bar" in validation_lines(found)[0]
+
+
+def test_a_score_is_over_the_peak_of_the_reference():
+    found = score([curve(error=1e-2)], {3.0: curve()})
+    assert found.error == pytest.approx(1e-2) and found.rms == pytest.approx(1e-2 / 3.0)
+    assert found.peak == pytest.approx(peak_of(curve(error=1e-2))[1] / peak_of(curve())[1] - 1.0) and 5e-3 < found.peak < 2e-2
+    assert found.n_above == 1 and found.coverage == 0.0  # its bar is 0
+    assert not score([], {3.0: curve()}).is_known
+
+
+@given(st.floats(-0.9, 0.9), st.floats(0.1, 10.0))
+def test_a_parabola_s_peak_is_found_between_its_points(at, height):
+    omega = np.array([-2.0, -1.0, 0.3, 1.2, 2.5]) + 50.0
+    parabola = Curve(1.0, omega, (height * (10.0 - (omega - 50.0 - at) ** 2)).astype(complex), np.full(5, np.nan))
+    found, amplitude = peak_of(parabola)
+    assert found == pytest.approx(50.0 + at, abs=1e-9) and amplitude == pytest.approx(10.0 * height)
+
+
+@pytest.mark.parametrize("gain", [1.5, 2.0, 4.0])
+def test_what_is_left_of_a_geometric_series_is_its_remainder(gain):
+    terms = gain ** -np.arange(60.0)
+    assert remainder(tuple(terms[:5])) == pytest.approx(terms[5:].sum())
+
+
+def test_what_is_left_is_never_taken_to_be_less_than_a_third_of_the_last_change():
+    assert remainder((1e-2, 1e-6)) == pytest.approx(1e-6 / 3.0)
+    assert remainder((1e-6, 1e-3)) == pytest.approx(4e-3)  # not falling: as bad as four times the last change
+    assert remainder((1e-3,)) == 1e-3 and remainder(()) == 0.0
+
+
+def test_the_reference_is_known_as_its_sequences_let_expect():
+    rungs = [[curve(error)] for error in (7e-3, 3e-3, 1e-3)]  # falling by two: 1e-3 and beyond is left
+    known = uncertainty([rungs], [curve()])[0].bar / np.abs(EXACT).max()
+    np.testing.assert_allclose(known[N // 2 - 1 : N // 2 + 2], 2e-3, rtol=1e-5)
+    assert known[0] == pytest.approx(1e-9)
+
+
+def test_combinations_are_the_cheapest_that_the_single_knobs_let_expect():
+    cheap = run("samples", "64", 0.6, 8.1e-3, samples=64)
+    found = study(*HARMONICS, cheap, run("samples", "1024", 2.0, 8e-3, samples=1024))
+    best = promising(found, ["harmonics", "samples"], 3)
+    assert best and all(setting not in {entry.setting for entry in found.runs} for setting in best)
+    assert replace(found.base, harmonics=13, samples=64) in best
+
+
+def test_files_and_table(tmp_path):
+    found = study(*HARMONICS, run("accuracy", "0.01", 0.7, 4e-3, 9e-3, accuracy=1e-2))
+    text = write_trade(found, Scene(), str(tmp_path))
+    fixed = min(
+        (entry for entry in found.complete if entry.knob != "accuracy" and found.score(entry).error <= 1e-2),
+        key=lambda entry: entry.cost,
+    )
+    assert found.best_fixed(1e-2) is fixed and found.best_fixed(1e-9) is None
+    compared = f"{0.7 / fixed.cost:.2g}x that of the best fixed setting ({fixed.knob} {fixed.value}".rstrip()
+    assert (
+        f"accuracy = 0.01: met, error 0.4 %, in 0.7 s, bars included: {compared}), {0.7 / 1.3 / fixed.cost:.2g}x with its bars"
+        in text
+    )
+    assert "for 0.1 %: error 0.05 % measured" in text
+    with open(tmp_path / "trade.csv", newline="") as file:
+        table = list(csv.DictReader(file))
+    assert [entry["knob"] for entry in table] == [entry.knob for entry in found.ordered()]
+    assert float(table[1]["error_percent"]) == pytest.approx(2.6) and float(table[1]["covered_percent"]) == 100.0
+    assert (tmp_path / "trade.png").stat().st_size > 10_000
