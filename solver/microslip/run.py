@@ -14,7 +14,7 @@ from .assembly.matrices import distribute_structure, read_structure
 from .assembly.system import System
 from .contact.law import ContactParameters
 from .continuation.levels import follow_level, follow_levels, frequency_sweep, linear_curve
-from .error_estimate.better_model import Truth, truth_of
+from .error_estimate.better_model import BetterModel, better_model_of
 from .linear.joint_springs import Linearised, linearise
 from .mesh.data import ContactPairs, Mesh
 from .mesh.pairing import pair_contacts
@@ -67,9 +67,9 @@ def run(scene, comm, folder: Path, options: tuple[str, ...] = (), n_groups: int 
         with log.stage("reduction"):
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
             has_bars = scene.solver.error_bars and scene.harmonics > 0
-            truth = truth_of(structure.linearised, structure.modes, reduction, scene) if has_bars else None
+            better = better_model_of(structure.linearised, structure.modes, reduction, scene) if has_bars else None
         with log.stage("response"):
-            branches = follow(scene, structure, reduction, folder, options, log, n_groups, truth)
+            branches = follow(scene, structure, reduction, folder, options, log, n_groups, better)
         with log.stage("fields for ParaView"):
             write_shapes(structure, reduction, branches, folder)
         with log.stage("pictures"):
@@ -128,9 +128,9 @@ def follow(
     options,
     log: RunLog,
     n_groups: int = 1,
-    truth: Truth | None = None,
+    better: BetterModel | None = None,
 ) -> list:
-    """Return the branches of all levels, with error bars where a ``truth`` is given; write and log each point as it comes.
+    """Return the branches of all levels, with error bars where a ``better`` is given; write and log each point as it comes.
 
     Collective.
     """
@@ -155,16 +155,16 @@ def follow(
         if min(n_groups, len(levels)) == 1:
             reporter = Reporter(log, writer, sweep, levels, is_static)
             branches = []
-            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter, truth):
+            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter, better):
                 branches.append(branch)
                 reporter.level_finished(branch)
             columns = model.G_static
-            known = columns.known if truth is None else columns.known | truth.model.G_static.known
+            known = columns.known if better is None else columns.known | better.model.G_static.known
             log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
         else:
             one = partial(follow_level, scene, parameters=parameters, selection=reduction.selection, sweep=sweep, curve=curve)
             minutes = Minutes(log, writer, sweep, levels, is_static)
-            branches = follow_side_by_side(one, model, truth, levels, n_groups, minutes, log)
+            branches = follow_side_by_side(one, model, better, levels, n_groups, minutes, log)
             writer.put_in_order(branches)
     finally:
         writer.close()

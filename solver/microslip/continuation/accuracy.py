@@ -7,14 +7,16 @@ ones have fewer.  The step along the branch follows from the error of a straight
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..error_estimate.components import PARTS
 from ..fourier.harmonics import Harmonics
-from ..harmonic.residual import HarmonicBalance
+from ..harmonic.balance import HarmonicBalance
 from ..harmonic.symmetry import symmetric
+from .settings import ResponseSettings
 from .steps import ArcLength
 
 MOST_HARMONICS, MOST_SAMPLES = 31, 4096
@@ -24,7 +26,6 @@ FAINT = 1e-3  # of the largest output: fainter ones are judged against that
 LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}  # share of what is allowed, below which less will do
 PATIENCE = 3  # points in a row
 SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}  # of the accuracy; parts are estimates, some half of what is true
-STATED = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # the key of [solver] for each
 BOTH = SHARES["harmonics"] + SHARES["samples"]  # together: samples may use what harmonics leave
 TOLERANCE = 1e-2  # of Newton, times the accuracy
 STEP = 0.5  # share of the accuracy for the straight line between two points
@@ -59,9 +60,23 @@ def least_samples(H: int) -> int:
     return max(LEAST_SAMPLES, 2 ** int(np.ceil(np.log2(PER_HARMONIC * (H + 1)))))
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What one branch has learnt about the resolution it needs; ranks agree because they are told the same."""
+
+    peak: np.ndarray | None = None  # (n_outputs,) largest amplitude so far [m]
+    calm: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))  # points in a row, by part
+    patience: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, PATIENCE))
+
+    def after_too_few(self, part: str) -> Memory:
+        """Return it slower to lower what had to be raised.  Local."""
+        patience = min(2 * self.patience[part], 48)
+        return replace(self, calm={**self.calm, part: 0}, patience={**self.patience, part: patience})
+
+
+@dataclass(frozen=True, eq=False)
 class Accuracy:
-    """What one branch has learnt about the resolution it needs.  Local; ranks agree because they are told the same.
+    """How the resolution of a branch follows from the accuracy asked for.  Local; what it learns goes in and out as `Memory`.
 
     Parameters
     ----------
@@ -77,101 +92,88 @@ class Accuracy:
     keeps: frozenset[str] = frozenset()
     chooses_steps: bool = True
     tightest: float = 1e-8
-    peak: np.ndarray | None = None  # (n_outputs,) largest amplitude so far [m]
-    calm: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))
-    patience: dict[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, PATIENCE))
 
-    def ratios(self, amplitude: np.ndarray, error: np.ndarray) -> dict[str, float]:
+    def allowed(self, peak: np.ndarray) -> np.ndarray:
+        """Return the error that each output may have [m]."""
+        return self.target * np.maximum(peak, FAINT * peak.max(initial=0.0))
+
+    def ratios(self, amplitude: np.ndarray, error: np.ndarray, memory: Memory) -> tuple[dict[str, float], Memory]:
         """Return each part over what is allowed, the worst of the outputs, from amplitudes (n_outputs,) and parts of the bar."""
-        self.peak = amplitude if self.peak is None else np.maximum(self.peak, amplitude)
-        allowed = self.target * np.maximum(self.peak, FAINT * self.peak.max(initial=0.0))
-        found = {}
+        peak = amplitude if memory.peak is None else np.maximum(memory.peak, amplitude)
+        allowed, found = self.allowed(peak), {}
         used = np.minimum(error[:, PARTS.index("harmonics")], SHARES["harmonics"] * allowed)
         for part, share in SHARES.items():
             values, most = error[:, PARTS.index(part)], BOTH * allowed - used if part == "samples" else share * allowed
             over = np.divide(values, most, out=np.zeros_like(values), where=allowed > 0.0)
             found[part] = float(np.nan_to_num(over, nan=np.inf).max(initial=0.0))  # a bar that is none tells nothing
-        return found
+        return found, replace(memory, peak=peak)
 
-    def finer(self, now: Resolution, ratios: dict[str, float]) -> Resolution | None:
+    def finer(self, now: Resolution, ratios: dict[str, float], memory: Memory) -> tuple[Resolution | None, Memory]:
         """Return the resolution with which to solve the point again; None where it is good, or the finest there is."""
         if not ratios:
-            return None
+            return None, memory
         found, H = now, now.harmonics.highest
         most = min(MOST_HARMONICS, (now.n_samples - 1) // 2) if "samples" in self.keeps else MOST_HARMONICS
         if ratios["harmonics"] > 1.0 and "harmonics" not in self.keeps and H + 2 <= most:
             grown = int(np.clip(np.ceil(H * np.sqrt(ratios["harmonics"])), H + 2, 2 * H + 1))
             found = found.with_highest(min(grown + (grown - H) % 2, most - (most - H) % 2), "samples" in self.keeps)
-            self._too_few("harmonics")
+            memory = memory.after_too_few("harmonics")
         if ratios["samples"] > 1.0 and "samples" not in self.keeps and now.n_samples < MOST_SAMPLES:
             grown = samples_from(now.n_samples * min(ratios["samples"], 8.0))
             found = replace(found, n_samples=min(max(grown, found.n_samples), MOST_SAMPLES))
-            self._too_few("samples")
+            memory = memory.after_too_few("samples")
         if ratios.get("solver", 0.0) > 1.0:
-            found = self.tighter(found) or found
-        return found if found != now else None
+            tighter, memory = self.tighter(found, memory)
+            found = tighter or found
+        return (found if found != now else None), memory
 
-    def tighter(self, now: Resolution) -> Resolution | None:
+    def tighter(self, now: Resolution, memory: Memory) -> tuple[Resolution | None, Memory]:
         """Return the resolution with the tightest tolerance; None where that is what it has, or what the scene states."""
         if "solver" in self.keeps or now.tolerance <= self.tightest:
-            return None
-        self._too_few("solver")
-        return replace(now, tolerance=self.tightest)
+            return None, memory
+        return replace(now, tolerance=self.tightest), memory.after_too_few("solver")
 
-    def coarser(self, now: Resolution, ratios: dict[str, float]) -> Resolution:
+    def coarser(self, now: Resolution, ratios: dict[str, float], memory: Memory) -> tuple[Resolution, Memory]:
         """Return the resolution of the next point after one that was good enough."""
         if not ratios:
-            return now
-        for part in SHARES:
-            self.calm[part] = self.calm[part] + 1 if ratios[part] < LOW[part] else 0
+            return now, memory
+        calm = {part: memory.calm[part] + 1 if ratios[part] < LOW[part] else 0 for part in SHARES}
         found, H = now, now.harmonics.highest
-        if self._is_calm("harmonics") and H - 2 >= self.coarsest.harmonics.highest:
+        is_calm = {part: part not in self.keeps and calm[part] >= memory.patience[part] for part in SHARES}
+        if is_calm["harmonics"] and H - 2 >= self.coarsest.harmonics.highest:
             found = found.with_highest(H - 2, "samples" in self.keeps)
         least = max(self.coarsest.n_samples, least_samples(found.harmonics.highest))
         fewer = samples_from(0.5 * now.n_samples)
-        if self._is_calm("samples") and fewer >= least:
+        if is_calm["samples"] and fewer >= least:
             found = replace(found, n_samples=fewer)
-        if self._is_calm("solver"):
+        if is_calm["solver"]:
             found = replace(found, tolerance=self.coarsest.tolerance)
-        return found
+        return found, replace(memory, calm={part: 0 if is_calm[part] else calm[part] for part in SHARES})
 
-    def _is_calm(self, part: str) -> bool:
-        if part in self.keeps or self.calm[part] < self.patience[part]:
-            return False
-        self.calm[part] = 0
-        return True
-
-    def _too_few(self, part: str) -> None:
-        """Be slower to lower what had to be raised."""
-        self.calm[part], self.patience[part] = 0, min(2 * self.patience[part], 48)
-
-    def stretch(self, responses: list[np.ndarray], steps: tuple[float, float]) -> float:
+    def stretch(self, responses: list[np.ndarray], steps: tuple[float, float], memory: Memory) -> float:
         """Return the factor from the last step to the next, from the amplitudes (n_outputs,) at the last three points."""
         before, now, after = responses
         error = chord_error(before, now, after, steps)
-        peak = np.abs(responses).max(axis=0) if self.peak is None else self.peak
-        allowed = STEP * self.target * np.maximum(peak, FAINT * peak.max(initial=0.0))
+        allowed = STEP * self.allowed(np.abs(responses).max(axis=0) if memory.peak is None else memory.peak)
         worst = float(np.divide(error, allowed, out=np.zeros_like(error), where=allowed > 0.0).max(initial=0.0))
         return float(np.clip(worst**-0.5 if worst > 0.0 else MOST_STRETCH, LEAST_STRETCH, MOST_STRETCH))
 
 
-def accuracy_of(scene, problem: HarmonicBalance, linear: bool = False) -> Accuracy | None:
-    """Return how the scene's accuracy is met on one branch; None where it asks for none, or states all that follows from it.
+def accuracy_of(settings: ResponseSettings, equation: HarmonicBalance, linear: bool = False) -> Accuracy | None:
+    """Return how the accuracy asked for is met on one branch; None where none is, or all that follows from it is stated.
 
-    Collective on ``problem.comm``.  A level known to be ``linear`` moves in the harmonics of its loads, whatever the symmetry,
+    Collective.  A level known to be ``linear`` moves in the harmonics of its loads, whatever the symmetry,
     which takes static columns to find out.
     """
-    solver, harmonics = scene.solver, problem.model.harmonics
-    keeps = frozenset(part for part, key in STATED.items() if not scene.chooses(key))
-    chooses_steps = "points" not in scene.response.model_fields_set
-    if solver.accuracy is None or ({"harmonics", "samples"} <= keeps and not chooses_steps):
+    keeps, target, harmonics = settings.keeps, settings.accuracy, equation.harmonics
+    if target is None or ({"harmonics", "samples"} <= keeps and not settings.chooses_steps):
         return None
-    loaded = max((load.harmonic for load in scene.loads), default=1) or 1
     if "harmonics" not in keeps:
-        harmonics = Harmonics.odd_up_to(loaded) if not linear and symmetric(problem) else Harmonics.up_to(loaded)
-    n_samples = solver.samples if "samples" in keeps else least_samples(harmonics.highest)
-    loosest = solver.tolerance if "solver" in keeps else max(TOLERANCE * solver.accuracy, solver.tolerance)
-    return Accuracy(solver.accuracy, Resolution(harmonics, n_samples, loosest), keeps, chooses_steps, solver.tolerance)
+        H = settings.loaded
+        harmonics = Harmonics.odd_up_to(H) if not linear and symmetric(equation) else Harmonics.up_to(H)
+    n_samples = settings.samples if "samples" in keeps else least_samples(harmonics.highest)
+    loosest = settings.tolerance if "solver" in keeps else max(TOLERANCE * target, settings.tolerance)
+    return Accuracy(target, Resolution(harmonics, n_samples, loosest), keeps, settings.chooses_steps, settings.tolerance)
 
 
 def steps_for(target: float) -> ArcLength:

@@ -1,51 +1,30 @@
-"""The corrector: SNES on the harmonic-balance rows and one more row for the parameter, frequency or level.
+"""The corrector: SNES on the harmonic-balance rows and one constraint row for each parameter (docs/theory.md, section 7).
 
-Unknowns are scaled (docs/theory.md, section 7): xi = U / |U| of the last point, nu = parameter / its scale.  The
-extra row is linear in (xi, nu): a plane normal to the predictor for arc-length steps, a fixed parameter otherwise.
+Unknowns are scaled: xi = U / |U| of the last point, nu = parameters / their scales.  The motion lives with its pairs, the
+parameters and their rows on the last rank.  SNES is an adapter: residual and linearisation are those of ``harmonic/``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ..harmonic.direct import LARGEST, WholeInverse
-from ..harmonic.newton import Gatherer, Linearisation, NewtonStep
+from ..harmonic.balance import HarmonicBalance
+from ..harmonic.linearisation import Border, Linearisation, NewtonSolver, Step
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
-from ..harmonic.preconditioner import HarmonicPreconditioner
-from ..harmonic.residual import HarmonicBalance
+from .constraints import Constraint, Scaling
+from .iterate import Iterate
+from .problems import Problem
 
 PATIENCE, LEAST_PROGRESS = 4, 0.5  # Newton gives up where so many iterations leave more than this share of the residual
 MOST_ITERATIONS = 20
 PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other way left
 SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
 ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
-MANY_IN_STIFF = 10  # the same where rows are weighted
-MANY_KRYLOV = 50  # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
-
-
-@dataclass(frozen=True)
-class Iterate:
-    """A motion of this rank's pairs and the parameter of the family, unscaled."""
-
-    U: np.ndarray  # (n_owned, 3, N_H) m
-    parameter: float  # frequency rad/s, or level N
-
-
-@dataclass(frozen=True)
-class Scaling:
-    """Units of the unknowns in SNES and in the arc-length norm, and weights of the rows of the residual."""
-
-    U: float  # m
-    parameter: float  # rad/s or N
-    rows: np.ndarray | float = 1.0  # (n_owned, 3, 1) -, at least 1; see ``row_weights``
-    weight: float = 1.0  # the largest of all ranks' rows
 
 
 def row_weights(stiffness: np.ndarray, size: float, force: float, tolerance: float) -> np.ndarray:
@@ -66,20 +45,7 @@ def row_weights(stiffness: np.ndarray, size: float, force: float, tolerance: flo
     return np.minimum(np.maximum(weights, 1.0), most)
 
 
-@dataclass(frozen=True)
-class ConstraintRow:
-    """The row n_U . (xi - xi_0) + n_nu (nu - nu_0) = 0 about the iterate ``about``."""
-
-    about: Iterate
-    n_U: np.ndarray  # (n_owned, 3, N_H) -
-    n_nu: float  # -
-
-    @classmethod
-    def fixed_parameter(cls, about: Iterate) -> ConstraintRow:
-        return cls(about, np.zeros_like(about.U), 1.0)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Correction:
     """Outcome of one corrector solve; ``failure`` is None if it converged."""
 
@@ -90,40 +56,87 @@ class Correction:
     failure: str | None
     bound: float = 0.0  # the tolerance that was asked for
     gap: float = 0.0  # m, the most that the motion of the stiffest pairs and that under their forces differ by
+    is_linear: bool = False  # the linear response, found without solving
+
+    def with_effort_of(self, other: Correction) -> Correction:
+        """Return it with the iterations of another solve added.  Local."""
+        return replace(self, newton=self.newton + other.newton, krylov=self.krylov + other.krylov)
+
+
+@dataclass(frozen=True, eq=False)
+class BorderedSystem:
+    """The equations of one solve: those of the problem with ``selected`` pairs let slip, and a constraint for each parameter."""
+
+    problem: Problem
+    constraints: tuple[Constraint, ...]
+    scaling: Scaling
+    selected: np.ndarray  # (n_pairs,) bool
+
+    @property
+    def equation(self) -> HarmonicBalance:
+        return self.problem.equation
+
+    def residual(self, U: np.ndarray, nu_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return this rank's rows of r(U, omega), scaled and weighted, and the k constraints.  Collective: one gather.
+
+        ``nu_owned`` (k,) are the scaled parameters on the rank that owns them and 0 elsewhere.  Rows are NaN, a failed step on
+        every rank, where a parameter is not above zero.
+        """
+        scaling, k = self.scaling, len(nu_owned)
+        parts = tuple(constraint.of_motion(U, scaling) for constraint in self.constraints)
+        forces = self.equation.contact_forces(U, self.selected, tangents=False, extras=(*parts, *nu_owned))
+        parts, nu = forces.extras[:k], np.array(forces.extras[k:])
+        parameters = tuple(nu * scaling.parameters)
+        rows = np.full(U.shape, np.nan)
+        if min(parameters) > 0.0:
+            rows = self.equation.residual(U, self.problem.at(parameters), forces) * scaling.rows / scaling.U
+        return rows, np.array([c.value(part, nu, scaling) for c, part in zip(self.constraints, parts)])
+
+    def linearise(self, U: np.ndarray, nu_owned: np.ndarray) -> tuple[Linearisation, Border]:
+        """Return the Jacobian (5.3) of the unweighted rows.  Collective: one gather, and static columns where they are new."""
+        forces = self.equation.contact_forces(U, self.selected, tangents=True, extras=tuple(nu_owned))
+        parameters = tuple(np.array(forces.extras) * self.scaling.parameters)
+        linear = self.equation.linearise(self.problem.at(parameters), forces)
+        units = (unit / self.scaling.U for unit in self.scaling.parameters)
+        r_nu = tuple(linear.rate(rate) * unit for rate, unit in zip(self.problem.rates(parameters), units))
+        n_U, n_nu = zip(*(constraint.gradient(U, self.scaling) for constraint in self.constraints))
+        return linear, Border(r_nu, n_U, np.array(n_nu))
 
 
 class Corrector:
-    """SNES with a matrix-free Jacobian, kept over the points of a level.  Collective on ``problem.comm``."""
+    """SNES with a matrix-free Jacobian, kept over the points of a branch.  Collective on ``comm``.
 
-    def __init__(self, problem: HarmonicBalance, tolerance: float):
-        self.problem, self.comm = problem, problem.comm
-        self.last = self.comm.rank == self.comm.size - 1  # owns the row of the parameter
-        self.n_U = int(np.prod(problem.shape))
-        self.tolerance, self.patience = tolerance, PATIENCE
-        self._step = NewtonStep(problem)
-        self._wants_preconditioner = False
-        self._history: list[float] = []
-        self._stepped = np.empty(0)
-        n_local = self.n_U + int(self.last)
-        self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=self.comm)
+    Parameters
+    ----------
+    shape : (n_owned, 3, N_H) of this rank's motion
+    n_parameters : k
+    """
+
+    def __init__(self, comm, shape: tuple[int, int, int], tolerance: float, n_parameters: int = 1):
+        self.comm, self.shape, self.tolerance, self.k = comm, shape, tolerance, n_parameters
+        self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
+        self.n_U = int(np.prod(shape))
+        self.newton_solver = NewtonSolver(comm)
+        self._patience, self._history = PATIENCE, [0.0]
+        n_local = self.n_U + self.k * int(self.last)
+        self._x = PETSc.Vec().createMPI((n_local, PETSc.DETERMINE), comm=comm)
         self._r = self._x.duplicate()
         sizes = (n_local, PETSc.DETERMINE)
-        self._J = PETSc.Mat().createPython((sizes, sizes), context=ShellMatrix(self.apply_jacobian), comm=self.comm)
+        self._J = PETSc.Mat().createPython((sizes, sizes), context=ShellMatrix(self._multiply), comm=comm)
         self._J.setUp()
-        self._snes = self._configure(PETSc.SNES().create(self.comm))
+        self._snes = self._configure(PETSc.SNES().create(comm))
 
     def _configure(self, snes):
         snes.setOptionsPrefix("hb_")
-        snes.setFunction(self._residual, self._r)
-        snes.setJacobian(self._linearise, self._J)
         snes.setTolerances(rtol=0.0, atol=self.tolerance, stol=0.0, max_it=MOST_ITERATIONS)
         snes.setConvergenceTest(self._converged)
         ksp = snes.getKSP()
         ksp.setOptionsPrefix("hb_newton_")  # the options -hb_ksp_ are those of the GMRES inside
         ksp.setType(PETSc.KSP.Type.PYTHON)
-        ksp.setPythonContext(ShellSolver(self.solve_step))
+        ksp.setPythonContext(ShellSolver(self._solve_step))
         ksp.getPC().setType(PETSc.PC.Type.NONE)
         snes.setFromOptions()
+        self._max_it = snes.getTolerances()[3]
         return snes
 
     def _converged(self, snes, iteration: int, norms) -> PETSc.SNES.ConvergedReason | None:
@@ -135,169 +148,129 @@ class Corrector:
             return reasons.CONVERGED_FNORM_ABS
         if not np.isfinite(norm):
             return reasons.DIVERGED_FUNCTION_DOMAIN
-        if iteration >= self.patience and norm > LEAST_PROGRESS * self._history[iteration - self.patience]:
+        if iteration >= self._patience and norm > LEAST_PROGRESS * self._history[iteration - self._patience]:
             return reasons.DIVERGED_LOCAL_MIN
         return None
 
-    @contextmanager
-    def patient(self) -> Iterator[None]:
-        """Go on while the residual falls at all, by however short steps.  Local."""
-        usual = self._snes.getTolerances()[3]
-        self.patience = PATIENT
-        self._snes.setTolerances(max_it=max(usual, MOST_PATIENT_ITERATIONS))
-        try:
-            yield
-        finally:
-            self.patience = PATIENCE
-            self._snes.setTolerances(max_it=usual)
-
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
-        self._step.destroy()
+        self.newton_solver.destroy()
         for thing in (self._snes, self._J, self._x, self._r):
             thing.destroy()
 
-    def correct(self, guess: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> Correction:
-        """Solve from ``guess``.  Collective; never raises for divergence, which comes back as ``failure``."""
-        with np.errstate(all="ignore"):  # what is not finite is a failed step, which SNES tells
-            return self._correct(guess, row, scaling, selected)
+    def correct(self, system: BorderedSystem, guess: Iterate, is_patient: bool = False) -> Correction:
+        """Solve from ``guess``.  Collective; never raises for divergence, which comes back as ``failure``.
 
-    def _correct(self, guess: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> Correction:
-        self._row, self._scaling, self._selected = row, scaling, selected
-        self._step.weight = scaling.weight
+        ``is_patient`` goes on while the residual falls at all, by however short steps.
+        """
+        self._patience = PATIENT if is_patient else PATIENCE
+        self._snes.setTolerances(max_it=max(self._max_it, MOST_PATIENT_ITERATIONS) if is_patient else self._max_it)
+        with np.errstate(all="ignore"):  # what is not finite is a failed step, which SNES tells
+            reason = self._solve(system, guess)
+            if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:  # with a preconditioner made here and now
+                self.newton_solver.wants_preconditioner = True
+                reason = self._solve(system, guess)
+            if reason <= 0 and self.newton_solver.is_single:
+                self.newton_solver.in_double = True
+                reason = self._solve(system, guess)
+                self.newton_solver.in_double = False
+        newton, krylov = self._snes.getIterationNumber(), self._snes.getLinearSolveIterations()
+        self.newton_solver.weigh(newton, krylov)
+        residual, failure = self._snes.getFunctionNorm(), None
+        if reason <= 0:
+            failure = f"SNES {_NAMES.get(reason, reason)}, scaled residual {residual:.1e} (bound {self.tolerance:.1e})"
+        gap = residual * system.scaling.U / system.scaling.weight
+        return Correction(self._unpacked(system, guess), newton, krylov, residual, failure, self.tolerance, gap)
+
+    def _solve(self, system: BorderedSystem, guess: Iterate) -> int:
+        """Run SNES from ``guess`` and return PETSc's reason.  Collective."""
+        self._begin(system)
         self._pack(guess, self._x)
         self._snes.solve(None, self._x)
-        reason = self._snes.getConvergedReason()
-        if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:  # with a preconditioner made here and now
-            self._wants_preconditioner = True
-            self._pack(guess, self._x)
-            self._snes.solve(None, self._x)
-            reason = self._snes.getConvergedReason()
-        if reason <= 0 and self._step.is_single:
-            self._step.in_double = True
-            self._pack(guess, self._x)
-            self._snes.solve(None, self._x)
-            reason, self._step.in_double = self._snes.getConvergedReason(), False
-        self._weigh_preconditioner()
-        failure = None
-        if reason <= 0:
-            failure = (
-                f"SNES {_NAMES.get(reason, reason)}, scaled residual {self._snes.getFunctionNorm():.1e} "
-                f"(bound {self.tolerance:.1e})"
-            )
-        return Correction(
-            self._unpack(self._x),
-            self._snes.getIterationNumber(),
-            self._snes.getLinearSolveIterations(),
-            self._snes.getFunctionNorm(),
-            failure,
-            self.tolerance,
-            self._snes.getFunctionNorm() * scaling.U / scaling.weight,
-        )
+        return self._snes.getConvergedReason()
 
-    def residual_at(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> np.ndarray:
-        """Return this rank's rows of the scaled residual.  Collective."""
-        self._row, self._scaling, self._selected = row, scaling, selected
-        self._pack(iterate, self._x)
-        self._snes.computeFunction(self._x, self._r)
-        return self._r.getArray().copy()
+    def _begin(self, system: BorderedSystem) -> None:
+        """Tell SNES which system its callbacks are about."""
+        self._system = system
+        self.newton_solver.weight = system.scaling.weight
+        self._snes.setFunction(self._residual, self._r)
+        self._snes.setJacobian(self._linearise, self._J)
 
-    def tangent(self, iterate: Iterate, row: ConstraintRow, scaling: Scaling, selected: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return the direction (d_xi, d_nu) in which the linearisation at ``iterate`` goes on, d_xi of this rank.  Collective.
+    def tangent(self, system: BorderedSystem, there: Iterate) -> tuple[np.ndarray, np.ndarray]:
+        """Return the direction (d_xi, d_nu) in which the linearisation at ``there`` goes on, d_xi of this rank.  Collective.
 
-        Scaled so that its product with ``row`` is 1.
+        Scaled so that its product with the first constraint is 1, and with the others 0.
         """
-        self.residual_at(iterate, row, scaling, selected)
-        self._linearise(self._snes, self._x, self._J, self._J)
-        d_xi, d_nu, _, _ = self._step.solve(self._linear, np.zeros(self.problem.shape), 1.0 if self.last else 0.0)
-        return d_xi, self._from_last(d_nu)
-
-    def _weigh_preconditioner(self) -> None:
-        """Ask for a (new) preconditioner at the next linearisation where GMRES needed many iterations a Newton step."""
-        newton = self._snes.getIterationNumber()
-        many = MANY_KRYLOV if self._scaling.weight == 1.0 else MANY_IN_STIFF
-        if newton > 0 and self._snes.getLinearSolveIterations() > many * newton:
-            self._wants_preconditioner = True
+        self.newton_solver.weight = system.scaling.weight
+        nu = np.divide(there.parameters, system.scaling.parameters)
+        linear, border = system.linearise(there.U, nu if self.last else np.zeros(self.k))
+        unit = np.zeros(self.k)
+        unit[0] = 1.0
+        step = linear.solve(np.zeros(self.shape), unit if self.last else np.zeros(self.k), border, self.newton_solver)
+        return step.d_xi, self._from_last(step.d_nu_owned)
 
     # -- scaled unknowns in PETSc's vectors ------------------------------------------------------------------
 
     def _pack(self, iterate: Iterate, x) -> None:
-        values = x.getArray()
-        values[: self.n_U] = iterate.U.ravel() / self._scaling.U
+        values, scaling = x.getArray(), self._system.scaling
+        values[: self.n_U] = iterate.U.ravel() / scaling.U
         if self.last:
-            values[self.n_U] = iterate.parameter / self._scaling.parameter
+            values[self.n_U :] = np.divide(iterate.parameters, scaling.parameters)
 
-    def _unpack(self, x) -> Iterate:
-        values = x.getArray(readonly=True)
-        return Iterate(self._motion(values), self._from_last(self._nu(values)) * self._scaling.parameter)
+    def _unpacked(self, system: BorderedSystem, guess: Iterate) -> Iterate:
+        values = self._x.getArray(readonly=True)
+        parameters = self._from_last(self._nu(values)) * system.scaling.parameters
+        return replace(guess, U=self._motion(values), parameters=tuple(map(float, parameters)))
 
     def _motion(self, values: np.ndarray) -> np.ndarray:
-        return (values[: self.n_U] * self._scaling.U).reshape(self.problem.shape)
+        return (values[: self.n_U] * self._system.scaling.U).reshape(self.shape)
 
-    def _nu(self, values: np.ndarray) -> float:
-        """Return the scaled parameter where its row lives and 0 elsewhere, so that a sum over ranks gives it."""
-        return float(values[self.n_U]) if self.last else 0.0
+    def _nu(self, values: np.ndarray) -> np.ndarray:
+        """Return the scaled parameters where their rows live and 0 elsewhere, so that a sum over ranks gives them."""
+        return values[self.n_U :].copy() if self.last else np.zeros(self.k)
 
-    def _from_last(self, value: float) -> float:
-        return value if self.comm.size == 1 else self.comm.bcast(value, root=self.comm.size - 1)
+    def _from_last(self, values: np.ndarray) -> np.ndarray:
+        return values if self.comm.size == 1 else self.comm.bcast(values, root=self.comm.size - 1)
 
-    # -- SNES callbacks: one gather each --------------------------------------------------------------------
+    # -- SNES callbacks ----------------------------------------------------------------------------------------
 
     def _residual(self, snes, x, r) -> None:
-        problem, row, scaling, values = self.problem, self._row, self._scaling, x.getArray(readonly=True)
-        U = self._motion(values)
-        plane_U = float(np.vdot(row.n_U, U - row.about.U)) / scaling.U
-        forces = problem.contact_forces(U, self._selected, tangents=False, extras=(plane_U, self._nu(values)))
-        plane_U, nu = forces.extras
-        out, parameter = r.getArray(), nu * scaling.parameter
-        out[: self.n_U] = np.nan  # what a parameter below zero gets: a failed step, on every rank
-        if parameter > 0.0:
-            U_lin, _ = problem.linear_motion(parameter)
-            rows = U - U_lin + problem.receptance_at(parameter, forces.active).apply(forces.p)
-            out[: self.n_U] = (rows * scaling.rows).ravel() / scaling.U
+        values, out = x.getArray(readonly=True), r.getArray()
+        rows, constraints = self._system.residual(self._motion(values), self._nu(values))
+        out[: self.n_U] = rows.ravel()
         if self.last:
-            out[self.n_U] = plane_U + row.n_nu * (nu - row.about.parameter / scaling.parameter)
+            out[self.n_U :] = constraints
 
     def _linearise(self, snes, x, J, B) -> None:
         values = x.getArray(readonly=True)
-        forces = self.problem.contact_forces(self._motion(values), self._selected, tangents=True, extras=(self._nu(values),))
-        parameter = forces.extras[0] * self._scaling.parameter
-        G = self.problem.receptance_at(parameter, forces.active)
-        _, dU_lin = self.problem.linear_motion(parameter)
-        r_nu = (self.problem.force_derivative(G, forces.p) - dU_lin) * (self._scaling.parameter / self._scaling.U)
-        gatherer = Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2)
-        self._stepped = np.empty(0)
-        self._linear = Linearisation(forces, G, r_nu, self._row.n_U, self._row.n_nu, gatherer)
-        n_rows = 3 * len(forces.active) * self.problem.model.N_H
-        is_small = n_rows <= LARGEST
-        wanted = self._wants_preconditioner or (is_small and isinstance(self._step.preconditioner, WholeInverse))
-        if wanted and n_rows > 0:
-            self._step.preconditioner = (WholeInverse if is_small else HarmonicPreconditioner)(self.problem, forces, G)
-            self._wants_preconditioner = False
+        self._linear, self._border = self._system.linearise(self._motion(values), self._nu(values))
+        self._step: Step | None = None
         J.assemble()
 
-    def solve_step(self, b, x) -> tuple[int, int]:
+    def _solve_step(self, b, x) -> tuple[int, int]:
         """Solve a Newton system; return GMRES iterations and PETSc's reason.  Collective."""
         values, out = b.getArray(readonly=True), x.getArray()
-        b_U, b_nu = values[: self.n_U].reshape(self.problem.shape) / self._scaling.rows, self._nu(values)
-        d_xi, d_nu, iterations, reason = self._step.solve(self._linear, b_U, b_nu)
-        out[: self.n_U] = d_xi.ravel()
-        if self.last:
-            out[self.n_U] = d_nu
+        b_U = values[: self.n_U].reshape(self.shape) / self._system.scaling.rows
+        self._step = self._linear.solve(b_U, self._nu(values), self._border, self.newton_solver)
+        self._write(out, self._step.d_xi, self._step.d_nu_owned)
         self._stepped = out.copy()
-        return iterations, reason
+        return self._step.iterations, self._step.reason
 
-    def apply_jacobian(self, x, y) -> None:
-        """Apply [I + G P, dr/dnu; n_U, n_nu] in scaled unknowns.  Collective: one gather.
+    def _multiply(self, x, y) -> None:
+        """Apply the Jacobian in scaled unknowns.  Collective: one gather.
 
         The line search asks for the product with the step that was solved for last, which is known.
         """
-        values, out = x.getArray(readonly=True), y.getArray()
-        d_xi, d_nu = values[: self.n_U].reshape(self.problem.shape), self._nu(values)
-        if self.comm.allreduce(np.array_equal(values, self._stepped), op=MPI.LAND):
-            rows, of_row = self._step.product, self._linear.constraint(self.comm, d_xi, d_nu)
+        values = x.getArray(readonly=True)
+        d_xi, d_nu = values[: self.n_U].reshape(self.shape), self._nu(values)
+        is_step = self._step is not None and np.array_equal(values, self._stepped)
+        if self.comm.allreduce(is_step, op=MPI.LAND):
+            rows, of_rows = self._step.product, self._border.rows_times(self.comm, d_xi, d_nu)
         else:
-            rows, of_row = self._linear.product(d_xi, d_nu)
-        out[: self.n_U] = (rows * self._scaling.rows).ravel()
+            rows, of_rows = self._linear.product(d_xi, d_nu, self._border)
+        self._write(y.getArray(), rows * self._system.scaling.rows, of_rows)
+
+    def _write(self, out: np.ndarray, rows: np.ndarray, last: np.ndarray) -> None:
+        out[: self.n_U] = rows.ravel()
         if self.last:
-            out[self.n_U] = of_row
+            out[self.n_U :] = last

@@ -8,14 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..error_estimate.estimate import ErrorEstimator
-from ..harmonic.residual import HarmonicBalance
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
+from .acceptance import Accepted, accept
 from .accuracy import Accuracy
 from .branch import Branch, Point
-from .corrector import Iterate
-from .follow import NOTHING, BranchFollower
-from .point_solver import State, interpolate
+from .first_point import reach_first
+from .follow import NOTHING, BranchTask, advance, solved
+from .iterate import Iterate, interpolate
+from .point_solver import Workspace
+from .problems import Problem
+from .state import BranchState, PointState
+from .stepping import second, step
 from .steps import ArcLength
 from .sweep import Sweep
 
@@ -42,12 +46,12 @@ def secant(before: Iterate | None, now: Iterate, omega: float) -> Iterate:
     Local.  Where ``omega`` lies back of the last point, that point is the guess: the branch may have folded.
     """
     if before is None or not 0.0 < (omega - now.parameter) / (now.parameter - before.parameter) <= FURTHEST:
-        return Iterate(now.U, omega)
+        return now.at(omega)
     return interpolate(before, now, omega)
 
 
 def at_frequencies(
-    problem: HarmonicBalance,
+    problem: Problem,
     selection: Selection,
     omegas: Sequence[float],
     *,
@@ -58,7 +62,7 @@ def at_frequencies(
 ) -> Branch:
     """Solve one level at ``omegas`` (n,) [rad/s], each another than the one before, from the points solved before it.
 
-    Collective on ``problem.comm``.  Nothing is raised for divergence: the branch keeps its points and says why in
+    Collective.  Nothing is raised for divergence: the branch keeps its points and says why in
     ``failure``.  Where several solutions exist at a frequency, one near the last point is found.
 
     Notes
@@ -67,76 +71,79 @@ def at_frequencies(
     not reach so, beyond a fold for one, the branch is followed in its arc length; points on the way are not recorded, but
     their iterations and time count.
     """
-    branch, width = Branch(problem.level), float(np.ptp(omegas)) or 1e-3 * omegas[0]
-    follower = BranchFollower(problem, selection, Sweep(omegas[0], omegas[0] + width), STEPS, tolerance, estimator, accuracy)
-    follower.may_hold = False  # springs would stay for good, and compare another problem
+    # springs would stay for good, and compare another problem
+    task = BranchTask(problem, selection, range_of(omegas), STEPS, tolerance, estimator, accuracy, may_hold=False)
+    branch, workspace = Branch(problem.at((omegas[0],)).level), Workspace(problem.equation)
     try:
-        for point in _points(follower, omegas):
+        for point in _points(task, task.start(workspace), omegas):
             on_point(point)
-            branch.points.append(point if problem.comm.rank == 0 else replace(point, U=NOTHING, p=NOTHING))
+            branch.points.append(point if workspace.comm.rank == 0 else replace(point, U=NOTHING, p=NOTHING))
     except ConvergenceError as failure:
         branch.failure = str(failure)
     finally:
-        follower.destroy()
+        workspace.destroy()
+        if estimator is not None:
+            estimator.destroy()
     return branch
 
 
-def _points(follower: BranchFollower, omegas: Sequence[float]) -> Iterator[Point]:
+def range_of(omegas: Sequence[float]) -> Sweep:
+    """Return the range of some frequencies [rad/s], from the first of them.  Local."""
+    return Sweep(omegas[0], omegas[0] + (float(np.ptp(omegas)) or 1e-3 * omegas[0]))
+
+
+def _points(task: BranchTask, state: BranchState, omegas: Sequence[float]) -> Iterator[Point]:
     """Yield the point at each frequency."""
-    found, selected = follower.first()
-    if found.failure:
-        found, selected = follower.reach_first(found)
-    now, point = follower.accept(found, selected, asked=True)
-    yield point
-    before = None
+    first, solver, notes = reach_first(task, state.solver, advance)
+    found = accept(task, replace(state, solver=solver), first, asked=True, notes=notes)
+    yield found.point
+    before: PointState | None = None
     for omega in omegas[1:]:
-        before, now = before and follower.carried(before), follower.carried(now)
-        after, point = _reach(follower, before, now, omega)
-        yield point
-        before, now = now, after
+        solver = found.state.solver
+        before, now = before and solver.carried(before), solver.carried(found.now)
+        found = _reach(task, found.state, before, now, omega)
+        yield found.point
+        before = now
 
 
-def _reach(follower: BranchFollower, before: State | None, now: State, omega: float) -> tuple[State, Point]:
+def _reach(task: BranchTask, state: BranchState, before: PointState | None, now: PointState, omega: float) -> Accepted:
     """Return the point at ``omega``: from the secant, from the last point, or along the branch."""
-    guess, spent = secant(None if before is None else before.iterate, now.iterate, omega), Spent()
-    for start in [guess] if guess.U is now.iterate.U else [guess, Iterate(now.iterate.U, omega)]:
-        found, selected = follower.solve_at(start, now.size, now.selected, now.force)
-        if found.failure is None:
-            after, point = follower.accept(found, selected, asked=True)
-            return after, spent.added_to(point)
-        spent.add(found.newton, found.krylov)
-    after, point = _follow_to(follower, before, now, omega)
-    return after, spent.added_to(point)
+    guess, spent = secant(before and before.iterate, now.iterate, omega), Spent()
+    for start in [guess] if guess.U is now.iterate.U else [guess, now.iterate.at(omega)]:
+        found = state.solver.solve_near(start, now)
+        if found[0].failure is None:
+            return spent.added_to(accept(task, state, found, asked=True))
+        spent.add(found[0].newton, found[0].krylov)
+    return spent.added_to(_follow_to(task, state, before, now, omega))
 
 
-def _follow_to(follower: BranchFollower, before: State | None, now: State, omega: float) -> tuple[State, Point]:
+def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, now: PointState, omega: float) -> Accepted:
     """Return the point at which the branch, followed from ``now`` towards ``omega``, first has that frequency."""
-    way, ds, earlier, spent = omega - now.iterate.parameter, follower.steps.ds, None, Spent()
-    follower.sweep = Sweep(now.iterate.parameter, now.iterate.parameter + float(np.copysign(follower.sweep.scale, way)))
-    if before is None or (now.iterate.parameter - before.iterate.parameter) * way <= 0.0:
-        before = None
-        found, selected = follower.second(follower.carried(now))
+    start, ds, earlier, spent = now.iterate.parameter, STEPS.ds, None, Spent()
+    way, scale = omega - start, task.sweep.scale
+    solver = replace(state.solver, sweep=Sweep(start, start + float(np.copysign(scale, way))))
+    state, direction = replace(state, solver=solver), solver.sweep.direction
+    if before is None or (start - before.iterate.parameter) * way <= 0.0:
+        before, found = None, second(solver, solver.carried(now), STEPS)
     else:
-        found, selected, ds = follower.step(earlier, before, now, ds)
-    start = now.iterate.parameter
+        found, ds = step(solver, None, before, now, ds, STEPS)
     for _ in range(MOST_STEPS):
-        if (start - found.iterate.parameter) * follower.sweep.direction > follower.sweep.scale:
+        there = found[0].iterate
+        if (start - there.parameter) * direction > scale:
             break
-        if (found.iterate.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
-            spent.add(found.newton, found.krylov)
-            there = interpolate(follower.fitted(now.iterate), found.iterate, omega)
-            last, point = follower.solved(now, there, selected, asked=True)
-            return last, spent.added_to(point)
-        after, point = follower.accept(found, selected, on_the_way=True)
-        spent.add(point.newton, point.krylov, point.seconds)
+        if (there.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
+            spent.add(found[0].newton, found[0].krylov)
+            goal = interpolate(now.iterate.on(solver.harmonics), there, omega)
+            return spent.added_to(solved(task, state, now, goal, found[1], asked=True))
+        after = accept(task, state, found, on_the_way=True)
+        state, solver = after.state, after.state.solver
+        spent.add(after.point.newton, after.point.krylov, after.point.seconds)
         if before is not None:
-            ds = follower.steps.next(ds, found.newton, follower.turn(before.iterate, now.iterate, after.iterate, now.size))
-        earlier, before, now = before, now, after
-        found, selected, ds = follower.step(earlier, before, now, ds)
-    raise ConvergenceError(
-        f"hb: {follower.problem.where(omega)} not reached along the branch from "
-        f"{follower.problem.where(start)}; ask for frequencies closer to each other"
-    )
+            ds = STEPS.next(ds, found[0].newton, solver.turn(before.iterate, now.iterate, after.now.iterate, now.size))
+        earlier, before, now = before, now, after.now
+        found, ds = step(solver, earlier, before, now, ds, STEPS)
+    where = (task.problem.where(parameter) for parameter in (omega, start))
+    raise ConvergenceError("hb: {} not reached along the branch from {}; ask for frequencies closer to each other".format(*where))
 
 
 @dataclass
@@ -150,8 +157,15 @@ class Spent:
     def add(self, newton: int, krylov: int, seconds: float = 0.0) -> None:
         self.newton, self.krylov, self.seconds = self.newton + newton, self.krylov + krylov, self.seconds + seconds
 
-    def added_to(self, point: Point) -> Point:
-        """Return the record of the point with this effort added."""
+    def added_to(self, found: Accepted) -> Accepted:
+        """Return a point with this effort added to its record."""
+        point = found.point
         return replace(
-            point, newton=point.newton + self.newton, krylov=point.krylov + self.krylov, seconds=point.seconds + self.seconds
+            found,
+            point=replace(
+                point,
+                newton=point.newton + self.newton,
+                krylov=point.krylov + self.krylov,
+                seconds=point.seconds + self.seconds,
+            ),
         )

@@ -1,19 +1,17 @@
-"""From the scene's [response] to one branch a level."""
+"""From what is asked of a response to one branch a level."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict, replace
-from functools import partial
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
 from ..contact.law import ContactParameters
-from ..error_estimate.better_model import Truth
+from ..error_estimate.better_model import BetterModel
 from ..error_estimate.estimate import ErrorEstimator
-from ..harmonic.residual import HarmonicBalance
+from ..harmonic.balance import HarmonicBalance
 from ..modes.band import frequency_band
 from ..parallel.errors import CaseError
 from ..receptance import motion as receptance
@@ -21,36 +19,88 @@ from ..receptance.model import ReducedModel
 from ..reduction.selection import AllPairs, Selection
 from .accuracy import accuracy_of, steps_for
 from .branch import Branch, Point
-from .corrector import Correction, Iterate
-from .follow import BranchFollower, follow_branch
+from .corrector import Correction
+from .follow import BranchTask, follow_branch
+from .iterate import Iterate
 from .point_record import point_record
-from .scaled import ScaledFollower, is_linear, sticks_up_to
-from .statics import StaticFollower
+from .problems import ForcedResponse
+from .scaled import is_linear, sticks_up_to
+from .settings import ResponseSettings
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
 from .sweep import Sweep
 
 USUAL_POINTS = 100
 
 
-def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
+@dataclass(frozen=True, eq=False)
+class ResponseProblem:
+    """What all levels of a response share."""
+
+    settings: ResponseSettings
+    model: ReducedModel
+    law: ContactParameters  # of all pairs
+    selection: Selection
+    sweep: Sweep
+    curve: LinearCurve  # the response with every pair stuck
+    better: BetterModel | None = None  # what error bars compare with; None: there are none
+
+    @property
+    def is_static(self) -> bool:
+        """Whether loads are constant: one point stands for all frequencies."""
+        return self.model.harmonics.highest == 0
+
+    @property
+    def steps(self) -> ArcLength:
+        """The step lengths that the number of points, or what is stated, asks for."""
+        return arc_length_steps(self.settings, self.curve)
+
+    def at_level(self, level: float) -> ForcedResponse:
+        """Return what is continued at a level [N].  Local."""
+        return ForcedResponse(HarmonicBalance.of_all(self.model, self.law, self.settings.samples), level)
+
+
+def response_problem(
+    settings: ResponseSettings,
+    model: ReducedModel,
+    law: ContactParameters,
+    selection: Selection,
+    omega_n: np.ndarray,
+    better: BetterModel | None = None,
+) -> ResponseProblem:
+    """Return what all levels share: the range about the modes ``omega_n`` [rad/s], the linear curve in it.  Collective.
+
+    Static columns are solved for in the order in which the pairs are likely to slip.
+
+    Raises
+    ------
+    CaseError : a range that the modes do not reach, or an undamped resonance on it; on every rank
+    """
+    sweep = frequency_sweep(settings, omega_n)
+    curve = linear_curve(model, sweep, law)
+    if model.n_pairs > 0 and not model.G_static.known.all():
+        model.G_static.likely = likely_to_slip(model, law, curve)
+    return ResponseProblem(settings, model, law, selection, sweep, curve, better)
+
+
+def frequency_sweep(settings: ResponseSettings, omega_n: np.ndarray) -> Sweep:
     """Return the range of [response] in rad/s, in the direction asked for.  Local.
 
     Raises
     ------
     CaseError : the mode asked for was not computed, or a frequency of ``at`` lies outside the range
     """
-    low, high = frequency_band(response, omega_n)
+    low, high = frequency_band(settings, omega_n)
     highest = float(np.max(omega_n, initial=0.0)) / (2 * np.pi)
     if len(omega_n) and low > 10.0 * highest:
         raise CaseError(
             f"[response] starts at {low:g} Hz, far above the highest of the {len(omega_n)} modes computed, "
             f"{highest:.4g} Hz; check the unit (Hz), or raise [solver] modes"
         )
-    outside = [f for f in response.at if not low <= f <= high]
+    outside = [f for f in settings.at if not low <= f <= high]
     if outside:
         raise CaseError(f"[response] at = {outside[0]:g} Hz lies outside {low:.6g} to {high:.6g} Hz")
-    start, stop = (low, high) if response.direction == "up" else (high, low)
-    return Sweep(2 * np.pi * start, 2 * np.pi * stop, tuple(2 * np.pi * f for f in response.at))
+    start, stop = (low, high) if settings.direction == "up" else (high, low)
+    return Sweep(2 * np.pi * start, 2 * np.pi * stop, tuple(2 * np.pi * f for f in settings.at))
 
 
 def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameters | None = None) -> LinearCurve:
@@ -71,21 +121,15 @@ def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameter
     return LinearCurve(omega, model.harmonics.carry(response, model.recorded), s, stuck)
 
 
-def linear_branch(
-    problem: HarmonicBalance,
-    sweep: Sweep,
-    curve: LinearCurve,
-    n_points: int,
-    on_point: Callable[[Point], None],
-    estimator: ErrorEstimator | None = None,
-) -> Branch:
+def linear_branch(task: BranchTask, curve: LinearCurve, n_points: int, on_point: Callable[[Point], None]) -> Branch:
     """Return a branch known to be linear, at equal steps of its length and where asked; nothing is solved.  Collective."""
+    problem, sweep, clock = task.problem, task.sweep, time.perf_counter()
     omegas = np.interp(np.linspace(0.0, curve.s[-1], n_points), curve.s, curve.omega) if n_points > 1 else np.array([sweep.start])
-    branch, everything = Branch(problem.level), np.ones(problem.model.n_pairs, dtype=bool)
-    clock = time.perf_counter()
+    equation, branch = problem.equation, Branch(problem.at((sweep.start,)).level)
     for omega in np.union1d(omegas, sweep.at)[:: int(sweep.direction)]:
-        on_curve = Correction(Iterate(problem.linear_motion(omega)[0], float(omega)), 0, 0, 0.0, None)
-        point, _ = point_record(problem, on_curve, everything, AllPairs(), omega in sweep.at, estimator)
+        there = Iterate(equation.linear_motion(problem.at((omega,))), (float(omega),), equation.harmonics)
+        found = Correction(there, 0, 0, 0.0, None), equation.every_pair
+        point, _ = point_record(problem, AllPairs(), found, omega in sweep.at, task.estimator)
         now = time.perf_counter()
         point, clock = replace(point, seconds=now - clock), now
         on_point(point)
@@ -98,20 +142,20 @@ def most_points(points: int) -> int:
     return 10 * (points + USUAL_POINTS)
 
 
-def arc_length_steps(continuation, points: int, curve: LinearCurve) -> ArcLength:
-    """Return the step lengths: the linear curve in ``points`` steps, unless [continuation] says otherwise.  Local.
+def arc_length_steps(settings: ResponseSettings, curve: LinearCurve) -> ArcLength:
+    """Return the step lengths: the linear curve in as many steps as points are asked for, unless they are stated.  Local.
 
-    The keys of [continuation] are shares of that length.  Few points make long steps, but none of them blind: the shortest step
+    Stated ones are shares of that length.  Few points make long steps, but none of them blind: the shortest step
     is no longer than that of the usual number of points.
     """
-    stated = stated_steps(continuation, curve)
-    ds = stated.get("ds", curve.s[-1] / points)
+    stated = stated_steps(settings, curve)
+    ds = stated.get("ds", curve.s[-1] / settings.points)
     return ArcLength(**{"ds": ds, "ds_min": min(ds, curve.s[-1] / USUAL_POINTS) / 4096.0, "ds_max": 2.0 * ds} | stated)
 
 
-def stated_steps(continuation, curve: LinearCurve) -> dict[str, float]:
-    """Return the step lengths that [continuation] states, from shares of the length of the linear curve.  Local."""
-    asked = {key: getattr(continuation, key, None) for key in ("ds", "ds_min", "ds_max")}
+def stated_steps(settings: ResponseSettings, curve: LinearCurve) -> dict[str, float]:
+    """Return the step lengths that are stated, from shares of the length of the linear curve.  Local."""
+    asked = {key: getattr(settings, key) for key in ("ds", "ds_min", "ds_max")}
     return {key: curve.s[-1] * value for key, value in asked.items() if value}
 
 
@@ -133,88 +177,29 @@ def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: Li
     return model.comm.bcast(order)  # all ranks solve for the same columns, also where a tie falls otherwise on some
 
 
-class Listener(Protocol):
-    """Who is told of levels and points as they come: the log and the result files."""
-
-    def level_started(self, number: int, level: float) -> None: ...
-
-    def point(self, point: Point) -> None: ...
-
-
-def follow_levels(
-    scene,
-    model: ReducedModel,
-    parameters: ContactParameters,
-    selection: Selection,
-    sweep: Sweep,
-    curve: LinearCurve,
-    listener: Listener,
-    truth: Truth | None = None,
-) -> Iterator[Branch]:
-    """Yield the branch of each level as it is done.  Collective."""
-    if model.n_pairs > 0:
-        model.G_static.likely = likely_to_slip(model, parameters, curve)
-    for number, level in enumerate(scene.response.levels):
-        listener.level_started(number, level)
-        yield follow_level(scene, model, parameters, selection, sweep, curve, level, listener.point, truth)
-
-
-def follow_level(
-    scene,
-    model: ReducedModel,
-    parameters: ContactParameters,
-    selection: Selection,
-    sweep: Sweep,
-    curve: LinearCurve,
-    level: float,
-    on_point: Callable[[Point], None],
-    truth: Truth | None = None,
-) -> Branch:
-    """Return the branch of one level [N], with error bars where a ``truth`` is given.  Collective on ``model.comm``.
+def follow_level(of: ResponseProblem, level: float, on_point: Callable[[Point], None] = lambda point: None) -> Branch:
+    """Return the branch of one level [N], with error bars where there is a better model.  Collective.
 
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
     Newton does not pass in one direction, often lie on one side only.
     """
-    follow = partial(_follow_one_way, scene, model, parameters, selection, curve, level, on_point, truth)
-    branch = follow(sweep)
-    if branch.failure is None or model.harmonics.highest == 0 or len(branch.points) >= most_points(scene.response.points):
+    branch = _follow_one_way(of, level, on_point)
+    if branch.failure is None or of.is_static or len(branch.points) >= most_points(of.settings.points):
         return branch
-    return branch.with_segment_from_the_other_end(follow(sweep.reverse, segment=1))
+    other = _follow_one_way(replace(of, sweep=of.sweep.reverse), level, on_point, segment=1)
+    return branch.with_segment_from_the_other_end(other)
 
 
-def _follow_one_way(
-    scene,
-    model: ReducedModel,
-    parameters: ContactParameters,
-    selection: Selection,
-    curve: LinearCurve,
-    level: float,
-    on_point: Callable[[Point], None],
-    truth: Truth | None,
-    sweep: Sweep,
-    segment: int = 0,
-) -> Branch:
-    problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
-    estimator = None if truth is None else ErrorEstimator(truth)
-    is_static = model.harmonics.highest == 0
-    if model.n_pairs == 0:
-        n_points, sweep = (1, replace(sweep, at=())) if is_static else (scene.response.points, sweep)
-        return linear_branch(problem, sweep, curve, n_points, on_point, estimator)
-    linear = is_linear(problem, curve)
-    accuracy = accuracy_of(scene, problem, linear) if estimator else None
-    steps = arc_length_steps(scene.continuation, scene.response.points, curve)
+def _follow_one_way(of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int = 0) -> Branch:
+    problem, settings, steps = of.at_level(level), of.settings, of.steps
+    estimator = None if of.better is None else ErrorEstimator(of.better)
+    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, is_static=of.is_static)
+    if of.model.n_pairs == 0:
+        task = replace(task, sweep=replace(of.sweep, at=())) if of.is_static else task
+        return linear_branch(task, of.curve, 1 if of.is_static else settings.points, on_point)
+    linear = is_linear(problem.equation, level, of.curve)
+    accuracy = accuracy_of(settings, problem.equation, linear) if estimator else None
     if accuracy is not None and accuracy.chooses_steps:
-        steps = ArcLength(**asdict(steps_for(accuracy.target)) | stated_steps(scene.continuation, curve))
-    return follow_branch(
-        problem,
-        selection,
-        sweep,
-        steps,
-        tolerance=scene.solver.tolerance,
-        max_points=most_points(scene.response.points),
-        on_point=on_point,
-        estimator=estimator,
-        accuracy=accuracy,
-        follower=StaticFollower if is_static else ScaledFollower if linear else BranchFollower,
-        segment=segment,
-    )
+        steps = ArcLength(**asdict(steps_for(accuracy.target)) | stated_steps(settings, of.curve))
+    task = replace(task, steps=steps, accuracy=accuracy, is_linear=linear)
+    return follow_branch(task, most_points(settings.points), on_point, segment)

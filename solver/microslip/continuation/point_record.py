@@ -7,77 +7,72 @@ import numpy as np
 from ..contact.aft import contact_work, pair_energy
 from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.coefficients import cycle_work
-from ..harmonic.residual import HarmonicBalance
+from ..harmonic.balance import OperatingPoint
 from ..parallel.errors import ConvergenceError
 from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
 from ..reduction.selection import Selection
 from .branch import Point
 from .corrector import Correction
+from .point_solver import Found
+from .problems import Problem
 
 IMBALANCE = 1e-6  # of the energy balance beyond which a point is not one, at a tolerance of 1e-8
 HELD = "mean slip held by springs"  # the note of such a point
 
 
 def point_record(
-    problem: HarmonicBalance,
-    found: Correction,
-    selected: np.ndarray,
-    selection: Selection,
-    asked: bool,
-    estimator: ErrorEstimator | None = None,
+    problem: Problem, selection: Selection, found: Found, asked: bool, estimator: ErrorEstimator | None = None
 ) -> tuple[Point, np.ndarray]:
     """Return the record of a converged point and which pairs of all have p != 0, (n_pairs,) bool.
 
-    Collective on ``problem.comm``.  State, energy and the set of moving pairs come from all pairs; ``p`` is that of the selected
+    Collective.  State, energy and the set of moving pairs come from all pairs; ``p`` is that of the selected
     pairs, which the motion solves for.  With an ``estimator`` the point has error bars.
 
     Raises
     ------
     ConvergenceError : work and losses do not balance, although the residual is small beside the motion; on every rank
     """
-    parameter, U = found.iterate.parameter, found.iterate.U
-    model, omega, level = problem.model_at(parameter), problem.omega_at(parameter), problem.level_at(parameter)
-    everything = np.ones(model.n_pairs, dtype=bool)
-    of_all = problem.contact_forces(U, everything, tangents=estimator is not None)
-    used = of_all if selected.all() else problem.contact_forces(U, selected, tangents=False)
-    p = problem.full_force(used)
+    (correction, selected), equation, at = found, problem.equation, problem.at(found[0].iterate.parameters)
+    U, model = correction.iterate.U, equation.model_at(at)
+    of_all = equation.contact_forces(U, equation.every_pair, tangents=estimator is not None)
+    used = of_all if selected.all() else equation.contact_forces(U, selected, tangents=False)
+    p = equation.full_force(used)
     shape, harmonics, recorded = (model.n_pairs, 3, model.N_H), model.harmonics, model.recorded
-    U_all = problem.gather(U)
-    state = problem.gather(of_all.state)
+    U_all, state = equation.gather(U), equation.gather(of_all.state)
     moves, energy = np.zeros(model.n_pairs, dtype=bool), np.zeros(model.n_pairs)
     moves[of_all.active] = True
     energy[of_all.active] = pair_energy(U_all[of_all.active], of_all.p.reshape(-1, *shape[1:]), harmonics)
     friction = float(contact_work(U_all[used.active], used.p.reshape(-1, *shape[1:]), harmonics).sum())
-    damping, work = damping_loss(model, level, omega, p), input_work(model, level, omega, p)
-    most = max(abs(work), damping + abs(friction), apparent_work(model, level, omega, p))
-    _check_balance(problem, found, work - damping - friction, most)
+    damping, work = damping_loss(model, at, p), input_work(model, at, p)
+    most = max(abs(work), damping + abs(friction), apparent_work(model, at, p))
+    _check_balance(problem, correction, work - damping - friction, most)
     point = Point(
-        omega=omega,
-        response=harmonics.carry(receptance.output_motion(model, level, omega, p), recorded),
+        omega=at.omega,
+        response=harmonics.carry(receptance.output_motion(model, at.level, at.omega, p), recorded),
         U=harmonics.carry(U_all, recorded),
         p=harmonics.carry(p.reshape(shape), recorded),
         energy=energy,
         state=state,
         unknowns=selection.unknowns(selected, moves, model.n_modes, model.N_H),
-        newton=found.newton,
-        krylov=found.krylov,
+        newton=correction.newton,
+        krylov=correction.krylov,
         friction=friction,
         damping=damping,
         input=work,
         seconds=0.0,
         harmonics=harmonics.highest,
-        samples=problem.n_samples,
+        samples=equation.n_samples,
         asked=asked,
-        notes=() if problem.held_at is None else (HELD,),
-        error=None if estimator is None else estimator.at(problem, U, found.iterate.parameter, selected, of_all),
+        notes=() if equation.held is None else (HELD,),
+        error=None if estimator is None else estimator.at(equation, U, at, selected, of_all),
     )
     return point, moves
 
 
-def _check_balance(problem: HarmonicBalance, found: Correction, gap: float, most: float) -> None:
+def _check_balance(problem: Problem, found: Correction, gap: float, most: float) -> None:
     """Raise ConvergenceError where a motion has outgrown the forces so far that its residual hides them.  Collective."""
-    gap, most = problem.comm.bcast((gap, most))
+    gap, most = problem.equation.comm.bcast((gap, most))
     if not abs(gap) <= max(IMBALANCE, 100.0 * found.bound) * most:
         raise ConvergenceError(
             f"hb: at {problem.where(found.iterate.parameter)} the work of the loads and the losses differ by {abs(gap):.1e} J "
@@ -86,25 +81,25 @@ def _check_balance(problem: HarmonicBalance, found: Correction, gap: float, most
         )
 
 
-def apparent_work(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
+def apparent_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
     """Return the most work that the loads could do at their motion, whatever its phase [J per cycle].  Local.
 
     A constant load does none, but leaves the rounding of a thousandth of its own.
     """
-    y, f = receptance.load_motion(model, level, omega, p), level * model.f
+    y, f = receptance.load_motion(model, at.level, at.omega, p), at.level * model.f
     n, cos, sin, mean = model.harmonics.above_mean, model.harmonics.cos, model.harmonics.sin, model.harmonics.mean
     vibration = np.sum(n * np.hypot(f[:, cos], f[:, sin]) * np.hypot(y[:, cos], y[:, sin]))
     return float(np.pi * (vibration + 1e-3 * np.sum(np.abs(f[:, mean] * y[:, mean]))))
 
 
-def damping_loss(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
+def damping_loss(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
     """Return the viscous loss [J per cycle], the sum over harmonics of pi n^2 omega eta_n^H (phi^T C phi) eta_n.  Local."""
     n = model.harmonics.numbers
-    eta = receptance.modal_motion(model, level, omega, p)
+    eta = receptance.modal_motion(model, at.level, at.omega, p)
     C_eta = model.C[:, None] * eta if model.C.ndim == 1 else model.C @ eta
-    return float(np.pi * omega * np.sum(n**2 * (eta.conj() * C_eta).real))
+    return float(np.pi * at.omega * np.sum(n**2 * (eta.conj() * C_eta).real))
 
 
-def input_work(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
+def input_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
     """Return the work of the loads [J per cycle]: closed integral of f . du over each load.  Local."""
-    return float(cycle_work(level * model.f, receptance.load_motion(model, level, omega, p), model.harmonics).sum())
+    return float(cycle_work(at.level * model.f, receptance.load_motion(model, at.level, at.omega, p), model.harmonics).sum())

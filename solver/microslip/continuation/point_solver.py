@@ -2,90 +2,149 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from ..harmonic.residual import HarmonicBalance
+from ..harmonic.balance import HarmonicBalance
+from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
 from .accuracy import Resolution
-from .corrector import ConstraintRow, Correction, Corrector, Iterate, Scaling, row_weights
+from .constraints import Plane, Scaling
+from .corrector import BorderedSystem, Correction, Corrector, row_weights
+from .iterate import Iterate
+from .problems import Problem
+from .scaled import sticks
+from .state import PointState
 from .sweep import Sweep
 
 SHRINKS = 0.5  # of the unit of U: a motion below it is solved again in its own unit
 
-
-@dataclass(frozen=True)
-class State:
-    """A converged point as the next step needs it."""
-
-    iterate: Iterate
-    selected: np.ndarray  # B of the next point
-    size: float  # |U| over all ranks [m]
-    force: float  # |f_nl| over all ranks [N]
-    sticks: bool  # no pair slips or opens: the point lies on the linear curve
-    sliding: float  # share of the pairs that do not stick
-    amplitude: np.ndarray  # (n_outputs,) complex, of harmonic 1 [m]
+Found = tuple[Correction, np.ndarray]  # and the pairs that were let slip, (n_pairs,) bool
 
 
-def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
-    """Return the point of the chord from ``a`` to ``b`` at a value of the parameter.  Local."""
-    share = (parameter - a.parameter) / (b.parameter - a.parameter)
-    return Iterate(a.U + share * (b.U - a.U), parameter)
+class Workspace:
+    """What makes the next solve of a branch quicker and never decides where it leads: PETSc's objects, numbers known once."""
 
-
-class PointSolver:
-    """Newton at one point of a branch: its units, its set B of pairs, its harmonics and samples."""
-
-    def __init__(self, problem: HarmonicBalance, selection: Selection, sweep: Sweep, tolerance: float):
-        self.problem, self.selection, self.sweep = problem, selection, sweep
-        self.comm, self.tolerance = problem.comm, tolerance
-        self.corrector = Corrector(problem, tolerance)
+    def __init__(self, equation: HarmonicBalance):
+        stiffest = float(equation.law.stiffness.max(initial=0.0))
+        self.comm, self.stiffest = equation.comm, max(equation.comm.allgather(stiffest))  # N/m, the stiffest spring of all pairs
         self.spent = 0  # Newton iterations so far
+        self._clock = time.perf_counter()
+        self._corrector: Corrector | None = None
+        self._resolution: Resolution | None = None
+        self._is_loose: dict[Harmonics, bool] = {}
+
+    def corrector(self, equation: HarmonicBalance, resolution: Resolution) -> Corrector:
+        """Return the corrector of a resolution, a new one in place of the last where that is another.  Collective."""
+        if self._corrector is None or self._resolution != resolution:
+            self.destroy()
+            self._corrector, self._resolution = Corrector(equation.comm, equation.shape, resolution.tolerance), resolution
+        return self._corrector
+
+    def is_loose(self, equation: HarmonicBalance) -> bool:
+        """Tell whether nothing but its joint holds a body, once every pair slips.  Collective at first."""
+        if equation.harmonics not in self._is_loose:
+            self._is_loose[equation.harmonics] = is_held_by_its_joint_alone(equation)
+        return self._is_loose[equation.harmonics]
+
+    def lap(self) -> float:
+        """Return the seconds since the last call, or the beginning.  Local."""
+        before, self._clock = self._clock, time.perf_counter()
+        return self._clock - before
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
-        self.corrector.destroy()
+        if self._corrector is not None:
+            self._corrector.destroy()
+            self._corrector = None
 
-    def solve(
-        self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray, force: float | None = None
-    ) -> tuple[Correction, np.ndarray]:
+
+@dataclass(frozen=True, eq=False)
+class PointSolver:
+    """Newton at one point of a branch: its units, its set B of pairs, its harmonics and samples."""
+
+    problem: Problem
+    selection: Selection
+    sweep: Sweep
+    tolerance: float
+    workspace: Workspace
+    is_linear: bool = False  # known to lie on the linear curve so far: points are tested there, not solved
+    is_patient: bool = False  # by however short Newton steps
+
+    # -- what may be another at the next point --------------------------------------------------------------------
+
+    @property
+    def equation(self) -> HarmonicBalance:
+        return self.problem.equation
+
+    @property
+    def comm(self):
+        return self.equation.comm
+
+    @property
+    def harmonics(self) -> Harmonics:
+        return self.equation.harmonics
+
+    @property
+    def resolution(self) -> Resolution:
+        return Resolution(self.harmonics, self.equation.n_samples, self.tolerance)
+
+    def resolved(self, resolution: Resolution) -> PointSolver:
+        """Return the solver with other harmonics, samples and tolerance.  Local."""
+        if resolution == self.resolution:
+            return self
+        equation = self.equation.resolved(resolution.harmonics, resolution.n_samples)
+        return replace(self, problem=self.problem.with_equation(equation), tolerance=resolution.tolerance)
+
+    def holding(self, mean: np.ndarray | None) -> PointSolver:
+        """Return the solver with the mean slip held about a ``mean`` of p_t (n_owned, 2) [N], or free.  Local."""
+        return replace(self, problem=self.problem.with_equation(self.equation.holding(mean)))
+
+    @property
+    def is_loose(self) -> bool:
+        """Whether nothing but its joint holds a body, once every pair slips.  Collective at first."""
+        return self.workspace.is_loose(self.equation)
+
+    # -- solving ---------------------------------------------------------------------------------------------------
+
+    def solve(self, guess: Iterate, plane: Plane, size: float, selected: np.ndarray, force: float | None = None) -> Found:
         """Correct a guess; with the in-point check, again with the pairs that want to slip, until none is left out.
 
         ``size`` [m] and ``force`` [N] are what residuals are measured by, of a point near by.  Where the answer is much
         smaller, or ``force`` is not known, it is solved again by its own.
         """
-        size = size or 1.0
-        scaling = Scaling(size, self.sweep.scale) if force is None else self.scaling(size, force)
-        newton = krylov = 0
+        if self.is_linear and sticks(self.equation, self.problem.at(guess.parameters)):
+            U = self.equation.linear_motion(self.problem.at(guess.parameters))
+            return Correction(replace(guess, U=U), 0, 0, 0.0, None, is_linear=True), selected
+        size, newton, krylov = size or 1.0, 0, 0
+        scaling = Scaling(size, (self.sweep.scale,)) if force is None else self.scaling(size, force)
         while True:
-            found = self.corrector.correct(guess, row, scaling, selected)
-            newton, krylov, self.spent = newton + found.newton, krylov + found.krylov, self.spent + found.newton
+            corrector = self.workspace.corrector(self.equation, self.resolution)
+            found = corrector.correct(BorderedSystem(self.problem, (plane,), scaling, selected), guess, self.is_patient)
+            newton, krylov, self.workspace.spent = newton + found.newton, krylov + found.krylov, self.workspace.spent + found.newton
             found = replace(found, newton=newton, krylov=krylov)
             if found.failure:
                 return found, selected
             own = self.norm(found.iterate.U)
             if force is None or 0.0 < own < SHRINKS * size:
-                row = replace(row, n_U=row.n_U * ((own or size) / size))  # the same plane in the new unit
+                plane = replace(plane, n_U=plane.n_U * ((own or size) / size))  # the same plane in the new unit
                 size, force = own or size, self.force(found.iterate.U, selected)
                 scaling, guess = self.scaling(size, force), found.iterate
                 continue
             if not self.selection.checks_in_point:
                 return found, selected
-            forces = self.problem.contact_forces(found.iterate.U, np.ones_like(selected), tangents=False)
-            left_out = forces.active[~selected[forces.active]]
+            active = self.equation.contact_forces(found.iterate.U, self.equation.every_pair, tangents=False).active
+            left_out = active[~selected[active]]
             if len(left_out) == 0:
                 return found, selected
-            selected = selected.copy()
+            selected, guess = selected.copy(), found.iterate
             selected[left_out] = True
-            guess = found.iterate
 
-    def solve_at(
-        self, guess: Iterate, size: float, selected: np.ndarray, force: float | None = None
-    ) -> tuple[Correction, np.ndarray]:
+    def solve_at(self, guess: Iterate, size: float, selected: np.ndarray, force: float | None = None) -> Found:
         """Correct a guess at its own parameter; the answer carries exactly that value, not its last bit's rounding.
 
         Raises
@@ -93,103 +152,74 @@ class PointSolver:
         ConvergenceError : the stuck structure resonates there without damping; on every rank
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            U_lin, _ = self.problem.linear_motion(guess.parameter)
+            U_lin = self.linear_motion(guess.parameter)
         if not np.isfinite(self.norm(U_lin)):
             raise ConvergenceError(
                 f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: "
                 "its linear response is infinite there; state [damping], or another frequency"
             )
-        found, selected = self.solve(guess, ConstraintRow.fixed_parameter(guess), size, selected, force)
-        return replace(found, iterate=Iterate(found.iterate.U, guess.parameter)), selected
+        found, selected = self.solve(guess, Plane.fixed_parameter(guess), size, selected, force)
+        return replace(found, iterate=found.iterate.at(guess.parameter)), selected
 
-    # -- harmonics and samples ---------------------------------------------------------------------------------
+    def solve_near(self, guess: Iterate, near: PointState, selected: np.ndarray | None = None) -> Found:
+        """Correct a guess at its own parameter, measured by a point near by, whose pairs are let slip unless told.  Collective."""
+        return self.solve_at(guess, near.size, near.selected if selected is None else selected, near.force)
 
-    @property
-    def harmonics(self) -> Harmonics:
-        return self.problem.model.harmonics
+    def first(self) -> Found:
+        """Solve the first point of the range from the linear response.  Collective."""
+        guess = self.linear_iterate(self.sweep.start)
+        return self.solve_at(guess, self.norm(guess.U), self.selection.first(self.equation.model.n_pairs))
 
-    @property
-    def resolution(self) -> Resolution:
-        return Resolution(self.harmonics, self.problem.n_samples, self.tolerance)
+    def linear_motion(self, parameter: float) -> np.ndarray:
+        """Return the linear response at a value of the swept parameter, (n_owned, 3, N_H) [m].  Local; not to be written into."""
+        return self.equation.linear_motion(self.problem.at((parameter,)))
 
-    def change_to(self, resolution: Resolution) -> None:
-        """Go on with other harmonics, samples and tolerance.  Collective; motions at hand are carried over by :meth:`fitted`."""
-        if resolution != self.resolution:
-            self.problem = self.problem.resolved(resolution.harmonics, resolution.n_samples)
-            self.tolerance = resolution.tolerance
-            self.corrector.destroy()
-            self.corrector = Corrector(self.problem, self.tolerance)
+    def linear_iterate(self, parameter: float) -> Iterate:
+        """Return the linear response at a value of the swept parameter as a guess.  Local."""
+        return Iterate(self.linear_motion(parameter), (parameter,), self.harmonics)
 
-    def fitted(self, iterate: Iterate) -> Iterate:
-        """Return a motion in the harmonics of the problem, from whatever set it was solved in.  Local."""
-        N_H = iterate.U.shape[-1]
-        if N_H == self.harmonics.n_coefficients:
-            return iterate
-        solved_in = Harmonics.full(N_H) if N_H % 2 else Harmonics.odd_up_to(N_H - 1)
-        return replace(iterate, U=solved_in.carry(iterate.U, self.harmonics))
+    # -- from one resolution to another ------------------------------------------------------------------------------
 
-    def carried(self, state: State) -> State:
+    def carried(self, state: PointState) -> PointState:
         """Return a point in the harmonics of the problem.  Local."""
-        return replace(state, iterate=self.fitted(state.iterate))
+        return replace(state, iterate=state.iterate.on(self.harmonics))
 
-    def still(self, found: Correction, selected: np.ndarray, was: Resolution) -> tuple[Correction, np.ndarray]:
-        """Return a solution found with the resolution ``was`` as one of the problem as it is now.  Collective."""
-        if was == self.resolution:
-            return found, selected
-        guess = self.fitted(found.iterate)
-        again, used = self.solve_at(guess, self.norm(guess.U), selected)
-        if again.failure is None:
-            return again, used
-        self.change_to(was)
-        return found, selected
+    def still(self, found: Found, was: PointSolver) -> tuple[Found, PointSolver]:
+        """Return a solution that ``was`` found as one of this solver, and this solver; both as they were where Newton fails.
 
-    def again(self, state: State) -> State:
+        Collective.
+        """
+        if was.resolution == self.resolution:
+            return found, self
+        guess = found[0].iterate.on(self.harmonics)
+        again = self.solve_at(guess, self.norm(guess.U), found[1])
+        return (found, was) if again[0].failure else (again, self)
+
+    def again(self, state: PointState) -> PointState:
         """Return a point as the problem has it now, so that the way to the next one is that of the branch.  Collective."""
         state = self.carried(state)
-        found, _ = self.solve_at(state.iterate, state.size, state.selected, state.force)
+        found, _ = self.solve_near(state.iterate, state)
         return state if found.failure else replace(state, iterate=found.iterate)
 
-    def solve_with(
-        self, finer: Resolution, found: Correction, selected: np.ndarray, force: float | None = None
-    ) -> tuple[Correction, np.ndarray]:
-        """Solve a point of contact forces ``force`` [N] again with more; go back where Newton fails.  Collective."""
-        coarse = self.resolution
-        self.change_to(finer)
-        guess = self.fitted(found.iterate)
-        better, used = self.solve_at(guess, self.norm(guess.U), selected, force)
-        better = replace(better, newton=found.newton + better.newton, krylov=found.krylov + better.krylov)
-        if better.failure:
-            self.change_to(coarse)
-        return better, used
-
-    # -- units and lengths -------------------------------------------------------------------------------------
+    # -- units and lengths -------------------------------------------------------------------------------------------
 
     def scaling(self, size: float, force: float) -> Scaling:
         """Return the units of a point near one of this size [m] and force [N].  Local."""
-        rows = row_weights(self.stiffness[:, :, None], size, force, self.tolerance)
-        return Scaling(size, self.sweep.scale, rows, float(row_weights(self.stiffest, size, force, self.tolerance)))
-
-    @cached_property
-    def stiffness(self) -> np.ndarray:
-        """The springs of this rank's pairs, (n_owned, 3) [N/m]."""
-        parameters = self.problem.parameters
-        return np.stack([parameters.k_t, parameters.k_t, parameters.k_n], axis=1)
-
-    @cached_property
-    def stiffest(self) -> np.ndarray:
-        """The stiffest spring of all pairs [N/m].  Collective at first."""
-        return np.array(max(self.comm.allgather(float(self.stiffness.max(initial=0.0)))))
+        rows = row_weights(self.equation.law.stiffness[:, :, None], size, force, self.tolerance)
+        weight = row_weights(np.array(self.workspace.stiffest), size, force, self.tolerance)
+        return Scaling(size, (self.sweep.scale,), rows, float(weight))
 
     def force(self, U: np.ndarray, selected: np.ndarray) -> float:
         """Return |f_nl| over all ranks [N] under a motion of this rank's pairs.  Collective."""
-        p = self.problem.full_force(self.problem.contact_forces(U, selected, tangents=False))
-        return self.force_of(U, p.reshape(-1, *U.shape[1:])[self.problem.model.owned])
+        p = self.equation.full_force(self.equation.contact_forces(U, selected, tangents=False))
+        return self.force_of(U, p.reshape(-1, *U.shape[1:])[self.equation.model.owned])
 
     def force_of(self, U: np.ndarray, p: np.ndarray) -> float:
         """Return |p + K_J U| over all ranks [N].  Collective."""
-        return self.norm(p + self.stiffness[:, :, None] * U)
+        return self.norm(p + self.equation.law.stiffness[:, :, None] * U)
 
     def norm(self, U: np.ndarray) -> float:
+        """Return |U| over all ranks.  Collective."""
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
 
     def length(self, d_xi: np.ndarray, d_nu: float) -> float:
@@ -204,7 +234,17 @@ class PointSolver:
         """Return the harmonics above the mean."""
         return U[..., self.harmonics.vibration]
 
-    def distance(self, now: State, there: Iterate) -> float:
+    def distance(self, now: PointState, there: Iterate) -> float:
         """Return the length of a step in its own norm."""
-        d_xi = (self.fitted(there).U - self.fitted(now.iterate).U) / (now.size or 1.0)
+        d_xi = (there.on(self.harmonics).U - now.iterate.on(self.harmonics).U) / (now.size or 1.0)
         return self.length(d_xi, (there.parameter - now.iterate.parameter) / self.sweep.scale)
+
+    def turn(self, before: Iterate, now: Iterate, after: Iterate, size: float) -> float:
+        """Return the angle [rad] between the last two steps, in the norm of the step."""
+        size, (before, now, after) = max(size, 1e-300), (one.on(self.harmonics) for one in (before, now, after))
+        a_xi, b_xi = (now.U - before.U) / size, (after.U - now.U) / size
+        a_nu = (now.parameter - before.parameter) / self.sweep.scale
+        b_nu = (after.parameter - now.parameter) / self.sweep.scale
+        dot = self.comm.allreduce(float(np.vdot(self.vibration(a_xi), self.vibration(b_xi)))) + a_nu * b_nu
+        cosine = dot / max(self.length(a_xi, a_nu) * self.length(b_xi, b_nu), 1e-300)
+        return float(np.arccos(min(max(cosine, -1.0), 1.0)))

@@ -6,11 +6,9 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.law import ContactParameters
-from ..harmonic.residual import HarmonicBalance
+from ..harmonic.balance import HarmonicBalance, OperatingPoint
 from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
-from .corrector import ConstraintRow, Correction, Iterate
-from .follow import BranchFollower
 from .steps import LinearCurve
 
 FINER = 2  # times the samples of the scene, where the linear curve is tested for slip
@@ -35,44 +33,23 @@ def sticks_up_to(model: ReducedModel, parameters: ContactParameters, motions: li
     return least
 
 
-def is_linear(problem: HarmonicBalance, curve: LinearCurve) -> bool:
-    """Tell whether no pair leaves sticking anywhere on the sampled linear curve at the level of ``problem``.
+def is_linear(equation: HarmonicBalance, level: float, curve: LinearCurve) -> bool:
+    """Tell whether no pair leaves sticking anywhere on the sampled linear curve at a level [N].
 
-    Collective on ``problem.comm``: one evaluation of the pairs at each point where the bound alone does not tell, worst first.  A
+    Collective: one evaluation of the pairs at each point where the bound alone does not tell, worst first.  A
     level that slips so costs one evaluation.  A constant motion, of harmonic 0 alone, is left to the solver.
     """
-    if problem.model.harmonics.highest == 0:
+    if equation.harmonics.highest == 0:
         return False
-    finer = problem.resolved(problem.model.harmonics, FINER * problem.n_samples)
+    finer = equation.resolved(equation.harmonics, FINER * equation.n_samples)
     for i in np.argsort(curve.sticks_up_to, kind="stable"):
-        if problem.level <= MARGIN * curve.sticks_up_to[i]:
+        if level <= MARGIN * curve.sticks_up_to[i]:
             return True
-        if curve.sticks_up_to[i] == 0.0 or not sticks(finer, curve.omega[i]):
+        if curve.sticks_up_to[i] == 0.0 or not sticks(finer, OperatingPoint(curve.omega[i], level)):
             return False
     return True
 
 
-def sticks(problem: HarmonicBalance, omega: float) -> bool:
-    """Tell whether every pair sticks, closed, at every sample of the linear response.  Collective on ``problem.comm``."""
-    everything = np.ones(problem.model.n_pairs, dtype=bool)
-    return len(problem.contact_forces(problem.linear_motion(omega)[0], everything, tangents=False).active) == 0
-
-
-class ScaledFollower(BranchFollower):
-    """The stepping loop of a level known to be linear: the points that a solver would find, without solving.
-
-    Each is the linear response at its frequency, tested by the law itself.  Should a pair leave sticking between two samples of
-    the linear curve after all, the branch is solved for from there on.
-    """
-
-    scaled = True
-
-    def solve(
-        self, guess: Iterate, row: ConstraintRow, size: float, selected: np.ndarray, force: float | None = None
-    ) -> tuple[Correction, np.ndarray]:
-        """Return the linear response at the parameter of the guess; solve once a pair has left sticking."""
-        self.scaled = self.scaled and sticks(self.problem, guess.parameter)
-        if not self.scaled:
-            return super().solve(guess, row, size, selected, force)
-        U, _ = self.problem.linear_motion(guess.parameter)
-        return Correction(Iterate(U, guess.parameter), 0, 0, 0.0, None), selected
+def sticks(equation: HarmonicBalance, at: OperatingPoint) -> bool:
+    """Tell whether every pair sticks, closed, at every sample of the linear response.  Collective."""
+    return len(equation.contact_forces(equation.linear_motion(at), equation.every_pair, tangents=False).active) == 0

@@ -12,26 +12,26 @@ from .modes_left_out import ModesLeftOut, sample_modes_left_out
 
 
 @dataclass(frozen=True)
-class Truth:
+class BetterModel:
     """The receptance with an exact static residual, and samples of the modes left out; None where none is."""
 
     model: ReducedModel
     left_out: ModesLeftOut | None
     is_solved: bool  # whether it is the very model that is solved
 
-    def on_group(self, own: ReducedModel, comm) -> Truth:
+    def on_group(self, own: ReducedModel, comm) -> BetterModel:
         """Return the same for a group of ranks, which solves the model ``own``.  Collective on ``model.comm``."""
         return replace(self, model=own if self.is_solved else model_on_group(self.model, comm))
 
 
-def truth_of(linearised, modes, reduction: Reduction, scene) -> Truth:
+def better_model_of(linearised, modes, reduction: Reduction, scene) -> BetterModel:
     """Return the better model of a reduction.
 
     Collective on the system's communicator: the static solves of ``modes_left_out``, and those of loads and outputs where the
     method has no exact static residual of its own.
     """
     if reduction.leaves_out == "nothing":
-        return Truth(reduction.model, None, True)
+        return BetterModel(reduction.model, None, True)
     is_solved = reduction.leaves_out == "modes"
     model = reduction.model if is_solved else reduce_structure(linearised, modes, scene)
-    return Truth(model, sample_modes_left_out(linearised, modes, model), is_solved)
+    return BetterModel(model, sample_modes_left_out(linearised, modes, model), is_solved)

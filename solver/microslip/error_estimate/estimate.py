@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
+from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.anderson import Anderson
-from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
+from ..harmonic.balance import ContactForces, HarmonicBalance, OperatingPoint
 from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
-from .adjoint import Adjoints
-from .better_model import Truth
+from .better_model import BetterModel
 
 FINER = 2  # times the samples of the better problem
 SAMPLES = 4  # of the more harmonics, each, at least
@@ -46,105 +46,105 @@ class Changes:
 class ErrorEstimator:
     """Error bars of the points of a branch.  Collective on the communicator of the model."""
 
-    def __init__(self, truth: Truth):
-        self.truth, self.left_out = truth, truth.left_out
-        self.adjoints = Adjoints()
-        self._models: dict[Harmonics, ReducedModel] = {}  # of the truth, by harmonics
+    def __init__(self, better: BetterModel):
+        self.better, self.left_out = better, better.left_out
+        self.adjoint_solver = AdjointSolver(better.model.comm)
+        self._models: dict[Harmonics, ReducedModel] = {}  # better ones, by harmonics
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
-        self.adjoints.destroy()
+        self.adjoint_solver.destroy()
 
     def model_on(self, harmonics: Harmonics) -> ReducedModel:
         """Return the better model on a set of harmonics, made once.  Local."""
         if harmonics not in self._models:
-            self._models[harmonics] = self.truth.model.with_harmonics(harmonics)
+            self._models[harmonics] = self.better.model.with_harmonics(harmonics)
         return self._models[harmonics]
 
     def at(
-        self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray, of_all: ContactForces | None = None
+        self,
+        equation: HarmonicBalance,
+        U: np.ndarray,
+        at: OperatingPoint,
+        selected: np.ndarray,
+        of_all: ContactForces | None = None,
     ) -> np.ndarray | None:
         """Return the parts of the error of the complex amplitude of harmonic 1, (n_outputs, n_parts) [m], as in ``PARTS``.
 
         Collective.  None without harmonic 1.  Where an adjoint is not found the solver's part is the amplitude itself.
-        ``U`` (n_owned, 3, N_H) solves ``problem`` with the ``selected`` pairs at ``parameter``; ``of_all`` are the contact forces
+        ``U`` (n_owned, 3, N_H) solves ``equation`` with the ``selected`` pairs at a point; ``of_all`` are the contact forces
         of all pairs there, with tangents, where they are known.
         """
-        model, omega, level = problem.model, problem.omega_at(parameter), problem.level_at(parameter)
-        n_out = model.o.shape[0]
-        found = True
+        model, n_out, is_found = equation.model, equation.model.o.shape[0], True
         if 1 not in model.harmonics:
             return None
-        truth = model if self.truth.is_solved else self.model_on(model.harmonics)
-        exact = problem if self.truth.is_solved else problem.of(truth)
-        forces = of_all or exact.contact_forces(U, np.ones(model.n_pairs, dtype=bool), tangents=True)
-        used = forces if selected.all() else problem.contact_forces(U, selected, tangents=False)
-        p = problem.full_force(used)
-        changes = self.changes(exact, U, parameter, problem.full_force(forces), p)
+        exact = equation if self.better.is_solved else equation.of(self.model_on(model.harmonics))
+        forces = of_all or exact.contact_forces(U, equation.every_pair, tangents=True)
+        used = forces if selected.all() else equation.contact_forces(U, selected, tangents=False)
+        p = equation.full_force(used)
+        changes = self.changes(exact, U, at, equation.full_force(forces), p)
         n_samples = 0 if self.left_out is None else self.left_out.of_pairs.shape[1]
         if len(forces.active) > 0 or changes.are_any:
-            totals = self.through_the_joint(problem, exact, U, parameter, forces, used, changes)
-            found = self.adjoints.found
+            totals, is_found = self.through_the_joint(equation, exact, U, at, forces, used, changes)
         else:  # all pairs stick, in the better problems too: no adjoint is needed
-            totals = np.zeros(2 * n_out * (5 + n_samples * truth.N_H))
+            totals = np.zeros(2 * n_out * (5 + n_samples * exact.model.N_H))
         by_harmonics, by_samples, by_pairs, by_solver, by_basis = totals[: 10 * n_out].reshape(5, -1)
-        felt = totals[10 * n_out :].reshape(2 * n_out, n_samples, truth.N_H)
-        if not self.truth.is_solved:
-            by_basis = by_basis + first_harmonic(
-                truth, receptance.output_motion(truth, level, omega, p) - receptance.output_motion(model, level, omega, p)
-            )
+        felt = totals[10 * n_out :].reshape(2 * n_out, n_samples, exact.model.N_H)
+        if not self.better.is_solved:
+            by_basis = by_basis + (output_amplitude(exact.model, at, p) - output_amplitude(model, at, p))
         by_modes = np.abs(by_basis)
         if self.left_out is not None:
-            by_modes = by_modes + self.left_out.changes(truth, level, omega, p, felt)
-        if not found:
-            by_solver = by_solver + np.abs(first_harmonic(model, receptance.output_motion(model, level, omega, p)))
+            by_modes = by_modes + self.left_out.changes(exact.model, at.level, at.omega, p, felt)
+        if not is_found:
+            by_solver = by_solver + np.abs(output_amplitude(model, at, p))
         parts = np.stack([by_modes, by_harmonics, by_samples, by_pairs, by_solver], axis=-1)
         return np.hypot(parts[:n_out], parts[n_out:])
 
     def through_the_joint(
         self,
-        problem: HarmonicBalance,
+        equation: HarmonicBalance,
         exact: HarmonicBalance,
         U: np.ndarray,
-        parameter: float,
+        at: OperatingPoint,
         forces: ContactForces,
         used: ContactForces,
         changes: Changes,
-    ) -> np.ndarray:
+    ) -> tuple[np.ndarray, bool]:
         """Return the five parts that the adjoint gives, (2 n_outputs,) each, and what it feels of the modes left out, in a row.
 
-        Collective: sums over the ranks, and a broadcast.
+        Collective: sums over the ranks, and a broadcast.  And whether the adjoint was found.
         """
-        truth, own, G = exact.model, exact.model.owned_rows, exact.receptance_at(parameter, forces.active)
-        chi, tau = self.adjoints.solve(exact, forces, G, sensitivity(truth, problem.omega_at(parameter)))
-        residual = _residual(problem, U, parameter, used, G if used is forces and exact is problem else None)
+        linear, own, N_H = exact.linearise(at, forces), exact.model.owned_rows, exact.model.N_H
+        chi, tau, is_found = linear.solve_transposed(sensitivity(exact.model, at.omega), self.adjoint_solver)
+        residual = equation.residual(U, at, used, linear.G if used is forces and exact is equation else None)
         sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
-        if not self.truth.is_solved:
-            sums[-1] = tau @ (_residual(exact, U, parameter, used) - residual).ravel()
-        felt = np.zeros((len(tau), 0, truth.N_H))
+        if not self.better.is_solved:
+            sums[-1] = tau @ (exact.residual(U, at, used) - residual).ravel()
+        felt = np.zeros((len(tau), 0, N_H))
         if self.left_out is not None:
-            felt = np.matmul(self.left_out.of_pairs[own].T, tau.reshape(len(tau), -1, truth.N_H))
-        return problem.comm.bcast(problem.gather_sum(np.concatenate([*sums, felt.ravel()])))
+            felt = np.matmul(self.left_out.of_pairs[own].T, tau.reshape(len(tau), -1, N_H))
+        return equation.comm.bcast(equation.sum(np.concatenate([*sums, felt.ravel()]))), is_found
 
-    def changes(self, exact: HarmonicBalance, U: np.ndarray, parameter: float, p_all: np.ndarray, p: np.ndarray) -> Changes:
+    def changes(
+        self, exact: HarmonicBalance, U: np.ndarray, at: OperatingPoint, p_all: np.ndarray, p: np.ndarray
+    ) -> Changes:
         """Return what better problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
 
         The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of that fixed-point
         iteration, mixed so that it also converges where a harmonic lies near a resonance.
         """
-        harmonics, more = exact.model.harmonics, extended(exact.model.harmonics)
-        everything, nothing = np.ones(exact.model.n_pairs, dtype=bool), np.zeros_like(p_all)
+        harmonics, more, everything = exact.harmonics, extended(exact.harmonics), exact.every_pair
         finer = exact.resolved(harmonics, FINER * exact.n_samples)
         by_samples = finer.full_force(finer.contact_forces(U, everything, tangents=False)) - p_all
         wider = exact.of(self.model_on(more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
         U_more = harmonics.carry(U, more)
         at_wider = forces = wider.contact_forces(U_more, everything, tangents=False)
         if len(forces.active) == 0:
-            return Changes(nothing, _RICHARDSON * by_samples, p_all - p)
+            return Changes(np.zeros_like(p_all), _RICHARDSON * by_samples, p_all - p)
         higher, mixing = np.zeros_like(U_more), Anderson(exact)
         for _ in range(MOST_SWEEPS):
-            excited = -wider.receptance_at(parameter, forces.active).apply(forces.p)
+            excited = -wider.receptance(at, forces.active).apply(forces.p)
             higher, miss = mixing.next(higher, excited - harmonics.carry(more.carry(excited, harmonics), more))
             if miss <= SETTLED:
                 break
@@ -173,8 +173,9 @@ def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
     return B
 
 
-def first_harmonic(model: ReducedModel, motion: np.ndarray) -> np.ndarray:
-    """Return cos 1 and then sin 1 of the outputs, (2 n_outputs,), of coefficients (n_outputs, N_H).  Local."""
+def output_amplitude(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> np.ndarray:
+    """Return cos 1 and then sin 1 of the outputs under loads and ``p`` (3 n_pairs, N_H), (2 n_outputs,) [m].  Local."""
+    motion = receptance.output_motion(model, at.level, at.omega, p)
     return motion[:, model.harmonics.columns(1)].T.ravel()
 
 
@@ -182,11 +183,3 @@ def extended(harmonics: Harmonics) -> Harmonics:
     """Return the set of the better problem: the same, with about twice as many; odd ones alone where it has no others.  Local."""
     highest = 2 * harmonics.highest + 3
     return Harmonics.odd_up_to(highest) if all(n % 2 for n in harmonics.chosen) else Harmonics.up_to(highest)
-
-
-def _residual(
-    problem: HarmonicBalance, U: np.ndarray, parameter: float, forces: ContactForces, G: ReceptanceColumns | None = None
-) -> np.ndarray:
-    """Return this rank's rows of (5.1), (n_owned, 3, N_H) [m], with G of the active pairs.  Collective without it."""
-    U_lin, _ = problem.linear_motion(parameter)
-    return U - U_lin + (G or problem.receptance_at(parameter, forces.active)).apply(forces.p)

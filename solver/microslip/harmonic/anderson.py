@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from .residual import HarmonicBalance
+from .balance import HarmonicBalance
 
 
 class Anderson:
     """Anderson's mixing of a fixed-point iteration x = g(x), with all steps remembered (Walker and Ni 2011)."""
 
-    def __init__(self, problem: HarmonicBalance):
-        self.problem = problem
+    def __init__(self, equation: HarmonicBalance):
+        self.equation = equation
         self.values: list[np.ndarray] = []  # g(x) of all steps, this rank's rows
         self.misses: list[np.ndarray] = []  # g(x) - x
 
@@ -24,9 +24,9 @@ class Anderson:
         self.misses.append(value - x)
         miss = self.misses[-1].ravel()
         rows = np.stack([*(other.ravel() - miss for other in self.misses[:-1]), miss, value.ravel()])
-        products, n = self.problem.gather_sum(rows @ rows.T), len(rows) - 2
-        if self.problem.comm.size > 1:
-            products = self.problem.comm.bcast(products)
+        products, n = self.equation.sum(rows @ rows.T), len(rows) - 2
+        if self.equation.comm.size > 1:
+            products = self.equation.comm.bcast(products)
         weights = least(products[:n, :n], -products[:n, n])
         mean = value + sum(weight * (other - value) for weight, other in zip(weights, self.values))
         size = products[n + 1, n + 1]

@@ -12,30 +12,27 @@ import numpy as np
 import scipy.linalg
 
 from ..fourier.harmonics import Harmonics
-from .residual import ContactForces, HarmonicBalance, ReceptanceColumns
+from .linearisation import Linearisation
+from .preconditioner import own_rows
 
 LARGEST = 400  # rows of the active pairs, all harmonics, up to which the matrix is formed
 
 
 class WholeInverse:
-    """The factored matrix I + G P of the active pairs at one linearisation; on every rank.  Collective on ``problem.comm``."""
+    """The factored matrix I + G P of the active pairs at one linearisation; on every rank.  Collective."""
 
-    def __init__(self, problem: HarmonicBalance, forces: ContactForces, G: ReceptanceColumns):
-        self.problem, self.active_owned = problem, forces.active_owned
-        assert forces.P is not None, "made of a linearisation"
-        comm, N_H = problem.comm, problem.model.N_H
-        P, static = problem.gather(forces.P), problem.gather(G.rows(forces.active_owned))
-        harmonics = problem.model.harmonics
-        columns = receptance_of(static, [G.dynamic_block(i) for i in range(len(harmonics))], harmonics)
+    def __init__(self, at: Linearisation):
+        self.made_at, self.active_owned, equation = at, at.forces.active_owned, at.equation
+        harmonics, N_H = equation.harmonics, equation.model.N_H
+        P, static = equation.gather(at.P), equation.gather(at.G.rows(self.active_owned))
+        columns = receptance_of(static, [at.G.dynamic_block(i) for i in range(len(harmonics))], harmonics)
         blocks = columns.reshape(len(columns), len(P), 3 * N_H).swapaxes(0, 1)  # (n_active, rows, 3 N_H)
         G_P = np.matmul(blocks, P).swapaxes(0, 1).reshape(columns.shape)
         G_P[np.diag_indices_from(G_P)] += 1.0
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # a singular one gives no step, which is seen then
             self.factor = scipy.linalg.lu_factor(G_P, check_finite=False)
-        counts = comm.allgather(len(forces.active_owned))
-        first = 3 * sum(counts[: comm.rank])
-        self.own = slice(first, first + 3 * len(forces.active_owned))
+        self.own = own_rows(at)
 
     def apply(self, x: np.ndarray) -> np.ndarray:
         """Return (I + G P)^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""
@@ -45,7 +42,7 @@ class WholeInverse:
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return (I + G P)^-1 b for several right-hand sides, (n, m, 3, N_H) both, m active pairs of this rank.  Collective."""
-        by_row = self.problem.gather(b.reshape(len(b), 3 * b.shape[1], b.shape[-1]).swapaxes(0, 1))  # (3 n_active, n, N_H)
+        by_row = self.made_at.equation.gather(b.reshape(len(b), 3 * b.shape[1], b.shape[-1]).swapaxes(0, 1))  # (3 n_active, n, N_H)
         columns = by_row.swapaxes(1, 2).reshape(-1, len(b))
         x = scipy.linalg.lu_solve(self.factor, columns, check_finite=False)
         own = x.reshape(len(by_row), -1, len(b))[self.own]

@@ -33,7 +33,7 @@ def hold_mean_slip(found: AftResult, about: np.ndarray) -> None:
         found.P[:, [0, N_H]] *= 1.0 - HOLD
 
 
-def is_held_by_its_joint_alone(problem) -> bool:
+def is_held_by_its_joint_alone(equation) -> bool:
     """Tell whether the mean slip is undetermined once every pair slips.  Collective; static columns of all pairs are needed.
 
     Never without a mean, which then is zero; nor without vibration, where the slider has not forgotten where the pair was, and a
@@ -43,14 +43,14 @@ def is_held_by_its_joint_alone(problem) -> bool:
     k_t^1/2 G_tt k_t^1/2, which is k / (k + rest) for that motion, lies so close to 1.  A joint that is only stiff beside a
     structure that holds itself is not meant: springs of ``HOLD`` k_t would be stiffer than the structure.
     """
-    model, comm = problem.model, problem.comm
+    model, comm = equation.model, equation.comm
     if not model.harmonics.has_mean or model.harmonics.highest == 0:
         return False
     tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
     n_owned = model.owned.stop - model.owned.start
     own = (3 * np.arange(n_owned)[:, None] + np.arange(2)).ravel()
     rows = comm.gather(model.G_static.transposed(np.arange(model.n_pairs))[np.ix_(tangential, own)].T)
-    roots = comm.gather(np.repeat(np.sqrt(problem.parameters.k_t), 2))
+    roots = comm.gather(np.repeat(np.sqrt(equation.law.k_t), 2))
     return on_root(comm, _largest_share, rows, roots) > 1.0 - FREE
 
 

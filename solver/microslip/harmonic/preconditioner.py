@@ -15,39 +15,49 @@ import numpy as np
 import scipy.linalg
 
 from ..receptance import motion as receptance
-from .residual import ContactForces, HarmonicBalance, ReceptanceColumns
+from .linearisation import Linearisation
 
 REGULAR = 1.0 - 1e-3  # of P in B_n: without its joint, a body that nothing else holds would make B_n singular
 
 
 class HarmonicPreconditioner:
-    """Factors of B_n for the pairs active at one point; applied to residuals near by.  Collective on ``problem.comm``."""
+    """Factors of B_n for the pairs active at one linearisation; applied to residuals near by.  Collective."""
 
-    def __init__(self, problem: HarmonicBalance, forces: ContactForces, G: ReceptanceColumns):
-        self.problem, self.active_owned = problem, forces.active_owned
-        assert forces.P is not None, "made of a linearisation"
-        N_H = problem.model.N_H
-        P = problem.gather(complex_linear(forces.P, N_H))  # (n_active, n_harmonics, 3, 3)
-        static = problem.gather(G.rows(forces.active_owned))  # (3 n_active, 3 n_active)
+    def __init__(self, at: Linearisation):
+        self.made_at, self.active_owned, equation = at, at.forces.active_owned, at.equation
+        P = equation.gather(complex_linear(at.P, equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
+        static = equation.gather(at.G.rows(self.active_owned))  # (3 n_active, 3 n_active)
         self.factors = []
         for i in range(P.shape[1]):
-            G_n = static + G.dynamic_block(i)
+            G_n = static + at.G.dynamic_block(i)
             columns = G_n.reshape(len(G_n), -1, 3)
             G_P = REGULAR * np.einsum("rmi,mij->rmj", columns, P[:, i]).reshape(G_n.shape)
             self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
-        counts = problem.comm.allgather(len(forces.active_owned))
-        first = 3 * sum(counts[: problem.comm.rank])
-        self.own = slice(first, first + 3 * len(forces.active_owned))
+        self.own = own_rows(at)
 
     def apply(self, x: np.ndarray) -> np.ndarray:
         """Return B^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""
         rows = x[self.active_owned].reshape(-1, x.shape[-1])
-        amplitudes = receptance.to_complex(self.problem.gather(rows))
+        amplitudes = receptance.to_complex(self.made_at.equation.gather(rows))
         for i, factor in enumerate(self.factors):
             amplitudes[:, i] = scipy.linalg.lu_solve(factor, amplitudes[:, i], check_finite=False)
         y = x.copy()
         y[self.active_owned] = receptance.to_real(amplitudes[self.own], x.shape[-1]).reshape(-1, 3, x.shape[-1])
         return y
+
+
+def own_rows(at: Linearisation) -> slice:
+    """Return the place of this rank's active pairs among the rows of all, 3 a pair.  Collective: one gather."""
+    comm, n = at.equation.comm, len(at.forces.active_owned)
+    first = 3 * sum(comm.allgather(n)[: comm.rank])
+    return slice(first, first + 3 * n)
+
+
+def applied(preconditioner, x: np.ndarray, at: Linearisation) -> np.ndarray:
+    """Return a preconditioner's answer to the rows ``x`` of this rank's active pairs at another linearisation, flat.  Collective."""
+    whole, active = np.zeros(at.equation.shape), at.forces.active_owned
+    whole[active] = x.reshape(len(active), *whole.shape[1:])
+    return preconditioner.apply(whole)[active].ravel()
 
 
 def complex_linear(P: np.ndarray, N_H: int) -> np.ndarray:

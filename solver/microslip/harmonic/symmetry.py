@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from .residual import HarmonicBalance
+from .balance import HarmonicBalance
 
 
-def symmetric(problem: HarmonicBalance) -> bool:
+def symmetric(equation: HarmonicBalance) -> bool:
     """Tell whether odd harmonics alone give a solution of the full set, exact but for roundoff.  Collective.
 
     They do where the motion may repeat itself with the opposite sign after half a period, u(t + T/2) = -u(t), and p with it.
@@ -29,12 +29,12 @@ def symmetric(problem: HarmonicBalance) -> bool:
     -----
     The full set may have further solutions without the symmetry; from a symmetric guess Newton finds the symmetric one.
     """
-    model, parameters = problem.model, problem.parameters
+    model, parameters = equation.model, equation.law
     even = [n for n in model.harmonics.chosen if n % 2 == 0]
-    if problem.n_samples % 2 or any(model.f[:, model.harmonics.columns(n)].any() for n in even):
+    if equation.n_samples % 2 or any(model.f[:, model.harmonics.columns(n)].any() for n in even):
         return False
     moves = _moving_rows(model).reshape(-1, 3)
-    if problem.comm.bcast(bool(moves[:, 2].any())):  # the static columns need not be known
+    if equation.comm.bcast(bool(moves[:, 2].any())):  # the static columns need not be known
         return False
     statically = _statically_moving_rows(model).reshape(-1, 3)
     moves = moves[model.owned] | statically
@@ -42,7 +42,7 @@ def symmetric(problem: HarmonicBalance) -> bool:
     is_linear = (parameters.mu * normal_force == 0.0) | (parameters.k_t == 0.0)
     one_at_a_time = parameters.separate | (moves[:, :2].sum(axis=1) <= 1)
     is_odd = bool(np.all(~moves[:, 2] & (is_linear | one_at_a_time)))
-    return problem.comm.allreduce(is_odd, op=MPI.LAND)
+    return equation.comm.allreduce(is_odd, op=MPI.LAND)
 
 
 def _moving_rows(model) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..continuation.branch import Branch
 from ..continuation.follow import NOTHING
-from ..error_estimate.better_model import Truth
+from ..error_estimate.better_model import BetterModel
 from ..parallel.agree import on_root
 from ..parallel.groups import Counter, Reports, dealt, split
 from ..receptance.model import ReducedModel
@@ -21,7 +21,7 @@ from .reporter import Minutes
 def follow_side_by_side(
     follow_level: Callable[..., Branch],
     model: ReducedModel,
-    truth: Truth | None,
+    better: BetterModel | None,
     levels: Sequence[float],
     n_groups: int,
     minutes: Minutes,
@@ -34,7 +34,7 @@ def follow_side_by_side(
 
     Parameters
     ----------
-    follow_level : collective on a model's communicator; takes ``model``, ``level``, ``truth`` and ``on_point``
+    follow_level : collective on a model's communicator; takes ``model``, ``level``, ``better`` and ``on_point``
     n_groups : at least 2; there are no more groups than levels
     minutes : hears of levels and points on rank 0, as they come
 
@@ -46,7 +46,7 @@ def follow_side_by_side(
     log.note(f"{len(levels)} levels on {groups.n} groups of {_sizes(groups.limits)}, the highest first")
     with log.stage("static columns of all pairs"):
         own = model_on_group(model, groups.comm)
-        own_truth = truth and truth.on_group(own, groups.comm)
+        own_better = better and better.on_group(own, groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
     counter, reports = Counter(groups.world), Reports(groups, lambda event, *news: getattr(minutes, event)(*news))
 
@@ -60,7 +60,7 @@ def follow_side_by_side(
             branch = follow_level(
                 model=own,
                 level=levels[number],
-                truth=own_truth,
+                better=own_better,
                 on_point=lambda point, number=number: tell("point", number, point),
             )
             tell("level_finished", number, replace(branch, points=[]))

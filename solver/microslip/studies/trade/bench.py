@@ -13,7 +13,7 @@ from ...continuation.accuracy import Accuracy, accuracy_of
 from ...continuation.branch import Branch
 from ...continuation.grid import at_frequencies
 from ...continuation.levels import frequency_sweep, likely_to_slip, linear_curve
-from ...error_estimate.better_model import Truth, truth_of
+from ...error_estimate.better_model import BetterModel, better_model_of
 from ...error_estimate.components import total
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
@@ -50,7 +50,7 @@ class Prepared:
     """A reduction with what its error bars compare with."""
 
     reduction: Reduction
-    truth: Truth
+    better: BetterModel
     seconds: float  # of the reduction
 
 
@@ -129,7 +129,7 @@ class Bench:
         model = reduction.model
         if not model.G_static.known.all():
             model.G_static.likely = likely_to_slip(model, self.parameters, linear_curve(model, self.sweep))
-        return Prepared(reduction, truth_of(structure.linearised, modes, reduction, scene), seconds)
+        return Prepared(reduction, better_model_of(structure.linearised, modes, reduction, scene), seconds)
 
     def _timed(self, solve):
         def timed(pairs):
@@ -214,7 +214,7 @@ class Bench:
         for level, points in omegas.items():
             problem = self.problem(prepared, setting, level)
             accuracy = self.accuracy_of(setting, problem)
-            estimator = TimedEstimator(prepared.truth) if bars or accuracy else None
+            estimator = TimedEstimator(prepared.better) if bars or accuracy else None
             branches.append(
                 at_frequencies(
                     problem,
@@ -254,8 +254,8 @@ class Stopwatch:
 class TimedEstimator(ErrorEstimator):
     """Error bars, and the time they took."""
 
-    def __init__(self, truth: Truth):
-        super().__init__(truth)
+    def __init__(self, better: BetterModel):
+        super().__init__(better)
         self.spent = np.zeros(2)
 
     def at(

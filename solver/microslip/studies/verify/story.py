@@ -11,7 +11,7 @@ import numpy as np
 from ...contact.law import ContactParameters
 from ...continuation.branch import Branch
 from ...continuation.levels import follow_level, frequency_sweep, likely_to_slip, linear_curve
-from ...error_estimate.better_model import Truth, truth_of
+from ...error_estimate.better_model import BetterModel, better_model_of
 from ...fourier.coefficients import cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
 from ...observe.log import RunLog
@@ -74,8 +74,8 @@ def verify(scene, comm, folder: Path, asked: Asked = Asked(), options: tuple[str
         pairs, model = structure.pairs, reduction.model
         parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
         with log.stage("curves by harmonic balance"):
-            truth = truth_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.accuracy else None
-            branches = curves(scene, model, parameters, reduction.selection, structure.modes.omega_n, asked.at, truth)
+            better = better_model_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.accuracy else None
+            branches = curves(scene, model, parameters, reduction.selection, structure.modes.omega_n, asked.at, better)
         with log.stage("static columns of every pair"):
             transient = transient_model(model, parameters)
         with log.stage("time integration"):
@@ -125,7 +125,7 @@ def curves(
     selection,
     omega_n: np.ndarray,
     at: tuple[float, ...],
-    truth: Truth | None,
+    better: BetterModel | None,
 ) -> list[Branch]:
     """Return the branches of all levels.  Collective.
 
@@ -140,7 +140,7 @@ def curves(
     curve = linear_curve(model, sweep, parameters)
     model.G_static.likely = likely_to_slip(model, parameters, curve)
     return [
-        follow_level(scene, model, parameters, selection, sweep, curve, level, lambda point: None, truth)
+        follow_level(scene, model, parameters, selection, sweep, curve, level, lambda point: None, better)
         for level in scene.response.levels
     ]
 

@@ -1,0 +1,138 @@
+"""Ways to a first point that Newton does not reach from the linear response, a function each (docs/theory.md, section 7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..parallel.errors import ConvergenceError
+from .iterate import Iterate
+from .point_solver import Found, PointSolver, Workspace
+from .problems import DampingHomotopy, LevelHomotopy, Problem
+from .state import BranchState
+from .steps import ArcLength
+from .sweep import Sweep
+
+if TYPE_CHECKING:
+    from .follow import BranchTask
+
+STEPS = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)  # along a homotopy
+FROM_LEVEL, FROM_DAMPING = (1e-2, 1e-4), (1e-1, 1e-3)  # of the parameter at the end of a homotopy, where it begins
+MOST_ITERATIONS = 1500  # of Newton, on one such way; those that arrive take some hundreds
+MOST_POINTS = 1000
+
+Reached = tuple[Found, PointSolver]
+Advance = Callable[..., Any]  # takes a branch one step on: follow.advance, which itself begins with a first point
+Way = Callable[["BranchTask", PointSolver, Advance], Reached | None]  # collective; None in vain
+
+
+def reach_first(task: BranchTask, solver: PointSolver, advance: Advance) -> tuple[Found, PointSolver, tuple[str, ...]]:
+    """Solve the first point, from the linear response or else by the ways in turn.  Collective.
+
+    Returns it with the solver that found it, which may hold the mean slip, and notes on how it was reached.
+
+    Raises
+    ------
+    ConvergenceError : none leads there; on every rank
+    """
+    found = solver.first()
+    if found[0].failure is None:
+        return found, solver, ()
+    for way in task.ways:
+        reached = way(task, solver, advance)
+        if reached is not None:
+            notes = (f"first point {NOTES[way]}, where there may be other solutions",) if way in NOTES else ()
+            return *reached, notes
+    start, why = task.sweep.start, found[0].failure
+    if task.is_static:
+        raise ConvergenceError(
+            f"hb: no equilibrium under the static load of {task.problem.at((start,)).level:.4g} N was found "
+            f"({why}): is it more than friction and preload carry?"
+        )
+    raise ConvergenceError(
+        f"hb: no first point at {task.problem.where(start)}: neither from the linear response ({why}) nor from rest, "
+        "over the level or over further damping; begin at another frequency, or raise [solver] samples"
+    )
+
+
+def over_the_level(task: BranchTask, solver: PointSolver, advance: Advance) -> Reached | None:
+    """Solve from a small level up, by arc length at the frequency of the first point, folds included.  Collective."""
+    at = task.problem.at((task.sweep.start,))
+    return _over(task, solver, LevelHomotopy(solver.equation, at.omega), at.level, FROM_LEVEL, advance)
+
+
+def over_damping(task: BranchTask, solver: PointSolver, advance: Advance) -> Reached | None:
+    """Solve from a damping that leaves one solution down to none beside the scene's.  Collective."""
+    at = task.problem.at((task.sweep.start,))
+    return _over(task, solver, DampingHomotopy(solver.equation, at.omega, at.level), 1.0, FROM_DAMPING, advance)
+
+
+def from_rest(task: BranchTask, solver: PointSolver, advance: Advance) -> Reached | None:
+    """Solve from no motion, where gaps are open.  Collective."""
+    linear = solver.linear_iterate(task.sweep.start)
+    selected = solver.selection.first(solver.equation.model.n_pairs)
+    found, selected = solver.solve_at(replace(linear, U=np.zeros_like(linear.U)), solver.norm(linear.U), selected)
+    return ((found, selected), solver) if found.failure is None else None
+
+
+def with_mean_slip_held(task: BranchTask, solver: PointSolver, advance: Advance) -> Reached | None:
+    """Solve for a body that hangs on its joint alone with its mean slip held about none.  Collective."""
+    if not task.may_hold or solver.equation.held is not None or not solver.is_loose:
+        return None
+    held = solver.holding(np.zeros((solver.equation.n_owned, 2)))
+    found = held.first()
+    return over_the_level(task, held, advance) or over_damping(task, held, advance) if found[0].failure else (found, held)
+
+
+def patiently(task: BranchTask, solver: PointSolver, advance: Advance) -> Reached | None:
+    """Solve by many small Newton steps, from the linear response and from rest.  Collective."""
+    patient = replace(solver, is_patient=True)
+    found = patient.first()
+    reached = (found, patient) if found[0].failure is None else from_rest(task, patient, advance)
+    return reached and (reached[0], solver)
+
+
+def _over(
+    task: BranchTask, solver: PointSolver, homotopy: Problem, end: float, beginnings: tuple[float, ...], advance: Advance
+) -> Reached | None:
+    """Solve at the end of a homotopy, where it is the problem, from near its beginning; None in vain.  Collective."""
+    alone = {"estimator": None, "accuracy": None, "is_linear": False, "is_static": False, "ways": (from_rest, patiently)}
+    for share in beginnings:
+        way = replace(
+            task, problem=homotopy, sweep=Sweep(share * end, end), steps=STEPS, tolerance=solver.tolerance, **alone
+        )
+        arrived = _end_of(way, advance)
+        if arrived is None:
+            continue
+        there, now = solver.holding(arrived.solver.equation.held), arrived.now
+        found = there.solve_near(Iterate(now.iterate.U, (task.sweep.start,), now.iterate.harmonics), now)
+        if found[0].failure is None:
+            return found, there
+    return None
+
+
+def _end_of(way: BranchTask, advance: Advance) -> BranchState | None:
+    """Return the state at the end of a homotopy; None where it is not reached.  Collective."""
+    workspace, n_points = Workspace(way.problem.equation), 0
+    state = way.start(workspace)
+    try:
+        while not state.is_done and n_points < MOST_POINTS:
+            found = advance(way, state)
+            state, n_points = found.state, n_points + len(found.points)
+            if found.failure or workspace.spent > MOST_ITERATIONS:
+                return None
+    finally:
+        workspace.destroy()
+    return state if state.is_done else None
+
+
+WAYS: tuple[Way, ...] = (over_the_level, from_rest, with_mean_slip_held, patiently, over_damping)
+NOTES = {
+    over_the_level: "reached over the level",
+    from_rest: "found from rest",
+    patiently: "found by small Newton steps",
+    over_damping: "reached over further damping",
+}

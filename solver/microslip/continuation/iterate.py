@@ -1,0 +1,38 @@
+"""A place on a branch: a motion of the pairs, the parameters of the problem, and the harmonics that the motion is in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..fourier.harmonics import Harmonics
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A motion of this rank's pairs and the parameters of the problem, unscaled."""
+
+    U: np.ndarray  # (n_owned, 3, N_H) m
+    parameters: tuple[float, ...]  # of the problem: a frequency rad/s, a level N, ...; the first is the one that is swept
+    harmonics: Harmonics  # those of U
+
+    @property
+    def parameter(self) -> float:
+        """The parameter that is swept."""
+        return self.parameters[0]
+
+    def at(self, parameter: float) -> Iterate:
+        """Return the same motion at another value of the parameter that is swept.  Local."""
+        return replace(self, parameters=(parameter, *self.parameters[1:]))
+
+    def on(self, harmonics: Harmonics) -> Iterate:
+        """Return the motion in another set of harmonics: missing ones zero, surplus ones dropped.  Local."""
+        return self if harmonics == self.harmonics else replace(self, U=self.harmonics.carry(self.U, harmonics), harmonics=harmonics)
+
+
+def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
+    """Return the point of the chord from ``a`` to ``b``, in the same harmonics, at a value of the swept parameter.  Local."""
+    share = (parameter - a.parameter) / (b.parameter - a.parameter)
+    others = (p + share * (q - p) for p, q in zip(a.parameters[1:], b.parameters[1:]))
+    return Iterate(a.U + share * (b.U - a.U), (parameter, *others), a.harmonics)

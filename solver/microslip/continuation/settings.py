@@ -1,0 +1,30 @@
+"""What is asked of a response: levels, range, steps and accuracy, with what was stated and what the program chooses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResponseSettings:
+    """Levels and frequencies of the curves, and how their points are solved.
+
+    The range is ``frequencies``, or ``span`` times the frequency of a ``mode``.
+    """
+
+    levels: tuple[float, ...]  # N
+    frequencies: tuple[float, float] | None = None  # Hz
+    mode: int | None = None  # counted from 1
+    span: tuple[float, float] | None = None
+    at: tuple[float, ...] = ()  # Hz, that must be points
+    direction: str = "up"
+    points: int = 100  # a level
+    ds: float | None = None  # stated step lengths, as shares of the length of the linear curve
+    ds_min: float | None = None
+    ds_max: float | None = None
+    samples: int = 128
+    tolerance: float = 1e-8
+    accuracy: float | None = None  # of the response over its peak; None: harmonics, samples and steps are as stated
+    keeps: frozenset[str] = frozenset()  # of harmonics, samples, solver: what is stated beside the accuracy
+    chooses_steps: bool = True  # whether steps follow from the accuracy
+    loaded: int = 1  # highest harmonic of the loads, at least 1

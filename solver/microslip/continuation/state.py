@@ -1,0 +1,44 @@
+"""The state of a branch between two of its points: values that go into a step and come out of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .accuracy import Memory
+from .iterate import Iterate
+
+if TYPE_CHECKING:
+    from .point_solver import PointSolver
+
+
+@dataclass(frozen=True, eq=False)
+class PointState:
+    """A converged point as the next step needs it."""
+
+    iterate: Iterate
+    selected: np.ndarray  # (n_pairs,) bool, B of the next point
+    size: float  # |U| over all ranks [m]
+    force: float  # |f_nl| over all ranks [N]
+    sticks: bool  # no pair slips or opens: the point lies on the linear curve
+    sliding: float  # share of the pairs that do not stick
+    amplitude: np.ndarray  # (n_outputs,) complex, of harmonic 1 [m]
+
+
+@dataclass(frozen=True, eq=False)
+class BranchState:
+    """How the next point is solved for, and the last points, from which the next step goes on; none before the first."""
+
+    solver: PointSolver  # its resolution, hold and whether all points so far are linear; its workspace is no part of the state
+    memory: Memory  # of the accuracy
+    ds: float = 0.0  # of the next step, in the relative norm
+    earlier: PointState | None = None  # the last three points, the latest ``now``
+    before: PointState | None = None
+    now: PointState | None = None
+    is_done: bool = False  # the end of the range is reached
+
+    def after(self, before: PointState | None, now: PointState, ds: float, earlier: PointState | None = None) -> BranchState:
+        """Return the state with other last points and step.  Local."""
+        return replace(self, earlier=earlier, before=before, now=now, ds=ds)

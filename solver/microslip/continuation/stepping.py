@@ -1,0 +1,139 @@
+"""Steps from point to point of a branch by arc length, round its corners (docs/theory.md, section 7)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..parallel.errors import ConvergenceError
+from .constraints import Plane
+from .corrector import BorderedSystem, Correction
+from .iterate import Iterate
+from .point_solver import Found, PointSolver
+from .predictor import difference, linear_step, predict
+from .state import PointState
+from .steps import ArcLength
+
+FARTHEST = 4.0  # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
+NEAREST = 1e-3  # lengths of it below which it leads nowhere
+CORNERS = 4.0 ** np.arange(1, 5)  # shortest steps in which the branch is looked for beyond a sharp corner
+BACK = 0.05  # rad between a step and the way back, below which it is that
+
+
+def second(solver: PointSolver, first: PointState, steps: ArcLength) -> Found:
+    """Solve the second point, a little further along the sweep; halve the way until it converges nearby.  Collective.
+
+    A point further off than ``ds_max`` may lie beyond folds, with the resonance between them.  It is taken only where none
+    is nearer: where the set B has changed since the first point, and the solution with it.
+    """
+    sweep, far = solver.sweep, None
+    way = min(linear_step(solver, first, 0.5 * steps.ds), 0.5 * sweep.scale)
+    while True:
+        there = first.iterate.parameter + sweep.direction * way
+        guess = solver.linear_iterate(there) if first.sticks else first.iterate.at(there)
+        found, selected = solver.solve_near(guess, first)
+        if found.failure is None:
+            if solver.distance(first, found.iterate) <= steps.ds_max:
+                return found, selected
+            far = far or (found, selected)
+        way /= 2.0
+        if way < steps.ds_min * sweep.scale:
+            if far:
+                return far
+            raise ConvergenceError(message(solver, first.iterate.parameter, found, steps))
+
+
+def step(
+    solver: PointSolver, earlier: PointState | None, before: PointState, now: PointState, ds: float, steps: ArcLength
+) -> tuple[Found, float]:
+    """Return the next converged point and the step that reached it, halved until Newton converges.  Collective.
+
+    Raises
+    ------
+    ConvergenceError : no step down to the shortest leads on; on every rank
+    """
+    earlier, before, now = earlier and solver.carried(earlier), solver.carried(before), solver.carried(now)
+    while True:
+        guess, plane = predict(solver, earlier, before, now, ds)
+        found, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
+        if found.failure is None and not left(solver, before, now, found, ds):
+            return (found, selected), ds
+        ds /= 2.0
+        if ds < steps.ds_min:
+            beyond = just_ahead(solver, before, now, steps) or beyond_sharp_corner(solver, before, now, steps)
+            if beyond is None:
+                raise ConvergenceError(message(solver, now.iterate.parameter, found, steps))
+            return beyond, 8.0 * steps.ds_min
+        if now.sliding == 1.0 and solver.equation.held is None and solver.is_loose:
+            raise ConvergenceError(message(solver, now.iterate.parameter, found, steps))
+
+
+def left(solver: PointSolver, before: PointState, now: PointState, found: Correction, ds: float) -> bool:
+    """Tell whether a step fell back on the branch or jumped off it: by a turn of more than 90 degrees or another length."""
+    turn = solver.turn(before.iterate, now.iterate, found.iterate, now.size)
+    return turn > 0.5 * np.pi or not NEAREST * ds <= solver.distance(now, found.iterate) <= FARTHEST * ds
+
+
+def message(solver: PointSolver, parameter: float, found: Correction, steps: ArcLength) -> str:
+    """Say that and why a branch ends."""
+    return (
+        f"hb: no convergence beyond {solver.problem.where(parameter)} after {found.newton} iterations: "
+        f"{found.failure or 'the branch turns back'}; the step was halved down to [continuation] "
+        f"ds_min = {steps.ds_min:.1e}: reduce ds_min or ds, or the level"
+    )
+
+
+# -- corners: where a sample of a pair begins or ends to slip ------------------------------------------------------
+
+
+def just_ahead(solver: PointSolver, before: PointState, now: PointState, steps: ArcLength) -> Found | None:
+    """Return a point at a fixed parameter within the shortest step; None if Newton finds none.  Collective.
+
+    On the plane normal to the branch's old direction Newton may go back and forth between the two sides of a corner.  A fixed
+    parameter favours none.
+    """
+    direction = np.sign(now.iterate.parameter - before.iterate.parameter) or solver.sweep.direction
+    for share in 2.0 ** -np.arange(6):
+        there = now.iterate.parameter + direction * share * steps.ds_min * solver.sweep.scale
+        found, selected = solver.solve_near(now.iterate.at(there), now)
+        if found.failure is None and solver.distance(now, found.iterate) <= steps.ds_max:
+            return found, selected
+    return None
+
+
+def beyond_sharp_corner(solver: PointSolver, before: PointState, now: PointState, steps: ArcLength) -> Found | None:
+    """Return a point beyond a corner at which the branch turns by more than 90 degrees; None if there is none.  Collective.
+
+    Beyond the corner another set of samples slips: the direction in which the linearisation there goes on is that of the
+    branch, one way or the other.  What lies back on the way that led here is not wanted.
+    """
+    d_U, d_parameter, length = difference(solver, before, now, now.size)
+    normal = d_U / (now.size * length), d_parameter / (solver.sweep.scale * length)
+    come_from = tangent(solver, now, now.iterate, *normal)
+    for ds in steps.ds_min * CORNERS:
+        ahead = Iterate(now.iterate.U + ds / length * d_U, (now.iterate.parameter + ds / length * d_parameter,), solver.harmonics)
+        t_xi, t_nu = tangent(solver, now, ahead, *normal)
+        for way in (-ds, ds):
+            guess = moved(solver, now, way, t_xi, t_nu)
+            plane = Plane(guess, np.sign(way) * t_xi, (np.sign(way) * t_nu,))
+            found, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
+            if found.failure or not NEAREST * ds <= solver.distance(now, found.iterate) <= FARTHEST * ds:
+                continue
+            if solver.turn(moved(solver, now, -ds, *come_from), now.iterate, found.iterate, now.size) < np.pi - BACK:
+                return found, selected
+    return None
+
+
+def tangent(solver: PointSolver, now: PointState, there: Iterate, n_U: np.ndarray, n_nu: float) -> tuple[np.ndarray, float]:
+    """Return the unit tangent of the linearisation at ``there``, on the side of the normal (n_U, n_nu).  Collective."""
+    system = BorderedSystem(solver.problem, (Plane(there, n_U, (n_nu,)),), solver.scaling(now.size, now.force), now.selected)
+    t_xi, (t_nu,) = solver.workspace.corrector(solver.equation, solver.resolution).tangent(system, there)
+    size = solver.length(t_xi, t_nu)
+    if not np.isfinite(size) or size == 0.0:  # the linearisation is singular there: nowhere to go
+        return np.zeros_like(t_xi), 0.0
+    return t_xi / size, t_nu / size
+
+
+def moved(solver: PointSolver, now: PointState, ds: float, t_xi: np.ndarray, t_nu: float) -> Iterate:
+    """Return the place a step ``ds`` along a tangent.  Local."""
+    parameter = now.iterate.parameter + ds * solver.sweep.scale * t_nu
+    return Iterate(now.iterate.U + ds * now.size * t_xi, (parameter,), solver.harmonics)

@@ -1,0 +1,113 @@
+"""Adjoints of a point: what the requested outputs feel of the contact forces (docs/theory.md, eq. 11.1).
+
+    (1 + G^T P^T) chi = B^T
+
+The matrix is that of a Newton step with P transposed and G^T, which has the static part of G and conjugate modal factors.  As
+there, pairs that stick are eliminated.  All quantities, the cosine and the sine of each output, are solved for together.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+
+from ..receptance.columns import ActiveColumns
+from .direct import WholeInverse
+from .gmres import Gmres, kept
+from .linearisation import Gatherer, Linearisation
+from .preconditioner import HarmonicPreconditioner, applied
+
+MANY_KRYLOV = 50  # GMRES iterations beyond which the next adjoints are preconditioned
+DIRECT = 100  # rows of the active pairs, all harmonics, up to which a factor is cheaper than GMRES
+RTOL = 1e-3  # of GMRES: bars are far from that exact
+
+
+class AdjointSolver:
+    """Solves for the adjoints of points of a branch; keeps what makes the next quicker.  Collective on ``comm``."""
+
+    def __init__(self, comm):
+        self.comm = comm
+        self.preconditioner: HarmonicPreconditioner | None = None
+        self._gmres: Gmres | None = None
+
+    def destroy(self) -> None:
+        """Free the PETSc objects.  Collective."""
+        if self._gmres is not None:
+            self._gmres.destroy()
+            self._gmres = None
+
+    def solve(self, at: Linearisation, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Return chi and tau = P^T chi of this rank's pairs, and whether they were found.  Collective.
+
+        ``at`` is the transposed linearisation; see :meth:`Linearisation.solve_transposed` for the rest.
+        """
+        equation, owned, is_found = at.equation, at.forces.active_owned, True
+        chi = B[:, equation.model.owned_rows].reshape(len(B), *equation.shape).copy()
+        tau = np.zeros_like(chi)
+        if len(at.forces.active) > 0:
+            units = np.abs(B).max(axis=(1, 2))[:, None, None, None]
+            units[units == 0.0] = 1.0
+            self._at, self._shape = at, (len(B), len(owned), *equation.shape[1:])
+            self._gatherer = Gatherer(self.comm, int(np.prod(self._shape)), 0)
+            of_active, is_found = (self._directly if at.n_rows <= DIRECT else self._by_gmres)(chi[:, owned] / units)
+            of_active *= units
+            tau[:, owned] = self._times_P(at.P, of_active)
+            for i, tau_all in enumerate(self._gathered(tau[:, owned])):
+                chi[i] -= at.G.apply(tau_all)
+            chi[:, owned] = of_active
+        return chi.reshape(len(B), -1), tau.reshape(len(B), -1), is_found
+
+    def _times_P(self, P: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return P x of this rank's active pairs, (n_quantities, m, 3, N_H) both.  Local; ``P`` is transposed already."""
+        columns = x.reshape(len(x), len(P), P.shape[2]).transpose(1, 2, 0).astype(P.dtype, copy=False)  # (m, 3 N_H, n)
+        return np.matmul(P, columns).transpose(2, 0, 1).reshape(x.shape)
+
+    def _gathered(self, x: np.ndarray) -> np.ndarray:
+        """Return rows (n_quantities, m, 3, N_H) of all ranks' active pairs, (n_quantities, 3 n_active, N_H).  Collective."""
+        N_H = x.shape[-1]
+        if self.comm.size == 1:
+            return x.reshape(len(x), -1, N_H)
+        rows, _ = self._gatherer(np.moveaxis(x, 0, 2).ravel())  # quantities of a row lie together
+        return rows.reshape(-1, len(x), N_H).swapaxes(0, 1)
+
+    def _directly(self, b: np.ndarray) -> tuple[np.ndarray, bool]:
+        """Return the adjoints of the active pairs by one factor, (n_quantities, m, 3, N_H), and whether found.  Collective."""
+        return self._if_finite(WholeInverse(self._at).solve(b), True)
+
+    def _if_finite(self, x: np.ndarray, has_converged: bool) -> tuple[np.ndarray, bool]:
+        is_found = bool(self.comm.allreduce(has_converged and bool(np.isfinite(x).all()), op=MPI.LAND))
+        return (x if is_found else np.zeros_like(x)), is_found
+
+    # -- GMRES on the active pairs of all quantities -----------------------------------------------------------
+
+    def _by_gmres(self, b: np.ndarray) -> tuple[np.ndarray, bool]:
+        """Return the same by one solve for all.  Collective."""
+        gmres = self._set_up(b.size)
+        for _ in range(2):
+            x, outcome = gmres.solve(b.ravel())
+            if outcome.iterations > MANY_KRYLOV or outcome.reason < 0:
+                self.preconditioner = HarmonicPreconditioner(self._at)
+            if outcome.reason >= 0:
+                break
+        return self._if_finite(x.reshape(b.shape).copy(), outcome.reason >= 0)
+
+    def _set_up(self, n: int) -> Gmres:
+        """Copy what the products need in single precision; make PETSc's objects where their size is another.  Collective."""
+        at, before, old = self._at, self._gmres, self.preconditioner
+        self._gmres = kept(before, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, RTOL))
+        if self._gmres is not before or (old is not None and old.made_at.equation.harmonics != at.equation.harmonics):
+            self.preconditioner = None  # of another size
+        self._columns = ActiveColumns(self.comm, at.G, at.forces.active_owned, np.float32)
+        self._P = self._columns.scaled(at.P)
+        return self._gmres
+
+    def _multiply(self, x: np.ndarray, out: np.ndarray) -> None:
+        """Multiply by 1 + G^T P^T of the active pairs.  Collective: one gather."""
+        tau = self._gathered(self._times_P(self._P, x.reshape(self._shape)))
+        out[:] = x + self._columns.apply_to_several(tau).ravel()
+
+    def _precondition(self, x: np.ndarray, out: np.ndarray) -> None:
+        """Apply the preconditioner, the identity in micro-slip.  Collective."""
+        out[:] = x
+        if self.preconditioner is not None:
+            out[:] = np.concatenate([applied(self.preconditioner, x_i, self._at) for x_i in x.reshape(self._shape)])

@@ -1,0 +1,196 @@
+"""The equation of harmonic balance, condensed to the pairs: r(U, omega) = U - U_lin(omega) + G(omega) p(U).
+
+docs/theory.md, section 5.  The rows of a pair live on the rank that owns it; ``p`` of the pairs that do not stick is
+gathered once an application.  ``p`` and dp/dU vanish where a pair sticks, so the cost follows the others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..contact.law import ContactParameters
+from ..contact.aft import contact_harmonics
+from ..fourier.harmonics import Harmonics
+from ..linear.dense import summed
+from ..receptance import motion as receptance
+from ..receptance.columns import ReceptanceColumns
+from ..receptance.model import ReducedModel
+from .linearisation import Linearisation
+from .mean_slip import hold_mean_slip
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """What the equation depends on beside the motion."""
+
+    omega: float  # rad/s, of the excitation
+    level: float  # N, multiplies the loads
+    sigma: float = 0.0  # 1/s, further damping sigma M
+
+    @property
+    def text(self) -> str:
+        """The point as messages name it."""
+        return f"{self.omega / 2 / np.pi:.6g} Hz ({self.omega:.6g} rad/s) at level {self.level:.4g} N"
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How an operating point changes with a parameter."""
+
+    omega: float = 0.0
+    level: float = 0.0
+    sigma: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ContactForces:
+    """Contact forces at one motion: what this rank evaluated and what all ranks gathered."""
+
+    state: np.ndarray  # (n_owned,) STICK, SLIP, OPEN
+    active_owned: np.ndarray  # (m,) pairs of this rank, counted from its first, with p or dp/dU not zero
+    P: np.ndarray | None  # (m, 3 N_H, 3 N_H) dp/dU of those [N/m]
+    active: np.ndarray  # (n_active,) the active pairs of all ranks, in rank order
+    p: np.ndarray  # (3 n_active, N_H) their forces [N]
+    extras: tuple[float, ...]  # sums over the ranks of what each passed along
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicBalance:
+    """The residual (5.1) and its linearisation; ``selected`` pairs may slip or open, the others are held stuck."""
+
+    model: ReducedModel
+    law: ContactParameters  # of this rank's pairs
+    n_samples: int  # a period
+    held: np.ndarray | None = None  # (n_owned, 2) mean of p_t about which the mean slip is held [N]; None: it is not
+    _known: dict = field(default_factory=dict, init=False, repr=False)  # of the last operating point
+
+    @classmethod
+    def of_all(cls, model: ReducedModel, law: ContactParameters, n_samples: int) -> HarmonicBalance:
+        """Return the equation of a model whose pairs, on all ranks, have this law.  Local."""
+        # a constant motion is one sample: the kept period then holds the one step there is, and the state says which pairs slid
+        own = law.take(np.arange(model.n_pairs)[model.owned])
+        return cls(model, own, n_samples if model.harmonics.highest > 0 else 1)
+
+    # -- what it is made of --------------------------------------------------------------------------------------
+
+    @property
+    def comm(self):
+        return self.model.comm
+
+    @property
+    def harmonics(self) -> Harmonics:
+        return self.model.harmonics
+
+    @property
+    def n_owned(self) -> int:
+        return self.model.owned.stop - self.model.owned.start
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Of a motion of this rank's pairs, (n_owned, 3, N_H)."""
+        return self.n_owned, 3, self.model.N_H
+
+    @property
+    def every_pair(self) -> np.ndarray:
+        """The selection of all pairs, (n_pairs,) bool."""
+        return np.ones(self.model.n_pairs, dtype=bool)
+
+    def resolved(self, harmonics: Harmonics, n_samples: int) -> HarmonicBalance:
+        """Return the same equation with other harmonics and samples.  Local."""
+        return replace(self, model=self.model.with_harmonics(harmonics), n_samples=n_samples)
+
+    def of(self, model: ReducedModel) -> HarmonicBalance:
+        """Return the same equation of another model of the same pairs, with the same harmonics.  Local."""
+        return replace(self, model=model)
+
+    def holding(self, mean: np.ndarray | None) -> HarmonicBalance:
+        """Return the same equation with the mean slip held about where p_t has the ``mean`` (n_owned, 2) [N], or free.  Local."""
+        return replace(self, held=mean)
+
+    # -- forces --------------------------------------------------------------------------------------------------
+
+    def contact_forces(
+        self, U: np.ndarray, selected: np.ndarray, tangents: bool, extras: tuple[float, ...] = ()
+    ) -> ContactForces:
+        """Return the contact forces under the motion ``U`` (n_owned, 3, N_H) [m] of this rank's pairs.
+
+        Collective on ``comm``: one gather, which also sums the ``extras`` of the ranks.  ``selected`` (n_pairs,) bool,
+        the same on every rank.
+        """
+        chosen = np.flatnonzero(selected[self.model.owned])
+        everything = len(chosen) == self.n_owned
+        law, motion = (self.law, U) if everything else (self.law.take(chosen), U[chosen])
+        found = contact_harmonics(motion, law, self.n_samples, tangents=tangents, harmonics=self.harmonics)
+        if self.held is not None:
+            hold_mean_slip(found, self.held if everything else self.held[chosen])
+        state = np.zeros(self.n_owned, dtype=np.uint8)
+        state[chosen] = found.state
+        active_owned = chosen[found.active]
+        p_owned = np.ascontiguousarray(found.p[found.active]).reshape(3 * len(active_owned), self.model.N_H)
+        active, p = active_owned + self.model.owned.start, p_owned
+        if self.comm.size > 1:
+            actives, forces, sums = zip(*self.comm.allgather((active, p_owned, np.array(extras))))
+            active, p, extras = np.concatenate(actives), np.concatenate(forces), tuple(sum(sums))
+        return ContactForces(state, active_owned, found.P, active, p, extras)
+
+    def full_force(self, forces: ContactForces) -> np.ndarray:
+        """Return p of all pairs, (3 n_pairs, N_H) [N], zero where they stick.  Local."""
+        p = np.zeros((self.model.n_pairs, 3, self.model.N_H))
+        p[forces.active] = forces.p.reshape(-1, 3, self.model.N_H)
+        return p.reshape(-1, self.model.N_H)
+
+    def mean_force(self, U: np.ndarray, selected: np.ndarray) -> np.ndarray:
+        """Return the mean of p_t of this rank's pairs under a motion, (n_owned, 2) [N].  Collective.
+
+        The mean is among the harmonics.
+        """
+        p = self.full_force(self.contact_forces(U, selected, tangents=False))
+        return p.reshape(-1, 3, self.model.N_H)[self.model.owned, :2, 0].copy()
+
+    # -- the equation --------------------------------------------------------------------------------------------
+
+    def model_at(self, at: OperatingPoint) -> ReducedModel:
+        """Return the model with the damping of an operating point.  Local."""
+        if at.sigma == 0.0:
+            return self.model
+        return self._kept("model", at.sigma, lambda: self.model.with_damping(at.sigma))
+
+    def linear_motion(self, at: OperatingPoint) -> np.ndarray:
+        """Return U_lin of this rank's pairs, (n_owned, 3, N_H) [m].  Local; kept for the last point: do not write into it."""
+        return self._kept("motion", at, lambda: receptance.linear_motion(self.model_at(at), at.level, at.omega)[0].reshape(self.shape))
+
+    def receptance(self, at: OperatingPoint, active: np.ndarray) -> ReceptanceColumns:
+        """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are new."""
+        return ReceptanceColumns(self.model_at(at), at.omega, active)
+
+    def residual(
+        self, U: np.ndarray, at: OperatingPoint, forces: ContactForces, G: ReceptanceColumns | None = None
+    ) -> np.ndarray:
+        """Return this rank's rows of r(U, omega), eq. (5.1), under ``forces``, (n_owned, 3, N_H) [m].
+
+        Collective where static columns are new.  ``G``, of the active pairs at ``at``, may be given where it is known.
+        """
+        return U - self.linear_motion(at) + (G or self.receptance(at, forces.active)).apply(forces.p)
+
+    def linearise(self, at: OperatingPoint, forces: ContactForces, G: ReceptanceColumns | None = None) -> Linearisation:
+        """Return the linearisation of (5.1) under ``forces``, with tangents.  Collective where static columns are new."""
+        return Linearisation(self, at, forces, G or self.receptance(at, forces.active))
+
+    def _kept(self, name: str, key, make):
+        """Return what ``make`` returns, made once for a key."""
+        found = self._known.get(name)
+        if found is None or found[0] != key:
+            found = self._known[name] = key, make()
+        return found[1]
+
+    # -- sums over the ranks -------------------------------------------------------------------------------------
+
+    def gather(self, owned: np.ndarray) -> np.ndarray:
+        """Concatenate the rows of all ranks in rank order.  Collective on ``comm``."""
+        return owned if self.comm.size == 1 else np.concatenate(self.comm.allgather(owned))
+
+    def sum(self, partial: np.ndarray) -> np.ndarray:
+        """Return the sum over the ranks.  Collective on ``comm``."""
+        return partial if self.comm.size == 1 else summed(self.comm, partial)

@@ -1,0 +1,75 @@
+"""GMRES for a matrix that is known by its product: PETSc's, right-preconditioned, set up in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from .petsc_contexts import ShellMatrix, ShellPreconditioner
+
+Product = Callable[[np.ndarray, np.ndarray], None]  # (x, out): writes the product into out, this rank's rows
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a solve ended."""
+
+    iterations: int
+    reason: int  # PETSc's; negative for divergence
+
+
+class Gmres:
+    """GMRES on vectors with ``n_owned`` rows on this rank.  Collective on ``comm``; options -hb_ksp_."""
+
+    def __init__(self, comm, n_owned: int, multiply: Product, precondition: Product, rtol: float):
+        self.n_owned = n_owned
+        sizes = (n_owned, PETSc.DETERMINE)
+        self._A = PETSc.Mat().createPython((sizes, sizes), context=ShellMatrix(_on_arrays(multiply)), comm=comm)
+        self._A.setUp()
+        self._x, self._b = self._A.createVecs()
+        self._ksp = PETSc.KSP().create(comm)
+        self._ksp.setOptionsPrefix("hb_")
+        self._ksp.setOperators(self._A)
+        self._ksp.setType(PETSc.KSP.Type.GMRES)
+        self._ksp.setGMRESRestart(100)
+        self._ksp.setPCSide(PETSc.PC.Side.RIGHT)  # the residual that counts is the true one
+        self._ksp.setTolerances(rtol=rtol, atol=0.0, max_it=300)
+        pc = self._ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(ShellPreconditioner(_on_arrays(precondition)))
+        self._ksp.setFromOptions()
+        self.rtol: float = self._ksp.getTolerances()[0]  # as the options say
+
+    def destroy(self) -> None:
+        """Free the PETSc objects.  Collective."""
+        for thing in (self._ksp, self._A, self._b, self._x):
+            thing.destroy()
+
+    def solve(self, b: np.ndarray, rtol: float | None = None) -> tuple[np.ndarray, Outcome]:
+        """Return x (n_owned,), read-only and valid until the next solve, and how it ended.  Collective."""
+        if rtol is not None:
+            self._ksp.setTolerances(rtol=rtol)
+        self._b.getArray()[:] = b
+        self._ksp.solve(self._b, self._x)
+        return self._x.getArray(readonly=True), Outcome(self._ksp.getIterationNumber(), self._ksp.getConvergedReason())
+
+    def reached(self, rtol: float) -> bool:
+        """Tell whether the last solve left no more than this share of its right-hand side.  Collective."""
+        return self._ksp.getResidualNorm() <= rtol * self._b.norm()
+
+
+def kept(gmres: Gmres | None, comm, n_owned: int, make: Callable[[], Gmres]) -> Gmres:
+    """Return GMRES of this size: the one at hand on all ranks, or a new one in its place.  Collective: one agreement."""
+    if comm.allreduce(gmres is not None and gmres.n_owned == n_owned, op=MPI.LAND):
+        return gmres
+    if gmres is not None:
+        gmres.destroy()
+    return make()
+
+
+def _on_arrays(product: Product):
+    return lambda x, y: product(x.getArray(readonly=True), y.getArray())

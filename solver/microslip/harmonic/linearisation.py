@@ -1,0 +1,133 @@
+"""The linearisation of harmonic balance at one motion: values that are solved with, forward and transposed.
+
+docs/theory.md, eq. (5.3), (11.1).  A pair that sticks neither carries p nor changes it.  Its rows of the Jacobian I + G P give its
+motion once that of the other pairs is known, so that an iteration needs only rows and columns of pairs that do not stick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..receptance import motion as receptance
+from ..receptance.columns import ReceptanceColumns
+
+if TYPE_CHECKING:
+    from .adjoint_solver import AdjointSolver
+    from .balance import ContactForces, HarmonicBalance, OperatingPoint, Rate
+    from .newton_solver import NewtonSolver
+
+
+@dataclass(frozen=True, eq=False)
+class Border:
+    """k further columns and rows of the Jacobian, for k parameters and the constraints that hold them; scaled."""
+
+    r_nu: tuple[np.ndarray, ...]  # (n_owned, 3, N_H) each, d r / d nu
+    n_U: tuple[np.ndarray, ...]  # (n_owned, 3, N_H) each, the rows of the constraints
+    n_nu: np.ndarray  # (k, k)
+
+    @property
+    def k(self) -> int:
+        return len(self.r_nu)
+
+    def rows_times(self, comm, d_xi: np.ndarray, d_nu_owned: np.ndarray) -> np.ndarray:
+        """Return the constraints' rows of the product with (d_xi, d_nu), (k,).  Collective: one sum."""
+        own = [float(np.vdot(n_U, d_xi)) for n_U in self.n_U] + self.n_nu @ d_nu_owned
+        return own if comm.size == 1 else comm.allreduce(own)
+
+    def columns_times(self, d_nu: np.ndarray) -> np.ndarray | float:
+        """Return the columns times d_nu (k,), (n_owned, 3, N_H).  Local."""
+        return sum(d * r_nu for d, r_nu in zip(d_nu, self.r_nu))
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """The solution of a bordered system."""
+
+    d_xi: np.ndarray  # (n_owned, 3, N_H)
+    d_nu_owned: np.ndarray  # (k,) on the rank that owns the parameters, 0 elsewhere
+    product: np.ndarray  # (n_owned, 3, N_H) this rank's rows of the matrix times the step
+    iterations: int  # of GMRES
+    reason: int  # PETSc's
+
+
+class Gatherer:
+    """Gathers the rows of all ranks in rank order and sums a few floats, in one call.  Sizes are agreed on once."""
+
+    def __init__(self, comm, n_owned: int, n_extras: int):
+        self.comm, self.n_extras = comm, n_extras
+        if comm.size > 1:
+            self.counts = np.array(comm.allgather(n_owned)) + n_extras
+            self.starts = np.concatenate([[0], np.cumsum(self.counts)])
+            self.buffer = np.empty(self.starts[-1])
+            self.rows = np.concatenate([np.arange(a + n_extras, b) for a, b in zip(self.starts, self.starts[1:])])
+            self.heads = self.starts[:-1, None] + np.arange(n_extras)
+
+    def __call__(self, owned: np.ndarray, extras=()) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rows of all ranks and the sums of the extras.  Collective."""
+        if self.comm.size == 1:
+            return owned, np.array(extras)
+        self.comm.Allgatherv(np.concatenate([extras, owned]), [self.buffer, self.counts])
+        return self.buffer[self.rows], self.buffer[self.heads].sum(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """I + G P at one motion and operating point, and how the residual changes with that point."""
+
+    equation: HarmonicBalance
+    at: OperatingPoint
+    forces: ContactForces  # with tangents
+    G: ReceptanceColumns
+
+    @property
+    def P(self) -> np.ndarray:
+        """dp/dU of this rank's active pairs, (m, 3 N_H, 3 N_H) [N/m]."""
+        assert self.forces.P is not None, "made with tangents"
+        return self.forces.P
+
+    @property
+    def n_rows(self) -> int:
+        """Rows of the active pairs of all ranks."""
+        return 3 * len(self.forces.active) * self.equation.model.N_H
+
+    def rate(self, rate: Rate) -> np.ndarray:
+        """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2), for the rate at which the operating point changes.  Local."""
+        raise NotImplementedError
+
+    def pair_forces(self, d_xi: np.ndarray) -> np.ndarray:
+        """Return P d_xi of this rank's active pairs, flat.  Local; ``d_xi`` has their rows."""
+        return np.matmul(self.P, d_xi.reshape(len(self.P), self.P.shape[2], 1)).ravel()
+
+    def product(self, d_xi: np.ndarray, d_nu_owned: np.ndarray, border: Border) -> tuple[np.ndarray, np.ndarray]:
+        """Return the bordered matrix times (d_xi, d_nu): this rank's rows and the k constraints'.  Collective.
+
+        ``d_nu_owned`` (k,) is d_nu on the rank that owns it and 0 elsewhere.
+        """
+        dp = self.pair_forces(d_xi[self.forces.active_owned])
+        own = [float(np.vdot(n_U, d_xi)) for n_U in border.n_U]
+        dp_all, sums = Gatherer(self.equation.comm, len(dp), 2 * border.k)(dp, (*own, *d_nu_owned))
+        of_rows, d_nu = sums[: border.k], sums[border.k :]
+        rows = d_xi + self.G.apply(dp_all.reshape(-1, d_xi.shape[-1])) + border.columns_times(d_nu)
+        return rows, of_rows + border.n_nu @ d_nu
+
+    def solve(self, b_U: np.ndarray, b_nu: np.ndarray, border: Border, solver: NewtonSolver) -> Step:
+        """Return the solution of the bordered system (5.3).  Collective.
+
+        ``b_U`` (n_owned, 3, N_H) are this rank's rows of the right-hand side, ``b_nu`` (k,) its last rows on the rank that owns
+        the parameters and 0 elsewhere.  ``solver`` keeps what makes the next solve quicker.
+        """
+        return solver.solve(self, b_U, b_nu, border)
+
+    def solve_transposed(self, B: np.ndarray, solver: AdjointSolver) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Return chi and tau = P^T chi with (1 + G^T P^T) chi = B^T, eq. (11.1), and whether they were found.  Collective.
+
+        ``B`` (n_quantities, 3 n_pairs, N_H), the same on every rank; chi and tau (n_quantities, 3 n_owned N_H) of this rank.
+        """
+        return solver.solve(self.transposed(), B)
+
+    def transposed(self) -> Linearisation:
+        """Return the linearisation whose matrix is 1 + G^T P^T.  Local."""
+        return replace(self, forces=replace(self.forces, P=self.P.transpose(0, 2, 1)), G=self.G.adjoint())

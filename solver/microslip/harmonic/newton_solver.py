@@ -1,0 +1,148 @@
+"""Newton's systems: pairs that stick are eliminated, GMRES solves for the others (docs/theory.md, eq. 5.3, 5.4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from petsc4py import PETSc
+
+from ..receptance.columns import ActiveColumns
+from .direct import LARGEST, WholeInverse
+from .gmres import Gmres
+from .linearisation import Border, Gatherer, Linearisation, Step
+from .preconditioner import HarmonicPreconditioner, applied
+
+RTOL = 1e-3  # of GMRES; Newton makes up for it, with fewer products in all
+FINEST = 1e-9  # relative tolerance of GMRES that no weight asks more than
+SINGLE = 1e-5  # relative tolerance of GMRES down to which products in single precision are exact enough
+SMALL = 2000  # rows of the pairs that do not stick, up to which double precision costs no more
+MANY_KRYLOV = 50  # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
+MANY_IN_STIFF = 10  # the same where rows are weighted
+
+
+@dataclass(frozen=True, eq=False)
+class Condensed:
+    """The border (5.4) of the active pairs, after those that stick are eliminated from it."""
+
+    r_nu: tuple[np.ndarray, ...]  # this rank's active rows, flat
+    n_U: tuple[np.ndarray, ...]
+    n_nu: np.ndarray  # (k, k)
+    moved: np.ndarray  # (k,) what moves to the right-hand side
+
+
+class NewtonSolver:
+    """Solves Newton's systems of one branch; keeps what makes the next one quicker.  Collective on ``comm``."""
+
+    def __init__(self, comm):
+        self.comm = comm
+        self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
+        self.preconditioner: HarmonicPreconditioner | WholeInverse | None = None
+        self.wants_preconditioner = False
+        self.weight = 1.0  # the largest of the residual's rows, the same on all ranks: GMRES is as much more exact
+        self.in_double = False  # whatever the size: where steps in single precision lead nowhere
+        self._active: np.ndarray | None = None
+        self._columns: ActiveColumns | None = None
+        self._gmres: Gmres | None = None
+
+    def destroy(self) -> None:
+        """Free the PETSc objects.  Collective."""
+        if self._gmres is not None:
+            self._gmres.destroy()
+            self._gmres = None
+
+    @property
+    def is_single(self) -> bool:
+        """Whether the last system was solved in single precision."""
+        return self._columns is not None and self._columns.precision is np.float32
+
+    def weigh(self, newton: int, krylov: int) -> None:
+        """Ask for a (new) preconditioner at the next linearisation where GMRES needed many iterations a Newton step.  Local."""
+        many = MANY_KRYLOV if self.weight == 1.0 else MANY_IN_STIFF
+        if newton > 0 and krylov > many * newton:
+            self.wants_preconditioner = True
+
+    def solve(self, at: Linearisation, b_U: np.ndarray, b_nu: np.ndarray, border: Border) -> Step:
+        """Return the solution of the bordered system (5.3); see :meth:`Linearisation.solve`.  Collective."""
+        self._build_preconditioner(at)
+        gmres, rtol = self._set_up(at, border.k)
+        self._border = self._condensed(at, border, b_U)
+        active, shape = at.forces.active_owned, b_U.shape
+        of_active = b_U[active].ravel()
+        b = np.concatenate([of_active, b_nu - self._border.moved]) if self.last else of_active
+        x, outcome = gmres.solve(b, rtol)
+        n = len(of_active)
+        d_nu_owned = x[n:].copy() if self.last else np.zeros(border.k)
+        dp_all, d_nu = self._gatherer(at.pair_forces(x[:n]), (*np.zeros(border.k), *d_nu_owned))
+        others = at.G.apply(dp_all.reshape(-1, shape[-1])) + border.columns_times(d_nu[border.k :])
+        d_xi = b_U - others
+        d_xi[active] = x[:n].reshape(len(active), *shape[1:])
+        reason = outcome.reason
+        if reason < 0 and gmres.reached(self._rtol):
+            reason = PETSc.KSP.ConvergedReason.CONVERGED_RTOL  # rounding kept it from the weight's; Newton makes up
+        return Step(d_xi, d_nu_owned, d_xi + others, outcome.iterations, reason)
+
+    # -- the condensed system ----------------------------------------------------------------------------------
+
+    def _build_preconditioner(self, at: Linearisation) -> None:
+        """Factor a preconditioner where one is asked for; that of a small system at every linearisation.  Collective."""
+        is_small = at.n_rows <= LARGEST
+        wanted = self.wants_preconditioner or (is_small and isinstance(self.preconditioner, WholeInverse))
+        if wanted and at.n_rows > 0:
+            self.preconditioner = (WholeInverse if is_small else HarmonicPreconditioner)(at)
+            self.wants_preconditioner = False
+
+    def _set_up(self, at: Linearisation, k: int) -> tuple[Gmres, float]:
+        """Copy what the products need, in single precision where that pays and GMRES asks for no more.  Collective."""
+        self._at = at
+        if self._gmres is None or not np.array_equal(self._active, at.forces.active):
+            self.destroy()
+            self._active, n = at.forces.active, 3 * len(at.forces.active_owned) * at.equation.model.N_H
+            self._gatherer = Gatherer(self.comm, n, 2 * k)
+            self._gmres = Gmres(self.comm, n + k * int(self.last), self._multiply, self._precondition, RTOL)
+            self._rtol, self._columns = self._gmres.rtol, None
+        rtol = max(self._rtol / self.weight, min(self._rtol, FINEST))
+        is_single = at.n_rows > SMALL and rtol >= SINGLE and not self.in_double
+        precision = np.float32 if is_single else np.float64
+        if self._columns is None or self._columns.precision is not precision:
+            self._columns = ActiveColumns(self.comm, at.G, at.forces.active_owned, precision)
+        self._columns.c = at.G.c  # all that the frequency changes
+        self._P: np.ndarray = self._columns.scaled(at.P)
+        return self._gmres, rtol
+
+    def _condensed(self, at: Linearisation, border: Border, b_U: np.ndarray) -> Condensed:
+        """Eliminate the pairs that stick from the border.  Collective: a sum, and a product where its rows have parts there."""
+        active, equation = at.forces.active_owned, at.equation
+        of_stuck = np.array(border.n_U)
+        of_stuck[:, active] = 0.0
+        mine = np.array([[np.vdot(n, b_U), *(np.vdot(n, r_nu) for r_nu in border.r_nu), np.vdot(n, n)] for n in of_stuck])
+        sums = equation.sum(mine)
+        rows, n_nu = [n_U[active].ravel() for n_U in border.n_U], border.n_nu.copy()
+        for i in np.flatnonzero(sums[:, -1] > 0.0):
+            n_nu[i] -= sums[i, 1:-1]
+            G_n = equation.sum(at.G.apply_transposed(of_stuck[i])).reshape(-1, 3 * b_U.shape[-1])
+            mine_of_all = np.isin(at.forces.active, active + equation.model.owned.start)
+            rows[i] = rows[i] - np.einsum("mij,mi->mj", at.P, G_n[mine_of_all]).ravel()
+        return Condensed(tuple(r_nu[active].ravel() for r_nu in border.r_nu), tuple(rows), n_nu, sums[:, 0])
+
+    def _multiply(self, x: np.ndarray, out: np.ndarray) -> None:
+        """Multiply by the condensed matrix.  Collective: one gather."""
+        border, N_H = self._border, self._at.equation.model.N_H
+        k, n = len(border.r_nu), len(border.r_nu[0])
+        d_xi = x[:n]
+        dp = np.matmul(self._P, d_xi.astype(self._P.dtype).reshape(len(self._P), 3 * N_H, 1)).ravel()
+        d_nu_owned = x[n:] if self.last else np.zeros(k)
+        rows = [float(np.vdot(n_U, d_xi)) for n_U in border.n_U]
+        dp_all, sums = self._gatherer(dp, (*rows, *d_nu_owned))
+        out[:n] = d_xi + self._columns.apply(dp_all.reshape(-1, N_H)).ravel()
+        for d_nu, r_nu in zip(sums[k:], border.r_nu):
+            out[:n] += d_nu * r_nu
+        if self.last:
+            out[n:] = sums[:k] + border.n_nu @ sums[k:]
+
+    def _precondition(self, x: np.ndarray, out: np.ndarray) -> None:
+        """Apply the preconditioner, the identity in micro-slip.  Collective."""
+        out[:] = x
+        if self.preconditioner is not None:
+            n = len(self._border.r_nu[0])
+            out[:n] = applied(self.preconditioner, x[:n], self._at)
