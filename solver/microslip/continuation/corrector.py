@@ -264,7 +264,7 @@ class Corrector:
         parameter = forces.extras[0] * self._scaling.parameter
         G = self.problem.receptance_at(parameter, forces.active)
         _, dU_lin = self.problem.linear_motion(parameter)
-        r_nu = (self.problem.force_derivative(G, forces.p) - dU_lin) * (self._scaling.parameter / self._scaling.U)
+        r_nu = (self.problem.force_derivative(parameter, G, forces.p) - dU_lin) * (self._scaling.parameter / self._scaling.U)
         gatherer = Gatherer(self.comm, 3 * len(forces.active_owned) * self.problem.model.N_H, 2)
         self._stepped = np.empty(0)
         self._linear = Linearisation(forces, G, r_nu, self._row.n_U, self._row.n_nu, gatherer)

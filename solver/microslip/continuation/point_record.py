@@ -9,7 +9,6 @@ from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.coefficients import cycle_work
 from ..harmonic.residual import HarmonicBalance
 from ..parallel.errors import ConvergenceError
-from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
 from ..reduction.selection import Selection
 from .branch import Point
@@ -54,7 +53,7 @@ def point_record(
     _check_balance(problem, found, work - damping - friction, most)
     point = Point(
         omega=omega,
-        response=harmonics.carry(receptance.output_motion(model, level, omega, p), recorded),
+        response=harmonics.carry(model.output_motion(level, omega, p), recorded),
         U=harmonics.carry(U_all, recorded),
         p=harmonics.carry(p.reshape(shape), recorded),
         energy=energy,
@@ -91,7 +90,7 @@ def apparent_work(model: ReducedModel, level: float, omega: float, p: np.ndarray
 
     A constant load does none, but leaves the rounding of a thousandth of its own.
     """
-    y, f = receptance.load_motion(model, level, omega, p), level * model.f
+    y, f = model.load_motion(level, omega, p), level * model.f
     n, cos, sin, mean = model.harmonics.above_mean, model.harmonics.cos, model.harmonics.sin, model.harmonics.mean
     vibration = np.sum(n * np.hypot(f[:, cos], f[:, sin]) * np.hypot(y[:, cos], y[:, sin]))
     return float(np.pi * (vibration + 1e-3 * np.sum(np.abs(f[:, mean] * y[:, mean]))))
@@ -99,12 +98,13 @@ def apparent_work(model: ReducedModel, level: float, omega: float, p: np.ndarray
 
 def damping_loss(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
     """Return the viscous loss [J per cycle], the sum over harmonics of pi n^2 omega eta_n^H (phi^T C phi) eta_n.  Local."""
-    n = model.harmonics.numbers
-    eta = receptance.modal_motion(model, level, omega, p)
-    C_eta = model.C[:, None] * eta if model.C.ndim == 1 else model.C @ eta
-    return float(np.pi * omega * np.sum(n**2 * (eta.conj() * C_eta).real))
+    losses = [
+        np.sum(share.harmonics.numbers**2 * (eta.conj() * share.family.damping.apply(eta)).real)
+        for share, eta in zip(model.shares, model.modal_motion(level, omega, p))
+    ]
+    return float(np.pi * omega * sum(losses))
 
 
 def input_work(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> float:
     """Return the work of the loads [J per cycle]: closed integral of f . du over each load.  Local."""
-    return float(cycle_work(level * model.f, receptance.load_motion(model, level, omega, p), model.harmonics).sum())
+    return float(cycle_work(level * model.f, model.load_motion(level, omega, p), model.harmonics).sum())

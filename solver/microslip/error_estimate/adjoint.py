@@ -18,7 +18,8 @@ from ..harmonic.direct import WholeInverse
 from ..harmonic.newton import Gatherer
 from ..harmonic.petsc_contexts import ShellMatrix, ShellPreconditioner
 from ..harmonic.preconditioner import HarmonicPreconditioner
-from ..harmonic.residual import ActiveColumns, ContactForces, HarmonicBalance, ReceptanceColumns
+from ..harmonic.residual import ContactForces, HarmonicBalance
+from ..receptance.columns import ActiveColumns, ReceptanceColumns
 
 MANY_KRYLOV = 50  # GMRES iterations beyond which the next adjoints are preconditioned
 DIRECT = 100  # rows of the active pairs, all harmonics, up to which a factor is cheaper than GMRES
@@ -116,7 +117,7 @@ class Adjoints:
             self._create(n)
         if self._harmonics != self.problem.model.harmonics.chosen:
             self._harmonics, self._preconditioner = self.problem.model.harmonics.chosen, None
-        self._columns = ActiveColumns(comm, self.G, self.forces.active_owned, np.float32)
+        self._columns = ActiveColumns(self.G, np.float32)
         self._P = self._columns.scaled(self._P_transposed)
 
     def _create(self, n: int) -> None:

@@ -17,8 +17,8 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..harmonic.anderson import Anderson
-from ..harmonic.residual import ContactForces, HarmonicBalance, ReceptanceColumns
-from ..receptance import motion as receptance
+from ..harmonic.residual import ContactForces, HarmonicBalance
+from ..receptance.columns import ReceptanceColumns
 from ..receptance.model import ReducedModel
 from .adjoint import Adjoints
 from .better_model import Truth
@@ -71,7 +71,7 @@ class ErrorEstimator:
         of all pairs there, with tangents, where they are known.
         """
         model, omega, level = problem.model, problem.omega_at(parameter), problem.level_at(parameter)
-        n_out = model.o.shape[0]
+        n_out = model.n_outputs
         found = True
         if 1 not in model.harmonics:
             return None
@@ -91,13 +91,13 @@ class ErrorEstimator:
         felt = totals[10 * n_out :].reshape(2 * n_out, n_samples, truth.N_H)
         if not self.truth.is_solved:
             by_basis = by_basis + first_harmonic(
-                truth, receptance.output_motion(truth, level, omega, p) - receptance.output_motion(model, level, omega, p)
+                truth, truth.output_motion(level, omega, p) - model.output_motion(level, omega, p)
             )
         by_modes = np.abs(by_basis)
         if self.left_out is not None:
             by_modes = by_modes + self.left_out.changes(truth, level, omega, p, felt)
         if not found:
-            by_solver = by_solver + np.abs(first_harmonic(model, receptance.output_motion(model, level, omega, p)))
+            by_solver = by_solver + np.abs(first_harmonic(model, model.output_motion(level, omega, p)))
         parts = np.stack([by_modes, by_harmonics, by_samples, by_pairs, by_solver], axis=-1)
         return np.hypot(parts[:n_out], parts[n_out:])
 
@@ -163,9 +163,7 @@ def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
     With A = o (K_L^-1 + phi c_1 phi^T) R^T the amplitude is u_lin - A p: the cosine moves by -(Re A p_c + Im A p_s), the sine
     by Im A p_c - Re A p_s.
     """
-    c, _ = receptance.dynamic_part(model, omega)
-    at = list(model.harmonics.numbers).index(1)
-    A = model.out_R + ((model.o * c[:, at]) if c.ndim == 2 else (model.o @ c[at])) @ model.r.T
+    A = model.output_receptance(omega, 1)
     n_out, cos = len(A), model.harmonics.columns(1).start
     B = np.zeros((2 * n_out, A.shape[1], model.N_H))
     B[:n_out, :, cos], B[:n_out, :, cos + 1] = A.real, A.imag

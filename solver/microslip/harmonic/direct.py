@@ -11,8 +11,8 @@ import warnings
 import numpy as np
 import scipy.linalg
 
-from ..fourier.harmonics import Harmonics
-from .residual import ContactForces, HarmonicBalance, ReceptanceColumns
+from ..receptance.columns import ReceptanceColumns
+from .residual import ContactForces, HarmonicBalance
 
 LARGEST = 400  # rows of the active pairs, all harmonics, up to which the matrix is formed
 
@@ -24,9 +24,7 @@ class WholeInverse:
         self.problem, self.active_owned = problem, forces.active_owned
         assert forces.P is not None, "made of a linearisation"
         comm, N_H = problem.comm, problem.model.N_H
-        P, static = problem.gather(forces.P), problem.gather(G.rows(forces.active_owned))
-        harmonics = problem.model.harmonics
-        columns = receptance_of(static, [G.dynamic_block(i) for i in range(len(harmonics))], harmonics)
+        P, columns = problem.gather(forces.P), G.matrix()
         blocks = columns.reshape(len(columns), len(P), 3 * N_H).swapaxes(0, 1)  # (n_active, rows, 3 N_H)
         G_P = np.matmul(blocks, P).swapaxes(0, 1).reshape(columns.shape)
         G_P[np.diag_indices_from(G_P)] += 1.0
@@ -50,19 +48,3 @@ class WholeInverse:
         x = scipy.linalg.lu_solve(self.factor, columns, check_finite=False)
         own = x.reshape(len(by_row), -1, len(b))[self.own]
         return np.moveaxis(own, -1, 0).reshape(b.shape)
-
-
-def receptance_of(static: np.ndarray, dynamic: list[np.ndarray], harmonics: Harmonics) -> np.ndarray:
-    """Return G on all harmonic coefficients, (n N_H, n N_H), from its static part (n, n) and the complex rest of each harmonic.
-
-    Local.  Index = row N_H + coefficient; amplitudes are cos - i sin.
-    """
-    n, N_H = len(static), harmonics.n_coefficients
-    G = np.zeros((n, N_H, n, N_H))
-    for number, block in zip(harmonics.chosen, dynamic):
-        c = harmonics.columns(number).start
-        G[:, c, :, c] = static + block.real
-        if number > 0:
-            G[:, c + 1, :, c + 1] = static + block.real
-            G[:, c, :, c + 1], G[:, c + 1, :, c] = block.imag, -block.imag
-    return G.reshape(n * N_H, n * N_H)

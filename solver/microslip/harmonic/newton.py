@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from petsc4py import PETSc
 
+from ..receptance.columns import ActiveColumns, ReceptanceColumns
 from .direct import WholeInverse
 from .petsc_contexts import ShellMatrix, ShellPreconditioner
 from .preconditioner import HarmonicPreconditioner
-from .residual import ActiveColumns, ContactForces, HarmonicBalance, ReceptanceColumns
+from .residual import ContactForces, HarmonicBalance
 
 FINEST = 1e-9  # relative tolerance of GMRES that no weight asks more than
 SINGLE = 1e-5  # relative tolerance of GMRES down to which products in single precision are exact enough
@@ -137,8 +138,8 @@ class NewtonStep:
         is_large = 3 * len(at.forces.active) * model.N_H > SMALL
         precision = np.float32 if is_large and rtol >= SINGLE and not self.in_double else np.float64
         if self._columns is None or self._columns.precision is not precision:
-            self._columns = ActiveColumns(self.comm, at.G, at.forces.active_owned, precision)
-        self._columns.c = at.G.c  # all that the frequency changes
+            self._columns = ActiveColumns(at.G, precision)
+        self._columns.move_to(at.G)  # all that the frequency changes
         assert at.forces.P is not None, "made of a linearisation"
         self._P: np.ndarray = self._columns.scaled(at.forces.P)
         self._r_nu = at.r_nu[at.forces.active_owned].ravel()

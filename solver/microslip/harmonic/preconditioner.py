@@ -14,8 +14,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from ..receptance import motion as receptance
-from .residual import ContactForces, HarmonicBalance, ReceptanceColumns
+from ..fourier.amplitudes import to_complex, to_real
+from ..receptance.columns import ReceptanceColumns
+from .residual import ContactForces, HarmonicBalance
 
 REGULAR = 1.0 - 1e-3  # of P in B_n: without its joint, a body that nothing else holds would make B_n singular
 
@@ -28,10 +29,8 @@ class HarmonicPreconditioner:
         assert forces.P is not None, "made of a linearisation"
         N_H = problem.model.N_H
         P = problem.gather(complex_linear(forces.P, N_H))  # (n_active, n_harmonics, 3, 3)
-        static = problem.gather(G.rows(forces.active_owned))  # (3 n_active, 3 n_active)
         self.factors = []
-        for i in range(P.shape[1]):
-            G_n = static + G.dynamic_block(i)
+        for i, G_n in enumerate(G.blocks()):
             columns = G_n.reshape(len(G_n), -1, 3)
             G_P = REGULAR * np.einsum("rmi,mij->rmj", columns, P[:, i]).reshape(G_n.shape)
             self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
@@ -42,11 +41,11 @@ class HarmonicPreconditioner:
     def apply(self, x: np.ndarray) -> np.ndarray:
         """Return B^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""
         rows = x[self.active_owned].reshape(-1, x.shape[-1])
-        amplitudes = receptance.to_complex(self.problem.gather(rows))
+        amplitudes = to_complex(self.problem.gather(rows))
         for i, factor in enumerate(self.factors):
             amplitudes[:, i] = scipy.linalg.lu_solve(factor, amplitudes[:, i], check_finite=False)
         y = x.copy()
-        y[self.active_owned] = receptance.to_real(amplitudes[self.own], x.shape[-1]).reshape(-1, 3, x.shape[-1])
+        y[self.active_owned] = to_real(amplitudes[self.own], x.shape[-1]).reshape(-1, 3, x.shape[-1])
         return y
 
 

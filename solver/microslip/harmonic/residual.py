@@ -15,7 +15,7 @@ from ..contact.aft import contact_harmonics
 from ..contact.law import ContactParameters
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import summed
-from ..receptance import motion as receptance
+from ..receptance.columns import ReceptanceColumns
 from ..receptance.model import ReducedModel
 from .mean_slip import hold_mean_slip
 
@@ -134,17 +134,18 @@ class HarmonicBalance:
         Local.  Kept for the last parameter: do not write into them.
         """
         if self._linear_at != parameter:
-            U_lin, dU_lin = receptance.linear_motion(self.model, self.level, parameter)
+            U_lin = self.model.linear_motion(self.level, parameter)
+            dU_lin = self.model.linear_motion_rate(self.level, parameter)
             self._linear_at, self._linear = parameter, (U_lin.reshape(self.shape), dU_lin.reshape(self.shape))
         return self._linear
 
     def receptance_at(self, parameter: float, active: np.ndarray) -> ReceptanceColumns:
         """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are new."""
-        return ReceptanceColumns(self.model, parameter, active)
+        return self.model.at(parameter, active)
 
-    def force_derivative(self, G: ReceptanceColumns, p: np.ndarray) -> np.ndarray:
+    def force_derivative(self, parameter: float, G: ReceptanceColumns, p: np.ndarray) -> np.ndarray:
         """Return (dG / d parameter) p on this rank's pairs, (n_owned, 3, N_H).  Local."""
-        return G.apply_derivative(p)
+        return G.apply_rate(p)
 
 
 class LevelFamily(HarmonicBalance):
@@ -155,8 +156,7 @@ class LevelFamily(HarmonicBalance):
     def __init__(self, of: HarmonicBalance, omega: float):
         self.__dict__.update(of.__dict__)
         self.omega = omega
-        unit, _ = receptance.linear_motion(self.model, 1.0, omega)
-        self.U_lin_per_newton = unit.reshape(self.shape)
+        self.U_lin_per_newton = self.model.linear_motion(1.0, omega).reshape(self.shape)
 
     def omega_at(self, parameter: float) -> float:
         return self.omega
@@ -168,9 +168,9 @@ class LevelFamily(HarmonicBalance):
         return parameter * self.U_lin_per_newton, self.U_lin_per_newton
 
     def receptance_at(self, parameter: float, active: np.ndarray) -> ReceptanceColumns:
-        return ReceptanceColumns(self.model, self.omega, active)
+        return self.model.at(self.omega, active)
 
-    def force_derivative(self, G: ReceptanceColumns, p: np.ndarray) -> np.ndarray:
+    def force_derivative(self, parameter: float, G: ReceptanceColumns, p: np.ndarray) -> np.ndarray:
         return np.zeros(self.shape)
 
 
@@ -200,103 +200,14 @@ class DampingFamily(HarmonicBalance):
 
     def linear_motion(self, parameter: float) -> tuple[np.ndarray, np.ndarray]:
         if self._linear_at != parameter:
-            model, f = self.model_at(parameter), self.level * self.model.f
-            U_lin, _ = receptance.linear_motion(model, self.level, self.omega)
-            dc = self._derivative(parameter)
-            dU_lin = model.r[model.owned_rows] @ receptance.modal(dc, model.b @ f)
+            model = self.model_at(parameter)
+            U_lin = model.linear_motion(self.level, self.omega)
+            dU_lin = model.linear_motion_rate(self.level, self.omega, d_omega=0.0, d_sigma=-self.omega / parameter**2)
             self._linear_at, self._linear = parameter, (U_lin.reshape(self.shape), dU_lin.reshape(self.shape))
         return self._linear
 
     def receptance_at(self, parameter: float, active: np.ndarray) -> ReceptanceColumns:
-        columns = ReceptanceColumns(self.model_at(parameter), self.omega, active)
-        columns.dc = self._derivative(parameter)
-        return columns
+        return self.model_at(parameter).at(self.omega, active)
 
-    def _derivative(self, parameter: float) -> np.ndarray:
-        """Return d c_n / d t [s2]."""
-        return receptance.damping_derivative(self.model_at(parameter), self.omega) * (-self.omega / parameter**2)
-
-
-class ReceptanceColumns:
-    """Columns of G_n(omega), all harmonics of the set, that belong to some pairs; rows are those of this rank's pairs."""
-
-    def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
-        self.G_static = model.G_static.transposed(active)
-        self.r_active = model.r if len(active) == model.n_pairs else model.r[(3 * active[:, None] + np.arange(3)).ravel()]
-        self.r_owned = model.r[model.owned_rows]
-        self.c, self.dc = receptance.dynamic_part(model, omega)
-        self.shape = (-1, 3, model.N_H)
-
-    def rows(self, owned: np.ndarray) -> np.ndarray:
-        """Return the rows of some of this rank's pairs of the static part, (3 m, 3 n_active) [m/N].  Local."""
-        return self.G_static[:, (3 * owned[:, None] + np.arange(3)).ravel()].T
-
-    def dynamic_block(self, i: int) -> np.ndarray:
-        """Return r c_n r^T between the active pairs for the i-th harmonic of the set, (3 n_active, 3 n_active), complex [m/N].
-
-        Local.
-        """
-        if self.c.ndim == 2:
-            return (self.r_active * self.c[:, i]) @ self.r_active.T
-        return self.r_active @ self.c[i] @ self.r_active.T
-
-    def apply(self, p: np.ndarray) -> np.ndarray:
-        """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
-        if len(p) == 0:
-            return np.zeros((len(self.r_owned) // 3, *self.shape[1:]))
-        dynamic = self.r_owned @ receptance.modal(self.c, self.r_active.T @ p)
-        return ((p.T @ self.G_static).T + dynamic).reshape(self.shape)
-
-    def apply_transposed(self, x: np.ndarray) -> np.ndarray:
-        """Return this rank's part of G^T x for x (n_owned, 3, N_H), (3 n_active, N_H).  Local; to be summed over the ranks."""
-        rows = x.reshape(-1, x.shape[-1])
-        adjoint = self.c.conj() if self.c.ndim == 2 else self.c.conj().swapaxes(1, 2)
-        return self.G_static @ rows + self.r_active @ receptance.modal(adjoint, self.r_owned.T @ rows)
-
-    def adjoint(self) -> ReceptanceColumns:
-        """Return the columns of the transposed of G, which has the same static part.  Local."""
-        other = copy(self)
-        other.c = self.c.conj() if self.c.ndim == 2 else self.c.conj().swapaxes(1, 2)
-        return other
-
-    def apply_derivative(self, p: np.ndarray) -> np.ndarray:
-        """Return (dG / d omega) p on this rank's pairs, (n_owned, 3, N_H) [m s].  Local."""
-        return (self.r_owned @ receptance.modal(self.dc, self.r_active.T @ p)).reshape(self.shape)
-
-
-class ActiveColumns:
-    """Columns and rows of G_n(omega) of pairs that do not stick, in one array and of a precision to choose.
-
-    Forces come in units of 1 / ``unit`` [N], the same on all ranks, so that single precision neither overflows nor vanishes,
-    whatever the units of the scene.  Collective on ``comm``.
-    """
-
-    def __init__(self, comm, G: ReceptanceColumns, owned: np.ndarray, precision: type):
-        self.precision, rows = precision, (3 * owned[:, None] + np.arange(3)).ravel()
-        self.unit = max(comm.allgather(float(np.abs(G.G_static).max(initial=0.0)))) or 1.0  # m/N
-        self.r_unit = float(np.abs(G.r_active).max(initial=0.0)) or 1.0
-        self.n_rows = len(rows)
-        self.columns: np.ndarray = np.empty((len(G.r_active), len(rows) + G.r_active.shape[1]), dtype=precision)
-        self.columns[:, : self.n_rows] = G.G_static[:, rows] / self.unit
-        self.columns[:, self.n_rows :] = G.r_active / self.r_unit
-        self.r_rows = G.r_owned[rows] * (self.r_unit / self.unit)
-        self.c = G.c
-
-    def apply(self, p: np.ndarray) -> np.ndarray:
-        """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
-        product = (p.T.astype(self.precision, copy=False) @ self.columns).T
-        return product[: self.n_rows] + self.r_rows @ receptance.modal(self.c, product[self.n_rows :].astype(float))
-
-    def scaled(self, P: np.ndarray) -> np.ndarray:
-        """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
-        scaled: np.ndarray = np.empty_like(P, dtype=self.precision)
-        return np.multiply(P, self.unit, out=scaled, casting="same_kind")
-
-    def apply_to_several(self, p: np.ndarray) -> np.ndarray:
-        """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in those units.  Local."""
-        n, rows, N_H = p.shape
-        together = p.swapaxes(0, 1).reshape(rows, n * N_H)
-        product = self.columns.T @ together.astype(self.precision, copy=False)
-        q = product[self.n_rows :].astype(float)
-        modal = receptance.modal(self.c, q.reshape(len(q), n, N_H)).reshape(q.shape)
-        return (product[: self.n_rows] + self.r_rows @ modal).reshape(self.n_rows, n, N_H).swapaxes(0, 1)
+    def force_derivative(self, parameter: float, G: ReceptanceColumns, p: np.ndarray) -> np.ndarray:
+        return G.apply_rate(p, d_omega=0.0, d_sigma=-self.omega / parameter**2)

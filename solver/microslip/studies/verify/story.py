@@ -12,6 +12,7 @@ from ...contact.law import ContactParameters
 from ...continuation.branch import Branch
 from ...continuation.levels import follow_level, frequency_sweep, likely_to_slip, linear_curve
 from ...error_estimate.better_model import Truth, truth_of
+from ...fourier.amplitudes import to_real
 from ...fourier.coefficients import cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
 from ...observe.log import RunLog
@@ -19,7 +20,6 @@ from ...parallel.agree import on_each, on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
 from ...receptance.model import ReducedModel
-from ...receptance.motion import modal_motion, to_real
 from ...reduction.methods import reduce_by_method
 from ...results.measures import amplitude
 from ...run import build_structure
@@ -248,7 +248,8 @@ def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen
     """Return the motions of harmonic balance at t = 0: among steady states that differ by residual tractions, theirs."""
     N_H = chosen[0].p.shape[-1]
     model = model.with_harmonics(Harmonics.full(N_H))
-    eta = [to_real(modal_motion(model, one.level, one.omega, one.p.reshape(-1, N_H)), N_H) for one in chosen]
+    motions = [model.modal_motion(one.level, one.omega, one.p.reshape(-1, N_H)) for one in chosen]
+    eta = [to_real(of_family, N_H) for (of_family,) in motions]
     return from_harmonics(
         transient, np.array([one.omega for one in chosen]), np.array(eta), np.array([one.U for one in chosen]), n_steps
     )
