@@ -10,7 +10,7 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from microslip.continuation.corrector import Correction, Iterate
-from microslip.receptance import motion as receptance
+from microslip.fourier.amplitudes import to_complex, to_real
 
 MOST_ITERATIONS = 20
 MOST_HALVINGS = 10
@@ -31,7 +31,7 @@ class CondensedFullSet:
         """Solve at the frequency of ``guess`` to |r| <= tolerance x size.  Local; divergence comes back as ``failure``."""
         U_lin, _ = self.problem.linear_motion(guess.parameter)
         G = self.problem.receptance_at(guess.parameter, np.arange(self.problem.model.n_pairs))
-        G_n = np.stack([G.G_static.T + G.dynamic_block(n) for n in range(self.problem.model.N_H // 2 + 1)])
+        G_n = np.stack(list(G.blocks()))
         U, forces, r = self._evaluate(guess.U, U_lin, G_n)
         for iteration in range(MOST_ITERATIONS + 1):
             if np.linalg.norm(r) <= self.tolerance * size:
@@ -53,8 +53,8 @@ class CondensedFullSet:
     def _evaluate(self, U, U_lin, G_n):
         """Return U, the contact forces with tangents, and the residual (n_pairs, 3, N_H) [m]."""
         forces = self.problem.contact_forces(U, self.everything, tangents=True)
-        p_n = receptance.to_complex(self.problem.full_force(forces))
-        G_p = receptance.to_real(np.matmul(G_n, p_n.T[:, :, None])[:, :, 0].T, self.problem.model.N_H)
+        p_n = to_complex(self.problem.full_force(forces))
+        G_p = to_real(np.matmul(G_n, p_n.T[:, :, None])[:, :, 0].T, self.problem.model.N_H)
         return U, forces, U - U_lin + G_p.reshape(U.shape)
 
 

@@ -29,6 +29,7 @@ from microslip.contact.law import STICK
 from microslip.continuation import corrector, follow
 from microslip.continuation.grid import at_frequencies
 from microslip.harmonic import newton, preconditioner, residual
+from microslip.receptance import columns
 from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.selection import AllPairs
 
@@ -36,11 +37,11 @@ from microslip.reduction.selection import AllPairs
 GROUPS = [
     (residual, "contact_harmonics", "AFT"),
     (residual.HarmonicBalance, "contact_forces", "choosing pairs, gathering p"),
-    (residual.ReceptanceColumns, "__init__", "columns of G: picking"),
+    (columns.ReceptanceColumns, "__init__", "columns of G: picking"),
     (StaticColumns, "require", "columns of G: static solves"),
-    (residual.ReceptanceColumns, "apply", "G p: residuals, steps"),
-    (residual.ActiveColumns, "__init__", "columns of G: in single precision"),
-    (residual.ActiveColumns, "apply", "G p"),
+    (columns.ReceptanceColumns, "apply", "G p: residuals, steps"),
+    (columns.ActiveColumns, "__init__", "columns of G: in single precision"),
+    (columns.ActiveColumns, "apply", "G p"),
     (residual.HarmonicBalance, "linear_motion", "linear motion"),
     (newton.Gatherer, "__call__", "gathers of Krylov products"),
     (newton.NewtonStep, "multiply", "Krylov products, besides G p"),

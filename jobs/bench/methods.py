@@ -40,7 +40,6 @@ from microslip.continuation.corrector import Iterate
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies, going_on, secant
 from microslip.harmonic import residual
-from microslip.receptance import motion as receptance
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 
@@ -98,7 +97,7 @@ def condensed_at(problem, points, chosen: list[int], tolerance: float, watch: St
         laps.lap()
         found = newton.correct(guess, size)
         p = problem.full_force(problem.contact_forces(found.iterate.U, newton.everything, tangents=False))
-        response = receptance.output_motion(problem.model, problem.level, omega, p)
+        response = problem.model.output_motion(problem.level, omega, p)
         row.add(i, omega, response, laps.lap(), found.newton, 0, newton.unknowns)
         row.failure = row.failure or found.failure
     return row

@@ -21,11 +21,11 @@ import scipy.sparse as sp
 from condensed import MOST_HALVINGS, MOST_ITERATIONS, solve_dense
 from petsc4py import PETSc
 
+from microslip.fourier.amplitudes import to_complex, to_real
 from microslip.linear.dense import multiply
 from microslip.linear.factor import Factor
 from microslip.linear.joint_springs import Linearised, joint_stiffness
 from microslip.modes.eigen import lowest_modes
-from microslip.receptance.motion import to_complex, to_real
 
 BATCH = 128  # attachment modes solved for together
 LEAST_FLEXIBILITY = 1e-9  # smallest eigenvalue of the residual flexibility, its diagonal scaled to 1

@@ -18,7 +18,8 @@ from microslip.contact.law import ContactParameters
 from microslip.fourier.coefficients import synthesise
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
-from microslip.receptance import motion as receptance
+from microslip.receptance.damping import Damping
+from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.build import split_evenly
@@ -36,20 +37,20 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
     x = patch(n_pairs)
     G_local = local_compliance(x)
     omega_n = 560.0 * np.linspace(1.0, 40.0, n_modes)
-    r = smooth_shapes(x, n_modes, rng)
-    compliance = r / omega_n
-    r *= np.sqrt(BETA / K_T) / np.linalg.norm(compliance, 2)
+    R_phi = smooth_shapes(x, n_modes, rng)
+    compliance = R_phi / omega_n
+    R_phi *= np.sqrt(BETA / K_T) / np.linalg.norm(compliance, 2)
     ranges = split_evenly(n_pairs, comm.size)
     own = np.arange(3 * ranges[comm.rank], 3 * ranges[comm.rank + 1])
 
     def columns(pairs: np.ndarray) -> np.ndarray:
         chosen = (3 * pairs[:, None] + np.arange(3)).ravel()
         local = np.where(own[:, None] % 3 == chosen % 3, G_local[own[:, None] // 3, chosen // 3], 0.0)
-        return local + (r[own] / omega_n**2) @ r[chosen].T
+        return local + (R_phi[own] / omega_n**2) @ R_phi[chosen].T
 
     b = np.zeros((n_modes, 1))
     b[0] = 1.0
-    du_static = (r / omega_n**2) @ b
+    du_static = (R_phi / omega_n**2) @ b
     harmonics = Harmonics.up_to(H)
     f = np.zeros((1, harmonics.n_coefficients))
     f[0, 1] = 1.0
@@ -57,15 +58,11 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
     return ReducedModel(
         comm=comm,
         pair_ranges=ranges,
-        omega_n=omega_n,
-        C=2e-2 * omega_n,
-        r=r,
-        b=b,
-        o=o,
+        families=(ModalFamily(omega_n, Damping(2e-2 * omega_n), R_phi, b, o),),
         G_static=StaticColumns(n_pairs, len(own) // 3, columns),
         du_static=du_static,
         out_static=(o / omega_n**2) @ b,
-        out_R=(o / omega_n**2) @ r.T,
+        out_R=(o / omega_n**2) @ R_phi.T,
         load_static=(b.T / omega_n**2) @ b,
         f=f,
         harmonics=harmonics,
@@ -96,7 +93,7 @@ def smooth_shapes(x: np.ndarray, n_modes: int, rng) -> np.ndarray:
 
 def joint_problem(model: ReducedModel, share: float, n_samples: int = 128, level: float = 1.0) -> HarmonicBalance:
     """Return the problem in which about a ``share`` of the pairs slips at OMEGA.  Collective on the model's communicator."""
-    U, _ = receptance.linear_motion(model, level, OMEGA)
+    U = model.linear_motion(level, OMEGA)
     rows = model.comm.allgather(U.reshape(-1, 3, model.N_H))
     du_t = synthesise(np.concatenate(rows)[:, :2], 64)
     most = K_T * np.linalg.norm(du_t, axis=1).max(axis=1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,9 @@ from .assembly.check import check_elements
 from .assembly.matrices import distribute_structure, read_structure
 from .assembly.system import System
 from .contact.law import ContactParameters
-from .continuation.levels import follow_level, follow_levels, frequency_sweep, linear_curve
+from .continuation.levels import follow_level, response_problem
 from .error_estimate.better_model import BetterModel, better_model_of
+from .library.response_settings import response_settings
 from .linear.joint_springs import Linearised, linearise
 from .mesh.data import ContactPairs, Mesh
 from .mesh.pairing import pair_contacts
@@ -135,36 +135,36 @@ def follow(
     Collective.
     """
     pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
-    sweep = frequency_sweep(scene.response, structure.modes.omega_n)
-    parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-    curve = linear_curve(model, sweep, parameters)
+    law = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+    settings, omega_n = response_settings(scene), structure.modes.omega_n
+    response = response_problem(settings, model, law, reduction.selection, omega_n, better)
     writer = ResultWriter(
         comm,
         str(folder),
         scene,
         pairs,
         N_H=model.recorded.n_coefficients,
-        omega_n=structure.modes.omega_n,
+        omega_n=omega_n,
         versions=versions(),
         options=options,
-        linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
+        linear=LinearCurve(response.curve.omega / (2.0 * np.pi), response.curve.response),
         node_numbers=None if structure.mesh is None else structure.mesh.numbers,
     )
-    levels, known, is_static = scene.response.levels, None, model.harmonics.highest == 0
+    levels, known = settings.levels, None
     try:
         if min(n_groups, len(levels)) == 1:
-            reporter = Reporter(log, writer, sweep, levels, is_static)
+            reporter = Reporter(log, writer, response.sweep, levels, response.is_static)
             branches = []
-            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter, better):
-                branches.append(branch)
-                reporter.level_finished(branch)
+            for number, level in enumerate(levels):
+                reporter.level_started(number, level)
+                branches.append(follow_level(response, level, reporter.point))
+                reporter.level_finished(branches[-1])
             columns = model.G_static
             known = columns.known if better is None else columns.known | better.model.G_static.known
             log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
         else:
-            one = partial(follow_level, scene, parameters=parameters, selection=reduction.selection, sweep=sweep, curve=curve)
-            minutes = Minutes(log, writer, sweep, levels, is_static)
-            branches = follow_side_by_side(one, model, better, levels, n_groups, minutes, log)
+            minutes = Minutes(log, writer, response.sweep, levels, response.is_static)
+            branches = follow_side_by_side(response, n_groups, minutes, log)
             writer.put_in_order(branches)
     finally:
         writer.close()

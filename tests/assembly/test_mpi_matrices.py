@@ -9,10 +9,10 @@ from matrix_scenes import asked, branches_of, write_matrix_scene
 from mpi4py import MPI
 from oracles import exact, scenes
 
+from microslip.fourier.amplitudes import to_complex, to_real
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
-from microslip.receptance import motion as receptance
 from microslip.reduction.build import reduce_structure
 from microslip.run import build_structure
 from microslip.scene.read import read_scene
@@ -51,10 +51,10 @@ def gathered(A):
 def exact_motion(system, omega, p):
     """Return the harmonics of u, (n, N_H), under the loads at unit level and contact forces ``p`` beyond the stuck springs."""
     H = p.shape[1] // 2
-    f = receptance.to_complex(scenes.force_coefficients(system, 1.0, H) - system["R"].T @ p)
+    f = to_complex(scenes.force_coefficients(system, 1.0, H) - system["R"].T @ p)
     K_L, C, M = scenes.stuck_stiffness(system), scenes.damping_matrix(system), system["M"]
     Z = [K_L - (n * omega) ** 2 * M + 1j * n * omega * C for n in range(H + 1)]
-    return receptance.to_real(np.stack([np.linalg.solve(Z[n], f[:, n]) for n in range(H + 1)], axis=1), p.shape[1])
+    return to_real(np.stack([np.linalg.solve(Z[n], f[:, n]) for n in range(H + 1)], axis=1), p.shape[1])
 
 
 def assert_receptance(system, model, omega):
@@ -62,12 +62,12 @@ def assert_receptance(system, model, omega):
     p = np.random.default_rng(5).standard_normal((3 * model.n_pairs, model.N_H))
     p[~system["R"].any(axis=1)] = 0.0  # directions that do not move carry nothing
     u, still = exact_motion(system, omega, p), np.zeros_like(p)
-    found = receptance.output_motion(model, 1.0, omega, p)
+    found = model.output_motion(1.0, omega, p)
     np.testing.assert_allclose(found, u, atol=1e-10 * np.abs(u).max())
-    U_lin, dU_lin = receptance.linear_motion(model, 1.0, omega)
+    U_lin, dU_lin = model.linear_motion(1.0, omega), model.linear_motion_rate(1.0, omega)
     du, h = (system["R"] @ exact_motion(system, omega, still))[model.owned_rows], 1e-6 * omega
     np.testing.assert_allclose(U_lin, du, atol=1e-10 * np.abs(u).max())
-    ahead, back = (receptance.linear_motion(model, 1.0, omega + step)[0] for step in (h, -h))
+    ahead, back = (model.linear_motion(1.0, omega + step) for step in (h, -h))
     np.testing.assert_allclose(dU_lin, (ahead - back) / (2.0 * h), atol=1e-6 * np.abs(u).max() / omega)
 
 
@@ -101,7 +101,7 @@ def test_a_damping_matrix_may_couple_the_modes(shared_path, name, size):
     plain = scenes.SCENES[name]()
     system = with_damping(plain, scattered(len(plain["M"]), size))
     structure, model = reduced(shared_path, system)
-    assert model.C.shape == (model.n_modes, model.n_modes)
+    assert model.one_family.damping.couples_modes
     assert_receptance(system, model, OMEGA[name])
     structure.linearised.destroy()
 
@@ -110,7 +110,9 @@ def test_a_proportional_damping_matrix_stays_diagonal(shared_path):
     plain = scenes.chain()
     system = with_damping(plain, 3.0 * plain["M"] + 1e-5 * scenes.stuck_stiffness(plain))
     structure, model = reduced(shared_path, system)
-    np.testing.assert_allclose(model.C, 3.0 + 1e-5 * model.omega_n**2, rtol=1e-10)
+    damping = model.one_family.damping
+    assert not damping.couples_modes
+    np.testing.assert_allclose(damping.diagonal, 3.0 + 1e-5 * model.omega_n**2, rtol=1e-10)
     assert_receptance(system, model, OMEGA["chain"])
     structure.linearised.destroy()
 

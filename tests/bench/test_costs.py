@@ -24,7 +24,7 @@ def test_synthetic_joint_is_passive_and_its_compliance_decays_with_distance():
     assert pytest.approx(G.T, abs=1e-12 * G.max()) == G
     squares = np.linalg.eigvalsh(K_T * G)
     assert 0.0 < squares[0] and squares[-1] < 1.0
-    residual = G - (model.r / model.omega_n**2) @ model.r.T
+    residual = G - (model.one_family.R_phi / model.omega_n**2) @ model.one_family.R_phi.T
     assert np.linalg.eigvalsh(residual)[0] > 0.0
     assert abs(residual[0, 3 * 48]) < 1e-3 * residual[0, 3] < 1e-3 * residual[0, 0]
 

@@ -9,6 +9,8 @@ from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequenc
 from microslip.continuation.sweep import Sweep
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
+from microslip.receptance.damping import Damping
+from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.build import split_evenly
@@ -42,11 +44,7 @@ def reduced(system, comm, H, n_modes=None):
     model = ReducedModel(
         comm=comm,
         pair_ranges=ranges,
-        omega_n=omega_n,
-        C=C,
-        r=R @ phi,
-        b=phi.T @ f,
-        o=o @ phi,
+        families=(ModalFamily(omega_n, Damping(C), R @ phi, phi.T @ f, o @ phi),),
         G_static=StaticColumns(len(R) // 3, ranges[comm.rank + 1] - ranges[comm.rank], columns),
         du_static=R @ flexibility @ f,
         out_static=o @ flexibility @ f,

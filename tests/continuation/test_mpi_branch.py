@@ -13,6 +13,7 @@ from probe import Probe
 
 from microslip.continuation.corrector import ConstraintRow, Iterate, Scaling
 from microslip.harmonic.residual import DampingFamily, HarmonicBalance, LevelFamily
+from microslip.receptance.damping import Damping
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 COMM = MPI.COMM_WORLD  # the one- and two-pair systems leave ranks without pairs
@@ -143,8 +144,9 @@ def test_first_point_that_newton_misses_is_reached_over_the_level():
 
 def families(problem):
     """Every one-parameter family of problems, with a parameter and its scale."""
-    full = problem.model.C if problem.model.C.ndim == 2 else np.diag(problem.model.C) + 3.0
-    with_matrix = problem.of(replace(problem.model, C=full))
+    (modes,) = problem.model.families
+    C = modes.damping.C if modes.damping.couples_modes else np.diag(modes.damping.C) + 3.0
+    with_matrix = problem.of(replace(problem.model, families=(replace(modes, damping=Damping(C)),)))
     return {
         "frequency": (problem, 555.0, 400.0),
         "level": (LevelFamily(problem, 555.0), 90.0, 100.0),

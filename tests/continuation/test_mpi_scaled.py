@@ -14,7 +14,6 @@ from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
 from microslip.fourier.coefficients import synthesis_matrix
 from microslip.harmonic.residual import HarmonicBalance
-from microslip.receptance import motion as receptance
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
 COMM = MPI.COMM_WORLD
@@ -35,7 +34,7 @@ def prepared(name, *, at=(), down=False, **changes):
 def slip_level(model, parameters, curve):
     """Return the level at which the first pair leaves sticking: k_t |du_t| = mu (N0 - k_n du_z) at one of 256 samples."""
     synthesis = synthesis_matrix(model.harmonics, 256)
-    motions = np.array([receptance.linear_motion_of_all(model, 1.0, omega) for omega in curve.omega])
+    motions = np.array([model.linear_motion_of_all(1.0, omega) for omega in curve.omega])
     x, y, z = (motions.reshape(len(motions), -1, 3, model.N_H) @ synthesis.T).transpose(2, 0, 1, 3)
     mu, N0, k_t, k_n = (values[:, None] for values in (parameters.mu, parameters.N0, parameters.k_t, parameters.k_n))
     assert not parameters.separate.any()

@@ -14,7 +14,6 @@ from microslip.error_estimate.better_model import Truth
 from microslip.error_estimate.components import PARTS, total
 from microslip.error_estimate.estimate import ErrorEstimator
 from microslip.harmonic.residual import HarmonicBalance
-from microslip.receptance import motion as receptance
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
 COMM = MPI.COMM_WORLD
@@ -82,7 +81,7 @@ def test_the_solver_s_part_is_the_distance_to_the_solution():
 
     def response(U):
         p = problem.full_force(problem.contact_forces(U, everything, tangents=False))
-        return receptance.output_motion(model, 100.0, 560.0, p)[0]
+        return model.output_motion(100.0, 560.0, p)[0]
 
     off = response(U) - response(exact[model.owned])
     parts = ErrorEstimator(Truth(model, None, is_solved=True)).at(problem, U, 560.0, everything)[0]

@@ -8,10 +8,11 @@ from oracles.fourier import differentiate
 
 from microslip.contact.aft import contact_harmonics, pair_energy
 from microslip.contact.law import ContactParameters
+from microslip.fourier.amplitudes import to_complex, to_real
 from microslip.fourier.coefficients import analyse, analysis_matrix, cycle_work, synthesis_matrix, synthesise
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.preconditioner import complex_linear
-from microslip.receptance.motion import modal, to_complex, to_real
+from microslip.receptance.damping import Flexibility
 
 sets = st.sets(st.integers(0, 9), min_size=1, max_size=6).map(lambda chosen: Harmonics(tuple(sorted(chosen))))
 seeds = st.integers(0, 2**32 - 1)
@@ -105,9 +106,9 @@ def test_complex_amplitudes_and_products_harmonic_by_harmonic(harmonics, seed):
     rng = np.random.default_rng(seed)
     c = rng.standard_normal((4, n)) + 1j * rng.standard_normal((4, n))
     c[:, harmonics.numbers == 0] = c[:, harmonics.numbers == 0].real
-    assert np.allclose(to_complex(modal(c, q)), c * to_complex(q))
+    assert np.allclose(to_complex(Flexibility(c).apply(q)), c * to_complex(q))
     full = np.stack([np.diag(column) for column in c.T])
-    assert np.allclose(modal(full, q), modal(c, q))
+    assert np.allclose(Flexibility(full).apply(q), Flexibility(c).apply(q))
 
 
 @given(sets, seeds, st.integers(0, 30))
@@ -154,8 +155,8 @@ def test_modal_products_of_several_forces_are_those_of_each(harmonics, n_modes, 
     c[harmonics.numbers == 0] = c[harmonics.numbers == 0].real
     c = c if full else c.diagonal(axis1=1, axis2=2).T
     q = rng.standard_normal((n_modes, 3, harmonics.n_coefficients))
-    together = modal(c, q)
+    together = Flexibility(c).apply(q)
     for i in range(3):
         amplitudes = np.einsum("hij,jh->ih", c, to_complex(q[:, i])) if full else c * to_complex(q[:, i])
         assert np.allclose(to_complex(together[:, i]), amplitudes)
-        assert np.allclose(modal(c, q[:, i]), together[:, i])
+        assert np.allclose(Flexibility(c).apply(q[:, i]), together[:, i])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from microslip.receptance.damping import Damping
 from microslip.transient.scheme import GeneralisedAlpha, Motion, fitted_angle, step_angle, step_factors
 
 
@@ -16,7 +17,7 @@ def oscillator(n_steps, rho, t_end=7.0, zeta=0.05):
         return np.exp(-zeta * t) * (c * np.cos(w * t) + s * np.sin(w * t)) + a * np.cos(2.0 * t) + b * np.sin(2.0 * t)
 
     h = t_end / n_steps
-    scheme = GeneralisedAlpha(np.ones(1), np.array([2.0 * zeta]), np.array([h]), rho)
+    scheme = GeneralisedAlpha(np.ones(1), Damping(np.array([2.0 * zeta])), np.array([h]), rho)
     z, error = Motion(*(np.array([[x]]) for x in (1.0, 0.5, 1.0 - 2.0 * zeta * 0.5 - 1.0))), 0.0
     for k in range(n_steps):
         q0, q1 = (np.array([[np.cos(2.0 * h * i)]]) for i in (k, k + 1))
@@ -55,7 +56,7 @@ def test_the_period_solver_gives_the_periodic_motion_at_a_sharp_resonance(full):
     omega_n, C, n_steps = np.array([1.0, 3.3]), np.array([2e-4, 6.6e-4]), 128
     C = np.array([[2e-4, 1e-5], [1e-5, 6.6e-4]]) if full else C
     omega = np.array([1.0, 1.0003])
-    scheme = GeneralisedAlpha(omega_n, C, fitted_angle(n_steps) / omega)
+    scheme = GeneralisedAlpha(omega_n, Damping(C), fitted_angle(n_steps) / omega)
     load = np.cos(2.0 * np.pi * np.arange(n_steps + 1) / n_steps)[:, None] * np.array([1.0, 0.5])
 
     def period(z):
@@ -75,5 +76,5 @@ def test_the_period_solver_gives_the_periodic_motion_at_a_sharp_resonance(full):
     for b, w in enumerate(omega):
         exact = np.linalg.solve(np.diag(omega_n**2 - w**2) + 1j * w * damping, [1.0, 0.5])
         assert found[b] == pytest.approx(exact, abs=1e-3 * np.abs(exact).max())
-    plain = GeneralisedAlpha(omega_n, C, 2.0 * np.pi / n_steps / omega)
+    plain = GeneralisedAlpha(omega_n, Damping(C), 2.0 * np.pi / n_steps / omega)
     assert np.abs(plain.solve_period(scheme.pack(after), n_steps)).max() < 0.7 * np.abs(scheme.pack(start)).max()

@@ -40,6 +40,10 @@ class ContactParameters:
     def n_pairs(self) -> int:
         return len(self.k_t)
 
+    @property
+    def stiffness(self) -> np.ndarray:
+        return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
+
     def take(self, indices) -> ContactParameters:
         """Return the parameters of some pairs: an index array, a mask or a slice.  Local."""
         return ContactParameters(self.mu[indices], self.N0[indices], self.k_t[indices], self.k_n[indices], self.separate[indices])

@@ -98,9 +98,7 @@ def solve_with(
     return None if again.failure else ((again.with_effort_of(found[0]), used), better)
 
 
-def judged(
-    solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point: Point
-) -> tuple[dict[str, float], Memory]:
+def judged(solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point: Point) -> tuple[dict[str, float], Memory]:
     """Return what is wrong with a point for want of harmonics, samples and tolerance, over what is allowed.  Collective."""
     if accuracy is None or point.error is None:
         return {}, memory

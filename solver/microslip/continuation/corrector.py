@@ -13,7 +13,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..harmonic.balance import HarmonicBalance
-from ..harmonic.linearisation import Border, Linearisation, NewtonSolver, Step
+from ..harmonic.linearisation import Border, Linearisation, Step
+from ..harmonic.newton_solver import NewtonSolver
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
 from .constraints import Constraint, Scaling
 from .iterate import Iterate

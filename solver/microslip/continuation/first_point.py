@@ -99,13 +99,11 @@ def _over(
     task: BranchTask, solver: PointSolver, homotopy: Problem, end: float, beginnings: tuple[float, ...], advance: Advance
 ) -> Reached | None:
     """Solve at the end of a homotopy, where it is the problem, from near its beginning; None in vain.  Collective."""
-    alone = {"estimator": None, "accuracy": None, "is_linear": False, "is_static": False, "ways": (from_rest, patiently)}
+    plain = replace(task, estimator=None, accuracy=None, is_linear=False, is_static=False, ways=(from_rest, patiently))
     for share in beginnings:
-        way = replace(
-            task, problem=homotopy, sweep=Sweep(share * end, end), steps=STEPS, tolerance=solver.tolerance, **alone
-        )
+        way = replace(plain, problem=homotopy, sweep=Sweep(share * end, end), steps=STEPS, tolerance=solver.tolerance)
         arrived = _end_of(way, advance)
-        if arrived is None:
+        if arrived is None or arrived.now is None:
             continue
         there, now = solver.holding(arrived.solver.equation.held), arrived.now
         found = there.solve_near(Iterate(now.iterate.U, (task.sweep.start,), now.iterate.harmonics), now)

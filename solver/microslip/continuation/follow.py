@@ -19,8 +19,8 @@ from .iterate import Iterate, interpolate
 from .point_solver import Found, PointSolver, Workspace
 from .problems import Problem
 from .state import BranchState, PointState
-from .steps import ArcLength
 from .stepping import message, second, step
+from .steps import ArcLength
 from .sweep import Sweep
 
 FINEST_WAY = 1e-2  # of the way from a point to an asked value: the smallest step in between
@@ -179,9 +179,7 @@ def _asked(
     return state
 
 
-def solved(
-    task: BranchTask, state: BranchState, now: PointState, guess: Iterate, selected: np.ndarray, asked: bool
-) -> Accepted:
+def solved(task: BranchTask, state: BranchState, now: PointState, guess: Iterate, selected: np.ndarray, asked: bool) -> Accepted:
     """Solve at the parameter of a guess on the chord from the last point, at once or by way of points in between.  Collective."""
     solver, selected = state.solver, now.selected | selected
     now, guess = solver.carried(now), guess.on(solver.harmonics)

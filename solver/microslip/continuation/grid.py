@@ -108,7 +108,7 @@ def _points(task: BranchTask, state: BranchState, omegas: Sequence[float]) -> It
 
 def _reach(task: BranchTask, state: BranchState, before: PointState | None, now: PointState, omega: float) -> Accepted:
     """Return the point at ``omega``: from the secant, from the last point, or along the branch."""
-    guess, spent = secant(before and before.iterate, now.iterate, omega), Spent()
+    guess, spent = secant(None if before is None else before.iterate, now.iterate, omega), Spent()
     for start in [guess] if guess.U is now.iterate.U else [guess, now.iterate.at(omega)]:
         found = state.solver.solve_near(start, now)
         if found[0].failure is None:
@@ -163,9 +163,6 @@ class Spent:
         return replace(
             found,
             point=replace(
-                point,
-                newton=point.newton + self.newton,
-                krylov=point.krylov + self.krylov,
-                seconds=point.seconds + self.seconds,
+                point, newton=point.newton + self.newton, krylov=point.krylov + self.krylov, seconds=point.seconds + self.seconds
             ),
         )

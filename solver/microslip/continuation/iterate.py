@@ -28,7 +28,9 @@ class Iterate:
 
     def on(self, harmonics: Harmonics) -> Iterate:
         """Return the motion in another set of harmonics: missing ones zero, surplus ones dropped.  Local."""
-        return self if harmonics == self.harmonics else replace(self, U=self.harmonics.carry(self.U, harmonics), harmonics=harmonics)
+        return (
+            self if harmonics == self.harmonics else replace(self, U=self.harmonics.carry(self.U, harmonics), harmonics=harmonics)
+        )
 
 
 def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:

@@ -14,8 +14,8 @@ from ..error_estimate.estimate import ErrorEstimator
 from ..harmonic.balance import HarmonicBalance
 from ..modes.band import frequency_band
 from ..parallel.errors import CaseError
-from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
+from ..receptance.on_group import model_on_group
 from ..reduction.selection import AllPairs, Selection
 from .accuracy import accuracy_of, steps_for
 from .branch import Branch, Point
@@ -53,6 +53,11 @@ class ResponseProblem:
     def steps(self) -> ArcLength:
         """The step lengths that the number of points, or what is stated, asks for."""
         return arc_length_steps(self.settings, self.curve)
+
+    def on_group(self, comm) -> ResponseProblem:
+        """Return the same for a group of ranks, ``comm``, that goes on without the others.  Collective on all of them."""
+        model = model_on_group(self.model, comm)
+        return replace(self, model=model, better=self.better and self.better.on_group(model, comm))
 
     def at_level(self, level: float) -> ForcedResponse:
         """Return what is continued at a level [N].  Local."""
@@ -112,8 +117,8 @@ def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameter
     ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
     omega = model.comm.bcast(linear_frequencies(*ends, model.omega_n, model.zeta))
     none = np.zeros((3 * model.n_pairs, model.N_H))
-    response = np.array([receptance.output_motion(model, 1.0, w, none) for w in omega])
-    motions = [receptance.linear_motion(model, 1.0, w)[0] for w in omega] if model.n_pairs else list(response)
+    response = np.array([model.output_motion(1.0, w, none) for w in omega])
+    motions = [model.linear_motion(1.0, w) for w in omega] if model.n_pairs else list(response)
     s = arc_lengths(model.comm, motions, omega, sweep.scale)
     stuck = np.zeros(len(omega))
     if parameters is not None and model.n_pairs > 0:
@@ -165,7 +170,7 @@ def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: Li
     Collective: one broadcast.  Only the order of static solves depends on it.
     """
     at_peak = curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))]
-    U = np.abs(receptance.linear_motion_of_all(model, 1.0, at_peak)).reshape(model.n_pairs, 3, model.N_H).sum(axis=2)
+    U = np.abs(model.linear_motion_of_all(1.0, at_peak)).reshape(model.n_pairs, 3, model.N_H).sum(axis=2)
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = np.stack(
             [

@@ -9,7 +9,6 @@ from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.coefficients import cycle_work
 from ..harmonic.balance import OperatingPoint
 from ..parallel.errors import ConvergenceError
-from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
 from ..reduction.selection import Selection
 from .branch import Point
@@ -49,7 +48,7 @@ def point_record(
     _check_balance(problem, correction, work - damping - friction, most)
     point = Point(
         omega=at.omega,
-        response=harmonics.carry(receptance.output_motion(model, at.level, at.omega, p), recorded),
+        response=harmonics.carry(model.output_motion(at.level, at.omega, p), recorded),
         U=harmonics.carry(U_all, recorded),
         p=harmonics.carry(p.reshape(shape), recorded),
         energy=energy,
@@ -86,20 +85,21 @@ def apparent_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> flo
 
     A constant load does none, but leaves the rounding of a thousandth of its own.
     """
-    y, f = receptance.load_motion(model, at.level, at.omega, p), at.level * model.f
+    y, f = model.load_motion(at.level, at.omega, p), at.level * model.f
     n, cos, sin, mean = model.harmonics.above_mean, model.harmonics.cos, model.harmonics.sin, model.harmonics.mean
     vibration = np.sum(n * np.hypot(f[:, cos], f[:, sin]) * np.hypot(y[:, cos], y[:, sin]))
     return float(np.pi * (vibration + 1e-3 * np.sum(np.abs(f[:, mean] * y[:, mean]))))
 
 
 def damping_loss(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
-    """Return the viscous loss [J per cycle], the sum over harmonics of pi n^2 omega eta_n^H (phi^T C phi) eta_n.  Local."""
-    n = model.harmonics.numbers
-    eta = receptance.modal_motion(model, at.level, at.omega, p)
-    C_eta = model.C[:, None] * eta if model.C.ndim == 1 else model.C @ eta
-    return float(np.pi * at.omega * np.sum(n**2 * (eta.conj() * C_eta).real))
+    """Return the viscous loss D of (9.1) [J per cycle].  Local."""
+    losses = [
+        np.sum(share.harmonics.numbers**2 * (eta.conj() * share.family.damping.apply(eta)).real)
+        for share, eta in zip(model.shares, model.modal_motion(at.level, at.omega, p))
+    ]
+    return float(np.pi * at.omega * sum(losses))
 
 
 def input_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
     """Return the work of the loads [J per cycle]: closed integral of f . du over each load.  Local."""
-    return float(cycle_work(at.level * model.f, receptance.load_motion(model, at.level, at.omega, p), model.harmonics).sum())
+    return float(cycle_work(at.level * model.f, model.load_motion(at.level, at.omega, p), model.harmonics).sum())

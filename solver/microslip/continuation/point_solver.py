@@ -125,7 +125,11 @@ class PointSolver:
         while True:
             corrector = self.workspace.corrector(self.equation, self.resolution)
             found = corrector.correct(BorderedSystem(self.problem, (plane,), scaling, selected), guess, self.is_patient)
-            newton, krylov, self.workspace.spent = newton + found.newton, krylov + found.krylov, self.workspace.spent + found.newton
+            newton, krylov, self.workspace.spent = (
+                newton + found.newton,
+                krylov + found.krylov,
+                self.workspace.spent + found.newton,
+            )
             found = replace(found, newton=newton, krylov=krylov)
             if found.failure:
                 return found, selected
@@ -162,7 +166,7 @@ class PointSolver:
         return replace(found, iterate=found.iterate.at(guess.parameter)), selected
 
     def solve_near(self, guess: Iterate, near: PointState, selected: np.ndarray | None = None) -> Found:
-        """Correct a guess at its own parameter, measured by a point near by, whose pairs are let slip unless told.  Collective."""
+        """Correct a guess at its own parameter, measured by a point near by, with its pairs unless told.  Collective."""
         return self.solve_at(guess, near.size, near.selected if selected is None else selected, near.force)
 
     def first(self) -> Found:

@@ -12,7 +12,9 @@ from .state import PointState
 FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola says nothing
 
 
-def predict(solver: PointSolver, earlier: PointState | None, before: PointState, now: PointState, ds: float) -> tuple[Iterate, Plane]:
+def predict(
+    solver: PointSolver, earlier: PointState | None, before: PointState, now: PointState, ds: float
+) -> tuple[Iterate, Plane]:
     """Return the guess a step ``ds`` ahead and the row that holds the step.
 
     On the linear curve (all pairs stuck) the guess is the linear response itself, at a fixed parameter; otherwise

@@ -6,8 +6,8 @@ import numpy as np
 from mpi4py import MPI
 
 from ..contact.law import ContactParameters
+from ..fourier.amplitudes import to_complex
 from ..harmonic.balance import HarmonicBalance, OperatingPoint
-from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
 from .steps import LinearCurve
 
@@ -23,7 +23,7 @@ def sticks_up_to(model: ReducedModel, parameters: ContactParameters, motions: li
     it may stick, too.  The level is 0 where a pair has no preload, a gap, or no friction.
     """
     own = parameters.take(np.arange(model.n_pairs)[model.owned])
-    most_moved = np.array([np.abs(receptance.to_complex(U)).sum(axis=1) for U in motions])  # m per newton
+    most_moved = np.array([np.abs(to_complex(U)).sum(axis=1) for U in motions])  # m per newton
     x, y, z = most_moved.reshape(len(motions), -1, 3).transpose(2, 0, 1)
     limit = np.broadcast_to(own.mu * np.maximum(own.N0, 0.0), x.shape)  # N
     taken = own.k_t * np.hypot(x, y) + own.mu * own.k_n * z  # N per newton

@@ -19,7 +19,6 @@ from ..fourier.harmonics import Harmonics
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.anderson import Anderson
 from ..harmonic.balance import ContactForces, HarmonicBalance, OperatingPoint
-from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
 from .better_model import BetterModel
 
@@ -75,7 +74,7 @@ class ErrorEstimator:
         ``U`` (n_owned, 3, N_H) solves ``equation`` with the ``selected`` pairs at a point; ``of_all`` are the contact forces
         of all pairs there, with tangents, where they are known.
         """
-        model, n_out, is_found = equation.model, equation.model.o.shape[0], True
+        model, n_out, is_found = equation.model, equation.model.n_outputs, True
         if 1 not in model.harmonics:
             return None
         exact = equation if self.better.is_solved else equation.of(self.model_on(model.harmonics))
@@ -126,9 +125,7 @@ class ErrorEstimator:
             felt = np.matmul(self.left_out.of_pairs[own].T, tau.reshape(len(tau), -1, N_H))
         return equation.comm.bcast(equation.sum(np.concatenate([*sums, felt.ravel()]))), is_found
 
-    def changes(
-        self, exact: HarmonicBalance, U: np.ndarray, at: OperatingPoint, p_all: np.ndarray, p: np.ndarray
-    ) -> Changes:
+    def changes(self, exact: HarmonicBalance, U: np.ndarray, at: OperatingPoint, p_all: np.ndarray, p: np.ndarray) -> Changes:
         """Return what better problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
 
         The higher harmonics are those that the contact forces excite, U_n = -G_n p_n, by a few steps of that fixed-point
@@ -163,9 +160,7 @@ def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
     With A = o (K_L^-1 + phi c_1 phi^T) R^T the amplitude is u_lin - A p: the cosine moves by -(Re A p_c + Im A p_s), the sine
     by Im A p_c - Re A p_s.
     """
-    c, _ = receptance.dynamic_part(model, omega)
-    at = list(model.harmonics.numbers).index(1)
-    A = model.out_R + ((model.o * c[:, at]) if c.ndim == 2 else (model.o @ c[at])) @ model.r.T
+    A = model.output_receptance(omega, 1)
     n_out, cos = len(A), model.harmonics.columns(1).start
     B = np.zeros((2 * n_out, A.shape[1], model.N_H))
     B[:n_out, :, cos], B[:n_out, :, cos + 1] = A.real, A.imag
@@ -175,7 +170,7 @@ def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
 
 def output_amplitude(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> np.ndarray:
     """Return cos 1 and then sin 1 of the outputs under loads and ``p`` (3 n_pairs, N_H), (2 n_outputs,) [m].  Local."""
-    motion = receptance.output_motion(model, at.level, at.omega, p)
+    motion = model.output_motion(at.level, at.omega, p)
     return motion[:, model.harmonics.columns(1)].T.ravel()
 
 

@@ -86,15 +86,15 @@ def sample_modes_left_out(linearised, modes, model: ReducedModel) -> ModesLeftOu
     everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
     rows = owned_product(everything, Z_random, system) / np.sqrt(SAMPLES)
     W = gram(comm, Z_given, multiply(linearised.M, Z_given))
+    family = model.one_family
     # Rayleigh's quotients of the loads: energy x^T K_L^-1 x over x^T W x, without the modes kept
-    static = np.diag(model.load_static) - (model.b**2 / modes.omega_n[:, None] ** 2).sum(axis=0)
+    static = np.diag(model.load_static) - (family.b**2 / family.omega_n[:, None] ** 2).sum(axis=0)
     squares = np.maximum(static, 0.0) / np.maximum(np.diag(W)[:-n_out], np.finfo(float).tiny)
     effective = np.sqrt(squares[squares > 0.0].min(initial=np.inf))
     omega = np.clip(effective, modes.omega_n[-1], 1e3 * modes.omega_n[-1])
-    damping = model.C if model.C.ndim == 1 else np.diag(model.C)
     return ModesLeftOut(
         float(omega),
-        float(damping[-1]),
+        float(family.damping.diagonal[-1]),
         rows[:n_rows],
         rows[n_rows : n_rows + n_out],
         rows[n_rows + n_out :],

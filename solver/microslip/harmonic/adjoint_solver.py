@@ -97,7 +97,7 @@ class AdjointSolver:
         self._gmres = kept(before, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, RTOL))
         if self._gmres is not before or (old is not None and old.made_at.equation.harmonics != at.equation.harmonics):
             self.preconditioner = None  # of another size
-        self._columns = ActiveColumns(self.comm, at.G, at.forces.active_owned, np.float32)
+        self._columns = ActiveColumns(at.G, np.float32)
         self._P = self._columns.scaled(at.P)
         return self._gmres
 

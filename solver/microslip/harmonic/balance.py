@@ -10,11 +10,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..contact.law import ContactParameters
 from ..contact.aft import contact_harmonics
+from ..contact.law import ContactParameters
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import summed
-from ..receptance import motion as receptance
 from ..receptance.columns import ReceptanceColumns
 from ..receptance.model import ReducedModel
 from .linearisation import Linearisation
@@ -159,11 +158,17 @@ class HarmonicBalance:
 
     def linear_motion(self, at: OperatingPoint) -> np.ndarray:
         """Return U_lin of this rank's pairs, (n_owned, 3, N_H) [m].  Local; kept for the last point: do not write into it."""
-        return self._kept("motion", at, lambda: receptance.linear_motion(self.model_at(at), at.level, at.omega)[0].reshape(self.shape))
+        return self._kept("motion", at, lambda: self.model_at(at).linear_motion(at.level, at.omega).reshape(self.shape))
+
+    def linear_motion_rate(self, at: OperatingPoint, rate: Rate) -> np.ndarray:
+        """Return how U_lin changes with a parameter, (n_owned, 3, N_H).  Local."""
+        d_U = self.model_at(at).linear_motion_rate(at.level, at.omega, rate.omega, rate.sigma).reshape(self.shape)
+        per_newton = self.model_at(at).linear_motion(1.0, at.omega).reshape(self.shape) if rate.level else 0.0
+        return d_U + rate.level * per_newton
 
     def receptance(self, at: OperatingPoint, active: np.ndarray) -> ReceptanceColumns:
         """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are new."""
-        return ReceptanceColumns(self.model_at(at), at.omega, active)
+        return self.model_at(at).at(at.omega, active)
 
     def residual(
         self, U: np.ndarray, at: OperatingPoint, forces: ContactForces, G: ReceptanceColumns | None = None

@@ -11,7 +11,6 @@ import warnings
 import numpy as np
 import scipy.linalg
 
-from ..fourier.harmonics import Harmonics
 from .linearisation import Linearisation
 from .preconditioner import own_rows
 
@@ -23,9 +22,7 @@ class WholeInverse:
 
     def __init__(self, at: Linearisation):
         self.made_at, self.active_owned, equation = at, at.forces.active_owned, at.equation
-        harmonics, N_H = equation.harmonics, equation.model.N_H
-        P, static = equation.gather(at.P), equation.gather(at.G.rows(self.active_owned))
-        columns = receptance_of(static, [at.G.dynamic_block(i) for i in range(len(harmonics))], harmonics)
+        P, columns, N_H = equation.gather(at.P), at.G.matrix(), equation.model.N_H
         blocks = columns.reshape(len(columns), len(P), 3 * N_H).swapaxes(0, 1)  # (n_active, rows, 3 N_H)
         G_P = np.matmul(blocks, P).swapaxes(0, 1).reshape(columns.shape)
         G_P[np.diag_indices_from(G_P)] += 1.0
@@ -42,24 +39,10 @@ class WholeInverse:
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return (I + G P)^-1 b for several right-hand sides, (n, m, 3, N_H) both, m active pairs of this rank.  Collective."""
-        by_row = self.made_at.equation.gather(b.reshape(len(b), 3 * b.shape[1], b.shape[-1]).swapaxes(0, 1))  # (3 n_active, n, N_H)
+        by_row = self.made_at.equation.gather(
+            b.reshape(len(b), 3 * b.shape[1], b.shape[-1]).swapaxes(0, 1)
+        )  # (3 n_active, n, N_H)
         columns = by_row.swapaxes(1, 2).reshape(-1, len(b))
         x = scipy.linalg.lu_solve(self.factor, columns, check_finite=False)
         own = x.reshape(len(by_row), -1, len(b))[self.own]
         return np.moveaxis(own, -1, 0).reshape(b.shape)
-
-
-def receptance_of(static: np.ndarray, dynamic: list[np.ndarray], harmonics: Harmonics) -> np.ndarray:
-    """Return G on all harmonic coefficients, (n N_H, n N_H), from its static part (n, n) and the complex rest of each harmonic.
-
-    Local.  Index = row N_H + coefficient; amplitudes are cos - i sin.
-    """
-    n, N_H = len(static), harmonics.n_coefficients
-    G = np.zeros((n, N_H, n, N_H))
-    for number, block in zip(harmonics.chosen, dynamic):
-        c = harmonics.columns(number).start
-        G[:, c, :, c] = static + block.real
-        if number > 0:
-            G[:, c + 1, :, c + 1] = static + block.real
-            G[:, c, :, c + 1], G[:, c + 1, :, c] = block.imag, -block.imag
-    return G.reshape(n * N_H, n * N_H)

@@ -64,7 +64,8 @@ class Gmres:
 
 def kept(gmres: Gmres | None, comm, n_owned: int, make: Callable[[], Gmres]) -> Gmres:
     """Return GMRES of this size: the one at hand on all ranks, or a new one in its place.  Collective: one agreement."""
-    if comm.allreduce(gmres is not None and gmres.n_owned == n_owned, op=MPI.LAND):
+    is_right = gmres is not None and gmres.n_owned == n_owned
+    if gmres is not None and comm.allreduce(is_right, op=MPI.LAND):
         return gmres
     if gmres is not None:
         gmres.destroy()

@@ -1,7 +1,7 @@
 """The linearisation of harmonic balance at one motion: values that are solved with, forward and transposed.
 
-docs/theory.md, eq. (5.3), (11.1).  A pair that sticks neither carries p nor changes it.  Its rows of the Jacobian I + G P give its
-motion once that of the other pairs is known, so that an iteration needs only rows and columns of pairs that do not stick.
+docs/theory.md, eq. (5.3), (11.1).  A pair that sticks neither carries p nor changes it.  Its rows of the Jacobian I + G P give
+its motion once that of the other pairs is known, so that an iteration needs only rows and columns of pairs that do not stick.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..receptance import motion as receptance
 from ..receptance.columns import ReceptanceColumns
 
 if TYPE_CHECKING:
@@ -95,7 +94,8 @@ class Linearisation:
 
     def rate(self, rate: Rate) -> np.ndarray:
         """Return d r / d parameter (n_owned, 3, N_H), eq. (5.2), for the rate at which the operating point changes.  Local."""
-        raise NotImplementedError
+        dG_p = self.G.apply_rate(self.forces.p, rate.omega, rate.sigma)
+        return dG_p - self.equation.linear_motion_rate(self.at, rate)
 
     def pair_forces(self, d_xi: np.ndarray) -> np.ndarray:
         """Return P d_xi of this rank's active pairs, flat.  Local; ``d_xi`` has their rows."""

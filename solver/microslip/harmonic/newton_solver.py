@@ -95,7 +95,7 @@ class NewtonSolver:
     def _set_up(self, at: Linearisation, k: int) -> tuple[Gmres, float]:
         """Copy what the products need, in single precision where that pays and GMRES asks for no more.  Collective."""
         self._at = at
-        if self._gmres is None or not np.array_equal(self._active, at.forces.active):
+        if self._gmres is None or self._active is None or not np.array_equal(self._active, at.forces.active):
             self.destroy()
             self._active, n = at.forces.active, 3 * len(at.forces.active_owned) * at.equation.model.N_H
             self._gatherer = Gatherer(self.comm, n, 2 * k)
@@ -105,8 +105,8 @@ class NewtonSolver:
         is_single = at.n_rows > SMALL and rtol >= SINGLE and not self.in_double
         precision = np.float32 if is_single else np.float64
         if self._columns is None or self._columns.precision is not precision:
-            self._columns = ActiveColumns(self.comm, at.G, at.forces.active_owned, precision)
-        self._columns.c = at.G.c  # all that the frequency changes
+            self._columns = ActiveColumns(at.G, precision)
+        self._columns.move_to(at.G)  # all that the frequency changes
         self._P: np.ndarray = self._columns.scaled(at.P)
         return self._gmres, rtol
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from ..receptance import motion as receptance
+from ..fourier.amplitudes import to_complex, to_real
 from .linearisation import Linearisation
 
 REGULAR = 1.0 - 1e-3  # of P in B_n: without its joint, a body that nothing else holds would make B_n singular
@@ -26,10 +26,8 @@ class HarmonicPreconditioner:
     def __init__(self, at: Linearisation):
         self.made_at, self.active_owned, equation = at, at.forces.active_owned, at.equation
         P = equation.gather(complex_linear(at.P, equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
-        static = equation.gather(at.G.rows(self.active_owned))  # (3 n_active, 3 n_active)
         self.factors = []
-        for i in range(P.shape[1]):
-            G_n = static + at.G.dynamic_block(i)
+        for i, G_n in enumerate(at.G.blocks()):
             columns = G_n.reshape(len(G_n), -1, 3)
             G_P = REGULAR * np.einsum("rmi,mij->rmj", columns, P[:, i]).reshape(G_n.shape)
             self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
@@ -38,11 +36,11 @@ class HarmonicPreconditioner:
     def apply(self, x: np.ndarray) -> np.ndarray:
         """Return B^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""
         rows = x[self.active_owned].reshape(-1, x.shape[-1])
-        amplitudes = receptance.to_complex(self.made_at.equation.gather(rows))
+        amplitudes = to_complex(self.made_at.equation.gather(rows))
         for i, factor in enumerate(self.factors):
             amplitudes[:, i] = scipy.linalg.lu_solve(factor, amplitudes[:, i], check_finite=False)
         y = x.copy()
-        y[self.active_owned] = receptance.to_real(amplitudes[self.own], x.shape[-1]).reshape(-1, 3, x.shape[-1])
+        y[self.active_owned] = to_real(amplitudes[self.own], x.shape[-1]).reshape(-1, 3, x.shape[-1])
         return y
 
 
@@ -54,7 +52,7 @@ def own_rows(at: Linearisation) -> slice:
 
 
 def applied(preconditioner, x: np.ndarray, at: Linearisation) -> np.ndarray:
-    """Return a preconditioner's answer to the rows ``x`` of this rank's active pairs at another linearisation, flat.  Collective."""
+    """Return a preconditioner's answer to rows ``x`` of this rank's active pairs at another linearisation, flat.  Collective."""
     whole, active = np.zeros(at.equation.shape), at.forces.active_owned
     whole[active] = x.reshape(len(active), *whole.shape[1:])
     return preconditioner.apply(whole)[active].ravel()

@@ -47,7 +47,7 @@ def symmetric(equation: HarmonicBalance) -> bool:
 
 def _moving_rows(model) -> np.ndarray:
     """Return which relative motions modes or loads move, (3 n_pairs,) bool.  Local."""
-    return (model.r != 0.0).any(axis=1) | (model.du_static != 0.0).any(axis=1)
+    return np.hstack([model.du_static, *(family.R_phi for family in model.families)]).any(axis=1)
 
 
 def _statically_moving_rows(model) -> np.ndarray:

@@ -2,39 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..continuation.branch import Branch
 from ..continuation.follow import NOTHING
-from ..error_estimate.better_model import BetterModel
+from ..continuation.levels import ResponseProblem, follow_level
 from ..parallel.agree import on_root
 from ..parallel.groups import Counter, Reports, dealt, split
-from ..receptance.model import ReducedModel
-from ..receptance.on_group import model_on_group
 from .log import RunLog
 from .reporter import Minutes
 
 
-def follow_side_by_side(
-    follow_level: Callable[..., Branch],
-    model: ReducedModel,
-    better: BetterModel | None,
-    levels: Sequence[float],
-    n_groups: int,
-    minutes: Minutes,
-    log: RunLog,
-) -> list[Branch]:
+def follow_side_by_side(of: ResponseProblem, n_groups: int, minutes: Minutes, log: RunLog) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0.
 
-    Collective on ``model.comm``.  A group takes the highest level that is left whenever it has done the last one: high levels
+    Collective.  A group takes the highest level that is left whenever it has done the last one: high levels
     take longest.  A level that ends early keeps its points, and the others go on.
 
     Parameters
     ----------
-    follow_level : collective on a model's communicator; takes ``model``, ``level``, ``better`` and ``on_point``
     n_groups : at least 2; there are no more groups than levels
     minutes : hears of levels and points on rank 0, as they come
 
@@ -42,11 +30,11 @@ def follow_side_by_side(
     ------
     MicroslipError : what ended a group, on the ranks of all groups
     """
-    groups = split(model.comm, min(n_groups, len(levels)))
+    levels = of.settings.levels
+    groups = split(of.model.comm, min(n_groups, len(levels)))
     log.note(f"{len(levels)} levels on {groups.n} groups of {_sizes(groups.limits)}, the highest first")
     with log.stage("static columns of all pairs"):
-        own = model_on_group(model, groups.comm)
-        own_better = better and better.on_group(own, groups.comm)
+        own = of.on_group(groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
     counter, reports = Counter(groups.world), Reports(groups, lambda event, *news: getattr(minutes, event)(*news))
 
@@ -57,12 +45,7 @@ def follow_side_by_side(
         for task in dealt(groups, counter, len(levels)):
             number = highest_first[task]
             tell("level_started", number, groups.where)
-            branch = follow_level(
-                model=own,
-                level=levels[number],
-                better=own_better,
-                on_point=lambda point, number=number: tell("point", number, point),
-            )
+            branch = follow_level(own, levels[number], lambda point, number=number: tell("point", number, point))
             tell("level_finished", number, replace(branch, points=[]))
         on_root(groups.comm, reports.finish)
     reports.free()

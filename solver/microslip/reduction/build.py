@@ -10,6 +10,8 @@ from ..linear.dense import gram, multiply
 from ..modes.constraint import static_columns
 from ..parallel.errors import CaseError
 from ..parallel.ownership import split_evenly
+from ..receptance.damping import Damping
+from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
 from ..receptance.static_columns import StaticColumns
 
@@ -64,21 +66,13 @@ def reduce_structure(linearised, modes, scene) -> ReducedModel:
     Collective on the system's communicator.
     """
     system = linearised.system
-    comm, R, loads, outputs = system.comm, system.R, system.loads, system.outputs
-    n_rows, n_out, n_load = R.shape[0], outputs.shape[0], loads.shape[1]
-    everything = sp.vstack([R, outputs, loads.T], format="csr")
-    static = static_columns(linearised, everything, sp.hstack([loads, outputs.T], format="csc"))
-    participation = owned_product(everything, modes.phi_owned, system)
-    pair_ranges, harmonics = split_evenly(n_rows // 3, comm.size), Harmonics.up_to(scene.harmonics)
-    C = modal_damping(scene.damping, modes.omega_n) if system.C is None else projected_damping(system.C, modes.phi_owned, comm)
+    n_rows, n_out, n_load = system.R.shape[0], system.outputs.shape[0], system.loads.shape[1]
+    static = static_columns(linearised, _all_rows(system), sp.hstack([system.loads, system.outputs.T], format="csc"))
+    pair_ranges, harmonics = split_evenly(n_rows // 3, system.comm.size), Harmonics.up_to(scene.harmonics)
     return ReducedModel(
-        comm=comm,
+        comm=system.comm,
         pair_ranges=pair_ranges,
-        omega_n=modes.omega_n,
-        C=C,
-        r=participation[:n_rows],
-        o=participation[n_rows : n_rows + n_out],
-        b=participation[n_rows + n_out :].T.copy(),
+        families=(modal_family(system, modes.omega_n, modes.phi_owned, scene),),
         G_static=pair_columns(linearised, pair_ranges),
         du_static=static[:n_rows, :n_load].copy(),
         out_static=static[n_rows : n_rows + n_out, :n_load].copy(),
@@ -87,6 +81,19 @@ def reduce_structure(linearised, modes, scene) -> ReducedModel:
         f=load_coefficients(scene.loads, harmonics),
         harmonics=harmonics,
     )
+
+
+def modal_family(system, omega_n: np.ndarray, phi_owned: np.ndarray, scene) -> ModalFamily:
+    """Return what pairs, loads and outputs see of modes, and their damping.  Collective: one sum, with the user's C another."""
+    participation = owned_product(_all_rows(system), phi_owned, system)
+    R_phi, o, b_T = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
+    C = modal_damping(scene.damping, omega_n) if system.C is None else projected_damping(system.C, phi_owned, system.comm)
+    return ModalFamily(omega_n, Damping(C), R_phi, b_T.T.copy(), o)
+
+
+def _all_rows(system) -> sp.csr_matrix:
+    """Return the rows that are seen of a motion: of pairs, outputs and loads."""
+    return sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
 
 
 def pair_columns(linearised, pair_ranges: np.ndarray) -> StaticColumns:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
 
 
@@ -18,9 +17,8 @@ def displacement(linearised, modes, model: ReducedModel, level: float, omega: fl
     system, model = linearised.system, model.with_harmonics(Harmonics.full(p.shape[-1]))
     first, last = system.K.getOwnershipRange()
     force = system.loads.tocsr()[first:last] @ (level * model.f) - system.R.T.tocsr()[first:last] @ p
-    c, _ = receptance.dynamic_part(model, omega)
-    q = level * model.b @ model.f - model.r.T @ p
-    return linearised.factor.solve(np.ascontiguousarray(force)) + modes.phi_owned @ receptance.modal(c, q)
+    (c,), (q,) = model.flexibilities(omega), model.modal_forces(level, p)
+    return linearised.factor.solve(np.ascontiguousarray(force)) + modes.phi_owned @ c.apply(q)
 
 
 def node_fields(system, owned: np.ndarray) -> np.ndarray | None:

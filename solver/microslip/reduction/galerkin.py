@@ -15,17 +15,16 @@ from typing import Literal
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sp
 
+from ..fourier.amplitudes import to_real
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import gram, multiply
 from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
-from ..receptance import motion as receptance
 from ..receptance.model import ReducedModel
 from ..receptance.static_columns import StaticColumns
-from .build import load_coefficients, modal_damping, owned_product, projected_damping
+from .build import load_coefficients, modal_family
 from .reduction import Reduction
 from .selection import AllPairs
 
@@ -47,7 +46,8 @@ def reduce_on_basis(
 
     def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
         full = model.with_harmonics(Harmonics.full(p.shape[-1]))
-        return phi_owned @ receptance.to_real(receptance.modal_motion(full, level, omega, p), full.N_H)
+        (eta,) = full.modal_motion(level, omega, p)
+        return phi_owned @ to_real(eta, full.N_H)
 
     return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out)
 
@@ -91,30 +91,23 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
 def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene) -> ReducedModel:
     """Return the model that holds these modes and nothing else: its static parts are theirs.  Collective: two sums."""
     system = linearised.system
-    comm, n_rows, n_out = system.comm, system.R.shape[0], system.outputs.shape[0]
-    everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
-    participation = owned_product(everything, phi_owned, system)
-    r, o, b = participation[:n_rows], participation[n_rows : n_rows + n_out], participation[n_rows + n_out :].T.copy()
-    pair_ranges, flexibility = split_evenly(n_rows // 3, comm.size), 1.0 / omega_n**2
-    own = r[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
+    comm, n_pairs, family = system.comm, system.R.shape[0] // 3, modal_family(system, omega_n, phi_owned, scene)
+    R_phi, o, b = family.R_phi, family.o, family.b
+    pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / omega_n**2
+    own = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
 
     def columns(pairs: np.ndarray) -> np.ndarray:
-        return own @ r[(3 * pairs[:, None] + np.arange(3)).ravel()].T
+        return own @ R_phi[(3 * pairs[:, None] + np.arange(3)).ravel()].T
 
     harmonics = Harmonics.up_to(scene.harmonics)
-    C = modal_damping(scene.damping, omega_n) if system.C is None else projected_damping(system.C, phi_owned, comm)
     return ReducedModel(
         comm=comm,
         pair_ranges=pair_ranges,
-        omega_n=omega_n,
-        C=C,
-        r=r,
-        b=b,
-        o=o,
-        G_static=StaticColumns(n_rows // 3, len(own) // 3, columns),
-        du_static=(r * flexibility) @ b,
+        families=(family,),
+        G_static=StaticColumns(n_pairs, len(own) // 3, columns),
+        du_static=(R_phi * flexibility) @ b,
         out_static=(o * flexibility) @ b,
-        out_R=(o * flexibility) @ r.T,
+        out_R=(o * flexibility) @ R_phi.T,
         load_static=(b.T * flexibility) @ b,
         f=load_coefficients(scene.loads, harmonics),
         harmonics=harmonics,

@@ -16,10 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..fourier.amplitudes import to_complex
 from ..linear.dense import gram, multiply, summed
 from ..linear.joint_springs import joint_stiffness
 from ..modes.band import frequency_band
-from ..receptance import motion as receptance
+from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
 from .build import reduce_structure
 
@@ -58,8 +59,9 @@ def left_out(linearised, modes, pairs, scene) -> LeftOut:
     Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
     """
     model, n = reduce_structure(linearised, modes, scene), len(modes.omega_n)
+    family = model.one_family
     low, high = 2.0 * np.pi * np.array(frequency_band(scene.response, modes.omega_n))
-    omegas = np.union1d(np.linspace(low, high, 60), model.omega_n[(model.omega_n > low) & (model.omega_n < high)])
+    omegas = np.union1d(np.linspace(low, high, 60), family.omega_n[(family.omega_n > low) & (family.omega_n < high)])
     loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
     comm = model.comm
     peaks = comm.bcast(output_peaks(model, omegas))  # the same to the bit on all ranks: collective work hangs on it
@@ -72,9 +74,9 @@ def left_out(linearised, modes, pairs, scene) -> LeftOut:
     of_load = {h: residual_norms(linearised, modes, _load(linearised.system, model, h)[first:last])[:, 0] for h in loaded}
     of_output = residual_norms(linearised, modes, linearised.system.outputs.T.tocsr()[first:last].toarray())
     for h in loaded:
-        error = (gains(model, h * high) * of_load[h])[:, None] * of_output / peaks
+        error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks
         direct = np.maximum(direct, error.max(axis=1))
-        for omega in comm.bcast(resonances(model, pairs, omegas)) if model.n_pairs or model.C.ndim == 2 else ():
+        for omega in comm.bcast(resonances(model, pairs, omegas)) if model.n_pairs or family.damping.couples_modes else ():
             at = resonance(linearised, modes, model, pairs, omega, h, level)
             error = _through_the_joint(model, at, h, of_load[h], of_output, level) / peaks
             joint = np.maximum(joint, error.max(axis=1))
@@ -89,7 +91,7 @@ def _through_the_joint(model: ReducedModel, at: Resonance, h: int, of_load, of_o
     """
     error = np.zeros_like(of_output)
     for n in model.harmonics.above_mean:
-        rho = gains(model, n * at.omega)[:, None]
+        rho = gains(model.one_family, n * at.omega)[:, None]
         force, motion = (_content(n, h) * at.p / level)[:, None], _content(n, h) * at.pairs
         if n != h:
             error += rho * force * motion
@@ -109,14 +111,14 @@ def _content(n: int, h: int) -> float:
     return 1.0 if n <= h else 4.0 / np.pi * (h / n) ** 2
 
 
-def gains(model: ReducedModel, n_omega: float) -> np.ndarray:
+def gains(family: ModalFamily, n_omega: float) -> np.ndarray:
     """Return rho of (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out, at n omega.  Local.
 
     omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first mode left out its
     parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
     """
-    first, zeta = np.append(model.omega_n[1:], np.inf), _of_left_out(model.zeta, np.minimum)
-    s, damped = n_omega / first, 2.0 * n_omega * _of_left_out(model.zeta / model.omega_n, np.maximum)
+    first, zeta = np.append(family.omega_n[1:], np.inf), _of_left_out(family.zeta, np.minimum)
+    s, damped = n_omega / first, 2.0 * n_omega * _of_left_out(family.zeta / family.omega_n, np.maximum)
     with np.errstate(divide="ignore", invalid="ignore"):
         below = np.hypot(s**2, damped) / np.abs(1.0 - s**2 + 2j * zeta * s)
         at_resonance = 1.1 * np.sqrt(1.0 + 4.0 * zeta**2) / (2.0 * zeta) + damped
@@ -148,17 +150,14 @@ def residual_norms(linearised, modes, X_owned: np.ndarray) -> np.ndarray:
 def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
     """Return the largest amplitude of each output on the linear curve, (n_outputs,) [m/N], any harmonic but the mean.  Local."""
     nothing = np.zeros((3 * model.n_pairs, model.N_H))
-    motions = [receptance.to_complex(receptance.output_motion(model, 1.0, omega, nothing)) for omega in omegas]
+    motions = [to_complex(model.output_motion(1.0, omega, nothing)) for omega in omegas]
     return np.abs(motions)[:, :, model.harmonics.numbers > 0].max(axis=(0, 2), initial=0.0)
 
 
 def resonances(model: ReducedModel, pairs, omegas: np.ndarray) -> list[float]:
     """Return the frequencies at which the stuck joint stores most energy, and the last of the range.  Local."""
     K_J = joint_stiffness(pairs)[:, None]
-    U = [
-        receptance.to_complex(receptance.linear_motion_of_all(model, 1.0, omega))[:, model.harmonics.numbers > 0]
-        for omega in omegas
-    ]
+    U = [to_complex(model.linear_motion_of_all(1.0, omega))[:, model.harmonics.numbers > 0] for omega in omegas]
     energy = np.array([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U])
     rises = np.diff(energy, prepend=-1.0, append=-1.0) > 0.0
     tops = np.flatnonzero(rises[:-1] & ~rises[1:])
@@ -168,21 +167,18 @@ def resonances(model: ReducedModel, pairs, omegas: np.ndarray) -> list[float]:
 
 def resonance(linearised, modes, model: ReducedModel, pairs, omega: float, h: int, level: float) -> Resonance:
     """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective: static solves."""
-    system, n_out = linearised.system, model.o.shape[0]
+    system, n_out = linearised.system, model.n_outputs
     first, last = linearised.K_L.getOwnershipRange()
-    c = receptance.dynamic_part(model, omega)[0]
-    i = model.harmonics.chosen.index(h)
-    c_h = np.diag(c[:, i]) if c.ndim == 2 else c[i]
-    static, eta = np.diag(model.omega_n**-2.0), level * model.b @ receptance.to_complex(model.f)[:, i]
-    U = receptance.to_complex(receptance.linear_motion_of_all(model, level, omega))
-    U_adjoint = model.out_R.T + model.r @ c_h @ model.o.T  # (3 n_pairs, n_outputs)
+    family, (c,), i = model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
+    U = to_complex(model.linear_motion_of_all(level, omega))
+    U_adjoint = model.out_R.T + c.between(family.R_phi, i, family.o)  # (3 n_pairs, n_outputs)
     share = slipping_share(pairs, np.abs(U).sum(axis=1))
     K_J = joint_stiffness(pairs)
     p = np.column_stack([share * K_J * U[:, i], ((share > 0.0) * K_J)[:, None] * U_adjoint])
     norms = residual_norms(linearised, modes, system.R.T.tocsr()[first:last] @ p)
     drags = np.zeros_like(norms)
-    if model.C.ndim == 2:
-        z = (c_h + static) @ np.column_stack([eta, model.o.T])
+    if family.damping.couples_modes:
+        z = c.whole(np.column_stack([level * family.b @ to_complex(model.f)[:, i], family.o.T]), i)
         u_owned = modes.phi_owned @ np.concatenate([z.real, z.imag], axis=1)
         Cu_owned = h * omega * multiply(system.C, u_owned)
         drags = residual_norms(linearised, modes, Cu_owned[:, : n_out + 1] + 1j * Cu_owned[:, n_out + 1 :])
@@ -209,4 +205,4 @@ def _excess(force: np.ndarray, limit: np.ndarray) -> np.ndarray:
 def _load(system, model: ReducedModel, h: int) -> np.ndarray:
     """Return harmonic h of the loads at unit level, (n_dof, 1), complex [N/N]."""
     i = model.harmonics.chosen.index(h)
-    return system.loads @ receptance.to_complex(model.f)[:, i : i + 1]
+    return system.loads @ to_complex(model.f)[:, i : i + 1]

@@ -31,7 +31,7 @@ class March:
 
     def __init__(self, model: TransientModel, omega: np.ndarray, level: np.ndarray, n_steps: int, rho: float = RHO):
         self.model, self.omega, self.level, self.n_steps = model, omega, level, n_steps
-        self.scheme = GeneralisedAlpha(model.omega_n, model.C, fitted_angle(n_steps, rho) / omega, rho)
+        self.scheme = GeneralisedAlpha(model.modes.omega_n, model.modes.damping, fitted_angle(n_steps, rho) / omega, rho)
         self.f = model.loads(n_steps)
 
     def take(self, points) -> March:
@@ -49,7 +49,7 @@ class March:
         """
         model, B = self.model, len(self.level)
         contact = StepContact(model, self.scheme)
-        shape, m = (self.n_steps, B), len(model.omega_n)
+        shape, m = (self.n_steps, B), len(model.modes.omega_n)
         cycle = Cycle(
             np.empty((*shape, m)),
             np.empty((*shape, m)),
@@ -58,15 +58,15 @@ class March:
         )
         factor = np.ones(self.n_steps) if ramp is None else ramp
         before = 1.0 if ramp is None else 2.0 * ramp[0] - ramp[1]  # the factor at the beginning of the period
-        q_load = before * self.level[:, None] * (model.b @ self.f[-1])
+        q_load = before * self.level[:, None] * (model.modes.b @ self.f[-1])
         guess = p
         for k in range(self.n_steps):
             f = factor[k] * self.f[k]
-            q_before, q_load = q_load - p @ model.r, self.level[:, None] * (model.b @ f)
+            q_before, q_load = q_load - p @ model.modes.R_phi, self.level[:, None] * (model.modes.b @ f)
             free = self.scheme.free(z, q_before, q_load)
             p_before = p
-            p, state = contact.solve(free.eta @ model.r.T + self.level[:, None] * (model.s @ f), p_before, guess)
-            z = self.scheme.kicked(free, -(p @ model.r))
+            p, state = contact.solve(free.eta @ model.modes.R_phi.T + self.level[:, None] * (model.s @ f), p_before, guess)
+            z = self.scheme.kicked(free, -(p @ model.modes.R_phi))
             guess = 2.0 * p - p_before
             cycle.eta[k], cycle.v[k], cycle.p[k] = z.eta, z.v, p
             np.maximum(cycle.state, state, out=cycle.state)
@@ -76,8 +76,9 @@ class March:
 class StepContact:
     """The contact problem at the end of a step, p = law(p_before, du_free - G_h p), of B points.
 
-    G_h = G + r (d eta / d q) r^T is the flexibility within a step.  Newton's method with the exact derivative of the return map:
-    of the pairs that stick p is known, so that a linear system of the moving components alone is left, a point at a time.
+    G_h = G + R_phi (d eta / d q) R_phi^T is the flexibility within a step.  Newton's method with the exact derivative of the
+    return map: of the pairs that stick p is known, so that a linear system of the moving components alone is left, a point at a
+    time.
     """
 
     def __init__(self, model: TransientModel, scheme: GeneralisedAlpha):
@@ -91,9 +92,8 @@ class StepContact:
         if len(rows) == 0:
             return np.zeros_like(p)
         few = p[:, rows]
-        q = few @ self.model.r[rows]
-        q = self.flexibility * q if q.shape == self.flexibility.shape else np.einsum("bij,bj->bi", self.flexibility, q)
-        return few @ self.model.G[rows] + q @ self.model.r.T
+        R_phi = self.model.modes.R_phi
+        return few @ self.model.G[rows] + self.flexibility.apply(few @ R_phi[rows]) @ R_phi.T
 
     def solve(self, du_free: np.ndarray, p_before: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return p (B, 3 n_pairs) and states (B, n_pairs) at the end of the step.  Local."""
@@ -129,7 +129,7 @@ class StepContact:
 
     def _newton(self, p, new, L, wrong) -> np.ndarray:
         """Return Newton's step dp, (1 + L G_h) dp = new - p, of the ``wrong`` points; zero for the others."""
-        step, model = np.zeros_like(p), self.model
+        step, model, R_phi = np.zeros_like(p), self.model, self.model.modes.R_phi
         step[wrong] = (new - p)[wrong]
         moving = L.any(axis=-1)  # (B, n, 3): rows of L that are not zero
         known = np.where(moving.reshape(p.shape), 0.0, step)
@@ -144,12 +144,9 @@ class StepContact:
             if sticking is not None:
                 right = right - (L_rows * sticking[b, pair]).sum(axis=1)
             of_pair = 3 * pair[:, None] + np.arange(3)  # du of the pair of each row
-            G_h = model.G[of_pair[:, :, None], rows] + self._dynamic(b, of_pair.ravel(), rows).reshape(len(rows), 3, -1)
+            dynamic = self.flexibility.between(R_phi[of_pair.ravel()], b, R_phi[rows])
+            G_h = model.G[of_pair[:, :, None], rows] + dynamic.reshape(len(rows), 3, -1)
             J = np.einsum("ki,kij->kj", L_rows, G_h)
             J[np.diag_indices_from(J)] += 1.0
             step[b, rows] = np.linalg.solve(J, right)
         return step
-
-    def _dynamic(self, b: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        d, r = self.flexibility[b], self.model.r
-        return (r[rows] * d if d.ndim == 1 else r[rows] @ d) @ r[columns].T

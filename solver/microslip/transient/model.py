@@ -8,20 +8,17 @@ import numpy as np
 
 from ..contact.law import ContactParameters
 from ..fourier.coefficients import synthesise
+from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
 
 
 @dataclass(frozen=True, eq=False)
 class TransientModel:
-    """Modes and what is left of statics beside them; du = r eta + s f - G p, everything replicated."""
+    """Modes and what is left of statics beside them; du = R_phi eta + s f - G p, everything replicated."""
 
-    omega_n: np.ndarray  # (m,) rad/s
-    C: np.ndarray  # phi^T C phi, (m,) or (m, m) [1/s]
-    r: np.ndarray  # (3 n_pairs, m) R phi
-    b: np.ndarray  # (m, n_loads) phi^T f
-    G: np.ndarray  # (3 n_pairs, 3 n_pairs) G_static - r Omega^-2 r^T [m/N]
-    s: np.ndarray  # (3 n_pairs, n_loads) du_static - r Omega^-2 b [m/N]
-    o: np.ndarray  # (n_outputs, m) output rows times phi
+    modes: ModalFamily
+    G: np.ndarray  # (3 n_pairs, 3 n_pairs) G_static - R_phi Omega^-2 R_phi^T [m/N]
+    s: np.ndarray  # (3 n_pairs, n_loads) du_static - R_phi Omega^-2 b [m/N]
     out_f: np.ndarray  # (n_outputs, n_loads) outputs' residual flexibility to the loads [m/N]
     out_p: np.ndarray  # (n_outputs, 3 n_pairs) the same to p
     load_f: np.ndarray  # (n_loads, n_loads) the loads' own [m/N]
@@ -30,14 +27,14 @@ class TransientModel:
 
     @property
     def n_pairs(self) -> int:
-        return self.r.shape[0] // 3
+        return len(self.s) // 3
 
     def loads(self, n_steps: int) -> np.ndarray:
         """Return the loads at unit level at the ends 1 ... ``n_steps`` of the steps of a period, (n_steps, n_loads).  Local."""
         return np.roll(synthesise(self.f, n_steps), -1, axis=1).T
 
     def beyond_modes(self, level: np.ndarray, f: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return du - r eta = level s f - G p, (..., 3 n_pairs) [m], of loads f (n_loads,) and p (..., 3 n_pairs).  Local."""
+        """Return du - R_phi eta = level s f - G p, (..., 3 n_pairs) [m], of loads f (n_loads,) and p (..., 3 n_pairs).  Local."""
         return level[..., None] * (self.s @ f) - p @ self.G.T
 
 
@@ -45,18 +42,15 @@ def transient_model(model: ReducedModel, parameters: ContactParameters) -> Trans
     """Return the model for time integration.  Collective on ``model.comm``: static columns of all pairs, and one gather."""
     rows = np.ascontiguousarray(model.G_static.transposed(np.arange(model.n_pairs)).T)
     G_static = rows if model.comm.size == 1 else np.concatenate(model.comm.allgather(rows))
-    flexibility = model.omega_n**-2.0
+    modes = model.one_family
+    R_flexibility, o_flexibility, b_flexibility = (x * modes.omega_n**-2.0 for x in (modes.R_phi, modes.o, modes.b.T))
     return TransientModel(
-        omega_n=model.omega_n,
-        C=model.C,
-        r=model.r,
-        b=model.b,
-        o=model.o,
+        modes=modes,
         f=model.f,
         parameters=parameters,
-        G=G_static - (model.r * flexibility) @ model.r.T,
-        s=model.du_static - (model.r * flexibility) @ model.b,
-        out_f=model.out_static - (model.o * flexibility) @ model.b,
-        out_p=model.out_R - (model.o * flexibility) @ model.r.T,
-        load_f=model.load_static - (model.b.T * flexibility) @ model.b,
+        G=G_static - R_flexibility @ modes.R_phi.T,
+        s=model.du_static - R_flexibility @ modes.b,
+        out_f=model.out_static - o_flexibility @ modes.b,
+        out_p=model.out_R - o_flexibility @ modes.R_phi.T,
+        load_f=model.load_static - b_flexibility @ modes.b,
     )

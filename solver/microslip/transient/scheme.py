@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from ..receptance.damping import Damping, StepFlexibility
+
 RHO = 0.9  # spectral radius at infinite frequency: what the step does not resolve loses 10 % a step
 
 
@@ -31,53 +33,41 @@ class GeneralisedAlpha:
 
     Parameters
     ----------
-    omega_n, C : (m,) and (m,) or (m, m), of every point
+    omega_n, damping : (m,) and phi^T C phi, of every point
     h : (B,) s
     rho : spectral radius at infinite frequency, 0 to 1; 1 loses nothing
     """
 
-    def __init__(self, omega_n: np.ndarray, C: np.ndarray, h: np.ndarray, rho: float = RHO):
+    def __init__(self, omega_n: np.ndarray, damping: Damping, h: np.ndarray, rho: float = RHO):
         self.alpha_m, self.alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
         self.gamma = 0.5 - self.alpha_m + self.alpha_f
         self.beta = 0.25 * (1.0 - self.alpha_m + self.alpha_f) ** 2
-        self.omega_n, self.squares, self.C, self.rho = omega_n, omega_n**2, C, rho
+        self.omega_n, self.squares, self.damping, self.rho = omega_n, omega_n**2, damping, rho
         self.h = h[:, None]
         keep, now = 1.0 - self.alpha_m, 1.0 - self.alpha_f
-        if C.ndim == 1:
-            self.A = keep + now * (self.gamma * self.h * C + self.beta * self.h**2 * self.squares)
-        else:
-            h3 = h[:, None, None]
-            K_h = self.gamma * h3 * C + self.beta * h3**2 * np.diag(self.squares)
-            self.A = np.linalg.inv(keep * np.eye(len(omega_n)) + now * K_h)
+        self.A = damping.step_matrix(omega_n, keep, now, self.gamma * h, self.beta * h**2)
 
     def take(self, points) -> GeneralisedAlpha:
         """Return the scheme of some of the points.  Local."""
-        return GeneralisedAlpha(self.omega_n, self.C, self.h[points, 0], self.rho)
+        return GeneralisedAlpha(self.omega_n, self.damping, self.h[points, 0], self.rho)
 
     def free(self, z: Motion, q_before: np.ndarray, q: np.ndarray) -> Motion:
         """Return the motion after a step under modal forces ``q_before`` at its begin, ``q`` at its end, (B, m).  Local."""
         h, now = self.h, 1.0 - self.alpha_f
         eta = z.eta + h * z.v + h**2 * (0.5 - self.beta) * z.a
         v = z.v + h * (1.0 - self.gamma) * z.a
-        history = self._times_C(now * v + self.alpha_f * z.v) + self.squares * (now * eta + self.alpha_f * z.eta)
-        a = self._solve(now * q + self.alpha_f * q_before - self.alpha_m * z.a - history)
+        history = self.damping.apply_to_rows(now * v + self.alpha_f * z.v) + self.squares * (now * eta + self.alpha_f * z.eta)
+        a = self.A.solve(now * q + self.alpha_f * q_before - self.alpha_m * z.a - history)
         return Motion(eta + self.beta * h**2 * a, v + self.gamma * h * a, a)
 
     def kicked(self, z: Motion, q: np.ndarray) -> Motion:
         """Return the motion with a further modal force ``q`` (B, m) at the end of the step.  Local."""
-        a = (1.0 - self.alpha_f) * self._solve(q)
+        a = (1.0 - self.alpha_f) * self.A.solve(q)
         return Motion(z.eta + self.beta * self.h**2 * a, z.v + self.gamma * self.h * a, z.a + a)
 
-    def flexibility(self) -> np.ndarray:
-        """Return d eta / d q at the end of a step, (B, m) or (B, m, m).  Local."""
-        h2 = (1.0 - self.alpha_f) * self.beta * self.h**2
-        return h2 / self.A if self.C.ndim == 1 else h2[..., None] * self.A
-
-    def _times_C(self, v: np.ndarray) -> np.ndarray:
-        return self.C * v if self.C.ndim == 1 else v @ self.C.T
-
-    def _solve(self, q: np.ndarray) -> np.ndarray:
-        return q / self.A if self.C.ndim == 1 else np.einsum("bij,bj->bi", self.A, q)
+    def flexibility(self) -> StepFlexibility:
+        """Return d eta / d q at the end of a step.  Local."""
+        return self.A.flexibility((1.0 - self.alpha_f) * self.beta * self.h[:, 0] ** 2)
 
     # -- a period of free motion, in the scaled coordinates Omega eta, eta', eta'' / Omega -----------------------------
 
@@ -91,16 +81,12 @@ class GeneralisedAlpha:
 
     def solve_period(self, x: np.ndarray, n_steps: int) -> np.ndarray:
         """Return y with y - Phi^n_steps y = x for scaled coordinates (B, m, 3), Phi being a step without force.  Local."""
-        m = len(self.omega_n)
-        if self.C.ndim == 1:  # a block of 3 x 3 a mode
-            columns = [self._scaled_step(np.broadcast_to(np.eye(3)[i], x.shape)) for i in range(3)]
-            Phi, x = np.stack(columns, axis=-1), x[..., None]
-        else:
-            units = np.eye(3 * m).reshape(3 * m, 1, m, 3)
-            columns = [self._scaled_step(np.broadcast_to(unit, x.shape)).reshape(len(x), -1) for unit in units]
-            Phi, x = np.stack(columns, axis=-1), x.reshape(len(x), -1, 1)
-        period = np.eye(Phi.shape[-1]) - np.linalg.matrix_power(Phi, n_steps)
-        return np.linalg.solve(period, x).reshape(len(x), m, 3)
+        n = 3 * self.damping.n_coupled  # a block of 3 x 3 a mode with modal damping, else of all
+        blocks = (len(x), 3 * len(self.omega_n) // n, n)
+        units = [np.broadcast_to(unit, blocks).reshape(x.shape) for unit in np.eye(n)]
+        Phi = np.stack([self._scaled_step(unit).reshape(blocks) for unit in units], axis=-1)
+        period = np.eye(n) - np.linalg.matrix_power(Phi, n_steps)
+        return np.linalg.solve(period, x.reshape(*blocks, 1)).reshape(x.shape)
 
     def _scaled_step(self, x: np.ndarray) -> np.ndarray:
         z = self.unpack(x)
@@ -126,6 +112,6 @@ def step_angle(angle: float, rho: float = RHO) -> float:
 
 def step_factors(angle: float, rho: float = RHO) -> np.ndarray:
     """Return the eigenvalues of a step of an undamped oscillator with omega h = ``angle``, (3,).  Local."""
-    scheme = GeneralisedAlpha(np.ones(1), np.zeros(1), np.array([angle]), rho)
+    scheme = GeneralisedAlpha(np.ones(1), Damping(np.zeros(1)), np.array([angle]), rho)
     columns = [scheme._scaled_step(np.eye(3)[i].reshape(1, 1, 3)).ravel() for i in range(3)]
     return np.linalg.eigvals(np.stack(columns, axis=-1))

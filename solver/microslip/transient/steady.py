@@ -44,7 +44,7 @@ class Found:
 
 def from_rest(model: TransientModel, n_points: int) -> Start:
     """Return rest, no traction.  Local."""
-    zero = np.zeros((n_points, len(model.omega_n)))
+    zero = np.zeros((n_points, len(model.modes.omega_n)))
     return Start(Motion(zero, zero, zero), np.zeros((n_points, 3 * model.n_pairs)))
 
 
@@ -114,7 +114,7 @@ def steady_state(
     ConvergenceError : a step has no solution that Newton finds
     """
     B = len(march.level)
-    accelerations = [Acceleration(3 * len(march.model.omega_n)) for _ in range(B)] if accelerated else None
+    accelerations = [Acceleration(3 * len(march.model.modes.omega_n)) for _ in range(B)] if accelerated else None
     K_J = np.stack([march.model.parameters.k_t, march.model.parameters.k_t, march.model.parameters.k_n], axis=1).ravel()
     root = np.sqrt(np.where(K_J > 0.0, K_J, 1.0))  # p / root is an energy's root, as the scaled motion is
     found: list[tuple] = [()] * B
@@ -130,7 +130,7 @@ def steady_state(
         correction = part.scheme.solve_period(after - before, march.n_steps)
         size = np.maximum(_norm(after), 1e-300)
         distance = _norm(correction) / size
-        du = np.abs(cycle.eta @ march.model.r.T).max(axis=0, initial=0.0)
+        du = np.abs(cycle.eta @ march.model.modes.R_phi.T).max(axis=0, initial=0.0)
         force = np.maximum((K_J * du).max(axis=1, initial=0.0), 1e-300)
         moved = np.abs(p - now.p).max(axis=1, initial=0.0) / force
         change = np.maximum(_norm(after - before) / size, moved)
@@ -190,9 +190,9 @@ def _together(found: list[tuple]) -> Found:
 def samples(model: TransientModel, level: np.ndarray, cycle: Cycle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return du (n_steps, B, 3 n_pairs), the outputs (.., n_outputs) and f^T u (.., n_loads) at the ends of the steps.  Local."""
     f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]  # (n_steps, B, n_loads)
-    du = cycle.eta @ model.r.T + f @ model.s.T - cycle.p @ model.G.T
-    output = cycle.eta @ model.o.T + f @ model.out_f.T - cycle.p @ model.out_p.T
-    along = cycle.eta @ model.b + f @ model.load_f.T - cycle.p @ model.s
+    du = cycle.eta @ model.modes.R_phi.T + f @ model.s.T - cycle.p @ model.G.T
+    output = cycle.eta @ model.modes.o.T + f @ model.out_f.T - cycle.p @ model.out_p.T
+    along = cycle.eta @ model.modes.b + f @ model.load_f.T - cycle.p @ model.s
     return du, output, along
 
 
@@ -207,8 +207,7 @@ def energies(
     """Return input, viscous and friction loss a period, (B,) [J], by the trapezoidal rule.  Local."""
     du, _, along = samples(model, level, cycle)
     f = level[:, None] * model.loads(len(cycle.eta))[:, None, :]
-    C_v = cycle.v * model.C if model.C.ndim == 1 else cycle.v @ model.C
-    damping = (cycle.v * C_v).sum(axis=(0, 2)) * 2.0 * np.pi / omega / len(cycle.eta)
+    damping = (cycle.v * model.modes.damping.apply_to_rows(cycle.v)).sum(axis=(0, 2)) * 2.0 * np.pi / omega / len(cycle.eta)
     return _work(f, along), damping, _work(cycle.p, du)
 
 

@@ -6,11 +6,10 @@ import time
 from pathlib import Path
 
 from ...contact.law import ContactParameters
-from ...continuation.branch import Branch
-from ...continuation.follow import follow_branch
+from ...continuation.follow import BranchTask, follow_branch
 from ...continuation.grid import at_frequencies, going_on
-from ...continuation.levels import arc_length_steps, frequency_sweep, likely_to_slip, linear_curve, most_points
-from ...harmonic.residual import HarmonicBalance
+from ...continuation.levels import ResponseProblem, most_points, response_problem
+from ...library.response_settings import response_settings
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, ConvergenceError
@@ -86,8 +85,8 @@ class Comparison:
         self.scene, self.structure, self.log = scene, structure, log
         self.comm = structure.linearised.system.comm
         pairs = structure.pairs
-        self.parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-        self.sweep = frequency_sweep(scene.response, structure.modes.omega_n)
+        self.law = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+        self.settings = response_settings(scene)
         self.omegas: dict[float, list[float]] = {}
 
     def reference(self, asked: bool) -> tuple[str, Reduction, float]:
@@ -113,13 +112,12 @@ class Comparison:
         with self.log.stage(f"reduction: {method}"):
             check_size(scene, system.n_dof, system.R.shape[0], self.comm)
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-        seconds = time.perf_counter() - start
-        model = reduction.model
-        model.G_static.likely = likely_to_slip(model, self.parameters, linear_curve(model, self.sweep))
-        return reduction, seconds
+        return reduction, time.perf_counter() - start
 
-    def problem(self, reduction: Reduction, level: float) -> HarmonicBalance:
-        return HarmonicBalance(reduction.model, self.parameters, self.scene.solver.samples, level)
+    def response(self, reduction: Reduction) -> ResponseProblem:
+        """Return what all levels share.  Collective."""
+        omega_n = self.structure.modes.omega_n
+        return response_problem(self.settings, reduction.model, self.law, reduction.selection, omega_n)
 
     def points_of(self, method: str, reduction: Reduction) -> None:
         """Follow the reference by arc length: its points are those of every method.  Collective.
@@ -128,30 +126,22 @@ class Comparison:
         ------
         ConvergenceError : no second point at some level; on every rank
         """
-        response, solver = self.scene.response, self.scene.solver
-        steps = arc_length_steps(self.scene.continuation, response.points, linear_curve(reduction.model, self.sweep))
+        response, settings = self.response(reduction), self.settings
         with self.log.stage(f"frequencies, along the curve of {method}"):
-            for level in response.levels:
-                branch = follow_branch(
-                    self.problem(reduction, level),
-                    reduction.selection,
-                    self.sweep,
-                    steps,
-                    tolerance=solver.tolerance,
-                    max_points=most_points(response.points),
+            for level in settings.levels:
+                task = BranchTask(
+                    response.at_level(level), response.selection, response.sweep, response.steps, settings.tolerance
                 )
-                self.omegas[level] = going_on(branch.points, self.sweep.direction)
+                branch = follow_branch(task, most_points(settings.points))
+                self.omegas[level] = going_on(branch.points, response.sweep.direction)
                 if len(self.omegas[level]) < 2:
                     raise ConvergenceError(f"{method} at {level:g} N: {branch.failure}")
 
     def rows(self, method: str, reduction: Reduction, seconds: float) -> list[Row]:
         """Return what a method does at the frequencies of each level.  Collective."""
-        rows = []
+        rows, response, tolerance = [], self.response(reduction), self.settings.tolerance
         with self.log.stage(f"response: {method}"):
             for level, omegas in self.omegas.items():
-                branch = self.solve(reduction, level, omegas)
+                branch = at_frequencies(response.at_level(level), response.selection, omegas, tolerance=tolerance)
                 rows.append(Row(level, method, seconds, branch.points, branch.failure))
         return rows
-
-    def solve(self, reduction: Reduction, level: float, omegas: list[float]) -> Branch:
-        return at_frequencies(self.problem(reduction, level), reduction.selection, omegas, tolerance=self.scene.solver.tolerance)

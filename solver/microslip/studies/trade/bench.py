@@ -13,11 +13,13 @@ from ...continuation.accuracy import Accuracy, accuracy_of
 from ...continuation.branch import Branch
 from ...continuation.grid import at_frequencies
 from ...continuation.levels import frequency_sweep, likely_to_slip, linear_curve
+from ...continuation.problems import ForcedResponse
 from ...error_estimate.better_model import BetterModel, better_model_of
 from ...error_estimate.components import total
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
-from ...harmonic.residual import ContactForces, HarmonicBalance
+from ...harmonic.balance import ContactForces, HarmonicBalance
+from ...library.response_settings import response_settings
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...parallel.errors import MicroslipError
 from ...receptance.static_columns import StaticColumns
@@ -62,7 +64,7 @@ class Bench:
         self.comm = structure.linearised.system.comm
         pairs = structure.pairs
         self.parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-        self.sweep = frequency_sweep(scene.response, structure.modes.omega_n)
+        self.sweep = frequency_sweep(response_settings(scene), structure.modes.omega_n)
         self.least_harmonics = max([1, *(load.harmonic for load in scene.loads)])
         self.modes: Modes = structure.modes
         self.has_all_modes = len(structure.modes.omega_n) == structure.linearised.system.n_dof
@@ -156,19 +158,19 @@ class Bench:
 
     # -- response ----------------------------------------------------------------------------------------------
 
-    def problem(self, prepared: Prepared, setting: Setting, level: float) -> HarmonicBalance:
+    def problem(self, prepared: Prepared, setting: Setting, level: float) -> ForcedResponse:
         """Return harmonic balance of a setting at a level [N]."""
         model = prepared.reduction.model.with_harmonics(Harmonics.up_to(setting.harmonics))
-        return HarmonicBalance(model, self.parameters, setting.samples, level)
+        return ForcedResponse(HarmonicBalance.of_all(model, self.parameters, setting.samples), level)
 
-    def accuracy_of(self, setting: Setting, problem: HarmonicBalance) -> Accuracy | None:
+    def accuracy_of(self, setting: Setting, problem: ForcedResponse) -> Accuracy | None:
         """Return a new choice of harmonics and samples for a branch of a setting; the scene's own are left to it."""
         if setting.accuracy is None:
             return None
         own = self.scene.solver
         stated = {name: getattr(own, name) for name in own.model_fields_set - {"harmonics", "samples", "tolerance"}}
         solver = type(own)(**stated | {"accuracy": setting.accuracy})
-        return accuracy_of(self.scene.model_copy(update={"solver": solver}), problem)
+        return accuracy_of(response_settings(self.scene.model_copy(update={"solver": solver})), problem.equation)
 
     def run(self, knob: str, value: str, setting: Setting, omegas: Mapping[float, Sequence[float]], bars: bool = True) -> Run:
         """Return what a setting does at the frequencies of each level, timed; a failure is part of it."""
@@ -259,10 +261,15 @@ class TimedEstimator(ErrorEstimator):
         self.spent = np.zeros(2)
 
     def at(
-        self, problem: HarmonicBalance, U: np.ndarray, parameter: float, selected: np.ndarray, of_all: ContactForces | None = None
+        self,
+        equation: HarmonicBalance,
+        U: np.ndarray,
+        at: OperatingPoint,
+        selected: np.ndarray,
+        of_all: ContactForces | None = None,
     ) -> np.ndarray | None:
         start = Stopwatch.read()
-        parts = super().at(problem, U, parameter, selected, of_all)
+        parts = super().at(equation, U, at, selected, of_all)
         self.spent += Stopwatch.read() - start
         return parts
 

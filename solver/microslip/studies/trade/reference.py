@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...continuation.branch import Branch
-from ...continuation.corrector import Iterate
-from ...continuation.follow import BranchFollower, follow_branch
-from ...continuation.grid import STEPS as ON_GRID
-from ...continuation.grid import at_frequencies, going_on
+from ...continuation.follow import BranchTask, follow_branch
+from ...continuation.grid import at_frequencies, going_on, range_of
+from ...continuation.iterate import Iterate
 from ...continuation.levels import arc_length_steps, linear_curve
 from ...continuation.point_record import point_record
-from ...continuation.sweep import Sweep
+from ...continuation.point_solver import PointSolver, Workspace
+from ...library.response_settings import response_settings
 from ...parallel.errors import CaseError, ConvergenceError
 from .bench import Bench, Clock, curve_of
 from .study import ROUNDING, TARGETS, Check, Curve, Reference, Setting, difference, uncertainty
@@ -50,17 +50,13 @@ def frequencies(bench: Bench, setting: Setting, levels: Sequence[float] | None) 
     ConvergenceError : no level has a curve; on every rank
     """
     prepared, found, most, failures, any_slips = bench.prepared(setting), {}, 0.0, [], False
-    steps = arc_length_steps(bench.scene.continuation, STEPS, linear_curve(prepared.reduction.model, bench.sweep))
+    settings = replace(response_settings(bench.scene), points=STEPS)
+    steps = arc_length_steps(settings, linear_curve(prepared.reduction.model, bench.sweep))
     strongest = max(levels or bench.scene.response.levels)
     for level in [strongest, *sorted(set(levels or bench.scene.response.levels) - {strongest})]:
-        branch = follow_branch(
-            bench.problem(prepared, setting, level),
-            prepared.reduction.selection,
-            bench.sweep,
-            steps,
-            tolerance=setting.tolerance,
-            max_points=20 * STEPS,
-        )
+        problem = bench.problem(prepared, setting, level)
+        task = BranchTask(problem, prepared.reduction.selection, bench.sweep, steps, setting.tolerance)
+        branch = follow_branch(task, 20 * STEPS)
         omegas, slips = going_on(branch.points, bench.sweep.direction), any(np.any(point.state != 0) for point in branch.points)
         slips = bench.comm.bcast(slips)
         if len(omegas) < FEWEST:
@@ -135,31 +131,20 @@ class Ladder:
 
     def _from(self, motions, prepared, setting: Setting, level: float, omegas) -> tuple[Branch | None, list[Iterate]]:
         """Return the points found from solutions of another setting; None where one is not found so."""
-        follower = self._follower(prepared, setting, level, omegas)
-        branch, found = Branch(level), []
-        everything = np.ones(follower.problem.model.n_pairs, dtype=bool)
+        problem, selection = self.bench.problem(prepared, setting, level), prepared.reduction.selection
+        workspace, branch, found = Workspace(problem.equation), Branch(level), []
+        solver = PointSolver(problem, selection, range_of(omegas), setting.tolerance, workspace)
         try:
             for motion in motions:
-                guess = follower.fitted(motion)
-                correction, selected = follower.solve_at(guess, follower.norm(guess.U), everything)
-                if correction.failure:
+                guess = motion.on(solver.harmonics)
+                at_point = solver.solve_at(guess, solver.norm(guess.U), problem.equation.every_pair)
+                if at_point[0].failure:
                     return None, []
-                selection = prepared.reduction.selection
-                branch.points.append(point_record(follower.problem, correction, selected, selection, True)[0])
-                found.append(correction.iterate)
+                branch.points.append(point_record(problem, selection, at_point, asked=True)[0])
+                found.append(at_point[0].iterate)
         finally:
-            follower.destroy()
+            workspace.destroy()
         return branch, found
-
-    def _follower(self, prepared, setting: Setting, level: float, omegas) -> BranchFollower:
-        width = float(np.ptp(omegas)) or 1e-3 * omegas[0]
-        return BranchFollower(
-            self.bench.problem(prepared, setting, level),
-            prepared.reduction.selection,
-            Sweep(omegas[0], omegas[0] + width),
-            ON_GRID,
-            setting.tolerance,
-        )
 
     def _anew(self, prepared, setting: Setting, level: float, omegas) -> tuple[Branch, list[Iterate]]:
         """Return the points, each found from those before it."""
@@ -170,10 +155,10 @@ class Ladder:
                 f"no reference at {level:g} N: {setting} ends after {len(branch.points)} of {len(omegas)} "
                 f"points: {branch.failure}"
             )
-        model = problem.model
+        model = problem.equation.model
         motions = self.bench.comm.bcast([point.U for point in branch.points])
         owned = [model.recorded.carry(U[model.owned], model.harmonics) for U in motions]
-        return branch, [Iterate(U, point.omega) for U, point in zip(owned, branch.points)]
+        return branch, [Iterate(U, (point.omega,), model.harmonics) for U, point in zip(owned, branch.points)]
 
 
 def find_reference(

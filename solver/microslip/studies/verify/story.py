@@ -10,16 +10,17 @@ import numpy as np
 
 from ...contact.law import ContactParameters
 from ...continuation.branch import Branch
-from ...continuation.levels import follow_level, frequency_sweep, likely_to_slip, linear_curve
+from ...continuation.levels import follow_level, response_problem
 from ...error_estimate.better_model import BetterModel, better_model_of
+from ...fourier.amplitudes import to_real
 from ...fourier.coefficients import cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
+from ...library.response_settings import response_settings
 from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
 from ...receptance.model import ReducedModel
-from ...receptance.motion import modal_motion, to_real
 from ...reduction.methods import reduce_by_method
 from ...results.measures import amplitude
 from ...run import build_structure
@@ -121,7 +122,7 @@ def by_what_is_asked(scene, asked: Asked):
 def curves(
     scene,
     model: ReducedModel,
-    parameters: ContactParameters,
+    law: ContactParameters,
     selection,
     omega_n: np.ndarray,
     at: tuple[float, ...],
@@ -134,15 +135,10 @@ def curves(
     CaseError : a frequency of --at outside the range, on every rank
     """
     try:
-        sweep = frequency_sweep(scene.response, omega_n)
+        response = response_problem(response_settings(scene), model, law, selection, omega_n, better)
     except CaseError as problem:
         raise CaseError(str(problem).replace("[response] at", "--at") if at else str(problem)) from None
-    curve = linear_curve(model, sweep, parameters)
-    model.G_static.likely = likely_to_slip(model, parameters, curve)
-    return [
-        follow_level(scene, model, parameters, selection, sweep, curve, level, lambda point: None, better)
-        for level in scene.response.levels
-    ]
+    return [follow_level(response, level) for level in response.settings.levels]
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,7 +244,8 @@ def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen
     """Return the motions of harmonic balance at t = 0: among steady states that differ by residual tractions, theirs."""
     N_H = chosen[0].p.shape[-1]
     model = model.with_harmonics(Harmonics.full(N_H))
-    eta = [to_real(modal_motion(model, one.level, one.omega, one.p.reshape(-1, N_H)), N_H) for one in chosen]
+    motions = [model.modal_motion(one.level, one.omega, one.p.reshape(-1, N_H)) for one in chosen]
+    eta = [to_real(of_family, N_H) for (of_family,) in motions]
     return from_harmonics(
         transient, np.array([one.omega for one in chosen]), np.array(eta), np.array([one.U for one in chosen]), n_steps
     )

@@ -1,0 +1,27 @@
+"""Complex amplitudes, cos - i sin, of real Fourier coefficients, and back.  NumPy only; every function is local.
+
+Coefficients run in the order of harmonics.py, an odd number exactly if there is a mean; each harmonic has one amplitude.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def to_complex(coefficients: np.ndarray) -> np.ndarray:
+    """Return complex amplitudes (m, n_harmonics) of real coefficients (m, N_H)."""
+    first = coefficients.shape[1] % 2  # column of the first cosine
+    amplitudes = np.empty((coefficients.shape[0], (coefficients.shape[1] + 1) // 2), dtype=complex)
+    amplitudes[:, :first] = coefficients[:, :first]
+    amplitudes[:, first:] = coefficients[:, first::2] - 1j * coefficients[:, first + 1 :: 2]
+    return amplitudes
+
+
+def to_real(amplitudes: np.ndarray, N_H: int) -> np.ndarray:
+    """Return real coefficients (m, N_H) of complex amplitudes (m, n_harmonics)."""
+    first = N_H % 2
+    coefficients = np.empty((amplitudes.shape[0], N_H))
+    coefficients[:, :first] = amplitudes[:, :first].real
+    coefficients[:, first::2] = amplitudes[:, first:].real
+    coefficients[:, first + 1 :: 2] = -amplitudes[:, first:].imag
+    return coefficients

@@ -1,0 +1,152 @@
+"""The receptance G_n(omega) of some pairs at one frequency: products, rate, blocks (docs/theory.md, eq. 4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from copy import copy
+from functools import cached_property
+from math import prod
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .damping import Flexibility
+
+if TYPE_CHECKING:
+    from .model import ReducedModel
+
+
+class ReceptanceColumns:
+    """Columns of G_n(omega), all harmonics of the set, that belong to some pairs; rows are those of this rank's pairs."""
+
+    def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
+        self.model, self.omega, self.active = model, omega, active
+        self.G_static = model.G_static.transposed(active)
+        self.flexibilities: Sequence[Flexibility] = model.flexibilities(omega)
+        rows = slice(None) if len(active) == model.n_pairs else (3 * active[:, None] + np.arange(3)).ravel()
+        self.R_active = [share.family.R_phi[rows] for share in model.shares]
+        self.shape = (-1, 3, model.N_H)
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """Rows of the active pairs of this rank, counted from its first, (3 m,)."""
+        first, last = self.model.owned.start, self.model.owned.stop
+        own = self.active[(self.active >= first) & (self.active < last)] - first
+        return (3 * own[:, None] + np.arange(3)).ravel()
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
+        if len(p) == 0:
+            return np.zeros((self.model.owned.stop - self.model.owned.start, *self.shape[1:]))
+        return ((p.T @ self.G_static).T + self._dynamic(self.flexibilities, p)).reshape(self.shape)
+
+    def apply_rate(self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0) -> np.ndarray:
+        """Return dG p on this rank's pairs, (n_owned, 3, N_H), dG being the rate of G where omega changes at ``d_omega`` and a
+        damping sigma M at ``d_sigma``: eq. (5.2).  Local; of G itself, not of an adjoint."""
+        rates = [c.rate(d_omega, d_sigma) for c in self.model.flexibilities(self.omega)]
+        return self._dynamic(rates, p).reshape(self.shape)
+
+    def _dynamic(self, flexibilities: Sequence[Flexibility], p: np.ndarray) -> np.ndarray:
+        """Return R phi c_n phi^T R^T p, (3 n_owned, N_H)."""
+        model, own = self.model, self.model.owned_rows
+        of_shares = zip(model.shares, self.R_active, flexibilities)
+        return model.joined([s.family.R_phi[own] @ c.apply(R.T @ p[:, s.columns]) for s, R, c in of_shares])
+
+    def apply_transposed(self, x: np.ndarray) -> np.ndarray:
+        """Return this rank's part of G^T x for x (n_owned, 3, N_H), (3 n_active, N_H).  Local; to be summed over the ranks."""
+        model, own, x = self.model, self.model.owned_rows, x.reshape(-1, x.shape[-1])
+        of_shares = zip(model.shares, self.R_active, self.adjoint().flexibilities)
+        dynamic = [R @ c.apply(s.family.R_phi[own].T @ x[:, s.columns]) for s, R, c in of_shares]
+        return self.G_static @ x + model.joined(dynamic)
+
+    def adjoint(self) -> ReceptanceColumns:
+        """Return the columns of the transposed of G, which has the same static part.  Local."""
+        other = copy(self)
+        other.flexibilities = [c.adjoint() for c in self.flexibilities]
+        return other
+
+    # -- the block between the active pairs ------------------------------------------------------------------------
+
+    def blocks(self) -> Iterator[np.ndarray]:
+        """Return G_n between the active pairs for each harmonic of the set, (3 n_active, 3 n_active), complex [m/N].
+
+        Collective: one gather, before the first is asked for.
+        """
+        static = self.G_static[:, self.rows].T
+        if self.model.comm.size > 1:
+            static = np.concatenate(self.model.comm.allgather(static))  # rank order is row order
+        return (static + self._dynamic_block(n) for n in self.model.harmonics.chosen)
+
+    def _dynamic_block(self, n: int) -> np.ndarray:
+        k, i = self.model.index_of(n)
+        return self.flexibilities[k].between(self.R_active[k], i, self.R_active[k])
+
+    def matrix(self) -> np.ndarray:
+        """Return G between the active pairs, all harmonics, (3 n_active N_H, 3 n_active N_H) [m/N].  Collective: one gather.
+
+        Index = row N_H + coefficient; amplitudes are cos - i sin.
+        """
+        n, harmonics = 3 * len(self.active), self.model.harmonics
+        G = np.zeros((n, self.model.N_H, n, self.model.N_H))
+        for number, block in zip(harmonics.chosen, self.blocks()):
+            c = harmonics.columns(number).start
+            G[:, c, :, c] = block.real
+            if number > 0:
+                G[:, c + 1, :, c + 1] = block.real
+                G[:, c, :, c + 1], G[:, c + 1, :, c] = block.imag, -block.imag
+        return G.reshape(n * self.model.N_H, n * self.model.N_H)
+
+
+class ActiveColumns:
+    """Columns and rows of G_n(omega) of pairs that do not stick, in one array and of a precision to choose.
+
+    Forces come in units of 1 / ``unit`` [N], the same on all ranks, so that single precision neither overflows nor vanishes,
+    whatever the units of the scene.  Collective on the model's communicator.
+    """
+
+    def __init__(self, G: ReceptanceColumns, precision: type):
+        self.model, self.precision = G.model, precision
+        self.unit = max(G.model.comm.allgather(float(np.abs(G.G_static).max(initial=0.0)))) or 1.0  # m/N
+        R_unit = max(float(np.abs(R).max(initial=0.0)) for R in G.R_active) or 1.0
+        self.n_rows = len(G.rows)
+        ends = np.cumsum([self.n_rows] + [R.shape[1] for R in G.R_active])
+        self.modes = [slice(first, last) for first, last in zip(ends, ends[1:])]  # columns of the modes of each share
+        self.columns: np.ndarray = np.empty((3 * len(G.active), ends[-1]), dtype=precision)
+        self.columns[:, : self.n_rows] = G.G_static[:, G.rows] / self.unit
+        for modes, R in zip(self.modes, G.R_active):
+            self.columns[:, modes] = R / R_unit
+        self.R_rows = [s.family.R_phi[G.model.owned_rows][G.rows] * (R_unit / self.unit) for s in G.model.shares]
+        self.move_to(G)
+
+    def move_to(self, G: ReceptanceColumns) -> None:
+        """Take over the frequency of ``G``, of the same pairs.  Local."""
+        self.flexibilities = G.flexibilities
+
+    def apply(self, p: np.ndarray) -> np.ndarray:
+        """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
+        product = (p.T.astype(self.precision, copy=False) @ self.columns).T
+        return product[: self.n_rows] + self._dynamic(product)
+
+    def apply_to_several(self, p: np.ndarray) -> np.ndarray:
+        """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in those units.  Local."""
+        n, rows, N_H = p.shape
+        together = p.swapaxes(0, 1).reshape(rows, n * N_H)
+        product = (self.columns.T @ together.astype(self.precision, copy=False)).reshape(self.columns.shape[1], n, N_H)
+        return (product[: self.n_rows] + self._dynamic(product)).swapaxes(0, 1)
+
+    def _dynamic(self, product: np.ndarray) -> np.ndarray:
+        """Return what the modes add, (3 m, ..., N_H), to a product whose rows beyond the pairs' are modal forces."""
+        of_shares = zip(self.model.shares, self.modes, self.R_rows, self.flexibilities)
+        return self.model.joined(
+            [_times(R, c.apply(product[modes][..., share.columns].astype(float))) for share, modes, R, c in of_shares]
+        )
+
+    def scaled(self, P: np.ndarray) -> np.ndarray:
+        """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
+        scaled: np.ndarray = np.empty_like(P, dtype=self.precision)
+        return np.multiply(P, self.unit, out=scaled, casting="same_kind")
+
+
+def _times(R: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Return R y for y (m, ..., N_H), by one product."""
+    return (R @ y.reshape(len(y), prod(y.shape[1:]))).reshape(len(R), *y.shape[1:])

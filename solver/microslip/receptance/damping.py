@@ -1,0 +1,177 @@
+"""Damping of modes, modal or full, and what is made of it: dynamic flexibilities and the matrices of a time step.
+
+No other file asks which of the two a damping is.  Modal damping keeps everything diagonal: m numbers take the place of an
+(m, m) matrix, for each harmonic or each point of a time integration.  NumPy only; everything is local.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..fourier.amplitudes import to_complex, to_real
+
+
+@dataclass(frozen=True, eq=False)
+class Damping:
+    """phi^T C phi of M-normalised modes [1/s]."""
+
+    C: np.ndarray  # (m,) 2 zeta omega_n of modal damping, or the full, symmetric (m, m)
+
+    @property
+    def couples_modes(self) -> bool:
+        return self.C.ndim == 2
+
+    @property
+    def n_coupled(self) -> int:
+        """How many modes follow one: 1 with modal damping."""
+        return len(self.C) if self.couples_modes else 1
+
+    @property
+    def diagonal(self) -> np.ndarray:
+        """2 zeta omega_n, (m,) [1/s]."""
+        return np.diag(self.C) if self.couples_modes else self.C
+
+    def plus(self, sigma: float) -> Damping:
+        """Return it with sigma M [1/s] added to the damping matrix."""
+        return Damping(self.C + (sigma * np.eye(len(self.C)) if self.couples_modes else sigma))
+
+    def apply(self, eta: np.ndarray) -> np.ndarray:
+        """Return phi^T C phi eta, (m, n) both."""
+        return self.C @ eta if self.couples_modes else self.C[:, None] * eta
+
+    def apply_to_rows(self, v: np.ndarray) -> np.ndarray:
+        """Return the same of modal velocities in rows, (..., m) both."""
+        return v @ self.C.T if self.couples_modes else self.C * v
+
+    def step_matrix(self, omega_n: np.ndarray, mass: float, rest: float, c: np.ndarray, k: np.ndarray) -> StepMatrix:
+        """Return A = mass + rest (c C + k Omega^2) of B points, c [s] and k [s2] being (B,)."""
+        squares = omega_n**2
+        if not self.couples_modes:
+            return StepMatrix(mass + rest * (c[:, None] * self.C + k[:, None] * squares), is_inverse=False)
+        A = mass * np.eye(len(squares)) + rest * (c[:, None, None] * self.C + k[:, None, None] * np.diag(squares))
+        return StepMatrix(np.linalg.inv(A), is_inverse=True)
+
+
+class Flexibility:
+    """A complex matrix between the modes for each harmonic of a set, applied to real coefficients.
+
+    ``c`` is (m, n_harmonics) where the matrices are diagonal, (n_harmonics, m, m) otherwise; read-only.
+    """
+
+    def __init__(self, c: np.ndarray):
+        self.c = c
+        c.flags.writeable = False
+
+    def apply(self, q: np.ndarray) -> np.ndarray:
+        """Return the real coefficients of c_n q_n for modal forces q, real coefficients (m, N_H) or (m, n, N_H)."""
+        if self.c.ndim == 3:
+            n = q.shape[1] if q.ndim == 3 else 1
+            q_n = to_complex(q.reshape(len(q) * n, q.shape[-1])).T.reshape(len(self.c), len(q), n)
+            return to_real(np.moveaxis(self.c @ q_n, 0, -1).reshape(len(q) * n, len(self.c)), q.shape[-1]).reshape(q.shape)
+        first = q.shape[-1] % 2  # column of the first cosine
+        c = self._conjugate if q.ndim == 2 else self._conjugate[:, None, :]
+        y = np.empty(q.shape)
+        y[..., :first] = c.real[..., :first] * q[..., :first]
+        pairs = np.ascontiguousarray(q[..., first:], dtype=float).view(complex)  # cos + i sin, the conjugates of amplitudes
+        np.multiply(c[..., first:], pairs, out=y[..., first:].view(complex))
+        return y
+
+    @cached_property
+    def _conjugate(self) -> np.ndarray:
+        return self.c.conj()
+
+    def adjoint(self) -> Flexibility:
+        """Return the one with c_n^H in place of c_n: apply then transposes the real matrix."""
+        return Flexibility(self.c.conj() if self.c.ndim == 2 else self.c.conj().swapaxes(1, 2))
+
+    def between(self, x: np.ndarray, i: int, y: np.ndarray) -> np.ndarray:
+        """Return x c_n y^T, complex (a, b), of the i-th harmonic for participations x (a, m) and y (b, m)."""
+        return (x * self.c[:, i] if self.c.ndim == 2 else x @ self.c[i]) @ y.T
+
+
+class DynamicFlexibility(Flexibility):
+    """c_n = D_n^-1 - Omega^-2 [s2] at one frequency, D_n = Omega^2 - (n omega)^2 + i n omega phi^T C phi.
+
+    docs/theory.md, eq. (4.1).
+
+    Parameters
+    ----------
+    omega_n : (m,) natural frequencies [rad/s]
+    n : (n_harmonics,) numbers of the harmonics
+    omega : excitation frequency [rad/s]
+    """
+
+    def __init__(self, omega_n: np.ndarray, damping: Damping, n: np.ndarray, omega: float):
+        self.damping, self.n, self.n_omega, self.squares = damping, n, n * omega, omega_n**2
+        if damping.couples_modes:
+            stiffness = np.diag(self.squares) - self.n_omega[:, None, None] ** 2 * np.eye(len(omega_n))
+            self.inverse = np.linalg.inv(stiffness + 1j * self.n_omega[:, None, None] * damping.C)
+            super().__init__(self.inverse - np.diag(1.0 / self.squares))
+        else:
+            w2, i_C = self.squares[:, None], 1j * damping.C[:, None]
+            self.D = w2 - self.n_omega**2 + i_C * self.n_omega
+            # 1 / D - 1 / w2 without cancellation far below the mode
+            super().__init__((self.n_omega**2 - i_C * self.n_omega) / (w2 * self.D))
+
+    def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0) -> Flexibility:
+        """Return the rate of c_n while omega changes at ``d_omega`` and a damping sigma M, 0 here, at ``d_sigma``."""
+        if d_sigma == 0.0:
+            return Flexibility(self._of_omega if d_omega == 1.0 else self._of_omega * d_omega)
+        of_sigma = self._of_sigma * d_sigma
+        return Flexibility(of_sigma if d_omega == 0.0 else self._of_omega * d_omega + of_sigma)
+
+    @cached_property
+    def _of_omega(self) -> np.ndarray:
+        """d c_n / d omega [s3], shaped as c_n."""
+        n, n_omega = self.n, self.n_omega
+        if not self.damping.couples_modes:
+            return (2.0 * n * n_omega - 1j * self.damping.C[:, None] * n) / self.D**2
+        dD = -2.0 * (n * n_omega)[:, None, None] * np.eye(len(self.squares)) + 1j * n[:, None, None] * self.damping.C
+        return -self.inverse @ dD @ self.inverse
+
+    @property
+    def _of_sigma(self) -> np.ndarray:
+        """d c_n / d sigma [s3], shaped as c_n."""
+        if not self.damping.couples_modes:
+            return -1j * self.n_omega * (self.c + 1.0 / self.squares[:, None]) ** 2
+        return -1j * self.n_omega[:, None, None] * (self.inverse @ self.inverse)
+
+    def whole(self, q: np.ndarray, i: int) -> np.ndarray:
+        """Return D_n^-1 q, complex (m, k), of the i-th harmonic: modal amplitudes under modal forces q (m, k)."""
+        if self.damping.couples_modes:
+            return (self.c[i] + np.diag(1.0 / self.squares)) @ q
+        return (self.c[:, i] + 1.0 / self.squares)[:, None] * q
+
+
+class StepMatrix:
+    """A positive definite matrix of the modes for each of B points, diagonal (B, m), or the inverse of a full one (B, m, m)."""
+
+    def __init__(self, values: np.ndarray, is_inverse: bool):
+        self.values, self.is_inverse = values, is_inverse
+
+    def solve(self, q: np.ndarray) -> np.ndarray:
+        """Return A^-1 q, (B, m) both."""
+        return np.einsum("bij,bj->bi", self.values, q) if self.is_inverse else q / self.values
+
+    def flexibility(self, scale: np.ndarray) -> StepFlexibility:
+        """Return scale A^-1 for factors (B,)."""
+        return StepFlexibility(scale[:, None, None] * self.values if self.is_inverse else scale[:, None] / self.values)
+
+
+class StepFlexibility:
+    """d eta / d q at the end of a time step [s2] of B points, (B, m) diagonal or (B, m, m) full."""
+
+    def __init__(self, values: np.ndarray):
+        self.values = values
+
+    def apply(self, q: np.ndarray) -> np.ndarray:
+        """Return it times q, (B, m) both."""
+        return self.values * q if self.values.ndim == 2 else np.einsum("bij,bj->bi", self.values, q)
+
+    def between(self, x: np.ndarray, b: int, y: np.ndarray) -> np.ndarray:
+        """Return x (d eta / d q) y^T, (k, l), of the b-th point for participations x (k, m) and y (l, m)."""
+        d = self.values[b]
+        return (x * d if d.ndim == 1 else x @ d) @ y.T

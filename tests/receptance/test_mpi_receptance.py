@@ -1,0 +1,265 @@
+"""The receptance on synthetic data: dense formulas, adjoint, rates, blocks, modal and full damping, one family and two."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from microslip.fourier.amplitudes import to_complex, to_real
+from microslip.fourier.harmonics import Harmonics
+from microslip.parallel.ownership import split_evenly
+from microslip.receptance.columns import ActiveColumns
+from microslip.receptance.damping import Damping, DynamicFlexibility
+from microslip.receptance.family import ModalFamily
+from microslip.receptance.model import ReducedModel
+from microslip.receptance.static_columns import StaticColumns
+
+COMM = MPI.COMM_WORLD
+N_PAIRS, N_LOADS, N_OUT, OMEGA = 5, 2, 2, 1.7
+STEPS = (1e-3, 5e-4, 2.5e-4)
+HARMONICS = Harmonics((0, 1, 2, 5))
+ACTIVE = np.array([0, 2, 3])
+
+
+def family(seed, m, full=False, serves=None):
+    rng = np.random.default_rng(seed)
+    omega_n = np.sort(rng.uniform(1.0, 9.0, m))
+    A = rng.standard_normal((m, m))
+    C = 0.05 * (A @ A.T) if full else 0.1 * omega_n
+    shapes = (rng.standard_normal(shape) for shape in ((3 * N_PAIRS, m), (m, N_LOADS), (N_OUT, m)))
+    return ModalFamily(omega_n, Damping(C), *shapes, **({} if serves is None else {"serves": serves}))
+
+
+def model_of(*families, harmonics=HARMONICS):
+    rng = np.random.default_rng(0)
+    n = 3 * N_PAIRS + N_OUT + N_LOADS
+    A = rng.standard_normal((n, n))
+    static = A @ A.T / n
+    pairs, outputs, loads = np.split(np.arange(n), [3 * N_PAIRS, 3 * N_PAIRS + N_OUT])
+    ranges = split_evenly(N_PAIRS, COMM.size)
+    own = slice(3 * ranges[COMM.rank], 3 * ranges[COMM.rank + 1])
+
+    def columns(of):
+        return static[own, (3 * of[:, None] + np.arange(3)).ravel()]
+
+    return ReducedModel(
+        comm=COMM,
+        pair_ranges=ranges,
+        families=families,
+        G_static=StaticColumns(N_PAIRS, ranges[COMM.rank + 1] - ranges[COMM.rank], columns),
+        du_static=static[np.ix_(pairs, loads)],
+        out_static=static[np.ix_(outputs, loads)],
+        out_R=static[np.ix_(outputs, pairs)],
+        load_static=static[np.ix_(loads, loads)],
+        f=rng.standard_normal((N_LOADS, harmonics.n_coefficients)),
+        harmonics=harmonics,
+    )
+
+
+def split(full=False, seeds=(1, 2), sizes=(4, 6)):
+    """Two families, of the even and of the odd harmonics."""
+    even, odd = (lambda n: n % 2 == 0), (lambda n: n % 2 == 1)
+    return model_of(family(seeds[0], sizes[0], full, even), family(seeds[1], sizes[1], full, odd))
+
+
+MODELS = {
+    "modal": lambda: model_of(family(1, 4)),
+    "full": lambda: model_of(family(1, 4, full=True)),
+    "two": split,
+    "two full": lambda: split(full=True),
+}
+of_each_model = pytest.mark.parametrize("name", list(MODELS))
+
+
+def dynamic(model, n, x, y, omega=OMEGA):
+    """x c_n y^T by dense algebra, x and y naming a family's participations."""
+    (modes,) = [family for family in model.families if family.serves(n)]
+    C = modes.damping.C if modes.damping.couples_modes else np.diag(modes.damping.C)
+    D = np.diag(modes.omega_n**2) - (n * omega) ** 2 * np.eye(len(C)) + 1j * n * omega * C
+    return x(modes) @ (np.linalg.inv(D) - np.diag(modes.omega_n**-2.0)) @ y(modes).T
+
+
+def exact(model, static, x, y, q):
+    """Real coefficients of A_n q_n with A_n = static + x c_n y^T."""
+    q_n, A = to_complex(q), [static + dynamic(model, n, x, y) for n in model.harmonics.chosen]
+    return to_real(np.stack([A[i] @ q_n[:, i] for i in range(len(A))], axis=1), q.shape[1])
+
+
+def whole(owned):
+    return np.concatenate(COMM.allgather(owned))
+
+
+def static_of(model):
+    return whole(model.G_static.transposed(np.arange(N_PAIRS)).T)
+
+
+def pairs_of(modes):
+    return modes.R_phi
+
+
+def random(seed, *shape):
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+@of_each_model
+def test_motions_are_those_of_dense_algebra(name):
+    model = MODELS[name]()
+    p, level = random(3, 3 * N_PAIRS, model.N_H), 2.5
+    f, still = level * model.f, np.zeros((3 * N_PAIRS, model.N_H))
+
+    def moved(static_f, static_p, x, p):
+        return exact(model, static_f, x, lambda m: m.b.T, f) - exact(model, static_p, x, pairs_of, p)
+
+    expected = moved(model.du_static, static_of(model), pairs_of, still)
+    np.testing.assert_allclose(whole(model.linear_motion(level, OMEGA)), expected, atol=1e-12)
+    np.testing.assert_allclose(model.linear_motion_of_all(level, OMEGA), expected, atol=1e-12)
+    outputs = moved(model.out_static, model.out_R, lambda m: m.o, p)
+    np.testing.assert_allclose(model.output_motion(level, OMEGA, p), outputs, atol=1e-12)
+    loads = moved(model.load_static, model.du_static.T, lambda m: m.b.T, p)
+    np.testing.assert_allclose(model.load_motion(level, OMEGA, p), loads, atol=1e-12)
+    for n in model.harmonics.chosen:
+        A = model.out_R + dynamic(model, n, lambda m: m.o, pairs_of)
+        np.testing.assert_allclose(model.output_receptance(OMEGA, n), A, atol=1e-12)
+
+
+@of_each_model
+def test_modal_motion_solves_the_modal_equations(name):
+    model = MODELS[name]()
+    p = random(4, 3 * N_PAIRS, model.N_H)
+    for share, eta in zip(model.shares, model.modal_motion(2.0, OMEGA, p), strict=True):
+        modes, n_omega = share.family, OMEGA * share.harmonics.numbers
+        q = to_complex((modes.b @ (2.0 * model.f) - modes.R_phi.T @ p)[:, share.columns])
+        left = modes.omega_n[:, None] ** 2 * eta - n_omega**2 * eta + 1j * n_omega * modes.damping.apply(eta)
+        np.testing.assert_allclose(left, q, atol=1e-11)
+
+
+@of_each_model
+@pytest.mark.parametrize("active", [ACTIVE, np.arange(N_PAIRS), np.array([], dtype=int)], ids=["some", "all", "none"])
+def test_products_blocks_and_matrix_are_one_receptance(name, active):
+    model = MODELS[name]()
+    G, rows = model.at(OMEGA, active), (3 * active[:, None] + np.arange(3)).ravel()
+    p = random(5, len(rows), model.N_H)
+    p_all = np.zeros((3 * N_PAIRS, model.N_H))
+    p_all[rows] = p
+    expected = exact(model, static_of(model), pairs_of, pairs_of, p_all)
+    product = whole(G.apply(p)).reshape(expected.shape)
+    np.testing.assert_allclose(product, expected, atol=1e-12)
+    np.testing.assert_allclose((G.matrix() @ p.ravel()).reshape(p.shape), expected[rows], atol=1e-12)
+    for n, block in zip(model.harmonics.chosen, G.blocks(), strict=True):
+        dense = (static_of(model) + dynamic(model, n, pairs_of, pairs_of))[np.ix_(rows, rows)]
+        np.testing.assert_allclose(block, dense, atol=1e-12)
+    if len(active) > 0:
+        columns = ActiveColumns(G, np.float64)
+        here = whole(columns.apply(p * columns.unit))
+        np.testing.assert_allclose(here, expected[rows], atol=1e-12)
+        several = columns.apply_to_several(np.stack([p, 2.0 * p, 0.0 * p]) * columns.unit)
+        np.testing.assert_allclose(several, [columns.apply(s * p * columns.unit) for s in (1.0, 2.0, 0.0)], atol=1e-12)
+
+
+@of_each_model
+def test_the_adjoint_is_the_transposed(name):
+    model = MODELS[name]()
+    G = model.at(OMEGA, ACTIVE)
+    p, x = random(6, 3 * len(ACTIVE), model.N_H), random(7, N_PAIRS, 3, model.N_H)[model.owned]
+    left = COMM.allreduce(float(np.vdot(x, G.apply(p))))
+    transposed = COMM.allreduce(G.apply_transposed(x))
+    assert left == pytest.approx(np.vdot(transposed, p), rel=1e-12)
+    y = np.zeros((3 * N_PAIRS, model.N_H))
+    rows = (3 * ACTIVE[:, None] + np.arange(3)).ravel()
+    y[rows] = random(8, len(rows), model.N_H)
+    adjoint = whole(G.adjoint().apply(y[rows])).reshape(y.shape)
+    np.testing.assert_allclose(
+        adjoint[rows], COMM.allreduce(G.apply_transposed(y.reshape(-1, 3, model.N_H)[model.owned])), atol=1e-12
+    )
+    np.testing.assert_allclose(G.adjoint().matrix(), G.matrix().T, atol=1e-14)
+
+
+@of_each_model
+@pytest.mark.parametrize("d_omega, d_sigma", [(1.0, 0.0), (0.0, 1.0), (0.7, -1.3), (0.0, 0.0)])
+def test_rates_leave_a_remainder_of_second_order(name, d_omega, d_sigma):
+    model, p = MODELS[name](), random(9, 3 * len(ACTIVE), HARMONICS.n_coefficients)
+
+    def at(h):
+        moved, omega = model.with_damping(h * d_sigma), OMEGA + h * d_omega
+        return whole(moved.at(omega, ACTIVE).apply(p)), whole(moved.linear_motion(2.0, omega))
+
+    rates = (
+        whole(model.at(OMEGA, ACTIVE).apply_rate(p, d_omega, d_sigma)),
+        whole(model.linear_motion_rate(2.0, OMEGA, d_omega, d_sigma)),
+    )
+    for here, rate, *steps in zip(at(0.0), rates, *(at(h) for h in STEPS)):
+        if d_omega == d_sigma == 0.0:
+            assert not rate.any()
+            continue
+        remainders = [np.linalg.norm(there - here - h * rate) for there, h in zip(steps, STEPS)]
+        assert np.log2(np.divide(remainders[:-1], remainders[1:])) == pytest.approx(2.0, abs=0.05)
+
+
+def test_modal_damping_is_full_damping_with_a_diagonal_matrix():
+    modes, n = family(1, 4), HARMONICS.numbers
+    full = replace(modes, damping=Damping(np.diag(modes.damping.C)))
+    assert (modes.damping.couples_modes, full.damping.couples_modes) == (False, True)
+    np.testing.assert_array_equal(modes.zeta, full.zeta)
+    for a, b in ((modes, full), (modes.with_damping(0.3), full.with_damping(0.3))):
+        np.testing.assert_allclose(a.damping.diagonal, b.damping.diagonal)
+        eta = random(1, 4, 3)
+        np.testing.assert_allclose(a.damping.apply(eta), b.damping.apply(eta))
+        np.testing.assert_allclose(a.damping.apply_to_rows(eta.T), b.damping.apply(eta).T)
+        np.testing.assert_allclose(b.damping.apply_to_rows(eta.T), b.damping.apply(eta).T)
+        c, c_full = (DynamicFlexibility(x.omega_n, x.damping, n, OMEGA) for x in (a, b))
+        q, x = random(2, 4, HARMONICS.n_coefficients), random(3, 5, 4)
+        for i in range(len(HARMONICS)):
+            np.testing.assert_allclose(c.between(x, i, x), c_full.between(x, i, x), atol=1e-13)
+            np.testing.assert_allclose(c.whole(x.T, i), c_full.whole(x.T, i), atol=1e-13)
+        for one, other in ((c, c_full), (c.adjoint(), c_full.adjoint()), (c.rate(0.4, 1.1), c_full.rate(0.4, 1.1))):
+            np.testing.assert_allclose(one.apply(q), other.apply(q), atol=1e-13)
+        h = np.array([0.1, 0.2])
+        A, A_full = (x.damping.step_matrix(x.omega_n, 0.6, 0.5, h, h**2) for x in (a, b))
+        forces = random(4, 2, 4)
+        np.testing.assert_allclose(A.solve(forces), A_full.solve(forces), rtol=1e-12)
+        F, F_full = (M.flexibility(h) for M in (A, A_full))
+        np.testing.assert_allclose(F.apply(forces), h[:, None] * A.solve(forces), rtol=1e-12)
+        np.testing.assert_allclose(F.apply(forces), F_full.apply(forces), rtol=1e-12)
+        np.testing.assert_allclose(F.between(x, 1, x), F_full.between(x, 1, x), rtol=1e-11, atol=1e-14)
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_two_families_with_the_same_modes_are_one(full):
+    one, two = model_of(family(1, 4, full)), split(full, seeds=(1, 1), sizes=(4, 4))
+    assert (len(one.shares), len(two.shares)) == (1, 2)
+    p = random(10, 3 * N_PAIRS, one.N_H)
+    for act in (
+        lambda model: model.linear_motion(2.0, OMEGA),
+        lambda model: model.linear_motion_rate(2.0, OMEGA, 0.3, 0.4),
+        lambda model: model.output_motion(2.0, OMEGA, p),
+        lambda model: model.at(OMEGA, np.arange(N_PAIRS)).apply(p),
+        lambda model: model.at(OMEGA, np.arange(N_PAIRS)).apply_rate(p, 0.3, 0.4),
+        lambda model: model.at(OMEGA, ACTIVE).matrix(),
+    ):
+        np.testing.assert_allclose(act(two), act(one), atol=1e-13)
+
+
+def test_families_go_along_to_other_harmonics_and_a_harmonic_has_exactly_one():
+    model = split()
+    model = replace(model, f=model.f * [0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+    wider = model.with_harmonics(Harmonics((1, 3, 4)))
+    assert [share.harmonics.chosen for share in wider.shares] == [(4,), (1, 3)]
+    assert [list(share.columns) for share in wider.shares] == [[4, 5], [0, 1, 2, 3]]
+    odd = model.with_harmonics(Harmonics((1, 3)))
+    assert [share.family for share in odd.shares] == [model.families[1]] and odd.shares[0].columns == slice(None)
+    with pytest.raises(ValueError):
+        _ = model.one_family
+    for families in (model.families[:1], (family(1, 4), family(2, 3))):
+        with pytest.raises(AssertionError, match="one family a harmonic"):
+            _ = replace(model, families=families).shares
+
+
+def test_one_family_serves_all_columns_without_a_copy():
+    model = MODELS["modal"]()
+    (share,) = model.shares
+    term = random(1, 3, model.N_H)
+    assert model.joined([term]) is term and np.shares_memory(term[:, share.columns], term)
+    assert model.flexibilities(OMEGA) is model.flexibilities(OMEGA)
+    with pytest.raises(ValueError, match="read-only"):
+        model.flexibilities(OMEGA)[0].c[0] = 0.0
