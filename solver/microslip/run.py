@@ -12,7 +12,6 @@ from .assembly.assemble import assemble
 from .assembly.check import check_elements
 from .assembly.matrices import distribute_structure, read_structure
 from .assembly.system import System
-from .contact.law import ContactParameters
 from .continuation.levels import follow_level, follow_levels, frequency_sweep, linear_curve
 from .error_estimate.better_model import Truth, truth_of
 from .linear.joint_springs import Linearised, linearise
@@ -136,8 +135,7 @@ def follow(
     """
     pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
     sweep = frequency_sweep(scene.response, structure.modes.omega_n)
-    parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-    curve = linear_curve(model, sweep, parameters)
+    curve = linear_curve(model, sweep, pairs.law)
     writer = ResultWriter(
         comm,
         str(folder),
@@ -155,14 +153,14 @@ def follow(
         if min(n_groups, len(levels)) == 1:
             reporter = Reporter(log, writer, sweep, levels, is_static)
             branches = []
-            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter, truth):
+            for branch in follow_levels(scene, model, pairs.law, reduction.selection, sweep, curve, reporter, truth):
                 branches.append(branch)
                 reporter.level_finished(branch)
             columns = model.G_static
             known = columns.known if truth is None else columns.known | truth.model.G_static.known
             log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
         else:
-            one = partial(follow_level, scene, parameters=parameters, selection=reduction.selection, sweep=sweep, curve=curve)
+            one = partial(follow_level, scene, law=pairs.law, selection=reduction.selection, sweep=sweep, curve=curve)
             minutes = Minutes(log, writer, sweep, levels, is_static)
             branches = follow_side_by_side(one, model, truth, levels, n_groups, minutes, log)
             writer.put_in_order(branches)

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..contact.law import ContactParameters
+from ..contact.law import Law
 from ..error_estimate.better_model import Truth
 from ..error_estimate.estimate import ErrorEstimator
 from ..harmonic.residual import HarmonicBalance
@@ -53,11 +53,11 @@ def frequency_sweep(response, omega_n: np.ndarray) -> Sweep:
     return Sweep(2 * np.pi * start, 2 * np.pi * stop, tuple(2 * np.pi * f for f in response.at))
 
 
-def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameters | None = None) -> LinearCurve:
+def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> LinearCurve:
     """Return the stuck curve over the range, every resonance in it resolved.  Collective.
 
-    Its length is that of the pairs' motion; of the outputs' where there is no pair.  Without ``parameters`` of the pairs no level
-    is known to be linear.
+    Its length is that of the pairs' motion; of the outputs' where there is no pair.  Without the ``law`` of the pairs no level is
+    known to be linear.
     """
     ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
     omega = model.comm.bcast(linear_frequencies(*ends, model.omega_n, model.zeta))
@@ -66,8 +66,8 @@ def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameter
     motions = [receptance.linear_motion(model, 1.0, w)[0] for w in omega] if model.n_pairs else list(response)
     s = arc_lengths(model.comm, motions, omega, sweep.scale)
     stuck = np.zeros(len(omega))
-    if parameters is not None and model.n_pairs > 0:
-        stuck = sticks_up_to(model, parameters, motions)
+    if law is not None and model.n_pairs > 0:
+        stuck = sticks_up_to(model, law, motions)
     return LinearCurve(omega, model.harmonics.carry(response, model.recorded), s, stuck)
 
 
@@ -115,21 +115,14 @@ def stated_steps(continuation, curve: LinearCurve) -> dict[str, float]:
     return {key: curve.s[-1] * value for key, value in asked.items() if value}
 
 
-def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: LinearCurve) -> np.ndarray:
-    """Return the pairs by falling share of the friction limit, or of the preload, that the linear peak takes up.
+def likely_to_slip(model: ReducedModel, law: Law, curve: LinearCurve) -> np.ndarray:
+    """Return the pairs by falling share of their limits that the linear peak takes up.
 
     Collective: one broadcast.  Only the order of static solves depends on it.
     """
     at_peak = curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))]
     U = np.abs(receptance.linear_motion_of_all(model, 1.0, at_peak)).reshape(model.n_pairs, 3, model.N_H).sum(axis=2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.stack(
-            [
-                parameters.k_t * np.hypot(U[:, 0], U[:, 1]) / (parameters.mu * parameters.N0),
-                parameters.k_n * U[:, 2] / parameters.N0,
-            ]
-        )
-    order = np.argsort(-np.nan_to_num(shares, nan=0.0, posinf=1e300, neginf=1e300).max(axis=0), kind="stable")
+    order = np.argsort(-law.utilisation(U), kind="stable")
     return model.comm.bcast(order)  # all ranks solve for the same columns, also where a tie falls otherwise on some
 
 
@@ -144,7 +137,7 @@ class Listener(Protocol):
 def follow_levels(
     scene,
     model: ReducedModel,
-    parameters: ContactParameters,
+    law: Law,
     selection: Selection,
     sweep: Sweep,
     curve: LinearCurve,
@@ -153,16 +146,16 @@ def follow_levels(
 ) -> Iterator[Branch]:
     """Yield the branch of each level as it is done.  Collective."""
     if model.n_pairs > 0:
-        model.G_static.likely = likely_to_slip(model, parameters, curve)
+        model.G_static.likely = likely_to_slip(model, law, curve)
     for number, level in enumerate(scene.response.levels):
         listener.level_started(number, level)
-        yield follow_level(scene, model, parameters, selection, sweep, curve, level, listener.point, truth)
+        yield follow_level(scene, model, law, selection, sweep, curve, level, listener.point, truth)
 
 
 def follow_level(
     scene,
     model: ReducedModel,
-    parameters: ContactParameters,
+    law: Law,
     selection: Selection,
     sweep: Sweep,
     curve: LinearCurve,
@@ -175,7 +168,7 @@ def follow_level(
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
     Newton does not pass in one direction, often lie on one side only.
     """
-    follow = partial(_follow_one_way, scene, model, parameters, selection, curve, level, on_point, truth)
+    follow = partial(_follow_one_way, scene, model, law, selection, curve, level, on_point, truth)
     branch = follow(sweep)
     if branch.failure is None or model.harmonics.highest == 0 or len(branch.points) >= most_points(scene.response.points):
         return branch
@@ -185,7 +178,7 @@ def follow_level(
 def _follow_one_way(
     scene,
     model: ReducedModel,
-    parameters: ContactParameters,
+    law: Law,
     selection: Selection,
     curve: LinearCurve,
     level: float,
@@ -194,7 +187,7 @@ def _follow_one_way(
     sweep: Sweep,
     segment: int = 0,
 ) -> Branch:
-    problem = HarmonicBalance(model, parameters, scene.solver.samples, level)
+    problem = HarmonicBalance(model, law, scene.solver.samples, level)
     estimator = None if truth is None else ErrorEstimator(truth)
     is_static = model.harmonics.highest == 0
     if model.n_pairs == 0:

@@ -172,8 +172,7 @@ class PointSolver:
     @cached_property
     def stiffness(self) -> np.ndarray:
         """The springs of this rank's pairs, (n_owned, 3) [N/m]."""
-        parameters = self.problem.parameters
-        return np.stack([parameters.k_t, parameters.k_t, parameters.k_n], axis=1)
+        return self.problem.law.stiffness
 
     @cached_property
     def stiffest(self) -> np.ndarray:

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..contact.aft import contact_harmonics
-from ..contact.law import ContactParameters
+from ..contact.law import Law
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import summed
 from ..receptance import motion as receptance
@@ -37,10 +36,10 @@ class HarmonicBalance:
 
     is_a_way = False  # to the first point of a branch, not the branch itself
 
-    def __init__(self, model: ReducedModel, parameters: ContactParameters, n_samples: int, level: float):
+    def __init__(self, model: ReducedModel, law: Law, n_samples: int, level: float):
         self.model = model
         self.comm = model.comm
-        self.parameters = parameters.take(np.arange(model.n_pairs)[model.owned])
+        self.law = law.take(np.arange(model.n_pairs)[model.owned])
         # a constant motion is one sample: the kept period then holds the one step there is, and the state says which pairs slid
         self.n_samples = n_samples if model.harmonics.highest > 0 else 1
         self.level = level
@@ -59,10 +58,8 @@ class HarmonicBalance:
         """
         chosen = np.flatnonzero(selected[self.model.owned])
         all_chosen = len(chosen) == self.n_owned
-        parameters = self.parameters if all_chosen else self.parameters.take(chosen)
-        found = contact_harmonics(
-            U if all_chosen else U[chosen], parameters, self.n_samples, tangents=tangents, harmonics=self.model.harmonics
-        )
+        law = self.law if all_chosen else self.law.take(chosen)
+        found = law.cycle(U if all_chosen else U[chosen], self.n_samples, tangents, self.model.harmonics)
         if self.held_at is not None:
             hold_mean_slip(found, self.held_at if all_chosen else self.held_at[chosen])
         state = np.zeros(self.n_owned, dtype=np.uint8)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..contact.law import ContactParameters
+from ..contact.law import Law
 from ..fourier.coefficients import synthesise
 from ..receptance.model import ReducedModel
 
@@ -26,7 +26,7 @@ class TransientModel:
     out_p: np.ndarray  # (n_outputs, 3 n_pairs) the same to p
     load_f: np.ndarray  # (n_loads, n_loads) the loads' own [m/N]
     f: np.ndarray  # (n_loads, N_H) Fourier coefficients of the loads at unit level
-    parameters: ContactParameters
+    law: Law
 
     @property
     def n_pairs(self) -> int:
@@ -41,7 +41,7 @@ class TransientModel:
         return level[..., None] * (self.s @ f) - p @ self.G.T
 
 
-def transient_model(model: ReducedModel, parameters: ContactParameters) -> TransientModel:
+def transient_model(model: ReducedModel, law: Law) -> TransientModel:
     """Return the model for time integration.  Collective on ``model.comm``: static columns of all pairs, and one gather."""
     rows = np.ascontiguousarray(model.G_static.transposed(np.arange(model.n_pairs)).T)
     G_static = rows if model.comm.size == 1 else np.concatenate(model.comm.allgather(rows))
@@ -53,7 +53,7 @@ def transient_model(model: ReducedModel, parameters: ContactParameters) -> Trans
         b=model.b,
         o=model.o,
         f=model.f,
-        parameters=parameters,
+        law=law,
         G=G_static - (model.r * flexibility) @ model.r.T,
         s=model.du_static - (model.r * flexibility) @ model.b,
         out_f=model.out_static - (model.o * flexibility) @ model.b,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from ...contact.law import ContactParameters
 from ...continuation.branch import Branch
 from ...continuation.follow import follow_branch
 from ...continuation.grid import at_frequencies, going_on
@@ -86,7 +85,7 @@ class Comparison:
         self.scene, self.structure, self.log = scene, structure, log
         self.comm = structure.linearised.system.comm
         pairs = structure.pairs
-        self.parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+        self.law = pairs.law
         self.sweep = frequency_sweep(scene.response, structure.modes.omega_n)
         self.omegas: dict[float, list[float]] = {}
 
@@ -115,11 +114,11 @@ class Comparison:
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
         seconds = time.perf_counter() - start
         model = reduction.model
-        model.G_static.likely = likely_to_slip(model, self.parameters, linear_curve(model, self.sweep))
+        model.G_static.likely = likely_to_slip(model, self.law, linear_curve(model, self.sweep))
         return reduction, seconds
 
     def problem(self, reduction: Reduction, level: float) -> HarmonicBalance:
-        return HarmonicBalance(reduction.model, self.parameters, self.scene.solver.samples, level)
+        return HarmonicBalance(reduction.model, self.law, self.scene.solver.samples, level)
 
     def points_of(self, method: str, reduction: Reduction) -> None:
         """Follow the reference by arc length: its points are those of every method.  Collective.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...contact.law import ContactParameters
+from ...contact.law import Law
 from ...continuation.branch import Branch
 from ...continuation.levels import follow_level, frequency_sweep, likely_to_slip, linear_curve
 from ...error_estimate.better_model import Truth, truth_of
@@ -72,12 +72,11 @@ def verify(scene, comm, folder: Path, asked: Asked = Asked(), options: tuple[str
         with log.stage("reduction"):
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
         pairs, model = structure.pairs, reduction.model
-        parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
         with log.stage("curves by harmonic balance"):
             truth = truth_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.accuracy else None
-            branches = curves(scene, model, parameters, reduction.selection, structure.modes.omega_n, asked.at, truth)
+            branches = curves(scene, model, pairs.law, reduction.selection, structure.modes.omega_n, asked.at, truth)
         with log.stage("static columns of every pair"):
-            transient = transient_model(model, parameters)
+            transient = transient_model(model, pairs.law)
         with log.stage("time integration"):
             chosen = on_root(comm, chosen_points, branches, asked.at)
             checks = integrate(transient, model, chosen, asked, comm)
@@ -119,13 +118,7 @@ def by_what_is_asked(scene, asked: Asked):
 
 
 def curves(
-    scene,
-    model: ReducedModel,
-    parameters: ContactParameters,
-    selection,
-    omega_n: np.ndarray,
-    at: tuple[float, ...],
-    truth: Truth | None,
+    scene, model: ReducedModel, law: Law, selection, omega_n: np.ndarray, at: tuple[float, ...], truth: Truth | None
 ) -> list[Branch]:
     """Return the branches of all levels.  Collective.
 
@@ -137,10 +130,10 @@ def curves(
         sweep = frequency_sweep(scene.response, omega_n)
     except CaseError as problem:
         raise CaseError(str(problem).replace("[response] at", "--at") if at else str(problem)) from None
-    curve = linear_curve(model, sweep, parameters)
-    model.G_static.likely = likely_to_slip(model, parameters, curve)
+    curve = linear_curve(model, sweep, law)
+    model.G_static.likely = likely_to_slip(model, law, curve)
     return [
-        follow_level(scene, model, parameters, selection, sweep, curve, level, lambda point: None, truth)
+        follow_level(scene, model, law, selection, sweep, curve, level, lambda point: None, truth)
         for level in scene.response.levels
     ]
 
@@ -292,9 +285,9 @@ def loop_of(transient: TransientModel, one: Chosen, du: np.ndarray, p: np.ndarra
     """Return the loop of the pair that loses most, of du and p (n_steps, 3 n_pairs); None where nothing is lost.  Local."""
     if not np.any(one.energy > 0.0):
         return None
-    pair, of = int(np.argmax(one.energy)), transient.parameters
+    pair = int(np.argmax(one.energy))
     direction = int(np.argmax(cycle_work(one.p[pair, :2], one.U[pair, :2])))
-    k_t, row = of.k_t[pair], 3 * pair + direction
+    k_t, row = transient.law.stiffness[pair, direction], 3 * pair + direction
     balanced = [synthesise(x[pair, direction], len(du)) for x in (one.U, one.p)]
     return Loop(
         pair,
