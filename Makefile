@@ -16,7 +16,7 @@ PYTHON = /usr/bin/python3
 VENV = .venv
 IN_VENV = $(VENV)/bin/python
 PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint .ci/constraints.txt
-KERNEL = solver/microslip/contact/_aft.pyx solver/microslip/contact/aft_kernel.c
+KERNEL = $(addprefix solver/microslip/contact/,_elastic_coulomb.pyx elastic_coulomb.c)
 GENERATORS = $(wildcard meshes/*.py)
 
 # Open MPI refuses root and more ranks than cores unless asked; a waiting rank leaves its core to others; one BLAS
@@ -81,4 +81,4 @@ $(VENV)/docs-tools: $(VENV)/python
 clean:
 	rm -rf $(VENV) build dist results docs/_build solver/*.egg-info meshes/*.msh .pytest_cache .mypy_cache .ruff_cache
 	find solver tests meshes jobs -name __pycache__ -prune -exec rm -rf {} +
-	rm -f solver/microslip/contact/_aft.c solver/microslip/contact/_aft*.so
+	rm -f solver/microslip/contact/_*.c solver/microslip/contact/_*.so

@@ -4,9 +4,9 @@ from Cython.Build import cythonize
 from setuptools import Extension, setup
 
 kernel = Extension(
-    "microslip.contact._aft",
-    ["solver/microslip/contact/_aft.pyx"],
-    depends=["solver/microslip/contact/aft_kernel.c"],
+    "microslip.contact._elastic_coulomb",
+    ["solver/microslip/contact/_elastic_coulomb.pyx"],
+    depends=["solver/microslip/contact/elastic_coulomb.c"],
     # no errno and no floating-point traps: the loops over samples become vector instructions
     extra_compile_args=["-O3", "-fno-math-errno", "-fno-trapping-math"],
 )

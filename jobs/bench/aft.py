@@ -11,8 +11,8 @@ from functools import partial
 
 import numpy as np
 
-from microslip.contact.aft import contact_harmonics
-from microslip.contact.law import STICK, ContactParameters
+from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.contact.law import STICK
 from microslip.fourier.coefficients import synthesise
 
 PAIRS, HARMONICS, SHARES = (208, 2000), (1, 3, 7, 15), ("stuck", "edge", "30 %", "100 %")
@@ -21,7 +21,7 @@ PAIRS, HARMONICS, SHARES = (208, 2000), (1, 3, 7, 15), ("stuck", "edge", "30 %",
 def joint(n_pairs):
     """Return pairs of the paper's order of stiffness and preload, every one able to hold 30 N."""
     ones = np.ones(n_pairs)
-    return ContactParameters(0.3 * ones, 100.0 * ones, 2e7 * ones, 3e7 * ones, np.zeros(n_pairs, dtype=bool))
+    return ElasticCoulomb(0.3 * ones, 100.0 * ones, 2e7 * ones, 3e7 * ones, np.zeros(n_pairs, dtype=bool))
 
 
 def motion(n_pairs, H, share, rng):
@@ -61,12 +61,12 @@ def main():
     print(f"{'pairs':>6} {'H':>3}" + "".join(f"{share:>20}" for share in SHARES) + "   pairs not stuck")
     for n_pairs in PAIRS:
         for H in HARMONICS:
-            parameters, cells, slipping = joint(n_pairs), [], []
+            law, cells, slipping = joint(n_pairs), [], []
             for share in SHARES:
                 U = motion(n_pairs, H, share, rng)
-                calls = (partial(contact_harmonics, U, parameters, options.samples, wish) for wish in (True, False))
+                calls = (partial(law.cycle, U, options.samples, wish) for wish in (True, False))
                 times = [milliseconds(call, options.seconds) for call in calls]
-                slipping.append(int(np.sum(contact_harmonics(U, parameters, options.samples).state != STICK)))
+                slipping.append(int(np.sum(law.cycle(U, options.samples).state != STICK)))
                 cells.append(f"{times[0]:10.3f} ({times[1]:.3f})")
             print(f"{n_pairs:6d} {H:3d}" + "".join(f"{cell:>20}" for cell in cells), "  ", slipping, flush=True)
 

@@ -25,6 +25,7 @@ from prepared import prepare
 from stopwatch import Stopwatch
 from synthetic import frequencies, joint_model, joint_problem
 
+from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.contact.law import STICK
 from microslip.continuation import corrector, follow
 from microslip.continuation.grid import at_frequencies
@@ -35,7 +36,7 @@ from microslip.reduction.selection import AllPairs
 
 # what is timed, each function without the others in this list that it calls
 GROUPS = [
-    (residual, "contact_harmonics", "AFT"),
+    (ElasticCoulomb, "cycle", "AFT"),
     (residual.HarmonicBalance, "contact_forces", "choosing pairs, gathering p"),
     (columns.ReceptanceColumns, "__init__", "columns of G: picking"),
     (StaticColumns, "require", "columns of G: static solves"),

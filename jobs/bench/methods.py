@@ -36,10 +36,10 @@ from prepared import Prepared, prepare
 from rubin import PlainRubin, build_rubin
 from stopwatch import Stopwatch
 
+from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.continuation.corrector import Iterate
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies, going_on, secant
-from microslip.harmonic import residual
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 
@@ -58,7 +58,7 @@ class Laps:
 
 
 def contact_counter() -> Stopwatch:
-    return Stopwatch([(residual, "contact_harmonics", "contact")])
+    return Stopwatch([(ElasticCoulomb, "cycle", "contact")])
 
 
 def of_branch(method: str, run: Callable, level: float, watch: Stopwatch) -> tuple[Row, list]:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from microslip.contact.law import ContactParameters
 from microslip.continuation.levels import arc_length_steps, frequency_sweep, linear_curve
 from microslip.continuation.steps import ArcLength, LinearCurve
 from microslip.continuation.sweep import Sweep
@@ -29,14 +28,13 @@ class Prepared:
     scene: Any
     structure: Structure
     model: ReducedModel
-    parameters: ContactParameters
     sweep: Sweep
     curve: LinearCurve
     steps: ArcLength
     stages: list[Stage]
 
     def problem(self, level: float) -> HarmonicBalance:
-        return HarmonicBalance(self.model, self.parameters, self.scene.solver.samples, level)
+        return HarmonicBalance(self.model, self.structure.pairs.law, self.scene.solver.samples, level)
 
 
 def with_modes(scene):
@@ -58,9 +56,7 @@ def prepare(path: str, comm, points: int | None = None) -> Prepared:
             model = reduce_structure(structure.linearised, structure.modes, scene)
         with log.stage("static columns of all pairs"):
             model.G_static.require(np.arange(model.n_pairs))
-    pairs = structure.pairs
-    parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
     sweep = frequency_sweep(scene.response, model.omega_n)
     curve = linear_curve(model, sweep)
     steps = arc_length_steps(scene.continuation, points or scene.response.points, curve)
-    return Prepared(scene, structure, model, parameters, sweep, curve, steps, log.stages)
+    return Prepared(scene, structure, model, sweep, curve, steps, log.stages)

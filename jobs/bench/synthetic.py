@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from microslip.contact.law import ContactParameters
+from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.fourier.coefficients import synthesise
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.residual import HarmonicBalance
@@ -100,8 +100,8 @@ def joint_problem(model: ReducedModel, share: float, n_samples: int = 128, level
     slips = np.arange(model.n_pairs) * 7919 % model.n_pairs < share * model.n_pairs
     ones, mu = np.ones(model.n_pairs), 0.3
     N0 = np.where(slips, SLIPS, HOLDS) * most / mu
-    parameters = ContactParameters(mu * ones, N0, K_T * ones, K_T * ones, np.zeros(model.n_pairs, dtype=bool))
-    return HarmonicBalance(model, parameters, n_samples, level)
+    law = ElasticCoulomb(mu * ones, N0, K_T * ones, K_T * ones, np.zeros(model.n_pairs, dtype=bool))
+    return HarmonicBalance(model, law, n_samples, level)
 
 
 def frequencies(n: int) -> np.ndarray:

@@ -11,7 +11,6 @@ from .assembly.assemble import assemble
 from .assembly.check import check_elements
 from .assembly.matrices import distribute_structure, read_structure
 from .assembly.system import System
-from .contact.law import ContactParameters
 from .continuation.levels import follow_level, response_problem
 from .error_estimate.better_model import BetterModel, better_model_of
 from .library.response_settings import response_settings
@@ -135,9 +134,8 @@ def follow(
     Collective.
     """
     pairs, model, comm = structure.pairs, reduction.model, reduction.model.comm
-    law = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
     settings, omega_n = response_settings(scene), structure.modes.omega_n
-    response = response_problem(settings, model, law, reduction.selection, omega_n, better)
+    response = response_problem(settings, model, pairs.law, reduction.selection, omega_n, better)
     writer = ResultWriter(
         comm,
         str(folder),

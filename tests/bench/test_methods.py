@@ -2,6 +2,7 @@
 
 import csv
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import comparison
@@ -20,7 +21,6 @@ from rubin import build_rubin
 from stopwatch import Stopwatch
 
 from microslip.assembly.assemble import assemble
-from microslip.contact.law import ContactParameters
 from microslip.continuation.corrector import Iterate
 from microslip.continuation.grid import at_frequencies
 from microslip.harmonic.residual import HarmonicBalance
@@ -119,7 +119,7 @@ def test_plain_rubin_meets_receptance_and_comes_closer_with_more_modes(level):
     structure, _, model = two_boxes(135)  # all modes: exact
     pairs = structure.pairs
     N0 = np.where(np.arange(9) % 2 == 0, pairs.N0, 100.0 * pairs.N0)  # the others hold the upper box
-    problem = HarmonicBalance(model, ContactParameters(pairs.mu, N0, pairs.k_t, pairs.k_n, pairs.separate), 64, level)
+    problem = HarmonicBalance(model, replace(pairs.law, N0=N0), 64, level)
     omegas = model.omega_n[0] * np.linspace(0.95, 1.05, 9)
     points = at_frequencies(problem, AllPairs(), omegas, tolerance=1e-9).points
     assert (max(np.count_nonzero(point.state) for point in points) > 3) == (level > 1.0)

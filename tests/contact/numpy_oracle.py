@@ -1,5 +1,6 @@
 """The contact force of one pair and its derivative, sample by sample: the law in its simplest words.
 
+    T = T0 + k_t du_t at the first sample, T0 = -k_t w0; from there
     N = max(0, N0 - k_n du_z);  T_pred = T + k_t d(du_t);  |T_pred| <= mu N: stick, else T = mu N T_pred / |T_pred|
 
 Shares nothing with the program: own Fourier sums, the force T as state (not the slider), values carried with gradients.
@@ -36,14 +37,15 @@ class Marched:
         return 2 if any(open_ for _, _, open_ in kept) else 1 if any(x or y for x, y, _ in kept) else 0
 
 
-def pair_harmonics(U, mu, N0, k_t, k_n, separate, N_t):
+def pair_harmonics(U, mu, N0, k_t, k_n, separate, N_t, w0=(0.0, 0.0)):
     """March the pair with harmonics U (3, N_H) through two periods of N_t samples."""
     N_H = U.shape[1]
     E = rows(N_H // 2, N_t)
     du = E @ U.T
     gradient = [np.kron(np.eye(3), E[j]) for j in range(N_t)]  # (3, 3 N_H) of du at sample j
-    scale = np.abs(N0) + max(k_t, k_n) * np.abs(U).sum() + 1e-300
-    T, dT = k_t * du[0, :2], k_t * gradient[0][:2]
+    scale = np.abs(N0) + max(k_t, k_n) * (np.abs(U).sum() + np.abs(w0).sum()) + 1e-300
+    T0 = -k_t * np.array(w0)
+    T, dT = T0 + k_t * du[0, :2], k_t * gradient[0][:2]
     pattern, margin, forces, slopes = [], 1.0, [], []
     for sample in range(1, 2 * N_t):
         j, before = sample % N_t, (sample - 1) % N_t
@@ -67,7 +69,7 @@ def pair_harmonics(U, mu, N0, k_t, k_n, separate, N_t):
             T, dT = limit * d, np.outer(d, mu * dN) + limit / size[0] * (dT - np.outer(d, d @ dT))
         pattern.append((bool(slips[0]), bool(slips[1]), bool(is_open)))
         if sample >= N_t:
-            forces.append([*T, max(N0, 0.0) - N])
+            forces.append([*(T - T0), max(N0, 0.0) - N])
             slopes.append(np.vstack([dT, -dN]))
     f_nl, df_nl = np.array(forces), np.array(slopes)
     K_J = np.diag([k_t, k_t, k_n])
@@ -76,4 +78,4 @@ def pair_harmonics(U, mu, N0, k_t, k_n, separate, N_t):
     p = np.einsum("cj,ja->ac", F, f_nl - du @ K_J)
     P = np.einsum("cj,jah->ach", F, df_nl - np.einsum("ab,jbh->jah", K_J, np.array(gradient)))
     N = max(N0, 0.0) - f_nl[:, 2]
-    return Marched(p, P.reshape(3 * N_H, 3 * N_H), f_nl[:, :2], N, tuple(pattern), margin)
+    return Marched(p, P.reshape(3 * N_H, 3 * N_H), T0 + f_nl[:, :2], N, tuple(pattern), margin)

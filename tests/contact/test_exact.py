@@ -7,14 +7,15 @@ import pytest
 from numpy_oracle import pair_harmonics
 from oracles.fourier import differentiate
 
-from microslip.contact.aft import contact_harmonics, contact_work, pair_energy
-from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
+from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.contact.energy import contact_work, pair_energy
+from microslip.contact.law import OPEN, SLIP, STICK
 from microslip.fourier.coefficients import synthesise
 
 
-def joint(n=1, mu=0.5, N0=6.0, k_t=2.0, k_n=4.0, separate=False):
+def joint(n=1, mu=0.5, N0=6.0, k_t=2.0, k_n=4.0, separate=False, w0=(0.0, 0.0)):
     ones = np.ones(n)
-    return ContactParameters(mu * ones, N0 * ones, k_t * ones, k_n * ones, np.full(n, separate))
+    return ElasticCoulomb(mu * ones, N0 * ones, k_t * ones, k_n * ones, np.full(n, separate), w0)
 
 
 def motion(n=1, H=1, **coefficients):
@@ -25,23 +26,23 @@ def motion(n=1, H=1, **coefficients):
     return U
 
 
-def friction(U, parameters, N_t):
+def friction(U, law, N_t):
     """Return the harmonics of T, (n, 2, N_H)."""
-    return contact_harmonics(U, parameters, N_t).p[:, :2] + parameters.k_t[:, None, None] * U[:, :2]
+    return law.cycle(U, N_t).p[:, :2] + law.k_t[:, None, None] * U[:, :2]
 
 
 @pytest.mark.parametrize("separate", [False, True])
 @pytest.mark.parametrize("X", [1.6, 3.0, 5.0, 50.0])
 def test_loop_dissipates_4_mu_N0_times_the_slip(X, separate):
-    U, parameters = motion(x=[0.0, X]), joint(separate=separate)
-    found = contact_harmonics(U, parameters, 4096)
+    U, law = motion(x=[0.0, X]), joint(separate=separate)
+    found = law.cycle(U, 4096)
     assert found.state[0] == SLIP
     assert pair_energy(U, found.p)[0] == pytest.approx(4.0 * 3.0 * (X - 1.5), rel=1e-5)
 
 
 @pytest.mark.parametrize("X", [0.0, 0.3, 1.499999999])
 def test_below_the_limit_nothing_is_lost_and_p_is_exactly_zero(X):
-    found = contact_harmonics(motion(H=3, x=[0.0, X]), joint(), 128)
+    found = joint().cycle(motion(H=3, x=[0.0, X]), 128)
     assert found.state[0] == STICK and len(found.active) == 0 and found.P.shape == (0, 21, 21)
     assert np.all(found.p == 0.0)
 
@@ -62,17 +63,17 @@ def test_circle_path():
     T = friction(U, joint(), 16384)[0]
     along, across = k_t * d**2 / X, muN * np.sqrt(1.0 - (d / X) ** 2)
     assert np.allclose(T, [[0.0, along, -across], [0.0, across, along]], atol=2e-3)
-    loss = pair_energy(U, contact_harmonics(U, joint(), 16384).p)[0]
+    loss = pair_energy(U, joint().cycle(U, 16384).p)[0]
     assert loss == pytest.approx(2.0 * np.pi * muN * np.sqrt(X**2 - d**2), rel=1e-3)
 
 
 def test_turning_the_path_turns_the_force_and_its_derivative():
     rng = np.random.default_rng(2)
-    U, parameters = rng.standard_normal((30, 3, 7)), joint(30, N0=2.0, k_n=1.0)
+    U, law = rng.standard_normal((30, 3, 7)), joint(30, N0=2.0, k_n=1.0)
     angle = rng.uniform(0.0, 2.0 * np.pi)
     turn = np.eye(3)
     turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-    plain, turned = contact_harmonics(U, parameters, 64), contact_harmonics(turn @ U, parameters, 64)
+    plain, turned = law.cycle(U, 64), law.cycle(turn @ U, 64)
     all_turn = np.kron(turn, np.eye(7))
     assert np.allclose(turned.p, turn @ plain.p, atol=1e-12) and np.array_equal(turned.state, plain.state)
     assert np.array_equal(turned.active, plain.active) and len(plain.active) == 30
@@ -91,7 +92,7 @@ def test_normal_load_that_follows_the_motion():
     up = (2.0 * mu * N0 - (k_t + mu * gamma) * X) / (k_t - mu * gamma)
     corners = [(u, sign * mu * (N0 + gamma * u)) for u, sign in ((X, 1), (down, -1), (-X, -1), (up, 1))]
     U = motion(x=[0.0, X], z=[0.0, -gamma * X / 4.0])
-    found = contact_harmonics(U, joint(mu=mu, N0=N0, k_t=k_t), 4096)
+    found = joint(mu=mu, N0=N0, k_t=k_t).cycle(U, 4096)
     assert found.state[0] == SLIP
     assert pair_energy(U, found.p)[0] == pytest.approx(loop_area(corners), rel=1e-5)
 
@@ -102,7 +103,7 @@ def test_lift_off_lets_the_friction_go():
     down = (k_t * X - mu * (2.0 * N0 + gamma * X)) / (k_t + mu * gamma)
     corners = [(X, mu * (N0 + gamma * X)), (down, -mu * (N0 + gamma * down)), (-N0 / gamma, 0.0)]
     U = motion(x=[0.0, X], z=[0.0, -gamma * X / 4.0])
-    found = contact_harmonics(U, joint(mu=mu, N0=N0, k_t=k_t), 4096)
+    found = joint(mu=mu, N0=N0, k_t=k_t).cycle(U, 4096)
     assert found.state[0] == OPEN
     assert pair_energy(U, found.p)[0] == pytest.approx(loop_area(corners), rel=1e-4)
     assert contact_work(U, found.p)[0] == pytest.approx(pair_energy(U, found.p)[0], rel=1e-4)
@@ -114,7 +115,7 @@ def test_normal_force_of_an_opening_pair():
     th = np.arccos(N0 / (k_n * Z))  # closed from th to 2 pi - th
     mean = (N0 * th - k_n * Z * np.sin(th)) / np.pi
     first = (k_n * Z * (np.pi - th - np.sin(th) * np.cos(th)) + 2.0 * N0 * np.sin(th)) / np.pi
-    p = contact_harmonics(motion(z=[0.0, Z]), joint(), 8192).p[0]
+    p = joint().cycle(motion(z=[0.0, Z]), 8192).p[0]
     assert np.allclose(p[2] + [0.0, k_n * Z, 0.0], [mean, first, 0.0], atol=1e-5)
 
 
@@ -122,7 +123,7 @@ def test_pair_that_stays_open_exerts_its_preload_less():
     """Far apart the preload of a closed pair is gone: f_z = N0; with a gap there was none: f_z = 0."""
     U = motion(x=[0.0, 1.0], z=[100.0, 0.5])
     for N0, f_z in ((6.0, 6.0), (-6.0, 0.0)):
-        found = contact_harmonics(U, joint(N0=N0), 64)
+        found = joint(N0=N0).cycle(U, 64)
         assert found.state[0] == OPEN
         assert np.allclose(found.p[0], [[0.0, -2.0, 0.0], [0.0] * 3, [f_z - 400.0, -2.0, 0.0]], atol=1e-12)
         assert np.allclose(found.P[0], np.diag([-2.0] * 6 + [-4.0] * 3), atol=1e-13)
@@ -130,7 +131,7 @@ def test_pair_that_stays_open_exerts_its_preload_less():
 
 def test_gap_that_is_closed_all_the_time():
     """Pressed by 5 N/k_n beyond the gap, the pair is linear about f_z = k_n (du_z + g0): p is a constant."""
-    found = contact_harmonics(motion(z=[-11.0 / 4.0, 0.5]), joint(N0=-6.0), 64)
+    found = joint(N0=-6.0).cycle(motion(z=[-11.0 / 4.0, 0.5]), 64)
     assert found.state[0] == STICK and found.active.tolist() == [0]
     assert np.allclose(found.p[0], [[0.0] * 3, [0.0] * 3, [6.0, 0.0, 0.0]], atol=1e-14)
     assert np.abs(found.P).max() < 1e-14
@@ -138,29 +139,29 @@ def test_gap_that_is_closed_all_the_time():
 
 def test_separate_limits_are_two_elements_in_line():
     U = motion(H=2, x=[0.2, 3.0, 1.0, 0.5], y=[-0.1, 1.0, -4.0, 0.0, 0.3])
-    both = contact_harmonics(U, joint(separate=True), 128).p
+    both = joint(separate=True).cycle(U, 128).p
     for a, name in enumerate("xy"):
-        alone = contact_harmonics(motion(H=2, **{name: U[0, a]}), joint(), 128).p
+        alone = joint().cycle(motion(H=2, **{name: U[0, a]}), 128).p
         assert np.allclose(both[0, a], alone[0, a], atol=1e-13)
-    assert not np.allclose(both, contact_harmonics(U, joint(), 128).p, atol=0.1)
+    assert not np.allclose(both, joint().cycle(U, 128).p, atol=0.1)
 
 
 def test_masing_loops_of_parallel_elements():
     """Elements in parallel: the loss is 8 (integral of the backbone - X F / 2); F(u) = sum min(k_t u, mu N0)."""
     n, X = 40, 3.0
-    parameters = replace(joint(n), N0=np.linspace(0.5, 15.0, n))
+    law = replace(joint(n), N0=np.linspace(0.5, 15.0, n))
     U = motion(n, x=[0.0, X])
-    d = 0.5 * parameters.N0 / 2.0
+    d = 0.5 * law.N0 / 2.0
     backbone = np.where(d < X, 2.0 * (d * X - 0.5 * d**2), X**2).sum()
     F = 2.0 * np.minimum(d, X).sum()
-    loss = pair_energy(U, contact_harmonics(U, parameters, 4096).p).sum()
+    loss = pair_energy(U, law.cycle(U, 4096).p).sum()
     assert loss == pytest.approx(8.0 * (backbone - 0.5 * X * F), rel=1e-5)
 
 
 def test_energy_is_the_time_integral_of_friction_power():
     rng = np.random.default_rng(6)
     U, N_t = rng.standard_normal((1, 3, 7)), 4096
-    p = contact_harmonics(U, joint(N0=2.0, k_n=1.0), N_t).p
+    p = joint(N0=2.0, k_n=1.0).cycle(U, N_t).p
     T = pair_harmonics(U[0], 0.5, 2.0, 2.0, 1.0, False, N_t).T
     power = np.sum(T * synthesise(differentiate(U), N_t)[0, :2].T)
     assert pair_energy(U, p)[0] == pytest.approx(2.0 * np.pi / N_t * power, rel=1e-12)
@@ -171,24 +172,105 @@ def test_energy_is_the_time_integral_of_friction_power():
 
 def test_law_scales_with_force_and_with_length():
     rng = np.random.default_rng(9)
-    U, parameters = rng.standard_normal((25, 3, 5)), joint(25, N0=2.0, k_n=1.0)
-    plain = contact_harmonics(U, parameters, 64)
+    U, law = rng.standard_normal((25, 3, 5)), joint(25, N0=2.0, k_n=1.0)
+    plain = law.cycle(U, 64)
     for force, length in ((1e9, 1e-9), (1e-9, 1.0), (3.0, 1e6)):
-        scaled = ContactParameters(
-            parameters.mu,
-            force * parameters.N0,
-            force / length * parameters.k_t,
-            force / length * parameters.k_n,
-            parameters.separate,
-        )
-        found = contact_harmonics(length * U, scaled, 64)
+        scaled = ElasticCoulomb(law.mu, force * law.N0, force / length * law.k_t, force / length * law.k_n, law.separate)
+        found = scaled.cycle(length * U, 64)
         assert np.allclose(found.p / force, plain.p, rtol=0.0, atol=1e-12) and np.array_equal(found.state, plain.state)
         assert np.allclose(found.P * length / force, plain.P, rtol=0.0, atol=1e-11)
 
 
 def test_more_samples_converge_to_the_same_force():
     rng = np.random.default_rng(12)
-    U, parameters = 2.0 * rng.standard_normal((20, 3, 7)), joint(20, N0=6.0, k_n=1.0)
-    reference = contact_harmonics(U, parameters, 8192).p
-    coarse, fine = (np.abs(contact_harmonics(U, parameters, N_t).p - reference).max() for N_t in (128, 1024))
+    U, law = 2.0 * rng.standard_normal((20, 3, 7)), joint(20, N0=6.0, k_n=1.0)
+    reference = law.cycle(U, 8192).p
+    coarse, fine = (np.abs(law.cycle(U, N_t).p - reference).max() for N_t in (128, 1024))
     assert fine < 0.2 * coarse and fine < 5e-3 * np.abs(reference).max()
+
+
+# -- tangential preload: T0 = -k_t w0 = 1.2 of mu N0 = 3, slip distance 1.5 -----------------------------------------------
+
+
+@pytest.mark.parametrize("X", [0.3, 0.9])
+def test_below_the_limit_the_preload_stays_and_p_is_exactly_zero(X):
+    found = joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, X * (1.0 - 1e-9)]), 128)
+    assert found.state[0] == STICK and np.all(found.p == 0.0)
+    assert len(joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, 0.9 + 1e-9]), 128).active) == 1
+
+
+def test_preload_that_slip_lowers_to_what_friction_holds():
+    """Within the slip distance the slider settles once: the peak keeps mu N0, the mean mu N0 - k_t X."""
+    found = joint(w0=(-0.6, 0.0)).cycle(motion(x=[0.0, 0.0, 1.2]), 128)
+    assert found.state[0] == STICK and found.active.tolist() == [0]
+    assert np.allclose(found.p[0, 0] + [1.2, 0.0, 0.0], [3.0 - 2.0 * 1.2, 0.0, 0.0], atol=1e-14)
+
+
+@pytest.mark.parametrize("separate", [False, True])
+def test_slip_both_ways_forgets_the_preload(separate):
+    """The loop of T lies about zero, so that p has the mean -T0; the loss is that without preload."""
+    U, plain, law = motion(x=[0.0, 5.0]), joint(separate=separate), joint(separate=separate, w0=(-0.6, 0.0))
+    found = law.cycle(U, 4096)
+    assert np.allclose(found.p - plain.cycle(U, 4096).p, motion(x=[-1.2]), atol=1e-13)
+    assert pair_energy(U, found.p)[0] == pytest.approx(4.0 * 3.0 * (5.0 - 1.5), rel=1e-5)
+
+
+def test_a_start_that_moves_with_the_mean_changes_nothing():
+    """p depends on du_t - w0 alone."""
+    rng = np.random.default_rng(14)
+    U, w0, law = rng.standard_normal((30, 3, 7)), rng.standard_normal((30, 2)), joint(30, N0=2.0, k_n=1.0)
+    shifted = U.copy()
+    shifted[:, :2, 0] += w0
+    plain, found = law.cycle(U, 64), replace(law, w0=w0).cycle(shifted, 64)
+    assert np.allclose(found.p, plain.p, atol=1e-13) and np.allclose(found.P, plain.P, atol=1e-12)
+    assert np.array_equal(found.state, plain.state)
+
+
+# -- limits ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("w0", [(0.0, 0.0), (-0.3, 0.0), (0.0, 0.4)])
+def test_motions_grow_up_to_their_safety_without_slip(w0):
+    """Peaks of all harmonics at once, in the direction of T0: no sharper bound holds."""
+    law, U = joint(w0=w0), np.zeros((1, 3, 7))
+    U[0, 1 if w0[1] else 0, 1::2] = [-0.3, -0.2, -0.1] if w0[1] else [0.3, 0.2, 0.1]
+    U[0, 2, 1::2] = [0.05, 0.02, 0.03]
+    amplitudes = np.abs(U).sum(axis=2)
+    factor = law.slip_safety(amplitudes)
+    assert factor[0] == pytest.approx((3.0 - 2.0 * np.hypot(*w0)) / (2.0 * 0.6 + 0.5 * 4.0 * 0.1))
+    assert len(law.cycle((1.0 - 1e-9) * factor * U, 64).active) == 0
+    assert len(law.cycle((1.0 + 1e-9) * factor * U, 64).active) == 1
+    assert np.array_equal(law.slip_safety(np.stack([amplitudes, 2.0 * amplitudes])), [factor, factor / 2.0])
+
+
+def test_no_safety_without_friction_preload_or_contact():
+    for law in (joint(mu=0.0), joint(N0=0.0), joint(N0=-1.0), joint(w0=(1.5, 0.0))):
+        assert law.slip_safety(np.array([[0.1, 0.0, 0.0]]))[0] == 0.0 == law.slip_safety(np.zeros((1, 3)))[0]
+    assert joint().slip_safety(np.zeros((1, 3)))[0] == np.inf
+
+
+def test_share_of_the_limits_taken_up():
+    """Tangentially of mu N0 = 3 or what T0 leaves of it, normally of N0 = 6; the larger one counts."""
+    amplitudes = np.array([[0.3, 0.4, 0.0], [0.3, 0.4, 1.2], [0.0, 0.0, 0.0]])
+    assert np.allclose(joint(3).utilisation(amplitudes), [1.0 / 3.0, 0.8, 0.0])
+    assert np.allclose(joint(3, w0=(0.5, 0.0)).utilisation(amplitudes), [0.5, 0.8, 0.0])
+    assert joint(mu=0.0).utilisation(amplitudes[:1])[0] == np.inf
+
+
+def test_share_of_the_force_that_slip_can_take_away():
+    law = replace(joint(5, mu=0.5, k_t=2.0, k_n=4.0), N0=np.array([10.0, 10.0, 10.0, -1.0, 0.0]))
+    U = np.zeros((5, 3))
+    U[:, 0] = [1.0, 5.0, 5.0, 5.0, 0.0]  # half a limit of 2.5 N: below it, four times it, with less normal force, open, at rest
+    U[2, 2], U[3, 2] = 2.0, 1.0
+    expected = [[0, 0, 0], [0.75, 0.75, 0], [0.95, 0.95, 0.375], [1, 1, 1], [0, 0, 0]]
+    np.testing.assert_allclose(law.slipping_share(U, 0.5), expected)
+    held = replace(law, w0=np.array([0.0, -1.5]))  # T0 = 3 N of the limit of 5 N
+    np.testing.assert_allclose(held.slipping_share(U, 0.5)[:2], [[0.5, 0.5, 0], [0.9, 0.9, 0]])
+
+
+def test_which_pairs_keep_half_wave_symmetry():
+    along, both, normal = np.eye(3, dtype=bool)[[0]], np.array([[True, True, False]]), np.array([[False, False, True]])
+    assert joint().keeps_half_wave_symmetry(along)[0] and joint(separate=True).keeps_half_wave_symmetry(both)[0]
+    assert joint(mu=0.0).keeps_half_wave_symmetry(both)[0] and joint(k_t=0.0).keeps_half_wave_symmetry(both)[0]
+    assert not joint().keeps_half_wave_symmetry(both)[0] and not joint().keeps_half_wave_symmetry(normal)[0]
+    assert not joint(w0=(0.1, 0.0)).keeps_half_wave_symmetry(along)[0]

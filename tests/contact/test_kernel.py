@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from numpy_oracle import pair_harmonics
 from oracles.law import friction_step, normal_contact_force, normal_force
 
-from microslip.contact.aft import contact_harmonics, pair_energy
-from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
+from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.contact.energy import pair_energy
+from microslip.contact.law import OPEN, SLIP, STICK
 from microslip.fourier.coefficients import analyse, synthesise
 from microslip.fourier.harmonics import Harmonics
 
@@ -27,32 +28,40 @@ def joints(draw, largest_H=6, regular=False):
     zero = np.zeros((3, n), dtype=bool) if regular else rng.random((3, n)) < 0.15
     mu, k_t, k_n = np.where(zero, 0.0, rng.uniform(0.1, 2.0, (3, n)))
     N0 = rng.standard_normal(n) + rng.integers(0, 5, n)
-    return U, ContactParameters(mu, N0, k_t, k_n, rng.random(n) < 0.5), N_t
+    w0 = rng.standard_normal((n, 2)) * (rng.random((n, 1)) < 0.5)
+    return U, ElasticCoulomb(mu, N0, k_t, k_n, rng.random(n) < 0.5, w0), N_t
 
 
-def values_of(parameters, i):
-    return tuple(getattr(parameters, name)[i] for name in ("mu", "N0", "k_t", "k_n", "separate"))
+def marched(U, law, i, N_t):
+    """Return what the oracle finds for pair i."""
+    values = (getattr(law, name)[i] for name in ("mu", "N0", "k_t", "k_n", "separate"))
+    return pair_harmonics(U, *values, N_t, law.w0[i])
 
 
-def stiffness(parameters):
-    return (1.0 + parameters.mu) * np.maximum(parameters.k_t, parameters.k_n)
+def stiffness(law):
+    return (1.0 + law.mu) * np.maximum(law.k_t, law.k_n)
+
+
+def size_of(U, law):
+    """Return the size of each pair's motion, from the sliders' start, (n,)."""
+    return np.abs(U).max(axis=(1, 2)) + np.abs(law.w0).max(axis=1)
 
 
 @FAST
 @given(joints(largest_H=9))
 def test_kernel_meets_the_oracle(joint):
-    U, parameters, N_t = joint
-    found = contact_harmonics(U, parameters, N_t)
+    U, law, N_t = joint
+    found = law.cycle(U, N_t)
     P = np.zeros((len(U), 3 * U.shape[2], 3 * U.shape[2]))
     P[found.active] = found.P
     for i in range(len(U)):
-        expected = pair_harmonics(U[i], *values_of(parameters, i), N_t)
-        force = np.abs(parameters.N0[i]) + stiffness(parameters)[i] * np.abs(U[i]).max()
+        expected = marched(U[i], law, i, N_t)
+        force = (np.abs(law.N0) + stiffness(law) * size_of(U, law))[i]
         assert np.abs(found.p[i] - expected.p).max() <= 1e-12 * force
         if i in found.active:
-            assert np.abs(P[i] - expected.P).max() <= 1e-12 * stiffness(parameters)[i]
+            assert np.abs(P[i] - expected.P).max() <= 1e-12 * stiffness(law)[i]
         else:
-            assert np.all(found.p[i] == 0.0) and np.abs(expected.P).max() <= 1e-12 * stiffness(parameters)[i]
+            assert np.all(found.p[i] == 0.0) and np.abs(expected.P).max() <= 1e-12 * stiffness(law)[i]
         if expected.margin > 1e-10:
             assert found.state[i] == expected.state
 
@@ -60,63 +69,95 @@ def test_kernel_meets_the_oracle(joint):
 @FAST
 @given(joints(largest_H=4, regular=True))
 def test_jacobian_meets_central_differences_where_no_sample_switches(joint):
-    U, parameters, N_t = joint
+    U, law, N_t = joint
     n, _, N_H = U.shape
-    found = contact_harmonics(U, parameters, N_t)
+    found = law.cycle(U, N_t)
     assume(len(found.active) > 0)
     rng = np.random.default_rng(0)
     direction = rng.standard_normal(U.shape)
     step = 1e-6 * np.abs(U).max(axis=(1, 2))[:, None, None] * direction
-    ahead, behind = (contact_harmonics(U + s * step, parameters, N_t, tangents=False).p for s in (1.0, -1.0))
+    ahead, behind = (law.cycle(U + s * step, N_t, tangents=False).p for s in (1.0, -1.0))
     difference = (ahead - behind).reshape(n, -1)
     checked = 0
     for k, i in enumerate(found.active):
         nearby = (U[i] + s * step[i] for s in (-1.0, 0.0, 1.0))
-        patterns = {pair_harmonics(near, *values_of(parameters, i), N_t).pattern for near in nearby}
+        patterns = {marched(near, law, i, N_t).pattern for near in nearby}
         if len(patterns) == 1:
             linear = 2.0 * found.P[k] @ step[i].ravel()
-            bound = 1e-6 * stiffness(parameters)[i] * np.abs(step[i]).max() * np.sqrt(3 * N_H)
+            bound = 1e-6 * stiffness(law)[i] * np.abs(step[i]).max() * np.sqrt(3 * N_H)
             assert np.abs(difference[i] - linear).max() <= bound
             checked += 1
     assume(checked > 0)
 
 
+def taylor_remainders(law, U, V, N_t, steps):
+    """Return |p(U + h V) - p(U) - h P V| by direction for each step h, (n_steps, n, 3), NaN where a sample switches."""
+    n, _, N_H = U.shape
+    found = law.cycle(U, N_t)
+    P = np.zeros((n, 3 * N_H, 3 * N_H))
+    P[found.active] = found.P
+    slope = np.einsum("nij,nj->ni", P, V.reshape(n, -1)).reshape(U.shape)
+    remainders = np.array([np.abs(law.cycle(U + h * V, N_t).p - found.p - h * slope).max(axis=2) for h in steps])
+    for i in range(n):
+        if len({marched((U + h * V)[i], law, i, N_t).pattern for h in (0.0, *steps)}) > 1:
+            remainders[:, i] = np.nan
+    return remainders
+
+
+@pytest.mark.parametrize("moved", range(3))
+@pytest.mark.parametrize("separate", [False, True])
+def test_remainder_of_the_derivative_falls_as_the_square_of_the_step_block_by_block(moved, separate):
+    """dp/dU in blocks: rows of each direction, columns of one; the sliders start away from the origin."""
+    rng, n = np.random.default_rng(21), 60
+    U, V = rng.standard_normal((2, n, 3, 5))
+    V[:, np.arange(3) != moved] = 0.0
+    mu, k_t, k_n = rng.uniform(0.3, 1.0, (3, n))
+    law = ElasticCoulomb(mu, rng.uniform(0.5, 2.0, n), k_t, k_n, np.full(n, separate), rng.standard_normal((n, 2)))
+    coarse, fine = taylor_remainders(law, U, V, 16, (2e-4, 1e-4))
+    assert np.count_nonzero(~np.isnan(coarse[:, 0])) > n // 2
+    curved = coarse > 1e-10  # the others are linear as long as no sample switches
+    assert curved[:, :2].any() != separate and not curved[:, 2].any()
+    assert np.all(np.abs(coarse[curved] / fine[curved] - 4.0) < 0.2)
+    straight = ~curved & ~np.isnan(coarse)
+    assert np.all(fine[straight] < 1e-10)
+
+
 @FAST
 @given(joints())
 def test_kernel_meets_the_formulas_of_the_law(joint):
-    U, parameters, N_t = joint
+    U, law, N_t = joint
     du = synthesise(U, N_t)  # (n, 3, N_t)
-    N = normal_force(du[:, 2], parameters.N0[:, None], parameters.k_n[:, None])
-    w, T = np.zeros((len(U), 2)), np.empty((len(U), 2, N_t))
+    N = normal_force(du[:, 2], law.N0[:, None], law.k_n[:, None])
+    w, T = law.w0, np.empty((len(U), 2, N_t))
     for sample in range(1, 2 * N_t):
         j = sample % N_t
-        T[:, :, j], w, _ = friction_step(w, du[:, :2, j], N[:, j], parameters.k_t, parameters.mu, parameters.separate)
+        T[:, :, j], w, _ = friction_step(w, du[:, :2, j], N[:, j], law.k_t, law.mu, law.separate)
     if N_t == 1:
-        T[:, :, 0], w, _ = friction_step(w, du[:, :2, 0], N[:, 0], parameters.k_t, parameters.mu, parameters.separate)
-    f_nl = np.concatenate([T, normal_contact_force(N, parameters.N0[:, None])[:, None]], axis=1)
-    K_J = np.stack([parameters.k_t, parameters.k_t, parameters.k_n], axis=1)[:, :, None]
-    expected = analyse(f_nl - K_J * du, Harmonics.full(U.shape[2]))
-    force = np.abs(parameters.N0) + stiffness(parameters) * np.abs(U).max(axis=(1, 2))
-    found = contact_harmonics(U, parameters, N_t, tangents=False)
+        T[:, :, 0], w, _ = friction_step(w, du[:, :2, 0], N[:, 0], law.k_t, law.mu, law.separate)
+    T += (law.k_t[:, None] * law.w0)[:, :, None]  # from rest
+    f_nl = np.concatenate([T, normal_contact_force(N, law.N0[:, None])[:, None]], axis=1)
+    expected = analyse(f_nl - law.stiffness[:, :, None] * du, Harmonics.full(U.shape[2]))
+    force = np.abs(law.N0) + stiffness(law) * size_of(U, law)
+    found = law.cycle(U, N_t, tangents=False)
     assert np.all(np.abs(found.p - expected).max(axis=(1, 2)) <= 1e-12 * force)
 
 
 @FAST
 @given(joints())
 def test_friction_never_gives_energy(joint):
-    U, parameters, N_t = joint
-    p = contact_harmonics(U, parameters, max(N_t, 4 * U.shape[2]), tangents=False).p
-    size = np.abs(U).max(axis=(1, 2))
-    assert np.all(pair_energy(U, p) >= -1e-12 * (stiffness(parameters) * size + np.abs(parameters.N0)) * size)
+    U, law, N_t = joint
+    p = law.cycle(U, max(N_t, 4 * U.shape[2]), tangents=False).p
+    size = size_of(U, law)
+    assert np.all(pair_energy(U, p) >= -1e-12 * (stiffness(law) * size + np.abs(law.N0)) * size)
 
 
 @FAST
 @given(joints(largest_H=3), st.randoms(use_true_random=False))
 def test_a_pair_does_not_depend_on_its_neighbours(joint, random):
-    U, parameters, N_t = joint
+    U, law, N_t = joint
     order = list(range(len(U)))
     random.shuffle(order)
-    whole, mixed = contact_harmonics(U, parameters, N_t), contact_harmonics(U[order], parameters.take(order), N_t)
+    whole, mixed = law.cycle(U, N_t), law.take(order).cycle(U[order], N_t)
     assert np.array_equal(mixed.p, whole.p[order]) and np.array_equal(mixed.state, whole.state[order])
     assert sorted(np.array(order)[mixed.active]) == whole.active.tolist()
     for k, i in enumerate(np.array(order)[mixed.active]):
@@ -127,10 +168,10 @@ def test_a_pair_does_not_depend_on_its_neighbours(joint, random):
 def test_every_number_of_harmonics_at_its_least_number_of_samples(H):
     rng = np.random.default_rng(H)
     U = rng.standard_normal((9, 3, 2 * H + 1))
-    parameters = ContactParameters(*rng.uniform(0.2, 1.0, (4, 9)), rng.random(9) < 0.5)
-    found = contact_harmonics(U, parameters, 2 * H + 1)
+    law = ElasticCoulomb(*rng.uniform(0.2, 1.0, (4, 9)), rng.random(9) < 0.5)
+    found = law.cycle(U, 2 * H + 1)
     for k, i in enumerate(found.active):
-        expected = pair_harmonics(U[i], *values_of(parameters, i), 2 * H + 1)
+        expected = marched(U[i], law, i, 2 * H + 1)
         assert np.allclose(found.p[i], expected.p, rtol=0.0, atol=1e-12 * (1.0 + np.abs(U[i]).max()))
         assert np.allclose(found.P[k], expected.P, rtol=0.0, atol=1e-12)
 
@@ -138,32 +179,34 @@ def test_every_number_of_harmonics_at_its_least_number_of_samples(H):
 def test_too_few_samples_are_refused():
     one = np.ones(1)
     with pytest.raises(ValueError, match="at least 7"):
-        contact_harmonics(np.zeros((1, 3, 7)), ContactParameters(one, one, one, one, one > 2), 6)
+        ElasticCoulomb(one, one, one, one, one > 2).cycle(np.zeros((1, 3, 7)), 6)
 
 
 def one_pair(mu=0.5, N0=2.0, k_t=3.0, k_n=4.0, separate=False):
-    return ContactParameters(*(np.array([value]) for value in (mu, N0, k_t, k_n, separate)))
+    return ElasticCoulomb(*(np.array([value]) for value in (mu, N0, k_t, k_n, separate)))
 
 
 def test_no_pairs():
     none = np.zeros(0)
-    found = contact_harmonics(np.zeros((0, 3, 7)), ContactParameters(none, none, none, none, none > 0), 128)
+    found = ElasticCoulomb(none, none, none, none, none > 0).cycle(np.zeros((0, 3, 7)), 128)
     assert found.p.shape == (0, 3, 7) and found.P.shape == (0, 21, 21)
     assert found.state.shape == found.active.shape == (0,) and found.state.dtype == np.uint8
 
 
 @pytest.mark.parametrize(
-    ("which", "value"), [("U", np.nan), ("U", np.inf), *((name, np.nan) for name in ("N0", "mu", "k_t", "k_n"))]
+    ("which", "value"), [("U", np.nan), ("U", np.inf), *((name, np.nan) for name in ("N0", "mu", "k_t", "k_n", "w0"))]
 )
 def test_not_a_number_stays_with_its_pair_and_is_not_hidden(which, value):
     U = np.random.default_rng(3).standard_normal((3, 3, 7))
-    arrays = dict(zip(("mu", "N0", "k_t", "k_n"), np.ones((4, 3)) * [[0.5], [2.0], [3.0], [4.0]], strict=True))
-    clean = contact_harmonics(U, ContactParameters(**arrays, separate=np.zeros(3, dtype=bool)), 32)
+    arrays = dict(zip(("mu", "N0", "k_t", "k_n"), np.ones((4, 3)) * [[0.5], [2.0], [3.0], [4.0]], strict=True)) | {
+        "w0": np.zeros((3, 2))
+    }
+    clean = ElasticCoulomb(**arrays, separate=np.zeros(3, dtype=bool)).cycle(U, 32)
     if which == "U":
         U[1, 0, 2] = value
     else:
         arrays[which][1] = value
-    found = contact_harmonics(U, ContactParameters(**arrays, separate=np.zeros(3, dtype=bool)), 32)
+    found = ElasticCoulomb(**arrays, separate=np.zeros(3, dtype=bool)).cycle(U, 32)
     assert 1 in found.active
     assert np.isnan(found.p[1]).all() and np.isnan(found.P[np.searchsorted(found.active, 1)]).all()
     assert np.array_equal(found.p[[0, 2]], clean.p[[0, 2]])
@@ -171,8 +214,8 @@ def test_not_a_number_stays_with_its_pair_and_is_not_hidden(which, value):
 
 def test_without_tangents_the_forces_are_the_same():
     U = np.random.default_rng(4).standard_normal((13, 3, 5))
-    parameters = one_pair().take(np.zeros(13, dtype=int))
-    with_P, without = contact_harmonics(U, parameters, 64), contact_harmonics(U, parameters, 64, tangents=False)
+    law = one_pair().take(np.zeros(13, dtype=int))
+    with_P, without = law.cycle(U, 64), law.cycle(U, 64, tangents=False)
     assert without.P is None and np.array_equal(with_P.p, without.p) and np.array_equal(with_P.active, without.active)
 
 
@@ -180,7 +223,7 @@ def test_no_friction_slides_freely():
     U = np.zeros((1, 3, 5))
     for motion in (0.0, 1e-9, 1.0):
         U[0, :2] = motion * np.random.default_rng(1).standard_normal((2, 5))
-        found = contact_harmonics(U, one_pair(mu=0.0), 64)
+        found = one_pair(mu=0.0).cycle(U, 64)
         assert found.state[0] == SLIP
         assert np.allclose(found.p, -3.0 * U, rtol=0.0, atol=1e-14 * motion)
         assert np.allclose(found.P[0], np.diag([-3.0] * 10 + [0.0] * 5), rtol=0.0, atol=1e-14)
@@ -188,7 +231,7 @@ def test_no_friction_slides_freely():
 
 def test_no_stiffness_carries_no_force():
     U = np.random.default_rng(2).standard_normal((1, 3, 5)) * 100.0
-    found = contact_harmonics(U, one_pair(k_t=0.0, k_n=0.0), 64)
+    found = one_pair(k_t=0.0, k_n=0.0).cycle(U, 64)
     assert found.state[0] == STICK and len(found.active) == 0 and np.all(found.p == 0.0)
 
 
@@ -196,9 +239,9 @@ def test_huge_friction_sticks_until_the_pair_opens():
     U = np.random.default_rng(2).standard_normal((1, 3, 5))
     U[0, 2] = [-3.0, 0.1, 0.0, 0.0, 0.1]
     for mu in (1e6, 1e300):
-        assert len(contact_harmonics(U, one_pair(mu=mu), 64).active) == 0
+        assert len(one_pair(mu=mu).cycle(U, 64).active) == 0
     U[0, 2, 0] = 3.0
-    assert contact_harmonics(U, one_pair(mu=1e300), 64).state[0] == OPEN
+    assert one_pair(mu=1e300).cycle(U, 64).state[0] == OPEN
 
 
 def test_pairs_at_their_limit_stick_without_roundoff():
@@ -208,8 +251,8 @@ def test_pairs_at_their_limit_stick_without_roundoff():
     U = np.zeros((200, 3, 3))
     U[:, 0, 1], U[:, 1, 1] = np.cos(angle) / 3.0, np.sin(angle) / 3.0
     limit = 3.0 * np.hypot(U[:, 0, 1], U[:, 1, 1]) * (1.0 + 1e-15)
-    parameters = replace(one_pair().take(np.zeros(200, dtype=int)), N0=2.0 * limit)
-    found = contact_harmonics(U, parameters, 128)
+    law = replace(one_pair().take(np.zeros(200, dtype=int)), N0=2.0 * limit)
+    found = law.cycle(U, 128)
     assert np.all(found.p == 0.0) and len(found.active) == 0
 
 
@@ -217,7 +260,7 @@ def test_slip_while_settling_leaves_a_constant_force_and_the_state_stick():
     """The first samples push the slider, the cycle then fits between its limits."""
     U = np.zeros((1, 3, 3))
     U[0, 0] = [0.6, 0.0, 0.5]  # k_t (mean +- amplitude) = 3.3, 0.3; mu N0 = 2
-    found = contact_harmonics(U, one_pair(mu=1.0), 64)
+    found = one_pair(mu=1.0).cycle(U, 64)
     assert found.state[0] == STICK and found.active.tolist() == [0]
     assert np.allclose(found.p[0, 0], [-1.3, 0.0, 0.0], atol=1e-14)
     assert np.allclose(found.P[0, 0, :3], [-3.0, 0.0, -3.0], atol=1e-13)  # the peak, sample 16, set the slider
@@ -230,5 +273,5 @@ def test_settled_pairs_are_not_marked_as_slipping_by_roundoff():
     U = np.zeros((300, 3, 3))
     U[:, 0, 0], U[:, 0, 1], U[:, 0, 2] = 0.6, 0.5 * np.cos(phase), 0.5 * np.sin(phase)
     for separate in (False, True):
-        found = contact_harmonics(U, one_pair(mu=1.0, separate=separate).take(np.zeros(300, dtype=int)), 64)
+        found = one_pair(mu=1.0, separate=separate).take(np.zeros(300, dtype=int)).cycle(U, 64)
         assert len(found.active) == 300 and np.all(found.state == STICK)

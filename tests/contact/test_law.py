@@ -1,10 +1,12 @@
 """The formulas of the contact law, one step at a time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from oracles.law import beyond_stuck_springs, friction_step, normal_contact_force, normal_force
 
-from microslip.contact.law import ContactParameters
+from microslip.contact.elastic_coulomb import ElasticCoulomb
 
 RNG = np.random.default_rng(11)
 N_PAIRS = 500
@@ -67,12 +69,15 @@ def test_stuck_and_closed_is_the_linear_joint():
 
 def test_parameters_are_checked_and_picked():
     ones = np.ones(4)
-    parameters = ContactParameters(np.arange(4), ones, ones, 2 * ones, [True, False, True, False])
-    assert parameters.n_pairs == 4 and parameters.mu.dtype == float and parameters.separate.dtype == bool
-    assert parameters.take([3, 1]).mu.tolist() == [3.0, 1.0]
-    assert parameters.take(slice(1, 3)).separate.tolist() == [False, True]
-    assert parameters.take(parameters.separate).mu.tolist() == [0.0, 2.0]
+    law = ElasticCoulomb(np.arange(4), ones, ones, 2 * ones, [True, False, True, False])
+    assert law.n_pairs == 4 and law.mu.dtype == float and law.separate.dtype == bool
+    assert law.take([3, 1]).mu.tolist() == [3.0, 1.0]
+    assert law.take(slice(1, 3)).separate.tolist() == [False, True]
+    assert law.take(law.separate).mu.tolist() == [0.0, 2.0]
+    assert np.array_equal(law.w0, np.zeros((4, 2))) and law.stiffness[0].tolist() == [1.0, 1.0, 2.0]
+    preloaded = replace(law, N0=3.0 * ones, w0=np.arange(8.0).reshape(4, 2))
+    assert preloaded.take([3]).w0.tolist() == [[6.0, 7.0]] and preloaded.take([3]).N0.tolist() == [3.0]
     with pytest.raises(ValueError, match="k_n of pair 2 is negative"):
-        ContactParameters(ones, ones, ones, ones - [0.0, 0.0, 3.0, 0.0], ones > 2)
+        ElasticCoulomb(ones, ones, ones, ones - [0.0, 0.0, 3.0, 0.0], ones > 2)
     with pytest.raises(ValueError, match=r"N0 has shape \(3,\), needs \(4,\)"):
-        ContactParameters(ones, ones[:3], ones, ones, ones > 2)
+        ElasticCoulomb(ones, ones[:3], ones, ones, ones > 2)

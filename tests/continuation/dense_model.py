@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.linalg
 
-from microslip.contact.law import ContactParameters
+from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequencies
 from microslip.continuation.sweep import Sweep
@@ -53,7 +53,7 @@ def reduced(system, comm, H, n_modes=None):
         f=coefficients,
         harmonics=harmonics,
     )
-    return model, ContactParameters(*(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")))
+    return model, ElasticCoulomb(*(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")))
 
 
 def branch(

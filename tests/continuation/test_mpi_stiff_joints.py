@@ -10,8 +10,7 @@ from mpi4py import MPI
 from oracles import point_check
 from verification import extreme_structures as structures
 
-from microslip.contact.aft import contact_harmonics
-from microslip.contact.law import ContactParameters
+from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.continuation import follow, point_solver
 from microslip.continuation.corrector import row_weights
 from microslip.continuation.follow import follow_branch
@@ -65,9 +64,9 @@ def test_a_motion_that_shrinks_a_thousandfold_in_a_step_is_solved_by_its_own_siz
 
 def test_a_wide_gap_costs_no_digits():
     """p of an open pair is -k_n du_z, however far the ground is."""
-    parameters = ContactParameters(*np.array([[0.3], [-1e9], [1.0], [2.0]]), np.array([False]))
+    law = ElasticCoulomb(*np.array([[0.3], [-1e9], [1.0], [2.0]]), np.array([False]))
     U = np.array([[[0.0, 1e-3, 0.0], [0.0, 0.0, 0.0], [1e-4, 1e-3, 2e-3]]])
-    found = contact_harmonics(U, parameters, 16)
+    found = law.cycle(U, 16)
     assert found.p[0, 2] == pytest.approx(-2.0 * U[0, 2], rel=1e-12)
     assert found.P[0, 6:, 6:] == pytest.approx(-2.0 * np.eye(3), abs=1e-12)
 

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from oracles.fourier import differentiate
 
-from microslip.contact.aft import contact_harmonics, pair_energy
-from microslip.contact.law import ContactParameters
+from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.contact.energy import pair_energy
 from microslip.fourier.amplitudes import to_complex, to_real
 from microslip.fourier.coefficients import analyse, analysis_matrix, cycle_work, synthesis_matrix, synthesise
 from microslip.fourier.harmonics import Harmonics
@@ -55,7 +55,7 @@ def test_coefficients_that_do_not_fit_their_set_are_refused():
         Harmonics((1, 3)).carry(np.zeros(5), Harmonics.up_to(3))
     one = np.ones(1)
     with pytest.raises(ValueError, match="5 coefficients for the harmonics 1, 3, which have 4"):
-        contact_harmonics(np.zeros((1, 3, 5)), ContactParameters(one, one, one, one, one > 2), 16, harmonics=Harmonics((1, 3)))
+        ElasticCoulomb(one, one, one, one, one > 2).cycle(np.zeros((1, 3, 5)), 16, harmonics=Harmonics((1, 3)))
 
 
 @given(sets, sets, seeds)
@@ -117,15 +117,15 @@ def test_contact_forces_on_a_set_are_those_of_the_full_set_there(harmonics, seed
     rng = np.random.default_rng(seed)
     full = Harmonics.up_to(harmonics.highest)
     n, N_t = 12, 2 * harmonics.highest + 1 + extra
-    parameters = ContactParameters(
+    law = ElasticCoulomb(
         *rng.uniform(0.2, 1.0, (1, n)),
         rng.standard_normal(n) + rng.integers(0, 4, n),
         *rng.uniform(0.2, 1.0, (2, n)),
         rng.random(n) < 0.5,
     )
     U = coefficients(harmonics, seed, n, 3) * 10.0 ** rng.uniform(-1.0, 0.5, (n, 1, 1))
-    found = contact_harmonics(U, parameters, N_t, harmonics=harmonics)
-    expected = contact_harmonics(harmonics.carry(U, full), parameters, N_t)
+    found = law.cycle(U, N_t, harmonics=harmonics)
+    expected = law.cycle(harmonics.carry(U, full), N_t)
     assert np.array_equal(found.state, expected.state) and np.array_equal(found.active, expected.active)
     assert np.allclose(found.p, full.carry(expected.p, harmonics), rtol=0.0, atol=1e-12 * (1.0 + np.abs(expected.p).max()))
     where = np.concatenate([np.r_[full.columns(k)] for k in harmonics.chosen])

@@ -16,7 +16,7 @@ from microslip.parallel.errors import CaseError
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.reduction import choose_modes
-from microslip.reduction.truncation import gains, left_out, residual_norms, slipping_share
+from microslip.reduction.truncation import gains, left_out, residual_norms
 from microslip.run import build_structure, from_matrices
 from microslip.scene.read import read_scene
 
@@ -144,17 +144,6 @@ def test_a_small_structure_keeps_all_of_its_modes(shared_path):
     structure, line = structure_of(written(shared_path, chain(20)))
     assert len(structure.modes.omega_n) == 20 and line == "modes: all 20 there are"
     structure.linearised.destroy()
-
-
-def test_share_of_the_force_that_slip_can_take_away():
-    class Pairs:
-        k_t, k_n, mu, N0 = np.full(5, 2.0), np.full(5, 4.0), np.full(5, 0.5), np.array([10.0, 10.0, 10.0, -1.0, 0.0])
-
-    U = np.zeros((5, 3))
-    U[:, 0] = [1.0, 5.0, 5.0, 5.0, 0.0]  # half a limit of 2.5 N: below it, four times it, with less normal force, open, at rest
-    U[2, 2], U[3, 2] = 2.0, 1.0
-    expected = [[0, 0, 0], [0.75, 0.75, 0], [0.95, 0.95, 0.375], [1, 1, 1], [0, 0, 0]]
-    np.testing.assert_allclose(slipping_share(Pairs, U.ravel()).reshape(5, 3), expected)
 
 
 def test_too_many_modes_are_refused_with_file_and_key():

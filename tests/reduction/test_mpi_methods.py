@@ -7,7 +7,6 @@ from bar_scene import N_DOF, N_PAIRS, bar, by, stuck
 from matrix_scenes import write_matrix_scene
 from oracles import harmonic_balance, scenes
 
-from microslip.contact.law import ContactParameters
 from microslip.continuation.grid import at_frequencies
 from microslip.harmonic.residual import HarmonicBalance
 from microslip.linear.dense import gram, multiply
@@ -47,8 +46,7 @@ def whole(comm, tmp_path_factory):
 
 def curve(scene, structure, reduction, omegas, level=30.0):
     pairs = structure.pairs
-    parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-    problem = HarmonicBalance(reduction.model, parameters, 128, level)
+    problem = HarmonicBalance(reduction.model, pairs.law, 128, level)
     found = at_frequencies(problem, reduction.selection, omegas, tolerance=1e-10)
     assert found.failure is None
     return found.points

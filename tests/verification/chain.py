@@ -11,7 +11,6 @@ from microslip.parallel.petsc import initialise
 
 initialise()  # before anything imports PETSc; does nothing where it has been done
 
-from microslip.contact.law import ContactParameters
 from microslip.continuation.levels import follow_levels, frequency_sweep, linear_curve
 from microslip.observe.log import RunLog
 from microslip.receptance.model import ReducedModel
@@ -58,9 +57,8 @@ def solve_scene(scene, comm) -> Chain:
     reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
     model = reduction.model
     pairs, sweep = structure.pairs, frequency_sweep(scene.response, model.omega_n)
-    parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-    curve = linear_curve(model, sweep, parameters)
-    branches = list(follow_levels(scene, model, parameters, reduction.selection, sweep, curve, Silent()))
+    curve = linear_curve(model, sweep, pairs.law)
+    branches = list(follow_levels(scene, model, pairs.law, reduction.selection, sweep, curve, Silent()))
     first, last = structure.linearised.M.getOwnershipRange()
     structure.linearised.destroy()
     failures = [branch.failure for branch in branches if branch.failure]

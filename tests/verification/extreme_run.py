@@ -25,7 +25,6 @@ from verification import chain
 from verification.extreme_cases import Case, onset
 from verification.extreme_structures import scaled
 
-from microslip.contact.law import ContactParameters
 from microslip.continuation.levels import follow_levels, frequency_sweep, linear_curve
 from microslip.continuation.point_record import HELD
 from microslip.parallel.errors import MicroslipError
@@ -135,9 +134,8 @@ def solved(folder: Path, system: dict, levels, band, at, case: Case) -> list:
         reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
         model, pairs = reduction.model, structure.pairs
         sweep = frequency_sweep(scene.response, structure.modes.omega_n)
-        parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
         return list(
-            follow_levels(scene, model, parameters, reduction.selection, sweep, linear_curve(model, sweep), chain.Silent())
+            follow_levels(scene, model, pairs.law, reduction.selection, sweep, linear_curve(model, sweep), chain.Silent())
         )
     finally:
         structure.linearised.destroy()

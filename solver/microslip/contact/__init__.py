@@ -1,1 +1,1 @@
-"""Contact laws: what a pair exchanges over a period or a step of time.  NumPy and one compiled kernel; no MPI, no PETSc."""
+"""Contact laws: what a pair exchanges over a period or a step of time.  NumPy and compiled kernels; no MPI, no PETSc."""

@@ -1,49 +1,68 @@
-"""Parameters and states of contact pairs: two coupled Jenkins elements and a normal spring (docs/theory.md, section 3).
+"""What a contact law offers: the one interface through which every other room asks for contact forces and their limits.
 
-The compiled kernel of ``harmonic/aft.py`` marches their law through two periods, with derivatives; ``transient/return_map.py``
-has it over a step of time.  Each Jenkins element is a spring ``k_t`` in series with a slider at position ``w``:
-T = k_t (du_t - w).  In this form p_t = T - k_t du_t = -k_t w is exactly zero, free of roundoff, until the slider moves for the
-first time.
+A law holds the parameters of n pairs.  Its force is measured beyond the springs K_J of a pair that sticks, p = f_nl - K_J du
+(docs/theory.md, section 3), from the state of rest, about which the structure vibrates.  A further law is one more file beside
+``elastic_coulomb.py``.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+
+from ..fourier.harmonics import Harmonics
 
 STICK, SLIP, OPEN = 0, 1, 2
 
 
 @dataclass(frozen=True)
-class ContactParameters:
-    """Parameters of ``n`` contact pairs, contiguous arrays (n,); ValueError if one is negative or misshapen."""
+class ContactCycle:
+    """Harmonics of p over a period for n pairs, m of which are active."""
 
-    mu: np.ndarray  # friction coefficient [-]
-    N0: np.ndarray  # normal preload [N]; negative states an initial gap -N0 / k_n
-    k_t: np.ndarray  # tangential stiffness [N/m]
-    k_n: np.ndarray  # normal stiffness [N/m]
-    separate: np.ndarray  # bool: each tangential direction has its own friction limit
+    p: np.ndarray  # (n, 3, N_H) N; exactly 0 for pairs that are not active
+    state: np.ndarray  # (n,) uint8, in the kept period: STICK, SLIP, OPEN
+    active: np.ndarray  # (m,) pairs with p or dp/dU not identically zero, ascending
+    P: np.ndarray | None  # (m, 3 N_H, 3 N_H) dp/dU [N/m], row and column = direction * N_H + coefficient
 
-    def __post_init__(self):
-        n = np.size(self.k_t)
-        for name in ("mu", "N0", "k_t", "k_n", "separate"):
-            kind = bool if name == "separate" else np.float64
-            values = np.ascontiguousarray(getattr(self, name), dtype=kind)
-            if values.shape != (n,):
-                raise ValueError(f"{name} has shape {values.shape}, needs ({n},) like k_t")
-            if name in ("mu", "k_t", "k_n") and np.any(values < 0.0):
-                raise ValueError(f"{name} of pair {np.nanargmin(values)} is negative: {np.nanmin(values)}")
-            object.__setattr__(self, name, values)
+
+class Law(Protocol):
+    """The law of n contact pairs.  Local, NumPy only.
+
+    ``amplitudes`` (..., n, 3) [m] are what no component of a pair's motion exceeds: the sums over its harmonics.
+    """
 
     @property
-    def n_pairs(self) -> int:
-        return len(self.k_t)
+    def n_pairs(self) -> int: ...
 
     @property
     def stiffness(self) -> np.ndarray:
-        return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
+        """The springs K_J of a pair that sticks, (n, 3) [N/m]."""
 
-    def take(self, indices) -> ContactParameters:
-        """Return the parameters of some pairs: an index array, a mask or a slice.  Local."""
-        return ContactParameters(self.mu[indices], self.N0[indices], self.k_t[indices], self.k_n[indices], self.separate[indices])
+    def take(self, indices) -> Law:
+        """Return the law of some of the pairs: an index array, a mask or a slice."""
+
+    def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
+        """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.
+
+        The set of ``harmonics`` is 0 to H unless given; ``n_samples`` is at least 2 H + 1; without ``tangents`` P is left out.
+        """
+
+    def step(self, du: np.ndarray, p_before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return p after a step of time from ``p_before`` to the relative displacement ``du``, its derivative, and the states.
+
+        Shapes: du, p_before and p (..., n, 3) [m, N]; derivative d p / d du (..., n, 3, 3) [N/m]; states (..., n).
+        """
+
+    def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n)."""
+
+    def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the share of its limits that the motion of each pair takes up while it sticks, (..., n)."""
+
+    def slipping_share(self, amplitudes: np.ndarray, of_limit: float) -> np.ndarray:
+        """Return the share of the stuck force that p takes away at most, (..., n, 3), if limits count with ``of_limit``."""
+
+    def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
+        """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) bool move, (n,)."""

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from ..contact.law import ContactParameters
+from ..contact.law import Law
 from ..error_estimate.better_model import BetterModel
 from ..error_estimate.estimate import ErrorEstimator
 from ..harmonic.balance import HarmonicBalance
@@ -38,7 +38,7 @@ class ResponseProblem:
 
     settings: ResponseSettings
     model: ReducedModel
-    law: ContactParameters  # of all pairs
+    law: Law  # of all pairs
     selection: Selection
     sweep: Sweep
     curve: LinearCurve  # the response with every pair stuck
@@ -67,7 +67,7 @@ class ResponseProblem:
 def response_problem(
     settings: ResponseSettings,
     model: ReducedModel,
-    law: ContactParameters,
+    law: Law,
     selection: Selection,
     omega_n: np.ndarray,
     better: BetterModel | None = None,
@@ -108,11 +108,11 @@ def frequency_sweep(settings: ResponseSettings, omega_n: np.ndarray) -> Sweep:
     return Sweep(2 * np.pi * start, 2 * np.pi * stop, tuple(2 * np.pi * f for f in settings.at))
 
 
-def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameters | None = None) -> LinearCurve:
+def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> LinearCurve:
     """Return the stuck curve over the range, every resonance in it resolved.  Collective.
 
-    Its length is that of the pairs' motion; of the outputs' where there is no pair.  Without ``parameters`` of the pairs no level
-    is known to be linear.
+    Its length is that of the pairs' motion; of the outputs' where there is no pair.  Without the ``law`` of the pairs no level is
+    known to be linear.
     """
     ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
     omega = model.comm.bcast(linear_frequencies(*ends, model.omega_n, model.zeta))
@@ -121,8 +121,8 @@ def linear_curve(model: ReducedModel, sweep: Sweep, parameters: ContactParameter
     motions = [model.linear_motion(1.0, w) for w in omega] if model.n_pairs else list(response)
     s = arc_lengths(model.comm, motions, omega, sweep.scale)
     stuck = np.zeros(len(omega))
-    if parameters is not None and model.n_pairs > 0:
-        stuck = sticks_up_to(model, parameters, motions)
+    if law is not None and model.n_pairs > 0:
+        stuck = sticks_up_to(model, law, motions)
     return LinearCurve(omega, model.harmonics.carry(response, model.recorded), s, stuck)
 
 
@@ -164,21 +164,14 @@ def stated_steps(settings: ResponseSettings, curve: LinearCurve) -> dict[str, fl
     return {key: curve.s[-1] * value for key, value in asked.items() if value}
 
 
-def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: LinearCurve) -> np.ndarray:
-    """Return the pairs by falling share of the friction limit, or of the preload, that the linear peak takes up.
+def likely_to_slip(model: ReducedModel, law: Law, curve: LinearCurve) -> np.ndarray:
+    """Return the pairs by falling share of their limits that the linear peak takes up.
 
     Collective: one broadcast.  Only the order of static solves depends on it.
     """
     at_peak = curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))]
     U = np.abs(model.linear_motion_of_all(1.0, at_peak)).reshape(model.n_pairs, 3, model.N_H).sum(axis=2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.stack(
-            [
-                parameters.k_t * np.hypot(U[:, 0], U[:, 1]) / (parameters.mu * parameters.N0),
-                parameters.k_n * U[:, 2] / parameters.N0,
-            ]
-        )
-    order = np.argsort(-np.nan_to_num(shares, nan=0.0, posinf=1e300, neginf=1e300).max(axis=0), kind="stable")
+    order = np.argsort(-law.utilisation(U), kind="stable")
     return model.comm.bcast(order)  # all ranks solve for the same columns, also where a tie falls otherwise on some
 
 

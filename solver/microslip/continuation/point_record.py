@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..contact.aft import contact_work, pair_energy
+from ..contact.energy import contact_work, pair_energy
 from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.coefficients import cycle_work
 from ..harmonic.balance import OperatingPoint

@@ -10,8 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..contact.aft import contact_harmonics
-from ..contact.law import ContactParameters
+from ..contact.law import Law
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import summed
 from ..receptance.columns import ReceptanceColumns
@@ -60,13 +59,13 @@ class HarmonicBalance:
     """The residual (5.1) and its linearisation; ``selected`` pairs may slip or open, the others are held stuck."""
 
     model: ReducedModel
-    law: ContactParameters  # of this rank's pairs
+    law: Law  # of this rank's pairs
     n_samples: int  # a period
     held: np.ndarray | None = None  # (n_owned, 2) mean of p_t about which the mean slip is held [N]; None: it is not
     _known: dict = field(default_factory=dict, init=False, repr=False)  # of the last operating point
 
     @classmethod
-    def of_all(cls, model: ReducedModel, law: ContactParameters, n_samples: int) -> HarmonicBalance:
+    def of_all(cls, model: ReducedModel, law: Law, n_samples: int) -> HarmonicBalance:
         """Return the equation of a model whose pairs, on all ranks, have this law.  Local."""
         # a constant motion is one sample: the kept period then holds the one step there is, and the state says which pairs slid
         own = law.take(np.arange(model.n_pairs)[model.owned])
@@ -121,7 +120,7 @@ class HarmonicBalance:
         chosen = np.flatnonzero(selected[self.model.owned])
         everything = len(chosen) == self.n_owned
         law, motion = (self.law, U) if everything else (self.law.take(chosen), U[chosen])
-        found = contact_harmonics(motion, law, self.n_samples, tangents=tangents, harmonics=self.harmonics)
+        found = law.cycle(motion, self.n_samples, tangents=tangents, harmonics=self.harmonics)
         if self.held is not None:
             hold_mean_slip(found, self.held if everything else self.held[chosen])
         state = np.zeros(self.n_owned, dtype=np.uint8)

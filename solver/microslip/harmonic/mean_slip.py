@@ -11,7 +11,7 @@ from contextlib import suppress
 import numpy as np
 import scipy.sparse.linalg as sla
 
-from ..contact.aft import AftResult
+from ..contact.law import ContactCycle
 from ..parallel.agree import on_root
 
 HOLD = 1e-3  # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
@@ -21,10 +21,10 @@ FREE = 1e-8  # share of the force against a motion that others than the joint's 
 _FEW = 200  # rows up to which LAPACK is as quick
 
 
-def hold_mean_slip(found: AftResult, about: np.ndarray) -> None:
+def hold_mean_slip(found: ContactCycle, about: np.ndarray) -> None:
     """Add the springs to the forces and their derivative, in place.  Local.
 
-    The slider of a pair stands at w = -p_t / k_t: a spring from its mean to where p_t has the mean ``about`` (n, 2) [N]
+    The slider of a pair has moved by -p_t / k_t: a spring from its mean to where p_t has the mean ``about`` (n, 2) [N]
     takes its share of their difference.  The set of harmonics has a mean.
     """
     found.p[found.active, :2, 0] -= HOLD * (found.p[found.active, :2, 0] - about[found.active])
@@ -50,7 +50,7 @@ def is_held_by_its_joint_alone(equation) -> bool:
     n_owned = model.owned.stop - model.owned.start
     own = (3 * np.arange(n_owned)[:, None] + np.arange(2)).ravel()
     rows = comm.gather(model.G_static.transposed(np.arange(model.n_pairs))[np.ix_(tangential, own)].T)
-    roots = comm.gather(np.repeat(np.sqrt(equation.law.k_t), 2))
+    roots = comm.gather(np.sqrt(equation.law.stiffness[:, :2]).ravel())
     return on_root(comm, _largest_share, rows, roots) > 1.0 - FREE
 
 

@@ -55,20 +55,20 @@ def linearise(system: System, pairs: ContactPairs, where: str = "") -> Linearise
 
 
 def joint_stiffness(pairs: ContactPairs) -> np.ndarray:
-    """Return the diagonal of K_J, (3 n_pairs,) [N/m]: k_t, k_t, k_n of each pair.  Local.
+    """Return the diagonal of K_J, (3 n_pairs,) [N/m]: the springs of each pair that sticks, along x, y, z.  Local.
 
     Raises
     ------
     CaseError : a stiffness is negative or not a finite number
     """
-    K_J = np.column_stack([pairs.k_t, pairs.k_t, pairs.k_n]).astype(float).ravel()
-    bad = np.flatnonzero(~(np.isfinite(K_J) & (K_J >= 0.0)))
-    if len(bad):
-        raise CaseError(
-            f"[[joints]] {pairs.joint[bad[0] // 3]!r}: contact stiffness {K_J[bad[0]]} N/m of pair {bad[0] // 3}; "
-            "it must be a finite number, not negative"
-        )
-    return K_J
+    for k in (pairs.k_t, pairs.k_n):
+        bad = np.flatnonzero(~(np.isfinite(k) & (k >= 0.0)))
+        if len(bad):
+            raise CaseError(
+                f"[[joints]] {pairs.joint[bad[0]]!r}: contact stiffness {k[bad[0]]} N/m of pair {bad[0]}; "
+                "it must be a finite number, not negative"
+            )
+    return pairs.law.stiffness.ravel()
 
 
 def add_springs(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:

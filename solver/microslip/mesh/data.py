@@ -7,6 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ..contact.elastic_coulomb import ElasticCoulomb
+from ..contact.law import Law
+
 
 def place(point) -> str:
     """Return a point as messages show it."""
@@ -91,3 +94,8 @@ class ContactPairs:
     @property
     def n_pairs(self) -> int:
         return len(self.k_t)
+
+    @property
+    def law(self) -> Law:
+        """The contact law of the pairs, about a state of rest without friction force."""
+        return ElasticCoulomb(self.mu, self.N0, self.k_t, self.k_n, self.separate)

@@ -134,7 +134,7 @@ def _dotted(numbers) -> str:
 
 
 def _kernel() -> str:
-    importlib.import_module("microslip.contact._aft")
+    importlib.import_module("microslip.contact._elastic_coulomb")
     return "compiled"
 
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..contact.law import Law
 from ..fourier.amplitudes import to_complex
 from ..linear.dense import gram, multiply, summed
-from ..linear.joint_springs import joint_stiffness
 from ..modes.band import frequency_band
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
@@ -63,7 +63,7 @@ def left_out(linearised, modes, pairs, scene) -> LeftOut:
     low, high = 2.0 * np.pi * np.array(frequency_band(scene.response, modes.omega_n))
     omegas = np.union1d(np.linspace(low, high, 60), family.omega_n[(family.omega_n > low) & (family.omega_n < high)])
     loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
-    comm = model.comm
+    comm, law = model.comm, pairs.law
     peaks = comm.bcast(output_peaks(model, omegas))  # the same to the bit on all ranks: collective work hangs on it
     direct, joint = np.zeros((2, n))
     if not loaded or not peaks.any():
@@ -76,8 +76,8 @@ def left_out(linearised, modes, pairs, scene) -> LeftOut:
     for h in loaded:
         error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks
         direct = np.maximum(direct, error.max(axis=1))
-        for omega in comm.bcast(resonances(model, pairs, omegas)) if model.n_pairs or family.damping.couples_modes else ():
-            at = resonance(linearised, modes, model, pairs, omega, h, level)
+        for omega in comm.bcast(resonances(model, law, omegas)) if model.n_pairs or family.damping.couples_modes else ():
+            at = resonance(linearised, modes, model, law, omega, h, level)
             error = _through_the_joint(model, at, h, of_load[h], of_output, level) / peaks
             joint = np.maximum(joint, error.max(axis=1))
     direct[-1] = np.inf  # the first mode left out is not known
@@ -154,9 +154,9 @@ def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
     return np.abs(motions)[:, :, model.harmonics.numbers > 0].max(axis=(0, 2), initial=0.0)
 
 
-def resonances(model: ReducedModel, pairs, omegas: np.ndarray) -> list[float]:
+def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]:
     """Return the frequencies at which the stuck joint stores most energy, and the last of the range.  Local."""
-    K_J = joint_stiffness(pairs)[:, None]
+    K_J = law.stiffness.reshape(-1, 1)
     U = [to_complex(model.linear_motion_of_all(1.0, omega))[:, model.harmonics.numbers > 0] for omega in omegas]
     energy = np.array([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U])
     rises = np.diff(energy, prepend=-1.0, append=-1.0) > 0.0
@@ -165,15 +165,15 @@ def resonances(model: ReducedModel, pairs, omegas: np.ndarray) -> list[float]:
     return [float(omega) for omega in np.union1d(omegas[highest], omegas[-1:])]
 
 
-def resonance(linearised, modes, model: ReducedModel, pairs, omega: float, h: int, level: float) -> Resonance:
+def resonance(linearised, modes, model: ReducedModel, law: Law, omega: float, h: int, level: float) -> Resonance:
     """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective: static solves."""
     system, n_out = linearised.system, model.n_outputs
     first, last = linearised.K_L.getOwnershipRange()
     family, (c,), i = model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
     U = to_complex(model.linear_motion_of_all(level, omega))
     U_adjoint = model.out_R.T + c.between(family.R_phi, i, family.o)  # (3 n_pairs, n_outputs)
-    share = slipping_share(pairs, np.abs(U).sum(axis=1))
-    K_J = joint_stiffness(pairs)
+    share = law.slipping_share(np.abs(U).sum(axis=1).reshape(-1, 3), _EARLY).ravel()
+    K_J = law.stiffness.ravel()
     p = np.column_stack([share * K_J * U[:, i], ((share > 0.0) * K_J)[:, None] * U_adjoint])
     norms = residual_norms(linearised, modes, system.R.T.tocsr()[first:last] @ p)
     drags = np.zeros_like(norms)
@@ -183,23 +183,6 @@ def resonance(linearised, modes, model: ReducedModel, pairs, omega: float, h: in
         Cu_owned = h * omega * multiply(system.C, u_owned)
         drags = residual_norms(linearised, modes, Cu_owned[:, : n_out + 1] + 1j * Cu_owned[:, n_out + 1 :])
     return Resonance(omega, norms[:, 0], drags[:, 0], norms[:, 1:], drags[:, 1:])
-
-
-def slipping_share(pairs, U: np.ndarray) -> np.ndarray:
-    """Return which share of the stuck force p takes away at most, (3 n_pairs,), at the amplitudes ``U`` (3 n_pairs,) [m].  Local.
-
-    A Jenkins element whose stuck force exceeds its limit n-fold slips by 1 - 1/n of its motion; the limit counts by half.
-    """
-    x, y, z = U.reshape(-1, 3).T
-    shear, press = pairs.k_t * np.hypot(x, y), pairs.k_n * z
-    limit = pairs.mu * np.maximum(pairs.N0 - press, 0.0)
-    tangential, normal = _excess(shear, _EARLY * limit), _excess(press, _EARLY * pairs.N0)
-    return np.column_stack([tangential, tangential, normal]).ravel()
-
-
-def _excess(force: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """Return 1 - limit / force, at least 0 and at most 1."""
-    return np.clip(1.0 - np.divide(limit, force, out=np.ones_like(force), where=force > 0.0), 0.0, 1.0)
 
 
 def _load(system, model: ReducedModel, h: int) -> np.ndarray:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..contact.return_map import return_map
 from ..parallel.errors import ConvergenceError
 from .model import TransientModel
 from .scheme import RHO, GeneralisedAlpha, Motion, fitted_angle
@@ -83,8 +82,7 @@ class StepContact:
 
     def __init__(self, model: TransientModel, scheme: GeneralisedAlpha):
         self.model, self.flexibility = model, scheme.flexibility()
-        K_J = np.stack([model.parameters.k_t, model.parameters.k_t, model.parameters.k_n], axis=1).ravel()
-        self.K_J, self.scale = K_J, np.zeros(len(scheme.h))
+        self.K_J, self.scale = model.law.stiffness.ravel(), np.zeros(len(scheme.h))
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G_h p, (B, 3 n_pairs) [m].  Local."""
@@ -121,7 +119,7 @@ class StepContact:
     def _law(self, du_free, p_before, p):
         """Return p, the law's answer to it, its derivative and the states."""
         shape = (len(p), self.model.n_pairs, 3)
-        new, L, state = return_map((du_free - self.apply(p)).reshape(shape), p_before.reshape(shape), self.model.parameters)
+        new, L, state = self.model.law.step((du_free - self.apply(p)).reshape(shape), p_before.reshape(shape))
         return p, new.reshape(p.shape), L, state
 
     def _error(self, p, new) -> np.ndarray:

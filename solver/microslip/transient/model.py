@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..contact.law import ContactParameters
+from ..contact.law import Law
 from ..fourier.coefficients import synthesise
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
@@ -23,7 +23,7 @@ class TransientModel:
     out_p: np.ndarray  # (n_outputs, 3 n_pairs) the same to p
     load_f: np.ndarray  # (n_loads, n_loads) the loads' own [m/N]
     f: np.ndarray  # (n_loads, N_H) Fourier coefficients of the loads at unit level
-    parameters: ContactParameters
+    law: Law
 
     @property
     def n_pairs(self) -> int:
@@ -38,7 +38,7 @@ class TransientModel:
         return level[..., None] * (self.s @ f) - p @ self.G.T
 
 
-def transient_model(model: ReducedModel, parameters: ContactParameters) -> TransientModel:
+def transient_model(model: ReducedModel, law: Law) -> TransientModel:
     """Return the model for time integration.  Collective on ``model.comm``: static columns of all pairs, and one gather."""
     rows = np.ascontiguousarray(model.G_static.transposed(np.arange(model.n_pairs)).T)
     G_static = rows if model.comm.size == 1 else np.concatenate(model.comm.allgather(rows))
@@ -47,7 +47,7 @@ def transient_model(model: ReducedModel, parameters: ContactParameters) -> Trans
     return TransientModel(
         modes=modes,
         f=model.f,
-        parameters=parameters,
+        law=law,
         G=G_static - R_flexibility @ modes.R_phi.T,
         s=model.du_static - R_flexibility @ modes.b,
         out_f=model.out_static - o_flexibility @ modes.b,

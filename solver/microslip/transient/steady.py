@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..contact.return_map import return_map
 from ..fourier.coefficients import analyse, synthesise
 from ..fourier.harmonics import Harmonics
 from .march import Cycle, March
@@ -51,7 +50,7 @@ def from_rest(model: TransientModel, n_points: int) -> Start:
 def from_harmonics(model: TransientModel, omega: np.ndarray, eta: np.ndarray, U: np.ndarray, n_steps: int) -> Start:
     """Return the state at t = 0 of periodic motions, eta (B, m, N_H) and U (B, n_pairs, 3, N_H).  Local.
 
-    The sliders stand where the rule of section 3 puts them under that motion: w = 0 at the first sample, and one period on.
+    The sliders stand where the rule of section 3 puts them under that motion: w = w0 at the first sample, and one period on.
     """
     n = np.arange(1, eta.shape[-1] // 2 + 1)
     w = omega[:, None]
@@ -59,7 +58,7 @@ def from_harmonics(model: TransientModel, omega: np.ndarray, eta: np.ndarray, U:
     du = np.moveaxis(synthesise(U, n_steps), -1, 0)
     p = np.zeros(du.shape[1:])
     for k in range(n_steps + 1):
-        p, _, _ = return_map(du[k % n_steps], p, model.parameters)
+        p, _, _ = model.law.step(du[k % n_steps], p)
     return Start(z, p.reshape(len(p), -1))
 
 
@@ -115,7 +114,7 @@ def steady_state(
     """
     B = len(march.level)
     accelerations = [Acceleration(3 * len(march.model.modes.omega_n)) for _ in range(B)] if accelerated else None
-    K_J = np.stack([march.model.parameters.k_t, march.model.parameters.k_t, march.model.parameters.k_n], axis=1).ravel()
+    K_J = march.model.law.stiffness.ravel()
     root = np.sqrt(np.where(K_J > 0.0, K_J, 1.0))  # p / root is an energy's root, as the scaled motion is
     found: list[tuple] = [()] * B
     best = np.full(B, np.inf)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from ...contact.law import ContactParameters
 from ...continuation.follow import BranchTask, follow_branch
 from ...continuation.grid import at_frequencies, going_on
 from ...continuation.levels import ResponseProblem, most_points, response_problem
@@ -85,7 +84,7 @@ class Comparison:
         self.scene, self.structure, self.log = scene, structure, log
         self.comm = structure.linearised.system.comm
         pairs = structure.pairs
-        self.law = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+        self.law = pairs.law
         self.settings = response_settings(scene)
         self.omegas: dict[float, list[float]] = {}
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...contact.law import ContactParameters
 from ...continuation.accuracy import Accuracy, accuracy_of
 from ...continuation.branch import Branch
 from ...continuation.grid import at_frequencies
@@ -63,7 +62,7 @@ class Bench:
         self.scene, self.structure = scene, structure
         self.comm = structure.linearised.system.comm
         pairs = structure.pairs
-        self.parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
+        self.law = pairs.law
         self.sweep = frequency_sweep(response_settings(scene), structure.modes.omega_n)
         self.least_harmonics = max([1, *(load.harmonic for load in scene.loads)])
         self.modes: Modes = structure.modes
@@ -130,7 +129,7 @@ class Bench:
             reduction = replace(reduction, model=replace(reduction.model, G_static=self._columns))
         model = reduction.model
         if not model.G_static.known.all():
-            model.G_static.likely = likely_to_slip(model, self.parameters, linear_curve(model, self.sweep))
+            model.G_static.likely = likely_to_slip(model, self.law, linear_curve(model, self.sweep))
         return Prepared(reduction, better_model_of(structure.linearised, modes, reduction, scene), seconds)
 
     def _timed(self, solve):
@@ -161,7 +160,7 @@ class Bench:
     def problem(self, prepared: Prepared, setting: Setting, level: float) -> ForcedResponse:
         """Return harmonic balance of a setting at a level [N]."""
         model = prepared.reduction.model.with_harmonics(Harmonics.up_to(setting.harmonics))
-        return ForcedResponse(HarmonicBalance.of_all(model, self.parameters, setting.samples), level)
+        return ForcedResponse(HarmonicBalance.of_all(model, self.law, setting.samples), level)
 
     def accuracy_of(self, setting: Setting, problem: ForcedResponse) -> Accuracy | None:
         """Return a new choice of harmonics and samples for a branch of a setting; the scene's own are left to it."""

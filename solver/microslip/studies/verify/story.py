@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...contact.law import ContactParameters
+from ...contact.law import Law
 from ...continuation.branch import Branch
 from ...continuation.levels import follow_level, response_problem
 from ...error_estimate.better_model import BetterModel, better_model_of
@@ -73,12 +73,11 @@ def verify(scene, comm, folder: Path, asked: Asked = Asked(), options: tuple[str
         with log.stage("reduction"):
             reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
         pairs, model = structure.pairs, reduction.model
-        parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
         with log.stage("curves by harmonic balance"):
             better = better_model_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.accuracy else None
-            branches = curves(scene, model, parameters, reduction.selection, structure.modes.omega_n, asked.at, better)
+            branches = curves(scene, model, pairs.law, reduction.selection, structure.modes.omega_n, asked.at, better)
         with log.stage("static columns of every pair"):
-            transient = transient_model(model, parameters)
+            transient = transient_model(model, pairs.law)
         with log.stage("time integration"):
             chosen = on_root(comm, chosen_points, branches, asked.at)
             checks = integrate(transient, model, chosen, asked, comm)
@@ -120,13 +119,7 @@ def by_what_is_asked(scene, asked: Asked):
 
 
 def curves(
-    scene,
-    model: ReducedModel,
-    law: ContactParameters,
-    selection,
-    omega_n: np.ndarray,
-    at: tuple[float, ...],
-    better: BetterModel | None,
+    scene, model: ReducedModel, law: Law, selection, omega_n: np.ndarray, at: tuple[float, ...], better: BetterModel | None
 ) -> list[Branch]:
     """Return the branches of all levels.  Collective.
 
@@ -289,9 +282,9 @@ def loop_of(transient: TransientModel, one: Chosen, du: np.ndarray, p: np.ndarra
     """Return the loop of the pair that loses most, of du and p (n_steps, 3 n_pairs); None where nothing is lost.  Local."""
     if not np.any(one.energy > 0.0):
         return None
-    pair, of = int(np.argmax(one.energy)), transient.parameters
+    pair = int(np.argmax(one.energy))
     direction = int(np.argmax(cycle_work(one.p[pair, :2], one.U[pair, :2])))
-    k_t, row = of.k_t[pair], 3 * pair + direction
+    k_t, row = transient.law.stiffness[pair, direction], 3 * pair + direction
     balanced = [synthesise(x[pair, direction], len(du)) for x in (one.U, one.p)]
     return Loop(
         pair,

@@ -1,7 +1,7 @@
 # cython: language_level=3, boundscheck=False, wraparound=False
-"""Bridge from NumPy arrays to aft_kernel.c; the meaning of every argument is stated there and in aft.py."""
+"""Bridge from NumPy arrays to elastic_coulomb.c; the meaning of every argument is stated there and in elastic_coulomb.py."""
 
-cdef extern from "aft_kernel.c" nogil:
+cdef extern from "elastic_coulomb.c" nogil:
     ctypedef struct aft_tables:
         Py_ssize_t N_H
         Py_ssize_t N_t
@@ -16,6 +16,7 @@ cdef extern from "aft_kernel.c" nogil:
         const double *k_t
         const double *k_n
         const unsigned char *separate
+        const double *w0
         const double *U
     int aft_leaves(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t n, unsigned char *leaves)
     int aft_march(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t m, const Py_ssize_t *active, double *p,
@@ -44,10 +45,10 @@ cdef class Pairs:
     cdef object arrays
 
     def __init__(self, const double[:, :, ::1] U, const double[::1] mu, const double[::1] N0, const double[::1] k_t,
-                 const double[::1] k_n, const unsigned char[::1] separate):
-        self.arrays = (U, mu, N0, k_t, k_n, separate)
+                 const double[::1] k_n, const unsigned char[::1] separate, const double[:, ::1] w0):
+        self.arrays = (U, mu, N0, k_t, k_n, separate, w0)
         self.c.U, self.c.mu, self.c.N0 = &U[0, 0, 0], &mu[0], &N0[0]
-        self.c.k_t, self.c.k_n, self.c.separate = &k_t[0], &k_n[0], &separate[0]
+        self.c.k_t, self.c.k_n, self.c.separate, self.c.w0 = &k_t[0], &k_n[0], &separate[0], &w0[0, 0]
 
 
 def leaves(Sampling sampling, Pairs pairs, unsigned char[::1] found):

@@ -1,14 +1,16 @@
-/* Contact forces over sampled periods and their exact derivatives: the compiled part of aft.py, included by _aft.pyx.
+/* Contact forces over sampled periods and their exact derivatives: the compiled part of elastic_coulomb.py, included by
+ * _elastic_coulomb.pyx.
  *
- * The law is that of docs/theory.md, section 3, marched through two periods of which the second is kept.  Written for the slider
- * position w (T = k_t (du_t - w)), so that p_t = -k_t w, and the slip distance rho = mu N / k_t.  With r = du_t - w:
+ * The law of docs/theory.md, eq. (3.1) to (3.5), marched through two periods of which the second is kept.  Motion du_t and slider
+ * position w are both measured from the slider's start w0, so that w = 0 at first, T = k_t (du_t - w) and p_t = -k_t w.  With the
+ * slip distance rho = mu N / k_t and r = du_t - w, eq. (3.3) is:
  *
  *     circle     |r| <= rho: stick;   else  alpha = rho / |r|,  d = r / |r|,  w <- du_t - alpha r
  *     separate   the same for each direction by itself
  *
  * rho = 0 (open, or mu = 0) is free sliding: w <- du_t whatever r is, so that T and its derivative vanish.
  *
- * The derivative W = dw/dU has rows x, y and the columns of U_x, U_y, U_z.  A slip at sample j does, with row e of E,
+ * The derivative W = dw/dU, eq. (6.2), has rows x, y and the columns of U_x, U_y, U_z.  A slip at sample j does, with row e of E,
  *
  *     W <- A W + [I - A, d mu k_n / k_t] (x) e,      circle A = alpha (I - d d^T);   separate A = diag(1 if it stays)
  *
@@ -59,14 +61,16 @@ typedef struct {
 typedef struct {
     const double *mu, *N0, *k_t, *k_n;              /* (n,) */
     const unsigned char *separate;                  /* (n,) */
+    const double *w0;                               /* (n, 2) the sliders' start */
     const double *U;                                /* (n, 3, N_H) */
 } aft_pairs;
 
 typedef struct {                                    /* one group of LANES pairs */
     double N0[LANES], k_t[LANES], k_n[LANES];
     double give[LANES];                             /* mu / k_t, slip distance per normal force */
+    double start[3 * LANES];                        /* du less the sliders' start where the pair is at rest */
     double *U;                                      /* (N_H, 3, LANES) */
-    double *du;                                     /* (N_t, 3, LANES) */
+    double *du;                                     /* (N_t, 3, LANES) less the sliders' start */
     double *rho;                                    /* (N_t, LANES) slip distance; infinite where k_t = 0 */
     double *closed;                                 /* (N_t, LANES) 1 where N > 0, else 0 */
     double *force;                                  /* (N_t, 3, LANES) p at the samples of the kept period */
@@ -122,6 +126,9 @@ INLINED void gather(aft_group *group, const aft_pairs *pairs, const Py_ssize_t *
         group->k_t[l] = pairs->k_t[i];
         group->k_n[l] = pairs->k_n[i];
         group->give[l] = pairs->k_t[i] > 0.0 ? pairs->mu[i] / pairs->k_t[i] : 0.0;
+        group->start[l] = 0.0 - pairs->w0[2 * i];
+        group->start[LANES + l] = 0.0 - pairs->w0[2 * i + 1];
+        group->start[2 * LANES + l] = 0.0;
         for (int a = 0; a < 3; a++)
             for (Py_ssize_t h = 0; h < N_H; h++)
                 group->U[(3 * h + a) * LANES + l] = U[a * N_H + h];
@@ -130,7 +137,9 @@ INLINED void gather(aft_group *group, const aft_pairs *pairs, const Py_ssize_t *
 
 INLINED void sample(aft_group *group, const aft_tables *t)
 {
-    memset(group->du, 0, (size_t)(3 * t->N_t * LANES) * sizeof(double));
+    for (Py_ssize_t j = 0; j < t->N_t; j++)
+        for (int c = 0; c < 3 * LANES; c++)
+            group->du[3 * j * LANES + c] = group->start[c];
     add_product(group->du, t->E_T, group->U, t->N_H, t->N_t, t->N_t, 3 * LANES);
     for (Py_ssize_t j = 0; j < t->N_t; j++)
         for (int l = 0; l < LANES; l++) {
@@ -164,8 +173,8 @@ INLINED int surely_stuck(const aft_pairs *pairs, Py_ssize_t i, Py_ssize_t N_H)
     const double N_least = pairs->N0[i] - pairs->k_n[i] * (mean_of(z, N_H) + amplitude_bound(z, N_H));
     if (!(pairs->N0[i] >= 0.0 && N_least > 1e-12 * pairs->N0[i]))
         return 0;
-    const double x_most = fabs(mean_of(x, N_H)) + amplitude_bound(x, N_H);
-    const double y_most = fabs(mean_of(y, N_H)) + amplitude_bound(y, N_H);
+    const double x_most = fabs(mean_of(x, N_H) - pairs->w0[2 * i]) + amplitude_bound(x, N_H);
+    const double y_most = fabs(mean_of(y, N_H) - pairs->w0[2 * i + 1]) + amplitude_bound(y, N_H);
     const double limit = margin * pairs->mu[i] * N_least;
     return limit > 0.0 && pairs->k_t[i] * sqrt(x_most * x_most + y_most * y_most) <= limit;
 }
@@ -190,7 +199,7 @@ INLINED void test_samples(aft_group *group, const aft_pairs *pairs, const aft_ta
 
 /* ---- two periods ------------------------------------------------------------------------------------------------ */
 
-/* One sample on all lanes: reads du, rho; moves w; writes alpha, d; marks lanes whose slider really moves. */
+/* One sample on all lanes, eq. (3.3): reads du, rho; moves w; writes alpha, d; marks lanes whose slider really moves. */
 INLINED void circle_step(const double *du, const double *rho, double *w, double *slip, double *slipped)
 {
     for (int l = 0; l < LANES; l++) {
@@ -232,7 +241,7 @@ INLINED void march(aft_group *group, Py_ssize_t N_t, int separate)
 {
     double w[2 * LANES] = {0.0}, slipped[LANES], opened[LANES] = {0.0}, preload[LANES], closing[LANES];
     for (int l = 0; l < LANES; l++) {
-        group->slips[l] = NO_SLIP;                  /* the first sample is taken as it is: T = k_t du_t */
+        group->slips[l] = NO_SLIP;                  /* the first sample is taken as it is, with w = w0 */
         preload[l] = group->N0[l] > 0.0 ? group->N0[l] : 0.0;
         closing[l] = group->N0[l] < 0.0 ? -group->N0[l] : 0.0;      /* the preload that closing an initial gap takes */
     }
@@ -259,7 +268,7 @@ INLINED void march(aft_group *group, Py_ssize_t N_t, int separate)
     memcpy(group->opened, opened, sizeof opened);
 }
 
-/* The samples of p on the harmonics. */
+/* The samples of p on the harmonics, eq. (6.1). */
 INLINED void project(aft_group *group, const aft_tables *t)
 {
     memset(group->p, 0, (size_t)(3 * t->N_H * LANES) * sizeof(double));
@@ -410,9 +419,10 @@ static int allocate(aft_group *group, const aft_tables *t)
     size_t total = 0;
     for (int i = 0; i < 10; i++)
         total += sizes[i];
-    double *memory = malloc(total * sizeof(double) + 2 * N_t * sizeof(Py_ssize_t));
-    if (memory == NULL)
+    void *block;                                    /* rows of lanes do not straddle cache lines */
+    if (posix_memalign(&block, LANES * sizeof(double), total * sizeof(double) + 2 * N_t * sizeof(Py_ssize_t)) != 0)
         return -1;
+    double *memory = block;
     for (int i = 0; i < 10; i++) {
         *arrays[i] = memory;
         memory += sizes[i];
@@ -424,6 +434,7 @@ static int allocate(aft_group *group, const aft_tables *t)
 INLINED int is_finite(const aft_pairs *pairs, Py_ssize_t i, Py_ssize_t N_H)
 {
     double zero = 0.0 * (pairs->mu[i] + pairs->N0[i] + pairs->k_t[i] + pairs->k_n[i]);
+    zero += 0.0 * pairs->w0[2 * i] + 0.0 * pairs->w0[2 * i + 1];
     for (Py_ssize_t c = 0; c < 3 * N_H; c++)
         zero += 0.0 * pairs->U[3 * N_H * i + c];
     return zero == 0.0;

@@ -4,30 +4,33 @@ import numpy as np
 import pytest
 from oracles.law import friction_step, normal_contact_force, normal_force
 
-from microslip.contact.law import OPEN, SLIP, STICK, ContactParameters
-from microslip.contact.return_map import return_map
+from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.contact.law import OPEN, SLIP, STICK
+from microslip.fourier.coefficients import analyse, synthesise
+from microslip.fourier.harmonics import Harmonics
 
 N = 400
 
 
 def example(seed=0):
     rng = np.random.default_rng(seed)
-    of = ContactParameters(
+    of = ElasticCoulomb(
         rng.uniform(0.0, 0.8, N),
         rng.uniform(-1.0, 3.0, N),
         rng.uniform(0.5, 2.0, N),
         rng.uniform(0.5, 2.0, N),
         rng.random(N) < 0.4,
+        rng.normal(size=(N, 2)),
     )
     return of, rng.normal(size=(N, 3)), np.concatenate([rng.normal(size=(N, 2)), np.zeros((N, 1))], axis=1)
 
 
 def test_it_is_the_contact_law():
     of, du, before = example()
-    p, _, state = return_map(du, before, of)
+    p, _, state = of.step(du, before)
     normal = normal_force(du[:, 2], of.N0, of.k_n)
-    T, w, slips = friction_step(-before[:, :2] / of.k_t[:, None], du[:, :2], normal, of.k_t, of.mu, of.separate)
-    assert p[:, :2] == pytest.approx(-of.k_t[:, None] * w, abs=1e-13)
+    T, w, slips = friction_step(of.w0 - before[:, :2] / of.k_t[:, None], du[:, :2], normal, of.k_t, of.mu, of.separate)
+    assert p[:, :2] == pytest.approx(-of.k_t[:, None] * (w - of.w0), abs=1e-13)
     assert p[:, 2] == pytest.approx(normal_contact_force(normal, of.N0) - of.k_n * du[:, 2], abs=1e-13)
     assert np.array_equal(state == OPEN, normal == 0.0)
     assert np.array_equal(state == SLIP, slips & (normal > 0.0))
@@ -36,7 +39,7 @@ def test_it_is_the_contact_law():
 
 def test_a_pair_that_sticks_keeps_its_slider_to_the_bit():
     of, du, before = example(1)
-    p, L, state = return_map(du, before, of)
+    p, L, state = of.step(du, before)
     sticks = state == STICK
     assert np.array_equal(p[sticks, :2], before[sticks, :2]) and not L[sticks].any()
     assert np.array_equal(p[sticks & (of.N0 >= 0.0), 2], np.zeros(np.count_nonzero(sticks & (of.N0 >= 0.0))))
@@ -44,12 +47,12 @@ def test_a_pair_that_sticks_keeps_its_slider_to_the_bit():
 
 def test_the_derivative_is_exact_where_the_state_stays():
     of, du, before = example(2)
-    _, L, _ = return_map(du, before, of)
+    _, L, _ = of.step(du, before)
     h = 1e-6
     for j in range(3):
         step = np.zeros(3)
         step[j] = h
-        (above, L1, s1), (below, L2, s2) = (return_map(du + sign * step, before, of) for sign in (1.0, -1.0))
+        (above, L1, s1), (below, L2, s2) = (of.step(du + sign * step, before) for sign in (1.0, -1.0))
         same = (s1 == s2) & (L1.any(axis=2) == L2.any(axis=2)).all(axis=1)
         assert same.mean() > 0.99
         assert L[same, :, j] == pytest.approx((above - below)[same] / (2.0 * h), abs=1e-8)
@@ -57,7 +60,20 @@ def test_the_derivative_is_exact_where_the_state_stays():
 
 def test_a_batch_is_its_parts():
     of, du, before = example(3)
-    p, L, state = return_map(np.stack([du, 2.0 * du]), np.stack([before, before]), of)
+    p, L, state = of.step(np.stack([du, 2.0 * du]), np.stack([before, before]))
     for b, factor in enumerate((1.0, 2.0)):
-        alone = return_map(factor * du, before, of)
+        alone = of.step(factor * du, before)
         assert all(np.array_equal(whole[b], part) for whole, part in zip((p, L, state), alone))
+
+
+def test_steps_through_two_periods_are_the_cycle():
+    of, _, _ = example(4)
+    U, N_t = np.random.default_rng(5).normal(size=(N, 3, 7)), 40
+    du, p, kept = np.moveaxis(synthesise(U, N_t), -1, 0), np.zeros((N, 3)), []
+    for sample in range(1, 2 * N_t):
+        p, _, state = of.step(du[sample % N_t], p)
+        kept.append((p, state))
+    forces, states = zip(*kept[-N_t:])
+    found = of.cycle(U, N_t)
+    assert found.p == pytest.approx(analyse(np.stack(forces, axis=-1), Harmonics.up_to(3)), abs=1e-12)
+    assert np.array_equal(found.state, np.max(states, axis=0)) and {STICK, SLIP, OPEN} == set(found.state.tolist())

@@ -1,0 +1,227 @@
+"""Two coupled Jenkins elements and a one-sided normal spring: elastic-Coulomb friction (docs/theory.md, section 3).
+
+Each Jenkins element is a spring ``k_t`` in series with a slider at position ``w``, T = k_t (du_t - w).  With motion and slider
+both measured from the slider's start ``w0``, p_t = -k_t (w - w0) is exactly zero, free of roundoff, until the slider moves for
+the first time.  The march over a cycle is compiled (elastic_coulomb.c).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from ..fourier.coefficients import analysis_matrix, synthesis_matrix
+from ..fourier.harmonics import Harmonics
+from ._elastic_coulomb import Pairs, Sampling, leaves, march
+from .law import OPEN, SLIP, STICK, ContactCycle
+
+
+@dataclass(frozen=True)
+class ElasticCoulomb:
+    """The law of ``n`` pairs, contiguous arrays (n,); ValueError if one is negative or misshapen.
+
+    ``dataclasses.replace(law, N0=..., w0=...)`` is the same joint about another state of rest.
+    """
+
+    mu: np.ndarray  # friction coefficient [-]
+    N0: np.ndarray  # normal preload [N]; negative states an initial gap -N0 / k_n
+    k_t: np.ndarray  # tangential stiffness [N/m]
+    k_n: np.ndarray  # normal stiffness [N/m]
+    separate: np.ndarray  # bool: each tangential direction has its own friction limit
+    w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) of all: the sliders' start [m], eq. (3.5)
+
+    def __post_init__(self):
+        n = np.size(self.k_t)
+        for name in ("mu", "N0", "k_t", "k_n", "separate"):
+            kind = bool if name == "separate" else np.float64
+            values = np.ascontiguousarray(getattr(self, name), dtype=kind)
+            if values.shape != (n,):
+                raise ValueError(f"{name} has shape {values.shape}, needs ({n},) like k_t")
+            if name in ("mu", "k_t", "k_n") and np.any(values < 0.0):
+                raise ValueError(f"{name} of pair {np.nanargmin(values)} is negative: {np.nanmin(values)}")
+            object.__setattr__(self, name, values)
+        object.__setattr__(self, "w0", np.ascontiguousarray(np.broadcast_to(self.w0, (n, 2)), dtype=np.float64))
+
+    @property
+    def n_pairs(self) -> int:
+        return len(self.k_t)
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]."""
+        return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
+
+    def take(self, indices) -> ElasticCoulomb:
+        """Return the law of some pairs: an index array, a mask or a slice.  Local."""
+        arrays = (self.mu, self.N0, self.k_t, self.k_n, self.separate, self.w0)
+        return ElasticCoulomb(*(values[indices] for values in arrays))
+
+    # -- a cycle -----------------------------------------------------------------------------------------------
+
+    def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
+        """Return the harmonics of the contact forces beyond the stuck springs under the periodic motion ``U``.
+
+        Local.  Marches the law through two periods of ``n_samples`` each, from T = k_t (du_t - w0) at the first sample, and keeps
+        the second: docs/theory.md, eq. (3.1) to (3.5), eq. (6.1) and (6.2).
+
+        Parameters
+        ----------
+        U : (n, 3, N_H) coefficients of ``du`` in each pair's frame [m]; n may be 0
+        n_samples : N_t >= 2 H + 1, H the highest harmonic
+        tangents : False leaves P out
+        harmonics : whose coefficients ``U`` and p are; 0 to H unless given
+
+        Notes
+        -----
+        P is the derivative of the sampled law through both periods.  It jumps where a sample passes from stick to slip,
+        or from closed to open; there it is the derivative from one side.  A pair is active if it leaves sticking in either
+        period, if it opens, or if it starts with a gap.  A pair that only slid while the cycle settled is active and in
+        state STICK: it carries a constant p.  A pair with NaN in ``U`` or in a parameter is active; its p and P are NaN.
+        """
+        n, _, N_H = U.shape
+        if self.n_pairs != n:
+            raise ValueError(f"harmonics of {n} pairs with the law of {self.n_pairs}")
+        sampling = _sampling(harmonics or Harmonics.full(N_H), n_samples)
+        if sampling.n_coefficients != N_H:
+            raise ValueError(f"{N_H} coefficients for the harmonics {harmonics}, which have {sampling.n_coefficients}")
+        p, state = np.zeros((n, 3, N_H)), np.zeros(n, dtype=np.uint8)
+        active = np.empty(0, dtype=np.intp)
+        if n > 0:
+            U, separate = np.ascontiguousarray(U, dtype=np.float64), self.separate.view(np.uint8)
+            pairs = Pairs(U, self.mu, self.N0, self.k_t, self.k_n, separate, self.w0)
+            leaves(sampling, pairs, state)
+            active = np.flatnonzero(state)
+        P = np.empty((len(active), 3 * N_H, 3 * N_H)) if tangents else None
+        if len(active) > 0:
+            march(sampling, pairs, active, p, state, P)
+        return ContactCycle(p, state, active, P)
+
+    # -- a step of time ----------------------------------------------------------------------------------------
+
+    def step(self, du: np.ndarray, p_before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return p after a step that ends at ``du``, its derivative and the states: docs/theory.md, eq. (3.1) to (3.5).
+
+        Local.  Sliders stand at w = w0 - p_t / k_t, so that p is all that the law remembers, and p of a pair that sticks stays
+        what it was, to the bit.
+
+        Parameters
+        ----------
+        du : (..., n, 3) relative displacement at the end of the step [m]
+        p_before : (..., n, 3) p at its beginning [N]
+
+        Returns
+        -------
+        p : (..., n, 3) [N]
+        L : (..., n, 3, 3) d p / d du [N/m]; zero where a pair sticks
+        state : (..., n) uint8, STICK, SLIP or OPEN during the step
+        """
+        closing = self.N0 - self.k_n * du[..., 2]
+        is_open = closing <= 0.0
+        N = np.where(is_open, 0.0, closing)
+        stuck = self.k_t[:, None] * (du[..., :2] - self.w0)
+        T_pred = stuck + p_before[..., :2]
+        limit = (self.mu * N)[..., None]
+        length = np.sqrt(T_pred[..., :1] ** 2 + T_pred[..., 1:] ** 2)
+        size = np.where(self.separate[:, None], np.abs(T_pred), length)  # (..., n, 2): of the two directions
+        slides = (size > limit) | (is_open & (self.k_t > 0.0))[..., None]
+        safe = np.where(size > 0.0, size, 1.0)
+        t = T_pred / safe
+        p = np.empty(du.shape)
+        p[..., :2] = np.where(slides, limit * t - stuck, p_before[..., :2])
+        p[..., 2] = np.where(is_open, np.maximum(self.N0, 0.0) - self.k_n * du[..., 2], np.maximum(-self.N0, 0.0))
+        state = np.where(is_open, OPEN, np.where(slides.any(axis=-1), SLIP, STICK)).astype(np.uint8)
+        return p, self._step_derivative(is_open, slides, t, limit / safe), state
+
+    def _step_derivative(self, is_open, slides, t, alpha) -> np.ndarray:
+        """Return d p / d du of a step, (..., n, 3, 3): docs/theory.md, eq. (6.2), with alpha = mu N / |T_pred|."""
+        L = np.zeros((*slides.shape[:-1], 3, 3))
+        turn = np.where(slides & ~self.separate[:, None], alpha * self.k_t[:, None], 0.0)
+        for i in (0, 1):
+            for j in (0, 1):
+                L[..., i, j] = turn[..., i] * ((i == j) - t[..., i] * t[..., j])
+            L[..., i, i] -= np.where(slides[..., i], self.k_t, 0.0)
+            L[..., i, 2] = np.where(slides[..., i] & ~is_open, -self.mu * self.k_n * t[..., i], 0.0)
+        L[..., 2, 2] = np.where(is_open, -self.k_n, 0.0)
+        return L
+
+    # -- its limits --------------------------------------------------------------------------------------------
+
+    @cached_property
+    def held_at_rest(self) -> np.ndarray:
+        """|T0|, the friction force at rest, (n,) [N]: docs/theory.md, eq. (3.5)."""
+        return self.k_t * np.hypot(self.w0[:, 0], self.w0[:, 1])
+
+    def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n).  Local.
+
+        It sticks where even all harmonics peaking together, in the direction of T0, stay within the friction limit,
+        |T0| + k_t |du_t| <= mu (N0 - k_n du_z): with a larger factor it may stick, too.  0 where a pair has no preload, a gap, or
+        no friction left.
+        """
+        x, y, z = np.moveaxis(amplitudes, -1, 0)
+        limit = np.broadcast_to(self._friction_left(np.maximum(self.N0, 0.0)), x.shape)
+        taken = self.k_t * np.hypot(x, y) + self.mu * self.k_n * z
+        return np.divide(limit, taken, out=np.where(limit > 0.0, np.inf, 0.0), where=taken > 0.0)
+
+    def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the share of the friction limit, or of the preload, that motions take up, (..., n).  Local.
+
+        Infinite where nothing is left of the limit of a pair that moves; negative where a pair has a gap.
+        """
+        x, y, z = np.moveaxis(amplitudes, -1, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = self.k_t * np.hypot(x, y) / (self.mu * self.N0 - self.held_at_rest), self.k_n * z / self.N0
+        return np.nan_to_num(np.stack(shares), nan=0.0, posinf=np.inf, neginf=np.inf).max(axis=0)
+
+    def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
+        """Return the share S of docs/theory.md, eq. (4.5), of the stuck force that p takes away at most, (..., n, 3).  Local.
+
+        A Jenkins element whose stuck force exceeds its limit n-fold slips by 1 - 1/n of its motion.  Limits count with the share
+        ``of_limit``.
+        """
+        x, y, z = np.moveaxis(amplitudes, -1, 0)
+        shear, press = self.k_t * np.hypot(x, y), self.k_n * z
+        limit = self._friction_left(np.maximum(self.N0 - press, 0.0))
+        tangential, normal = _excess(shear, of_limit * limit), _excess(press, of_limit * self.N0)
+        return np.stack([tangential, tangential, normal], axis=-1)
+
+    def _friction_left(self, N: np.ndarray) -> np.ndarray:
+        """Return mu N - |T0|, at least 0: what is left whatever the direction."""
+        return np.maximum(self.mu * N - self.held_at_rest, 0.0)
+
+    def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
+        """Return which pairs keep half-wave symmetry, u(t + T/2) = -u(t), if the components ``moves`` (n, 3) move, (n,).  Local.
+
+        Those whose normal force stays what it is at rest, and whose friction forgets the start w0 = 0 within the first period, so
+        that no constant p is left.  Along a line, or with a limit for each direction, the slider stands at du_max - mu N / k_t
+        once du_max is passed, and at the opposite place after -du_max, wherever it was before: both are passed in the first
+        period, and what follows is odd.  With du_max within the limit mu N / k_t the slider stays at 0 and p vanishes.  Free
+        sliding (mu N = 0) and k_t = 0 are linear.
+
+        A friction circle on a motion in both directions is left out: there the slider tends to its cycle without ever reaching
+        it, and the period that is kept still holds some of the start, even harmonics among them.
+        """
+        is_linear = (self.mu * np.maximum(self.N0, 0.0) == 0.0) | (self.k_t == 0.0)
+        one_at_a_time = self.separate | (moves[:, :2].sum(axis=1) <= 1)
+        return ~moves[:, 2] & (is_linear | one_at_a_time) & (self.held_at_rest == 0.0)
+
+
+def _excess(force: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Return 1 - limit / force, at least 0 and at most 1."""
+    return np.clip(1.0 - np.divide(limit, force, out=np.ones_like(force), where=force > 0.0), 0.0, 1.0)
+
+
+@lru_cache(maxsize=16)
+def _sampling(harmonics: Harmonics, N_t: int) -> Sampling:
+    """Return the kernel's tables of docs/theory.md, eq. (6.1), rows padded with zeros to a multiple of four."""
+    N_H = harmonics.n_coefficients
+    stride = 4 * -(-N_H // 4)
+    E, F, S = np.zeros((N_t, stride)), np.zeros((N_t, stride)), np.zeros((N_t + 1, stride))
+    E[:, :N_H] = synthesis_matrix(harmonics, N_t)
+    F[:, :N_H] = analysis_matrix(harmonics, N_t).T
+    S[1:] = np.cumsum(F, axis=0)
+    S[N_t] = 0.0  # what the sum is without roundoff
+    S[N_t, harmonics.mean] = 1.0
+    return Sampling(E, np.ascontiguousarray(synthesis_matrix(harmonics, N_t).T), F, S)
