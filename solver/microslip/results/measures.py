@@ -1,26 +1,11 @@
-"""Amplitude, phase and counts from harmonic coefficients and states.  NumPy only.
-
-Coefficients run mean, cos 1, sin 1, ..., cos H, sin H along the last axis.
-"""
+"""Counts, peaks and segments of a curve.  NumPy only."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..contact.law import OPEN, SLIP, STICK
-
-
-def amplitude(coefficients: np.ndarray, n: int = 1) -> np.ndarray:
-    """Return a of harmonic n, u = a cos(n omega t + phase), a >= 0; the last axis goes.  Local."""
-    return np.hypot(coefficients[..., 2 * n - 1], coefficients[..., 2 * n])
-
-
-def phase(coefficients: np.ndarray, n: int = 1) -> np.ndarray:
-    """Return the phase of harmonic n [rad], u = a cos(n omega t + phase), in (-pi, pi].  Local.
-
-    c cos + s sin = a cos(n omega t + phase) gives c = a cos(phase), s = -a sin(phase).
-    """
-    return np.arctan2(0.0 - coefficients[..., 2 * n], coefficients[..., 2 * n - 1])
+from ..fourier.coefficients import amplitude
 
 
 def counts(state: np.ndarray) -> np.ndarray:

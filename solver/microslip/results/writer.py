@@ -10,23 +10,11 @@ import h5py
 import numpy as np
 
 from .. import __version__
-from ..continuation.branch import Branch, Point
-from ..error_estimate.components import PARTS
+from ..continuation.branch import QUANTITIES, Branch, Point
+from ..continuation.quantities import LABELS, TEXT, Quantity
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
-from .record import (
-    COMPLETE,
-    ERROR,
-    JOINT_DATA,
-    LEVEL_DATA,
-    RUNNING,
-    STOPPED,
-    Joint,
-    LevelResult,
-    LinearCurve,
-    joint_of,
-    level_result,
-)
+from .record import COMPLETE, JOINT_DATA, RUNNING, STOPPED, Joint, LevelResult, LinearCurve, joint_of, level_result
 from .table import ResponseTable
 
 FORMAT, FORMAT_VERSION = "microslip results", 1
@@ -170,12 +158,20 @@ def _write_joint(group: h5py.Group, joint: Joint) -> None:
 
 def _write_level(group: h5py.Group, level: LevelResult) -> None:
     group.attrs["level_N"], group.attrs["status"], group.attrs["failure"] = level.level, level.status, _clean(level.failure)
-    _texts(group, "notes", level.notes)
-    for dataset, name, _, _, unit in LEVEL_DATA:
-        _array(group, dataset, getattr(level, name), unit)
-    if level.error is not None:
-        _array(group, ERROR, level.error, "m")
-        group[ERROR].attrs["parts"] = ", ".join(PARTS)
+    for kept in sorted(QUANTITIES, key=lambda kept: (kept.kind != TEXT, kept.is_motion)):  # the large ones last
+        _write_quantity(group, kept, level.arrays[kept.name])
+
+
+def _write_quantity(group: h5py.Group, kept: Quantity, values: np.ndarray | None) -> None:
+    """Write the quantity of a level, with its unit and the names along its axes; nothing where it was not computed."""
+    if values is None:
+        return
+    if kept.kind == TEXT:
+        _texts(group, kept.dataset, values)
+        return
+    _array(group, kept.dataset, values, kept.unit)
+    for axis in LABELS.keys() & set(kept.axes):
+        group[kept.dataset].attrs[axis] = ", ".join(LABELS[axis])
 
 
 def _array(group: h5py.Group, name: str, values: np.ndarray, unit: str) -> None:

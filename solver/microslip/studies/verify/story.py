@@ -12,7 +12,7 @@ from ...contact.law import ContactParameters
 from ...continuation.branch import Branch
 from ...continuation.levels import follow_level, frequency_sweep, likely_to_slip, linear_curve
 from ...error_estimate.better_model import Truth, truth_of
-from ...fourier.coefficients import cycle_work, synthesise
+from ...fourier.coefficients import amplitude, cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
 from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
@@ -21,7 +21,6 @@ from ...parallel.versions import versions
 from ...receptance.model import ReducedModel
 from ...receptance.motion import modal_motion, to_real
 from ...reduction.methods import reduce_by_method
-from ...results.measures import amplitude
 from ...run import build_structure
 from ...transient.march import March
 from ...transient.model import TransientModel, transient_model
