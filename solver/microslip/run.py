@@ -22,9 +22,10 @@ from .mesh.partition import distribute
 from .mesh.read import read_mesh
 from .modes.eigen import Modes
 from .modes.limits import refuse_too_many
+from .observe.level_log import LevelLog
 from .observe.log import RunLog
 from .observe.not_computed import not_computed
-from .observe.reporter import Minutes, Reporter
+from .observe.observer import Observers
 from .observe.side_by_side import follow_side_by_side
 from .parallel.agree import on_each, on_root
 from .parallel.errors import ConvergenceError
@@ -34,6 +35,7 @@ from .reduction.expand import node_fields, peak_displacement
 from .reduction.methods import check_size, reduce_by_method
 from .reduction.reduction import Reduction
 from .results.audit import audit_text
+from .results.measures import shown_with
 from .results.plots import draw_all
 from .results.record import LinearCurve
 from .results.vtk import peak_fields, write_fields, write_modes
@@ -150,21 +152,17 @@ def follow(
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         node_numbers=None if structure.mesh is None else structure.mesh.numbers,
     )
-    levels, known, is_static = scene.response.levels, None, model.harmonics.highest == 0
+    levels, known, shown = scene.response.levels, None, shown_with(model.harmonics.highest)
+    observers = Observers(comm, levels, [LevelLog(log, sweep, len(levels), shown), writer])
     try:
         if min(n_groups, len(levels)) == 1:
-            reporter = Reporter(log, writer, sweep, levels, is_static)
-            branches = []
-            for branch in follow_levels(scene, model, parameters, reduction.selection, sweep, curve, reporter, truth):
-                branches.append(branch)
-                reporter.level_finished(branch)
+            branches = follow_levels(scene, model, parameters, reduction.selection, sweep, curve, truth, observers.tell)
             columns = model.G_static
             known = columns.known if truth is None else columns.known | truth.model.G_static.known
             log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
         else:
             one = partial(follow_level, scene, parameters=parameters, selection=reduction.selection, sweep=sweep, curve=curve)
-            minutes = Minutes(log, writer, sweep, levels, is_static)
-            branches = follow_side_by_side(one, model, truth, levels, n_groups, minutes, log)
+            branches = follow_side_by_side(one, model, truth, levels, n_groups, observers, log)
             writer.put_in_order(branches)
     finally:
         writer.close()
@@ -178,6 +176,7 @@ def follow(
         known=known,
         branches=branches,
         has_mesh=system.dof is not None,
+        is_static=shown.is_static,
     )
     log.note("\n  ".join(["not computed, and why, or what it would change:", *lines]))
     return branches

@@ -36,14 +36,6 @@ class Chain:
         return max(energy_closure(branch).max() for branch in self.branches)
 
 
-class Silent:
-    """A listener to branches that says nothing."""
-
-    def level_started(self, number, level): ...
-
-    def point(self, point): ...
-
-
 def solve(path: Path, comm) -> Chain:
     """Return the branches of every level of a scene file.  Collective on ``comm``.
 
@@ -60,7 +52,7 @@ def solve_scene(scene, comm) -> Chain:
     pairs, sweep = structure.pairs, frequency_sweep(scene.response, model.omega_n)
     parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
     curve = linear_curve(model, sweep, parameters)
-    branches = list(follow_levels(scene, model, parameters, reduction.selection, sweep, curve, Silent()))
+    branches = follow_levels(scene, model, parameters, reduction.selection, sweep, curve)
     first, last = structure.linearised.M.getOwnershipRange()
     structure.linearised.destroy()
     failures = [branch.failure for branch in branches if branch.failure]

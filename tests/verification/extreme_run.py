@@ -136,9 +136,7 @@ def solved(folder: Path, system: dict, levels, band, at, case: Case) -> list:
         model, pairs = reduction.model, structure.pairs
         sweep = frequency_sweep(scene.response, structure.modes.omega_n)
         parameters = ContactParameters(pairs.mu, pairs.N0, pairs.k_t, pairs.k_n, pairs.separate)
-        return list(
-            follow_levels(scene, model, parameters, reduction.selection, sweep, linear_curve(model, sweep), chain.Silent())
-        )
+        return follow_levels(scene, model, parameters, reduction.selection, sweep, linear_curve(model, sweep))
     finally:
         structure.linearised.destroy()
 

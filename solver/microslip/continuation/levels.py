@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 
@@ -133,12 +132,8 @@ def likely_to_slip(model: ReducedModel, parameters: ContactParameters, curve: Li
     return model.comm.bcast(order)  # all ranks solve for the same columns, also where a tie falls otherwise on some
 
 
-class Listener(Protocol):
-    """Who is told of levels and points as they come: the log and the result files."""
-
-    def level_started(self, number: int, level: float) -> None: ...
-
-    def point(self, point: Point) -> None: ...
+def nobody(event: str, *news) -> None:
+    """Tell nobody."""
 
 
 def follow_levels(
@@ -148,15 +143,22 @@ def follow_levels(
     selection: Selection,
     sweep: Sweep,
     curve: LinearCurve,
-    listener: Listener,
     truth: Truth | None = None,
-) -> Iterator[Branch]:
-    """Yield the branch of each level as it is done.  Collective."""
+    tell: Callable[..., None] = nobody,
+) -> list[Branch]:
+    """Return the branches of all levels, one after the other.  Collective, as is ``tell``, which hears of levels and points.
+
+    What it is told is what :class:`~microslip.observe.observer.Observers` has methods for.
+    """
     if model.n_pairs > 0:
         model.G_static.likely = likely_to_slip(model, parameters, curve)
+    branches = []
     for number, level in enumerate(scene.response.levels):
-        listener.level_started(number, level)
-        yield follow_level(scene, model, parameters, selection, sweep, curve, level, listener.point, truth)
+        tell("level_started", number)
+        on_point = partial(tell, "point", number)
+        branches.append(follow_level(scene, model, parameters, selection, sweep, curve, level, on_point, truth))
+        tell("level_finished", number, branches[-1])
+    return branches
 
 
 def follow_level(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from ..parallel.groups import Counter, Reports, dealt, split
 from ..receptance.model import ReducedModel
 from ..receptance.on_group import model_on_group
 from .log import RunLog
-from .reporter import Minutes
+from .observer import Observers
 
 
 def follow_side_by_side(
@@ -24,7 +25,7 @@ def follow_side_by_side(
     truth: Truth | None,
     levels: Sequence[float],
     n_groups: int,
-    minutes: Minutes,
+    observers: Observers,
     log: RunLog,
 ) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0.
@@ -36,7 +37,7 @@ def follow_side_by_side(
     ----------
     follow_level : collective on a model's communicator; takes ``model``, ``level``, ``truth`` and ``on_point``
     n_groups : at least 2; there are no more groups than levels
-    minutes : hears of levels and points on rank 0, as they come
+    observers : hear of levels and points on rank 0, as they come
 
     Raises
     ------
@@ -48,7 +49,7 @@ def follow_side_by_side(
         own = model_on_group(model, groups.comm)
         own_truth = truth and truth.on_group(own, groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
-    counter, reports = Counter(groups.world), Reports(groups, lambda event, *news: getattr(minutes, event)(*news))
+    counter, reports = Counter(groups.world), Reports(groups, observers.hear)
 
     def tell(*news) -> None:
         on_root(groups.comm, reports.tell, *news)
@@ -57,18 +58,13 @@ def follow_side_by_side(
         for task in dealt(groups, counter, len(levels)):
             number = highest_first[task]
             tell("level_started", number, groups.where)
-            branch = follow_level(
-                model=own,
-                level=levels[number],
-                truth=own_truth,
-                on_point=lambda point, number=number: tell("point", number, point),
-            )
+            branch = follow_level(model=own, level=levels[number], truth=own_truth, on_point=partial(tell, "point", number))
             tell("level_finished", number, replace(branch, points=[]))
         on_root(groups.comm, reports.finish)
     reports.free()
     counter.free()
     groups.comm.Free()
-    return _shared(groups.world, minutes.branches)
+    return _shared(groups.world, observers.branches)
 
 
 def _sizes(limits: np.ndarray) -> str:

@@ -2,10 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 
 from ..contact.law import OPEN, SLIP, STICK
 from ..fourier.coefficients import amplitude
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What is told of an output where there is room for one number."""
+
+    name: str
+    of: Callable[[np.ndarray], np.ndarray]  # of its coefficients, (..., N_H) m
+    largest: str  # what its largest on a curve is called
+    is_static: bool = False  # the same at every frequency: one point stands for all
+
+
+AMPLITUDE = Shown("amplitude", amplitude, "peak")  # of harmonic 1
+MEAN = Shown("mean", lambda coefficients: coefficients[..., 0], "displacement", is_static=True)
+
+
+def shown_with(harmonics: int) -> Shown:
+    """Return what is told of a response with so many harmonics: the mean where there are none above it.  Local."""
+    return AMPLITUDE if harmonics else MEAN
 
 
 def counts(state: np.ndarray) -> np.ndarray:
