@@ -10,6 +10,7 @@ from mpi4py import MPI
 from microslip.contact.law import OPEN, SLIP, STICK
 from microslip.continuation.branch import Branch, Point
 from microslip.mesh.data import ContactPairs
+from microslip.observe.observer import Observers
 from microslip.results.record import LinearCurve
 from microslip.results.writer import ResultWriter
 
@@ -183,10 +184,16 @@ def writer_of(
 def write(folder, branches, pairs, **options) -> str:
     """Write branches as a run would and return the path of results.h5."""
     writer = writer_of(folder, pairs, **options)
-    for found in branches:
-        writer.level_started(found.level)
-        for i, point in enumerate(found.points):
-            writer.point(i, point)
-        writer.level_finished(found)
+    observe(writer, branches)
     writer.close()
     return writer.path
+
+
+def observe(writer: ResultWriter, branches: list[Branch]) -> None:
+    """Tell the writer of whole branches, one after the other.  Collective on its communicator."""
+    tell = Observers(writer.comm, [found.level for found in branches], [writer]).tell
+    for number, found in enumerate(branches):
+        tell("level_started", number)
+        for point in found.points:
+            tell("point", number, point)
+        tell("level_finished", number, found)

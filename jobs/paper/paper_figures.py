@@ -18,10 +18,10 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 from paper_runs import ARC, EQUAL, Level, Run, Study, errors, peak_error
 
+from microslip.fourier.coefficients import amplitude
 from microslip.reduction.expand import node_fields
 from microslip.results.curve_plots import draw_response, draw_rom_size, draw_states
 from microslip.results.joint_plots import draw_energy_map, draw_slip_map
-from microslip.results.measures import amplitude
 from microslip.results.record import LinearCurve, ResultFile, joint_of, level_result
 from microslip.results.style import FAINT, INK, LINEAR, RC, WIDTH, Page, level_colours, panels, scaled
 

@@ -23,9 +23,9 @@ from microslip.contact.law import STICK
 from microslip.continuation.follow import NOTHING, follow_branch
 from microslip.continuation.grid import at_frequencies, going_on
 from microslip.continuation.levels import arc_length_steps
+from microslip.fourier.coefficients import amplitude
 from microslip.parallel.errors import ConvergenceError
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
-from microslip.results.measures import amplitude
 from microslip.studies.compare.report import differences
 
 LU_SIZES = (100, 200, 500, 1000, 2000, 4000)  # unknowns at which one dense LU is timed

@@ -11,7 +11,7 @@ from .assembly.assemble import assemble
 from .assembly.check import check_elements
 from .assembly.matrices import distribute_structure, read_structure
 from .assembly.system import System
-from .continuation.levels import follow_level, response_problem
+from .continuation.levels import follow_levels, response_problem
 from .error_estimate.better_model import BetterModel, better_model_of
 from .library.response_settings import response_settings
 from .linear.joint_springs import Linearised, linearise
@@ -21,9 +21,10 @@ from .mesh.partition import distribute
 from .mesh.read import read_mesh
 from .modes.eigen import Modes
 from .modes.limits import refuse_too_many
+from .observe.level_log import LevelLog
 from .observe.log import RunLog
 from .observe.not_computed import not_computed
-from .observe.reporter import Minutes, Reporter
+from .observe.observer import Observers
 from .observe.side_by_side import follow_side_by_side
 from .parallel.agree import on_each, on_root
 from .parallel.errors import ConvergenceError
@@ -33,6 +34,7 @@ from .reduction.expand import node_fields, peak_displacement
 from .reduction.methods import check_size, reduce_by_method
 from .reduction.reduction import Reduction
 from .results.audit import audit_text
+from .results.measures import shown_with
 from .results.plots import draw_all
 from .results.record import LinearCurve
 from .results.vtk import peak_fields, write_fields, write_modes
@@ -148,21 +150,16 @@ def follow(
         linear=LinearCurve(response.curve.omega / (2.0 * np.pi), response.curve.response),
         node_numbers=None if structure.mesh is None else structure.mesh.numbers,
     )
-    levels, known = settings.levels, None
+    levels, known, shown = settings.levels, None, shown_with(model.harmonics.highest)
+    observers = Observers(comm, levels, [LevelLog(log, response.sweep, len(levels), shown), writer])
     try:
         if min(n_groups, len(levels)) == 1:
-            reporter = Reporter(log, writer, response.sweep, levels, response.is_static)
-            branches = []
-            for number, level in enumerate(levels):
-                reporter.level_started(number, level)
-                branches.append(follow_level(response, level, reporter.point))
-                reporter.level_finished(branches[-1])
+            branches = follow_levels(response, observers.tell)
             columns = model.G_static
             known = columns.known if better is None else columns.known | better.model.G_static.known
             log.note(f"static columns: of {columns.known.sum()} of {model.n_pairs} pairs, in {columns.batches} batches")
         else:
-            minutes = Minutes(log, writer, response.sweep, levels, response.is_static)
-            branches = follow_side_by_side(response, n_groups, minutes, log)
+            branches = follow_side_by_side(response, n_groups, observers, log)
             writer.put_in_order(branches)
     finally:
         writer.close()
@@ -176,6 +173,7 @@ def follow(
         known=known,
         branches=branches,
         has_mesh=system.dof is not None,
+        is_static=shown.is_static,
     )
     log.note("\n  ".join(["not computed, and why, or what it would change:", *lines]))
     return branches

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from microslip.results.measures import amplitude, counts, peak, phase
+from microslip.fourier.coefficients import amplitude, phase
+from microslip.results.measures import counts, peak
 
 
 def test_amplitude_and_phase_give_back_the_motion():

@@ -4,7 +4,7 @@ import os
 
 import pytest
 from mpi4py import MPI
-from synthetic_results import branch, two_flanks, writer_of
+from synthetic_results import branch, observe, two_flanks, writer_of
 
 from microslip.parallel.errors import CaseError, ResourceError
 from microslip.results.read import read_results
@@ -16,12 +16,7 @@ def test_one_file_comes_out_of_all_ranks(tmp_path):
     folder = COMM.bcast(str(tmp_path / "run"))
     pairs = two_flanks(3, 1)
     writer = writer_of(folder, pairs, comm=COMM)
-    for level in (1.0, 8.0):
-        found = branch(level, pairs, n_points=4)
-        writer.level_started(level)
-        for i, point in enumerate(found.points):
-            writer.point(i, point)
-        writer.level_finished(found)
+    observe(writer, [branch(level, pairs, n_points=4) for level in (1.0, 8.0)])
     writer.close()
     COMM.Barrier()
     assert [len(level.frequency) for level in read_results(f"{folder}/results.h5").levels] == [4, 4]

@@ -49,9 +49,9 @@ def test_every_point_is_a_row_an_output_with_its_numbers(tmp_path, pairs):
 def test_a_point_is_on_the_disk_before_the_next_is_solved(tmp_path, pairs):
     found = branch(5.0, pairs, n_points=3)
     writer = writer_of(tmp_path, pairs)
-    writer.level_started(5.0)
+    writer.level_started(0, 5.0)
     for i, point in enumerate(found.points):
-        writer.point(i, point)
+        writer.point(0, i, point)
         assert len(rows_of(tmp_path)) == i + 1
     writer.close()
 
@@ -117,14 +117,14 @@ def test_a_level_at_work_can_be_saved_and_is_replaced_when_it_ends(tmp_path, pai
     found = branch(8.0, pairs, n_points=4)
     writer = writer_of(tmp_path, pairs)
     writer.save()
-    writer.level_started(8.0)
+    writer.level_started(0, 8.0)
     for i, point in enumerate(found.points):
-        writer.point(i, point)
+        writer.point(0, i, point)
         if i == 1:
             writer.save()
             (level,) = read_results(writer.path).levels
             assert level.status == "running" and len(level.frequency) == 2
-    writer.level_finished(found)
+    writer.level_finished(0, found)
     writer.close()
     (level,) = read_results(writer.path).levels
     assert level.status == "complete" and len(level.frequency) == 4
@@ -147,7 +147,7 @@ def test_whoever_dies_while_writing_leaves_the_last_file(tmp_path, pairs, monkey
     before = open(path, "rb").read()
     writer = writer_of(tmp_path / "other", pairs)
     os.replace(path, writer.path)
-    writer.level_started(9.0)
+    writer.level_started(0, 9.0)
 
     def dies(group, level):
         group.create_dataset("half", data=1.0)

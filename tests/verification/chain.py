@@ -11,7 +11,8 @@ from microslip.parallel.petsc import initialise
 
 initialise()  # before anything imports PETSc; does nothing where it has been done
 
-from microslip.continuation.levels import follow_levels, frequency_sweep, linear_curve
+from microslip.continuation.levels import ResponseProblem, follow_levels, response_problem
+from microslip.library.response_settings import response_settings
 from microslip.observe.log import RunLog
 from microslip.receptance.model import ReducedModel
 from microslip.reduction.methods import reduce_by_method
@@ -35,14 +36,6 @@ class Chain:
         return max(energy_closure(branch).max() for branch in self.branches)
 
 
-class Silent:
-    """A listener to branches that says nothing."""
-
-    def level_started(self, number, level): ...
-
-    def point(self, point): ...
-
-
 def solve(path: Path, comm) -> Chain:
     """Return the branches of every level of a scene file.  Collective on ``comm``.
 
@@ -55,20 +48,23 @@ def solve_scene(scene, comm) -> Chain:
     """Return the same of a scene.  Collective on ``comm``."""
     structure = structure_of(scene, comm)
     reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-    model = reduction.model
-    pairs, sweep = structure.pairs, frequency_sweep(scene.response, model.omega_n)
-    curve = linear_curve(model, sweep, pairs.law)
-    branches = list(follow_levels(scene, model, pairs.law, reduction.selection, sweep, curve, Silent()))
+    branches = follow_levels(response_of(scene, structure, reduction))
     first, last = structure.linearised.M.getOwnershipRange()
     structure.linearised.destroy()
     failures = [branch.failure for branch in branches if branch.failure]
     assert not failures, failures
-    return Chain(structure, model, branches, last - first)
+    return Chain(structure, reduction.model, branches, last - first)
 
 
 def structure_of(scene, comm) -> Structure:
     """Return the structure with all pairs stuck and its modes.  Collective on ``comm``."""
     return build_structure(scene, comm, RunLog(comm, screen=False))
+
+
+def response_of(scene, structure: Structure, reduction) -> ResponseProblem:
+    """Return what all levels of a scene share.  Collective."""
+    settings, omega_n = response_settings(scene), structure.modes.omega_n
+    return response_problem(settings, reduction.model, structure.pairs.law, reduction.selection, omega_n)
 
 
 def asked(branch) -> list:

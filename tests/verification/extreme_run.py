@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,7 @@ from verification import chain
 from verification.extreme_cases import Case, onset
 from verification.extreme_structures import scaled
 
-from microslip.continuation.levels import follow_levels, frequency_sweep, linear_curve
+from microslip.continuation.levels import follow_levels
 from microslip.continuation.point_record import HELD
 from microslip.parallel.errors import MicroslipError
 from microslip.reduction.methods import reduce_by_method
@@ -132,11 +132,9 @@ def solved(folder: Path, system: dict, levels, band, at, case: Case) -> list:
     structure = chain.structure_of(scene, HERE)
     try:
         reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-        model, pairs = reduction.model, structure.pairs
-        sweep = frequency_sweep(scene.response, structure.modes.omega_n)
-        return list(
-            follow_levels(scene, model, pairs.law, reduction.selection, sweep, linear_curve(model, sweep), chain.Silent())
-        )
+        response = chain.response_of(scene, structure, reduction)
+        solved_for = replace(response.curve, sticks_up_to=np.zeros(len(response.curve.omega)))  # linear levels as well
+        return follow_levels(replace(response, curve=solved_for))
     finally:
         structure.linearised.destroy()
 

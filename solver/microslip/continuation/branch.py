@@ -2,9 +2,46 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from operator import itemgetter
+from typing import Annotated
 
 import numpy as np
+
+from ..contact.law import OPEN, SLIP, STICK
+from ..error_estimate.components import PARTS, SAFETY, total
+from ..fourier.coefficients import amplitude, phase
+from .quantities import TEXT, Column, Quantity, declared, number
+
+
+def hertz(omega: float) -> float:
+    return omega / (2.0 * np.pi)
+
+
+def pairs_in(kind: int) -> Callable[[np.ndarray], int]:
+    return lambda state: np.count_nonzero(state == kind)
+
+
+_SHIFT = "harmonic 1: u = amplitude · cos(ω t + phase)"
+_MOTION = (
+    Column("amplitude_m", _SHIFT, amplitude),
+    Column("phase_rad", _SHIFT, phase),
+    Column("mean_m", "constant part of the displacement", itemgetter(0)),
+)
+_STATES = tuple(
+    Column(name, "numbers of pairs", pairs_in(kind)) for name, kind in (("sticking", STICK), ("slipping", SLIP), ("open", OPEN))
+)
+_BAR = Column("error_m", "error bar of the amplitude, of which amplitude and phase follow; empty without `error_bars`", total, 4)
+_SHARE = f"its parts; the bar is {SAFETY:g} times their sum"
+_BARS = (_BAR, *(Column(f"error_{part}_m", _SHARE, itemgetter(i), 4) for i, part in enumerate(PARTS)))
+
+_UNKNOWNS = "size of the method's reduced model at this point"
+_NEWTON = "Newton iterations; 0 where the predictor is the solution, as on the linear part"
+_ENDS = "0 from the start, 1 from the other end of the range"
+_SEGMENT = f"{_ENDS}, where the first ended early"
+_HARMONICS = "the highest that it was solved with; arrays are as wide as the most, with zeros"
+_PARTS = "parts of the error bar, in the order of the attribute `parts`"
 
 
 @dataclass(frozen=True)
@@ -13,27 +50,33 @@ class Point:
 
     Harmonic coefficients run mean, cos 1, sin 1, ..., cos H, sin H (N_H = 2 H + 1), whatever set of harmonics was solved for: the
     others are zero.  H is the same for all points of a run, and at least 1.
+
+    This is where a quantity is declared: its name in the files, axes, unit and meaning.  frf.csv, results.h5, its reader and the
+    tables of the guide follow.
     """
 
-    omega: float  # rad/s
-    response: np.ndarray  # (n_outputs, N_H) m
-    U: np.ndarray  # (n_pairs, 3, N_H) m
-    p: np.ndarray  # (n_pairs, 3, N_H) N
-    energy: np.ndarray  # (n_pairs,) friction loss J per cycle
-    state: np.ndarray  # (n_pairs,) uint8: STICK, SLIP, OPEN
-    unknowns: int  # of the reduced model at this point
-    newton: int  # Newton iterations
-    krylov: int  # GMRES iterations
-    friction: float  # J per cycle
-    damping: float  # J per cycle
-    input: float  # J per cycle
-    seconds: float  # wall time of this point
-    harmonics: int = 0  # the highest it was solved with
-    samples: int = 0  # a period
-    asked: bool = False  # one of [response] at
-    segment: int = 0  # of the curve: 0 from its start, 1 from the other end of the range, where 0 ended early
-    notes: tuple[str, ...] = ()
-    error: np.ndarray | None = None  # (n_outputs, parts) m, of the amplitude of harmonic 1; None where not estimated
+    omega: Annotated[float, number("frequency_Hz", "Hz", "frequency of the excitation", stored=hertz)]  # rad/s
+    response: Annotated[np.ndarray, Quantity("response", "outputs coefficients", "m", "displacement", columns=_MOTION)]
+    U: Annotated[np.ndarray, Quantity("du", "pairs directions coefficients", "m", "relative displacement")]
+    p: Annotated[np.ndarray, Quantity("p", "pairs directions coefficients", "N", "contact force beyond the stuck springs")]
+    energy: Annotated[np.ndarray, Quantity("energy_J", "pairs", "J", "friction loss of each pair, a cycle")]
+    state: Annotated[np.ndarray, Quantity("state", "pairs", "0 stick, 1 slip, 2 open", "state of each pair", "u1", _STATES)]
+    unknowns: Annotated[int, number("unknowns", "1", _UNKNOWNS, "i8")]
+    newton: Annotated[int, number("newton", "1", _NEWTON, "i8")]
+    krylov: Annotated[int, Quantity("krylov", "", "1", "GMRES iterations", "i8")]
+    friction: Annotated[float, number("friction_J", "J", "friction loss, a cycle")]
+    damping: Annotated[float, number("damping_J", "J", "viscous loss, a cycle")]
+    input: Annotated[float, number("input_J", "J", "work of the loads, a cycle")]
+    seconds: Annotated[float, number("seconds", "s", "wall time of the point", digits=4)]
+    harmonics: Annotated[int, Quantity("harmonics", "", "1", _HARMONICS, "i8")] = 0
+    samples: Annotated[int, Quantity("samples", "", "1", "of a period, that it was solved with", "i8")] = 0
+    asked: Annotated[bool, Quantity("asked", "", "1", "1 where the frequency is one of [response] `at`", "u1")] = False
+    error: Annotated[np.ndarray | None, Quantity("error_m", "outputs parts", "m", _PARTS, columns=_BARS)] = None
+    segment: Annotated[int, number("segment", _ENDS, _SEGMENT, "u1")] = 0
+    notes: Annotated[tuple[str, ...], Quantity("notes", "", "1", "what there is to say of it", TEXT, stored="; ".join)] = ()
+
+
+QUANTITIES = declared(Point)
 
 
 @dataclass

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -173,6 +174,23 @@ def likely_to_slip(model: ReducedModel, law: Law, curve: LinearCurve) -> np.ndar
     U = np.abs(model.linear_motion_of_all(1.0, at_peak)).reshape(model.n_pairs, 3, model.N_H).sum(axis=2)
     order = np.argsort(-law.utilisation(U), kind="stable")
     return model.comm.bcast(order)  # all ranks solve for the same columns, also where a tie falls otherwise on some
+
+
+def nobody(event: str, *news) -> None:
+    """Tell nobody."""
+
+
+def follow_levels(of: ResponseProblem, tell: Callable[..., None] = nobody) -> list[Branch]:
+    """Return the branches of all levels, one after the other.  Collective, as is ``tell``, which hears of levels and points.
+
+    What it is told is what :class:`~microslip.observe.observer.Observers` has methods for.
+    """
+    branches = []
+    for number, level in enumerate(of.settings.levels):
+        tell("level_started", number)
+        branches.append(follow_level(of, level, partial(tell, "point", number)))
+        tell("level_finished", number, branches[-1])
+    return branches
 
 
 def follow_level(of: ResponseProblem, level: float, on_point: Callable[[Point], None] = lambda point: None) -> Branch:

@@ -63,3 +63,16 @@ def cycle_work(force: np.ndarray, U: np.ndarray, harmonics: Harmonics | None = N
     harmonics = harmonics or Harmonics.full(U.shape[-1])
     n, cos, sin = harmonics.above_mean, harmonics.cos, harmonics.sin
     return np.pi * ((force[..., cos] * U[..., sin] - force[..., sin] * U[..., cos]) @ n)
+
+
+def amplitude(coefficients: np.ndarray, n: int = 1) -> np.ndarray:
+    """Return a of harmonic n of the full set, u = a cos(n omega t + phase), a >= 0; the last axis goes."""
+    return np.hypot(coefficients[..., 2 * n - 1], coefficients[..., 2 * n])
+
+
+def phase(coefficients: np.ndarray, n: int = 1) -> np.ndarray:
+    """Return the phase of harmonic n of the full set [rad], u = a cos(n omega t + phase), in (-pi, pi].
+
+    c cos + s sin = a cos(n omega t + phase) gives c = a cos(phase), s = -a sin(phase).
+    """
+    return np.arctan2(0.0 - coefficients[..., 2 * n], coefficients[..., 2 * n - 1])

@@ -12,7 +12,15 @@ TOO_LITTLE = 1e-6  # of the peak: less is not told in digits
 
 
 def not_computed(
-    scene, *, leaves_out: str, omega_n: np.ndarray, n_dof: int, known: np.ndarray | None, branches: list[Branch], has_mesh: bool
+    scene,
+    *,
+    leaves_out: str,
+    omega_n: np.ndarray,
+    n_dof: int,
+    known: np.ndarray | None,
+    branches: list[Branch],
+    has_mesh: bool,
+    is_static: bool,
 ) -> list[str]:
     """Return a line for everything left out, with the reason or what it changes in the response.  Local.
 
@@ -23,7 +31,6 @@ def not_computed(
     known : (n_pairs,) bool, the pairs whose static columns were solved for; None where those of all pairs had to be
     """
     solved = [branch for branch in branches if branch.points]
-    is_static = scene.harmonics == 0
     lines = _statics(solved) if is_static else _harmonics(solved, has_pairs=known is None or len(known) > 0)
     if leaves_out == "basis" and solved and not is_static:
         lines.append(f"response outside the basis of method {scene.solver.method}: {changes(solved, 'modes')}")

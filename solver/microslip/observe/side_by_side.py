@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -12,10 +13,10 @@ from ..continuation.levels import ResponseProblem, follow_level
 from ..parallel.agree import on_root
 from ..parallel.groups import Counter, Reports, dealt, split
 from .log import RunLog
-from .reporter import Minutes
+from .observer import Observers
 
 
-def follow_side_by_side(of: ResponseProblem, n_groups: int, minutes: Minutes, log: RunLog) -> list[Branch]:
+def follow_side_by_side(of: ResponseProblem, n_groups: int, observers: Observers, log: RunLog) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0.
 
     Collective.  A group takes the highest level that is left whenever it has done the last one: high levels
@@ -24,7 +25,7 @@ def follow_side_by_side(of: ResponseProblem, n_groups: int, minutes: Minutes, lo
     Parameters
     ----------
     n_groups : at least 2; there are no more groups than levels
-    minutes : hears of levels and points on rank 0, as they come
+    observers : hear of levels and points on rank 0, as they come
 
     Raises
     ------
@@ -36,7 +37,7 @@ def follow_side_by_side(of: ResponseProblem, n_groups: int, minutes: Minutes, lo
     with log.stage("static columns of all pairs"):
         own = of.on_group(groups.comm)
     highest_first = sorted(range(len(levels)), key=lambda number: -levels[number])
-    counter, reports = Counter(groups.world), Reports(groups, lambda event, *news: getattr(minutes, event)(*news))
+    counter, reports = Counter(groups.world), Reports(groups, observers.hear)
 
     def tell(*news) -> None:
         on_root(groups.comm, reports.tell, *news)
@@ -45,13 +46,13 @@ def follow_side_by_side(of: ResponseProblem, n_groups: int, minutes: Minutes, lo
         for task in dealt(groups, counter, len(levels)):
             number = highest_first[task]
             tell("level_started", number, groups.where)
-            branch = follow_level(own, levels[number], lambda point, number=number: tell("point", number, point))
+            branch = follow_level(own, levels[number], partial(tell, "point", number))
             tell("level_finished", number, replace(branch, points=[]))
         on_root(groups.comm, reports.finish)
     reports.free()
     counter.free()
     groups.comm.Free()
-    return _shared(groups.world, minutes.branches)
+    return _shared(groups.world, observers.branches)
 
 
 def _sizes(limits: np.ndarray) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..continuation.branch import Branch
-from .measures import amplitude
+from ..fourier.coefficients import amplitude
 
 BOUND = 1e-6  # closure beyond which a point deserves a second look
 _NOTHING = 1e-10  # of pi F a, the most work that a load F can do per cycle at amplitude a

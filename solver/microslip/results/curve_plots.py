@@ -7,8 +7,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from ..error_estimate.components import PARTS, total
+from ..fourier.coefficients import amplitude
 from .audit import BOUND, closure
-from .measures import amplitude, counts, peak, segments
+from .measures import counts, peak, segments
 from .record import STOPPED, LevelResult, ResultFile
 from .style import (
     FAINT,

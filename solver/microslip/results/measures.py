@@ -1,26 +1,33 @@
-"""Amplitude, phase and counts from harmonic coefficients and states.  NumPy only.
-
-Coefficients run mean, cos 1, sin 1, ..., cos H, sin H along the last axis.
-"""
+"""Counts, peaks and segments of a curve.  NumPy only."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..contact.law import OPEN, SLIP, STICK
+from ..fourier.coefficients import amplitude
 
 
-def amplitude(coefficients: np.ndarray, n: int = 1) -> np.ndarray:
-    """Return a of harmonic n, u = a cos(n omega t + phase), a >= 0; the last axis goes.  Local."""
-    return np.hypot(coefficients[..., 2 * n - 1], coefficients[..., 2 * n])
+@dataclass(frozen=True)
+class Shown:
+    """What is told of an output where there is room for one number."""
+
+    name: str
+    of: Callable[[np.ndarray], np.ndarray]  # of its coefficients, (..., N_H) m
+    largest: str  # what its largest on a curve is called
+    is_static: bool = False  # the same at every frequency: one point stands for all
 
 
-def phase(coefficients: np.ndarray, n: int = 1) -> np.ndarray:
-    """Return the phase of harmonic n [rad], u = a cos(n omega t + phase), in (-pi, pi].  Local.
+AMPLITUDE = Shown("amplitude", amplitude, "peak")  # of harmonic 1
+MEAN = Shown("mean", lambda coefficients: coefficients[..., 0], "displacement", is_static=True)
 
-    c cos + s sin = a cos(n omega t + phase) gives c = a cos(phase), s = -a sin(phase).
-    """
-    return np.arctan2(0.0 - coefficients[..., 2 * n], coefficients[..., 2 * n - 1])
+
+def shown_with(harmonics: int) -> Shown:
+    """Return what is told of a response with so many harmonics: the mean where there are none above it.  Local."""
+    return AMPLITUDE if harmonics else MEAN
 
 
 def counts(state: np.ndarray) -> np.ndarray:

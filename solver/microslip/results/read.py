@@ -7,9 +7,10 @@ import os
 import h5py
 import numpy as np
 
-from ..error_estimate.components import PARTS
+from ..continuation.branch import QUANTITIES
+from ..continuation.quantities import TEXT, Quantity, axis_lengths
 from ..parallel.errors import CaseError
-from .record import ERROR, JOINT_DATA, LEVEL_DATA, MOTION, Joint, LevelResult, LinearCurve, ResultFile
+from .record import JOINT_DATA, Joint, LevelResult, LinearCurve, ResultFile
 from .writer import FORMAT, FORMAT_VERSION
 
 _MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
@@ -159,23 +160,23 @@ def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bo
     n, _, N_H = reader.array(f"{group}/response", "f8", (None, n_outputs, None)).shape
     if N_H < 3 or N_H % 2 == 0:
         raise CaseError(f"{reader.path}: dataset '{group}/response' has {N_H} coefficients, not 2 H + 1")
-    shapes = {
-        "response": (n_outputs, N_H),
-        "energy": (n_pairs,),
-        "state": (n_pairs,),
-        "du": (n_pairs, 3, N_H),
-        "p": (n_pairs, 3, N_H),
-    }
+    lengths = axis_lengths(n_outputs, n_pairs, N_H)
     arrays = {
-        name: reader.array(f"{group}/{dataset}", kind, (n, *shapes.get(name, ()))) if motion or name not in MOTION else None
-        for dataset, name, _, kind, _ in LEVEL_DATA
+        kept.name: _quantity(reader, group, kept, n, lengths) if motion or not kept.is_motion else None for kept in QUANTITIES
     }
-    estimated = f"{group}/{ERROR}" in reader
-    arrays["error"] = reader.array(f"{group}/{ERROR}", "f8", (n, n_outputs, len(PARTS))) if estimated else None
     attributes = reader.group(group)
     for name, values in arrays.items():
         if values is not None and values.dtype.kind == "f" and not np.isfinite(values).all():
             raise CaseError(f"{reader.path}: {name} of '{group}' is not finite everywhere; the file is damaged or was edited")
-    notes = np.array(reader.texts(f"{group}/notes"), dtype=object)[:n]
     status, failure = (_attribute(attributes, name) for name in ("status", "failure"))
-    return LevelResult(float(attributes.attrs["level_N"]), status, failure, notes=notes, **arrays)  # type: ignore[arg-type]
+    return LevelResult(float(attributes.attrs["level_N"]), status, failure, arrays)
+
+
+def _quantity(reader: _Reader, group: str, kept: Quantity, n: int, lengths: dict[str, int]) -> np.ndarray | None:
+    """Return a quantity of the n points of a level; None where it may be missing, and is."""
+    name = f"{group}/{kept.dataset}"
+    if kept.optional and name not in reader:
+        return None
+    if kept.kind == TEXT:
+        return np.array(reader.texts(name), dtype=TEXT)[:n]
+    return reader.array(name, kept.kind, (n, *kept.shape(lengths)))

@@ -1,15 +1,17 @@
 """What a result file holds, as arrays: the same classes are written and read.  NumPy only.
 
-n points of a level, n_pairs contact pairs, n_outputs outputs, N_H = 2 H + 1 coefficients (mean, cos 1, sin 1, ...).
+n_pairs contact pairs, n_outputs outputs, N_H = 2 H + 1 coefficients (mean, cos 1, sin 1, ...).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from ..continuation.branch import Point
+from ..continuation.branch import QUANTITIES, Point
+from ..continuation.quantities import axis_lengths
 
 COMPLETE, STOPPED, RUNNING = "complete", "failed", "running"
 
@@ -22,56 +24,24 @@ class LinearCurve:
     response: np.ndarray  # (n_linear, n_outputs, N_H) m/N
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LevelResult:
-    """The converged points of one level, in the order of the branch."""
+    """The converged points of one level, in the order of the branch.
+
+    Each quantity of :class:`~microslip.continuation.branch.Point` is an attribute by its name, an array (n, ...) of the shape and
+    unit that is declared there: ``level.frequency``, ``level.response``, ``level.du``; None where it was not read or computed.
+    """
 
     level: float  # N
     status: str  # COMPLETE, STOPPED, RUNNING
     failure: str  # why the curve ends early; "" otherwise
-    frequency: np.ndarray  # (n,) Hz
-    response: np.ndarray  # (n, n_outputs, N_H) m
-    energy: np.ndarray  # (n, n_pairs) friction loss, J per cycle
-    state: np.ndarray  # (n, n_pairs) uint8: 0 stick, 1 slip, 2 open
-    friction: np.ndarray  # (n,) J per cycle
-    damping: np.ndarray  # (n,) J per cycle
-    input: np.ndarray  # (n,) J per cycle
-    unknowns: np.ndarray  # (n,)
-    newton: np.ndarray  # (n,)
-    krylov: np.ndarray  # (n,)
-    seconds: np.ndarray  # (n,)
-    harmonics: np.ndarray  # (n,) the highest of each point
-    samples: np.ndarray  # (n,) a period
-    asked: np.ndarray  # (n,) 1 where the frequency is one of [response] at
-    segment: np.ndarray  # (n,) 0 from the start; 1 from the other end of the range, where segment 0 ended early
-    notes: np.ndarray  # (n,) of str
-    du: np.ndarray | None  # (n, n_pairs, 3, N_H) relative displacement, m; None where it was not read
-    p: np.ndarray | None  # (n, n_pairs, 3, N_H) contact force beyond the stuck springs, N; None likewise
-    error: np.ndarray | None  # (n, n_outputs, parts) of the error of harmonic 1, m; None where it was not estimated
+    arrays: dict[str, np.ndarray | None]
 
-
-# dataset of levels/0000/, attribute of LevelResult, attribute of Point, type, unit; frequency_Hz comes from omega
-LEVEL_DATA = (
-    ("frequency_Hz", "frequency", "omega", "f8", "Hz"),
-    ("response", "response", "response", "f8", "m"),
-    ("energy_J", "energy", "energy", "f8", "J"),
-    ("state", "state", "state", "u1", "0 stick, 1 slip, 2 open"),
-    ("friction_J", "friction", "friction", "f8", "J"),
-    ("damping_J", "damping", "damping", "f8", "J"),
-    ("input_J", "input", "input", "f8", "J"),
-    ("unknowns", "unknowns", "unknowns", "i8", "1"),
-    ("newton", "newton", "newton", "i8", "1"),
-    ("krylov", "krylov", "krylov", "i8", "1"),
-    ("seconds", "seconds", "seconds", "f8", "s"),
-    ("harmonics", "harmonics", "harmonics", "i8", "1"),
-    ("samples", "samples", "samples", "i8", "1"),
-    ("asked", "asked", "asked", "u1", "1"),
-    ("segment", "segment", "segment", "u1", "0 from the start, 1 from the other end of the range"),
-    ("du", "du", "U", "f8", "m"),
-    ("p", "p", "p", "f8", "N"),
-)
-MOTION = ("du", "p")  # the large ones, which pictures do without
-ERROR = "error_m"  # (n, n_outputs, parts); only where it was estimated
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self.__dict__["arrays"][name]
+        except KeyError:
+            raise AttributeError(f"a level has no {name!r}") from None
 
 
 @dataclass(frozen=True)
@@ -163,26 +133,5 @@ def level_result(
     """Return the record of a level's points; ``sizes`` = (n_outputs, n_pairs, N_H).  Local, on rank 0."""
     n_outputs, n_pairs, N_H = sizes
     N_H = max([N_H, *(point.response.shape[-1] for point in points)])  # points may have more harmonics than others
-    shapes = {
-        "response": (n_outputs, N_H),
-        "energy": (n_pairs,),
-        "state": (n_pairs,),
-        "du": (n_pairs, 3, N_H),
-        "p": (n_pairs, 3, N_H),
-    }
-    arrays = {}
-    for _, name, of_point, kind, _ in LEVEL_DATA:
-        values = np.array([_padded(getattr(point, of_point), shapes.get(name, ())) for point in points], dtype=kind)
-        arrays[name] = values.reshape(len(points), *shapes.get(name, ()))
-    arrays["frequency"] = arrays["frequency"] / (2.0 * np.pi)
-    estimated = [point.error for point in points if point.error is not None]
-    notes = np.array(["; ".join(point.notes) for point in points], dtype=object)
-    error = np.array(estimated) if points and len(estimated) == len(points) else None
-    return LevelResult(level=level, status=status, failure=failure or "", notes=notes, error=error, **arrays)
-
-
-def _padded(values, shape: tuple[int, ...]):
-    """Return the values of a point with zeros for the harmonics that it lacks."""
-    if not shape or np.shape(values)[-1] == shape[-1]:
-        return values
-    return np.pad(values, [(0, 0)] * (len(shape) - 1) + [(0, shape[-1] - np.shape(values)[-1])])
+    lengths = axis_lengths(n_outputs, n_pairs, N_H)
+    return LevelResult(level, status, failure or "", {kept.name: kept.array(points, lengths) for kept in QUANTITIES})

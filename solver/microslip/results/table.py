@@ -5,33 +5,17 @@ from __future__ import annotations
 import csv
 import os
 
-import numpy as np
-
-from ..continuation.branch import Branch, Point
-from ..error_estimate.components import PARTS, total
+from ..continuation.branch import QUANTITIES, Branch, Point
+from ..continuation.quantities import Column
 from ..parallel.files import said_of, written_whole
-from .measures import amplitude, counts, phase
 
-HEADER = (
-    "level_N",
-    "point",
-    "frequency_Hz",
-    "output",
-    "amplitude_m",
-    "phase_rad",
-    "mean_m",
-    "sticking",
-    "slipping",
-    "open",
-    "unknowns",
-    "newton",
-    "friction_J",
-    "damping_J",
-    "input_J",
-    "seconds",
-    "error_m",
-    *(f"error_{part}_m" for part in PARTS),
-    "segment",
+_FIRST, *_REST = QUANTITIES  # the frequency stands before the name of the output
+COLUMNS = (
+    Column("level_N", "level"),
+    Column("point", "number of the point on its curve, from 0"),
+    *_FIRST.columns,
+    Column("output", "name of the output"),
+    *(column for quantity in _REST for column in quantity.columns),
 )
 NAME = "frf.csv"
 
@@ -54,23 +38,15 @@ class ResponseTable:
         """Open a file and write the header."""
         self._file = open(path, "w", encoding="utf-8", newline="")
         self._rows = csv.writer(self._file, lineterminator="\n")
-        self._rows.writerow(HEADER)
+        self._rows.writerow(column.name for column in COLUMNS)
         self._file.flush()
 
     def add(self, level: float, i: int, point: Point) -> None:
         """Append the ``i``-th point of a level [N], counted from 0; flushed before this returns."""
-        shared = [
-            *(int(n) for n in counts(point.state)),
-            point.unknowns,
-            point.newton,
-            *_digits(point.friction, point.damping, point.input),
-            f"{point.seconds:.4g}",
-        ]
         with said_of(self.path):
-            for k, (name, u) in enumerate(zip(self.outputs, point.response, strict=True)):
-                own = _digits(float(amplitude(u)), float(phase(u)), u[0])
-                first = [*_digits(level), i, *_digits(point.omega / (2.0 * np.pi)), name]
-                self._rows.writerow([*first, *own, *shared, *_bars(point, k), point.segment])
+            for k, name in enumerate(self.outputs):
+                cells = [cell for quantity in _REST for cell in quantity.cells(point, k)]
+                self._rows.writerow([f"{level:.13g}", i, *_FIRST.cells(point, k), name, *cells])
             self._file.flush()
 
     def put_in_order(self, branches: list[Branch]) -> None:
@@ -86,14 +62,3 @@ class ResponseTable:
     def close(self) -> None:
         with said_of(self.path):
             self._file.close()
-
-
-def _bars(point: Point, k: int) -> list[str]:
-    """Return the error bar of output k and its parts; empty cells where they were not asked for."""
-    if point.error is None:
-        return [""] * (1 + len(PARTS))
-    return [f"{value:.4g}" for value in (total(point.error[k]), *point.error[k])]
-
-
-def _digits(*values: float) -> list[str]:
-    return [f"{value:.13g}" for value in values]

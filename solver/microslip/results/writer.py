@@ -10,23 +10,11 @@ import h5py
 import numpy as np
 
 from .. import __version__
-from ..continuation.branch import Branch, Point
-from ..error_estimate.components import PARTS
+from ..continuation.branch import QUANTITIES, Branch, Point
+from ..continuation.quantities import LABELS, TEXT, Quantity
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
-from .record import (
-    COMPLETE,
-    ERROR,
-    JOINT_DATA,
-    LEVEL_DATA,
-    RUNNING,
-    STOPPED,
-    Joint,
-    LevelResult,
-    LinearCurve,
-    joint_of,
-    level_result,
-)
+from .record import COMPLETE, JOINT_DATA, RUNNING, STOPPED, Joint, LevelResult, LinearCurve, joint_of, level_result
 from .table import ResponseTable
 
 FORMAT, FORMAT_VERSION = "microslip results", 1
@@ -36,9 +24,8 @@ NAME = "results.h5"
 class ResultWriter:
     """The result files of a run in ``folder``, which is created; results of an earlier run there are replaced.
 
-    Collective on ``comm``, as are all methods that do not say *Local*: rank 0 writes, and every rank hears of a full disk.
-    Levels come one after the other, by ``level_started``, ``point`` and ``level_finished``; or several at a time, by
-    ``add_point`` and ``add_level`` on rank 0 and ``put_in_order`` when all are done.
+    Collective on ``comm``, as is ``put_in_order``: every rank hears of a full disk.  The other methods are local, on rank 0: it
+    is an :class:`~microslip.observe.observer.Observer` of levels that come one after the other or several at a time.
 
     Parameters
     ----------
@@ -74,8 +61,7 @@ class ResultWriter:
         self.path = os.path.join(folder, NAME)
         outputs = tuple(output.name for output in scene.outputs)
         self._sizes = (len(outputs), pairs.n_pairs, N_H)
-        self._index, self._level = -1, 0.0  # of the level at work
-        self._points: list[Point] = []  # on rank 0
+        self._at_work: dict[int, Branch] = {}  # by the number of the level
         head = (scene, outputs, omega_n, linear, {"microslip": __version__, **(versions or {})}, tuple(options))
         self._table = on_root(comm, self._create, head, pairs, node_numbers, share=False)
 
@@ -89,42 +75,33 @@ class ResultWriter:
             file.create_group("levels")
         return table
 
-    def level_started(self, level: float) -> None:
-        """Begin the next level [N].  Local."""
-        self._index, self._level, self._points = self._index + 1, level, []
+    def level_started(self, number: int, level: float, where: str = "") -> None:
+        """Begin a level [N]."""
+        self._at_work[number] = Branch(level)
 
-    def point(self, i: int, point: Point) -> None:
-        """Append the ``i``-th converged point of the level, counted from 0, to frf.csv."""
-        on_root(self.comm, self._add, i, point, share=False)
+    def point(self, number: int, i: int, point: Point) -> None:
+        """Append the ``i``-th converged point of a level, counted from 0, to frf.csv."""
+        branch = self._at_work[number]
+        branch.points.append(point)
+        self._table.add(branch.level, i, point)
 
-    def _add(self, i: int, point: Point) -> None:
-        self._points.append(point)
-        self._table.add(self._level, i, point)
-
-    def level_finished(self, branch: Branch) -> None:
+    def level_finished(self, number: int, branch: Branch) -> None:
         """Write the level to results.h5, complete or stopped early."""
-        on_root(self.comm, self.add_level, self._index, branch, share=False)
-
-    def add_point(self, level: float, i: int, point: Point) -> None:
-        """Append the ``i``-th point of any level [N] to frf.csv.  Local, on rank 0."""
-        self._table.add(level, i, point)
-
-    def add_level(self, number: int, branch: Branch) -> None:
-        """Write the level of this number, complete or stopped early, to results.h5.  Local, on rank 0."""
-        self._save(number, branch.level, branch.points, STOPPED if branch.failure else COMPLETE, branch.failure)
+        del self._at_work[number]
+        self._save(number, branch, STOPPED if branch.failure else COMPLETE)
 
     def put_in_order(self, branches: list[Branch]) -> None:
         """Put the rows of frf.csv, which came level by level or mixed, into the order of the branches, those of rank 0."""
         on_root(self.comm, lambda: self._table.put_in_order(branches), share=False)
 
     def save(self) -> None:
-        """Write what the level at work has so far to results.h5: before a time limit, or when something else failed."""
-        if self._index >= 0:
-            on_root(self.comm, self._save, self._index, self._level, self._points, RUNNING, None, share=False)
+        """Write what the levels at work have so far to results.h5: before a time limit, or when something else failed."""
+        for number, branch in self._at_work.items():
+            self._save(number, branch, RUNNING)
 
-    def _save(self, number: int, level: float, points: list[Point], status: str, failure: str | None) -> None:
+    def _save(self, number: int, branch: Branch, status: str) -> None:
         """Replace results.h5 by itself with a level added."""
-        found = level_result(level, points, self._sizes, status, failure)
+        found = level_result(branch.level, branch.points, self._sizes, status, branch.failure)
         name = f"levels/{number:04d}"
         with written_whole(self.path) as beside:
             shutil.copyfile(self.path, beside)
@@ -170,12 +147,20 @@ def _write_joint(group: h5py.Group, joint: Joint) -> None:
 
 def _write_level(group: h5py.Group, level: LevelResult) -> None:
     group.attrs["level_N"], group.attrs["status"], group.attrs["failure"] = level.level, level.status, _clean(level.failure)
-    _texts(group, "notes", level.notes)
-    for dataset, name, _, _, unit in LEVEL_DATA:
-        _array(group, dataset, getattr(level, name), unit)
-    if level.error is not None:
-        _array(group, ERROR, level.error, "m")
-        group[ERROR].attrs["parts"] = ", ".join(PARTS)
+    for kept in sorted(QUANTITIES, key=lambda kept: (kept.kind != TEXT, kept.is_motion)):  # the large ones last
+        _write_quantity(group, kept, level.arrays[kept.name])
+
+
+def _write_quantity(group: h5py.Group, kept: Quantity, values: np.ndarray | None) -> None:
+    """Write the quantity of a level, with its unit and the names along its axes; nothing where it was not computed."""
+    if values is None:
+        return
+    if kept.kind == TEXT:
+        _texts(group, kept.dataset, values)
+        return
+    _array(group, kept.dataset, values, kept.unit)
+    for axis in LABELS.keys() & set(kept.axes):
+        group[kept.dataset].attrs[axis] = ", ".join(LABELS[axis])
 
 
 def _array(group: h5py.Group, name: str, values: np.ndarray, unit: str) -> None:

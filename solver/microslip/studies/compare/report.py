@@ -11,8 +11,8 @@ import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
+from ...fourier.coefficients import amplitude
 from ...parallel.files import make_folder, written_whole
-from ...results.measures import amplitude
 from ...results.style import LINEAR, RC, WIDTH, Page, Titled, scaled, some
 
 COLUMNS = {

@@ -17,7 +17,7 @@ from ...error_estimate.better_model import BetterModel, better_model_of
 from ...error_estimate.components import total
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
-from ...harmonic.balance import ContactForces, HarmonicBalance
+from ...harmonic.balance import ContactForces, HarmonicBalance, OperatingPoint
 from ...library.response_settings import response_settings
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...parallel.errors import MicroslipError

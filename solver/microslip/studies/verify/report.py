@@ -12,8 +12,9 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from ...continuation.branch import Branch
+from ...fourier.coefficients import amplitude
 from ...parallel.files import make_folder, written_whole
-from ...results.measures import amplitude, segments
+from ...results.measures import segments
 from ...results.style import DPI, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, scaled, some
 
 COLUMNS = {

@@ -10,10 +10,10 @@ import numpy as np
 
 from ...contact.law import Law
 from ...continuation.branch import Branch
-from ...continuation.levels import follow_level, response_problem
+from ...continuation.levels import follow_levels, response_problem
 from ...error_estimate.better_model import BetterModel, better_model_of
 from ...fourier.amplitudes import to_real
-from ...fourier.coefficients import cycle_work, synthesise
+from ...fourier.coefficients import amplitude, cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
 from ...library.response_settings import response_settings
 from ...observe.log import RunLog
@@ -22,7 +22,6 @@ from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
 from ...receptance.model import ReducedModel
 from ...reduction.methods import reduce_by_method
-from ...results.measures import amplitude
 from ...run import build_structure
 from ...transient.march import March
 from ...transient.model import TransientModel, transient_model
@@ -131,7 +130,7 @@ def curves(
         response = response_problem(response_settings(scene), model, law, selection, omega_n, better)
     except CaseError as problem:
         raise CaseError(str(problem).replace("[response] at", "--at") if at else str(problem)) from None
-    return [follow_level(response, level) for level in response.settings.levels]
+    return follow_levels(response)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,111 @@
+"""How a quantity of a converged point is declared: once, from which arrays, files, their reader and the guide's tables follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any, get_type_hints
+
+import numpy as np
+
+from ..error_estimate.components import PARTS
+
+LABELS = {"parts": PARTS}  # of the axes whose entries have names
+TEXT = "O"  # the type of texts
+
+
+def as_it_is(value):
+    return value
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of frf.csv: one number of a quantity, for each output where the quantity has an axis of outputs."""
+
+    name: str
+    meaning: str
+    of: Callable[[Any], Any] = as_it_is  # of what is stored of a point and output
+    digits: int = 13  # significant ones
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a field of :class:`~microslip.continuation.branch.Point` is, and how it is stored.
+
+    One whose field may be None is left out of a level unless all its points have it: its array is None then, its cells are
+    empty, and a file without it is read.
+    """
+
+    dataset: str  # its name in results.h5; the array of a level is called the same, but for the unit at its end
+    over: str  # its axes at a point: outputs, pairs, directions, coefficients, parts; "" of a single number or text
+    unit: str
+    meaning: str
+    kind: str = "f8"  # NumPy's name of its type, or TEXT
+    columns: tuple[Column, ...] = ()
+    stored: Callable[[Any], Any] = as_it_is  # what is stored of the field's value
+    field: str = ""
+    optional: bool = False
+
+    @property
+    def name(self) -> str:
+        return self.dataset.removesuffix(f"_{self.unit}")
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        return tuple(self.over.split())
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether it is one of the large ones, which pictures do without."""
+        return "pairs" in self.axes and "coefficients" in self.axes
+
+    def of(self, point) -> Any:
+        """Return what is stored of a point; None where it was not computed."""
+        value = getattr(point, self.field)
+        return None if value is None else self.stored(value)
+
+    def shape(self, lengths: dict[str, int]) -> tuple[int, ...]:
+        """Return the shape of a point's value, from the lengths of all axes."""
+        return tuple(lengths[axis] for axis in self.axes)
+
+    def array(self, points: list, lengths: dict[str, int]) -> np.ndarray | None:
+        """Return what is stored of all points, (n, ...), with zeros for the harmonics that some lack; None as the class says."""
+        values, shape = [self.of(point) for point in points], self.shape(lengths)
+        if self.optional and (not values or any(value is None for value in values)):
+            return None
+        return np.array([_padded(value, shape) for value in values], dtype=self.kind).reshape(len(points), *shape)
+
+    def cells(self, point, output: int) -> list[str]:
+        """Return the cells of its columns, in the row of a point and output."""
+        value = self.of(point) if self.columns else None
+        if value is None:
+            return [""] * len(self.columns)
+        own = value[output] if "outputs" in self.axes else value
+        return [f"{column.of(own):.{column.digits}g}" for column in self.columns]
+
+
+def number(
+    name: str, unit: str, meaning: str, kind: str = "f8", digits: int = 13, stored: Callable[[Any], Any] = as_it_is
+) -> Quantity:
+    """Return a single number that is a dataset of results.h5 and a column of frf.csv of the same name."""
+    return Quantity(name, "", unit, meaning, kind, (Column(name, meaning, digits=digits),), stored)
+
+
+def axis_lengths(n_outputs: int, n_pairs: int, N_H: int) -> dict[str, int]:
+    """Return the length of every axis that a quantity may have, by name."""
+    return {"outputs": n_outputs, "pairs": n_pairs, "directions": 3, "coefficients": N_H, "parts": len(PARTS)}
+
+
+def declared(kind: type) -> tuple[Quantity, ...]:
+    """Return the quantities of a dataclass whose fields are annotated with them, in their order."""
+    hints = get_type_hints(kind, include_extras=True)
+    return tuple(
+        replace(hints[field.name].__metadata__[0], field=field.name, optional=field.default is None) for field in fields(kind)
+    )
+
+
+def _padded(values, shape: tuple[int, ...]):
+    """Return the values of a point with zeros for the harmonics that it lacks."""
+    if not shape or np.shape(values)[-1] == shape[-1]:
+        return values
+    return np.pad(values, [(0, 0)] * (len(shape) - 1) + [(0, shape[-1] - np.shape(values)[-1])])

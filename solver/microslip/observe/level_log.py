@@ -1,0 +1,105 @@
+"""Levels and points in the log: a line a point, a sum a level, and on a terminal a bar for each level at work."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..continuation.branch import Branch, Point
+from ..continuation.sweep import Sweep
+from ..results.measures import AMPLITUDE, Shown, counts
+from .log import RunLog
+
+
+class LevelLog:
+    """An :class:`~microslip.observe.observer.Observer` that writes to the log of a run.
+
+    Parameters
+    ----------
+    sweep : the range [rad/s]; one point of statics stands for all of it
+    shown : what is told of the first output at a point
+    """
+
+    def __init__(self, log: RunLog, sweep: Sweep, n_levels: int, shown: Shown = AMPLITUDE):
+        self.log, self.n_levels, self.shown = log, n_levels, shown
+        self.start, self.stop = sweep.start / 2.0 / np.pi, sweep.stop / 2.0 / np.pi
+        self._levels: dict[int, float] = {}  # of the levels begun, by number
+        self._mixed = False  # the line of a point says whose it is
+
+    def level_started(self, number: int, level: float, where: str) -> None:
+        """Announce a level and its range."""
+        self._levels[number], self._mixed = level, bool(where)
+        columns = (
+            f"{'point':>7} {'frequency_Hz':>12} {self.shown.name + '_m':>12} {'slip':>5} {'open':>5} {'unknowns':>8} "
+            f"{'newton':>6} {'gmres':>5} {'seconds':>8}"
+        )
+        head = f"{self._name(number)}, {self.start:.6g} to {self.stop:.6g} Hz" + (f", on {where}" if where else "")
+        self._line(f"{head}\n{self._of('level_N')}{columns}")
+        self.log.screen.bar(self._name(number), self.start, self.stop)
+
+    def point(self, number: int, i: int, point: Point) -> None:
+        """Write a line, or move the bar."""
+        frequency, size = point.omega / 2.0 / np.pi, float(self.shown.of(point.response[0]))
+        _, n_slip, n_open = counts(point.state)
+        self._line(
+            f"{self._of(f'{self._levels[number]:.6g}')}{i:>7} {frequency:>12.8g} {size:>12.5e} {n_slip:>5} {n_open:>5} "
+            f"{point.unknowns:>8} {point.newton:>6} {point.krylov:>5} {point.seconds:>8.4f}"
+        )
+        self.log.screen.advance(self._name(number), frequency, size, n_slip + n_open, i + 1)
+
+    def level_finished(self, number: int, branch: Branch) -> None:
+        """Sum up a level: its peak, or why it ended early."""
+        self.log.screen.end_bar(self._name(number))
+        for line in (f"{self._name(number)}: {summary(branch, self.shown)}", *remarks(branch)):
+            self.log.note(line)
+
+    def _line(self, text: str) -> None:
+        self.log.note(text, on_screen=not self.log.screen.interactive)
+
+    def _name(self, number: int) -> str:
+        return f"level {number + 1} of {self.n_levels}: {self._levels[number]:g} N"
+
+    def _of(self, level: str) -> str:
+        """Return the first column of a line where levels come mixed."""
+        return f"{level:>10} " if self._mixed else ""
+
+
+def summary(branch: Branch, shown: Shown) -> str:
+    """Return the essential numbers of a level's points."""
+    points, level = branch.points, branch.level
+    if not points:
+        return "no point converged"
+    top = max(points, key=lambda point: abs(shown.of(point.response[0])))
+    largest = shown.of(top.response[0])
+    _, n_slip, n_open = counts(top.state)
+    per_newton = f" ({largest / level:.4e} m/N)" if level else ""
+    number = "one point" if shown.is_static else f"{len(points)} points"
+    where = "at every frequency" if shown.is_static else f"at {top.omega / 2.0 / np.pi:.7g} Hz"
+    return (
+        f"{number} in {sum(point.seconds for point in points):.3g} s; {shown.largest} {largest:.4e} m{per_newton} "
+        f"{where}, {n_slip} of {len(top.state)} pairs slip, {n_open} open"
+    )
+
+
+def remarks(branch: Branch) -> list[str]:
+    """Return a line for each note of its points, and for whatever is out of the ordinary with it."""
+    lines = []
+    for note, points in _noted(branch.points).items():
+        low, high = (f(point.omega for point in points) / 2.0 / np.pi for f in (min, max))
+        lines.append(f"  {note}: {len(points)} of {len(branch.points)} points, {low:.6g} to {high:.6g} Hz")
+    if branch.scaled:
+        lines.append("  no pair leaves sticking anywhere on its linear curve: scaled, not solved")
+    if branch.broken:
+        both, ends = branch.points[0].segment == 0, "followed from the other end of the range"
+        lines.append(f"  {f'in two segments: {ends} as well' if both else ends}, since {branch.broken}")
+    if branch.failure:
+        lines.append(f"  stopped early: {branch.failure}")
+    return lines
+
+
+def _noted(points: list[Point]) -> dict[str, list[Point]]:
+    """Return the points that carry a note, by note."""
+    found: dict[str, list[Point]] = {}
+    for point in points:
+        for note in point.notes:
+            found.setdefault(note, []).append(point)
+    return found

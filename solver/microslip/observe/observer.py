@@ -1,0 +1,61 @@
+"""Who is told what a run finds, as it finds it: the log, the result files.  Observers change no result, and there may be none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+from ..continuation.branch import Branch, Point
+from ..parallel.agree import on_root
+
+
+class Observer(Protocol):
+    """Hears of levels and points, on rank 0.  Its methods are local.
+
+    Levels have numbers, from 0 in the order of the scene, since the points of several may come mixed: ``where`` then names the
+    ranks at work on a level, and is empty otherwise.
+    """
+
+    def level_started(self, number: int, level: float, where: str) -> None:
+        """Hear that a level [N] is begun."""
+
+    def point(self, number: int, i: int, point: Point) -> None:
+        """Hear of the ``i``-th converged point of a level, from 0."""
+
+    def level_finished(self, number: int, branch: Branch) -> None:
+        """Hear how a level ended, with all its points."""
+
+
+class Observers:
+    """All observers of the levels of a run.  ``branches`` has one for each level [N], with the points heard of so far.
+
+    Its methods are local, on rank 0, but for ``tell``.
+    """
+
+    def __init__(self, comm, levels: Sequence[float], observers: Iterable[Observer] = ()):
+        self.comm, self.observers = comm, tuple(observers)
+        self.branches = [Branch(level) for level in levels]
+
+    def tell(self, event: str, *news: Any) -> None:
+        """Call the method of this name on rank 0.  Collective on ``comm``: what an observer raises is raised on every rank."""
+        on_root(self.comm, self.hear, event, *news, share=False)
+
+    def hear(self, event: str, *news: Any) -> None:
+        getattr(self, event)(*news)
+
+    def level_started(self, number: int, where: str = "") -> None:
+        for observer in self.observers:
+            observer.level_started(number, self.branches[number].level, where)
+
+    def point(self, number: int, point: Point) -> None:
+        points = self.branches[number].points
+        for observer in self.observers:
+            observer.point(number, len(points), point)
+        points.append(point)
+
+    def level_finished(self, number: int, found: Branch) -> None:
+        """Take in how a level ended; its points have been heard of."""
+        branch = self.branches[number] = replace(found, points=self.branches[number].points)
+        for observer in self.observers:
+            observer.level_finished(number, branch)

@@ -1,0 +1,55 @@
+"""The tables of docs/guide.md that follow from the declarations: ``python -m microslip.results.guide_tables docs/guide.md``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from itertools import groupby
+from pathlib import Path
+
+from ..continuation.branch import QUANTITIES
+from ..continuation.quantities import Quantity, axis_lengths
+from .table import COLUMNS
+
+SIZES = {"outputs": "n_output", "pairs": "n_pair", "coefficients": "2H+1"}  # the others have the same length in every file
+
+
+def columns_table() -> str:
+    """Return the columns of frf.csv; those that mean the same share a row."""
+    rows = groupby(COLUMNS, key=lambda column: column.meaning)
+    return _table(("column", "meaning"), ((", ".join(f"`{column.name}`" for column in same), says) for says, same in rows))
+
+
+def datasets_table() -> str:
+    """Return the datasets of a level in results.h5."""
+    return _table(("dataset", "shape", "content"), ((f"`{kept.dataset}`", _shape(kept), _content(kept)) for kept in QUANTITIES))
+
+
+TABLES = {"frf.csv": columns_table, "levels": datasets_table}
+
+
+def with_tables(text: str) -> str:
+    """Return the guide with each table between its two marks written anew."""
+    for name, table in TABLES.items():
+        begin, end = f"<!-- {name}: from the declarations -->\n", f"<!-- {name}: end -->"
+        before, rest = text.split(begin)
+        text = f"{before}{begin}\n{table()}\n\n{end}{rest.split(end)[1]}"
+    return text
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
+
+
+def _shape(kept: Quantity) -> str:
+    lengths = axis_lengths(0, 0, 0)
+    return f"({', '.join(['n', *(SIZES.get(axis) or str(lengths[axis]) for axis in kept.axes)])})"
+
+
+def _content(kept: Quantity) -> str:
+    return kept.meaning if kept.unit == "1" or kept.meaning.startswith(kept.unit) else f"{kept.meaning}, {kept.unit}"
+
+
+if __name__ == "__main__":
+    path = Path(sys.argv[1])
+    path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,0 +1,66 @@
+"""A quantity of a point is declared once: what follows from that, and that the guide's tables do."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pytest
+from synthetic_results import branch, two_flanks, write
+
+from microslip.continuation.branch import QUANTITIES
+from microslip.continuation.quantities import Column, Quantity, axis_lengths, declared, number
+from microslip.results.guide_tables import with_tables
+from microslip.results.read import read_results
+
+GUIDE = Path(__file__).parents[2] / "docs" / "guide.md"
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A point with a number, a field of outputs and one that may be missing."""
+
+    size: Annotated[float, number("size_m", "m", "a length", digits=3)]
+    motion: Annotated[
+        np.ndarray, Quantity("motion", "outputs coefficients", "m", "m", columns=(Column("mean_m", "", lambda u: u[0]),))
+    ]
+    bars: Annotated[np.ndarray | None, Quantity("bars_m", "outputs", "m", "bars", columns=(Column("bar_m", ""),))] = None
+
+
+SIZE, MOTION, BARS = declared(Kept)
+LENGTHS = axis_lengths(2, 0, 5)
+POINTS = [Kept(0.12345, np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]), np.array([7.0, 8.0])), Kept(1.0, np.ones((2, 5)))]
+
+
+def test_a_field_becomes_an_array_of_its_axes_with_zeros_for_harmonics_that_a_point_lacks():
+    assert SIZE.name == "size" and SIZE.array(POINTS, LENGTHS) == pytest.approx([0.12345, 1.0])
+    assert MOTION.array(POINTS, LENGTHS)[0].tolist() == [[1, 2, 3, 0, 0], [4, 5, 6, 0, 0]]
+    assert MOTION.array([], LENGTHS).shape == (0, 2, 5)
+
+
+def test_what_a_point_lacks_is_none_and_an_empty_cell():
+    assert BARS.optional and not MOTION.optional
+    assert BARS.array(POINTS, LENGTHS) is None is BARS.array([], LENGTHS)
+    assert BARS.array(POINTS[:1], LENGTHS).tolist() == [[7.0, 8.0]]
+    assert BARS.cells(POINTS[0], 1) == ["8"] and BARS.cells(POINTS[1], 1) == [""]
+
+
+def test_cells_are_those_of_the_output_with_the_digits_declared():
+    assert SIZE.cells(POINTS[0], 1) == ["0.123"] and MOTION.cells(POINTS[0], 1) == ["4"]
+
+
+def test_a_level_has_every_quantity_by_name_and_nothing_else(tmp_path):
+    pairs = two_flanks(2, 1)
+    (level,) = read_results(write(tmp_path, [branch(5.0, pairs, n_points=3)], pairs)).levels
+    lengths = axis_lengths(1, pairs.n_pairs, 7)
+    assert {kept.name for kept in QUANTITIES} == set(level.arrays) >= {"frequency", "response", "du", "p", "error", "notes"}
+    for kept in QUANTITIES:
+        assert kept.optional or getattr(level, kept.name).shape == (3, *kept.shape(lengths)), kept.name
+    with pytest.raises(AttributeError, match="no 'velocity'"):
+        _ = level.velocity
+
+
+def test_the_tables_of_the_guide_are_those_of_the_declarations():
+    text = GUIDE.read_text(encoding="utf-8")
+    assert with_tables(text) == text, "run python -m microslip.results.guide_tables docs/guide.md"
+    assert with_tables(text.replace("| `phase_rad` |", "| `phase` |").replace("(n, n_pair, 3, 2H+1)", "(n)")) == text
