@@ -6,10 +6,13 @@ tangents; but the Jacobian I + G P, of size 3 n_pairs N_H, is assembled and fact
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from microslip.continuation.corrector import Correction, Iterate
+from microslip.continuation.corrector import Correction
+from microslip.continuation.iterate import Iterate
 from microslip.fourier.amplitudes import to_complex, to_real
 
 MOST_ITERATIONS = 20
@@ -20,26 +23,25 @@ class CondensedFullSet:
     """Newton with a dense Jacobian at fixed frequencies.  One rank."""
 
     def __init__(self, problem, tolerance: float):
-        self.problem, self.tolerance = problem, tolerance
-        self.everything = np.ones(problem.model.n_pairs, dtype=bool)
+        self.problem, self.equation, self.tolerance = problem, problem.equation, tolerance
 
     @property
     def unknowns(self) -> int:
-        return 3 * self.problem.model.n_pairs * self.problem.model.N_H
+        return 3 * self.equation.model.n_pairs * self.equation.model.N_H
 
     def correct(self, guess: Iterate, size: float) -> Correction:
         """Solve at the frequency of ``guess`` to |r| <= tolerance x size.  Local; divergence comes back as ``failure``."""
-        U_lin, _ = self.problem.linear_motion(guess.parameter)
-        G = self.problem.receptance_at(guess.parameter, np.arange(self.problem.model.n_pairs))
+        at = self.problem.at(guess.parameters)
+        U_lin, G = self.equation.linear_motion(at), self.equation.receptance(at, np.arange(self.equation.model.n_pairs))
         G_n = np.stack(list(G.blocks()))
         U, forces, r = self._evaluate(guess.U, U_lin, G_n)
         for iteration in range(MOST_ITERATIONS + 1):
             if np.linalg.norm(r) <= self.tolerance * size:
-                return Correction(Iterate(U, guess.parameter), iteration, 0, np.linalg.norm(r) / size, None)
+                return Correction(replace(guess, U=U), iteration, 0, np.linalg.norm(r) / size, None)
             if iteration < MOST_ITERATIONS:
                 step = solve_dense(jacobian(G_n, forces.P, forces.active), -r.ravel()).reshape(r.shape)
                 U, forces, r = self._descend(U, step, np.linalg.norm(r), U_lin, G_n)
-        return Correction(Iterate(U, guess.parameter), iteration, 0, np.linalg.norm(r) / size, f"{MOST_ITERATIONS} iterations")
+        return Correction(replace(guess, U=U), iteration, 0, np.linalg.norm(r) / size, f"{MOST_ITERATIONS} iterations")
 
     def _descend(self, U, step, norm, U_lin, G_n):
         """Return the evaluation after a step, halved until the residual falls."""
@@ -52,9 +54,9 @@ class CondensedFullSet:
 
     def _evaluate(self, U, U_lin, G_n):
         """Return U, the contact forces with tangents, and the residual (n_pairs, 3, N_H) [m]."""
-        forces = self.problem.contact_forces(U, self.everything, tangents=True)
-        p_n = to_complex(self.problem.full_force(forces))
-        G_p = to_real(np.matmul(G_n, p_n.T[:, :, None])[:, :, 0].T, self.problem.model.N_H)
+        forces = self.equation.contact_forces(U, self.equation.every_pair, tangents=True)
+        p_n = to_complex(self.equation.full_force(forces))
+        G_p = to_real(np.matmul(G_n, p_n.T[:, :, None])[:, :, 0].T, self.equation.model.N_H)
         return U, forces, U - U_lin + G_p.reshape(U.shape)
 
 

@@ -27,9 +27,9 @@ from synthetic import frequencies, joint_model, joint_problem
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.contact.law import STICK
-from microslip.continuation import corrector, follow
+from microslip.continuation import acceptance, corrector, follow
 from microslip.continuation.grid import at_frequencies
-from microslip.harmonic import newton, preconditioner, residual
+from microslip.harmonic import balance, linearisation, newton_solver, preconditioner
 from microslip.receptance import columns
 from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.selection import AllPairs
@@ -37,22 +37,22 @@ from microslip.reduction.selection import AllPairs
 # what is timed, each function without the others in this list that it calls
 GROUPS = [
     (ElasticCoulomb, "cycle", "AFT"),
-    (residual.HarmonicBalance, "contact_forces", "choosing pairs, gathering p"),
+    (balance.HarmonicBalance, "contact_forces", "choosing pairs, gathering p"),
     (columns.ReceptanceColumns, "__init__", "columns of G: picking"),
     (StaticColumns, "require", "columns of G: static solves"),
     (columns.ReceptanceColumns, "apply", "G p: residuals, steps"),
     (columns.ActiveColumns, "__init__", "columns of G: in single precision"),
     (columns.ActiveColumns, "apply", "G p"),
-    (residual.HarmonicBalance, "linear_motion", "linear motion"),
-    (newton.Gatherer, "__call__", "gathers of Krylov products"),
-    (newton.NewtonStep, "multiply", "Krylov products, besides G p"),
-    (newton.NewtonStep, "precondition", "preconditioner: applying"),
+    (balance.HarmonicBalance, "linear_motion", "linear motion"),
+    (linearisation.Gatherer, "__call__", "gathers of Krylov products"),
+    (newton_solver.NewtonSolver, "_multiply", "Krylov products, besides G p"),
+    (newton_solver.NewtonSolver, "_precondition", "preconditioner: applying"),
     (preconditioner.HarmonicPreconditioner, "__init__", "preconditioner: factoring"),
-    (newton.NewtonStep, "solve", "Newton step, besides"),
+    (newton_solver.NewtonSolver, "solve", "Newton step, besides"),
     (corrector.Corrector, "_residual", "residual, besides"),
     (corrector.Corrector, "_linearise", "Jacobian, besides"),
     (corrector.Corrector, "correct", "PETSc: GMRES, SNES, calls"),
-    (follow, "point_record", "record of the point"),
+    (acceptance, "point_record", "record of the point"),
 ]
 
 
@@ -124,9 +124,8 @@ def of_scene(comm, scene: str, level: float, points: int) -> dict:
     problem, tolerance = prepared.problem(level), prepared.scene.solver.tolerance
     with Stopwatch(GROUPS) as watch:
         meter = Meter(comm, watch)
-        branch = follow.follow_branch(
-            problem, AllPairs(), prepared.sweep, prepared.steps, tolerance=tolerance, max_points=10 * points, on_point=meter.point
-        )
+        task = follow.BranchTask(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance)
+        branch = follow.follow_branch(task, 10 * points, meter.point)
     model, found = prepared.model, meter.report(skip=0)
     return {
         "level": level,

@@ -37,9 +37,9 @@ from rubin import PlainRubin, build_rubin
 from stopwatch import Stopwatch
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
-from microslip.continuation.corrector import Iterate
-from microslip.continuation.follow import follow_branch
+from microslip.continuation.follow import BranchTask, follow_branch
 from microslip.continuation.grid import at_frequencies, going_on, secant
+from microslip.continuation.iterate import Iterate
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 
@@ -84,9 +84,16 @@ def spread(n: int, n_wanted: int, peak: int) -> list[int]:
 
 def start_of(problem, points, i: int) -> tuple[Iterate, float]:
     """Return the guess for point i, on the secant through the two before, and |U| of the last; of the linear curve if none."""
-    before = [Iterate(point.U, point.omega) for point in points[max(i - 2, 0) : i]]
-    before = before or [Iterate(problem.linear_motion(points[0].omega)[0], points[0].omega)]
+    harmonics = problem.equation.harmonics
+    before = [Iterate(point.U, (point.omega,), harmonics) for point in points[max(i - 2, 0) : i]]
+    before = before or [linear_iterate(problem, points[0].omega)]
     return secant(before[0] if len(before) == 2 else None, before[-1], points[i].omega), float(np.linalg.norm(before[-1].U))
+
+
+def linear_iterate(problem, omega: float) -> Iterate:
+    """Return the linear response at a frequency [rad/s]."""
+    equation = problem.equation
+    return Iterate(equation.linear_motion(problem.at((omega,))), (omega,), equation.harmonics)
 
 
 def condensed_at(problem, points, chosen: list[int], tolerance: float, watch: Stopwatch) -> Row:
@@ -96,8 +103,9 @@ def condensed_at(problem, points, chosen: list[int], tolerance: float, watch: St
         omega, (guess, size) = points[i].omega, start_of(problem, points, i)
         laps.lap()
         found = newton.correct(guess, size)
-        p = problem.full_force(problem.contact_forces(found.iterate.U, newton.everything, tangents=False))
-        response = problem.model.output_motion(problem.level, omega, p)
+        equation = problem.equation
+        p = equation.full_force(equation.contact_forces(found.iterate.U, equation.every_pair, tangents=False))
+        response = equation.model.output_motion(problem.level, omega, p)
         row.add(i, omega, response, laps.lap(), found.newton, 0, newton.unknowns)
         row.failure = row.failure or found.failure
     return row
@@ -109,8 +117,9 @@ def rubin_at(rubin, problem, points, chosen: list[int], tolerance: float, watch:
     for i in chosen:
         omega, size = points[i].omega, start_of(problem, points, i)[1]
         before = points[max(i - 2, 0) : i] or points[:1]
+        harmonics, N_H = problem.equation.harmonics, problem.equation.model.N_H
         starts = [
-            Iterate(newton.motion_under(point.p.reshape(-1, problem.model.N_H), point.omega), point.omega) for point in before
+            Iterate(newton.motion_under(point.p.reshape(-1, N_H), point.omega), (point.omega,), harmonics) for point in before
         ]
         guess = secant(starts[0] if len(starts) == 2 else None, starts[-1], omega)
         newton.seconds_of_measure = 0.0
@@ -135,15 +144,8 @@ def rubin_bound(level: float, n_unknowns: int) -> Row:
 def at_level(prepared: Prepared, rubin, level: float, dense_points: int, rubin_points: int) -> list[Row]:
     """Run every method on one level."""
     problem, solver, model = prepared.problem(level), prepared.scene.solver, prepared.model
-    follow = partial(
-        follow_branch,
-        problem,
-        AllPairs(),
-        prepared.sweep,
-        prepared.steps,
-        tolerance=solver.tolerance,
-        max_points=10 * prepared.scene.response.points,
-    )
+    task = BranchTask(problem, AllPairs(), prepared.sweep, prepared.steps, solver.tolerance)
+    follow = partial(follow_branch, task, 10 * prepared.scene.response.points)
     with contact_counter() as watch:
         row, curve = of_branch(ARC, follow, level, watch)
         rows, points, omegas = [row], [], going_on(curve, prepared.sweep.direction)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from microslip.continuation.levels import arc_length_steps, frequency_sweep, linear_curve
+from microslip.continuation.problems import ForcedResponse
 from microslip.continuation.steps import ArcLength, LinearCurve
 from microslip.continuation.sweep import Sweep
-from microslip.harmonic.residual import HarmonicBalance
+from microslip.harmonic.balance import HarmonicBalance
+from microslip.library.response_settings import response_settings
 from microslip.observe.log import RunLog, Stage
 from microslip.parallel.agree import on_root
 from microslip.receptance.model import ReducedModel
@@ -33,8 +35,8 @@ class Prepared:
     steps: ArcLength
     stages: list[Stage]
 
-    def problem(self, level: float) -> HarmonicBalance:
-        return HarmonicBalance(self.model, self.structure.pairs.law, self.scene.solver.samples, level)
+    def problem(self, level: float) -> ForcedResponse:
+        return ForcedResponse(HarmonicBalance.of_all(self.model, self.structure.pairs.law, self.scene.solver.samples), level)
 
 
 def with_modes(scene):
@@ -56,7 +58,8 @@ def prepare(path: str, comm, points: int | None = None) -> Prepared:
             model = reduce_structure(structure.linearised, structure.modes, scene)
         with log.stage("static columns of all pairs"):
             model.G_static.require(np.arange(model.n_pairs))
-    sweep = frequency_sweep(scene.response, model.omega_n)
+    settings = replace(response_settings(scene), points=points or scene.response.points)
+    sweep = frequency_sweep(settings, model.omega_n)
     curve = linear_curve(model, sweep)
-    steps = arc_length_steps(scene.continuation, points or scene.response.points, curve)
+    steps = arc_length_steps(settings, curve)
     return Prepared(scene, structure, model, sweep, curve, steps, log.stages)

@@ -140,11 +140,11 @@ class PlainRubin:
     """
 
     def __init__(self, rubin: RubinModel, problem, tolerance: float):
-        self.rubin, self.problem, self.tolerance = rubin, problem, tolerance
-        self.everything = np.ones(rubin.n_pairs, dtype=bool)
+        self.rubin, self.equation, self.tolerance = rubin, problem.equation, tolerance
         self.R = relative_motion(rubin.n_modes, rubin.n_pairs, rubin.n_loads)
-        self.f = np.zeros((len(rubin.M), problem.model.N_H))
-        self.f[len(self.f) - rubin.n_loads :] = problem.level * problem.model.f  # w of the loads is their motion
+        model = self.equation.model
+        self.f = np.zeros((len(rubin.M), model.N_H))
+        self.f[len(self.f) - rubin.n_loads :] = problem.level * model.f  # w of the loads is their motion
         self.seconds_of_measure = 0.0  # processor time
 
     @property
@@ -153,7 +153,7 @@ class PlainRubin:
 
     def dynamic_stiffness(self, omega: float) -> np.ndarray:
         """Return Z_n = K_L - (n omega)^2 M + i n omega C, (H + 1, n, n) complex."""
-        n_omega = omega * np.arange(self.problem.model.N_H // 2 + 1)[:, None, None]
+        n_omega = omega * np.arange(self.equation.model.N_H // 2 + 1)[:, None, None]
         return self.rubin.K_L - n_omega**2 * self.rubin.M + 1j * n_omega * self.rubin.C
 
     def motion_under(self, p: np.ndarray, omega: float) -> np.ndarray:
@@ -187,9 +187,10 @@ class PlainRubin:
 
     def _evaluate(self, x: np.ndarray, Z: np.ndarray):
         """Return x, the contact forces and the residual Z x + R^T p - f, (n, N_H) [N]."""
-        forces = self.problem.contact_forces((self.R @ x).reshape(self.problem.shape), self.everything, tangents=True)
+        equation = self.equation
+        forces = equation.contact_forces((self.R @ x).reshape(equation.shape), equation.every_pair, tangents=True)
         Z_x = to_real(np.matmul(Z, to_complex(x).T[:, :, None])[:, :, 0].T, x.shape[1])
-        return x, forces, Z_x + self.R.T @ self.problem.full_force(forces) - self.f
+        return x, forces, Z_x + self.R.T @ equation.full_force(forces) - self.f
 
     def _jacobian(self, Z: np.ndarray, forces) -> np.ndarray:
         """Return Z + R^T P R, (n N_H, n N_H), rows and columns ordered as x (n, N_H)."""

@@ -15,9 +15,10 @@ from __future__ import annotations
 import numpy as np
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.continuation.problems import ForcedResponse
 from microslip.fourier.coefficients import synthesise
 from microslip.fourier.harmonics import Harmonics
-from microslip.harmonic.residual import HarmonicBalance
+from microslip.harmonic.balance import HarmonicBalance
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
@@ -91,7 +92,7 @@ def smooth_shapes(x: np.ndarray, n_modes: int, rng) -> np.ndarray:
     return (shapes[:, None, :] * directions.T).reshape(-1, n_modes)
 
 
-def joint_problem(model: ReducedModel, share: float, n_samples: int = 128, level: float = 1.0) -> HarmonicBalance:
+def joint_problem(model: ReducedModel, share: float, n_samples: int = 128, level: float = 1.0) -> ForcedResponse:
     """Return the problem in which about a ``share`` of the pairs slips at OMEGA.  Collective on the model's communicator."""
     U = model.linear_motion(level, OMEGA)
     rows = model.comm.allgather(U.reshape(-1, 3, model.N_H))
@@ -101,7 +102,7 @@ def joint_problem(model: ReducedModel, share: float, n_samples: int = 128, level
     ones, mu = np.ones(model.n_pairs), 0.3
     N0 = np.where(slips, SLIPS, HOLDS) * most / mu
     law = ElasticCoulomb(mu * ones, N0, K_T * ones, K_T * ones, np.zeros(model.n_pairs, dtype=bool))
-    return HarmonicBalance(model, law, n_samples, level)
+    return ForcedResponse(HarmonicBalance.of_all(model, law, n_samples), level)
 
 
 def frequencies(n: int) -> np.ndarray:

@@ -13,7 +13,7 @@ import scipy.linalg
 from box_meshes import box, joint, mesh_of, scene
 from comparison import CONDENSED, REFERENCE, RUBIN, Comparison, Row
 from condensed import CondensedFullSet, jacobian, solve_dense
-from dense_model import reduced
+from dense_model import forced, reduced
 from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
 from oracles import scenes
@@ -21,9 +21,7 @@ from rubin import build_rubin
 from stopwatch import Stopwatch
 
 from microslip.assembly.assemble import assemble
-from microslip.continuation.corrector import Iterate
 from microslip.continuation.grid import at_frequencies
-from microslip.harmonic.residual import HarmonicBalance
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
@@ -43,7 +41,7 @@ def chain_problem(level):
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
     model, parameters = reduced(system, COMM, 3)
-    return HarmonicBalance(model, parameters, 128, level), np.linspace(*system["omega"], 15)
+    return forced(model, parameters, 128, level), np.linspace(*system["omega"], 15)
 
 
 @pytest.mark.parametrize("level", [0.1, 10.0, 30.0])
@@ -64,8 +62,8 @@ def test_methods_agree_at_every_frequency(level):
 def test_dense_jacobian_is_the_derivative_of_the_residual():
     problem, _ = chain_problem(30.0)
     full, omega, rng = CondensedFullSet(problem, 1e-9), 560.0, np.random.default_rng(1)
-    U_lin, _ = problem.linear_motion(omega)
-    G = problem.receptance_at(omega, np.arange(2))
+    at, equation = problem.at((omega,)), problem.equation
+    U_lin, G = equation.linear_motion(at), equation.receptance(at, np.arange(2))
     G_n = np.stack(list(G.blocks()))
     U, direction = 1.3 * U_lin, rng.standard_normal(U_lin.shape)
     h = 1e-6 * np.abs(U).max()
@@ -84,7 +82,7 @@ def test_dense_solution():
 
 def test_newton_that_does_not_converge_says_so():
     problem, _ = chain_problem(30.0)
-    found = CondensedFullSet(problem, 1e-300).correct(Iterate(problem.linear_motion(560.0)[0], 560.0), 1.0)
+    found = CondensedFullSet(problem, 1e-300).correct(methods.linear_iterate(problem, 560.0), 1.0)
     assert found.failure is not None
 
 
@@ -119,7 +117,7 @@ def test_plain_rubin_meets_receptance_and_comes_closer_with_more_modes(level):
     structure, _, model = two_boxes(135)  # all modes: exact
     pairs = structure.pairs
     N0 = np.where(np.arange(9) % 2 == 0, pairs.N0, 100.0 * pairs.N0)  # the others hold the upper box
-    problem = HarmonicBalance(model, replace(pairs.law, N0=N0), 64, level)
+    problem = forced(model, replace(pairs.law, N0=N0), 64, level)
     omegas = model.omega_n[0] * np.linspace(0.95, 1.05, 9)
     points = at_frequencies(problem, AllPairs(), omegas, tolerance=1e-9).points
     assert (max(np.count_nonzero(point.state) for point in points) > 3) == (level > 1.0)

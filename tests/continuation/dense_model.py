@@ -4,11 +4,12 @@ import numpy as np
 import scipy.linalg
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
-from microslip.continuation.follow import follow_branch
+from microslip.continuation.follow import BranchTask, follow_branch
+from microslip.continuation.problems import ForcedResponse
 from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequencies
 from microslip.continuation.sweep import Sweep
 from microslip.fourier.harmonics import Harmonics
-from microslip.harmonic.residual import HarmonicBalance
+from microslip.harmonic.balance import HarmonicBalance
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
@@ -56,6 +57,11 @@ def reduced(system, comm, H, n_modes=None):
     return model, ElasticCoulomb(*(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")))
 
 
+def forced(model, law, n_samples, level):
+    """Return the forced response of a model at a level [N]."""
+    return ForcedResponse(HarmonicBalance.of_all(model, law, n_samples), level)
+
+
 def branch(
     system,
     comm,
@@ -75,15 +81,14 @@ def branch(
 ):
     """Follow the branch of one level between two frequencies [rad/s]."""
     model, parameters = reduced(system, comm, H, n_modes)
-    problem = HarmonicBalance(model, parameters, n_samples, level)
+    problem = forced(model, parameters, n_samples, level)
     low, high = low or system["omega"][0], high or system["omega"][1]
     grid = linear_frequencies(low, high, model.omega_n, model.zeta)
-    ds = arc_lengths(comm, [problem.linear_motion(w)[0] for w in grid], grid, high - low)[-1] / points
+    ds = arc_lengths(comm, [model.linear_motion(level, w) for w in grid], grid, high - low)[-1] / points
     start, stop = (high, low) if down else (low, high)
     steps = ArcLength(ds=ds, ds_min=ds_min * ds, ds_max=2 * ds)
-    return follow_branch(
-        problem, selection or AllPairs(), Sweep(start, stop, tuple(at)), steps, tolerance=tolerance, max_points=20 * points
-    )
+    task = BranchTask(problem, selection or AllPairs(), Sweep(start, stop, tuple(at)), steps, tolerance)
+    return follow_branch(task, 20 * points)
 
 
 def amplitude(point, harmonic=1):

@@ -1,29 +1,33 @@
 """Harmonics, samples and steps from the accuracy asked for; on any number of ranks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from dense_model import reduced
+from dense_model import forced, reduced
 from mpi4py import MPI
 from oracles import scenes
 
+from microslip.continuation.acceptance import accept
 from microslip.continuation.accuracy import (
     MOST_SAMPLES,
     SHARES,
     Accuracy,
+    Memory,
     Resolution,
     chord_error,
     least_samples,
     samples_from,
     steps_for,
 )
-from microslip.continuation.follow import BranchFollower, follow_branch
+from microslip.continuation.follow import BranchTask, follow_branch
 from microslip.continuation.grid import at_frequencies
+from microslip.continuation.point_solver import Workspace
 from microslip.continuation.sweep import Sweep
-from microslip.error_estimate.better_model import Truth
+from microslip.error_estimate.better_model import BetterModel
 from microslip.error_estimate.components import PARTS
 from microslip.error_estimate.estimate import ErrorEstimator
 from microslip.fourier.harmonics import Harmonics
-from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction.selection import AllPairs
 
 COMM = MPI.COMM_WORLD
@@ -35,7 +39,7 @@ def problem_of(name, level, H=3, n_samples=128):
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
     model, parameters = reduced(system, COMM, H)
-    return HarmonicBalance(model, parameters, n_samples, level), ErrorEstimator(Truth(model, None, is_solved=True))
+    return forced(model, parameters, n_samples, level), ErrorEstimator(BetterModel(model, None, is_solved=True))
 
 
 def amplitudes(points):
@@ -47,16 +51,8 @@ def amplitudes(points):
 def test_a_branch_meets_the_accuracy_asked_for(level, target):
     problem, estimator = problem_of("chain", level)
     accuracy = Accuracy(target, Resolution(Harmonics.up_to(1), 16))
-    found = follow_branch(
-        problem,
-        AllPairs(),
-        Sweep(LOW, HIGH),
-        steps_for(target),
-        tolerance=1e-9,
-        max_points=2000,
-        estimator=estimator,
-        accuracy=accuracy,
-    )
+    task = BranchTask(problem, AllPairs(), Sweep(LOW, HIGH), steps_for(target), 1e-9, estimator, accuracy)
+    found = follow_branch(task, 2000)
     assert found.failure is None
     fine, _ = problem_of("chain", level, 15, 2048)
     omegas = COMM.bcast([point.omega for point in found.points])
@@ -84,29 +80,43 @@ def test_odd_harmonics_stay_odd_and_samples_suffice():
     accuracy = Accuracy(1e-3, start)
     error = np.zeros((1, 5))
     error[0, 1] = 1.0
-    finer = accuracy.finer(start, accuracy.ratios(np.array([1.0]), error))
+    finer, _ = accuracy.finer(start, *accuracy.ratios(np.array([1.0]), error, Memory()))
     assert all(n % 2 for n in finer.harmonics.chosen)
     assert finer.harmonics.highest == 7
     assert finer.n_samples >= least_samples(7) > 4 * 7
 
 
+def judged(accuracy, now, errors, memory, ask):
+    """Return what ``ask``, a method of an accuracy, chooses after each of some errors, and the memory after the last."""
+    found = []
+    for error in errors:
+        choice, memory = getattr(accuracy, ask)(now, *accuracy.ratios(np.array([1.0]), error, memory))
+        found.append(choice)
+    return found, memory
+
+
 def test_what_is_calm_is_lowered_and_what_came_back_stays_longer():
     coarse, fine = Resolution(Harmonics.up_to(1), 16), Resolution(Harmonics.up_to(9), 512)
-    accuracy, quiet = Accuracy(1e-3, coarse), np.zeros((1, 5))
-    steps = [accuracy.coarser(fine, accuracy.ratios(np.array([1.0]), quiet)) for _ in range(3)]
+    accuracy, quiet, loud = Accuracy(1e-3, coarse), np.zeros((1, 5)), np.zeros((1, 5))
+    steps, memory = judged(accuracy, fine, [quiet] * 3, Memory(), "coarser")
     assert steps[:2] == [fine, fine]
     assert steps[2].harmonics.highest == 7
     assert steps[2].n_samples == 256
-    loud = np.zeros((1, 5))
     loud[0, 1] = 1.0
-    accuracy.finer(fine, accuracy.ratios(np.array([1.0]), loud))
-    steps = [accuracy.coarser(fine, accuracy.ratios(np.array([1.0]), quiet)).harmonics.highest for _ in range(6)]
-    assert steps == [9, 9, 9, 9, 9, 7]
+    _, memory = judged(accuracy, fine, [loud], memory, "finer")
+    steps, _ = judged(accuracy, fine, [quiet] * 6, memory, "coarser")
+    assert [step.harmonics.highest for step in steps] == [9, 9, 9, 9, 9, 7]
+
+
+def test_memory_is_a_value():
+    accuracy, before = Accuracy(1e-3, Resolution(Harmonics.up_to(1), 16)), Memory()
+    judged(accuracy, Resolution(Harmonics.up_to(9), 512), [np.ones((1, 5))], before, "finer")
+    assert before.peak is None and set(before.calm.values()) == {0} and len(set(before.patience.values())) == 1
 
 
 def test_the_finest_there_is_ends_the_search():
     finest = Resolution(Harmonics.up_to(31), MOST_SAMPLES)
-    assert Accuracy(1e-6, finest).finer(finest, {"harmonics": 50.0, "samples": 50.0}) is None
+    assert Accuracy(1e-6, finest).finer(finest, {"harmonics": 50.0, "samples": 50.0}, Memory())[0] is None
 
 
 @pytest.mark.parametrize("radius", [0.5, 3.0])
@@ -119,27 +129,28 @@ def test_chords_of_a_circle_stray_by_their_sagitta(radius):
 
 def test_a_residual_that_is_felt_is_tightened_until_it_is_calm():
     loose = Resolution(Harmonics.up_to(3), 64, 1e-4)
-    accuracy, error = Accuracy(1e-2, loose), np.zeros((1, 5))
-    assert accuracy.finer(loose, accuracy.ratios(np.array([1.0]), error)) is None
-    error[0, PARTS.index("solver")] = 0.2e-2
-    tight = accuracy.finer(loose, accuracy.ratios(np.array([1.0]), error))
-    assert tight == Resolution(Harmonics.up_to(3), 64, 1e-8)
-    assert accuracy.finer(tight, accuracy.ratios(np.array([1.0]), error)) is None
-    calm = accuracy.ratios(np.array([1.0]), np.zeros((1, 5)))
-    assert [accuracy.coarser(tight, calm).tolerance for _ in range(6)] == [1e-8] * 5 + [1e-4]
+    tight, accuracy = replace(loose, tolerance=1e-8), Accuracy(1e-2, loose)
+    nothing, felt = np.zeros((1, 5)), np.zeros((1, 5))
+    felt[0, PARTS.index("solver")] = 0.2e-2
+    found, memory = judged(accuracy, loose, [nothing, felt], Memory(), "finer")
+    assert found == [None, tight]
+    found, memory = judged(accuracy, tight, [felt], memory, "finer")
+    assert found == [None]
+    found, _ = judged(accuracy, tight, [nothing] * 6, memory, "coarser")
+    assert [resolution.tolerance for resolution in found] == [1e-8] * 5 + [1e-4]
     stated = Accuracy(1e-2, loose, frozenset({"solver"}))
-    assert stated.finer(loose, stated.ratios(np.array([1.0]), error)) is None
+    assert judged(stated, loose, [felt], Memory(), "finer")[0] == [None]
 
 
 def test_samples_may_use_what_harmonics_leave():
     now, error = Resolution(Harmonics.up_to(3), 64), np.zeros((1, 5))
     error[0, PARTS.index("samples")] = 0.5e-2
     accuracy = Accuracy(1e-2, now)
-    assert accuracy.ratios(np.array([1.0]), error)["samples"] == pytest.approx(0.5 / 0.55)
+    assert accuracy.ratios(np.array([1.0]), error, Memory())[0]["samples"] == pytest.approx(0.5 / 0.55)
     error[0, PARTS.index("harmonics")] = 0.3e-2
-    ratios = accuracy.ratios(np.array([1.0]), error)
+    ratios, _ = accuracy.ratios(np.array([1.0]), error, Memory())
     assert ratios == {"harmonics": pytest.approx(0.75), "samples": pytest.approx(2.0), "solver": 0.0}
-    assert accuracy.finer(now, ratios) == Resolution(Harmonics.up_to(3), 128)
+    assert accuracy.finer(now, ratios, Memory())[0] == Resolution(Harmonics.up_to(3), 128)
     assert [samples_from(n) for n in (64, 65, 97, 300)] == [64, 96, 128, 384]
 
 
@@ -160,13 +171,15 @@ def test_the_solver_s_part_stays_within_its_share(tolerance):
 def test_a_point_on_the_way_has_no_bar_and_the_resolution_stays():
     problem, estimator = problem_of("chain", 100.0)
     accuracy = Accuracy(1e-3, Resolution(Harmonics.up_to(1), 16))
-    steps = BranchFollower(problem, AllPairs(), Sweep(560.0, HIGH), steps_for(1e-3), 1e-9, estimator, accuracy)
+    task = BranchTask(problem, AllPairs(), Sweep(560.0, HIGH), steps_for(1e-3), 1e-9, estimator, accuracy)
+    workspace = Workspace(problem.equation)
+    state = task.start(workspace)
     try:
-        was = steps.resolution
-        _, point = steps.accept(*steps.first(), on_the_way=True)
-        assert (point.error, steps.resolution) == (None, was)
-        _, point = steps.accept(*steps.first())
-        assert point.error is not None
-        assert steps.resolution != was
+        on_the_way = accept(task, state, state.solver.first(), on_the_way=True)
+        assert (on_the_way.point.error, on_the_way.state.solver.resolution) == (None, state.solver.resolution)
+        counts = accept(task, state, state.solver.first())
+        assert counts.point.error is not None
+        assert counts.state.solver.resolution != state.solver.resolution
     finally:
-        steps.destroy()
+        workspace.destroy()
+        estimator.destroy()

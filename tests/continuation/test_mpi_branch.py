@@ -1,19 +1,13 @@
 """Branches against exact results, an independent harmonic balance, and themselves; every test runs on any number of ranks."""
 
 import dataclasses
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from dense_model import amplitude, branch, reduced
 from mpi4py import MPI
 from oracles import harmonic_balance, scenes
-from petsc4py import PETSc
-from probe import Probe
 
-from microslip.continuation.corrector import ConstraintRow, Iterate, Scaling
-from microslip.harmonic.residual import DampingFamily, HarmonicBalance, LevelFamily
-from microslip.receptance.damping import Damping
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 COMM = MPI.COMM_WORLD  # the one- and two-pair systems leave ranks without pairs
@@ -140,80 +134,6 @@ def test_first_point_that_newton_misses_is_reached_over_the_level():
     assert found.failure is None and found.points[0].omega == 0.97
     assert found.points[0].notes == ("first point reached over the level, where there may be other solutions",)
     assert not any(point.notes for point in found.points[1:])
-
-
-def families(problem):
-    """Every one-parameter family of problems, with a parameter and its scale."""
-    (modes,) = problem.model.families
-    C = modes.damping.C if modes.damping.couples_modes else np.diag(modes.damping.C) + 3.0
-    with_matrix = problem.of(replace(problem.model, families=(replace(modes, damping=Damping(C)),)))
-    return {
-        "frequency": (problem, 555.0, 400.0),
-        "level": (LevelFamily(problem, 555.0), 90.0, 100.0),
-        "damping": (DampingFamily(problem, 555.0), 0.6, 1.0),
-        "damping matrix": (DampingFamily(with_matrix, 555.0), 0.6, 1.0),
-    }
-
-
-@pytest.mark.parametrize("family", ["frequency", "level", "damping", "damping matrix"])
-def test_jacobian_is_the_derivative_of_the_residual(family):
-    system = scene("chain")
-    model, parameters = reduced(system, COMM, 3)
-    problem, parameter, unit = families(HarmonicBalance(model, parameters, 128, 100.0))[family]
-    U, _ = problem.linear_motion(parameter)
-    everything = np.ones(model.n_pairs, dtype=bool)
-    corrector = Probe(problem, 1e-9)
-    rng = np.random.default_rng(COMM.rank)
-    row = ConstraintRow(Iterate(U, parameter), rng.standard_normal(U.shape), 0.7)
-    scaling, h, direction = Scaling(1e-4, unit), 1e-6, (rng.standard_normal(U.shape), 0.3)
-    here = Iterate(1.3 * U, parameter)
-
-    def shifted(sign):
-        return Iterate(here.U + sign * h * scaling.U * direction[0], here.parameter + sign * h * scaling.parameter * direction[1])
-
-    plus, minus = (corrector.residual_at(shifted(sign), row, scaling, everything) for sign in (1.0, -1.0))
-    product = corrector.jacobian_times(here, row, scaling, everything, *direction)
-    corrector.destroy()
-    size = COMM.allreduce(np.abs(product).max() if product.size else 0.0, op=MPI.MAX)
-    assert (plus - minus) / (2 * h) == pytest.approx(product, abs=1e-6 * size)
-
-
-def test_further_damping_ends_at_the_problem_itself_and_begins_without_vibration():
-    model, parameters = reduced(scene("chain"), COMM, 3)
-    problem = HarmonicBalance(model, parameters, 128, 100.0)
-    family = DampingFamily(problem, 555.0)
-    (U, _), (U_end, _), (U_begin, _) = (p.linear_motion(t) for p, t in ((problem, 555.0), (family, 1.0), (family, 1e-9)))
-    size = COMM.allreduce(np.abs(U).max(initial=0.0), op=MPI.MAX)
-    assert U_end == pytest.approx(U, abs=1e-13 * size)
-    assert COMM.allreduce(np.abs(U_begin[..., 1:]).max(initial=0.0), op=MPI.MAX) < 1e-4 * size
-    assert family.where(0.5).endswith("damped further by 555 M")
-
-
-@pytest.mark.parametrize("level, option, tolerance", [(100.0, None, 2e-3), (100.0, "1e-10", 1e-8), (1.0, "1e-10", 1e-8)])
-def test_newton_step_solves_the_whole_system(level, option, tolerance):
-    model, parameters = reduced(scene("chain"), COMM, 3)
-    problem = HarmonicBalance(model, parameters, 128, level)
-    U, _ = problem.linear_motion(560.0)
-    everything, rng = np.ones(model.n_pairs, dtype=bool), np.random.default_rng(COMM.rank)
-    row, scaling = ConstraintRow(Iterate(U, 560.0), rng.standard_normal(U.shape), 0.7), Scaling(1e-4, 400.0)
-    here = Iterate(1.3 * U, 555.0)
-    options = PETSc.Options()
-    if option:
-        options["hb_ksp_rtol"] = option  # and with it double precision
-    corrector = Probe(problem, 1e-9)
-    try:
-        step = corrector.newton_step(here, row, scaling, everything)
-        d_nu = COMM.bcast(step[-1] if COMM.rank == COMM.size - 1 else None, root=COMM.size - 1)
-        d_xi = step[: problem.n_owned * 3 * model.N_H].reshape(problem.shape)
-        found, r = (
-            corrector.jacobian_times(here, row, scaling, everything, d_xi, d_nu),
-            corrector.residual_at(here, row, scaling, everything),
-        )
-    finally:
-        options.delValue("hb_ksp_rtol")
-        corrector.destroy()
-    size, error = np.sqrt(COMM.allreduce(np.array([np.vdot(r, r), np.vdot(found - r, found - r)])))
-    assert error < tolerance * size
 
 
 def test_all_ranks_together_agree_with_one_alone():

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from dense_model import branch, reduced
+from dense_model import branch, forced, reduced
 from mpi4py import MPI
 from oracles import scenes
 
-from microslip.continuation.corrector import Iterate
 from microslip.continuation.grid import at_frequencies, secant
-from microslip.harmonic.residual import HarmonicBalance
+from microslip.continuation.iterate import Iterate
+from microslip.fourier.harmonics import Harmonics
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
 COMM, ALL = MPI.COMM_WORLD, AllPairs()
@@ -23,7 +23,7 @@ def chain():
 
 def grid(system, level, omegas, selection=ALL, tolerance=1e-10):
     model, parameters = reduced(system, COMM, 3)
-    return at_frequencies(HarmonicBalance(model, parameters, 128, level), selection, omegas, tolerance=tolerance)
+    return at_frequencies(forced(model, parameters, 128, level), selection, omegas, tolerance=tolerance)
 
 
 @pytest.mark.parametrize("level", [1e-3, 10.0])
@@ -79,7 +79,7 @@ def test_a_frequency_out_of_reach_is_named_and_the_points_before_it_are_kept():
 
 
 def test_secant_is_left_where_it_would_reach_too_far_or_back():
-    a, b = Iterate(np.array([0.0]), 1.0), Iterate(np.array([1.0]), 2.0)
+    a, b = (Iterate(np.array([u]), (omega,), Harmonics((0,))) for u, omega in ((0.0, 1.0), (1.0, 2.0)))
     assert secant(a, b, 3.0).U == pytest.approx([2.0])
     assert secant(None, b, 3.0).U == pytest.approx([1.0])
     assert secant(a, b, 4.5).U == pytest.approx([1.0])

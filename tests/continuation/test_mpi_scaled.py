@@ -2,18 +2,17 @@
 
 import numpy as np
 import pytest
-from dense_model import reduced
+from dense_model import forced, reduced
 from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation import scaled
-from microslip.continuation.follow import BranchFollower, follow_branch
+from microslip.continuation.follow import BranchTask, follow_branch
 from microslip.continuation.levels import linear_curve
-from microslip.continuation.scaled import ScaledFollower, is_linear
+from microslip.continuation.scaled import is_linear
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
 from microslip.fourier.coefficients import synthesis_matrix
-from microslip.harmonic.residual import HarmonicBalance
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
 COMM = MPI.COMM_WORLD
@@ -41,17 +40,14 @@ def slip_level(model, parameters, curve):
     return float(1.0 / np.max((k_t * np.hypot(x, y) + mu * k_n * z) / (mu * N0)))
 
 
-def follow(model, parameters, sweep, curve, level, follower, selection=None):
+def equation_of(model, parameters):
+    return forced(model, parameters, 128, 1.0).equation
+
+
+def follow(model, parameters, sweep, curve, level, is_linear, selection=None):
     ds = curve.s[-1] / 40
-    return follow_branch(
-        HarmonicBalance(model, parameters, 128, level),
-        selection or AllPairs(),
-        sweep,
-        ArcLength(ds=ds, ds_min=ds / 1024, ds_max=2 * ds),
-        tolerance=1e-12,
-        max_points=400,
-        follower=follower,
-    )
+    steps, problem = ArcLength(ds=ds, ds_min=ds / 1024, ds_max=2 * ds), forced(model, parameters, 128, level)
+    return follow_branch(BranchTask(problem, selection or AllPairs(), sweep, steps, 1e-12, is_linear=is_linear), 400)
 
 
 @pytest.mark.parametrize("name", ["chain", "spatial"])
@@ -60,7 +56,7 @@ def test_a_level_is_linear_exactly_up_to_the_first_slip(name):
     first = slip_level(model, parameters, curve)
     assert 0.0 < curve.sticks_up_to.min() <= first * (1 + 1e-6)
     for share, expected in ((1e-6, True), (0.5, True), (0.999, True), (1.001, False), (3.0, False), (1e6, False)):
-        assert is_linear(HarmonicBalance(model, parameters, 128, share * first), curve) == expected
+        assert is_linear(equation_of(model, parameters), share * first, curve) == expected
 
 
 @pytest.mark.parametrize("down", [False, True])
@@ -70,8 +66,8 @@ def test_a_scaled_level_is_the_solved_one(name, selection, down):
     at = (low + 0.3 * (high - low), high)
     model, parameters, sweep, curve = prepared(name, at=at, down=down)
     level = 0.9 * slip_level(model, parameters, curve)
-    ours = follow(model, parameters, sweep, curve, level, ScaledFollower, selection)
-    theirs = follow(model, parameters, sweep, curve, level, BranchFollower, selection)
+    ours = follow(model, parameters, sweep, curve, level, True, selection)
+    theirs = follow(model, parameters, sweep, curve, level, False, selection)
     assert ours.failure is None and ours.scaled and not theirs.scaled
     assert [point.omega for point in ours.points] == pytest.approx([point.omega for point in theirs.points], rel=1e-12)
     assert sorted(point.omega for point in ours.points if point.asked) == pytest.approx(at, rel=1e-14)
@@ -90,7 +86,7 @@ def test_a_scaled_level_is_the_solved_one(name, selection, down):
 def test_a_scaled_level_is_proportional_to_its_load():
     model, parameters, sweep, curve = prepared("chain")
     first = slip_level(model, parameters, curve)
-    one, other = (follow(model, parameters, sweep, curve, share * first, ScaledFollower) for share in (1e-9, 0.9))
+    one, other = (follow(model, parameters, sweep, curve, share * first, True) for share in (1e-9, 0.9))
     assert len(one.points) == len(other.points)
     for a, b in zip(one.points, other.points, strict=True):
         assert b.omega == pytest.approx(a.omega, rel=1e-12)
@@ -105,12 +101,12 @@ def test_a_pair_without_friction_preload_or_contact_at_rest_is_never_scaled(chan
     }
     model, parameters, _, curve = prepared("chain", **altered)
     for level in (1e-12, 1e-3, 1.0):
-        assert not is_linear(HarmonicBalance(model, parameters, 128, level), curve)
+        assert not is_linear(equation_of(model, parameters), level, curve)
 
 
 def test_without_parameters_no_level_is_known_to_be_linear():
     model, parameters, sweep, _ = prepared("chain")
-    assert not is_linear(HarmonicBalance(model, parameters, 128, 1e-12), linear_curve(model, sweep))
+    assert not is_linear(equation_of(model, parameters), 1e-12, linear_curve(model, sweep))
 
 
 def test_a_constant_motion_is_left_to_the_solver():
@@ -119,14 +115,14 @@ def test_a_constant_motion_is_left_to_the_solver():
     model, parameters = reduced(system, COMM, 0)
     curve = linear_curve(model, Sweep(*FREQUENCIES["spatial"]), parameters)
     assert curve.sticks_up_to.min() > 1e-9
-    assert not is_linear(HarmonicBalance(model, parameters, 128, 1e-9), curve)
+    assert not is_linear(equation_of(model, parameters), 1e-9, curve)
 
 
 def test_a_pair_that_slips_after_all_is_solved_for():
     """The follower is told of a level that slips: the branch is that of the solver."""
     model, parameters, sweep, curve = prepared("chain")
     level = 1.5 * slip_level(model, parameters, curve)
-    ours, theirs = (follow(model, parameters, sweep, curve, level, follower) for follower in (ScaledFollower, BranchFollower))
+    ours, theirs = (follow(model, parameters, sweep, curve, level, is_linear) for is_linear in (True, False))
     assert ours.failure is None and not ours.scaled
     assert any(point.state.any() for point in ours.points)
     assert [point.omega for point in ours.points] == pytest.approx([point.omega for point in theirs.points], rel=1e-6)
@@ -136,7 +132,7 @@ def test_a_pair_that_slips_after_all_is_solved_for():
 
 def test_a_level_that_slips_costs_one_evaluation(monkeypatch):
     model, parameters, _, curve = prepared("chain")
-    problem, calls = HarmonicBalance(model, parameters, 128, 10.0 * slip_level(model, parameters, curve)), []
-    monkeypatch.setattr(scaled, "sticks", lambda problem, omega, real=scaled.sticks: calls.append(omega) or real(problem, omega))
-    assert not is_linear(problem, curve)
+    level, calls = 10.0 * slip_level(model, parameters, curve), []
+    monkeypatch.setattr(scaled, "sticks", lambda equation, at, real=scaled.sticks: calls.append(at) or real(equation, at))
+    assert not is_linear(equation_of(model, parameters), level, curve)
     assert len(calls) == 1

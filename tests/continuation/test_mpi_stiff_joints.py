@@ -5,21 +5,21 @@ Every test runs on any number of ranks; the single pair leaves ranks without one
 
 import numpy as np
 import pytest
-from dense_model import branch, reduced
+from dense_model import branch, forced, reduced
 from mpi4py import MPI
 from oracles import point_check
 from verification import extreme_structures as structures
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
-from microslip.continuation import follow, point_solver
+from microslip.continuation import acceptance, point_solver
 from microslip.continuation.corrector import row_weights
-from microslip.continuation.follow import follow_branch
+from microslip.continuation.follow import BranchTask, follow_branch
 from microslip.continuation.point_record import HELD
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
+from microslip.harmonic.balance import OperatingPoint
 from microslip.harmonic.direct import WholeInverse
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
-from microslip.harmonic.residual import HarmonicBalance
 from microslip.parallel.errors import CaseError
 from microslip.reduction.selection import AllPairs
 
@@ -46,7 +46,7 @@ def test_without_the_weights_they_are_refused(monkeypatch):
     found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
     assert "contact forces of" in found.failure and "are lost beside a motion" in found.failure
     assert worst(system, found, "force") < 1e-5
-    monkeypatch.setattr(follow, "UNBALANCED", np.inf)
+    monkeypatch.setattr(acceptance, "UNBALANCED", np.inf)
     unjudged = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
     assert worst(system, unjudged, "force") > 1e-5
 
@@ -74,7 +74,7 @@ def test_a_wide_gap_costs_no_digits():
 @pytest.mark.parametrize("system, is_free", [(structures.spatial(k_t=1e5), False), (structures.free_body(), True)])
 def test_only_a_body_that_nothing_else_holds_gets_springs(system, is_free):
     model, parameters = reduced(system, COMM, 1)
-    assert is_held_by_its_joint_alone(HarmonicBalance(model, parameters, 16, 1.0)) is is_free
+    assert is_held_by_its_joint_alone(forced(model, parameters, 16, 1.0).equation) is is_free
 
 
 def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
@@ -91,23 +91,23 @@ def test_resonance_without_damping_is_named():
     with np.errstate(divide="ignore", invalid="ignore"):
         with pytest.raises(CaseError, match="no damping"):
             branch(system, COMM, 0.1, low=float(model.omega_n[0]), high=3.0)
-        problem = HarmonicBalance(model, parameters, 64, 0.1)
+        problem = forced(model, parameters, 64, 0.1)
         sweep = Sweep(float(model.omega_n[0]), 3.0)
         steps = ArcLength(ds=0.1, ds_min=1e-3, ds_max=0.2)
-        found = follow_branch(problem, AllPairs(), sweep, steps, tolerance=1e-8, max_points=10)
+        found = follow_branch(BranchTask(problem, AllPairs(), sweep, steps, 1e-8), 10)
     assert "resonates without damping" in found.failure and not found.points
 
 
 def test_whole_inverse_is_the_inverse():
     system = structures.chain(N0=0.1)
     model, parameters = reduced(system, COMM, 3)
-    problem = HarmonicBalance(model, parameters, 64, 1.0)
-    U, _ = problem.linear_motion(0.5)
-    forces = problem.contact_forces(3.0 * U, np.ones(model.n_pairs, dtype=bool), tangents=True)
+    equation, at = forced(model, parameters, 64, 1.0).equation, OperatingPoint(0.5, 1.0)
+    U = equation.linear_motion(at)
+    forces = equation.contact_forces(3.0 * U, equation.every_pair, tangents=True)
     assert len(forces.active) == 2
-    G = problem.receptance_at(0.5, forces.active)
-    inverse = WholeInverse(problem, forces, G)
+    linear = equation.linearise(at, forces)
+    inverse = WholeInverse(linear)
     x = np.random.default_rng(COMM.rank).standard_normal(U.shape)
-    dp = np.matmul(forces.P, x[forces.active_owned].reshape(len(forces.P), 21, 1)).reshape(-1, 7)
-    product = x + G.apply(problem.gather(dp))
+    dp = linear.pair_forces(x[forces.active_owned]).reshape(-1, 7)
+    product = x + linear.G.apply(equation.gather(dp))
     assert inverse.apply(product) == pytest.approx(x, abs=1e-9)

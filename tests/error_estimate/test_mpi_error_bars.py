@@ -4,16 +4,16 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from dense_model import branch, reduced
+from dense_model import branch, forced, reduced
 from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation.grid import at_frequencies
-from microslip.error_estimate import adjoint
-from microslip.error_estimate.better_model import Truth
+from microslip.error_estimate.better_model import BetterModel
 from microslip.error_estimate.components import PARTS, total
 from microslip.error_estimate.estimate import ErrorEstimator
-from microslip.harmonic.residual import HarmonicBalance
+from microslip.harmonic import adjoint_solver
+from microslip.harmonic.balance import OperatingPoint
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
 COMM = MPI.COMM_WORLD
@@ -30,13 +30,9 @@ def scene(name):
 def solved(level, H=3, n_samples=128, tolerance=1e-10, selection=None, comm=COMM, omegas=OMEGAS, name="chain"):
     """Return the points of a level at some frequencies, with error bars."""
     model, parameters = reduced(scene(name), comm, H)
-    estimator = ErrorEstimator(Truth(model, None, is_solved=True))
+    estimator = ErrorEstimator(BetterModel(model, None, is_solved=True))
     found = at_frequencies(
-        HarmonicBalance(model, parameters, n_samples, level),
-        selection or AllPairs(),
-        omegas,
-        tolerance=tolerance,
-        estimator=estimator,
+        forced(model, parameters, n_samples, level), selection or AllPairs(), omegas, tolerance=tolerance, estimator=estimator
     )
     assert found.failure is None
     return found.points
@@ -74,17 +70,18 @@ def test_a_stuck_point_has_no_error_but_that_of_modes():
 
 def test_the_solver_s_part_is_the_distance_to_the_solution():
     model, parameters = reduced(scene("chain"), COMM, 3)
-    problem, everything = HarmonicBalance(model, parameters, 128, 100.0), np.ones(model.n_pairs, dtype=bool)
+    equation = forced(model, parameters, 128, 100.0).equation
+    everything = equation.every_pair
     exact = COMM.bcast(solved(100.0, omegas=[560.0, 561.0], tolerance=1e-12)[0].U)
     away = 1e-6 * np.abs(exact).max() * np.random.default_rng(1).standard_normal(exact.shape)
     U = (exact + away)[model.owned]
 
     def response(U):
-        p = problem.full_force(problem.contact_forces(U, everything, tangents=False))
+        p = equation.full_force(equation.contact_forces(U, everything, tangents=False))
         return model.output_motion(100.0, 560.0, p)[0]
 
     off = response(U) - response(exact[model.owned])
-    parts = ErrorEstimator(Truth(model, None, is_solved=True)).at(problem, U, 560.0, everything)[0]
+    parts = ErrorEstimator(BetterModel(model, None, is_solved=True)).at(equation, U, OperatingPoint(560.0, 100.0), everything)[0]
     # tau . r is the distance to the solution: that of the response at U, plus that of U by its own Newton step
     assert parts[PARTS.index("solver")] == pytest.approx(np.hypot(off[1], off[2]), rel=0.05)
 
@@ -112,28 +109,28 @@ def test_a_branch_has_bars_as_its_points_have():
 @pytest.mark.parametrize(("name", "level"), [("chain", 100.0), ("chain", 40.0)])
 @pytest.mark.parametrize("direct", [0, 10**6])
 def test_adjoints_solve_the_transposed_system(monkeypatch, name, level, direct):
-    monkeypatch.setattr(adjoint, "DIRECT", direct)
+    monkeypatch.setattr(adjoint_solver, "DIRECT", direct)
     model, parameters = reduced(scene(name), COMM, 3)
-    problem, everything = HarmonicBalance(model, parameters, 128, level), np.ones(model.n_pairs, dtype=bool)
+    equation = forced(model, parameters, 128, level).equation
     U = COMM.bcast(solved(level, omegas=[560.0, 561.0], name=name)[0].U)[model.owned]
-    forces = problem.contact_forces(U, everything, tangents=True)
+    forces = equation.contact_forces(U, equation.every_pair, tangents=True)
     assert len(forces.active) > 0
-    G = problem.receptance_at(560.0, forces.active)
+    linear = equation.linearise(OperatingPoint(560.0, level), forces)
     # B of any size: one quantity ten orders below the other, and one that is nothing
     B = np.random.default_rng(3).standard_normal((3, 3 * model.n_pairs, model.N_H)) * np.array([1.0, 1e-10, 0.0])[:, None, None]
     B[1:2] = B[0:1] * 1e-10
-    adjoints = adjoint.Adjoints()
+    solver = adjoint_solver.AdjointSolver(COMM)
     try:
-        chi, tau = adjoints.solve(problem, forces, G, B)
+        chi, tau, is_found = linear.solve_transposed(B, solver)
     finally:
-        adjoints.destroy()
-    assert adjoints.found
+        solver.destroy()
+    assert is_found
     assert not chi[2].any()
     np.testing.assert_allclose(chi[1], 1e-10 * chi[0], rtol=1e-5, atol=1e-12 * np.abs(chi[1]).max(initial=0.0))
     # v . (1 + G^T P^T) chi = (v + P G v) . chi  for any motion's force v: against the forward operators
     v = np.random.default_rng(4).standard_normal((3 * model.n_pairs, model.N_H))
     in_active = v.reshape(-1, 3, model.N_H)[forces.active].reshape(-1, model.N_H)
-    G_v = G.apply(in_active)
+    G_v = linear.G.apply(in_active)
     own = v.reshape(-1, 3, model.N_H)[model.owned]
     B_own = B[0].reshape(-1, 3, model.N_H)[model.owned]
     mine = np.zeros_like(own)

@@ -2,17 +2,16 @@
 
 import numpy as np
 import pytest
-from dense_model import amplitude, branch, reduced
+from dense_model import amplitude, branch, forced, reduced
 from mpi4py import MPI
 from oracles import scenes
-from probe import Probe
+from taylor import Place, assert_second_order
 
 from microslip.contact.law import OPEN, SLIP, STICK
-from microslip.continuation.corrector import ConstraintRow, Iterate, Scaling
 from microslip.continuation.grid import at_frequencies
 from microslip.fourier.harmonics import Harmonics
+from microslip.harmonic.balance import OperatingPoint
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
-from microslip.harmonic.residual import HarmonicBalance
 from microslip.harmonic.symmetry import symmetric
 from microslip.parallel.errors import CaseError
 from microslip.reduction.selection import AllPairs
@@ -63,26 +62,10 @@ def row_of_masses(n=3, separate=False, flat=False):
 def test_jacobian_is_the_derivative_of_the_residual(chosen):
     harmonics = Harmonics(chosen)
     system = scene("chain", harmonic=chosen[min(1, len(chosen) - 1)])
-    model, parameters = reduced(system, COMM, harmonics)
-    problem = HarmonicBalance(model, parameters, 128, 100.0)
-    U, _ = problem.linear_motion(560.0)
-    everything = np.ones(model.n_pairs, dtype=bool)
-    corrector = Probe(problem, 1e-9)
-    rng = np.random.default_rng(COMM.rank)
-    row = ConstraintRow(Iterate(U, 560.0), rng.standard_normal(U.shape), 0.7)
-    scaling, h, direction = Scaling(1e-4, 400.0), 1e-6, (rng.standard_normal(U.shape), 0.3)
-    here = Iterate(1.3 * U, 555.0)
-
-    def shifted(sign):
-        return Iterate(here.U + sign * h * scaling.U * direction[0], here.parameter + sign * h * scaling.parameter * direction[1])
-
-    plus, minus = (corrector.residual_at(shifted(sign), row, scaling, everything) for sign in (1.0, -1.0))
-    product = corrector.jacobian_times(here, row, scaling, everything, *direction)
-    n_active = len(problem.contact_forces(here.U, everything, tangents=False).active)
-    corrector.destroy()
-    size = COMM.allreduce(np.abs(product).max() if product.size else 0.0, op=MPI.MAX)
-    assert n_active > 0 and U.shape[2] == harmonics.n_coefficients
-    assert (plus - minus) / (2 * h) == pytest.approx(product, abs=1e-6 * size)
+    problem = forced(*reduced(system, COMM, harmonics), 128, 100.0)
+    there = Place(problem, (555.0,), 1.3)
+    assert there.n_active > 0 and problem.equation.shape[2] == harmonics.n_coefficients
+    assert_second_order(there)
 
 
 @pytest.mark.parametrize("chosen", [(1, 3, 5), (0, 1, 3)])
@@ -93,12 +76,12 @@ def test_a_set_solves_the_rows_of_the_full_set_that_it_has(chosen):
     found = branch(system, COMM, 20.0, H=harmonics, points=30, tolerance=1e-11)
     assert found.failure is None
     model, parameters = reduced(system, COMM, full)
-    problem, everything = HarmonicBalance(model, parameters, 128, 20.0), np.ones(model.n_pairs, dtype=bool)
+    equation = forced(model, parameters, 128, 20.0).equation
     for point in found.points[::6]:
         U_all = COMM.bcast(point.U)
         U = full_of(U_all, full)[model.owned]
-        forces = problem.contact_forces(U, everything, tangents=False)
-        r = U - problem.linear_motion(point.omega)[0] + problem.receptance_at(point.omega, forces.active).apply(forces.p)
+        forces = equation.contact_forces(U, equation.every_pair, tangents=False)
+        r = equation.residual(U, OperatingPoint(point.omega, 20.0), forces)
         size = np.abs(U_all).max()
         assert np.abs(full.carry(r, harmonics)).max(initial=0.0) < 1e-8 * size
         assert abs(point.input - point.damping - point.friction) < 1e-8 * point.input
@@ -116,7 +99,7 @@ def test_points_record_the_harmonics_that_the_model_ever_had():
     assert odd.recorded == model.recorded == Harmonics.up_to(4) and odd.G_static is model.G_static
     assert odd.with_harmonics(model.harmonics).f.tolist() == model.f.tolist()
     assert odd.with_harmonics(Harmonics.odd_up_to(7)).recorded == Harmonics.up_to(7)
-    found = at_frequencies(HarmonicBalance(odd, parameters, 64, 1.0), AllPairs(), [1.5, 1.6], tolerance=1e-10)
+    found = at_frequencies(forced(odd, parameters, 64, 1.0), AllPairs(), [1.5, 1.6], tolerance=1e-10)
     for point in found.points:
         assert point.response.shape == (1, 9)
         assert not point.response[:, [0, 3, 4, 7, 8]].any() and point.response[:, [1, 2, 5, 6]].all()
@@ -216,9 +199,9 @@ def test_a_static_load_beyond_all_friction_is_not_held_by_springs():
     within, beyond = (branch(system, COMM, level, H=0, points=5) for level in (0.9, 1.2))
     assert within.failure is None and within.points[0].response[0, 0] == pytest.approx(0.9, rel=1e-6)
     model, parameters = reduced(system, COMM, 0)
-    assert not is_held_by_its_joint_alone(HarmonicBalance(model, parameters, 8, 1.0))
+    assert not is_held_by_its_joint_alone(forced(model, parameters, 8, 1.0).equation)
     model, parameters = reduced(system, COMM, 1)
-    assert is_held_by_its_joint_alone(HarmonicBalance(model, parameters, 8, 1.0))
+    assert is_held_by_its_joint_alone(forced(model, parameters, 8, 1.0).equation)
     # what the weak spring takes beyond the limit of 1 N
     assert beyond.failure is not None or beyond.points[0].response[0, 0] == pytest.approx(0.2 / 1e-9, rel=1e-6)
 
@@ -226,8 +209,8 @@ def test_a_static_load_beyond_all_friction_is_not_held_by_springs():
 # -- odd harmonics alone --------------------------------------------------------------------------------------------
 
 
-def problem_of(system, H=5, n_samples=64):
-    return HarmonicBalance(*reduced(system, COMM, H), n_samples, 1.0)
+def equation_of(system, H=5, n_samples=64):
+    return forced(*reduced(system, COMM, H), n_samples, 1.0).equation
 
 
 def changed(system, **values):
@@ -268,16 +251,16 @@ def tilted(system):
     ],
 )
 def test_scenes_that_odd_harmonics_solve(system, n_samples, expected):
-    assert symmetric(problem_of(system, n_samples=n_samples)) is expected
+    assert symmetric(equation_of(system, n_samples=n_samples)) is expected
 
 
 def test_symmetry_sees_static_coupling_that_no_mode_shows():
-    problem = problem_of(row_of_masses())
-    model = problem.model
+    equation = equation_of(row_of_masses())
+    model = equation.model
     columns = model.G_static.transposed(np.arange(model.n_pairs))
     if COMM.rank == 0:
         columns[3, 2] = 1e-20  # a force in x of the second pair moves the first in z
-    assert symmetric(problem) is False
+    assert symmetric(equation) is False
 
 
 @pytest.mark.parametrize(
@@ -297,8 +280,8 @@ def test_odd_harmonics_alone_give_the_solution_of_the_full_set(system, level):
     omegas = np.linspace(*system["omega"], 9)
     found = []
     for of in (model, model.with_harmonics(odd)):
-        problem = HarmonicBalance(of, parameters, 128, level)
-        assert symmetric(problem)
+        problem = forced(of, parameters, 128, level)
+        assert symmetric(problem.equation)
         found.append(at_frequencies(problem, AllPairs(), omegas, tolerance=1e-12))
     for a, b in zip(found[0].points, found[1].points, strict=True):
         size = np.abs(a.response).max()
@@ -311,7 +294,7 @@ def test_odd_harmonics_alone_give_the_solution_of_the_full_set(system, level):
 def test_a_friction_circle_keeps_some_of_its_start():
     """Why the two-dimensional circle is left out: even harmonics, small but far above roundoff."""
     system = row_of_masses(flat=True)
-    problem = HarmonicBalance(*reduced(system, COMM, Harmonics.up_to(7)), 128, 3.0)
+    problem = forced(*reduced(system, COMM, Harmonics.up_to(7)), 128, 3.0)
     found = at_frequencies(problem, AllPairs(), [1.5, 1.55], tolerance=1e-12)
     assert found.failure is None
     even = max(np.abs(point.response[:, [0, 3, 4, 7, 8]]).max() / np.abs(point.response).max() for point in found.points)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 from bar_scene import N_DOF, N_PAIRS, bar, by, stuck
+from dense_model import forced
 from matrix_scenes import write_matrix_scene
 from oracles import harmonic_balance, scenes
 
 from microslip.continuation.grid import at_frequencies
-from microslip.harmonic.residual import HarmonicBalance
 from microslip.linear.dense import gram, multiply
 from microslip.modes.dense import gathered
 from microslip.parallel.agree import on_root
@@ -46,7 +46,7 @@ def whole(comm, tmp_path_factory):
 
 def curve(scene, structure, reduction, omegas, level=30.0):
     pairs = structure.pairs
-    problem = HarmonicBalance(reduction.model, pairs.law, 128, level)
+    problem = forced(reduction.model, pairs.law, 128, level)
     found = at_frequencies(problem, reduction.selection, omegas, tolerance=1e-10)
     assert found.failure is None
     return found.points

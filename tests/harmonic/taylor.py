@@ -1,0 +1,75 @@
+"""Derivatives judged by their Taylor remainder: |r(x + h d) - r(x) - h J d| falls as h^2 where no sample switches."""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+
+from microslip.continuation.constraints import Plane, Scaling
+from microslip.continuation.corrector import BorderedSystem
+from microslip.continuation.iterate import Iterate
+
+STEPS = 1e-3 * 0.25 ** np.arange(4)
+UNIT = 1e-4  # of the motion [m]
+
+
+class Place:
+    """A problem with a plane for each parameter, at ``share`` times its linear motion, all pairs let slip."""
+
+    def __init__(self, problem, parameters, share, seed=0):
+        self.problem, equation = problem, problem.equation
+        self.comm, self.rng = equation.comm, np.random.default_rng(seed + equation.comm.rank)
+        self.last = self.comm.rank == self.comm.size - 1
+        self.U = share * equation.linear_motion(problem.at(parameters))
+        about = Iterate(self.U, parameters, equation.harmonics)
+        k = len(parameters)
+        slopes = np.random.default_rng(7).standard_normal((k, k))  # the same on all ranks
+        planes = tuple(Plane(about, self.rng.standard_normal(self.U.shape), tuple(slope)) for slope in slopes)
+        self.nu = np.ones(k)
+        self.system = BorderedSystem(problem, planes, Scaling(UNIT, tuple(map(float, parameters))), equation.every_pair)
+
+    @property
+    def n_active(self):
+        equation = self.problem.equation
+        return len(equation.contact_forces(self.U, equation.every_pair, tangents=False).active)
+
+    def owned(self, nu):
+        """Return parameters on the rank that owns them, zeros elsewhere."""
+        return nu if self.last else np.zeros_like(nu)
+
+    def linearise(self):
+        return self.system.linearise(self.U, self.owned(self.nu))
+
+    def residual(self, d_xi, d_nu):
+        """Return the scaled residual at a distance from the place: rows of this rank, and the constraints."""
+        return self.system.residual(self.U + UNIT * d_xi, self.owned(self.nu + d_nu))
+
+    def size(self, rows, of_constraints):
+        """Return the norm over all ranks."""
+        return np.sqrt(
+            self.comm.allreduce(float(np.vdot(rows, rows)), op=MPI.SUM) + float(np.vdot(of_constraints, of_constraints))
+        )
+
+
+def remainders(there, d_xi, d_nu, steps=STEPS):
+    """Return the Taylor remainders in a direction at shrinking steps, and the size of the first-order term."""
+    linear, border = there.linearise()
+    first = linear.product(d_xi, there.owned(d_nu), border)
+    here, found = there.residual(np.zeros_like(d_xi), np.zeros_like(d_nu)), []
+    for h in steps:
+        moved = there.residual(h * d_xi, h * d_nu)
+        found.append(there.size(*(b - a - h * s for a, b, s in zip(here, moved, first))))
+    return np.array(found), there.size(*first)
+
+
+def assert_second_order(there, block="both"):
+    """Assert that the Jacobian, or the block of it that belongs to motion or parameters, is the residual's derivative."""
+    d_xi = there.rng.standard_normal(there.U.shape) * (block != "parameters")
+    d_nu = 0.05 * np.random.default_rng(5).standard_normal(len(there.nu)) * (block != "motion")
+    found, first = remainders(there, d_xi, d_nu)
+    rounding = 1e-11 * first
+    rates = np.log2(np.maximum(found[:-1], rounding) / np.maximum(found[1:], rounding)) / 2.0
+    assert first > 0.0
+    assert found[-1] <= 1e-6 * first  # a wrong derivative leaves 1.6e-5 of its error in the last step
+    seen = found[1:] > 10.0 * rounding
+    assert np.all(rates[seen] > 1.7), (found, first)

@@ -1,0 +1,164 @@
+"""The linearisation of harmonic balance, block by block; every test runs on any number of ranks."""
+
+import numpy as np
+import pytest
+from dense_model import reduced
+from mpi4py import MPI
+from oracles import scenes
+from petsc4py import PETSc
+from taylor import Place, assert_second_order
+
+from microslip.continuation.constraints import Plane, Scaling
+from microslip.continuation.corrector import BorderedSystem, Corrector
+from microslip.continuation.iterate import Iterate
+from microslip.continuation.problems import DampingHomotopy, ForcedResponse, LevelHomotopy
+from microslip.harmonic.adjoint_solver import AdjointSolver
+from microslip.harmonic.balance import HarmonicBalance, OperatingPoint, Rate
+from microslip.harmonic.newton_solver import NewtonSolver
+from microslip.receptance.damping import Damping
+
+COMM = MPI.COMM_WORLD  # the two-pair system leaves a third rank without pairs
+OMEGA, LEVEL = 555.0, 100.0
+
+
+def chain(H=3, full_damping=False):
+    system = scenes.chain()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    model, law = reduced(system, COMM, H)
+    if full_damping:
+        from dataclasses import replace
+
+        family = model.one_family
+        coupled = Damping(np.diag(family.damping.diagonal) + 3.0)
+        model = replace(model, families=(replace(family, damping=coupled),))
+    return HarmonicBalance.of_all(model, law, 128)
+
+
+class TwoParameters:
+    """The same equation over frequency and level at once: what a peak, followed over the level, will be."""
+
+    def __init__(self, equation):
+        self.equation = equation
+
+    def at(self, parameters):
+        return OperatingPoint(*parameters)
+
+    def rates(self, parameters):
+        return Rate(omega=1.0), Rate(level=1.0)
+
+    def where(self, parameter):
+        return self.at((parameter, 0.0)).text
+
+    def with_equation(self, equation):
+        return TwoParameters(equation)
+
+
+PROBLEMS = {
+    "frequency": (lambda equation: ForcedResponse(equation, LEVEL), (OMEGA,)),
+    "level": (lambda equation: LevelHomotopy(equation, OMEGA), (90.0,)),
+    "damping": (lambda equation: DampingHomotopy(equation, OMEGA, LEVEL), (0.6,)),
+    "frequency and level": (TwoParameters, (OMEGA, 90.0)),
+}
+
+
+@pytest.mark.parametrize("block", ["motion", "parameters", "both"])
+@pytest.mark.parametrize("full_damping", [False, True])
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_jacobian_is_the_derivative_of_the_residual(name, full_damping, block):
+    problem, parameters = PROBLEMS[name]
+    there = Place(problem(chain(full_damping=full_damping)), parameters, 1.3)
+    assert there.n_active == 2
+    assert_second_order(there, block)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_held_mean_slip_is_in_the_derivative(name):
+    problem, parameters = PROBLEMS[name]
+    equation = chain()
+    about = np.random.default_rng(COMM.rank).standard_normal((equation.n_owned, 2))
+    assert_second_order(Place(problem(equation.holding(about)), parameters, 1.3))
+
+
+@pytest.mark.parametrize("option, tolerance", [(None, 2e-3), ("1e-10", 1e-8)])
+@pytest.mark.parametrize("share", [1e-2, 1.3])
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_step_solves_the_whole_bordered_system(name, share, option, tolerance):
+    problem, parameters = PROBLEMS[name]
+    there, options = Place(problem(chain()), parameters, share), PETSc.Options()
+    if option:
+        options["hb_ksp_rtol"] = option  # and with it double precision
+    solver = NewtonSolver(COMM)
+    try:
+        linear, border = there.linearise()
+        b_U, b_nu = there.rng.standard_normal(there.U.shape), np.arange(1.0, 1.0 + len(parameters))
+        step = linear.solve(b_U, there.owned(b_nu), border, solver)
+        rows, of_constraints = linear.product(step.d_xi, step.d_nu_owned, border)
+    finally:
+        options.delValue("hb_ksp_rtol")
+        solver.destroy()
+    assert step.reason > 0
+    assert step.product == pytest.approx(rows - border.columns_times(COMM.allreduce(step.d_nu_owned)) * 0.0, abs=1e-8)
+    assert there.size(rows - b_U, of_constraints - b_nu) < tolerance * there.size(b_U, b_nu)
+
+
+def test_the_adjoint_is_the_transposed_of_the_linearisation():
+    """<chi, (1 + G P) v> = <B, v> for every motion v, with B seen from all pairs."""
+    equation = chain()
+    there = Place(ForcedResponse(equation, LEVEL), (OMEGA,), 1.3)
+    linear, border = there.linearise()
+    solver, n = AdjointSolver(COMM), equation.model.n_pairs
+    # chi solves (1 + G^T P^T) chi = B: for any force q of the pairs, <(1 + P G) q, chi> = <q, B>
+    B = np.random.default_rng(3).standard_normal((2, 3 * n, equation.model.N_H))
+    try:
+        chi, tau, is_found = linear.solve_transposed(B, solver)
+    finally:
+        solver.destroy()
+    assert is_found
+    q = np.random.default_rng(4).standard_normal((3 * n, equation.model.N_H))
+    own = equation.model.owned_rows
+    P_G_q = np.zeros(equation.shape)
+    G_q = linear.G.apply(q)  # both pairs are active
+    P_G_q[linear.forces.active_owned] = linear.pair_forces(G_q[linear.forces.active_owned]).reshape(-1, *equation.shape[1:])
+    left = COMM.allreduce(np.array([np.vdot(q[own].ravel() + P_G_q.ravel(), one) for one in chi]))
+    right = np.array([np.vdot(q, one) for one in B])
+    assert left == pytest.approx(right, rel=5e-3, abs=5e-3 * np.abs(right).max())
+
+
+def test_two_parameters_and_two_constraints_give_the_level_at_which_a_pair_moves_so_far():
+    """The frequency is held, a component of the motion is asked for: the level is found that the forced response has there."""
+    equation, omega = chain(), 560.0
+    forced_response = ForcedResponse(equation, LEVEL)
+    corrector = Corrector(COMM, equation.shape, 1e-10)
+    U_lin = equation.linear_motion(forced_response.at((omega,)))
+    size = np.sqrt(COMM.allreduce(float(np.vdot(U_lin, U_lin))))
+    guess = Iterate(U_lin, (omega,), equation.harmonics)
+    plane = Plane.fixed_parameter(guess)
+    found = corrector.correct(BorderedSystem(forced_response, (plane,), Scaling(size, (400.0,)), equation.every_pair), guess)
+    corrector.destroy()
+    assert found.failure is None
+    U = found.iterate.U
+    n_U = np.zeros(equation.shape)
+    if COMM.rank == 0:
+        n_U[0, 0, 1] = 1.0
+    corrector = Corrector(COMM, equation.shape, 1e-10, n_parameters=2)
+    away = Iterate(1.02 * U, (omega, 0.95 * LEVEL), equation.harmonics)
+    about = Iterate(U, (omega, 0.0), equation.harmonics)
+    constraints = (Plane.fixed_parameter(about), Plane(about, n_U, (0.0, 0.0)))
+    system = BorderedSystem(TwoParameters(equation), constraints, Scaling(size, (400.0, LEVEL)), equation.every_pair)
+    again = corrector.correct(system, away)
+    corrector.destroy()
+    assert again.failure is None
+    assert again.iterate.parameters == pytest.approx((omega, LEVEL), rel=1e-7)
+    assert again.iterate.U == pytest.approx(U, abs=1e-7 * size)
+
+
+def test_further_damping_ends_at_the_problem_itself_and_begins_without_vibration():
+    equation = chain()
+    homotopy = DampingHomotopy(equation, OMEGA, LEVEL)
+    U = equation.linear_motion(OperatingPoint(OMEGA, LEVEL))
+    end, begin = (equation.linear_motion(homotopy.at((t,))) for t in (1.0, 1e-9))
+    size = COMM.allreduce(np.abs(U).max(initial=0.0), op=MPI.MAX)
+    assert end == pytest.approx(U, abs=1e-13 * size)
+    assert COMM.allreduce(np.abs(begin[..., 1:]).max(initial=0.0), op=MPI.MAX) < 1e-4 * size
+    assert homotopy.where(0.5).endswith("damped further by 555 M")
