@@ -18,6 +18,7 @@ from ...parallel.versions import versions
 from ...parallel.words import nearest
 from ...reduction.methods import METHODS, check_size, reduce_by_method
 from ...reduction.reduction import Reduction
+from ...results.measures import shown_with
 from ...run import Structure, build_structure
 from .report import Row, write_comparison
 
@@ -146,11 +147,11 @@ class Comparison:
 
     def rows(self, method: str, reduction: Reduction, seconds: float) -> list[Row]:
         """Return what a method does at the frequencies of each level.  Collective."""
-        rows = []
+        rows, shown = [], shown_with(self.scene.harmonics)
         with self.log.stage(f"response: {method}"):
             for level, omegas in self.omegas.items():
                 branch = self.solve(reduction, level, omegas)
-                rows.append(Row(level, method, seconds, branch.points, branch.failure))
+                rows.append(Row(level, method, seconds, branch.points, branch.failure, shown))
         return rows
 
     def solve(self, reduction: Reduction, level: float, omegas: list[float]) -> Branch:
