@@ -3,8 +3,11 @@
 import csv
 import signal
 
+import numpy as np
 import pytest
 from bar_scene import write_bar
+from matrix_scenes import write_matrix_scene
+from oracles import scenes
 
 from microslip.__main__ import main
 from microslip.parallel.agree import on_root
@@ -17,8 +20,8 @@ def program(comm, shared_path, capfd):
     """Return what to call with arguments after the scene's: status and what was said on all ranks.  Collective."""
     handler = signal.getsignal(signal.SIGTERM)
 
-    def run(*arguments):
-        path = on_root(comm, lambda: write_bar(shared_path, modes=30))
+    def run(*arguments, write=lambda folder: write_bar(folder, modes=30)):
+        path = on_root(comm, write, shared_path)
         status = main(["compare", str(path), "--out", str(shared_path / "out"), *arguments])
         assert len(set(comm.allgather(status))) == 1
         said = capfd.readouterr()
@@ -59,3 +62,17 @@ def test_an_unknown_method_is_named_once(program):
     status, _, err = program("--methods", "rubin,adaptiv")
     assert status == 2
     assert err.count("--methods: unknown method 'adaptiv'; nearest is adaptive; known: receptance, ") == 1
+
+
+def test_of_statics_the_displacement_is_compared(program, shared_path):
+    system = scenes.spatial_mass()
+    system["loads"] = [{**load, "harmonic": 0, "phase": 0.0} for load in system["loads"]]
+    status, _, err = program(
+        "--methods",
+        "receptance",
+        write=lambda folder: write_matrix_scene(folder, system, [0.02], (1.0, 1.6), points=4, harmonics=0),
+    )
+    assert (status, err) == (0, "")
+    u_lin = np.linalg.solve(scenes.stuck_stiffness(system), sum(np.asarray(load["vector"]) for load in system["loads"]))
+    for entry in rows(shared_path).values():
+        assert float(entry["peak_m"]) == pytest.approx(0.02 * u_lin[0], rel=1e-6) and float(entry["peak_m"]) != 0.0

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from microslip.studies.compare.report import Row, differences, energy_difference, record, table, write_comparison
+from microslip.results.measures import MEAN
+from microslip.studies.compare.report import Row, differences, energy_difference, numbers, table, write_comparison
 
 OMEGAS = 2 * np.pi * np.array([10.0, 11.0, 12.0])
 SCENE = SimpleNamespace(title="A scene")
@@ -32,7 +33,7 @@ def test_differences_are_relative_to_the_peak_of_each_output():
 
 
 def test_a_record_has_peak_unknowns_and_effort():
-    found = record(row("rubin", (1.0, 4.4, 2.0)), EXACT)
+    found = numbers(row("rubin", (1.0, 4.4, 2.0)), EXACT)
     assert (found["peak_m"], found["peak_Hz"]) == pytest.approx((4.4, 11.0))
     assert (found["unknowns_min"], found["unknowns_max"], found["evaluations"], found["points"]) == (6, 8, 3, 3)
     assert found["ms_a_point"] == pytest.approx(10.0)
@@ -40,11 +41,23 @@ def test_a_record_has_peak_unknowns_and_effort():
 
 
 def test_a_method_that_ends_early_is_compared_where_it_has_points():
-    found = record(row("rubin", (1.0, 4.4), failure="no convergence"), EXACT)
+    found = numbers(row("rubin", (1.0, 4.4), failure="no convergence"), EXACT)
     assert (found["points"], found["failure"]) == (2, "no convergence")
-    nothing = record(Row(1.0, "rubin", 0.5, [], "no convergence"), EXACT)
+    nothing = numbers(Row(1.0, "rubin", 0.5, [], "no convergence"), EXACT)
     assert nothing["points"] == 0 and np.isnan(nothing["difference_percent"])
-    assert "no convergence" in table([record(EXACT, EXACT), nothing], "full")
+    assert "no convergence" in table([numbers(EXACT, EXACT), nothing], "full")
+
+
+def test_of_statics_the_displacement_is_told():
+    def still(method, mean):
+        points = [
+            SimpleNamespace(omega=1.0, response=np.array([[mean, 0.0, 0.0]]), friction=0.0, unknowns=6, newton=2, seconds=0.01)
+        ]
+        return Row(1.0, method, 0.5, points, None, MEAN)
+
+    found = numbers(still("rubin", -2.2e-6), still("full", -2e-6))
+    assert (found["peak_m"], found["difference_percent"]) == pytest.approx((-2.2e-6, 10.0))
+    assert "-2.2e-06" in table([found], "full")
 
 
 def test_the_files_hold_every_row(tmp_path):

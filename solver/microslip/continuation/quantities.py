@@ -30,7 +30,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a field of :class:`~microslip.continuation.branch.Point` is, and how it is stored.
+    """What a field of a dataclass is, and how it is stored: of a :class:`~microslip.continuation.branch.Point` above all.
 
     One whose field may be None is left out of a level unless all its points have it: its array is None then, its cells are
     empty, and a file without it is read.
@@ -97,10 +97,12 @@ def axis_lengths(n_outputs: int, n_pairs: int, N_H: int) -> dict[str, int]:
 
 
 def declared(kind: type) -> tuple[Quantity, ...]:
-    """Return the quantities of a dataclass whose fields are annotated with them, in their order."""
+    """Return the quantities of a dataclass, which its fields are annotated with, in their order."""
     hints = get_type_hints(kind, include_extras=True)
     return tuple(
-        replace(hints[field.name].__metadata__[0], field=field.name, optional=field.default is None) for field in fields(kind)
+        replace(hints[field.name].__metadata__[0], field=field.name, optional=field.default is None)
+        for field in fields(kind)
+        if hasattr(hints[field.name], "__metadata__")
     )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..continuation.branch import QUANTITIES
 from ..continuation.quantities import Quantity, axis_lengths
+from .record import JOINT_QUANTITIES
 from .table import COLUMNS
 
 SIZES = {"outputs": "n_output", "pairs": "n_pair", "coefficients": "2H+1"}  # the others have the same length in every file
@@ -20,12 +21,26 @@ def columns_table() -> str:
     return _table(("column", "meaning"), ((", ".join(f"`{column.name}`" for column in same), says) for says, same in rows))
 
 
-def datasets_table() -> str:
-    """Return the datasets of a level in results.h5."""
-    return _table(("dataset", "shape", "content"), ((f"`{kept.dataset}`", _shape(kept), _content(kept)) for kept in QUANTITIES))
+def datasets_table(quantities: Iterable[Quantity], *first: str) -> str:
+    """Return the datasets of a group in results.h5, whose shape begins with ``first``."""
+    rows = ((f"`{kept.dataset}`", _shape(kept, first), _content(kept)) for kept in quantities)
+    return _table(("dataset", "shape", "content"), rows)
 
 
-TABLES = {"frf.csv": columns_table, "levels": datasets_table}
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
+
+
+def _shape(kept: Quantity, first: tuple[str, ...]) -> str:
+    lengths = axis_lengths(0, 0, 0)
+    return f"({', '.join([*first, *(SIZES.get(axis) or str(lengths[axis]) for axis in kept.axes)])})"
+
+
+def _content(kept: Quantity) -> str:
+    return kept.meaning if kept.unit == "1" or kept.meaning.startswith(kept.unit) else f"{kept.meaning}, {kept.unit}"
+
+
+TABLES = {"frf.csv": columns_table(), "joint": datasets_table(JOINT_QUANTITIES), "levels": datasets_table(QUANTITIES, "n")}
 
 
 def with_tables(text: str) -> str:
@@ -33,21 +48,8 @@ def with_tables(text: str) -> str:
     for name, table in TABLES.items():
         begin, end = f"<!-- {name}: from the declarations -->\n", f"<!-- {name}: end -->"
         before, rest = text.split(begin)
-        text = f"{before}{begin}\n{table()}\n\n{end}{rest.split(end)[1]}"
+        text = f"{before}{begin}\n{table}\n\n{end}{rest.split(end)[1]}"
     return text
-
-
-def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *rows))
-
-
-def _shape(kept: Quantity) -> str:
-    lengths = axis_lengths(0, 0, 0)
-    return f"({', '.join(['n', *(SIZES.get(axis) or str(lengths[axis]) for axis in kept.axes)])})"
-
-
-def _content(kept: Quantity) -> str:
-    return kept.meaning if kept.unit == "1" or kept.meaning.startswith(kept.unit) else f"{kept.meaning}, {kept.unit}"
 
 
 if __name__ == "__main__":

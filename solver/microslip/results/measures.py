@@ -20,6 +20,9 @@ class Shown:
     largest: str  # what its largest on a curve is called
     is_static: bool = False  # the same at every frequency: one point stands for all
 
+    def __str__(self) -> str:
+        return f"{self.name}{'' if self.is_static else ' of harmonic 1'}"
+
 
 AMPLITUDE = Shown("amplitude", amplitude, "peak")  # of harmonic 1
 MEAN = Shown("mean", lambda coefficients: coefficients[..., 0], "displacement", is_static=True)

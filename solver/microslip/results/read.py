@@ -10,7 +10,7 @@ import numpy as np
 from ..continuation.branch import QUANTITIES
 from ..continuation.quantities import TEXT, Quantity, axis_lengths
 from ..parallel.errors import CaseError
-from .record import JOINT_DATA, Joint, LevelResult, LinearCurve, ResultFile
+from .record import JOINT_QUANTITIES, Joint, LevelResult, LinearCurve, ResultFile
 from .writer import FORMAT, FORMAT_VERSION
 
 _MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
@@ -146,7 +146,8 @@ def _linear(reader: _Reader, n_outputs: int) -> LinearCurve | None:
 
 def _joint(reader: _Reader) -> Joint:
     n_pairs = len(reader.array("joint/mu", "f8", (None,)))
-    columns = {name: reader.array(f"joint/{name}", kind, (n_pairs, *shape)) for name, shape, kind, _ in JOINT_DATA}
+    lengths = axis_lengths(0, n_pairs, 0)
+    columns = {kept.field: reader.array(f"joint/{kept.dataset}", kept.kind, kept.shape(lengths)) for kept in JOINT_QUANTITIES}
     names = tuple(reader.texts("joint/names"))
     faces = tuple(reader.array(f"joint/faces/{name}", "i8", (None, None)) for name in sorted(reader.group("joint/faces")))
     if any(len(part) and not 0 <= part.min() <= part.max() < n_pairs for part in (*faces,)) or not all(

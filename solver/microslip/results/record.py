@@ -6,12 +6,12 @@ n_pairs contact pairs, n_outputs outputs, N_H = 2 H + 1 coefficients (mean, cos 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from ..continuation.branch import QUANTITIES, Point
-from ..continuation.quantities import axis_lengths
+from ..continuation.quantities import Quantity, axis_lengths, declared
 
 COMPLETE, STOPPED, RUNNING = "complete", "failed", "running"
 
@@ -44,22 +44,29 @@ class LevelResult:
             raise AttributeError(f"a level has no {name!r}") from None
 
 
+_FRAME = "rows x, y (tangential), z (from body 2 into body 1)"
+
+
 @dataclass(frozen=True)
 class Joint:
-    """The contact pairs: mesh.data.ContactPairs with the node numbers of the user's file."""
+    """The contact pairs: mesh.data.ContactPairs with the node numbers of the user's file.  Declared as the fields of a Point."""
 
     names: tuple[str, ...]  # of the joints
-    joint: np.ndarray  # (n_pairs,) index into names
-    node1: np.ndarray  # (n_pairs,) node number in the user's mesh; -1 is ground, or no mesh
-    node2: np.ndarray  # (n_pairs,)
-    position: np.ndarray  # (n_pairs, 3) m; NaN where it is not known
-    frame: np.ndarray  # (n_pairs, 3, 3) rows x, y (tangential), z (from body 2 into body 1)
-    area: np.ndarray  # (n_pairs,) m2; NaN where it is not known
-    mu: np.ndarray  # (n_pairs,)
-    N0: np.ndarray  # (n_pairs,) N
-    k_t: np.ndarray  # (n_pairs,) N/m
-    k_n: np.ndarray  # (n_pairs,) N/m
-    separate: np.ndarray  # (n_pairs,) 1 where each direction has its own friction limit
+    joint: Annotated[np.ndarray, Quantity("joint", "pairs", "index into names", "joint of each pair", "i8")]
+    node1: Annotated[
+        np.ndarray, Quantity("node1", "pairs", "number in the mesh file", "node of body 1; -1 is ground, or no mesh", "i8")
+    ]
+    node2: Annotated[
+        np.ndarray, Quantity("node2", "pairs", "number in the mesh file", "node of body 2; -1 is ground, or no mesh", "i8")
+    ]
+    position: Annotated[np.ndarray, Quantity("position", "pairs directions", "m", "place of the pair; NaN where it is not known")]
+    frame: Annotated[np.ndarray, Quantity("frame", "pairs directions directions", "1", _FRAME)]
+    area: Annotated[np.ndarray, Quantity("area", "pairs", "m2", "tributary area; NaN where it is not known")]
+    mu: Annotated[np.ndarray, Quantity("mu", "pairs", "1", "friction coefficient")]
+    N0: Annotated[np.ndarray, Quantity("N0", "pairs", "N", "normal preload")]
+    k_t: Annotated[np.ndarray, Quantity("k_t", "pairs", "N/m", "tangential stiffness")]
+    k_n: Annotated[np.ndarray, Quantity("k_n", "pairs", "N/m", "normal stiffness")]
+    separate: Annotated[np.ndarray, Quantity("separate", "pairs", "1", "1 where directions slip on their own", "u1")]
     faces: tuple[np.ndarray, ...] = ()  # (n_faces, 3, 4, 6 or 8) indices of pairs
 
     @property
@@ -67,20 +74,7 @@ class Joint:
         return len(self.mu)
 
 
-# dataset of joint/ and attribute of Joint, shape of a pair, type, unit
-JOINT_DATA = (
-    ("joint", (), "i8", "index into names"),
-    ("node1", (), "i8", "number in the mesh file"),
-    ("node2", (), "i8", "number in the mesh file"),
-    ("position", (3,), "f8", "m"),
-    ("frame", (3, 3), "f8", "1"),
-    ("area", (), "f8", "m2"),
-    ("mu", (), "f8", "1"),
-    ("N0", (), "f8", "N"),
-    ("k_t", (), "f8", "N/m"),
-    ("k_n", (), "f8", "N/m"),
-    ("separate", (), "u1", "1"),
-)
+JOINT_QUANTITIES = declared(Joint)
 
 
 @dataclass(frozen=True)
@@ -104,22 +98,10 @@ class ResultFile:
 def joint_of(pairs, node_numbers: np.ndarray | None = None) -> Joint:
     """Return the record of :class:`~microslip.mesh.data.ContactPairs`; ``node_numbers`` are the user's.  Local."""
     names = tuple(dict.fromkeys(pairs.joint))
-    node1, node2 = (_numbers(nodes, node_numbers) for nodes in (pairs.node1, pairs.node2))
-    return Joint(
-        names,
-        np.array([names.index(name) for name in pairs.joint], dtype=np.int64),
-        node1,
-        node2,
-        pairs.position,
-        pairs.frame,
-        pairs.area,
-        pairs.mu,
-        pairs.N0,
-        pairs.k_t,
-        pairs.k_n,
-        pairs.separate,
-        tuple(pairs.faces),
-    )
+    given = {kept.field: getattr(pairs, kept.field) for kept in JOINT_QUANTITIES}
+    index = np.array([names.index(name) for name in pairs.joint], dtype=np.int64)
+    nodes = {name: _numbers(given[name], node_numbers) for name in ("node1", "node2")}
+    return Joint(**given | nodes | {"names": names, "joint": index, "faces": tuple(pairs.faces)})
 
 
 def _numbers(nodes: np.ndarray, node_numbers: np.ndarray | None) -> np.ndarray:

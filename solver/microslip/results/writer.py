@@ -11,10 +11,10 @@ import numpy as np
 
 from .. import __version__
 from ..continuation.branch import QUANTITIES, Branch, Point
-from ..continuation.quantities import LABELS, TEXT, Quantity
+from ..continuation.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
-from .record import COMPLETE, JOINT_DATA, RUNNING, STOPPED, Joint, LevelResult, LinearCurve, joint_of, level_result
+from .record import COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Joint, LevelResult, LinearCurve, joint_of, level_result
 from .table import ResponseTable
 
 FORMAT, FORMAT_VERSION = "microslip results", 1
@@ -138,8 +138,9 @@ def _write_head(file: h5py.File, scene, outputs, omega_n, linear: LinearCurve | 
 
 def _write_joint(group: h5py.Group, joint: Joint) -> None:
     _texts(group, "names", joint.names)
-    for name, shape, kind, unit in JOINT_DATA:
-        _array(group, name, np.asarray(getattr(joint, name), dtype=kind).reshape(joint.n_pairs, *shape), unit)
+    lengths = axis_lengths(0, joint.n_pairs, 0)
+    for kept in JOINT_QUANTITIES:
+        _array(group, kept.dataset, np.asarray(kept.of(joint), kept.kind).reshape(kept.shape(lengths)), kept.unit)
     group.create_group("faces")
     for i, faces in enumerate(joint.faces):
         _array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")

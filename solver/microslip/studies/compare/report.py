@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,8 +10,9 @@ import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
-from ...fourier.coefficients import amplitude
+from ...observe.screen_table import screen_table
 from ...parallel.files import make_folder, written_whole
+from ...results.measures import AMPLITUDE, Shown
 from ...results.style import LINEAR, RC, WIDTH, Page, Titled, scaled, some
 
 COLUMNS = {
@@ -30,7 +30,6 @@ COLUMNS = {
     "energy_difference_percent": "of energy %",
     "failure": "failure",
 }
-_WIDE = 170  # columns of the printed table
 _MOST_LEVELS = 4  # in the picture
 _FLOOR = 1e-12  # of a difference on a logarithmic axis
 # Okabe and Ito, and two more
@@ -46,6 +45,7 @@ class Row:
     setup: float  # s, of the reduction
     points: list  # converged points, in order
     failure: str | None  # why they end early
+    shown: Shown = AMPLITUDE  # what is told of the first output
 
     @property
     def frequency(self) -> np.ndarray:
@@ -53,9 +53,9 @@ class Row:
         return np.array([point.omega for point in self.points]) / (2.0 * np.pi)
 
     @property
-    def amplitude(self) -> np.ndarray:
-        """Return the amplitude of harmonic 1 of the first output, (n,) [m]."""
-        return np.array([amplitude(point.response[0]) for point in self.points])
+    def values(self) -> np.ndarray:
+        """Return what is told of the first output: the amplitude of harmonic 1, of statics the mean, (n,) [m]."""
+        return np.array([self.shown.of(point.response[0]) for point in self.points])
 
 
 def differences(row: Row, reference: Row) -> np.ndarray:
@@ -75,12 +75,12 @@ def energy_difference(row: Row, reference: Row) -> float:
     return float(np.abs(own[:n] - exact[:n]).max(initial=0.0) / most) if most > 0.0 and n else float("nan")
 
 
-def record(row: Row, reference: Row) -> dict:
+def numbers(row: Row, reference: Row) -> dict:
     """Return the numbers of a row by the names of ``COLUMNS``."""
     if not row.points:
         known = {"level_N": row.level, "method": row.method, "setup_s": row.setup, "points": 0, "failure": row.failure or ""}
         return dict.fromkeys(COLUMNS, float("nan")) | known
-    top, unknowns = int(np.argmax(row.amplitude)), [point.unknowns for point in row.points]
+    top, unknowns = int(np.argmax(np.abs(row.values))), [point.unknowns for point in row.points]
     return dict(
         zip(
             COLUMNS,
@@ -93,7 +93,7 @@ def record(row: Row, reference: Row) -> dict:
                 sum(point.newton for point in row.points),
                 min(unknowns),
                 max(unknowns),
-                row.amplitude[top],
+                row.values[top],
                 row.frequency[top],
                 100.0 * differences(row, reference).max(initial=0.0),
                 100.0 * energy_difference(row, reference),
@@ -115,7 +115,7 @@ def write_comparison(rows: Sequence[Row], scene: Titled, folder: str) -> str:
     for row in rows:
         references.setdefault(row.level, row)
     ordered = [row for level in references for row in rows if row.level == level]
-    records = [record(row, references[row.level]) for row in ordered]
+    records = [numbers(row, references[row.level]) for row in ordered]
     with written_whole(f"{folder}/compare.csv") as path, open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
@@ -129,19 +129,14 @@ def table(records: Sequence[dict], reference: str) -> str:
     """Return the records as a table for the screen; differences are from the reference."""
     names = [name for name in COLUMNS if name != "failure" or any(entry["failure"] for entry in records)]
     cells = [[_cell(name, entry, reference) for name in names] for entry in records]
-    try:
-        from rich.console import Console
-        from rich.table import Table
-    except ImportError:  # a cluster's Python may lack it
-        return "\n".join("  ".join(line) for line in [[COLUMNS[name] for name in names], *cells])
-    grid = Table(title=f"differences from {reference}, in % of its peak; set-up beside factor and modes, which all share")
-    for name in names:
-        grid.add_column(COLUMNS[name], justify="left" if name in ("method", "failure") else "right", no_wrap=name != "failure")
-    for line, entry, following in zip(cells, records, [*records[1:], {}]):
-        grid.add_row(*line, end_section=following.get("level_N") != entry["level_N"])
-    text = io.StringIO()
-    Console(file=text, width=_WIDE).print(grid)
-    return text.getvalue().rstrip()
+    return screen_table(
+        f"differences from {reference}, in % of its peak; set-up beside factor and modes, which all share",
+        [COLUMNS[name] for name in names],
+        cells,
+        [entry["level_N"] for entry in records],
+        left=("method", "failure"),
+        wraps=("failure",),
+    )
 
 
 def _number(value):
@@ -165,21 +160,22 @@ def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Ti
     handles = [Line2D([], [], label=f"{reference}, the reference", **LINEAR)]
     handles += [Line2D([], [], color=colours[method], label=method) for method in others]
     levels = some(list(references), _MOST_LEVELS)
-    says = "methods at the same points: amplitude of harmonic 1 of the first output; difference from the reference"
+    shown = next(iter(references.values())).shown
+    says = f"methods at the same points: {shown} of the first output; difference from the reference"
     page = Page(scene, says, WIDTH, 4.6, handles)
     axes = page.grid(2, len(levels)).subplots(sharex=True, sharey="row", squeeze=False)
-    factor, unit = scaled(np.concatenate([row.amplitude for row in references.values()]), "m")
+    factor, unit = scaled(np.concatenate([row.values for row in references.values()]), "m")
     for level, (curve, error) in zip(levels, axes.T):
         exact = references[level]
-        curve.plot(exact.frequency, factor * exact.amplitude, **LINEAR)
+        curve.plot(exact.frequency, factor * exact.values, **LINEAR)
         curve.set_title(f"{level:g} N")
         for row in rows:
             if row.level == level and row.method != reference and row.points:
-                curve.plot(row.frequency, factor * row.amplitude, color=colours[row.method], lw=0.8)
+                curve.plot(row.frequency, factor * row.values, color=colours[row.method], lw=0.8)
                 found = np.maximum(differences(row, exact), _FLOOR)
                 error.plot(exact.frequency[: len(found)], found, color=colours[row.method], lw=0.8)
         error.set(yscale="log", xlabel="frequency [Hz]")
-    axes[0, 0].set_ylabel(f"amplitude [{unit}]")
+    axes[0, 0].set_ylabel(f"{shown.name} [{unit}]")
     axes[1, 0].set_ylabel("difference / peak")
     with written_whole(path) as beside:
         page.figure.savefig(beside, dpi=200, format="png")

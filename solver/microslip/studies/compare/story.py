@@ -16,6 +16,7 @@ from ...parallel.versions import versions
 from ...parallel.words import nearest
 from ...reduction.methods import METHODS, check_size, reduce_by_method
 from ...reduction.reduction import Reduction
+from ...results.measures import shown_with
 from ...run import Structure, build_structure
 from .report import Row, write_comparison
 
@@ -139,8 +140,9 @@ class Comparison:
     def rows(self, method: str, reduction: Reduction, seconds: float) -> list[Row]:
         """Return what a method does at the frequencies of each level.  Collective."""
         rows, response, tolerance = [], self.response(reduction), self.settings.tolerance
+        shown = shown_with(response.model.harmonics.highest)
         with self.log.stage(f"response: {method}"):
             for level, omegas in self.omegas.items():
                 branch = at_frequencies(response.at_level(level), response.selection, omegas, tolerance=tolerance)
-                rows.append(Row(level, method, seconds, branch.points, branch.failure))
+                rows.append(Row(level, method, seconds, branch.points, branch.failure, shown))
         return rows

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Sequence
 from itertools import pairwise
 
 import matplotlib
 import numpy as np
 
+from ...observe.screen_table import screen_table
 from ...parallel.files import make_folder, written_whole
 from ...results.style import RC, Titled
 from .study import COMBINED, TARGETS, Curve, Run, Score, Study, score
@@ -62,7 +62,6 @@ SHOWN = (
     "bar_over_error",
     "on_front",
 )
-_WIDE = 170  # columns of the printed table
 
 
 def write_trade(study: Study, scene: Titled, folder: str) -> str:
@@ -111,18 +110,18 @@ def records(study: Study) -> list[dict]:
     front, found = {id(run) for run in study.front()}, []
     for run in study.ordered():
         own = study.own(run, run.knob) if run.failure is None else np.nan
-        found.append(_record(run, "all", run.curves, study.score(run), own, id(run) in front))
+        found.append(_numbers(run, "all", run.curves, study.score(run), own, id(run) in front))
         if len(study.reference.curves) > 1:
             for curve in run.curves:
                 part = score([curve], study.reference.curves)
-                found.append(_record(run, f"{curve.level:g}", [curve], part, np.nan, id(run) in front))
+                found.append(_numbers(run, f"{curve.level:g}", [curve], part, np.nan, id(run) in front))
     for run in study.meshes:
         finest = {curve.level: curve for curve in study.meshes[-1].curves}
-        found.append(_record(run, "all", run.curves, score(run.curves, finest), np.nan, False))
+        found.append(_numbers(run, "all", run.curves, score(run.curves, finest), np.nan, False))
     return found
 
 
-def _record(run: Run, level: str, curves: Sequence[Curve], found: Score, own: float, is_best: bool) -> dict:
+def _numbers(run: Run, level: str, curves: Sequence[Curve], found: Score, own: float, is_best: bool) -> dict:
     setting = run.setting
     return dict(
         zip(
@@ -206,20 +205,8 @@ def _cell(name: str, record: dict, floor: float) -> str:
 def table(study: Study) -> str:
     """Return the runs as a table for the screen."""
     names, cells = [COLUMNS[name] for name in SHOWN], rows(study)
-    try:
-        from rich.console import Console
-        from rich.table import Table
-    except ImportError:  # a cluster's Python may lack it
-        return "\n".join("  ".join(line) for line in [names, *cells])
     says = "errors in % of the reference's peak; set-up: modes and reduction, beside what all runs share"
-    grid = Table(title=says, padding=(0, 0))
-    for name in names:
-        grid.add_column(name, justify="left" if name in ("knob", "value") else "right", no_wrap=True)
-    for line, following in zip(cells, [*cells[1:], [""]]):
-        grid.add_row(*line, end_section=following[0] != line[0])
-    text = io.StringIO()
-    Console(file=text, width=_WIDE).print(grid)
-    return text.getvalue().rstrip()
+    return screen_table(says, names, cells, [line[0] for line in cells], left=("knob", "value"), close=True)
 
 
 # -- sentences -----------------------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from ...continuation.branch import Branch
 from ...fourier.coefficients import amplitude
+from ...observe.screen_table import screen_table
 from ...parallel.files import make_folder, written_whole
 from ...results.measures import segments
 from ...results.style import DPI, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, scaled, some
@@ -37,7 +37,6 @@ COLUMNS = {
 EXPECTED = 1e-3  # difference over the peak beyond which harmonics, samples or steps are too few
 MARCHED = {"color": "#d55e00", "ls": "--", "lw": 1.0}
 _MOST_LOOPS = 6
-_WIDE = 200  # columns of the printed table
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +75,7 @@ class Check:
         return f"{self.level:g} N, {self.frequency:.6g} Hz"
 
 
-def record(check: Check) -> dict:
+def numbers(check: Check) -> dict:
     """Return the numbers of a check by the names of ``COLUMNS``."""
     return dict(
         zip(
@@ -110,7 +109,7 @@ def write_verification(checks: Sequence[Check], branches: Sequence[Branch], scen
     CaseError, ResourceError : a file cannot be written
     """
     make_folder(folder)
-    records = [record(check) for check in checks]
+    records = [numbers(check) for check in checks]
     with written_whole(f"{folder}/verify.csv") as path, open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
@@ -126,19 +125,12 @@ def table(records: Sequence[dict]) -> str:
     """Return the records as a table for the screen."""
     names = [name for name in COLUMNS if name != "failure" or any(entry["failure"] for entry in records)]
     cells = [[_cell(name, entry[name]) for name in names] for entry in records]
-    try:
-        from rich.console import Console
-        from rich.table import Table
-    except ImportError:  # a cluster's Python may lack it
-        return "\n".join("  ".join(line) for line in [[COLUMNS[name] for name in names], *cells])
-    grid = Table(title="harmonic 1 of the first output; differences over the peak of the curve")
-    for name in names:
-        grid.add_column(COLUMNS[name], justify="left" if name in ("peak", "failure") else "right")
-    for line, entry, following in zip(cells, records, [*records[1:], {}]):
-        grid.add_row(*line, end_section=following.get("level_N") != entry["level_N"])
-    text = io.StringIO()
-    Console(file=text, width=_WIDE).print(grid)
-    return text.getvalue().rstrip()
+    head = [COLUMNS[name] for name in names]
+    title, groups = (
+        "harmonic 1 of the first output; differences over the peak of the curve",
+        [entry["level_N"] for entry in records],
+    )
+    return screen_table(title, head, cells, groups, left=("", "failure"), wraps=head, width=200)
 
 
 def verdict(checks: Sequence[Check]) -> str:
