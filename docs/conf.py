@@ -1,6 +1,5 @@
 """Sphinx: docs/*.md and the docstrings to HTML.  make docs, or: sphinx-build -W -b html docs docs/_build/html"""
 
-import importlib.util
 import re
 import sys
 from pathlib import Path
