@@ -2,7 +2,10 @@
 
 import re
 import sys
+from importlib.util import find_spec
 from pathlib import Path
+
+from docutils import nodes
 
 _root = Path(__file__).parent.parent
 sys.path.insert(0, str(_root / "solver"))
@@ -24,3 +27,29 @@ html_title = f"microslip {release}"
 html_static_path = ["_static"]
 html_css_files = ["pages.css"]
 html_show_sourcelink = False
+
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+autodoc_default_options = {"members": True, "exclude-members": "model_config"}
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"  # docstrings state shapes and units
+autodoc_mock_imports = [name for name in ("petsc4py", "slepc4py", "mpi4py", "h5py", "pymetis") if find_spec(name) is None]
+
+
+def setup(app):
+    app.connect("autodoc-process-docstring", _as_written, priority=400)  # before napoleon
+    app.connect("doctree-read", _pictures_open)
+
+
+def _as_written(app, what, name, obj, options, lines):
+    """Take bars for bars, as in |T|, not for substitutions; add what the keys of a scene's table say of themselves."""
+    lines[:] = [line.replace("|", r"\|") for line in lines]
+    if fields := what == "class" and getattr(obj, "model_fields", None):
+        lines += ["", "Parameters", "----------"]
+        lines += [line for key, field in fields.items() for line in (key, f"    {field.description or ''}")]
+
+
+def _pictures_open(app, doctree):
+    """Let a picture be as wide as the text, and a touch show it in full: Sphinx links what has a width of its own."""
+    for image in doctree.findall(nodes.image):
+        image["width"] = "100%"
