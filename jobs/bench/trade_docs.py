@@ -102,8 +102,9 @@ def write(n_ranks: int, out: Path) -> None:
         if (folder / "section.md").exists():
             shutil.copyfile(folder / "trade.png", out / "img" / f"trade_{Path(name).stem}.png")
             sections.append((folder / "section.md").read_text().splitlines())
-    first_picture = next((line for line in sections[0] if line.startswith("![")), "")
-    lines = [MEANING, "", first_picture, "", *map(in_short, sections), "", "## How to read the tables", ""]
+    picture = next(line for line in sections[0] if line.startswith("!["))
+    sections[0].remove(picture)
+    lines = [MEANING, "", picture, "", *map(in_short, sections), "", "## How to read the tables", ""]
     for paragraph in ABOUT:
         lines += [paragraph, ""]
     for section in sections:
@@ -119,7 +120,7 @@ def write(n_ranks: int, out: Path) -> None:
 
 def in_short(section: list[str]) -> str:
     """Return what a scene's section says of its choices, in a line."""
-    choices = (line.rstrip() for line in section if line.startswith("for "))
+    choices = (line.replace("--seconds", "`--seconds`") for line in section if line.startswith("for "))
     return f"- **{section[0].removeprefix('## ')}**: {'. '.join(line[0].upper() + line[1:] for line in choices)}."
 
 
