@@ -50,6 +50,6 @@ def _as_written(app, what, name, obj, options, lines):
 
 
 def _pictures_open(app, doctree):
-    """Let a picture be as wide as the text, and a touch show it in full: Sphinx links what has a width of its own."""
+    """Let a touch show a picture in full: Sphinx links those that state a width (pages.css takes it back)."""
     for image in doctree.findall(nodes.image):
         image["width"] = "100%"

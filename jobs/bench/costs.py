@@ -204,7 +204,7 @@ def meaning(results: dict[str, list[dict]]) -> str:
                 f"{ms(r['seconds'])} ms at {r['level']:g} N ({r['not_sticking']:.0f} of {r['n_pairs']} pairs not sticking)"
                 for r in (low[0], high[0])
             )
-            + ": the cost follows the slip, not the size of the structure."
+            + "."
         )
         said += [
             f"On {more['ranks']} ranks the set-up takes {more['stages'][-1]['seconds'] / total['seconds']:.2g} of that time, "
