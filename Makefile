@@ -75,7 +75,7 @@ $(VENV)/test-tools: $(VENV)/python
 	@touch $@
 
 $(VENV)/docs-tools: $(VENV)/python
-	$(PIP) sphinx myst-parser
+	$(PIP) sphinx myst-parser furo sphinx-mathjax-offline
 	@touch $@
 
 clean:

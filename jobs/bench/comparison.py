@@ -157,9 +157,8 @@ class Comparison:
         found = list(self.records())
         lines = ["| " + " | ".join(TITLES) + " |", "| " + " | ".join(["---"] * 2 + ["---:"] * (len(TITLES) - 2)) + " |"]
         lines += ["| " + " | ".join(cells(record)) + " |" for record in found]
-        text = machine.page(
-            "Methods side by side", [*(f"- {note}" for note in head), "", *lines, "", "![](img/bench_methods.png)"]
-        )
+        picture = "![Time a point by method and level, and differences along the highest level](img/bench_methods.png)"
+        text = machine.page("Methods side by side", [meaning(found), "", picture, "", *lines], head)
         (folder / "bench_methods.md").write_text(text)
         with open(folder / "bench_methods.csv", "w", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS)
@@ -192,6 +191,22 @@ class Comparison:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=150)
         plt.close(figure)
+
+
+def meaning(records: list[dict]) -> str:
+    """Say in sentences what the records of all levels together show."""
+    last = {record["method"]: record for record in records}
+    fast, adaptive, energy = (last[method] for method in (REFERENCE, "adaptive", "adaptive-energy"))
+    rubin = RUBIN if RUBIN in last else RUBIN_BOUND
+    return (
+        f"A point of these curves takes {number(fast['cpu_ms_a_point'])} ms of processor time with `receptance`, which solves for the pairs "
+        f"that do not stick and leaves none out. Newton over the relative motion of all pairs ({CONDENSED}) takes "
+        f"{number(fast['condensed_over_this'])} times as long and differs by {fast['difference_from_condensed']:.1e} of the peak; with every "
+        f"interface degree of freedom an unknown ({rubin}) it takes {number(fast['rubin_over_this'])} times as long. The methods that decide "
+        f"at one point which pairs may slip at the next differ more: `adaptive` ({number(adaptive['cpu_ms_a_point'])} ms) by "
+        f"{adaptive['difference_from_receptance']:.1e} of the peak, `adaptive-energy` ({number(energy['cpu_ms_a_point'])} ms) by "
+        f"{energy['difference_from_receptance']:.1e}."
+    )
 
 
 def cells(record: dict) -> list[str]:

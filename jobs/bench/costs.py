@@ -190,9 +190,41 @@ def measured(options) -> dict[str, list[dict]]:
     return results
 
 
-def report(results: dict[str, list[dict]], head: list[str], scene: str) -> list[str]:
-    """Return the lines of the page."""
-    lines = [*(f"- {line}" for line in head), ""]
+def meaning(results: dict[str, list[dict]]) -> str:
+    """Say in sentences what the tables show."""
+    said = []
+    if found := results.get("scene"):
+        low, high = ([r for r in found if r["level"] == level] for level in (found[0]["level"], found[-1]["level"]))
+        *stages, total = low[0]["stages"]
+        longest = max(stages, key=lambda stage: stage["seconds"])
+        said.append(
+            f"The set-up is paid for once: {total['seconds']:.0f} s, {100 * longest['seconds'] / total['seconds']:.0f} % of it for the stage "
+            f"'{longest['name']}'. After it a point takes "
+            + " and ".join(
+                f"{ms(r['seconds'])} ms at {r['level']:g} N ({r['not_sticking']:.0f} of {r['n_pairs']} pairs not sticking)"
+                for r in (low[0], high[0])
+            )
+            + "."
+        )
+        said += [
+            f"On {more['ranks']} ranks the set-up takes {more['stages'][-1]['seconds'] / total['seconds']:.2g} of that time, "
+            f"a point at {more['level']:g} N {more['seconds'] / high[0]['seconds']:.2g}."
+            for more in high[1:]
+        ]
+    if found := [r for r in results.get("pairs", []) if r["H"] == 3 and r["ranks"] == 1]:
+        first, last = (choose(found, key=lambda r: r["n_pairs"]) for choose in (min, max))
+        said.append(
+            f"From {first['n_pairs']:,} to {last['n_pairs']:,} pairs, of which 30 % slip, "
+            f"a point takes {last['seconds'] / first['seconds']:.0f} times as long."
+        )
+    return " ".join(said)
+
+
+def report(results: dict[str, list[dict]], scene: str) -> list[str]:
+    """Return the lines of the page: what it means, the picture, the tables."""
+    lines = [meaning(results), ""]
+    if any(part != "scene" for part in results):
+        lines += ["![Time of a point and of its parts](img/costs.png)", ""]
     for part, found in results.items():
         if part == "scene":
             one = found[0]
@@ -221,15 +253,14 @@ def main() -> None:
     # last: what these take must not be in this process while it starts the others, which may count its memory as their own
     rates, facts = {"GFLOP/s": machine.matrix_product_rate(), "GB/s": machine.memory_bandwidth()}, machine.facts()
     limits = f"Limits of one process: matrix product {rates['GFLOP/s']:.1f} GFLOP/s, memory {rates['GB/s']:.1f} GB/s."
-    lines = report(results, [*machine.lines(facts), limits], options.scene)
+    page = machine.page("Where the time goes", report(results, options.scene)[:-1], [*machine.lines(facts), limits])
     options.out.mkdir(parents=True, exist_ok=True)
     (options.out / "costs.json").write_text(json.dumps({"machine": facts, "rates": rates, **results}, indent=1))
     growths = {part: found for part, found in results.items() if part != "scene"}
     if growths:
         draw(growths, options.out / "img" / "costs.png")
-        lines.append("![](img/costs.png)")
-    (options.out / "costs.md").write_text(machine.page("Where the time goes", lines))
-    print("\n".join(lines))
+    (options.out / "costs.md").write_text(page)
+    print(page)
 
 
 if __name__ == "__main__":

@@ -58,21 +58,19 @@ def write_page(docs: str, outcomes: list, seconds: float, processes: int) -> Non
     expected = sum(outcome.expected for outcome in outcomes)
     points, held = (sum(getattr(outcome, name) for outcome in outcomes) for name in ("n_points", "held"))
     first = (
-        f"**{len(outcomes)} cases, {points} returned points, in {seconds / 60:.1f} minutes on {processes} processes: {counts[SOLVED]} solved "
-        f"({100 * counts[SOLVED] / len(outcomes):.1f} %; {100 * (counts[SOLVED] + expected) / len(outcomes):.1f} % with those refused as they should be), "
-        f"{counts[REFUSED]} refused ({expected} as expected), {counts[FAILED]} failed with a "
-        f"reason, {counts[WRONG]} wrong without a word, {counts[DEFECT]} defects.**"
+        f"How far can a scene be driven to the ends of every range before the program fails, and can what it returns there be trusted? "
+        f"Of {len(outcomes)} such cases it solved {counts[SOLVED]} ({100 * counts[SOLVED] / len(outcomes):.1f} %; "
+        f"{100 * (counts[SOLVED] + expected) / len(outcomes):.1f} % with those refused as they should be). It refused {counts[REFUSED]} "
+        f"({expected} as expected) and failed with a reason on {counts[FAILED]}. Of {points} returned points each was judged from the matrices "
+        f"alone: **{counts[WRONG]} cases wrong without a word, {counts[DEFECT]} defects.** In the picture every case is a dot, and right of the "
+        "dotted line it would be wrong."
     )
     lines = [
-        "# Extremes",
-        "",
-        f"    {COMMAND}",
-        "",
         first,
+        "",
+        "![Largest unbalanced force of every case, family by family](img/extremes.png)",
         *ABOUT.splitlines(),
         *table(outcomes),
-        "",
-        "![](img/extremes.png)",
         *ERRORS.format(bounds=", ".join(f"{name} {bound:g}" for name, bound in BOUNDS.items())).splitlines(),
         *not_solved(outcomes),
         "",
@@ -80,21 +78,13 @@ def write_page(docs: str, outcomes: list, seconds: float, processes: int) -> Non
         "",
         "One mass on a spring with a contact in its way, 7 harmonics and 512 samples, swept over the same range both ways (`fold.py`, test_mpi_fold.py on one and two ranks).",
         "",
-        "![](img/fold.png)",
+        "![Both folds, swept up and down](img/fold.png)",
         "",
         *[f"- {line}" for line in folds],
         *LIMITS.format(held=held, segments=sum(outcome.in_segments for outcome in outcomes), points=points).splitlines(),
-        "## The run",
-        "",
-        *[
-            f"- {line}"
-            for line in machine.lines(
-                {**machine.facts(), "date": f"{datetime.date.today():%Y-%m-%d}", **load(outcomes, seconds, processes)}
-            )
-        ],
-        "",
     ]
-    (folder / "extremes.md").write_text("\n".join(lines))
+    facts = {**machine.facts(), "date": f"{datetime.date.today():%Y-%m-%d}", **load(outcomes, seconds, processes)}
+    (folder / "extremes.md").write_text(machine.page("Extremes", lines, [f"`{COMMAND}`", *machine.lines(facts)]))
 
 
 def load(outcomes: list, seconds: float, processes: int) -> dict[str, str]:

@@ -1,0 +1,26 @@
+"""The page "My first joint": its files make what it says, its commands print what it shows."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+from processes import microslip, python
+
+DOCS = Path(__file__).parents[2] / "docs"
+SHOWN = [line.removeprefix("    ") for line in (DOCS / "first_joint.md").read_text(encoding="utf-8").splitlines()]
+PEAK = r"level \d of \d: 0\.1 N: .*peak (\S+) m "
+
+
+def test_the_files_of_the_page_give_what_it_shows(tmp_path):
+    for name in ("leaves.py", "leaves.toml"):
+        shutil.copy(DOCS / "first_joint" / name, tmp_path)
+    made = python("leaves.py", cwd=tmp_path).stdout.splitlines()
+    checked = microslip("check", "leaves.toml", cwd=tmp_path).stdout.replace(f"{tmp_path}/", "").splitlines()
+    assert len(made) == 1 and len(checked) == 11
+    assert set(made + checked) <= set(SHOWN)
+    scene = tmp_path / "leaves.toml"
+    text = re.sub("levels = .*", "levels = [0.1]", scene.read_text())
+    scene.write_text(re.sub("span = .*", "span = [0.998, 1.001]\npoints = 10", text))  # the flat top alone
+    found, shown = (float(re.search(PEAK, text)[1]) for text in (microslip("run", scene).stdout, "\n".join(SHOWN)))
+    assert found == pytest.approx(shown, rel=3e-3)
