@@ -15,6 +15,7 @@ from microslip.continuation.corrector import ConstraintRow, Iterate, Scaling
 from microslip.harmonic.residual import DampingFamily, HarmonicBalance, LevelFamily
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD  # the one- and two-pair systems leave ranks without pairs
 
 
@@ -41,6 +42,7 @@ def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, freq
     assert [amplitude(point) for point in asked] == pytest.approx([X, X], rel=2e-6)
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize(
     "name, level, omega",
     [(name, *at[:2]) for name in ("spatial", "chain", "gap") for at in scenes.SCENES[name]()["levels"].values()],
@@ -153,6 +155,7 @@ def families(problem):
     }
 
 
+@pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("family", ["frequency", "level", "damping", "damping matrix"])
 def test_jacobian_is_the_derivative_of_the_residual(family):
     system = scene("chain")
@@ -176,6 +179,7 @@ def test_jacobian_is_the_derivative_of_the_residual(family):
     assert (plus - minus) / (2 * h) == pytest.approx(product, abs=1e-6 * size)
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_further_damping_ends_at_the_problem_itself_and_begins_without_vibration():
     model, parameters = reduced(scene("chain"), COMM, 3)
     problem = HarmonicBalance(model, parameters, 128, 100.0)
@@ -187,6 +191,7 @@ def test_further_damping_ends_at_the_problem_itself_and_begins_without_vibration
     assert family.where(0.5).endswith("damped further by 555 M")
 
 
+@pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("level, option, tolerance", [(100.0, None, 2e-3), (100.0, "1e-10", 1e-8), (1.0, "1e-10", 1e-8)])
 def test_newton_step_solves_the_whole_system(level, option, tolerance):
     model, parameters = reduced(scene("chain"), COMM, 3)
@@ -214,9 +219,10 @@ def test_newton_step_solves_the_whole_system(level, option, tolerance):
     assert error < tolerance * size
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_all_ranks_together_agree_with_one_alone():
     system = scene("chain")
-    together, alone = branch(system, COMM, 100.0), branch(system, MPI.COMM_SELF, 100.0)
+    together, alone = (branch(system, comm, 100.0, points=30) for comm in (COMM, MPI.COMM_SELF))
     peak = max(amplitude(point) for point in alone.points)
     assert len(together.points) == len(alone.points)
     for a, b in zip(together.points, alone.points):

@@ -17,6 +17,7 @@ from microslip.harmonic.residual import HarmonicBalance
 from microslip.receptance import motion as receptance
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 FREQUENCIES = {"chain": (450.0, 640.0), "spatial": (1.0, 1.6)}
 
@@ -55,6 +56,7 @@ def follow(model, parameters, sweep, curve, level, follower, selection=None):
     )
 
 
+@pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("name", ["chain", "spatial"])
 def test_a_level_is_linear_exactly_up_to_the_first_slip(name):
     model, parameters, _, curve = prepared(name)
@@ -88,6 +90,7 @@ def test_a_scaled_level_is_the_solved_one(name, selection, down):
     assert not model.G_static.known.any()
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_a_scaled_level_is_proportional_to_its_load():
     model, parameters, sweep, curve = prepared("chain")
     first = slip_level(model, parameters, curve)
