@@ -1,8 +1,11 @@
 # make demo   everything a bare Debian 12 needs, then the demo scene to its pictures
-# make test   the same set-up, then all tests: style, types, one, two and three ranks
+# make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py on three and on two ranks, then
+#             everything on one rank, in WORKERS processes side by side (make test WORKERS=8; two if not said)
+# make quick  for the daily loop, under a minute: style, then what needs one rank and neither a start of the program, nor
+#             a study of its own, nor more than two seconds
 # make setup  the set-up alone        make docs  the documentation        make clean  back to the sources
 
-.PHONY: demo test setup docs clean
+.PHONY: demo test quick setup docs clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -34,16 +37,27 @@ demo: $(VENV)/installed meshes/fan_small.msh
 	$(IN_VENV) -m microslip run jobs/fan_small.toml --out results/fan_small
 	@echo; echo "The pictures are here:"; ls -1 results/fan_small/*.png
 
+# A test runs on all numbers of ranks unless its mark `ranks` names those on which it shows something (tests/conftest.py).
+# A process that has done its share takes over half of what another has left: files stay together, none waits.
+WORKERS = 2
+PYTEST = -m pytest -q --color=no
+ONE_RANK = $(IN_VENV) $(PYTEST) --numprocesses $(WORKERS) --dist worksteal
+
 test: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
 	$(IN_VENV) -m ruff check .
 	$(IN_VENV) -m ruff format --check .
 	$(IN_VENV) -m mypy
 	@for ranks in 3 2; do \
 		echo "tests on $$ranks ranks"; \
-		$(MPIRUN) --oversubscribe -n $$ranks $(IN_VENV) -m pytest -q --color=no -p no:cacheprovider \
+		$(MPIRUN) --oversubscribe -n $$ranks $(IN_VENV) $(PYTEST) -p no:cacheprovider -p no:xdist \
 			$$(find tests -name 'test_mpi_*.py' | sort) || exit 1; \
 	done
-	$(IN_VENV) -m pytest -q
+	$(ONE_RANK)
+
+quick: $(VENV)/installed $(VENV)/test-tools
+	$(IN_VENV) -m ruff check .
+	$(IN_VENV) -m ruff format --check .
+	$(ONE_RANK) -m "not slow" $(addprefix --ignore=tests/,bench cli oracles/test_oracles.py verification)
 
 docs: $(VENV)/installed $(VENV)/docs-tools
 	$(IN_VENV) -m sphinx -W --keep-going -b html docs docs/_build/html
@@ -71,7 +85,7 @@ $(VENV)/installed: $(VENV)/python setup.py pyproject.toml $(KERNEL)
 	@touch $@
 
 $(VENV)/test-tools: $(VENV)/python
-	$(PIP) pytest hypothesis ruff mypy
+	$(PIP) pytest pytest-xdist hypothesis ruff mypy
 	@touch $@
 
 $(VENV)/docs-tools: $(VENV)/python

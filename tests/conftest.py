@@ -1,6 +1,7 @@
 """What all tests share: PETSc and MPI started first, one rank that reports, and no rank left waiting for a failed one."""
 
 import os
+import signal
 import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -31,6 +32,41 @@ def comm():
 def shared_path(tmp_path):
     """A new empty folder, the same one on all ranks.  Collective."""
     return COMM.bcast(tmp_path)
+
+
+@pytest.fixture
+def program(comm, capfd, monkeypatch):
+    """Return what to call with the program's arguments: status and what was said on all ranks.  Collective.
+
+    It runs in this process, and draws no pictures of its results: they have tests of their own.
+    """
+    from microslip.__main__ import main
+
+    handler = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])
+
+    def run(*arguments):
+        status = main([str(argument) for argument in arguments])
+        assert len(set(comm.allgather(status))) == 1
+        said = capfd.readouterr()
+        return status, "".join(comm.allgather(said.out)), "".join(comm.allgather(said.err))
+
+    yield run
+    signal.signal(signal.SIGTERM, handler)
+
+
+@pytest.fixture(scope="session")
+def common_folder(tmp_path_factory):
+    """A folder that the processes of pytest-xdist share, and that every test of the run finds again."""
+    own = tmp_path_factory.getbasetemp()
+    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out what shows nothing more on this number of ranks: the mark ``ranks`` of a test or its file names the numbers."""
+    here = {item: COMM.size in mark.args for item in items if (mark := item.get_closest_marker("ranks"))}
+    config.hook.pytest_deselected(items=[item for item in items if not here.get(item, True)])
+    items[:] = [item for item in items if here.get(item, True)]
 
 
 @pytest.hookimpl(trylast=True)

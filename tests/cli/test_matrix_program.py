@@ -36,10 +36,10 @@ JOBS = Path(__file__).parents[2] / "jobs"
         ),
     ],
 )
-def test_the_scenes_of_jobs_are_sound(name, said):
-    done = microslip("check", JOBS / f"{name}.toml")
-    assert (done.returncode, done.stderr) == (0, "")
-    assert all(text in done.stdout for text in said)
+def test_the_scenes_of_jobs_are_sound(program, name, said):
+    status, out, err = program("check", JOBS / f"{name}.toml")
+    assert (status, err) == (0, "")
+    assert all(text in out for text in said)
 
 
 def test_a_run_leaves_curves_and_pictures_and_nothing_for_paraview(tmp_path):
@@ -100,10 +100,10 @@ def test_two_ranks_say_once_what_is_wrong(tmp_path):
         assert done.stderr.count("M.mtx: [model] mass is 2 x 2, but the stiffness 3 x 3") == 1
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_a_level_that_newton_cannot_finish_keeps_all_that_converged(tmp_path, ranks):
+def test_a_level_that_newton_cannot_finish_keeps_all_that_converged(tmp_path):
+    """On one rank: tests/parallel/test_mpi_groups.py."""
     write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02, 0.4], (1.0, 1.6), outputs=[0], points=12)
-    done = microslip("run", "scene.toml", "--out", "out", "--", "-hb_snes_max_it", "1", ranks=ranks, cwd=tmp_path)
+    done = microslip("run", "scene.toml", "--out", "out", "--", "-hb_snes_max_it", "1", ranks=2, cwd=tmp_path)
     assert done.returncode == 3 and "Traceback" not in done.stderr
     assert done.stderr.count("microslip: error: ") == 1
     assert "level 0.4 N ends after" in done.stderr and "Hz" in done.stderr and "what converged is in out" in done.stderr
@@ -115,31 +115,3 @@ def test_a_level_that_newton_cannot_finish_keeps_all_that_converged(tmp_path, ra
         assert len(file["levels/0000/response"]) == np.count_nonzero(levels == 0.02)
         assert len(file["levels/0001/response"]) == np.count_nonzero(levels == 0.4)
         assert "no convergence beyond" in file["levels/0001"].attrs["failure"]
-
-
-@pytest.mark.parametrize("n_pairs, ranks", [(1, 1), (2, 1), (2, 2)])
-def test_a_static_load_beyond_all_friction_is_named(tmp_path, n_pairs, ranks):
-    pairs = [[0, 1, 2, -1, -1, -1], [3, 4, 5, -1, -1, -1]][:n_pairs]
-    K = np.diag([0.0, 1.0, 1.0, 0.0, 1.0, 1.0][: 3 * n_pairs])
-    load = {"vector": np.eye(3 * n_pairs)[0], "harmonic": 0, "phase": 0.0}
-    system = scenes.make_system(
-        "sliders",
-        np.eye(len(K)),
-        K,
-        pairs,
-        mu=0.4,
-        N0=1.0,
-        k_t=1.5,
-        k_n=2.0,
-        zeta=0.01,
-        loads=[load],
-        output=np.eye(3 * n_pairs)[0],
-        omega=(0.5, 2.0),
-        levels={},
-    )
-    write_matrix_scene(tmp_path, system, [0.3, 5.0], (0.5, 2.0), outputs=[0], points=4, harmonics=0)
-    done = microslip("run", "scene.toml", "--out", "out", ranks=ranks, cwd=tmp_path)
-    assert done.returncode == 3 and "no equilibrium under the static load of 5 N" in done.stderr, done.stderr
-    assert "Warning" not in done.stderr and "Traceback" not in done.stderr
-    with open(tmp_path / "out" / "frf.csv", newline="", encoding="utf-8") as table:
-        assert [float(row["mean_m"]) for row in csv.DictReader(table)] == pytest.approx([0.2])  # 0.3 N on 1.5 N/m

@@ -1,7 +1,6 @@
 """`microslip compare`, from the scene to the table, on any number of ranks."""
 
 import csv
-import signal
 
 import numpy as np
 import pytest
@@ -9,26 +8,22 @@ from bar_scene import write_bar
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
 
-from microslip.__main__ import main
 from microslip.parallel.agree import on_root
 from microslip.reduction.methods import METHODS, full
 from microslip.studies.compare import story as compare
 
+pytestmark = pytest.mark.ranks(1, 2)
+
 
 @pytest.fixture
-def program(comm, shared_path, capfd):
+def program(comm, shared_path, program):
     """Return what to call with arguments after the scene's: status and what was said on all ranks.  Collective."""
-    handler = signal.getsignal(signal.SIGTERM)
 
     def run(*arguments, write=lambda folder: write_bar(folder, modes=30)):
         path = on_root(comm, write, shared_path)
-        status = main(["compare", str(path), "--out", str(shared_path / "out"), *arguments])
-        assert len(set(comm.allgather(status))) == 1
-        said = capfd.readouterr()
-        return status, "".join(comm.allgather(said.out)), "".join(comm.allgather(said.err))
+        return program("compare", path, "--out", shared_path / "out", *arguments)
 
-    yield run
-    signal.signal(signal.SIGTERM, handler)
+    return run
 
 
 def rows(folder):
@@ -48,6 +43,7 @@ def test_all_methods_in_one_command(program, shared_path):
     assert (shared_path / "out" / "compare.png").exists() and "differences from full" in out
 
 
+@pytest.mark.ranks(1)
 def test_receptance_is_the_reference_where_full_does_not_fit(program, shared_path, monkeypatch):
     monkeypatch.setattr(compare, "LARGEST_REFERENCE", 100)
     status, _, _ = program("--methods", "adaptive")

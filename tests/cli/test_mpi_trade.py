@@ -1,7 +1,6 @@
 """`microslip trade`, from the scene to table, picture and choices, on any number of ranks."""
 
 import csv
-import signal
 
 import pytest
 from bar_scene import write_bar
@@ -9,11 +8,11 @@ from lap_joint import LapJoint, lap_joint
 from lap_scene import SCENE as LAP
 from msh import write_msh
 
-from microslip.__main__ import main
 from microslip.parallel.agree import on_root
 from microslip.studies.trade import reference as trade_reference
 from microslip.studies.trade.study import KNOBS
 
+pytestmark = pytest.mark.ranks(1, 2)
 MASS = """
 [model]
 stiffness = "K.mtx"
@@ -45,24 +44,18 @@ def write_mass(folder):
 
 
 @pytest.fixture
-def program(comm, shared_path, capfd, monkeypatch):
+def program(comm, shared_path, program, monkeypatch):
     """Return what to call with the writer of a scene and arguments: status and what was said on all ranks.  Collective.
 
     A level has few points, and the reference few rungs.
     """
     for name, value in (("POINTS", 8), ("RUNGS", (3, 7, 15)), ("MOST_SAMPLES", 1024)):
         monkeypatch.setattr(trade_reference, name, value)
-    handler = signal.getsignal(signal.SIGTERM)
 
     def run(write, *arguments):
-        path = on_root(comm, write, shared_path)
-        status = main(["trade", str(path), "--out", str(shared_path / "out"), *arguments])
-        assert len(set(comm.allgather(status))) == 1
-        said = capfd.readouterr()
-        return status, "".join(comm.allgather(said.out)), "".join(comm.allgather(said.err))
+        return program("trade", on_root(comm, write, shared_path), "--out", shared_path / "out", *arguments)
 
-    yield run
-    signal.signal(signal.SIGTERM, handler)
+    return run
 
 
 def rows(folder):
@@ -70,6 +63,7 @@ def rows(folder):
         return [entry for entry in csv.DictReader(file) if entry["level_N"] == "all"]
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_one_mass_from_scene_to_choices(program, shared_path, comm):
     status, out, err = program(write_mass, "--seconds", "5", "--knobs", "harmonics,samples", "--levels", "0.8")
     assert (status, err) == (0, "")
@@ -131,6 +125,7 @@ def test_without_a_joint_nothing_is_to_trade(program):
     assert status == 2 and err.count("[[joints]] is missing: without a joint the response is linear") == 1
 
 
+@pytest.mark.ranks(1)
 def test_other_meshes_of_two_beams_in_a_lap_joint(program, shared_path):
     """Two bodies that bend, three meshes of them, the finest of quadratic elements: found in the order of their size."""
     kinds = {"coarse": ("hex8", 2), "finer": ("hex8", 4), "finest": ("hex20", 4)}
@@ -206,6 +201,7 @@ def test_an_output_that_does_not_move_is_refused(program):
     assert status == 2 and err.count('[[outputs]] 1 ("still") does not move in harmonic 1 at 0.8 N') == 1
 
 
+@pytest.mark.ranks(1)
 def test_without_slip_modes_alone_are_traded_of_what_was_asked(program, shared_path):
     status, out, err = program(write_bar, "--levels", "0.001", "--seconds", "60", "--knobs", "harmonics,modes,samples")
     assert (status, err) == (0, "")

@@ -1,7 +1,6 @@
 """`microslip verify`, from the scene to table and picture, on any number of ranks."""
 
 import csv
-import signal
 
 import numpy as np
 import pytest
@@ -16,11 +15,12 @@ from microslip.parallel.errors import ConvergenceError
 from microslip.studies.verify import story as verify
 from microslip.transient.march import March
 
+pytestmark = pytest.mark.ranks(1, 2)
+
 
 @pytest.fixture
-def program(comm, shared_path, capfd):
+def program(comm, shared_path, program):
     """Return what to call with arguments after the scene's: status and what was said on all ranks.  Collective."""
-    handler = signal.getsignal(signal.SIGTERM)
 
     def run(*arguments, system=scenes.chain, levels=(0.5, 20.0), frequencies=(390.0, 590.0), **own):
         own = own or {"points": 48, "harmonics": 5, "samples": 64}
@@ -35,13 +35,9 @@ def program(comm, shared_path, capfd):
                 **own,
             ),
         )
-        status = main(["verify", str(path), "--out", str(shared_path / "out"), "--steps", "64", *arguments])
-        assert len(set(comm.allgather(status))) == 1
-        said = capfd.readouterr()
-        return status, "".join(comm.allgather(said.out)), "".join(comm.allgather(said.err))
+        return program("verify", path, "--out", shared_path / "out", "--steps", "64", *arguments)
 
-    yield run
-    signal.signal(signal.SIGTERM, handler)
+    return run
 
 
 def rows(folder):
@@ -49,6 +45,7 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_two_pairs_on_any_number_of_ranks(program, shared_path):
     """Two pairs: of three ranks one has none."""
     status, out, err = program()
@@ -68,6 +65,7 @@ def test_two_pairs_on_any_number_of_ranks(program, shared_path):
     assert out.count("time integration's own error is about") == 1 and "largest difference" in out
 
 
+@pytest.mark.ranks(1)
 def test_curves_of_a_scene_with_accuracy_are_as_good_as_it_asks(program, shared_path):
     """Harmonics, samples and points follow from the error bars, which the curves of verify need as those of run do."""
     difference = {}
@@ -81,6 +79,7 @@ def test_curves_of_a_scene_with_accuracy_are_as_good_as_it_asks(program, shared_
     assert difference[2e-3] < difference[0.1]
 
 
+@pytest.mark.ranks(1)
 def test_more_harmonics_and_frequencies_as_asked(program, shared_path):
     status, _, _ = program("--at", "66", "--levels", "20", "--harmonics", "1", "--samples", "64")
     assert status == 0
@@ -112,6 +111,7 @@ def test_a_point_that_comes_to_no_steady_state_is_said_and_the_rest_kept(program
     assert len(rows(shared_path)) == 5 and (shared_path / "out" / "verify.png").exists()
 
 
+@pytest.mark.ranks(1)
 def test_from_rest_it_comes_to_the_same(program, shared_path):
     """One mass on a Jenkins element that slips in every cycle."""
     of_jenkins = {"system": scenes.jenkins_mass, "levels": (0.8,), "frequencies": (1.1, 1.4)}

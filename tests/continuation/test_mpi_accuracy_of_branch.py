@@ -30,6 +30,7 @@ from microslip.error_estimate.estimate import ErrorEstimator
 from microslip.fourier.harmonics import Harmonics
 from microslip.reduction.selection import AllPairs
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 LOW, HIGH = 520.0, 640.0  # beyond, several solutions exist
 
@@ -47,7 +48,7 @@ def amplitudes(points):
 
 
 @pytest.mark.parametrize("level", [40.0, 100.0])
-@pytest.mark.parametrize("target", [1e-2, 1e-3])
+@pytest.mark.parametrize("target", [1e-2, pytest.param(1e-3, marks=pytest.mark.ranks(1))])
 def test_a_branch_meets_the_accuracy_asked_for(level, target):
     problem, estimator = problem_of("chain", level)
     accuracy = Accuracy(target, Resolution(Harmonics.up_to(1), 16))
@@ -168,6 +169,7 @@ def test_the_solver_s_part_stays_within_its_share(tolerance):
     assert (parts.max() > 1e-9 * peak) == (tolerance < 1e-1)  # which is felt at the first point, and tightened at once
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_a_point_on_the_way_has_no_bar_and_the_resolution_stays():
     problem, estimator = problem_of("chain", 100.0)
     accuracy = Accuracy(1e-3, Resolution(Harmonics.up_to(1), 16))

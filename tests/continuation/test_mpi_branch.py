@@ -10,6 +10,7 @@ from oracles import harmonic_balance, scenes
 
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD  # the one- and two-pair systems leave ranks without pairs
 
 
@@ -36,6 +37,7 @@ def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, freq
     assert [amplitude(point) for point in asked] == pytest.approx([X, X], rel=2e-6)
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize(
     "name, level, omega",
     [(name, *at[:2]) for name in ("spatial", "chain", "gap") for at in scenes.SCENES[name]()["levels"].values()],
@@ -136,9 +138,10 @@ def test_first_point_that_newton_misses_is_reached_over_the_level():
     assert not any(point.notes for point in found.points[1:])
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_all_ranks_together_agree_with_one_alone():
     system = scene("chain")
-    together, alone = branch(system, COMM, 100.0), branch(system, MPI.COMM_SELF, 100.0)
+    together, alone = (branch(system, comm, 100.0, points=30) for comm in (COMM, MPI.COMM_SELF))
     peak = max(amplitude(point) for point in alone.points)
     assert len(together.points) == len(alone.points)
     for a, b in zip(together.points, alone.points):

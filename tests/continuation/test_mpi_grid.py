@@ -11,6 +11,7 @@ from microslip.continuation.iterate import Iterate
 from microslip.fourier.harmonics import Harmonics
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM, ALL = MPI.COMM_WORLD, AllPairs()
 
 
@@ -38,6 +39,7 @@ def test_points_of_a_branch_are_found_again_at_its_frequencies(level):
         assert np.array_equal(a.state, b.state)
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_the_order_of_the_frequencies_is_kept_and_does_not_matter():
     low, high = chain()["omega"]
     omegas = np.linspace(low, high, 16)

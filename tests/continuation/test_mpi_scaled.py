@@ -15,6 +15,7 @@ from microslip.continuation.sweep import Sweep
 from microslip.fourier.coefficients import synthesis_matrix
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 FREQUENCIES = {"chain": (450.0, 640.0), "spatial": (1.0, 1.6)}
 
@@ -50,6 +51,7 @@ def follow(model, parameters, sweep, curve, level, is_linear, selection=None):
     return follow_branch(BranchTask(problem, selection or AllPairs(), sweep, steps, 1e-12, is_linear=is_linear), 400)
 
 
+@pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("name", ["chain", "spatial"])
 def test_a_level_is_linear_exactly_up_to_the_first_slip(name):
     model, parameters, _, curve = prepared(name)
@@ -83,6 +85,7 @@ def test_a_scaled_level_is_the_solved_one(name, selection, down):
     assert not model.G_static.known.any()
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_a_scaled_level_is_proportional_to_its_load():
     model, parameters, sweep, curve = prepared("chain")
     first = slip_level(model, parameters, curve)

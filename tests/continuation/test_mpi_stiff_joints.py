@@ -23,6 +23,7 @@ from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
 from microslip.parallel.errors import CaseError
 from microslip.reduction.selection import AllPairs
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 
 
@@ -98,6 +99,7 @@ def test_resonance_without_damping_is_named():
     assert "resonates without damping" in found.failure and not found.points
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_whole_inverse_is_the_inverse():
     system = structures.chain(N0=0.1)
     model, parameters = reduced(system, COMM, 3)

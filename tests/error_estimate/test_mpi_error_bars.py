@@ -16,6 +16,7 @@ from microslip.harmonic import adjoint_solver
 from microslip.harmonic.balance import OperatingPoint
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 OMEGAS = list(np.linspace(500.0, 640.0, 8))
 
@@ -95,6 +96,7 @@ def test_the_pairs_part_holds_what_a_dropped_pair_changes():
     assert np.all(true[dropped] <= total(parts[dropped]))
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_ranks_agree():
     together, alone = solved(100.0), solved(100.0, comm=MPI.COMM_SELF)
     np.testing.assert_allclose(errors(together), errors(alone), rtol=1e-4, atol=1e-9 * np.abs(amplitudes(alone)).max())
@@ -106,6 +108,7 @@ def test_a_branch_has_bars_as_its_points_have():
     assert all(point.error is None for point in estimated.points)
 
 
+@pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize(("name", "level"), [("chain", 100.0), ("chain", 40.0)])
 @pytest.mark.parametrize("direct", [0, 10**6])
 def test_adjoints_solve_the_transposed_system(monkeypatch, name, level, direct):

@@ -17,6 +17,7 @@ from microslip.harmonic.balance import HarmonicBalance, OperatingPoint, Rate
 from microslip.harmonic.newton_solver import NewtonSolver
 from microslip.receptance.damping import Damping
 
+pytestmark = pytest.mark.ranks(1, 2, 3)
 COMM = MPI.COMM_WORLD  # the two-pair system leaves a third rank without pairs
 OMEGA, LEVEL = 555.0, 100.0
 

@@ -16,6 +16,7 @@ from microslip.harmonic.symmetry import symmetric
 from microslip.parallel.errors import CaseError
 from microslip.reduction.selection import AllPairs
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 SETS = [(0, 1, 2, 3), (1, 3, 5), (0, 1, 3), (1,), (0,), (2, 3)]
 
@@ -58,6 +59,7 @@ def row_of_masses(n=3, separate=False, flat=False):
     )
 
 
+@pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("chosen", SETS)
 def test_jacobian_is_the_derivative_of_the_residual(chosen):
     harmonics = Harmonics(chosen)
@@ -93,6 +95,7 @@ def full_of(U, full):
     return Harmonics.full(U.shape[-1]).carry(U, full)
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_points_record_the_harmonics_that_the_model_ever_had():
     model, parameters = reduced(row_of_masses(), COMM, Harmonics.up_to(4))
     odd = model.with_harmonics(Harmonics((1, 3)))
@@ -152,6 +155,7 @@ def static_state(system, u):
     return np.where(N == 0.0, OPEN, np.where(slips, SLIP, STICK))
 
 
+@pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize(
     "name, level, states",
     [

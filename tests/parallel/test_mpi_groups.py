@@ -1,7 +1,6 @@
 """Groups of ranks side by side, on 1, 2 or 3 ranks: the parts, then levels and scenes of the whole program."""
 
 import csv
-import signal
 import time
 
 import numpy as np
@@ -10,7 +9,6 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 from petsc4py import PETSc
 
-from microslip.__main__ import main
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ResourceError
@@ -128,20 +126,10 @@ def test_each_group_holds_the_whole_model(comm, shared_path, monkeypatch):
 
 
 @pytest.fixture
-def program(comm, shared_path, capfd, monkeypatch):
-    """Return what to call with arguments: status and what was said on all ranks, in the folder of the test.  Collective."""
-    handler = signal.getsignal(signal.SIGTERM)
+def program(program, shared_path, monkeypatch):
+    """The program in the folder of the test."""
     monkeypatch.chdir(shared_path)
-    monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])  # pictures have tests of their own
-
-    def run(*arguments):
-        status = main(list(arguments))
-        assert len(set(comm.allgather(status))) == 1
-        said = capfd.readouterr()
-        return status, "".join(comm.allgather(said.out)), "".join(comm.allgather(said.err))
-
-    yield run
-    signal.signal(signal.SIGTERM, handler)
+    return program
 
 
 def write(comm, folder, name="scene", levels=LEVELS):

@@ -20,6 +20,8 @@ from microslip.reduction.truncation import gains, left_out, residual_norms
 from microslip.run import build_structure, from_matrices
 from microslip.scene.read import read_scene
 
+pytestmark = pytest.mark.ranks(1, 2)
+
 comm = MPI.COMM_WORLD
 
 
@@ -83,6 +85,7 @@ def test_gains_cover_every_mode_left_out():
         assert np.all(gains(family, omega)[:4] >= (1.0 - 1e-12) * exact)
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_residual_norms_are_sums_over_the_modes_left_out(shared_path):
     _, _, linearised, modes = all_modes(written(shared_path, chain(40)))
     x = np.random.default_rng(1).standard_normal((40, 2)) @ np.array([[1.0, 0.3j, 1.0], [0.5j, 1.0, 0.0]])
@@ -140,6 +143,7 @@ def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
     structure.linearised.destroy()
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_a_small_structure_keeps_all_of_its_modes(shared_path):
     structure, line = structure_of(written(shared_path, chain(20)))
     assert len(structure.modes.omega_n) == 20 and line == "modes: all 20 there are"

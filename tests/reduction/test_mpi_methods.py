@@ -80,6 +80,7 @@ def oracle():
     return harmonic_balance.solve(scenes.chain(), 560.0, 10.0, H=3, n_samples=128, tolerance=1e-12).u_hat
 
 
+@pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("method", METHODS)
 def test_on_the_chain_as_dense_harmonic_balance_in_all_coordinates(comm, shared_path, oracle, method):
     system, (level, omega) = scenes.chain(), (10.0, 560.0)
@@ -114,6 +115,7 @@ def without_some_mass():
     return {**system, "M": np.diag(mass), "C": np.diag(30.0 * mass)}
 
 
+@pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("system", [with_dampers(), without_some_mass()], ids=["dampers", "massless"])
 def test_a_damping_matrix_and_motions_without_mass(comm, shared_path, system):
     path = on_root(comm, lambda: write_matrix_scene(shared_path, system, [10.0], (540.0, 580.0), method="full"))
@@ -189,6 +191,7 @@ def test_blocks_of_the_krylov_space_follow_from_the_range():
 # -- bases ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("method", ["rubin", "craig-bampton"])
 def test_frequencies_converge_from_above(comm, shared_path, method):
     scene, structure = bar(comm, shared_path, method=method, modes=6)
@@ -232,6 +235,7 @@ def test_fewer_modes_than_rigid_body_modes_are_refused(comm, shared_path):
     structure.linearised.destroy()
 
 
+@pytest.mark.ranks(1, 2)
 def test_few_shapes_of_the_joint_make_a_small_model_that_more_shapes_improve(whole, reference):
     scene, structure = whole
     omegas, of_full, _ = reference

@@ -12,6 +12,7 @@ from microslip.transient.model import transient_model
 from microslip.transient.steady import coefficients, energies, from_harmonics, from_rest, samples, steady_state
 
 COMM = MPI.COMM_SELF
+pytestmark = pytest.mark.slow
 
 
 def system_of(name):
@@ -38,11 +39,11 @@ def output(transient, level, found, H=15):
 def test_the_jenkins_mass_comes_to_its_exact_steady_state_at_second_order():
     omegas, errors = np.array([1.16, 1.25, 1.4]), []
     known = np.array([exact.jenkins_steady_state(w, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(15) for w in omegas])
-    for n_steps in (32, 64, 128):
+    for n_steps in (32, 128):
         transient, _, level, found = marched(system_of("jenkins"), omegas, 0.8, n_steps, tolerance=1e-6)
         errors.append(np.abs(output(transient, level, found) - known).max() / np.abs(known).max())
-    assert errors[2] < 2e-3
-    assert np.log2(errors[0] / errors[2]) / 2.0 == pytest.approx(2.0, abs=0.5)
+    assert errors[1] < 2e-3
+    assert np.log2(errors[0] / errors[1]) / 2.0 == pytest.approx(2.0, abs=0.5)
 
 
 @pytest.mark.parametrize("name, level, omega", [("spatial", 0.4, 1.3), ("spatial", 1.2, 1.2), ("chain", 100.0, 560.0)])

@@ -5,6 +5,7 @@ import pytest
 from mpi4py import MPI
 from verification import fold
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 
 

@@ -12,6 +12,7 @@ from microslip.results.read import read_results
 from microslip.run import run
 from microslip.scene.read import read_scene
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 FOLD = FOLDS["softening"]
 BETWEEN, AT = (1.31, 1.6), (1.3101, 1.315, 1.33, 1.345)  # all of them lie between the turning points, as the start does
@@ -66,6 +67,7 @@ def test_a_branch_that_reaches_its_end_is_one_segment(shared_path):
     assert found.broken is None and {point.segment for point in found.points} == {0}
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_a_user_sees_both_segments(shared_path):
     folder = shared_path / "out"
     run(read_scene(scene_between_the_folds(shared_path, error_bars=True)), COMM, folder, screen=False)

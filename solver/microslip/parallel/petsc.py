@@ -22,9 +22,10 @@ _DEBIAN = {
 def locate() -> None:
     """Make petsc4py and slepc4py importable where Debian keeps them.  Local."""
     for module, (variable, pattern) in _DEBIAN.items():
-        if variable in os.environ or importlib.util.find_spec(module) is not None:
+        if importlib.util.find_spec(module) is not None:
             continue
-        for folder in sorted(glob.glob(pattern), reverse=True):
+        stated = os.environ.get(variable)
+        for folder in [stated] if stated else sorted(glob.glob(pattern), reverse=True):
             packages = os.path.join(folder, "lib", "python3", "dist-packages")
             if os.path.isdir(os.path.join(packages, module)):
                 os.environ[variable] = folder

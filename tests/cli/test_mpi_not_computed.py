@@ -1,4 +1,4 @@
-"""What run.log says was not computed, as a user reads it; and what was."""
+"""What run.log says was not computed, as a user reads it; and what was.  The first test on one and two ranks."""
 
 from itertools import takewhile
 
@@ -8,9 +8,18 @@ import scipy.io
 import scipy.sparse as sp
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
-from processes import microslip
 
+from microslip.parallel.agree import on_root
+from microslip.results.plots import draw_all
+
+pytestmark = pytest.mark.ranks(1)
 SCALED = "no pair leaves sticking anywhere on its linear curve: scaled, not solved"
+
+
+def run(program, scene, *options):
+    """Run a scene into a folder out beside it.  Collective."""
+    status, _, err = program("run", scene, "--out", scene.with_name("out"), *options)
+    assert (status, err) == (0, "")
 
 
 def not_computed(path) -> list[str]:
@@ -19,42 +28,41 @@ def not_computed(path) -> list[str]:
     return [line.strip() for line in takewhile(lambda line: line.startswith("  "), lines[start:])]
 
 
-@pytest.mark.parametrize("ranks, groups", [(1, 1), (2, 2)])
-def test_the_level_that_sticks_is_scaled_and_the_other_solved(tmp_path, ranks, groups):
-    write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02, 0.4], (1.0, 1.6), outputs=[0], points=8)
-    done = microslip("run", "scene.toml", "--groups", groups, "--out", "out", ranks=ranks, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    log = (tmp_path / "out" / "run.log").read_text()
+@pytest.mark.ranks(1, 2)
+def test_the_level_that_sticks_is_scaled_and_the_other_solved(comm, shared_path, program):
+    def write():
+        return write_matrix_scene(shared_path, scenes.spatial_mass(), [0.02, 0.4], (1.0, 1.6), outputs=[0], points=8)
+
+    run(program, on_root(comm, write), "--groups", comm.size)
+    log = (shared_path / "out" / "run.log").read_text()
     assert log.count(SCALED) == 1
     assert "level 1 of 2: 0.02 N" in log[: log.index(SCALED)].splitlines()[-2]
-    table = np.genfromtxt(tmp_path / "out" / "frf.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    table = np.genfromtxt(shared_path / "out" / "frf.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     low, high = (table[table["level_N"] == level] for level in (0.02, 0.4))
     assert not low["newton"].any() and high["newton"].any()
-    said = not_computed(tmp_path / "out" / "run.log")
+    said = not_computed(shared_path / "out" / "run.log")
     assert "Newton iterations at 0.02 N: no pair leaves sticking, the linear response is scaled" in said
     assert "damping matrix: [damping] gives that of each mode" in said
     assert "fields for ParaView: the scene has no mesh" in said
     assert not any(line.startswith(("static columns", "error bars", "even harmonics")) for line in said)
 
 
-def test_no_static_column_where_nothing_slips(tmp_path):
+def test_no_static_column_where_nothing_slips(tmp_path, program):
     write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.01, 0.02], (1.0, 1.6), outputs=[0], points=8, accuracy=1e-3)
-    done = microslip("run", "scene.toml", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    run(program, tmp_path / "scene.toml")
     said = not_computed(tmp_path / "out" / "run.log")
     assert "static columns of 1 of 1 pairs: none of these was let slip or open" in said
     assert "Newton iterations at 0.01, 0.02 N: no pair leaves sticking, the linear response is scaled" in said
 
 
-def test_a_scene_without_joint_has_no_contact_at_all(tmp_path):
+def test_a_scene_without_joint_has_no_contact_at_all(tmp_path, program):
     for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
     (tmp_path / "free.toml").write_text(
         '[model]\nstiffness = "K.mtx"\nmass = "M.mtx"\n[[loads]]\ndof = 1\nscale = 1.0\n[[outputs]]\nname = "a"\ndof = 0\n'
         "[damping]\nratio = 0.01\n[response]\nlevels = [1.0]\nfrequencies = [5.0, 15.0]\npoints = 9\n[solver]\nerror_bars = false\n"
     )
-    done = microslip("run", "free.toml", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    run(program, tmp_path / "free.toml")
     said = not_computed(tmp_path / "out" / "run.log")
     assert "contact forces and static columns: the scene has no pair, the response is linear" in said
     assert "error bars: [solver] asks for none" in said
@@ -62,7 +70,8 @@ def test_a_scene_without_joint_has_no_contact_at_all(tmp_path):
 
 
 @pytest.mark.parametrize("direction, begins", [("up", 5.0), ("down", 15.0)])
-def test_statics_without_a_joint_are_one_point_a_level(tmp_path, direction, begins):
+def test_statics_without_a_joint_are_one_point_a_level(tmp_path, program, monkeypatch, direction, begins):
+    monkeypatch.setattr("microslip.run.draw_all", draw_all)
     for name, matrix in (("K", [[2e4, -1e4], [-1e4, 1e4]]), ("M", np.eye(2))):
         scipy.io.mmwrite(tmp_path / f"{name}.mtx", sp.csr_matrix(np.array(matrix)))
     (tmp_path / "static.toml").write_text(
@@ -70,8 +79,7 @@ def test_statics_without_a_joint_are_one_point_a_level(tmp_path, direction, begi
         "[damping]\nratio = 0.01\n[response]\nlevels = [1.0, 2.0]\nfrequencies = [5.0, 15.0]\nat = [7.0]\npoints = 9\n"
         f'direction = "{direction}"\n[solver]\nharmonics = 0\n'
     )
-    done = microslip("run", "static.toml", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    run(program, tmp_path / "static.toml")
     table = np.genfromtxt(tmp_path / "out" / "frf.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     assert table["mean_m"] == pytest.approx([1e-4, 2e-4], rel=1e-12) and not table["amplitude_m"].any()
     assert table["frequency_Hz"] == pytest.approx([begins, begins])
@@ -81,12 +89,11 @@ def test_statics_without_a_joint_are_one_point_a_level(tmp_path, direction, begi
 
 
 @pytest.mark.parametrize("asks", [True, False])
-def test_what_is_lost_is_told_by_the_error_bars(tmp_path, asks):
+def test_what_is_lost_is_told_by_the_error_bars(tmp_path, program, asks):
     write_matrix_scene(
         tmp_path, scenes.chain(), [0.3, 100.0], (500.0, 600.0), outputs=[6], points=8, harmonics=1, error_bars=asks
     )
-    done = microslip("run", "scene.toml", "--out", "out", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    run(program, tmp_path / "scene.toml")
     said = not_computed(tmp_path / "out" / "run.log")
     line = next(line for line in said if line.startswith("solution in harmonics above 1: "))
     table = np.genfromtxt(tmp_path / "out" / "frf.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
@@ -100,9 +107,9 @@ def test_what_is_lost_is_told_by_the_error_bars(tmp_path, asks):
         assert "error bars: [solver] asks for none" in said
 
 
-def test_a_linear_response_loses_nothing_by_its_harmonics(tmp_path):
+def test_a_linear_response_loses_nothing_by_its_harmonics(tmp_path, program):
     write_matrix_scene(tmp_path, scenes.chain(), [0.3], (500.0, 600.0), outputs=[6], points=8, harmonics=3)
-    assert microslip("run", "scene.toml", "--out", "out", cwd=tmp_path).returncode == 0
+    run(program, tmp_path / "scene.toml")
     said = not_computed(tmp_path / "out" / "run.log")
     assert "solution in harmonics above 3: no load acts in them, and the response is linear" in said
 
@@ -114,8 +121,8 @@ def test_a_linear_response_loses_nothing_by_its_harmonics(tmp_path):
         ("rubin", {}, "response outside the basis of method rubin"),
     ],
 )
-def test_what_a_method_leaves_out_is_told(tmp_path, method, own, lost):
+def test_what_a_method_leaves_out_is_told(tmp_path, program, method, own, lost):
     write_matrix_scene(tmp_path, scenes.chain(), [10.0], (500.0, 600.0), outputs=[6], points=8, method=method, modes=4, **own)
-    assert microslip("run", "scene.toml", "--out", "out", cwd=tmp_path).returncode == 0
+    run(program, tmp_path / "scene.toml")
     line = next(line for line in not_computed(tmp_path / "out" / "run.log") if line.startswith(lost))
     assert "by the error bars up to" in line
