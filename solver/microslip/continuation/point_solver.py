@@ -10,6 +10,7 @@ import numpy as np
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
+from ..harmonic.newton_solver import NewtonSolver
 from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
 from .accuracy import Resolution
@@ -44,6 +45,10 @@ class Workspace:
             self.destroy()
             self._corrector, self._resolution = Corrector(equation.comm, equation.shape, resolution.tolerance), resolution
         return self._corrector
+
+    def newton_solver(self, equation: HarmonicBalance, resolution: Resolution) -> NewtonSolver:
+        """Return what solves Newton's systems of a resolution, with the preconditioner it keeps.  Collective."""
+        return self.corrector(equation, resolution).newton_solver
 
     def is_loose(self, equation: HarmonicBalance) -> bool:
         """Tell whether nothing but its joint holds a body, once every pair slips.  Collective at first."""

@@ -60,6 +60,10 @@ class ErrorEstimator:
             self._models[harmonics] = self.better.model.with_harmonics(harmonics)
         return self._models[harmonics]
 
+    def exact(self, equation: HarmonicBalance) -> HarmonicBalance:
+        """Return the same equation of the better model.  Local."""
+        return equation if self.better.is_solved else equation.of(self.model_on(equation.harmonics))
+
     def at(
         self,
         equation: HarmonicBalance,
@@ -77,7 +81,7 @@ class ErrorEstimator:
         model, n_out, is_found = equation.model, equation.model.n_outputs, True
         if 1 not in model.harmonics:
             return None
-        exact = equation if self.better.is_solved else equation.of(self.model_on(model.harmonics))
+        exact = self.exact(equation)
         forces = of_all or exact.contact_forces(U, equation.every_pair, tangents=True)
         used = forces if selected.all() else equation.contact_forces(U, selected, tangents=False)
         p = equation.full_force(used)

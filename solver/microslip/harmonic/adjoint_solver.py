@@ -93,10 +93,10 @@ class AdjointSolver:
 
     def _set_up(self, n: int) -> Gmres:
         """Copy what the products need in single precision; make PETSc's objects where their size is another.  Collective."""
-        at, before, old = self._at, self._gmres, self.preconditioner
-        self._gmres = kept(before, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, RTOL))
-        if self._gmres is not before or (old is not None and old.made_at.equation.harmonics != at.equation.harmonics):
-            self.preconditioner = None  # of another size
+        at = self._at
+        self._gmres = kept(self._gmres, self.comm, n, lambda: Gmres(self.comm, n, self._multiply, self._precondition, RTOL))
+        if self.preconditioner is not None and not self.preconditioner.fits(at):
+            self.preconditioner = None
         self._columns = ActiveColumns(at.G, np.float32)
         self._P = self._columns.scaled(at.P)
         return self._gmres

@@ -46,6 +46,8 @@ class Rate:
 class ContactForces:
     """Contact forces at one motion: what this rank evaluated and what all ranks gathered."""
 
+    U: np.ndarray  # (n_owned, 3, N_H) m, the motion
+    selected: np.ndarray  # (n_pairs,) bool, the pairs that may slip or open
     state: np.ndarray  # (n_owned,) STICK, SLIP, OPEN
     active_owned: np.ndarray  # (m,) pairs of this rank, counted from its first, with p or dp/dU not zero
     P: np.ndarray | None  # (m, 3 N_H, 3 N_H) dp/dU of those [N/m]
@@ -131,7 +133,7 @@ class HarmonicBalance:
         if self.comm.size > 1:
             actives, forces, sums = zip(*self.comm.allgather((active, p_owned, np.array(extras))))
             active, p, extras = np.concatenate(actives), np.concatenate(forces), tuple(sum(sums))
-        return ContactForces(state, active_owned, found.P, active, p, extras)
+        return ContactForces(U, selected, state, active_owned, found.P, active, p, extras)
 
     def full_force(self, forces: ContactForces) -> np.ndarray:
         """Return p of all pairs, (3 n_pairs, N_H) [N], zero where they stick.  Local."""

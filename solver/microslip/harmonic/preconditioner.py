@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
+from mpi4py import MPI
 
 from ..fourier.amplitudes import to_complex, to_real
 from .linearisation import Linearisation
@@ -32,6 +33,12 @@ class HarmonicPreconditioner:
             G_P = REGULAR * np.einsum("rmi,mij->rmj", columns, P[:, i]).reshape(G_n.shape)
             self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
         self.own = own_rows(at)
+
+    def fits(self, at: Linearisation) -> bool:
+        """Tell whether another linearisation has the same harmonics, and on every rank as many active pairs.  Collective."""
+        is_same = len(self.active_owned) == len(at.forces.active_owned)
+        same_size = self.made_at.equation.comm.allreduce(is_same, op=MPI.LAND)
+        return same_size and self.made_at.equation.harmonics == at.equation.harmonics
 
     def apply(self, x: np.ndarray) -> np.ndarray:
         """Return B^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""

@@ -1,0 +1,140 @@
+"""The state of a branch as arrays, whole and the same for any number of ranks; read back, it goes on to the same bits.
+
+What is kept beside the last points: the resolution, the hold of the mean slip, what the accuracy has learnt, the next step, and
+where preconditioners were made.  These are no part of a solution, but decide its last bits; they are made there again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from ..fourier.harmonics import Harmonics
+from ..harmonic.balance import HarmonicBalance, OperatingPoint
+from ..harmonic.direct import WholeInverse
+from ..harmonic.linearisation import Linearisation
+from ..harmonic.preconditioner import HarmonicPreconditioner
+from .accuracy import Memory, Resolution
+from .follow import BranchTask
+from .iterate import Iterate
+from .point_solver import Workspace
+from .state import BranchState, PointState
+
+Arrays = dict[str, np.ndarray]  # by a path: "now/U"
+_POINTS = ("earlier", "before", "now")
+_NUMBERS = ("size", "force", "sticks", "sliding")
+_KINDS = (WholeInverse, HarmonicPreconditioner)
+
+
+def to_arrays(task: BranchTask, state: BranchState) -> Arrays:
+    """Return a state between two steps.  Collective: the motions of all ranks are gathered."""
+    solver, equation, memory = state.solver, state.solver.equation, state.memory
+    found = {
+        "resolution": np.array([equation.n_samples, solver.tolerance]),
+        "harmonics": np.array(equation.harmonics.chosen),
+        "step": np.array([state.ds, solver.is_linear, state.is_done]),
+        "calm": np.array(list(memory.calm.values())),
+        "patience": np.array(list(memory.patience.values())),
+    }
+    if memory.peak is not None:
+        found["peak"] = memory.peak
+    if equation.held is not None:
+        found["held"] = equation.gather(equation.held)
+    for name in _POINTS:
+        point = getattr(state, name)
+        if point is not None:
+            found |= _under(name, _of_point(equation, point))
+    newton = solver.workspace.newton_solver(equation, solver.resolution)
+    found["wants_preconditioner"] = np.array(newton.wants_preconditioner)
+    adjoint = task.estimator and task.estimator.adjoint_solver
+    for name, solver_of in (("newton", newton), ("adjoint", adjoint)):
+        if solver_of and solver_of.preconditioner is not None:
+            made = solver_of.preconditioner
+            found |= _under(name, _of_place(made.made_at)) | {f"{name}/kind": np.array(_KINDS.index(type(made)))}
+    return found
+
+
+def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> BranchState:
+    """Return the state that was kept, for the ranks of the task.  Collective: preconditioners are made again."""
+    start = task.start(workspace)
+    n_samples, tolerance = arrays["resolution"]
+    solver = start.solver.resolved(Resolution(_harmonics(arrays["harmonics"]), int(n_samples), float(tolerance)))
+    owned = solver.equation.model.owned
+    solver = solver.holding(arrays["held"][owned] if "held" in arrays else None)
+    ds, is_linear, is_done = arrays["step"]
+    parts = start.memory.calm.keys()
+    memory = Memory(arrays.get("peak"), *(dict(zip(parts, map(int, arrays[name]))) for name in ("calm", "patience")))
+    points = {name: _point(_within(arrays, name), owned) for name in _POINTS if f"{name}/U" in arrays}
+    newton = workspace.newton_solver(solver.equation, solver.resolution)
+    newton.wants_preconditioner = bool(arrays["wants_preconditioner"])
+    if "newton/U" in arrays:
+        newton.preconditioner = _made_again(_within(arrays, "newton"), solver.equation)
+    if "adjoint/U" in arrays and task.estimator is not None:
+        transposed = _made_again(_within(arrays, "adjoint"), solver.equation, task.estimator.exact)
+        task.estimator.adjoint_solver.preconditioner = transposed
+    solver = replace(solver, is_linear=bool(is_linear))
+    return BranchState(solver, memory, float(ds), is_done=bool(is_done), **points)
+
+
+# -- a point -------------------------------------------------------------------------------------------------------
+
+
+def _of_point(equation: HarmonicBalance, point: PointState) -> Arrays:
+    """Return a point's arrays.  Collective."""
+    there = point.iterate
+    return {
+        "U": equation.gather(there.U),
+        "parameters": np.array(there.parameters),
+        "harmonics": np.array(there.harmonics.chosen),
+        "selected": point.selected,
+        "amplitude": point.amplitude,
+        "numbers": np.array([float(getattr(point, name)) for name in _NUMBERS]),
+    }
+
+
+def _point(arrays: Arrays, owned: slice) -> PointState:
+    """Return the point of some arrays.  Local."""
+    parameters = tuple(map(float, arrays["parameters"]))
+    there = Iterate(arrays["U"][owned].copy(), parameters, _harmonics(arrays["harmonics"]))
+    size, force, sticks, sliding = map(float, arrays["numbers"])
+    return PointState(there, arrays["selected"], size, force, bool(sticks), sliding, arrays["amplitude"])
+
+
+# -- where a preconditioner was made -------------------------------------------------------------------------------
+
+
+def _of_place(made_at: Linearisation) -> Arrays:
+    """Return the arrays that a linearisation can be made of again.  Collective."""
+    equation, at = made_at.equation, made_at.at
+    held = {} if equation.held is None else {"held": equation.gather(equation.held)}
+    return held | {
+        "U": equation.gather(made_at.forces.U),
+        "selected": made_at.forces.selected,
+        "at": np.array([getattr(at, field.name) for field in fields(at)]),
+        "harmonics": np.array(equation.harmonics.chosen),
+        "n_samples": np.array(equation.n_samples),
+    }
+
+
+def _made_again(arrays: Arrays, equation: HarmonicBalance, exact=None):
+    """Return the preconditioner made there; of the transposed linearisation where ``exact`` gives a better equation.  Collective."""
+    owned = equation.model.owned
+    equation = equation.resolved(_harmonics(arrays["harmonics"]), int(arrays["n_samples"]))
+    equation = equation.holding(arrays["held"][owned] if "held" in arrays else None)
+    equation = exact(equation) if exact else equation
+    forces = equation.contact_forces(arrays["U"][owned], arrays["selected"], tangents=True)
+    linear = equation.linearise(OperatingPoint(*map(float, arrays["at"])), forces)
+    return _KINDS[int(arrays["kind"])](linear.transposed() if exact else linear)
+
+
+def _harmonics(chosen: np.ndarray) -> Harmonics:
+    return Harmonics(tuple(map(int, chosen)))
+
+
+def _under(name: str, arrays: Arrays) -> Arrays:
+    return {f"{name}/{key}": value for key, value in arrays.items()}
+
+
+def _within(arrays: Arrays, name: str) -> Arrays:
+    return {key.removeprefix(f"{name}/"): value for key, value in arrays.items() if key.startswith(f"{name}/")}

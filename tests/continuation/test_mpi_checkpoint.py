@@ -1,0 +1,123 @@
+"""A branch that is put away between two steps and taken up again goes on to the same bits; on any number of ranks."""
+
+import numpy as np
+import pytest
+from dense_model import forced, reduced
+from mpi4py import MPI
+from oracles import scenes
+from verification import extreme_structures as structures
+
+from microslip.continuation.accuracy import Accuracy, Resolution, steps_for
+from microslip.continuation.checkpoint import from_arrays, to_arrays
+from microslip.continuation.follow import BranchTask, advance
+from microslip.continuation.point_record import HELD
+from microslip.continuation.point_solver import Workspace
+from microslip.continuation.steps import ArcLength
+from microslip.continuation.sweep import Sweep
+from microslip.error_estimate.better_model import BetterModel
+from microslip.error_estimate.estimate import ErrorEstimator
+from microslip.fourier.harmonics import Harmonics
+from microslip.harmonic import adjoint_solver, newton_solver
+from microslip.reduction.selection import AllPairs, NonStickingPairs
+
+pytestmark = pytest.mark.ranks(1, 2, 3)
+COMM = MPI.COMM_WORLD
+STEPS = ArcLength(ds=0.05, ds_min=1e-5, ds_max=0.1)
+
+
+def chain_task(selection=None, with_accuracy=False, level=100.0):
+    system = scenes.chain()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    model, law = reduced(system, COMM, 3)
+    estimator = ErrorEstimator(BetterModel(model, None, is_solved=True))
+    accuracy = Accuracy(1e-2, Resolution(Harmonics.up_to(1), 16, 1e-4)) if with_accuracy else None
+    steps = steps_for(1e-2) if with_accuracy else STEPS
+    sweep, selection = Sweep(520.0, 640.0, (540.0,)), selection or AllPairs()
+    return BranchTask(forced(model, law, 128, level), selection, sweep, steps, 1e-9, estimator, accuracy)
+
+
+def free_task():
+    """A body on its joint alone, all of which slips at the first point already: its mean slip is held."""
+    system = structures.free_body(rayleigh=(0.8, 0.0))
+    model, law = reduced({**system, "C": 0.8 * system["M"]}, COMM, 3)
+    return BranchTask(forced(model, law, 128, 17.0), AllPairs(), Sweep(0.8, 1.2), STEPS, 1e-9)
+
+
+def on_disk(arrays, path):
+    """Return arrays as another process would read them."""
+    if COMM.rank == 0:
+        np.savez(path, **arrays)
+    COMM.barrier()
+    with np.load(path, allow_pickle=False) as kept:
+        return {name: kept[name] for name in kept.files}
+
+
+def followed(make, n_steps, path=None):
+    """Return the points of the first steps; with a ``path`` each step starts from what was read of the one before."""
+    task, points = make(), []
+    workspace = Workspace(task.problem.equation)
+    state = task.start(workspace)
+    for _ in range(n_steps):
+        if state.is_done:
+            break
+        if path is not None and state.now is not None:
+            arrays = on_disk(to_arrays(task, state), path)
+            workspace.destroy()
+            task = make()
+            workspace = Workspace(task.problem.equation)
+            state = from_arrays(task, arrays, workspace)
+        step = advance(task, state)
+        assert step.failure is None, step.failure
+        state = step.state
+        points += step.points
+    workspace.destroy()
+    if task.estimator is not None:
+        task.estimator.destroy()
+    return points
+
+
+@pytest.mark.parametrize("with_preconditioners", [False, True])
+@pytest.mark.parametrize(
+    "make",
+    [
+        chain_task,
+        lambda: chain_task(with_accuracy=True),
+        lambda: chain_task(NonStickingPairs(checks_in_point=True)),
+        lambda: chain_task(level=1e-3),
+        free_task,
+    ],
+    ids=["plain", "accuracy", "adaptive", "stuck", "held"],
+)
+def test_a_branch_goes_on_to_the_same_bits(make, with_preconditioners, monkeypatch, shared_path):
+    if with_preconditioners:  # from the first step on, of both kinds
+        monkeypatch.setattr(newton_solver, "MANY_KRYLOV", 0)
+        monkeypatch.setattr(newton_solver, "LARGEST", 30)
+        monkeypatch.setattr(adjoint_solver, "MANY_KRYLOV", 0)
+        monkeypatch.setattr(adjoint_solver, "DIRECT", 0)
+    at_once, in_pieces = followed(make, 14), followed(make, 14, str(shared_path / "state.npz"))
+    assert len(at_once) == len(in_pieces) >= 10
+    for a, b in zip(at_once, in_pieces):
+        for name in ("omega", "response", "U", "p", "energy", "state", "newton", "krylov", "harmonics", "samples", "notes"):
+            assert np.array_equal(getattr(a, name), getattr(b, name)), name
+        assert (a.error is None) == (b.error is None)
+        assert a.error is None or np.array_equal(a.error, b.error)
+
+
+def test_the_held_case_is_held():
+    assert HELD in followed(free_task, 1)[0].notes
+
+
+def test_a_state_is_the_same_on_any_number_of_ranks(shared_path):
+    """What all ranks kept together, one rank alone goes on with."""
+    task = chain_task()
+    workspace = Workspace(task.problem.equation)
+    state = task.start(workspace)
+    for _ in range(5):
+        state = advance(task, state).state
+    arrays = to_arrays(task, state)
+    workspace.destroy()
+    task.estimator.destroy()
+    for name in ("earlier", "before", "now"):
+        assert arrays[f"{name}/U"].shape == (2, 3, 7)
+    assert arrays["now/parameters"].shape == (1,)
