@@ -140,7 +140,7 @@ def test_two_parameters_and_two_constraints_give_the_level_at_which_a_pair_moves
     assert found.failure is None
     U = found.iterate.U
     n_U = np.zeros(equation.shape)
-    if COMM.rank == 0:
+    if equation.n_owned and equation.model.owned.start == 0:
         n_U[0, 0, 1] = 1.0
     corrector = Corrector(COMM, equation.shape, 1e-10, n_parameters=2)
     away = Iterate(1.02 * U, (omega, 0.95 * LEVEL), equation.harmonics)

@@ -118,7 +118,7 @@ def _of_place(made_at: Linearisation) -> Arrays:
 
 
 def _made_again(arrays: Arrays, equation: HarmonicBalance, exact=None):
-    """Return the preconditioner made there; of the transposed linearisation where ``exact`` gives a better equation.  Collective."""
+    """Return the preconditioner made there; of the transposed one where ``exact`` gives a better equation.  Collective."""
     owned = equation.model.owned
     equation = equation.resolved(_harmonics(arrays["harmonics"]), int(arrays["n_samples"]))
     equation = equation.holding(arrays["held"][owned] if "held" in arrays else None)
