@@ -32,7 +32,8 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 autodoc_default_options = {"members": True, "exclude-members": "model_config"}
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"  # docstrings state shapes and units
+autodoc_typehints = "none"  # docstrings state shapes and units ...
+suppress_warnings = ["ref.python"]  # ... in words, which name no class
 autodoc_mock_imports = [name for name in ("petsc4py", "slepc4py", "mpi4py", "h5py", "pymetis") if find_spec(name) is None]
 
 
@@ -42,8 +43,8 @@ def setup(app):
 
 
 def _as_written(app, what, name, obj, options, lines):
-    """Take bars for bars, as in |T|, not for substitutions; add what the keys of a scene's table say of themselves."""
-    lines[:] = [line.replace("|", r"\|") for line in lines]
+    """Take |T| and hb_ for what they are, not for a substitution and a link; add what a scene's keys say of themselves."""
+    lines[:] = [re.sub(r"\||(?<=\w)_(?![\w`])", r"\\\g<0>", line) for line in lines]
     if fields := what == "class" and getattr(obj, "model_fields", None):
         lines += ["", "Parameters", "----------"]
         lines += [line for key, field in fields.items() for line in (key, f"    {field.description or ''}")]
