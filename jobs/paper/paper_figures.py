@@ -23,7 +23,7 @@ from microslip.reduction.expand import node_fields
 from microslip.results.curve_plots import draw_response, draw_rom_size, draw_states
 from microslip.results.joint_plots import draw_energy_map, draw_slip_map
 from microslip.results.record import LinearCurve, ResultFile, joint_of, level_result
-from microslip.results.style import FAINT, INK, LINEAR, RC, WIDTH, Page, level_colours, panels, scaled
+from microslip.results.style import FAINT, INK, LINEAR, RC, WIDTH, Page, level_colours, panels, with_prefix
 
 BY_SLIP = "adaptive, \u0394p \u2260 0"
 _RAISED = "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"
@@ -135,7 +135,7 @@ def modes(study: Study) -> Page | None:
         ax.set_axis_off()
     ax, curve = page.figure.add_subplot(cells[0, n]), study.prepared.curve
     values = amplitude(curve.response[:, 0])
-    factor, unit = scaled(values, "m/N")
+    factor, unit = with_prefix(values, "m/N")
     ax.plot(curve.omega / (2.0 * np.pi), factor * values, color=INK)
     ax.set(xlabel="frequency [Hz]", ylabel=f"{study.prepared.scene.outputs[0].name}, amplitude [{unit}]", yscale="log")
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -197,7 +197,7 @@ def adaptive(study: Study) -> Page | None:
     )
     page = Page(study.prepared.scene, says, WIDTH, 4.2, handles)
     axes = page.grid(2, len(levels)).subplots(squeeze=False, sharey="row", sharex="col")
-    factor, unit = scaled(np.concatenate([level.reference.amplitude for level in levels]), "m")
+    factor, unit = with_prefix(np.concatenate([level.reference.amplitude for level in levels]), "m")
     for level, (curve, error) in zip(levels, axes.T):
         exact = level.reference
         curve.plot(exact.frequency, factor * exact.amplitude, **LINEAR)
@@ -256,7 +256,7 @@ def tolerance_response(study: Study) -> Page | None:
         exact = level.reference
         near = exact.frequency[exact.amplitude > 0.55 * exact.amplitude.max()]
         ax.set_xlim(near.min(), near.max())
-        factor, unit = scaled(exact.amplitude, "m")
+        factor, unit = with_prefix(exact.amplitude, "m")
         most = max(run.amplitude.max() for run in (exact, *level.energy.values()))
         ax.set_ylim(0.5 * factor * exact.amplitude.max(), 1.05 * factor * most)
         ax.set_ylabel(f"amplitude [{unit}]")
@@ -317,7 +317,7 @@ def _by_tolerance(study: Study, says: str, draw, values, unit: str, base: str = 
     cells = page.grid(n_rows, n_columns)
     axes = [page.figure.add_subplot(cells[divmod(i, n_columns)]) for i in range(len(levels))]
     for ax, level in zip(axes, levels):
-        factor = scaled(values(level.reference), unit)[0] if values else 1.0
+        factor = with_prefix(values(level.reference), unit)[0] if values else 1.0
         draw(ax, None, level, factor, **looks)
         for eps, colour, width in zip(tolerances, colours, np.linspace(1.6, 0.8, len(tolerances))):
             draw(ax, level.energy[eps], level, factor, color=colour, lw=width)

@@ -276,8 +276,8 @@ def test_layouts_fit_the_page(sizes, n_levels):
 
 
 def test_units_suit_the_values():
-    assert style.scaled(np.array([2e-3, -4e-4]), "m")[1] == "mm"
-    assert style.scaled(np.array([3.0]), "J") == (1.0, "J")
-    assert style.scaled(np.array([2e-7]), "m/N") == (pytest.approx(1e9), "nm/N")
-    assert style.scaled(np.zeros(3), "m") == (1.0, "m") and style.scaled(np.zeros(0), "m") == (1.0, "m")
-    assert style.scaled(np.array([1e-3]), "m")[1] == "mm"
+    assert style.with_prefix(np.array([2e-3, -4e-4]), "m")[1] == "mm"
+    assert style.with_prefix(np.array([3.0]), "J") == (1.0, "J")
+    assert style.with_prefix(np.array([2e-7]), "m/N") == (pytest.approx(1e9), "nm/N")
+    assert style.with_prefix(np.zeros(3), "m") == (1.0, "m") and style.with_prefix(np.zeros(0), "m") == (1.0, "m")
+    assert style.with_prefix(np.array([1e-3]), "m")[1] == "mm"

@@ -86,7 +86,7 @@ class Branch:
     level: float  # N
     points: list[Point] = field(default_factory=list)
     failure: str | None = None  # why the branch ends early; None if it is complete
-    scaled: bool = False  # no pair leaves sticking: the linear response at this level, nothing was solved
+    is_linear: bool = False  # no pair leaves sticking: the linear response at this level, nothing was solved
     closes_to: float = 1e-6  # of the energy balance, what the tolerance of its points asks for
     odd: bool = False  # solved in odd harmonics alone, by the symmetry of the scene
     broken: str | None = None  # why its first segment ends early, where a second one completes it
@@ -95,5 +95,5 @@ class Branch:
         """Return the branch, which ended early, and what was followed from the other end of the range, as one."""
         failure = other.failure and f"{self.failure}; and from the other end of the range: {other.failure}"
         return replace(
-            self, points=self.points + other.points, failure=failure, scaled=False, broken=None if failure else self.failure
+            self, points=self.points + other.points, failure=failure, is_linear=False, broken=None if failure else self.failure
         )

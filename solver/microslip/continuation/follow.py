@@ -233,8 +233,8 @@ def follow_branch(task: BranchTask, max_points: int, on_point: Emit = lambda poi
         workspace.destroy()
         if task.estimator is not None:
             task.estimator.destroy()
-    branch.scaled, accuracy = state.solver.is_linear, task.accuracy
+    branch.is_linear, accuracy = state.solver.is_linear, task.accuracy
     if accuracy is not None and "solver" not in accuracy.keeps:
         branch.closes_to = max(branch.closes_to, accuracy.target)
-    branch.odd = accuracy is not None and not branch.scaled and all(n % 2 for n in accuracy.coarsest.harmonics.chosen)
+    branch.odd = accuracy is not None and not branch.is_linear and all(n % 2 for n in accuracy.coarsest.harmonics.chosen)
     return branch

@@ -23,9 +23,9 @@ from .branch import Branch, Point
 from .corrector import Correction
 from .follow import BranchTask, follow_branch
 from .iterate import Iterate
+from .linear_levels import is_linear, sticks_up_to
 from .point_record import point_record
 from .problems import ForcedResponse
-from .scaled import is_linear, sticks_up_to
 from .settings import ResponseSettings
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
 from .sweep import Sweep

@@ -17,8 +17,8 @@ from .accuracy import Resolution
 from .constraints import Plane, Scaling
 from .corrector import BorderedSystem, Correction, Corrector, row_weights
 from .iterate import Iterate
+from .linear_levels import sticks
 from .problems import Problem
-from .scaled import sticks
 from .state import PointState
 from .sweep import Sweep
 

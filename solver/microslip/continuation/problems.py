@@ -35,8 +35,14 @@ class Problem(Protocol):
 class _OfEquation:
     equation: HarmonicBalance
 
+    def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
+        raise NotImplementedError
+
     def with_equation(self, equation: HarmonicBalance) -> Self:
         return replace(self, equation=equation)
+
+    def where(self, parameter: float) -> str:
+        return self.at((parameter,)).text
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +57,6 @@ class ForcedResponse(_OfEquation):
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rate, ...]:
         return (Rate(omega=1.0),)
 
-    def where(self, parameter: float) -> str:
-        return self.at((parameter,)).text
-
 
 @dataclass(frozen=True, eq=False)
 class LevelHomotopy(_OfEquation):
@@ -66,9 +69,6 @@ class LevelHomotopy(_OfEquation):
 
     def rates(self, parameters: tuple[float, ...]) -> tuple[Rate, ...]:
         return (Rate(level=1.0),)
-
-    def where(self, parameter: float) -> str:
-        return self.at((parameter,)).text
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,5 +89,4 @@ class DampingHomotopy(_OfEquation):
         return (Rate(sigma=-self.omega / parameters[0] ** 2),)
 
     def where(self, parameter: float) -> str:
-        at = self.at((parameter,))
-        return f"{at.text}, damped further by {at.sigma:.3g} M"
+        return f"{super().where(parameter)}, damped further by {self.at((parameter,)).sigma:.3g} M"

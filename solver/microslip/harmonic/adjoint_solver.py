@@ -98,7 +98,7 @@ class AdjointSolver:
         if self.preconditioner is not None and not self.preconditioner.fits(at):
             self.preconditioner = None
         self._columns = ActiveColumns(at.G, np.float32)
-        self._P = self._columns.scaled(at.P)
+        self._P = self._columns.in_units(at.P)
         return self._gmres
 
     def _multiply(self, x: np.ndarray, out: np.ndarray) -> None:

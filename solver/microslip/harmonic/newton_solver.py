@@ -107,7 +107,7 @@ class NewtonSolver:
         if self._columns is None or self._columns.precision is not precision:
             self._columns = ActiveColumns(at.G, precision)
         self._columns.move_to(at.G)  # all that the frequency changes
-        self._P: np.ndarray = self._columns.scaled(at.P)
+        self._P: np.ndarray = self._columns.in_units(at.P)
         return self._gmres, rtol
 
     def _condensed(self, at: Linearisation, border: Border, b_U: np.ndarray) -> Condensed:

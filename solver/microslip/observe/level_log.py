@@ -86,7 +86,7 @@ def remarks(branch: Branch) -> list[str]:
     for note, points in _noted(branch.points).items():
         low, high = (f(point.omega for point in points) / 2.0 / np.pi for f in (min, max))
         lines.append(f"  {note}: {len(points)} of {len(branch.points)} points, {low:.6g} to {high:.6g} Hz")
-    if branch.scaled:
+    if branch.is_linear:
         lines.append("  no pair leaves sticking anywhere on its linear curve: scaled, not solved")
     if branch.broken:
         both, ends = branch.points[0].segment == 0, "followed from the other end of the range"

@@ -45,9 +45,9 @@ def not_computed(
         lines.append("contact forces and static columns: the scene has no pair, the response is linear")
     elif known is not None and not known.all():
         lines.append(f"static columns of {np.count_nonzero(~known)} of {len(known)} pairs: none of these was let slip or open")
-    scaled, odd = ([branch.level for branch in branches if getattr(branch, name)] for name in ("scaled", "odd"))
-    if scaled:
-        lines.append(f"Newton iterations at {_newtons(scaled)}: no pair leaves sticking, the linear response is scaled")
+    linear, odd = ([branch.level for branch in branches if getattr(branch, name)] for name in ("is_linear", "odd"))
+    if linear:
+        lines.append(f"Newton iterations at {_newtons(linear)}: no pair leaves sticking, the linear response is scaled")
     if odd:
         lines.append(f"even harmonics at {_newtons(odd)}: by the symmetry of the scene they vanish")
     if scene.damping is not None:
@@ -77,7 +77,7 @@ def _harmonics(solved: list[Branch], has_pairs: bool) -> list[str]:
     """Say which harmonics the levels that slip were solved in, or that the others have none but those of the loads."""
     if not solved:
         return []
-    slips = [branch for branch in solved if has_pairs and not branch.scaled]
+    slips = [branch for branch in solved if has_pairs and not branch.is_linear]
     numbers = {point.harmonics for branch in slips or solved for point in branch.points}
     low, high = min(numbers), max(numbers)
     if not slips:

@@ -141,10 +141,10 @@ class ActiveColumns:
             [_times(R, c.apply(product[modes][..., share.columns].astype(float))) for share, modes, R, c in of_shares]
         )
 
-    def scaled(self, P: np.ndarray) -> np.ndarray:
+    def in_units(self, P: np.ndarray) -> np.ndarray:
         """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
-        scaled: np.ndarray = np.empty_like(P, dtype=self.precision)
-        return np.multiply(P, self.unit, out=scaled, casting="same_kind")
+        found: np.ndarray = np.empty_like(P, dtype=self.precision)
+        return np.multiply(P, self.unit, out=found, casting="same_kind")
 
 
 def _times(R: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -26,8 +26,8 @@ from .style import (
     level_name,
     panels,
     plain,
-    scaled,
     some,
+    with_prefix,
 )
 
 _ROWS = 5  # outputs in one picture
@@ -70,7 +70,7 @@ def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> None:
     per_newton = [a / abs(level.level) if level.level else np.full_like(a, np.nan) for a, (level, _) in zip(curves, drawn)]
     for ax, values, unit in ((row[0], curves, "m"), (row[1], per_newton, "m/N")):
         linear = [amplitude(results.linear.response[:, k])] if results.linear and unit == "m/N" else []
-        factor, unit_name = scaled(_joined([*values, *linear]), unit)
+        factor, unit_name = with_prefix(_joined([*values, *linear]), unit)
         if results.linear and linear:
             ax.plot(results.linear.frequency, factor * linear[0], zorder=1.5, **LINEAR)
         for a, (level, colour) in zip(values, drawn):
@@ -131,7 +131,7 @@ def draw_energy(results: ResultFile, out_dir: str) -> list[str]:
     says = "energy per cycle along the curve, and the closure |input \u2212 damping \u2212 friction| / input"
     page, axes = _panels(results, says, levels, handles, foot=1.5)
     for ax, level in zip(axes, levels):
-        factor, unit = scaled(np.concatenate([getattr(level, name) for name, *_ in parts]), "J")
+        factor, unit = with_prefix(np.concatenate([getattr(level, name) for name, *_ in parts]), "J")
         for name, _, colour, style in parts:
             _curve(ax, level, factor * getattr(level, name), colour, style)
         ax.set_ylabel(f"energy [{unit}]")

@@ -15,7 +15,7 @@ from matplotlib.patches import Patch as Swatch
 from ..contact.law import STICK
 from .measures import counts, peak
 from .record import LevelResult, ResultFile
-from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, level_name, plain, scaled, some
+from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, level_name, plain, some, with_prefix
 from .unroll import Patch, patches
 
 _MM = 1e3
@@ -69,7 +69,7 @@ def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
         return rgba
 
     def says(level: LevelResult, at: int) -> str:
-        factor, prefix = scaled(level.energy[at].sum(), "J")
+        factor, prefix = with_prefix(level.energy[at].sum(), "J")
         return f"{factor * level.energy[at].sum():.3g} {prefix}"
 
     what = "friction loss per cycle" + (" and area" if per_area else " of each pair") + " at the peak of each level"

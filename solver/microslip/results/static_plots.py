@@ -8,7 +8,7 @@ from matplotlib.ticker import MaxNLocator
 
 from .measures import counts
 from .record import ResultFile
-from .style import INK, LINEAR, STATE_COLOURS, STATE_NAMES, STATE_STYLES, Page, plain, scaled
+from .style import INK, LINEAR, STATE_COLOURS, STATE_NAMES, STATE_STYLES, Page, plain, with_prefix
 
 _WIDTH = 4.6  # in
 _ROWS = 5  # outputs in one picture
@@ -34,7 +34,7 @@ def draw_static_response(results: ResultFile, out_dir: str) -> list[str]:
         for ax, (k, name) in zip(axes, outputs):
             values = np.array([level.response[0, k, 0] for level in levels])
             linear = results.linear.response[0, k, 0] * np.array([0.0, loads.max()]) if results.linear else np.zeros(2)
-            factor, unit = scaled(np.concatenate([values, linear]), "m")
+            factor, unit = with_prefix(np.concatenate([values, linear]), "m")
             if results.linear:
                 ax.plot([0.0, loads.max()], factor * linear, **LINEAR)
             ax.plot(loads, factor * values, "o-", color=INK, lw=1.2, ms=3.5)

@@ -62,7 +62,7 @@ def level_colours(n: int) -> np.ndarray:
     return matplotlib.colormaps[_LEVELS](np.linspace(0.0, 0.8, n) if n > 1 else [0.25])
 
 
-def scaled(values, unit: str) -> tuple[float, str]:
+def with_prefix(values, unit: str) -> tuple[float, str]:
     """Return a factor and the unit with the prefix that suits the largest of ``values``."""
     sizes = np.abs(values)
     largest = float(sizes[np.isfinite(sizes)].max(initial=0.0))

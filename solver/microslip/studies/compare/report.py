@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from ...observe.screen_table import screen_table
 from ...parallel.files import make_folder, written_whole
 from ...results.measures import AMPLITUDE, Shown
-from ...results.style import LINEAR, RC, WIDTH, Page, Titled, scaled, some
+from ...results.style import LINEAR, RC, WIDTH, Page, Titled, some, with_prefix
 
 COLUMNS = {
     "level_N": "level N",
@@ -164,7 +164,7 @@ def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Ti
     says = f"methods at the same points: {shown} of the first output; difference from the reference"
     page = Page(scene, says, WIDTH, 4.6, handles)
     axes = page.grid(2, len(levels)).subplots(sharex=True, sharey="row", squeeze=False)
-    factor, unit = scaled(np.concatenate([row.values for row in references.values()]), "m")
+    factor, unit = with_prefix(np.concatenate([row.values for row in references.values()]), "m")
     for level, (curve, error) in zip(levels, axes.T):
         exact = references[level]
         curve.plot(exact.frequency, factor * exact.values, **LINEAR)

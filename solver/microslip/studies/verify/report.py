@@ -15,7 +15,7 @@ from ...fourier.coefficients import amplitude
 from ...observe.screen_table import screen_table
 from ...parallel.files import make_folder, written_whole
 from ...results.measures import segments
-from ...results.style import DPI, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, scaled, some
+from ...results.style import DPI, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, some, with_prefix
 
 COLUMNS = {
     "level_N": "level N",
@@ -174,7 +174,7 @@ def draw_verification(checks: Sequence[Check], branches: Sequence[Branch], scene
     page = Page(scene, says, WIDTH, 2.9 + 2.1 * rows, handles)
     grid = page.grid(1 + rows, columns, height_ratios=[2.7] + [2.0] * rows)
     curve = page.figure.add_subplot(grid[0, :])
-    factor, unit = scaled([amplitude(point.response[0]) for branch in branches for point in branch.points], "m")
+    factor, unit = with_prefix([amplitude(point.response[0]) for branch in branches for point in branch.points], "m")
     for branch in branches:
         for segment in segments(np.array([point.segment for point in branch.points])):
             points = branch.points[segment]
@@ -198,7 +198,7 @@ def _draw_loop(ax, check: Check, colour) -> None:
     loop = check.loop
     assert loop is not None
     sizes = np.concatenate([loop.balanced, loop.marched], axis=1)
-    (across, unit), (up, force) = scaled(sizes[0], "m"), scaled(sizes[1], "N")
+    (across, unit), (up, force) = with_prefix(sizes[0], "m"), with_prefix(sizes[1], "N")
     for (du, T), looks in ((loop.balanced, {"color": colour, "lw": 1.6}), (loop.marched, MARCHED)):
         ax.plot(across * np.append(du, du[0]), up * np.append(T, T[0]), **looks)
     ax.axhline(0.0, color=FAINT, lw=0.5, zorder=0.5)

@@ -6,10 +6,10 @@ from dense_model import forced, reduced
 from mpi4py import MPI
 from oracles import scenes
 
-from microslip.continuation import scaled
+from microslip.continuation import linear_levels
 from microslip.continuation.follow import BranchTask, follow_branch
 from microslip.continuation.levels import linear_curve
-from microslip.continuation.scaled import is_linear
+from microslip.continuation.linear_levels import is_linear
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
 from microslip.fourier.coefficients import synthesis_matrix
@@ -70,7 +70,7 @@ def test_a_scaled_level_is_the_solved_one(name, selection, down):
     level = 0.9 * slip_level(model, parameters, curve)
     ours = follow(model, parameters, sweep, curve, level, True, selection)
     theirs = follow(model, parameters, sweep, curve, level, False, selection)
-    assert ours.failure is None and ours.scaled and not theirs.scaled
+    assert ours.failure is None and ours.is_linear and not theirs.is_linear
     assert [point.omega for point in ours.points] == pytest.approx([point.omega for point in theirs.points], rel=1e-12)
     assert sorted(point.omega for point in ours.points if point.asked) == pytest.approx(at, rel=1e-14)
     for mine, solved in zip(ours.points, theirs.points, strict=True):
@@ -126,7 +126,7 @@ def test_a_pair_that_slips_after_all_is_solved_for():
     model, parameters, sweep, curve = prepared("chain")
     level = 1.5 * slip_level(model, parameters, curve)
     ours, theirs = (follow(model, parameters, sweep, curve, level, is_linear) for is_linear in (True, False))
-    assert ours.failure is None and not ours.scaled
+    assert ours.failure is None and not ours.is_linear
     assert any(point.state.any() for point in ours.points)
     assert [point.omega for point in ours.points] == pytest.approx([point.omega for point in theirs.points], rel=1e-6)
     for mine, solved in zip(ours.points, theirs.points, strict=True):
@@ -136,6 +136,8 @@ def test_a_pair_that_slips_after_all_is_solved_for():
 def test_a_level_that_slips_costs_one_evaluation(monkeypatch):
     model, parameters, _, curve = prepared("chain")
     level, calls = 10.0 * slip_level(model, parameters, curve), []
-    monkeypatch.setattr(scaled, "sticks", lambda equation, at, real=scaled.sticks: calls.append(at) or real(equation, at))
+    monkeypatch.setattr(
+        linear_levels, "sticks", lambda equation, at, real=linear_levels.sticks: calls.append(at) or real(equation, at)
+    )
     assert not is_linear(equation_of(model, parameters), level, curve)
     assert len(calls) == 1
