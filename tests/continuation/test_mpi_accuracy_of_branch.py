@@ -47,6 +47,7 @@ def amplitudes(points):
     return np.array([point.response[0, 1] - 1j * point.response[0, 2] for point in points])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [40.0, 100.0])
 @pytest.mark.parametrize("target", [1e-2, pytest.param(1e-3, marks=pytest.mark.ranks(1))])
 def test_a_branch_meets_the_accuracy_asked_for(level, target):

@@ -37,6 +37,7 @@ def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, freq
     assert [amplitude(point) for point in asked] == pytest.approx([X, X], rel=2e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize(
     "name, level, omega",
@@ -72,6 +73,7 @@ def full_motion(system, level, point):
     return u
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["jenkins", "spatial", "chain", "gap"])
 def test_energy_closes_at_every_point(name):
     system = scene(name)
@@ -150,6 +152,7 @@ def test_all_ranks_together_agree_with_one_alone():
         assert np.array_equal(a.state, b.state)
 
 
+@pytest.mark.slow
 def test_in_point_check_removes_the_error_of_the_late_update():
     system = scene("chain")
     low, high = system["omega"]
@@ -190,6 +193,7 @@ def test_failure_names_the_frequency_and_keeps_the_points():
     assert found.failure is not None and "Hz" in found.failure
 
 
+@pytest.mark.slow
 def test_error_falls_as_modes_are_added():
     system = scene("chain")
     at = tuple(np.linspace(*system["omega"], 9)[1:-1])

@@ -50,6 +50,7 @@ def test_the_order_of_the_frequencies_is_kept_and_does_not_matter():
         assert a.response == pytest.approx(b.response, abs=1e-8 * peak)
 
 
+@pytest.mark.slow
 def test_frequencies_beyond_a_fold_are_reached_along_the_branch():
     system, omegas = chain(), np.linspace(*chain()["omega"], 15)
     followed = branch(system, COMM, 50.0, at=omegas, tolerance=1e-10)

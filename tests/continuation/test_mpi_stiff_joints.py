@@ -78,6 +78,7 @@ def test_only_a_body_that_nothing_else_holds_gets_springs(system, is_free):
     assert is_held_by_its_joint_alone(forced(model, parameters, 16, 1.0).equation) is is_free
 
 
+@pytest.mark.slow
 def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
     system = structures.free_body(rayleigh=(0.8, 0.0))
     system = {**system, "C": 0.8 * system["M"]}

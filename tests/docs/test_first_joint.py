@@ -12,6 +12,7 @@ SHOWN = [line.removeprefix("    ") for line in (DOCS / "first_joint.md").read_te
 PEAK = r"level \d of \d: 0\.1 N: .*peak (\S+) m "
 
 
+@pytest.mark.slow
 def test_the_files_of_the_page_give_what_it_shows(tmp_path):
     for name in ("leaves.py", "leaves.toml"):
         shutil.copy(DOCS / "first_joint" / name, tmp_path)

@@ -40,6 +40,7 @@ def plate_exact():
     return convergence.ritz_frequencies(convergence.PLATE, (9, 9, 5), 1)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("series", convergence.SERIES)
 def test_free_plate_converges_to_three_dimensional_theory(series, plate_exact):
     errors = np.array([convergence.plate(series, n) for n in (1, 2)]) / plate_exact - 1.0

@@ -149,6 +149,7 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.slow
 def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     scene, n = write(comm, shared_path), str(min(2, comm.size))
     for arguments in (["--out", "turn"], ["--out", "side", "--groups", n]):

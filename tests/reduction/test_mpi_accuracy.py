@@ -98,6 +98,7 @@ def test_residual_norms_are_sums_over_the_modes_left_out(shared_path):
     linearised.destroy()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "n, damping, asked_for", [(60, None, (1e-1, 1e-3, 1e-4)), (40, 1e-4, (1e-1, 1e-2))], ids=["modal", "full"]
 )

@@ -80,6 +80,7 @@ def oracle():
     return harmonic_balance.solve(scenes.chain(), 560.0, 10.0, H=3, n_samples=128, tolerance=1e-12).u_hat
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("method", METHODS)
 def test_on_the_chain_as_dense_harmonic_balance_in_all_coordinates(comm, shared_path, oracle, method):
@@ -115,6 +116,7 @@ def without_some_mass():
     return {**system, "M": np.diag(mass), "C": np.diag(30.0 * mass)}
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("system", [with_dampers(), without_some_mass()], ids=["dampers", "massless"])
 def test_a_damping_matrix_and_motions_without_mass(comm, shared_path, system):

@@ -64,6 +64,7 @@ def texts(page):
     return [text.get_text() for text in page.figure.findobj(matplotlib.text.Text)]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_all_pictures_of_levels_that_went_well_and_others(tmp_path, pairs):
     """Beside whole ones: an unloaded level, one that broke off, one without any point, one with a single point."""
