@@ -77,6 +77,7 @@ def followed(make, n_steps, path=None):
     return points
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_preconditioners", [False, True])
 @pytest.mark.parametrize(
     "make",
@@ -104,6 +105,7 @@ def test_a_branch_goes_on_to_the_same_bits(make, with_preconditioners, monkeypat
         assert a.error is None or np.array_equal(a.error, b.error)
 
 
+@pytest.mark.slow
 def test_the_held_case_is_held():
     assert HELD in followed(free_task, 1)[0].notes
 
