@@ -78,6 +78,7 @@ def followed(make, n_steps, path=None):
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1, 2)
 @pytest.mark.parametrize("with_preconditioners", [False, True])
 @pytest.mark.parametrize(
     "make",
