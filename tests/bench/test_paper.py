@@ -21,7 +21,8 @@ import paper_page
 import paper_runs
 
 NOT_A_NUMBER = re.compile(r"\b(nan|inf)\b")
-FIGURES = {f"paper_fig{n:02d}.png" for n in (6, 7, 8, 9, 10, 11, 12, 13, 14, 15)} | {"paper_step.png"}
+FIGURES = {f"paper_fig{n:02d}.png" for n in (6, 7, 8, 9, 11, 12, 13, 14, 15)}
+FIGURES |= {f"paper_{name}.png" for name in ("adaptive", "tolerance", "tolerance_error", "step")}
 
 
 def run(monkeypatch, scene, out, *options):
