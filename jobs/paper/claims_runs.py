@@ -43,7 +43,7 @@ class Setting:
         parts += [f"sliders start at {self.start:g}\u00b0 of the load"] if self.start else []
         parts += [f"H = {self.harmonics}"] if self.harmonics else []
         parts += [f"Newton's tolerance {self.tolerance:g}"] if self.tolerance else []
-        parts += [f"original keeps |\u0394p| > {100.0 * self.slack:g} % of \u03bc N0"] if self.slack else []
+        parts += [f"original keeps \u0394p over {100.0 * self.slack:g} % of \u03bc N0"] if self.slack else []
         parts += ["original keeps what slips or opens in the kept period"] if self.settled else []
         return parts[-1]
 
@@ -100,6 +100,16 @@ class Trial:
     def better(self) -> str:
         """Return the method with the smaller largest error, both updated once a point."""
         return judged(self.improved, self.original)
+
+
+@dataclass(frozen=True)
+class Own:
+    """The highest point of each method's curve where each goes its own steps of the arc length."""
+
+    level: float  # N
+    asked: int  # points
+    solved: dict[str, int]  # points, by method
+    peak: dict[str, float]  # over the peak of the reference in the finest of such curves, less 1
 
 
 def judged(improved: Found | None, original: Found | None) -> str:
@@ -165,7 +175,7 @@ class Trials:
 
     def __init__(self, prepared: Prepared, level: float):
         self.prepared, self.level, self.tolerance = prepared, level, prepared.scene.solver.tolerance
-        self._branches, self._arcs = {}, {}
+        self._branches, self._curves = {}, {}
 
     def trial(self, setting: Setting) -> Trial:
         """Run both methods under a setting, and the reference at the same frequencies."""
@@ -194,12 +204,37 @@ class Trials:
 
     def arc(self, points: int) -> list[float]:
         """Return the frequencies to which `receptance` goes by arc length [rad/s]."""
-        if points not in self._arcs:
+        return going_on(self.curve(REFERENCE, points).points, self.prepared.sweep.direction)
+
+    def curve(self, method: str, points: int):
+        """Return the curve of a method in its own steps of the arc length."""
+        if (method, points) not in self._curves:
             steps = arc_length_steps(self.prepared.scene.continuation, points, self.prepared.curve)
-            problem, sweep = self.prepared.problem(self.level), self.prepared.sweep
-            curve = follow_branch(problem, AllPairs(), sweep, steps, tolerance=self.tolerance, max_points=10 * points)
-            self._arcs[points] = going_on(curve.points, sweep.direction)
-        return self._arcs[points]
+            problem, limit = self.prepared.problem(self.level), self.prepared.parameters.mu * self.prepared.parameters.N0
+            selection = selection_of(method, Setting(points), problem, limit)
+            self._curves[method, points] = follow_branch(
+                problem, selection, self.prepared.sweep, steps, tolerance=self.tolerance, max_points=10 * points
+            )
+        return self._curves[method, points]
+
+    def own(self, asked: Sequence[int]) -> list[Own]:
+        """Return the peaks of curves in each method's own steps, for some numbers of points; the largest is the measure."""
+        curves = {n: {method: self.curve(method, n) for method in (REFERENCE, ORIGINAL, IMPROVED)} for n in asked}
+        tops = {n: {method: self.highest(curve) for method, curve in of.items()} for n, of in curves.items()}
+        true = tops[max(asked)][REFERENCE]
+        return [
+            Own(
+                self.level,
+                n,
+                {method: len(curve.points) for method, curve in curves[n].items()},
+                {method: top / true - 1.0 for method, top in tops[n].items()},
+            )
+            for n in asked
+        ]
+
+    @staticmethod
+    def highest(curve) -> float:
+        return max(float(amplitude(point.response[0])) for point in curve.points)
 
     def compared(self, method: str, setting: Setting, exact, times: int = 1) -> Found:
         """Return the errors of a method, of the last solution at each frequency."""
@@ -231,15 +266,18 @@ def repeated(omegas: Sequence[float], times: int) -> list[float]:
     return [omega * (1.0 + k * NEAR) for omega in omegas for k in range(times)]
 
 
-def all_trials(prepared: Prepared, levels: Sequence[float], chosen: Sequence[Setting], say: Callable[[str], None]) -> list[Trial]:
-    """Run settings at some levels.  One rank."""
-    found = []
+def all_trials(
+    prepared: Prepared, levels: Sequence[float], chosen: Sequence[Setting], own: Sequence[int], say: Callable[[str], None]
+) -> tuple[list[Trial], list[Own]]:
+    """Run settings at some levels, and curves in each method's own steps, for some numbers of points.  One rank."""
+    trials, peaks = [], []
     for level in levels:
         runs = Trials(prepared, level)
         for setting in chosen:
-            found.append(runs.trial(setting))
-            say(" | ".join(cells(found[-1])))
-    return found
+            trials.append(runs.trial(setting))
+            say(" | ".join(cells(trials[-1])))
+        peaks += runs.own(own)
+    return trials, peaks
 
 
 def cells(trial: Trial) -> list[str]:
