@@ -14,9 +14,10 @@ import matplotlib
 import numpy as np
 from blocks import Body, skin
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
-from paper_runs import ARC, EQUAL, Level, Run, Study, errors, peak_error
+from paper_runs import ARC, EPSILON, EQUAL, Level, Run, Study, errors, peak_error
 
 from microslip.fourier.coefficients import amplitude
 from microslip.reduction.expand import node_fields
@@ -36,15 +37,17 @@ _VIEW = (22.0, -52.0)  # elevation and azimuth from which it is seen [degrees]
 
 
 def draw_all(study: Study, folder: Path) -> dict[str, str]:
-    """Draw all figures into ``folder``; return their files' names by figure: "4", "6" to "15" and "step"."""
+    """Draw all figures into ``folder``; return their files' names: by the paper's figure where it has one."""
     folder.mkdir(parents=True, exist_ok=True)
     own: dict[str, Callable[[Study], Page | None]] = {
         "4": modes,
-        "10": adaptive,
+        "adaptive": adaptive,
         "11": tolerance_response,
-        "12": tolerance_size,
-        "13": tolerance_error,
-        "15": tolerance_summary,
+        "12": retained,
+        "13": losses,
+        "15": tolerance_size,
+        "tolerance": tolerance_summary,
+        "tolerance_error": tolerance_error,
         "step": steps,
     }
     shared = {
@@ -176,7 +179,7 @@ def _view(elevation: float, azimuth: float) -> tuple[np.ndarray, np.ndarray]:
     return towards, np.array([right, np.cross(towards, right)])
 
 
-# -- figure 10: adaptive against the reference --------------------------------------------------------------------------
+# -- beside figure 6: adaptive against the reference ------------------------------------------------------------------------
 
 
 def adaptive(study: Study) -> Page | None:
@@ -238,7 +241,61 @@ def _marks(curve, error, level: Level) -> None:
         ax.locator_params(axis="x", nbins=5)
 
 
-# -- figures 11 to 13 and 15: the energy tolerance ----------------------------------------------------------------------
+# -- figures 12 and 13: original and improved method -------------------------------------------------------------------
+
+
+def retained(study: Study) -> Page | None:
+    """Pairs with p != 0 that either method retains along the curve of the strongest level, and what they lose."""
+    if not study.slipping:
+        return None
+    level = study.slipping[-1]
+    runs = {"original": level.adaptive, "improved": level.improved}
+    order = np.argsort(-level.reference.points[level.reference.peak].energy, kind="stable")
+    most = level.reference.points[level.reference.peak].energy.max()
+    scale = LogNorm(max(EPSILON, 1e-7 * most), most, clip=True)
+    idlers = f"in grey those that lose no more than {_joules(EPSILON)}"
+    says = f"pairs retained with \u0394p \u2260 0 along the curve, {level.level:g} N; {idlers}"
+    page = Page(study.prepared.scene, says, WIDTH, 3.0)
+    axes = page.grid(1, 2).subplots(sharey=True, sharex=True)
+    for ax, (name, run) in zip(axes, runs.items()):
+        energy, carries = np.array([point.energy for point in run.points])[:, order], run.carries[:, order]
+        at, pair = np.nonzero(carries)
+        lost, frequency = energy[at, pair], level.reference.frequency[at]
+        idle = lost <= EPSILON
+        ax.plot(frequency[idle], pair[idle], "s", color=FAINT, ms=1.3, mew=0.0)
+        dots = ax.scatter(frequency[~idle], pair[~idle], c=lost[~idle], norm=scale, cmap="viridis", s=1.8, marker="s", lw=0.0)
+        ax.set_title(f"{name}: {carries.sum(axis=1).max()} pairs at most", loc="left")
+        ax.set(xlabel="frequency [Hz]", xlim=_slip_range(level))
+        ax.locator_params(axis="x", nbins=5)
+    axes[0].set_ylabel("pair, in the order of its loss at the peak")
+    page.figure.colorbar(dots, ax=axes, label="friction loss [J a cycle]", aspect=30, pad=0.02)
+    return page
+
+
+def losses(study: Study) -> Page | None:
+    """Friction loss of all pairs along the curve by both methods and the reference, a panel a level."""
+    levels = study.slipping
+    if not levels:
+        return None
+    handles = [
+        Line2D([], [], label="full set of pairs (receptance)", **LINEAR),
+        Line2D([], [], color=LATE, label="original"),
+        Line2D([], [], color=CHECKED, ls="--", label="improved"),
+    ]
+    page = Page(study.prepared.scene, "energy that friction takes a cycle, where pairs slip", WIDTH, 2.3, handles)
+    axes = page.grid(1, len(levels)).subplots(squeeze=False)[0]
+    for ax, level in zip(axes, levels):
+        looks = (LINEAR, {"color": LATE, "lw": 1.0}, {"color": CHECKED, "lw": 1.0, "ls": "--"})
+        factor, unit = scaled(np.array([point.friction for point in level.reference.points]), "J")
+        for run, look in zip((level.reference, level.adaptive, level.improved), looks):
+            ax.plot(run.frequency, factor * np.array([point.friction for point in run.points]), **look)
+        ax.set(xlabel="frequency [Hz]", ylabel=f"friction loss [{unit} a cycle]", xlim=_slip_range(level))
+        ax.set_title(f"{level.level:g} N", loc="left")
+        ax.locator_params(axis="x", nbins=4)
+    return page
+
+
+# -- figures 11 and 15: the energy tolerance ----------------------------------------------------------------------------
 
 
 def tolerance_response(study: Study) -> Page | None:
@@ -411,5 +468,5 @@ def steps(study: Study) -> Page | None:
 
 def remove_old(folder: Path) -> None:
     """Remove the figures of an earlier run."""
-    for file in folder.glob("paper_*.png"):
+    for file in {*folder.glob("paper_*.png")} - {folder / "paper_claims.png"}:  # of another command
         os.remove(file)

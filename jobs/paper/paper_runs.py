@@ -29,6 +29,7 @@ from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickin
 from microslip.studies.compare.report import differences
 
 LU_SIZES = (100, 200, 500, 1000, 2000, 4000)  # unknowns at which one dense LU is timed
+EPSILON = 1e-10  # J a cycle and pair, the paper's
 MOST_LU = 12000  # unknowns beyond which it is not: 1.2 GB
 
 
@@ -41,6 +42,7 @@ class Run:
     kept: np.ndarray  # (n,) pairs in B
     dropped: np.ndarray  # (n,) pairs held stuck with p != 0, as the law gives it for the motion found
     lost: np.ndarray  # (n,) friction loss of those, likewise [J per cycle]
+    carries: np.ndarray  # (n, n_pairs) bool: kept, with p != 0
 
     @property
     def level(self) -> float:
@@ -90,8 +92,22 @@ class Level:
         return self.reference.level
 
     @property
+    def improved(self) -> Run:
+        """Return the run of `adaptive-energy` with the paper's tolerance; with the least there is, if it was not asked for."""
+        return self.energy.get(EPSILON) or self.energy[min(self.energy)]
+
+    @property
     def slips(self) -> bool:
         return any((point.state != STICK).any() for point in self.reference.points)
+
+
+@dataclass(frozen=True)
+class Idle:
+    """The pairs at a peak of the reference that have p != 0 and lose no more than ``EPSILON``."""
+
+    moving: int  # pairs with p != 0
+    idle: int  # of these
+    traction: float  # the largest constant traction of an idle one, over mu N0
 
 
 @dataclass(frozen=True)
@@ -222,13 +238,14 @@ def solved(prepared: Prepared, problem, omegas, watch, method: str, selection, m
     run = partial(at_frequencies, problem, selection, omegas, tolerance=prepared.scene.solver.tolerance)
     row, points = methods.of_branch(method, run, problem.level, watch)
     moving = np.array([moves(problem, point.U) for point in points])
-    held = moving & np.array([~point.p.any(axis=(1, 2)) for point in points])
+    carries = np.array([point.p.any(axis=(1, 2)) for point in points])
+    held = moving & ~carries
     lost = np.where(held, [point.energy for point in points], 0.0).sum(axis=1)
     in_B = (np.array(row.unknowns) // problem.model.N_H - problem.model.n_modes) // 3
     kept = moving.sum(axis=1) if isinstance(selection, AllPairs) else in_B
     if not motion:
         points = [replace(point, U=NOTHING, p=NOTHING) for point in points]
-    return Run(row, points, kept, held.sum(axis=1), lost)
+    return Run(row, points, kept, held.sum(axis=1), lost, carries)
 
 
 def moves(problem, U: np.ndarray) -> np.ndarray:
@@ -236,6 +253,16 @@ def moves(problem, U: np.ndarray) -> np.ndarray:
     found, everything = np.zeros(len(U), dtype=bool), np.ones(len(U), dtype=bool)
     found[problem.contact_forces(U, everything, tangents=False).active] = True
     return found
+
+
+def idle(study: Study, level: Level) -> Idle:
+    """Return the pairs that the energy test drops at the peak of a level though they carry something."""
+    top, parameters = level.reference.points[level.reference.peak], study.prepared.parameters
+    moving = top.p.any(axis=(1, 2))
+    found = moving & (top.energy <= EPSILON) & (top.state == STICK)
+    limit = np.maximum(parameters.mu * parameters.N0, 1e-300)
+    traction = np.linalg.norm(top.p[:, :2, 0], axis=1) / limit
+    return Idle(int(moving.sum()), int(found.sum()), float(traction[found].max(initial=0.0)))
 
 
 def errors(run: Run, reference: Run) -> np.ndarray:

@@ -16,12 +16,17 @@ from microslip.contact.law import OPEN
 sys.path.append(str(Path(__file__).parents[2] / "jobs" / "paper"))
 
 import case_study
+import claims_page
+import claims_runs
 import paper_figures
 import paper_page
 import paper_runs
+from paper_runs import EQUAL
+from prepared import prepare
 
 NOT_A_NUMBER = re.compile(r"\b(nan|inf)\b")
-FIGURES = {f"paper_fig{n:02d}.png" for n in (6, 7, 8, 9, 10, 11, 12, 13, 14, 15)} | {"paper_step.png"}
+FIGURES = {f"paper_fig{n:02d}.png" for n in (6, 7, 8, 9, 11, 12, 13, 14, 15)}
+FIGURES |= {f"paper_{name}.png" for name in ("adaptive", "tolerance", "tolerance_error", "step")}
 
 
 def run(monkeypatch, scene, out, *options):
@@ -91,3 +96,42 @@ def test_numbers_as_the_page_shows_them():
         "0.25 s",
         "1.2 ms",
     )
+
+
+def chain_trials(folder, *chosen, level=10.0):
+    system = scenes.chain()
+    path = write_matrix_scene(folder, system, [level], system["omega"], points=12, outputs=[6], harmonics=2, samples=64)
+    prepared = prepare(str(path), MPI.COMM_SELF)
+    return prepared, *claims_runs.all_trials(prepared, [level], chosen, (6, 12), lambda line: None)
+
+
+def test_the_page_of_the_claims_is_written_and_drawn(tmp_path):
+    chosen = claims_runs.Setting(12, EQUAL, again=True), claims_runs.Setting(12), claims_runs.Setting(12, slack=0.3)
+    prepared, trials, own = chain_trials(tmp_path, *chosen)
+    claims_page.draw(trials, prepared.scene).save(str(tmp_path / "claims.png"))
+    text = claims_page.page(trials, own, prepared.scene, "command", 1.0)
+    assert all(setting.name in text for setting in chosen) and not NOT_A_NUMBER.search(text)
+
+
+def test_solved_again_the_original_method_has_no_error_of_the_update(tmp_path):
+    (trial,) = chain_trials(tmp_path, claims_runs.Setting(12, EQUAL, again=True))[1]
+    assert trial.original_again.largest < 1e-6 < 1e-4 < trial.original.largest
+
+
+def test_a_test_of_the_size_of_dp_drops_what_is_smaller(tmp_path):
+    exact, none = chain_trials(tmp_path, claims_runs.Setting(12, slack=1e-12), claims_runs.Setting(12, slack=1e9))[1]
+    (plain,) = chain_trials(tmp_path, claims_runs.Setting(12))[1]
+    assert exact.original.error == pytest.approx(plain.original.error, abs=1e-9) and none.original.largest > 1e-2
+
+
+def test_a_turned_load_turns_the_motion(tmp_path):
+    system = scenes.chain()
+    path = write_matrix_scene(tmp_path, system, [1e-3], system["omega"], points=12, outputs=[6], harmonics=2, samples=64)
+    prepared = prepare(str(path), MPI.COMM_SELF)
+    runs = claims_runs.Trials(prepared, 1e-3)
+    plain, turned = (
+        runs.branch(claims_runs.REFERENCE, claims_runs.Setting(12, EQUAL, start=start)).points[5].response[0]
+        for start in (0.0, 90.0)
+    )
+    # u = a cos(x + phase): 90 degrees further on, cos becomes -sin
+    assert turned[1:3] == pytest.approx([plain[2], -plain[1]], abs=1e-9 * np.abs(plain).max())
