@@ -1,4 +1,4 @@
-"""How strongly forces act on the modes left out, without knowing them (docs/theory.md, eq. 11.3).
+"""How strongly forces act on the modes left out, without knowing them (docs/theory.md, section 11).
 
 The receptance (4.1) lacks E_n = sum over k > m of phi_k c_kn phi_k^T of the modes left out.  Below their resonances
 
@@ -43,7 +43,7 @@ class ModesLeftOut:
         """Return what the modes left out would change in cos 1 and then sin 1 of the outputs, (2 n_outputs,) [m].  Local.
 
         From a load straight to an output exactly, but for the order beyond W; by way of the pairs at most, by Cauchy and Schwarz,
-        harmonic by harmonic.
+        harmonic by harmonic.  docs/theory.md, eq. (11.2).
 
         Parameters
         ----------
@@ -69,7 +69,7 @@ def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
 
 
 def sample_modes_left_out(linearised, modes, model: ReducedModel) -> ModesLeftOut | None:
-    """Return the samples for the modes beyond ``modes``; None where there are none.
+    """Return the samples of eq. (11.3) for the modes beyond ``modes``; None where there are none.
 
     Collective on the system's communicator: ``SAMPLES`` static solves.
     """

@@ -54,7 +54,7 @@ class Resonance:
 
 
 def left_out(linearised, modes, pairs, scene) -> LeftOut:
-    """Return the bounds of (4.5) for keeping the first 1 to n of n modes; the mode after the last kept must be known.
+    """Return the bounds of eq. (4.5) for keeping the first 1 to n of n modes; the mode after the last kept must be known.
 
     Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
     """
@@ -112,7 +112,7 @@ def _content(n: int, h: int) -> float:
 
 
 def gains(family: ModalFamily, n_omega: float) -> np.ndarray:
-    """Return rho of (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out, at n omega.  Local.
+    """Return rho of eq. (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out, at n omega.  Local.
 
     omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first mode left out its
     parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
@@ -131,7 +131,7 @@ def _of_left_out(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
 
 
 def residual_norms(linearised, modes, X_owned: np.ndarray) -> np.ndarray:
-    """Return the residual norms of complex columns X (n_owned, q) for keeping 1 to n modes, (n, q).
+    """Return the residual norms, eq. (4.4), of complex columns X (n_owned, q) for keeping 1 to n modes, (n, q).
 
     Collective: 2 q static solves.
     """

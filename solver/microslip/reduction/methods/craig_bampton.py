@@ -44,7 +44,7 @@ def reduce(linearised, modes, pairs, scene) -> Reduction:
 
 
 def fix_interface(system, b: np.ndarray) -> tuple[Linearised, float]:
-    """Return the structure with the DOFs ``b`` held, factored, and the diagonal k that stands at b [N/m].  Collective."""
+    """Return the structure with the DOFs ``b`` held, eq. (8.4), factored, and the diagonal k at b [N/m].  Collective."""
     first, last = system.K.getOwnershipRange()
     own = b[(b >= first) & (b < last)].astype(PETSc.IntType)
     K, M = system.K.duplicate(copy=True), system.M.duplicate(copy=True)
@@ -60,7 +60,7 @@ def fix_interface(system, b: np.ndarray) -> tuple[Linearised, float]:
 def constraint_modes(system, fixed: Linearised, b: np.ndarray, k: float) -> np.ndarray:
     """Return psi, this rank's rows (n_owned, n_b): the static shape for a unit motion of each interface DOF alone.
 
-    Collective: a product with K and a solve for each.
+    Collective: a product with K and a solve for each.  docs/theory.md, eq. (8.4).
     """
     first, last = system.K.getOwnershipRange()
     is_own = (b >= first) & (b < last)
