@@ -47,7 +47,6 @@ BY_WAY_OF = {  # columns in which long arrows go down, between the boxes
     ("receptance", "harmonic"): 1.2,
     ("transient", "studies"): 2.1,
     ("continuation", "library"): -0.2,
-    ("observe", "studies"): 1.3,
 }
 NUMPY_ONLY = ("elements", "fourier", "contact")
 WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 128, 40, 12, 28, 14
@@ -99,7 +98,9 @@ def arrows() -> list[tuple[str, str]]:
     """Return (room, room that imports it), without those that follow from others and those from ``parallel``."""
     direct = {room: set(others) - {"parallel"} for room, others in imported().items()}
     below = {room: _below(room, direct) for room in direct}
-    return sorted((other, room) for room in direct for other in direct[room] if not any(other in below[one] for one in direct[room]))
+    return sorted(
+        (other, room) for room in direct for other in direct[room] if not any(other in below[one] for one in direct[room])
+    )
 
 
 def _below(room: str, direct: dict[str, set[str]]) -> set[str]:

@@ -21,7 +21,12 @@ def test_the_rooms_of_the_page_are_those_of_the_package():
 def test_a_room_imports_only_those_above_it_on_the_page():
     imported = rooms.imported()
     assert sum(map(len, imported.values())) > 50
-    wrong = {(room, other): files for room in ORDER for other, files in imported[room].items() if ORDER.index(other) > ORDER.index(room)}
+    wrong = {
+        (room, other): files
+        for room in ORDER
+        for other, files in imported[room].items()
+        if ORDER.index(other) > ORDER.index(room)
+    }
     assert wrong == {}
 
 

@@ -51,7 +51,11 @@ def faults(text, files):
     for path, source in files.items():
         here = {name for name, _ in definitions(path, source)}
         wrong += [f"{path}: eq. ({n}) names nothing in it" for n in CITED.findall(source) if not here & set(named.get(n, ()))]
-        wrong += [f"{path}: {other!r} cites in another form" for other in re.findall(r"\beqs?\.? ?\(?\d+\.\d+", source) if not CITED.match(other + ")")]
+        wrong += [
+            f"{path}: {other!r} cites in another form"
+            for other in re.findall(r"\beqs?\.? ?\(?\d+\.\d+", source)
+            if not CITED.match(other + ")")
+        ]
     return wrong
 
 
@@ -66,7 +70,9 @@ def test_equations_are_numbered_in_order_in_each_section():
 
 
 def test_every_equation_referred_to_is_there():
-    files = [path for folder in ("tests", "docs", "jobs") for path in (ROOT / folder).rglob("*.*") if path.suffix in (".py", ".md")]
+    files = [
+        path for folder in ("tests", "docs", "jobs") for path in (ROOT / folder).rglob("*.*") if path.suffix in (".py", ".md")
+    ]
     texts = {path: path.read_text(encoding="utf-8") for path in files if path.name != Path(__file__).name} | sources()
     alone = {*sources(), ROOT / "docs" / "theory.md"}
     found = {(path.name, number) for path, text in texts.items() for number in referred(text, path in alone)}
@@ -96,7 +102,9 @@ def test_what_is_taken_away_is_missed():
     assert seen(old="eq. (5.1)", new="eq. 5.1") != []  # its form
     assert seen(old="eq. (5.1)", new="eq. (5.1), eq. (6.2)") != []  # one that belongs elsewhere
     assert seen(path=kernel, old="eq. (3.3)", new="the return") != []
-    assert seen(path=kernel, old="/* One sample on all lanes, eq. (3.3)", new="/* eq. (3.3) */\n\n/* One sample on all lanes") != []
+    assert (
+        seen(path=kernel, old="/* One sample on all lanes, eq. (3.3)", new="/* eq. (3.3) */\n\n/* One sample on all lanes") != []
+    )
 
 
 def test_names_of_code_in_the_pages_are_in_the_code():
