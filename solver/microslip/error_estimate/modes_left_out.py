@@ -69,9 +69,9 @@ def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
 
 
 def sample_modes_left_out(linearised, modes, model: ReducedModel) -> ModesLeftOut | None:
-    """Return the samples of eq. (11.3) for the modes beyond ``modes``; None where there are none.
+    """Return the samples for the modes beyond ``modes``; None where there are none.
 
-    Collective on the system's communicator: ``SAMPLES`` static solves.
+    Collective on the system's communicator: ``SAMPLES`` static solves.  docs/theory.md, eq. (11.3).
     """
     system, n_rows, n_out = linearised.system, linearised.system.R.shape[0], linearised.system.outputs.shape[0]
     if len(modes.omega_n) == 0 or len(modes.omega_n) == system.n_dof:

@@ -53,10 +53,10 @@ def reduce_on_basis(
 
 
 def galerkin_modes(linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, eq. (8.1), rising, phi^T M phi = I.
+    """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, rising, phi^T M phi = I.
 
     Collective: sums of the reduced matrices, twice where columns nearly depend on each other.  The second pass starts from the
-    modes of the first, in which a low mode is no longer the small difference of stiff columns.
+    modes of the first, in which a low mode is no longer the small difference of stiff columns.  docs/theory.md, eq. (8.1).
     """
     comm = linearised.system.comm
     phi_owned, least = V_owned, 0.0

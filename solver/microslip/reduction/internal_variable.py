@@ -11,7 +11,7 @@ from .selection import Selection
 
 
 def reduce_to_pairs(linearised, modes, scene, selection: Selection) -> Reduction:
-    """Return the reduction in the internal-variable form (docs/theory.md, eq. (4.2)).
+    """Return the reduction in the internal-variable form (docs/theory.md, section 4).
 
     Collective: static solves of loads and outputs now, those of a pair when it first leaves sticking.
     """

@@ -54,9 +54,10 @@ class Resonance:
 
 
 def left_out(linearised, modes, pairs, scene) -> LeftOut:
-    """Return the bounds of eq. (4.5) for keeping the first 1 to n of n modes; the mode after the last kept must be known.
+    """Return the bounds of (4.5) for keeping the first 1 to n of n modes; the mode after the last kept must be known.
 
     Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
+    docs/theory.md, eq. (4.5).
     """
     model, n = reduce_structure(linearised, modes, scene), len(modes.omega_n)
     family = model.one_family
@@ -131,9 +132,9 @@ def _of_left_out(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
 
 
 def residual_norms(linearised, modes, X_owned: np.ndarray) -> np.ndarray:
-    """Return the residual norms, eq. (4.4), of complex columns X (n_owned, q) for keeping 1 to n modes, (n, q).
+    """Return the residual norms of complex columns X (n_owned, q) for keeping 1 to n modes, (n, q).
 
-    Collective: 2 q static solves.
+    Collective: 2 q static solves.  docs/theory.md, eq. (4.4).
     """
     comm, q = linearised.system.comm, X_owned.shape[1]
     parts = np.concatenate([X_owned.real, X_owned.imag], axis=1)

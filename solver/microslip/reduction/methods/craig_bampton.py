@@ -44,7 +44,7 @@ def reduce(linearised, modes, pairs, scene) -> Reduction:
 
 
 def fix_interface(system, b: np.ndarray) -> tuple[Linearised, float]:
-    """Return the structure with the DOFs ``b`` held, eq. (8.4), factored, and the diagonal k at b [N/m].  Collective."""
+    """Return the structure with the DOFs ``b`` held, factored, and the diagonal k that stands at b [N/m].  Collective."""
     first, last = system.K.getOwnershipRange()
     own = b[(b >= first) & (b < last)].astype(PETSc.IntType)
     K, M = system.K.duplicate(copy=True), system.M.duplicate(copy=True)
