@@ -7,9 +7,9 @@ from pathlib import Path
 from blocks import stacked
 from msh import write_msh
 
+from microslip.library.build import Structure, build
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.run import Structure, build_structure
 from microslip.scene.read import read_scene
 from microslip.scene.schema import Scene
 
@@ -72,7 +72,7 @@ def bar(comm, folder: Path, damping: str = "ratio = 0.01", **options) -> tuple[S
 def stuck(comm, path: Path) -> tuple[Scene, Structure]:
     """Return a scene and its stuck structure.  Collective."""
     scene = read_scene(path)
-    return scene, build_structure(scene, comm, RunLog(comm, screen=False))
+    return scene, build(scene, comm, RunLog(comm, screen=False))
 
 
 def by(scene, method: str, **solver):

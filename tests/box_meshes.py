@@ -1,12 +1,13 @@
-"""Small structured meshes of every element kind, and stand-ins for scenes, for the tests of mesh and assembly."""
+"""Small structured meshes of every element kind, and settings for them, for the tests of mesh and assembly."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
+from pathlib import Path
 
 import numpy as np
 
 from microslip.mesh.data import ElementBlock, Mesh
+from microslip.mesh.settings import Body, Joint, Load, MeshSettings, Output, Support
 
 KINDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15")
 # A hexahedron of corners 0 to 7 as six tetrahedra or two wedges; neighbours fit.
@@ -59,31 +60,20 @@ def mesh_of(*parts, groups=None, faces=()) -> Mesh:
     return Mesh("box.msh", points, np.arange(1001, 1001 + len(points)), tuple(blocks), tuple(faces), node_groups)
 
 
-def joint(name="joint", surfaces=("lower_top", "upper_bottom"), **changes) -> SimpleNamespace:
-    values = {
-        "friction": 0.3,
-        "tangential_stiffness": 2e13,
-        "normal_stiffness": 3e13,
-        "preload": 5e7,
-        "gap": 0.0,
-        "friction_limit": "circle",
-        "tolerance": None,
-    }
-    return SimpleNamespace(name=name, surfaces=surfaces, pairs=None, **{**values, **changes})
+def joint(name="joint", surfaces=("lower_top", "upper_bottom"), **changes) -> Joint:
+    values = {"friction": 0.3, "tangential_stiffness": 2e13, "normal_stiffness": 3e13, "preload": 5e7}
+    return Joint(name=name, surfaces=surfaces, **{**values, **changes})
 
 
-def scene(bodies, supports=(), joints=(), loads=(), outputs=(), mesh="box.msh", folder=".", scale=1.0):
-    """Return what mesh and assembly read of a scene; ``bodies`` maps names to groups, supports are (group, axes)."""
-    steel = SimpleNamespace(young=2.1e11, poisson=0.3, density=7800.0)
-    whole = {"material": "steel", "integration": "full", "incompatible_modes": True}
-    nowhere = {"position": None, "node": None, "group": None, "dof": None}
-    return SimpleNamespace(
-        model=SimpleNamespace(mesh=mesh, scale=scale),
-        folder=folder,
-        materials={"steel": steel},
-        bodies={name: SimpleNamespace(group=group, **whole) for name, group in bodies.items()},
-        supports=tuple(SimpleNamespace(group=group, fix=fix) for group, fix in supports),
+def settings(bodies, supports=(), joints=(), loads=(), outputs=(), file="box.msh", scale=1.0) -> MeshSettings:
+    """Return the settings of a mesh of steel; ``bodies`` maps names to groups, supports are (group, axes)."""
+    return MeshSettings(
+        file=Path(file),
+        stated=Path(file).name,
+        scale=scale,
+        bodies={name: Body(group=group, young=2.1e11, poisson=0.3, density=7800.0) for name, group in bodies.items()},
+        supports=tuple(Support(group=group, fix=tuple(fix)) for group, fix in supports),
         joints=tuple(joints),
-        loads=tuple(SimpleNamespace(**{**nowhere, **load}) for load in loads),
-        outputs=tuple(SimpleNamespace(**{**nowhere, **output}) for output in outputs),
+        loads=tuple(Load(**load) for load in loads),
+        outputs=tuple(Output(**output) for output in outputs),
     )

@@ -9,9 +9,10 @@ import scipy.io
 import scipy.sparse as sp
 
 from microslip.assembly.pair_file import COLUMNS
+from microslip.library.build import build
+from microslip.library.prepare import prepare
 from microslip.observe.log import RunLog
-from microslip.reduction.methods import reduce_by_method
-from microslip.run import build_structure, follow
+from microslip.run import respond
 from microslip.scene.read import read_scene
 
 HZ = 2.0 * np.pi
@@ -81,10 +82,9 @@ def branches_of(path: Path, comm) -> list:
     """Return the branches of every level of a scene file, by the stages of ``microslip run`` up to results.h5.  Collective."""
     scene = read_scene(path)
     log = RunLog(comm, screen=False)
-    structure = build_structure(scene, comm, log)
-    reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-    found = follow(scene, structure, reduction, path.parent / "results", (), log)
-    structure.linearised.destroy()
+    structure = build(scene, comm, log)
+    found = respond(prepare(structure, has_bars=False), path.parent / "results", (), 1, log)
+    structure.close()
     assert not any(branch.failure for branch in found), [branch.failure for branch in found]
     return found
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 from mpi4py import MPI
 
+from microslip import __version__
 from microslip.contact.law import OPEN, SLIP, STICK
 from microslip.continuation.branch import Branch, Point
 from microslip.mesh.data import ContactPairs
 from microslip.observe.observer import Observers
-from microslip.results.record import LinearCurve
+from microslip.results.record import LinearCurve, ResultFile, joint_of
 from microslip.results.writer import ResultWriter
 
+TITLE = "Fan-blade sector, first flap mode"
 QUAD8_RING = (0, 4, 1, 5, 2, 6, 3, 7)
 
 
@@ -74,13 +74,20 @@ def no_pairs() -> ContactPairs:
     return pairs_of(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0), (), ())
 
 
-def scene(outputs=("tip",), title="Fan-blade sector, first flap mode", method="adaptive") -> SimpleNamespace:
-    return SimpleNamespace(
+def head(pairs, outputs=("tip",), title=TITLE, H: int = 3, linear=True, method="adaptive") -> ResultFile:
+    """Return what a result file says before its levels."""
+    return ResultFile(
+        path="",
         title=title,
         name="fan_small",
-        text=f"title = {title!r}\n",
-        solver=SimpleNamespace(method=method),
-        outputs=tuple(SimpleNamespace(name=name) for name in outputs),
+        method=method,
+        scene_text=f"title = {title!r}\n",
+        options=("-hb_snes_max_it", "30"),
+        versions={"microslip": __version__, "numpy": np.__version__},
+        outputs=tuple(outputs),
+        mode_frequency=np.array([100.0, 312.5]),
+        joint=joint_of(pairs, np.arange(2 * pairs.n_pairs) + 1001),
+        linear=linear_curve(len(outputs), H) if linear else None,
     )
 
 
@@ -156,29 +163,8 @@ def linear_curve(n_outputs: int = 1, H: int = 3, low=97.0, high=102.0) -> Linear
     return LinearCurve(frequency, curve(1.0, n_outputs, frequency, 0.0, H))
 
 
-def writer_of(
-    folder,
-    pairs,
-    *,
-    outputs=("tip",),
-    title="Fan-blade sector, first flap mode",
-    H: int = 3,
-    linear=True,
-    comm=MPI.COMM_SELF,
-    method="adaptive",
-) -> ResultWriter:
-    return ResultWriter(
-        comm,
-        str(folder),
-        scene(outputs, title, method),
-        pairs,
-        N_H=2 * H + 1,
-        omega_n=2 * np.pi * np.array([100.0, 312.5]),
-        linear=linear_curve(len(outputs), H) if linear else None,
-        node_numbers=np.arange(2 * pairs.n_pairs) + 1001,
-        versions={"numpy": np.__version__},
-        options=("-hb_snes_max_it", "30"),
-    )
+def writer_of(folder, pairs, *, H: int = 3, comm=MPI.COMM_SELF, **options) -> ResultWriter:
+    return ResultWriter(comm, str(folder), head(pairs, H=H, **options), 2 * H + 1)
 
 
 def write(folder, branches, pairs, **options) -> str:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from microslip.continuation.levels import arc_length_steps, frequency_sweep, linear_curve
+from microslip.continuation.levels import ResponseProblem
 from microslip.continuation.problems import ForcedResponse
 from microslip.continuation.steps import ArcLength, LinearCurve
 from microslip.continuation.sweep import Sweep
-from microslip.harmonic.balance import HarmonicBalance
-from microslip.library.response_settings import response_settings
+from microslip.library.build import Structure, build
+from microslip.library.prepare import prepare as ready
 from microslip.observe.log import RunLog, Stage
 from microslip.parallel.agree import on_root
 from microslip.receptance.model import ReducedModel
-from microslip.reduction.build import reduce_structure
-from microslip.run import Structure, build_structure
 from microslip.scene.read import read_scene
 
 MODES = 20  # of a scene with a mesh that states none
@@ -25,41 +23,51 @@ MODES = 20  # of a scene with a mesh that states none
 
 @dataclass(frozen=True)
 class Prepared:
-    """A reduced scene, all static columns solved for, and the time and memory of each stage."""
+    """A scene reduced by `receptance`, all static columns solved for, and the time and memory of each stage."""
 
     scene: Any
     structure: Structure
-    model: ReducedModel
-    sweep: Sweep
-    curve: LinearCurve
-    steps: ArcLength
+    response: ResponseProblem
     stages: list[Stage]
 
+    @property
+    def model(self) -> ReducedModel:
+        return self.response.model
+
+    @property
+    def sweep(self) -> Sweep:
+        return self.response.sweep
+
+    @property
+    def curve(self) -> LinearCurve:
+        return self.response.curve
+
+    @property
+    def steps(self) -> ArcLength:
+        return self.response.steps
+
     def problem(self, level: float) -> ForcedResponse:
-        return ForcedResponse(HarmonicBalance.of_all(self.model, self.structure.pairs.law, self.scene.solver.samples), level)
+        return self.response.at_level(level)
 
 
-def with_modes(scene):
-    """Return the scene with a stated number of modes, the same for every method: as the scene says, else ``MODES``.
+def of_bench(scene, points: int | None = None):
+    """Return the scene by `receptance` with a stated number of modes, the same for every method: as it says, else ``MODES``.
 
-    Matrices may be too small for so many: theirs are left to the program.
+    Matrices may be too small for so many: theirs are left to the program.  ``points`` a level take the place of the scene's.
     """
-    if scene.model.mesh is None:
-        return scene
-    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"modes": scene.solver.modes or MODES})})
+    modes = scene.solver.modes if scene.model.mesh is None else scene.solver.modes or MODES
+    solver = scene.solver.model_copy(update={"method": "receptance", "modes": modes})
+    response = scene.response.model_copy(update={"points": points or scene.response.points})
+    return scene.model_copy(update={"solver": solver, "response": response})
 
 
 def prepare(path: str, comm, points: int | None = None) -> Prepared:
     """Return a scene, reduced; ``points`` a level in place of the scene's.  Collective on ``comm``."""
-    scene = with_modes(on_root(comm, read_scene, path))
+    scene = of_bench(on_root(comm, read_scene, path), points)
     with RunLog(comm, screen=False) as log:
-        structure = build_structure(scene, comm, log)
-        with log.stage("static solutions of loads and outputs"):
-            model = reduce_structure(structure.linearised, structure.modes, scene)
+        structure = build(scene, comm, log)
+        with log.stage("reduction"):
+            response = ready(structure, has_bars=False).response
         with log.stage("static columns of all pairs"):
-            model.G_static.require(np.arange(model.n_pairs))
-    settings = replace(response_settings(scene), points=points or scene.response.points)
-    sweep = frequency_sweep(settings, model.omega_n)
-    curve = linear_curve(model, sweep)
-    steps = arc_length_steps(settings, curve)
-    return Prepared(scene, structure, model, sweep, curve, steps, log.stages)
+            response.model.G_static.require(np.arange(response.model.n_pairs))
+    return Prepared(scene, structure, response, log.stages)

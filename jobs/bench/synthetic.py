@@ -19,11 +19,11 @@ from microslip.continuation.problems import ForcedResponse
 from microslip.fourier.coefficients import synthesise
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.balance import HarmonicBalance
+from microslip.parallel.ownership import split_evenly
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
-from microslip.reduction.build import split_evenly
 
 K_T = 2e7  # N/m, of each pair and direction
 OMEGA = 600.0  # rad/s, the middle of the frequencies to solve at

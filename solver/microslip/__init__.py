@@ -1,3 +1,55 @@
-"""microslip: steady-state vibration of jointed structures with friction contact."""
+"""microslip: steady-state vibration of jointed structures with friction contact.
+
+As a library (docs/library.md)::
+
+    import microslip
+    scene = microslip.read("jobs/fan_small.toml")
+    structure = microslip.build(scene)                       # mesh, matrices, factor, modes: once
+    response = microslip.respond(structure, levels=[5.0, 10.0], friction={"dovetail": 0.25})
+    response["mid_blade"].amplitude
+
+Nothing is imported, and neither MPI nor PETSc started, before it is used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .library.build import Structure, build
+    from .library.respond import respond
+    from .library.response import Curves, Response
+    from .results.read import read_results
+    from .scene.read import read_scene as read
+    from .scene.read import scene_of
+    from .scene.schema import Scene
 
 __version__ = "0.1.0"
+__all__ = ["Curves", "Response", "Scene", "Structure", "build", "read", "read_results", "respond", "scene_of"]
+
+_FROM = {
+    "Curves": ".library.response",
+    "Response": ".library.response",
+    "Scene": ".scene.schema",
+    "Structure": ".library.build",
+    "build": ".library.build",
+    "read": ".scene.read:read_scene",
+    "read_results": ".results.read",
+    "respond": ".library.respond",
+    "scene_of": ".scene.read",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name when it is first asked for; what needs PETSc starts it before."""
+    if name not in _FROM:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module, _, original = _FROM[name].partition(":")
+    if module.startswith(".library"):
+        import_module(".parallel.petsc", __name__).initialise()
+    return getattr(import_module(module, __name__), original or name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

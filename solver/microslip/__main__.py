@@ -87,13 +87,14 @@ def _solve(command: Command, comm) -> int:
     stop_on(signal.SIGTERM)  # PETSc has taken it for a message of its own
     from . import run
     from .studies import batch as several
+    from .studies import check
     from .studies.compare import story as compare
     from .studies.trade import story as trade
     from .studies.verify import story as verify
 
     status = 0
     if command.name == "check":
-        run.check(scene, comm)
+        check.check(scene, comm)
         return 0
     if command.name == "compare":
         out = Path("results", f"{scene.name}_compare") if command.out is None else command.out

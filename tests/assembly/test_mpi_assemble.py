@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from box_meshes import KINDS, box, joint, mesh_of, scene
+from box_meshes import KINDS, box, joint, mesh_of, settings
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -43,7 +43,7 @@ def system_of(mesh, case):
     """Return system and pairs as run.py makes them; every rank holds the mesh, only rank 0 may use it."""
     pairs = pair_contacts(mesh, case.joints)
     on_root = mesh if comm.rank == 0 else None
-    return assemble(distribute(on_root, case, comm), on_root, pairs, case, comm), pairs
+    return assemble(distribute(on_root, case, comm), on_root, pairs, case), pairs
 
 
 def gathered(matrix):
@@ -57,7 +57,7 @@ def serial(mesh, case):
     """Return K and M of all DOFs in the order of Mesh.points, element by element."""
     n = 3 * len(mesh.points)
     K, M = sp.lil_matrix((n, n)), sp.lil_matrix((n, n))
-    steel = case.materials["steel"]
+    steel = next(iter(case.bodies.values()))
     for block in mesh.elements:
         stiffness = elements.stiffness(block.kind, mesh.points[block.nodes], steel.young, steel.poisson)
         mass = elements.mass(block.kind, mesh.points[block.nodes], steel.density)
@@ -79,7 +79,7 @@ def assert_equal_matrices(system, mesh, case):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_equals_serial_assembly(kind):
-    mesh, case = one_body(kind), scene({"block": "block"}, [("base", ["x", "z"])])
+    mesh, case = one_body(kind), settings({"block": "block"}, [("base", ["x", "z"])])
     system, _ = system_of(mesh, case)
     assert system.n_dof == 3 * len(mesh.points) - 2 * len(mesh.node_groups["base"])
     assert_equal_matrices(system, mesh, case)
@@ -89,7 +89,7 @@ def test_equals_serial_assembly(kind):
 def test_small_pieces_give_the_same_matrices(monkeypatch):
     monkeypatch.setattr(assemble_module, "_CHUNK_BYTES", 1e5)  # 3 elements at a time
     monkeypatch.setattr(blocks_module, "_CHUNK_NODES", 7)
-    mesh, case = one_body("hex20"), scene({"block": "block"}, [("base", ["x", "z"])])
+    mesh, case = one_body("hex20"), settings({"block": "block"}, [("base", ["x", "z"])])
     assert_equal_matrices(system_of(mesh, case)[0], mesh, case)
 
 
@@ -106,7 +106,7 @@ def test_mixed_kinds_and_a_fully_fixed_base():
         (np.arange(len(mesh.points)) < 81)
         & np.isin(np.arange(len(mesh.points)), mesh.elements[0].nodes[:, [4, 5, 6, 7, 12, 13, 14, 15]][1::2])
     )
-    case = scene(
+    case = settings(
         {"low": "low", "high": "high", "side": "side"}, [("low", ["x", "y", "z"]), ("base", ["x", "y"]), ("high", ["z"])]
     )
     system, _ = system_of(mesh, case)
@@ -115,7 +115,7 @@ def test_mixed_kinds_and_a_fully_fixed_base():
 
 
 def test_rows_are_contiguous_per_rank_and_node_after_node():
-    mesh, case = one_body("hex20"), scene({"block": "block"}, [("base", ["y"])])
+    mesh, case = one_body("hex20"), settings({"block": "block"}, [("base", ["y"])])
     system, _ = system_of(mesh, case)
     dof = system.dof[system.dof >= 0]
     np.testing.assert_array_equal(np.sort(dof), np.arange(system.n_dof))
@@ -140,7 +140,7 @@ def rigid_modes(mesh, system):
 @pytest.mark.parametrize("kind", KINDS)
 def test_rigid_motion_costs_nothing_and_weighs_the_mass(kind):
     """One node is fixed, so that the scene is valid; rows of elements without it see the whole motion."""
-    mesh, case = one_body(kind), scene({"block": "block"}, [("base", ["x"])])
+    mesh, case = one_body(kind), settings({"block": "block"}, [("base", ["x"])])
     mesh.node_groups["base"] = np.array([0])
     system, _ = system_of(mesh, case)
     K, modes = gathered(system.K), rigid_modes(mesh, system)
@@ -149,14 +149,14 @@ def test_rigid_motion_costs_nothing_and_weighs_the_mass(kind):
     rows = system.dof[far].ravel()
     assert abs(K @ modes)[rows].max() <= 1e-12 * abs(K).max() * abs(modes).max()
     mass = modes[:, 1] @ gathered(system.M) @ modes[:, 1]
-    steel = case.materials["steel"]
+    steel = next(iter(case.bodies.values()))
     volume = sum(elements.mass(b.kind, mesh.points[b.nodes], 1.0).sum() for b in mesh.elements)
     assert mass == pytest.approx(steel.density * volume, rel=1e-12)
 
 
 def test_relative_motion_of_the_pairs():
     mesh = stack()
-    case = scene({"low": "low", "high": "high"}, [("base", ["x", "y", "z"])], [joint()])
+    case = settings({"low": "low", "high": "high"}, [("base", ["x", "y", "z"])], [joint()])
     system, pairs = system_of(mesh, case)
     assert system.R.shape == (3 * pairs.n_pairs, system.n_dof)
     assert abs(system.R @ rigid_modes(mesh, system)[:, :3]).max() <= 1e-13
@@ -173,7 +173,7 @@ def test_relative_motion_of_the_pairs():
 
 def test_ground_and_fixed_partners_drop_out_of_R():
     mesh = stack()
-    case = scene({"low": "low", "high": "high"}, [("low", ["x", "y", "z"])], [joint()])
+    case = settings({"low": "low", "high": "high"}, [("low", ["x", "y", "z"])], [joint()])
     system, pairs = system_of(mesh, case)
     assert system.R.getnnz() <= 9 * pairs.n_pairs
     u = rigid_modes(mesh, system)[:, 2]
@@ -183,7 +183,7 @@ def test_ground_and_fixed_partners_drop_out_of_R():
 def test_loads_and_outputs():
     mesh = stack()
     tip = int(mesh.numbers[-1])
-    case = scene(
+    case = settings(
         {"low": "low", "high": "high"},
         [("base", ["x", "y"])],
         [joint()],
@@ -207,7 +207,7 @@ def test_loads_and_outputs():
 
 def test_parts_of_the_rows():
     mesh = stack()
-    case = scene({"disc": "low", "blade": "high"}, [("base", ["x", "y", "z"])], [joint()])
+    case = settings({"disc": "low", "blade": "high"}, [("base", ["x", "y", "z"])], [joint()])
     system, _ = system_of(mesh, case)
     assert system.part_names == ("body 'disc'", "body 'blade'")
     parts = np.concatenate(comm.allgather(system.parts))
@@ -216,7 +216,7 @@ def test_parts_of_the_rows():
 
 
 def test_a_rank_may_own_nothing():
-    mesh, case = one_body("hex8", (1, 1, 1)), scene({"block": "block"}, [("base", ["x", "y", "z"])])
+    mesh, case = one_body("hex8", (1, 1, 1)), settings({"block": "block"}, [("base", ["x", "y", "z"])])
     system, _ = system_of(mesh, case)
     assert system.K.getLocalSize()[0] == (12 if comm.rank == 0 else 0)
     assert_equal_matrices(system, mesh, case)
@@ -227,7 +227,7 @@ def test_a_rank_may_own_nothing():
 
 
 def test_matrices_say_that_they_are_symmetric():
-    system, _ = system_of(one_body("tet4"), scene({"block": "block"}, [("base", ["x", "y", "z"])]))
+    system, _ = system_of(one_body("tet4"), settings({"block": "block"}, [("base", ["x", "y", "z"])]))
     assert system.K.isSymmetricKnown() == (True, True) and system.M.isSymmetricKnown() == (True, True)
     assert PETSc.Mat.Type.SEQAIJ in system.K.getType() or PETSc.Mat.Type.MPIAIJ in system.K.getType()
 
@@ -236,7 +236,7 @@ def test_inverted_elements_are_named_once():
     mesh = one_body("hex8", (3, 2, 2))
     for row in (1, 7):
         mesh.elements[0].nodes[row] = mesh.elements[0].nodes[row][[4, 5, 6, 7, 0, 1, 2, 3]]
-    case = scene({"blade": "block"}, [("base", ["x", "y", "z"])])
+    case = settings({"blade": "block"}, [("base", ["x", "y", "z"])])
     named = r"2 elements are inverted .*elements (2, 8|8, 2).* hex8 element [28] of body 'blade'"
     with pytest.raises(MeshError, match=named):
         system_of(mesh, case)
@@ -253,4 +253,4 @@ def test_inverted_elements_are_named_once():
 )
 def test_scenes_that_cannot_move_or_cannot_stay(supports, loads, error, message):
     with pytest.raises(error, match=message):
-        system_of(one_body("hex8"), scene({"blade": "block"}, supports, loads=loads))
+        system_of(one_body("hex8"), settings({"blade": "block"}, supports, loads=loads))

@@ -10,11 +10,12 @@ from mpi4py import MPI
 from oracles import exact, scenes
 
 from microslip.fourier.amplitudes import to_complex, to_real
+from microslip.library.build import build
+from microslip.library.settings import reduction_settings
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
 from microslip.reduction.build import reduce_structure
-from microslip.run import build_structure
 from microslip.scene.read import read_scene
 
 COMM = MPI.COMM_WORLD
@@ -37,8 +38,8 @@ def reduced(folder, system, **solver):
     frequencies = (0.9 * OMEGA[system["name"].split()[0]], 1.1 * OMEGA[system["name"].split()[0]])
     path = on_root(COMM, lambda: write_matrix_scene(folder, system, [1.0], frequencies, **solver))
     scene = on_root(COMM, read_scene, path)
-    structure = build_structure(scene, COMM, RunLog(COMM, screen=False))
-    return structure, reduce_structure(structure.linearised, structure.modes, scene)
+    structure = build(scene, COMM, RunLog(COMM, screen=False))
+    return structure, reduce_structure(structure, reduction_settings(scene))
 
 
 def gathered(A):

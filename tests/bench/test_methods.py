@@ -10,7 +10,7 @@ import methods
 import numpy as np
 import pytest
 import scipy.linalg
-from box_meshes import box, joint, mesh_of, scene
+from box_meshes import box, joint, mesh_of, settings
 from comparison import CONDENSED, REFERENCE, RUBIN, Comparison, Row
 from condensed import CondensedFullSet, jacobian, solve_dense
 from dense_model import forced, reduced
@@ -28,7 +28,8 @@ from microslip.mesh.partition import distribute
 from microslip.modes.eigen import lowest_modes
 from microslip.reduction.build import reduce_structure
 from microslip.reduction.selection import AllPairs, NonStickingPairs
-from microslip.run import Structure
+from microslip.reduction.settings import ModalDamping, ReductionSettings
+from microslip.reduction.stuck import StuckStructure, static_response
 
 COMM = MPI.COMM_SELF
 
@@ -97,19 +98,18 @@ def two_boxes(n_modes):
         "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2),
     }
     mesh = mesh_of(("low", "hex8", *box("hex8")), ("high", "hex8", *box("hex8", origin=(0.0, 0.0, 1.0))), groups=groups)
-    case = scene(
+    case = settings(
         {"low": "low", "high": "high"},
         [("base", ["x", "y", "z"])],
         [joint(tangential_stiffness=2e11, normal_stiffness=3e11, preload=100.0)],
         [{"position": (1.0, 1.0, 1.5), "direction": (1.0, 0.4, 0.1), "scale": 1.0, "harmonic": 1, "phase": 0.3}],
         [{"name": "top", "position": (0.0, 0.5, 2.0), "direction": (0.0, 1.0, 0.0)}],
     )
-    case.damping = SimpleNamespace(ratio=0.02, rayleigh=None)
-    case.solver, case.harmonics = SimpleNamespace(harmonics=3), 3
+    scene = SimpleNamespace(loads=case.loads, damping=ModalDamping(ratio=0.02))
     pairs = pair_contacts(mesh, case.joints)
-    linearised = linearise(assemble(distribute(mesh, case, COMM), mesh, pairs, case, COMM), pairs)
-    structure = Structure(mesh, pairs, linearised, lowest_modes(linearised, n_modes))
-    return structure, case, reduce_structure(linearised, structure.modes, case)
+    linearised = linearise(assemble(distribute(mesh, case, COMM), mesh, pairs, case), pairs)
+    structure = StuckStructure(linearised, pairs, static_response(linearised), lowest_modes(linearised, n_modes))
+    return structure, scene, reduce_structure(structure, ReductionSettings(loads=case.loads, damping=scene.damping))
 
 
 @pytest.mark.parametrize("level", [0.05, 4.0])

@@ -10,11 +10,11 @@ from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequenc
 from microslip.continuation.sweep import Sweep
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.balance import HarmonicBalance
+from microslip.parallel.ownership import split_evenly
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
-from microslip.reduction.build import split_evenly
 from microslip.reduction.selection import AllPairs
 
 

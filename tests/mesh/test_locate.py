@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from box_meshes import box, joint, mesh_of, scene
+from box_meshes import box, joint, mesh_of, settings
 
 from microslip.mesh.connected import check_held, connected_parts
 from microslip.mesh.locate import find_node, nearest_node
@@ -41,11 +41,11 @@ def test_find_node_fails_with_one_message():
 
 def test_parts_are_named_by_their_bodies():
     mesh = stack()
-    part, names = connected_parts(mesh, scene({"disc": "low", "blade": "high"}))
+    part, names = connected_parts(mesh, {"low": "disc", "high": "blade"})
     assert names == ("body 'disc'", "body 'blade'")
     assert np.bincount(part).tolist() == [27, 27]
     both = np.vstack([block.nodes for block in mesh.elements])
-    _, names = connected_parts(mesh_of(("all", "hex8", mesh.points, both)), scene({"all": "all"}))
+    _, names = connected_parts(mesh_of(("all", "hex8", mesh.points, both)), {"all": "all"})
     assert names[0] == "body 'all' (a separate piece around (0.5, 0.5, 0.5) m)"
 
 
@@ -59,11 +59,11 @@ def test_parts_are_named_by_their_bodies():
 )
 def test_every_part_must_be_held(supports, joints, message):
     mesh = stack()
-    case = scene({"disc": "low", "blade": "high"}, supports, joints)
-    part, names = connected_parts(mesh, case)
+    case = settings({"disc": "low", "blade": "high"}, supports, joints)
+    part, names = connected_parts(mesh, case.body_of)
     pairs = pair_contacts(mesh, case.joints)
     if message is None:
-        check_held(part, names, mesh, case, pairs)
+        check_held(part, names, mesh, case.supports, pairs)
     else:
         with pytest.raises(MeshError, match=message):
-            check_held(part, names, mesh, case, pairs)
+            check_held(part, names, mesh, case.supports, pairs)

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from box_meshes import KINDS, box, mesh_of, scene
+from box_meshes import KINDS, box, mesh_of, settings
 from mpi4py import MPI
 
 from microslip.mesh.partition import distribute
 
 comm = MPI.COMM_WORLD
-CASE = scene({"left": "low", "right": "high"})
+CASE = settings({"left": "low", "right": "high"})
 
 
 def two_kinds():

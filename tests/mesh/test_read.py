@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from box_meshes import EDGES, KINDS, box, joint, scene
+from box_meshes import EDGES, KINDS, box, joint, settings
 
 from microslip.mesh.read import read_mesh
 from microslip.mesh.via_meshio import load_meshio
@@ -31,8 +31,8 @@ def meshio_box(kind):
     return meshio.Mesh(points, cells, cell_data=data, field_data=names, point_data={"gmsh:dim_tags": dims})
 
 
-def scene_of(path, scale=1.0):
-    return scene({"block": "block"}, [("bottom", ["x", "y", "z"])], mesh=path.name, folder=path.parent, scale=scale)
+def settings_of(path, scale=1.0):
+    return settings({"block": "block"}, [("bottom", ["x", "y", "z"])], file=path, scale=scale)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -41,7 +41,7 @@ def test_gmsh_formats_give_vtk_order_and_groups(tmp_path, kind, file_format, bin
     written = meshio_box(kind)
     path = tmp_path / "box.msh"
     meshio.write(path, written, file_format=file_format, binary=binary)
-    mesh = read_mesh(scene_of(path, scale=1e-3))
+    mesh = read_mesh(settings_of(path, scale=1e-3))
     assert [(block.kind, block.group) for block in mesh.elements] == [(kind, "block")]
     as_written = mesh.numbers - 1  # version 4.1 writes the nodes entity by entity
     np.testing.assert_allclose(mesh.points, 1e-3 * written.points[as_written], atol=1e-15)
@@ -57,7 +57,7 @@ def test_other_formats_give_the_same_mesh(tmp_path, ending):
     written = meshio.Mesh(points, [("hexahedron20", elements)], cell_data={array: [np.full(len(elements), 7)]})
     meshio.write(path, written)
     group = "7" if ending == ".bdf" else "part=7"
-    mesh = read_mesh(scene({"block": group}, mesh=path.name, folder=path.parent))
+    mesh = read_mesh(settings({"block": group}, file=path))
     np.testing.assert_allclose(mesh.points, points, atol=1e-12)
     np.testing.assert_array_equal(mesh.elements[0].nodes, elements)
 
@@ -68,7 +68,7 @@ def test_nastran_numbers_and_properties(tmp_path):
     lines = [f"GRID,{10 * i},0,{x}.,{y}.,{z}." for i, (x, y, z) in enumerate(corners, 1)]
     lines += ["PSOLID,3,1", "CTETRA,77,3,10,20,30,40", "CTRIA3,78,3,10,30,20"]
     path.write_text("\n".join(lines))
-    mesh = read_mesh(scene({"block": "volume 3"}, [("surface 3", ["x"])], mesh=path.name, folder=tmp_path))
+    mesh = read_mesh(settings({"block": "volume 3"}, [("surface 3", ["x"])], file=path))
     assert mesh.numbers.tolist() == [10, 20, 30, 40] and mesh.elements[0].numbers.tolist() == [77]
     assert mesh.numbers[mesh.node_groups["surface 3"]].tolist() == [10, 20, 30]
 
@@ -108,7 +108,7 @@ ABAQUS = """*HEADING
 def test_abaqus_sets_surfaces_and_numbers(tmp_path):
     path = tmp_path / "box.inp"
     path.write_text(ABAQUS)
-    mesh = read_mesh(scene({"all": "both"}, [("low", ["x"])], mesh=path.name, folder=path.parent))
+    mesh = read_mesh(settings({"all": "both"}, [("low", ["x"])], file=path))
     assert {block.kind: block.numbers.tolist() for block in mesh.elements} == {"hex8": [5], "wedge6": [6]}
     assert mesh.numbers[mesh.node_groups["low"]].tolist() == [10, 20, 30, 40]
     assert mesh.numbers[mesh.node_groups["of_wedge"]].tolist() == [20, 30, 60, 70, 90, 100]
@@ -128,7 +128,7 @@ def test_abaqus_quadratic_surface_has_its_mid_sides(tmp_path):
     for face in (1, 2, 3, 4):
         lines += [f"*SURFACE, NAME=s{face}", f"1, S{face}"]
     path.write_text("\n".join(lines))
-    mesh = read_mesh(scene({"block": "block"}, mesh=path.name, folder=path.parent))
+    mesh = read_mesh(settings({"block": "block"}, file=path))
     for block in mesh.faces:
         corners, mid = block.nodes[0, :3], block.nodes[0, 3:]
         ends = mesh.points[corners], mesh.points[np.roll(corners, -1)]
@@ -182,7 +182,7 @@ $EndElements
 def read_text(tmp_path, text, name="box.msh", bodies=None, **more):
     path = tmp_path / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return read_mesh(scene(bodies or {"block": "block"}, mesh=name, folder=tmp_path, **more))
+    return read_mesh(settings(bodies or {"block": "block"}, file=tmp_path / name, **more))
 
 
 def test_user_numbers_left_out_elements_and_unused_nodes(tmp_path):
@@ -252,7 +252,7 @@ def test_unknown_ending_and_missing_file(tmp_path):
     with pytest.raises(CaseError, match=r"the ending '.stl' is not known; known are .msh, .inp, .vtu"):
         read_text(tmp_path, "", "box.stl")
     with pytest.raises(CaseError, match="there is no file"):
-        read_mesh(scene({"block": "block"}, mesh="none.msh", folder=tmp_path))
+        read_mesh(settings({"block": "block"}, file=tmp_path / "none.msh"))
 
 
 def test_unknown_group_offers_the_nearest_and_lists_the_rest(tmp_path):
@@ -279,7 +279,7 @@ def test_unsupported_kind_is_named_with_advice(tmp_path):
     path = tmp_path / "pyramid.vtk"
     meshio.write(path, meshio.Mesh(points, [("pyramid", elements[:, :5])], cell_data={"part": [np.array([1])]}))
     with pytest.raises(MeshError, match=r"holds 1 elements of kind pyramid5, which is not supported \(supported: tet4"):
-        read_mesh(scene({"block": "part=1"}, mesh=path.name, folder=tmp_path))
+        read_mesh(settings({"block": "part=1"}, file=path))
 
 
 def test_quadratic_kinds_have_mid_sides_between_their_ends():

@@ -3,11 +3,11 @@
 import os
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import meshio
 import numpy as np
 import pytest
+from box_meshes import joint, settings
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -183,36 +183,13 @@ def test_fan_sectors_fit_each_other(small):
         assert np.allclose(distance, radius, rtol=1e-12)
 
 
-def scene_of(path, first, second):
-    joint = SimpleNamespace(
-        name="joint",
-        surfaces=(first, second),
-        tolerance=None,
-        friction=0.3,
-        gap=0.0,
-        preload=5e7,
-        tangential_stiffness=2e13,
-        normal_stiffness=3e13,
-        friction_limit="circle",
-    )
-    bodies = {name: SimpleNamespace(group=name) for name in ("blade", "disc")}
-    return SimpleNamespace(
-        folder=os.path.dirname(path),
-        model=SimpleNamespace(mesh=os.path.basename(path), scale=1.0),
-        bodies=bodies,
-        supports=(),
-        joints=(joint,),
-        loads=(),
-    )
-
-
 def test_fan_as_the_program_sees_it(small, tmp_path):
     path = str(tmp_path / "fan.msh")
     write_msh(path, small)
-    scene = scene_of(path, "blade_root", "disc_slot")
-    mesh = read_mesh(scene)
+    case = settings({"blade": "blade", "disc": "disc"}, joints=[joint(surfaces=("blade_root", "disc_slot"))], file=path)
+    mesh = read_mesh(case)
     assert {"blade", "disc", "blade_root", "disc_slot", "disc_base", "blade_tip"} <= set(mesh.node_groups)
-    pairs = pair_contacts(mesh, scene.joints)
+    pairs = pair_contacts(mesh, case.joints)
     s = Shape()
     assert pairs.n_pairs == len(small["blade"].face_nodes("blade_root"))
     assert pairs.area.min() > 0.0

@@ -9,15 +9,15 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 from petsc4py import PETSc
 
+from microslip.library.build import build
+from microslip.library.prepare import prepare
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ResourceError
 from microslip.parallel.groups import Counter, Reports, dealt, refuse_too_many, split
 from microslip.receptance.on_group import model_on_group
-from microslip.reduction.methods import reduce_by_method
 from microslip.results.read import read_results
 from microslip.results.table import ResponseTable
-from microslip.run import build_structure
 from microslip.scene.read import read_scene
 
 LEVELS = [0.1, 0.4, 0.02, 0.2]  # N, neither rising nor falling
@@ -111,8 +111,8 @@ def test_each_group_holds_the_whole_model(comm, shared_path, monkeypatch):
     monkeypatch.setattr("microslip.receptance.on_group._BATCH", 2)
     path = on_root(comm, lambda: write_matrix_scene(shared_path, scenes.chain(), [0.4], (1.0, 1.6)))
     scene = read_scene(path)
-    structure = build_structure(scene, comm, RunLog(comm, screen=False))
-    model = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene).model
+    structure = build(scene, comm, RunLog(comm, screen=False))
+    model = prepare(structure).model
     parts = split(comm, min(2, comm.size))
     own, everything = model_on_group(model, parts.comm), np.arange(model.n_pairs)
     whole = np.concatenate(comm.allgather(model.G_static.transposed(everything)), axis=1)

@@ -7,6 +7,8 @@ from matrix_scenes import asked, branches_of, write_matrix_scene
 from mpi4py import MPI
 
 from microslip.fourier.harmonics import Harmonics
+from microslip.library.build import build, from_matrices
+from microslip.library.settings import reduction_settings
 from microslip.linear.joint_springs import linearise
 from microslip.modes.eigen import lowest_modes
 from microslip.modes.limits import most_modes, refuse_too_many
@@ -16,8 +18,8 @@ from microslip.parallel.errors import CaseError
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.reduction import choose_modes
+from microslip.reduction.stuck import StuckStructure, static_response
 from microslip.reduction.truncation import gains, left_out, residual_norms
-from microslip.run import build_structure, from_matrices
 from microslip.scene.read import read_scene
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -65,15 +67,15 @@ def structure_of(path):
     lines = []
     log = RunLog(comm, screen=False)
     log.note = lines.append
-    return build_structure(read_scene(path), comm, log), lines[-1]
+    return build(read_scene(path), comm, log), lines[-1]
 
 
 def all_modes(path):
-    """Return scene, pairs, stuck structure and all of its modes."""
+    """Return scene and stuck structure with all of its modes."""
     scene = read_scene(path)
     _, system, pairs = from_matrices(scene, comm, RunLog(comm, screen=False))
     linearised = linearise(system, pairs)
-    return scene, pairs, linearised, lowest_modes(linearised, system.n_dof)
+    return scene, StuckStructure(linearised, pairs, static_response(linearised), lowest_modes(linearised, system.n_dof))
 
 
 def test_gains_cover_every_mode_left_out():
@@ -87,15 +89,15 @@ def test_gains_cover_every_mode_left_out():
 
 @pytest.mark.ranks(1, 2, 3)
 def test_residual_norms_are_sums_over_the_modes_left_out(shared_path):
-    _, _, linearised, modes = all_modes(written(shared_path, chain(40)))
+    _, stuck = all_modes(written(shared_path, chain(40)))
     x = np.random.default_rng(1).standard_normal((40, 2)) @ np.array([[1.0, 0.3j, 1.0], [0.5j, 1.0, 0.0]])
-    first, last = linearised.M.getOwnershipRange()
-    phi = np.concatenate(comm.allgather(modes.phi_owned))
-    share = np.abs(phi.T @ x / modes.omega_n[:, None]) ** 2
+    first, last = stuck.linearised.M.getOwnershipRange()
+    phi = np.concatenate(comm.allgather(stuck.modes.phi_owned))
+    share = np.abs(phi.T @ x / stuck.modes.omega_n[:, None]) ** 2
     exact = [share[m:].sum(axis=0) for m in range(1, 41)]
-    found = residual_norms(linearised, modes, x[first:last]) ** 2
+    found = residual_norms(stuck, x[first:last]) ** 2
     np.testing.assert_allclose(found, exact, rtol=1e-9, atol=1e-12 * share.sum())
-    linearised.destroy()
+    stuck.linearised.destroy()
 
 
 @pytest.mark.slow
@@ -125,10 +127,10 @@ def test_batches_grow_until_the_bound_is_met_and_nothing_is_missing(shared_path)
     n_modes = len(structure.modes.omega_n)
     assert 16 < n_modes < 64 and "restarts" in structure.modes.info and "modes below" in structure.modes.info["proof"]
     structure.linearised.destroy()
-    scene, pairs, linearised, modes = all_modes(written(shared_path, chain(450)))
-    bound = left_out(linearised, modes, pairs, scene).total
+    scene, stuck = all_modes(written(shared_path, chain(450)))
+    bound = left_out(stuck, reduction_settings(scene)).total
     assert int(np.argmax(bound <= 1e-5)) + 1 == n_modes  # the same from all modes
-    linearised.destroy()
+    stuck.linearised.destroy()
     stated, line = structure_of(written(shared_path, chain(450), accuracy=1e-5, modes=7))
     assert len(stated.modes.omega_n) == 7 and line == "modes: 7, as [solver] modes says"
     stated.linearised.destroy()
@@ -138,7 +140,7 @@ def test_an_accuracy_out_of_reach(shared_path, monkeypatch):
     monkeypatch.setattr(choose_modes, "_MOST", 32)
     with pytest.raises(CaseError, match=r"scene.toml: \[solver\] accuracy = 1e-06: 31 modes reach about .*, or state modes"):
         structure_of(written(shared_path, chain(450), accuracy=1e-6))
-    monkeypatch.setattr(choose_modes, "DEFAULT_ACCURACY", 1e-6)
+    monkeypatch.setattr("microslip.library.settings.DEFAULT_ACCURACY", 1e-6)
     structure, line = structure_of(written(shared_path, chain(450)))
     assert len(structure.modes.omega_n) == 31 and "which misses the default accuracy 1e-06" in line
     structure.linearised.destroy()

@@ -1,5 +1,7 @@
 """Every reduction method against the unreduced structure, on any number of ranks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -9,6 +11,7 @@ from matrix_scenes import write_matrix_scene
 from oracles import harmonic_balance, scenes
 
 from microslip.continuation.grid import at_frequencies
+from microslip.library.settings import reduction_settings
 from microslip.linear.dense import gram, multiply
 from microslip.modes.dense import gathered
 from microslip.parallel.agree import on_root
@@ -28,7 +31,7 @@ BASES = {
 
 def reduced(scene, structure, method, **solver):
     scene = by(scene, method.split(",")[0], **solver)
-    return reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
+    return reduce_by_method(structure, reduction_settings(scene))
 
 
 def matrices(structure):
@@ -201,7 +204,7 @@ def test_frequencies_converge_from_above(comm, shared_path, method):
     errors = []
     for n_modes in (6, 15, 30):
         modes = type(structure.modes)(structure.modes.omega_n[0] * np.ones(n_modes), structure.modes.phi_owned)
-        model = reduce_by_method(structure.linearised, modes, structure.pairs, by(scene, method)).model
+        model = reduce_by_method(replace(structure, modes=modes), reduction_settings(by(scene, method))).model
         assert (model.omega_n[:6] > exact * (1.0 - 1e-10)).all()
         errors.append(np.max(model.omega_n[:6] / exact - 1.0))
     assert errors[0] > 2.0 * errors[1] > 2.0 * errors[2] > 0.0
@@ -210,7 +213,7 @@ def test_frequencies_converge_from_above(comm, shared_path, method):
 
 def test_a_floating_body_has_six_rigid_body_modes_and_attachment_modes_orthogonal_to_them(comm, shared_path):
     scene, structure = bar(comm, shared_path, method="rubin", modes=12)
-    free = free_bodies(structure.linearised, structure.modes, scene)
+    free = free_bodies(structure, reduction_settings(scene))
     system = structure.linearised.system
     assert free.n_rigid == 6
     assert np.abs(free.omega_2[:6]).max() < 1e-6 * free.omega_2[6]
@@ -246,7 +249,8 @@ def test_few_shapes_of_the_joint_make_a_small_model_that_more_shapes_improve(who
     for method in ("joint-interface-modes", "trial-vectors"):
         errors = []
         for n in (5, 20, 45):
-            model = reduce_by_method(structure.linearised, few, structure.pairs, by(scene, method, interface_modes=n)).model
+            settings = reduction_settings(by(scene, method, interface_modes=n))
+            model = reduce_by_method(replace(structure, modes=few), settings).model
             assert model.n_modes == 8 + 1 + n
             trace, exact_trace = (np.sum(m.one_family.R_phi**2 / m.omega_n**2) for m in (model, of_full.model))  # of G_static
             errors.append(1.0 - trace / exact_trace)

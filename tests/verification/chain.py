@@ -11,13 +11,11 @@ from microslip.parallel.petsc import initialise
 
 initialise()  # before anything imports PETSc; does nothing where it has been done
 
-from microslip.continuation.levels import ResponseProblem, follow_levels, response_problem
-from microslip.library.response_settings import response_settings
-from microslip.observe.log import RunLog
+from microslip.library.build import Structure, build
+from microslip.library.follow import follow
+from microslip.library.prepare import prepare
 from microslip.receptance.model import ReducedModel
-from microslip.reduction.methods import reduce_by_method
 from microslip.results.audit import energy_closure
-from microslip.run import Structure, build_structure
 from microslip.scene.read import read_scene
 
 
@@ -46,25 +44,14 @@ def solve(path: Path, comm) -> Chain:
 
 def solve_scene(scene, comm) -> Chain:
     """Return the same of a scene.  Collective on ``comm``."""
-    structure = structure_of(scene, comm)
-    reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-    branches = follow_levels(response_of(scene, structure, reduction))
+    structure = build(scene, comm)
+    prepared = prepare(structure, has_bars=False)
+    branches = follow(prepared.response)
     first, last = structure.linearised.M.getOwnershipRange()
-    structure.linearised.destroy()
+    structure.close()
     failures = [branch.failure for branch in branches if branch.failure]
     assert not failures, failures
-    return Chain(structure, reduction.model, branches, last - first)
-
-
-def structure_of(scene, comm) -> Structure:
-    """Return the structure with all pairs stuck and its modes.  Collective on ``comm``."""
-    return build_structure(scene, comm, RunLog(comm, screen=False))
-
-
-def response_of(scene, structure: Structure, reduction) -> ResponseProblem:
-    """Return what all levels of a scene share.  Collective."""
-    settings, omega_n = response_settings(scene), structure.modes.omega_n
-    return response_problem(settings, reduction.model, structure.pairs.law, reduction.selection, omega_n)
+    return Chain(structure, prepared.model, branches, last - first)
 
 
 def asked(branch) -> list:

@@ -21,14 +21,14 @@ from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
 from oracles import exact, point_check, scenes
 from oracles.point_check import BOUNDS
-from verification import chain
 from verification.extreme_cases import Case, onset
 from verification.extreme_structures import scaled
 
-from microslip.continuation.levels import follow_levels
 from microslip.continuation.point_record import HELD
+from microslip.library.build import build
+from microslip.library.follow import follow
+from microslip.library.prepare import prepare
 from microslip.parallel.errors import MicroslipError
-from microslip.reduction.methods import reduce_by_method
 from microslip.scene.read import read_scene
 
 HERE = MPI.COMM_SELF
@@ -129,14 +129,10 @@ def solved(folder: Path, system: dict, levels, band, at, case: Case) -> list:
         solver["modes"] = n_dof
     path = write_matrix_scene(folder, system, levels, band, at=at, points=case.points, outputs=_outputs(system), **solver)
     scene = read_scene(path)
-    structure = chain.structure_of(scene, HERE)
-    try:
-        reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-        response = chain.response_of(scene, structure, reduction)
+    with build(scene, HERE) as structure:
+        response = prepare(structure, has_bars=False).response
         solved_for = replace(response.curve, sticks_up_to=np.zeros(len(response.curve.omega)))  # linear levels as well
-        return follow_levels(replace(response, curve=solved_for))
-    finally:
-        structure.linearised.destroy()
+        return follow(replace(response, curve=solved_for))
 
 
 def _outputs(system: dict) -> list[int]:

@@ -19,8 +19,8 @@ from blocks import box
 from mpi4py import MPI
 from msh import write_msh
 from oracles import structures
-from verification import chain
 
+from microslip.library.build import build
 from microslip.scene.read import read_scene
 
 YOUNG, DENSITY = 210e9, 7850.0  # Pa, kg/m3
@@ -70,7 +70,7 @@ def frequencies(body, supports: dict[str, str], end, poisson: float, modes: int,
         write_msh(str(Path(folder) / "body.msh"), {"body": body})
         path = Path(folder) / "body.toml"
         path.write_text(SCENE.format(young=YOUNG, poisson=poisson, density=DENSITY, supports=held, end=list(end), modes=modes))
-        found = chain.structure_of(read_scene(path), comm)
+        found = build(read_scene(path), comm)
     found.linearised.destroy()
     return found.modes.omega_n / (2.0 * np.pi)
 

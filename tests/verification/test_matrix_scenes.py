@@ -9,8 +9,8 @@ from mpi4py import MPI
 from msh import write_msh
 from oracles import scenes, time_integration
 
+from microslip.library.build import build
 from microslip.observe.log import RunLog
-from microslip.run import build_structure
 from microslip.scene.read import read_scene
 
 HERE = MPI.COMM_SELF
@@ -185,7 +185,7 @@ def test_matrices_of_a_mesh_give_its_curve(tmp_path):
     write_msh(str(tmp_path / "bar.msh"), stacked("hex20", (0.1, 0.01, 0.01), (8, 2, 1), ground_height=0.002))
     path = tmp_path / "mesh.toml"
     path.write_text(MESH_SCENE)
-    structure = build_structure(read_scene(path), HERE, RunLog(HERE, screen=False))
+    structure = build(read_scene(path), HERE, RunLog(HERE, screen=False))
     system, (row,) = exported(structure), structure.linearised.system.outputs.indices
     omega_1 = structure.modes.omega_n[0]
     of_matrices = write_matrix_scene(

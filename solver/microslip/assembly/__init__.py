@@ -1,1 +1,1 @@
-"""From elements to K, M and the sparse maps of the scene."""
+"""From elements to K, M and the sparse maps of pairs, loads and outputs."""

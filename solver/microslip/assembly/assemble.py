@@ -1,6 +1,9 @@
-"""Assemble K and M of the free DOFs on every rank's own rows, and the maps that connect them to the scene."""
+"""Assemble K and M of the free DOFs on every rank's own rows, and the maps from them to pairs, loads and outputs."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
@@ -9,6 +12,7 @@ from .. import elements
 from ..mesh.connected import check_held, connected_parts
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
 from ..mesh.locate import find_node
+from ..mesh.settings import Body, MeshSettings
 from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
 from .blocks import BlockSum, NodePattern, expand, node_pattern
@@ -17,13 +21,16 @@ from .maps import load_map, output_map, pair_map
 from .numbering import number_dofs
 from .system import System
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 _CHUNK_BYTES = 8e6  # of element stiffness matrices held at a time
 
 
-def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, scene, comm) -> System:
+def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings) -> System:
     """Return K, M, R, loads and outputs on the free DOFs.
 
-    Collective on ``comm``.
+    Collective on ``dmesh.comm``.
 
     Parameters
     ----------
@@ -35,14 +42,15 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, sce
     MeshError, CaseError : inverted elements, a part that nothing holds, a load that moves nothing; on every rank
     ResourceError : a rank's matrix has more entries than PETSc's integers count
     """
-    check_elements(dmesh, scene)
-    is_fixed, part, part_names, load_nodes, output_nodes = on_root(comm, read_off, mesh, pairs, scene)
+    comm = dmesh.comm
+    check_elements(dmesh, settings)
+    is_fixed, part, part_names, load_nodes, output_nodes = on_root(comm, read_off, mesh, pairs, settings)
     to_mesh = np.argsort(dmesh.rank_order)
     dof, row_ranges = number_dofs(dmesh, is_fixed[to_mesh])
     n_dof = int(row_ranges[-1])
     if n_dof == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
-    K, M = _matrices(dmesh, dof, row_ranges, scene)
+    K, M = _matrices(dmesh, dof, row_ranges, settings.bodies)
     dof_of_mesh = dof[dmesh.rank_order]
     first, last = dmesh.node_ranges[comm.rank : comm.rank + 2]
     is_free = dof[first:last] >= 0
@@ -52,34 +60,34 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, sce
         M=M,
         C=None,
         R=pair_map(pairs, dof_of_mesh, n_dof),
-        loads=load_map(scene.loads, load_nodes, dof_of_mesh, n_dof),
-        outputs=output_map(scene.outputs, output_nodes, dof_of_mesh, n_dof),
+        loads=load_map(settings.loads, load_nodes, dof_of_mesh, n_dof),
+        outputs=output_map(settings.outputs, output_nodes, dof_of_mesh, n_dof),
         dof=dof_of_mesh,
         parts=np.repeat(part[to_mesh[first:last]], 3)[is_free.ravel()],
         part_names=part_names,
     )
 
 
-def read_off(mesh: Mesh, pairs: ContactPairs, scene) -> tuple:
+def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
     """Return what only the whole mesh tells: fixed DOFs by node, parts and their names, nodes of loads and outputs."""
     is_fixed = np.zeros((len(mesh.points), 3), dtype=bool)
-    for support in scene.supports:
+    for support in settings.supports:
         for axis in support.fix:
             is_fixed[mesh.node_groups[support.group], "xyz".index(axis)] = True
-    part, part_names = connected_parts(mesh, scene)
-    check_held(part, part_names, mesh, scene, pairs)
+    part, part_names = connected_parts(mesh, settings.body_of)
+    check_held(part, part_names, mesh, settings.supports, pairs)
     load_nodes = [
         find_node(mesh, position=load.position, node=load.node, group=load.group, where=f"[[loads]] {i}")
-        for i, load in enumerate(scene.loads, 1)
+        for i, load in enumerate(settings.loads, 1)
     ]
     output_nodes = [
         find_node(mesh, position=output.position, node=output.node, where=f"[[outputs]] {output.name!r}")
-        for output in scene.outputs
+        for output in settings.outputs
     ]
     return is_fixed, part, part_names, load_nodes, output_nodes
 
 
-def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, scene):
+def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, Body]):
     """Return K and M as PETSc matrices.  Collective on ``dmesh.comm``.
 
     M couples equal directions only: its pattern is a third of K's, and part of it.
@@ -97,38 +105,36 @@ def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, s
         ResourceError,
     )
     n_owned = int(row_ranges[comm.rank + 1] - row_ranges[comm.rank])
-    sums = _sums(dmesh, scene, pattern)
+    sums = _sums(dmesh, bodies, pattern)
     K = _petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
     M = _petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
     M.setOption(PETSc.Mat.Option.SPD, True)
     return K, M
 
 
-def _sums(dmesh: DistributedMesh, scene, pattern: NodePattern) -> list[BlockSum]:
+def _sums(dmesh: DistributedMesh, bodies: Mapping[str, Body], pattern: NodePattern) -> list[BlockSum]:
     """Return the sums of the element matrices, K and M.  Local."""
     sums = [BlockSum(pattern, 3), BlockSum(pattern, 1)]
     for block in dmesh.blocks:
-        _add_elements(block, scene, pattern, *sums)
+        _add_elements(block, bodies[block.body], pattern, *sums)
     return sums
 
 
-def _add_elements(block: LocalBlock, scene, pattern: NodePattern, K_sum: BlockSum, M_sum: BlockSum) -> None:
+def _add_elements(block: LocalBlock, body: Body, pattern: NodePattern, K_sum: BlockSum, M_sum: BlockSum) -> None:
     """Add a block's element matrices, a bounded number of elements at a time."""
-    body = scene.bodies[block.body]
-    material = scene.materials[body.material]
     n_nodes = block.nodes.shape[1]
     n_chunk = max(1, int(_CHUNK_BYTES / (8 * (3 * n_nodes) ** 2)))
     for start in range(0, len(block.nodes), n_chunk):
         chunk = slice(start, start + n_chunk)
         points = block.points[chunk]
         is_owned, positions = pattern.positions(block.nodes[chunk])
-        K = elements.stiffness(block.kind, points, material.young, material.poisson, body.integration, body.incompatible_modes)
+        K = elements.stiffness(block.kind, points, body.young, body.poisson, body.integration, body.incompatible_modes)
         K_sum.add(is_owned, positions, K.reshape(-1, n_nodes, 3, n_nodes, 3))
-        M = elements.mass(block.kind, points, material.density, body.integration)
+        M = elements.mass(block.kind, points, body.density, body.integration)
         M_sum.add(is_owned, positions, M.reshape(-1, n_nodes, 1, n_nodes, 1))
 
 
-def _petsc_matrix(comm, n_owned: int, csr: tuple[np.ndarray, ...]):
+def _petsc_matrix(comm: MPI.Comm, n_owned: int, csr: tuple[np.ndarray, ...]):
     """Return a symmetric AIJ matrix from this rank's rows.  Collective on ``comm``."""
     size = ((n_owned, None), (n_owned, None))
     matrix = PETSc.Mat().createAIJ(size, csr=csr, comm=comm)

@@ -5,32 +5,32 @@ from __future__ import annotations
 import numpy as np
 
 from .. import elements
-from ..mesh.data import DistributedMesh
+from ..mesh.data import DistributedMesh, LocalBlock
+from ..mesh.settings import MeshSettings
 from ..parallel.errors import MeshError
 
 _CHUNK = 5000  # elements whose Jacobians are held at a time
 
 
-def check_elements(dmesh: DistributedMesh, scene) -> None:
+def check_elements(dmesh: DistributedMesh, settings: MeshSettings) -> None:
     """Raise MeshError on every rank if any element has a Jacobian determinant that is not positive.
 
     Collective on ``dmesh.comm``: one gather of the element numbers at fault.
     """
-    bad_owned = [bad for block in dmesh.blocks for bad in _not_positive(block, scene)]
+    bad_owned = [bad for block in dmesh.blocks for bad in _not_positive(block, settings.bodies[block.body].integration)]
     bad = sorted({found for rank in dmesh.comm.allgather(bad_owned) for found in rank})  # ranks share some elements
     if bad:
         lowest, number, kind, body = min((det, number, kind, body) for body, kind, number, det in bad)
         first = ", ".join(str(number) for _, _, number, _ in bad[:10]) + (", ..." if len(bad) > 10 else "")
         raise MeshError(
-            f"{scene.model.mesh}: {len(bad)} elements are inverted or collapsed (elements {first}); the worst is "
+            f"{settings.stated}: {len(bad)} elements are inverted or collapsed (elements {first}); the worst is "
             f"{kind} element {number} of body {body!r} with det J = {lowest:.3g} m3, it must be > 0; check the order of its "
             "nodes, and whether mid-side nodes lie far from the middle of their edges"
         )
 
 
-def _not_positive(block, scene) -> list[tuple[str, str, int, float]]:
+def _not_positive(block: LocalBlock, integration: str) -> list[tuple[str, str, int, float]]:
     """Return (body, kind, number, det J) of a block's elements at fault."""
-    integration = scene.bodies[block.body].integration
     found = []
     for start in range(0, len(block.nodes), _CHUNK):
         chunk = slice(start, start + _CHUNK)

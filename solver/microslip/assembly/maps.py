@@ -1,11 +1,14 @@
-"""The small sparse maps between DOFs and what the scene names: contact pairs, loads, outputs."""
+"""The small sparse maps between DOFs and what they serve: contact pairs, loads, outputs."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..mesh.data import ContactPairs
+from ..mesh.settings import Load, Output
 from ..parallel.errors import CaseError
 
 
@@ -27,7 +30,7 @@ def pair_map(pairs: ContactPairs, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
     return R
 
 
-def load_map(loads, nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csc_matrix:
+def load_map(loads: Sequence[Load], nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csc_matrix:
     """Return one column per load, (n_dof, n_loads): its direction, shared equally by its nodes [N/N].  Local.
 
     Raises
@@ -41,7 +44,7 @@ def load_map(loads, nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.
     return sp.vstack(columns).T.tocsc() if columns else sp.csc_matrix((n_dof, 0))
 
 
-def output_map(outputs, nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
+def output_map(outputs: Sequence[Output], nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
     """Return one row per output, (n_outputs, n_dof); a fixed DOF gives zero.  Local."""
     rows = [_row(output.direction, own, dof, n_dof) for output, own in zip(outputs, nodes, strict=True)]
     return sp.vstack(rows).tocsr() if rows else sp.csr_matrix((0, n_dof))

@@ -5,7 +5,9 @@ DOF numbers count from 0 and are the rows of the matrices.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,11 +15,16 @@ import scipy.sparse.csgraph
 from petsc4py import PETSc
 
 from ..mesh.data import ContactPairs
+from ..mesh.settings import Load, Output
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.ownership import split_evenly
 from .matrix_file import read_matrix
 from .pair_file import COLUMNS, GROUND, read_pairs
+from .settings import MatrixSettings, PairFile
 from .system import System
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 _SYMBOLS = {"stiffness": "K", "mass": "M", "damping": "C"}
 _MOST_ENTRIES = 2**31 - 1  # MPI and PETSc count with 32 bits
@@ -25,7 +32,7 @@ _MOST_ENTRIES = 2**31 - 1  # MPI and PETSc count with 32 bits
 
 @dataclass(frozen=True)
 class GivenStructure:
-    """What the files of a scene hold.  Rank 0 only."""
+    """What the files hold.  Rank 0 only."""
 
     K: sp.csr_matrix  # (n_dof, n_dof) N/m, without the joint springs
     M: sp.csr_matrix  # (n_dof, n_dof) kg
@@ -42,8 +49,8 @@ class GivenStructure:
         return int(np.count_nonzero(self.M.diagonal() == 0.0))
 
 
-def read_structure(scene) -> GivenStructure:
-    """Read the files of a scene and check that they fit together and to the scene.
+def read_structure(settings: MatrixSettings) -> GivenStructure:
+    """Read the files and check that they fit together, and to the loads and outputs.
 
     Local, on rank 0.
 
@@ -52,27 +59,26 @@ def read_structure(scene) -> GivenStructure:
     CaseError : a file, a matrix or a DOF number is at fault
     ResourceError : not enough memory
     """
-    files = {key: file for key in _SYMBOLS if (file := getattr(scene.model, key)) is not None}
-    matrices = {key: read_matrix(scene.folder / file, f"[model] {key}", _SYMBOLS[key]) for key, file in files.items()}
+    files = settings.files
+    matrices = {key: read_matrix(file, f"[model] {key}", _SYMBOLS[key]) for key, file in files.items()}
     K, M, C = (matrices.get(key) for key in _SYMBOLS)
     n_dof = K.shape[0]
     for key, matrix in matrices.items():
         if matrix.shape != K.shape:
             raise CaseError(
-                f"{scene.folder / files[key]}: [model] {key} is {matrix.shape[0]} x {matrix.shape[1]}, but the "
-                f"stiffness {n_dof} x {n_dof}"
+                f"{files[key]}: [model] {key} is {matrix.shape[0]} x {matrix.shape[1]}, but the stiffness {n_dof} x {n_dof}"
             )
-    _check_mass(M, C, f"{scene.folder / files['mass']}: [model] mass")
-    for table, entries in (("loads", scene.loads), ("outputs", scene.outputs)):
+    _check_mass(M, C, f"{files['mass']}: [model] mass")
+    named: dict[str, Sequence[Load | Output]] = {"loads": settings.loads, "outputs": settings.outputs}
+    for table, entries in named.items():
         for i, entry in enumerate(entries, 1):
-            if not entry.dof < n_dof:
-                raise CaseError(f"{scene.path}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
+            if entry.dof is None or entry.dof >= n_dof:
+                raise CaseError(f"{settings.where}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
     if K.nnz > _MOST_ENTRIES:
         raise ResourceError(
-            f"{scene.folder / files['stiffness']}: [model] stiffness has {K.nnz} entries; this version reads "
-            f"{_MOST_ENTRIES} at most"
+            f"{files['stiffness']}: [model] stiffness has {K.nnz} entries; this version reads {_MOST_ENTRIES} at most"
         )
-    return GivenStructure(K, M, C, *_read_joints(scene, n_dof))
+    return GivenStructure(K, M, C, *_read_joints(settings.joints, n_dof))
 
 
 def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
@@ -92,14 +98,14 @@ def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
                 )
 
 
-def _read_joints(scene, n_dof: int) -> tuple[ContactPairs, np.ndarray]:
+def _read_joints(joints: Sequence[PairFile], n_dof: int) -> tuple[ContactPairs, np.ndarray]:
     """Return the pairs of all joints and their DOFs, (n_pairs, 6)."""
     tables, names, separate = [np.empty((0, len(COLUMNS)))], [], []
-    for joint in scene.joints:
-        table = read_pairs(scene.folder / joint.pairs, n_dof)
+    for joint in joints:
+        table = read_pairs(joint.file, n_dof)
         tables.append(table)
         names += [joint.name] * len(table)
-        separate += [joint.friction_limit == "separate"] * len(table)
+        separate += [joint.separate] * len(table)
     table = np.concatenate(tables)
     n, (mu, n0, g0, k_t, k_n) = len(table), table[:, 6:].T
     pairs = ContactPairs(
@@ -122,7 +128,7 @@ def _read_joints(scene, n_dof: int) -> tuple[ContactPairs, np.ndarray]:
 # -- on all ranks ----------------------------------------------------------------------------------------------
 
 
-def distribute_structure(given: GivenStructure | None, scene, comm) -> tuple[System, ContactPairs]:
+def distribute_structure(given: GivenStructure | None, settings: MatrixSettings, comm: MPI.Comm) -> tuple[System, ContactPairs]:
     """Return the system with the rows of its matrices split evenly over the ranks, and the pairs.
 
     Collective on ``comm``.  ``given`` on rank 0, None elsewhere; a rank may get no row.
@@ -139,8 +145,8 @@ def distribute_structure(given: GivenStructure | None, scene, comm) -> tuple[Sys
         M=M,
         C=C,
         R=_pair_map(dofs, n_dof),
-        loads=_load_map(scene.loads, n_dof),
-        outputs=_output_map(scene.outputs, n_dof),
+        loads=_load_map(settings.loads, n_dof),
+        outputs=_output_map(settings.outputs, n_dof),
         dof=None,
         parts=part[first:last],
         part_names=names,
@@ -157,13 +163,13 @@ def _pair_map(dofs: np.ndarray, n_dof: int) -> sp.csr_matrix:
     return R.tocsr()
 
 
-def _load_map(loads, n_dof: int) -> sp.csc_matrix:
+def _load_map(loads: Sequence[Load], n_dof: int) -> sp.csc_matrix:
     """Return one column a load, its scale at its DOF.  Local."""
     values = ([load.scale for load in loads], ([load.dof for load in loads], range(len(loads))))
     return sp.csc_matrix(values, (n_dof, len(loads)), dtype=float)
 
 
-def _output_map(outputs, n_dof: int) -> sp.csr_matrix:
+def _output_map(outputs: Sequence[Output], n_dof: int) -> sp.csr_matrix:
     """Return one row an output.  Local."""
     values = (np.ones(len(outputs)), (range(len(outputs)), [output.dof for output in outputs]))
     return sp.csr_matrix(values, (len(outputs), n_dof))
@@ -176,7 +182,7 @@ def _connected(K: sp.csr_matrix) -> tuple[np.ndarray, tuple[str, ...]]:
     return part, tuple(f"DOF {dof}" if n == 1 else f"the part of {n} DOFs with DOF {dof}" for dof, n in zip(first, counts))
 
 
-def _distribute(matrix: sp.csr_matrix | None, comm) -> PETSc.Mat:
+def _distribute(matrix: sp.csr_matrix | None, comm: MPI.Comm) -> PETSc.Mat:
     """Return rank 0's matrix as a PETSc matrix, rows split evenly.  Collective: three scatters."""
     here = matrix is not None
     n_dof = comm.bcast(matrix.shape[0] if here else None)
@@ -191,7 +197,7 @@ def _distribute(matrix: sp.csr_matrix | None, comm) -> PETSc.Mat:
     return A
 
 
-def _scatter(values: np.ndarray | None, counts: np.ndarray, kind: type, comm) -> np.ndarray:
+def _scatter(values: np.ndarray | None, counts: np.ndarray, kind: type, comm: MPI.Comm) -> np.ndarray:
     """Return this rank's ``counts[rank]`` of rank 0's values.  Collective."""
     own: np.ndarray = np.empty(counts[comm.rank], dtype=kind)
     comm.Scatterv(None if values is None else [np.ascontiguousarray(values, dtype=kind), counts], own)

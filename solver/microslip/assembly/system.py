@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+    from petsc4py import PETSc
 
 
 @dataclass(frozen=True)
@@ -16,10 +20,10 @@ class System:
     docs/theory.md, eq. (1.2).  The sparse maps are small and the same on every rank; their DOF axis counts the global PETSc rows.
     """
 
-    comm: Any
-    K: Any  # PETSc.Mat (n_dof, n_dof) N/m, without the joint springs
-    M: Any  # PETSc.Mat (n_dof, n_dof) kg
-    C: Any | None  # PETSc.Mat N s/m, where the user gives one; otherwise damping is modal
+    comm: MPI.Comm
+    K: PETSc.Mat  # (n_dof, n_dof) N/m, without the joint springs
+    M: PETSc.Mat  # (n_dof, n_dof) kg
+    C: PETSc.Mat | None  # N s/m, where the user gives one; otherwise damping is modal
     R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement, du = R u
     loads: sp.csc_matrix  # (n_dof, n_loads) load shapes, per unit level [N/N]
     outputs: sp.csr_matrix  # (n_outputs, n_dof)

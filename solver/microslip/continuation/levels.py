@@ -95,7 +95,7 @@ def frequency_sweep(settings: ResponseSettings, omega_n: np.ndarray) -> Sweep:
     ------
     CaseError : the mode asked for was not computed, or a frequency of ``at`` lies outside the range
     """
-    low, high = frequency_band(settings, omega_n)
+    low, high = frequency_band(settings.band, omega_n)
     highest = float(np.max(omega_n, initial=0.0)) / (2 * np.pi)
     if len(omega_n) and low > 10.0 * highest:
         raise CaseError(

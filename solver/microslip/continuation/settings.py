@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ..modes.band import Band
+
 
 @dataclass(frozen=True, kw_only=True)
 class ResponseSettings:
-    """Levels and frequencies of the curves, and how their points are solved.
-
-    The range is ``frequencies``, or ``span`` times the frequency of a ``mode``.
-    """
+    """Levels and frequencies of the curves, and how their points are solved."""
 
     levels: tuple[float, ...]  # N
-    frequencies: tuple[float, float] | None = None  # Hz
-    mode: int | None = None  # counted from 1
-    span: tuple[float, float] | None = None
+    band: Band
     at: tuple[float, ...] = ()  # Hz, that must be points
     direction: str = "up"
     points: int = 100  # a level

@@ -11,6 +11,7 @@ many pairs there are.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +19,10 @@ import scipy.sparse as sp
 from ..linear.dense import diagonal_owned, gram, multiply, summed
 from ..receptance.model import ReducedModel
 from ..reduction.build import owned_product
+
+if TYPE_CHECKING:
+    from ..linear.joint_springs import Linearised
+    from ..modes.eigen import Modes
 
 SAMPLES = 32  # random vectors: norms are known to about a quarter
 _NEAR = 0.9  # of that frequency: a harmonic above it is taken to lie here
@@ -68,7 +73,7 @@ def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
     return np.sqrt(np.concatenate([mean, cos + sin], axis=-1))
 
 
-def sample_modes_left_out(linearised, modes, model: ReducedModel) -> ModesLeftOut | None:
+def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedModel) -> ModesLeftOut | None:
     """Return the samples for the modes beyond ``modes``; None where there are none.
 
     Collective on the system's communicator: ``SAMPLES`` static solves.  docs/theory.md, eq. (11.3).
@@ -102,7 +107,7 @@ def sample_modes_left_out(linearised, modes, model: ReducedModel) -> ModesLeftOu
     )
 
 
-def beyond_modes(linearised, modes, right_owned: np.ndarray) -> np.ndarray:
+def beyond_modes(linearised: Linearised, modes: Modes, right_owned: np.ndarray) -> np.ndarray:
     """Return Z B = K_L^-1 B - phi Omega^-2 phi^T B, this rank's rows.  Collective: as many static solves as columns."""
     comm = linearised.system.comm
     of_modes = gram(comm, modes.phi_owned, right_owned) / modes.omega_n[:, None] ** 2

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 
-def wrap(block_owned: np.ndarray, comm) -> PETSc.Mat:
+def wrap(block_owned: np.ndarray, comm: MPI.Comm) -> PETSc.Mat:
     """Return a PETSc dense matrix whose local rows are ``block_owned`` (n_owned, m), in the same memory.
 
     Collective on ``comm``.  The block must be column-major (``order="F"``) and outlive the matrix, which the caller
@@ -32,19 +32,19 @@ def multiply(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
     return AX_owned
 
 
-def summed(comm, partial: np.ndarray) -> np.ndarray:
+def summed(comm: MPI.Comm, partial: np.ndarray) -> np.ndarray:
     """Return the sum of ``partial`` over the ranks, on every rank.  Collective on ``comm``: one sum."""
     total = np.array(partial, dtype=float, order="C")
     comm.Allreduce(MPI.IN_PLACE, total)
     return total
 
 
-def gram(comm, X_owned: np.ndarray, Y_owned: np.ndarray) -> np.ndarray:
+def gram(comm: MPI.Comm, X_owned: np.ndarray, Y_owned: np.ndarray) -> np.ndarray:
     """Return X^T Y, (m_x, m_y), on every rank.  Collective on ``comm``: one sum."""
     return summed(comm, X_owned.T @ Y_owned)
 
 
-def column_norms(comm, X_owned: np.ndarray) -> np.ndarray:
+def column_norms(comm: MPI.Comm, X_owned: np.ndarray) -> np.ndarray:
     """Return the Euclidean norm of each column, (m,), on every rank.  Collective on ``comm``: one sum."""
     return np.sqrt(summed(comm, np.einsum("ij,ij->j", X_owned, X_owned)))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,6 +13,9 @@ from ..parallel.errors import ConvergenceError
 from .dense import column_norms, diagonal_owned, multiply, summed, wrap
 from .free_motion import explain_singular, is_singular
 from .mumps import SINGULAR, factorise, solve_block
+
+if TYPE_CHECKING:
+    from ..assembly.system import System
 
 RESIDUAL_LIMIT = 1e-6  # |A x - b| / |b| of an answer
 _ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
@@ -29,7 +33,7 @@ class Factor:
     info : ordering, entries, memory [MB], seconds of the factorisation; solves, seconds and worst residual since
     """
 
-    def __init__(self, A: PETSc.Mat, system=None, prefix: str = "static_", what: str = "K_L"):
+    def __init__(self, A: PETSc.Mat, system: System | None = None, prefix: str = "static_", what: str = "K_L"):
         """Factor A.
 
         Collective on A's communicator.

@@ -6,7 +6,7 @@ softest motion of a fine mesh that is held, 1e-12 if only springs a million time
 
 from __future__ import annotations
 
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 from petsc4py import PETSc
@@ -15,6 +15,11 @@ from ..parallel.errors import CaseError
 from ..parallel.words import listed
 from .dense import diagonal_owned, gram, multiply, summed
 from .mumps import factorise, solve_block
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..assembly.system import System
 
 FREE = 1e-14  # z^T A z / z^T D z of a motion that counts as free; rounding leaves up to 1e-15
 _SHIFT = 1e-9  # of D, added to A to make it invertible
@@ -35,7 +40,7 @@ def is_singular(A: PETSc.Mat, ksp: PETSc.KSP) -> bool:
     return not gram(comm, z, multiply(A, z))[0, 0] > FREE  # not a number: singular too
 
 
-def explain_singular(A: PETSc.Mat, system, what: str) -> NoReturn:
+def explain_singular(A: PETSc.Mat, system: System | None, what: str) -> NoReturn:
     """Raise CaseError with the free motions of A, by part.  Collective: a factorisation of A + shift."""
     comm = A.comm.tompi4py()
     diagonal = diagonal_owned(A)
@@ -88,7 +93,7 @@ def _softest_motions(A: PETSc.Mat, diagonal: np.ndarray, what: str) -> tuple[np.
     return strains, Z_owned
 
 
-def _orthonormal(comm, diagonal: np.ndarray, Z_owned: np.ndarray) -> np.ndarray:
+def _orthonormal(comm: MPI.Comm, diagonal: np.ndarray, Z_owned: np.ndarray) -> np.ndarray:
     """Return a basis of the columns with Z^T D Z = I.  Collective: three sums."""
     for _ in range(3):
         G = gram(comm, Z_owned, diagonal[:, None] * Z_owned)
@@ -98,7 +103,7 @@ def _orthonormal(comm, diagonal: np.ndarray, Z_owned: np.ndarray) -> np.ndarray:
     return Z_owned
 
 
-def _by_part(comm, A: PETSc.Mat, diagonal: np.ndarray, Z_owned: np.ndarray, system) -> list[str]:
+def _by_part(comm: MPI.Comm, A: PETSc.Mat, diagonal: np.ndarray, Z_owned: np.ndarray, system: System | None) -> list[str]:
     """Return a phrase for each group of parts that move together in the free motions Z (Z^T D Z = I).  Collective."""
     parts = getattr(system, "parts", None)
     parts = np.zeros(len(diagonal), dtype=int) if parts is None else parts
@@ -128,19 +133,20 @@ def _moving_together(shares: list[np.ndarray]) -> list[list[int]]:
     return sorted(groups)
 
 
-def _how(comm, A: PETSc.Mat, weight: np.ndarray, Z_owned: np.ndarray, n_motions: int, system) -> str:
+def _how(comm: MPI.Comm, A: PETSc.Mat, weight: np.ndarray, Z_owned: np.ndarray, n_motions: int, system: System | None) -> str:
     """Return the free motions of a group of parts in words: which translations lie in the span of Z, and how many rotations.
 
     Collective.  ``weight`` (n_owned,) is D on the group and 0 elsewhere.  Without a mesh, the row that moves most is all
     there is.
     """
-    if getattr(system, "dof", None) is None:
+    dof = getattr(system, "dof", None)
+    if dof is None:
         moved = weight * np.max(np.abs(Z_owned), axis=1, initial=0.0)
         return f"most at {_name_of_row(_largest_row(comm, A, moved), system)}"
     row_start, row_end = A.getOwnershipRange()
     T_owned = np.zeros((len(weight), 3))  # translations of the part along x, y, z
     for axis in range(3):
-        rows = system.dof[:, axis]
+        rows = dof[:, axis]
         T_owned[rows[(rows >= row_start) & (rows < row_end)] - row_start, axis] = 1.0
     size = np.sqrt(np.diag(gram(comm, T_owned, weight[:, None] * T_owned)))
     size[size == 0.0] = np.inf  # the supports fix the whole part along this axis
@@ -164,25 +170,25 @@ def _ways(n: int) -> str:
     return "one way" if n == 1 else f"{n} ways"
 
 
-def _random(comm, n_owned: int, m: int) -> np.ndarray:
+def _random(comm: MPI.Comm, n_owned: int, m: int) -> np.ndarray:
     """Return (n_owned, m) random numbers, other ones on each rank, the same in each run.  Local."""
     return np.asfortranarray(np.random.default_rng([comm.rank, m]).standard_normal((n_owned, m)))
 
 
-def _largest_row(comm, A: PETSc.Mat, z_owned: np.ndarray) -> int:
+def _largest_row(comm: MPI.Comm, A: PETSc.Mat, z_owned: np.ndarray) -> int:
     """Return the global row with the largest |z|, the lowest of equals.  Collective."""
     row_start = A.getOwnershipRange()[0]
     best = (0.0, 0) if len(z_owned) == 0 else (-float(np.max(np.abs(z_owned))), row_start + int(np.argmax(np.abs(z_owned))))
     return min(comm.allgather(best))[1]
 
 
-def _lowest_row(comm, A: PETSc.Mat, marked: np.ndarray) -> int:
+def _lowest_row(comm: MPI.Comm, A: PETSc.Mat, marked: np.ndarray) -> int:
     """Return the lowest global row that is marked on any rank.  Collective."""
     rows = A.getOwnershipRange()[0] + np.flatnonzero(marked)
     return min(comm.allgather(int(rows[0]) if len(rows) else A.getSize()[0]))
 
 
-def _name_of_row(row: int, system) -> str:
+def _name_of_row(row: int, system: System | None) -> str:
     """Return what to call a row in a message.  Local."""
     dof = getattr(system, "dof", None)
     if dof is None:

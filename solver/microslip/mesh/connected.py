@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ..parallel.errors import MeshError
 from .data import ContactPairs, Mesh, place
+from .settings import Support
 
 
-def connected_parts(mesh: Mesh, scene) -> tuple[np.ndarray, tuple[str, ...]]:
+def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return the part of every node, (n_nodes,), and what to call each part.  Local, rank 0.
 
-    Nodes of one element belong to one part; joints connect nothing here.
+    Nodes of one element belong to one part; joints connect nothing here.  ``body_of`` names the body of each group.
     """
     first = np.concatenate([np.repeat(block.nodes[:, 0], block.nodes.shape[1] - 1) for block in mesh.elements])
     other = np.concatenate([block.nodes[:, 1:].ravel() for block in mesh.elements])
     n_parts, part = _components(first, other, len(mesh.points))
-    body_of = {body.group: name for name, body in scene.bodies.items()}
     bodies: list[list[str]] = [[] for _ in range(n_parts)]
     for block in mesh.elements:
         for i in np.unique(part[block.nodes[:, 0]]):
@@ -31,11 +33,11 @@ def connected_parts(mesh: Mesh, scene) -> tuple[np.ndarray, tuple[str, ...]]:
     )
 
 
-def check_held(part: np.ndarray, names: tuple[str, ...], mesh: Mesh, scene, pairs: ContactPairs) -> None:
+def check_held(part: np.ndarray, names: tuple[str, ...], mesh: Mesh, supports: Iterable[Support], pairs: ContactPairs) -> None:
     """Raise MeshError for a part that neither has a support nor is joined to a part that has one.  Local, rank 0."""
     n_parts = len(names)
     held = np.zeros(n_parts, dtype=bool)
-    for support in scene.supports:
+    for support in supports:
         held[part[mesh.node_groups[support.group]]] = True
     on_mesh = (pairs.node1 >= 0) & (pairs.node2 >= 0)
     _, cluster = _components(part[pairs.node1[on_mesh]], part[pairs.node2[on_mesh]], n_parts)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..contact.elastic_coulomb import ElasticCoulomb
 from ..contact.law import Law
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 def place(point) -> str:
@@ -68,7 +71,7 @@ class LocalBlock:
 class DistributedMesh:
     """A rank's share of the mesh.  Nodes are renumbered so that each rank owns a contiguous range."""
 
-    comm: Any
+    comm: MPI.Comm
     node_ranges: np.ndarray  # (size + 1,) rank r owns rank-ordered nodes node_ranges[r]:node_ranges[r + 1]
     rank_order: np.ndarray  # (n_nodes,) rank-ordered number of each node of Mesh.points; same on every rank
     blocks: tuple[LocalBlock, ...]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ..parallel.errors import CaseError, MeshError
+from ..parallel.errors import MeshError
 from .data import ContactPairs, Mesh, place
+from .settings import Joint
 from .surface import Surface, surface_of
 
 TOLERANCE = 1e-6  # of the mesh's diagonal, where the joint states none
@@ -14,7 +17,7 @@ MOST_TILT = 20.0  # degrees between the normals of the two sides
 _ALONG = 0.99  # |cosine| above which a normal has no useful projection of an axis
 
 
-def pair_contacts(mesh: Mesh, joints) -> ContactPairs:
+def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
     """Return the contact pairs of all joints, by joint and then by node number of the first surface.  Local, rank 0.
 
     Raises
@@ -41,10 +44,8 @@ def _no_pairs() -> ContactPairs:
     )
 
 
-def _pair_joint(mesh: Mesh, joint) -> tuple[dict, list[np.ndarray]]:
+def _pair_joint(mesh: Mesh, joint: Joint) -> tuple[dict, list[np.ndarray]]:
     """Return the columns of ContactPairs of one joint, and its faces as indices of its own pairs."""
-    if joint.surfaces is None:
-        raise CaseError(f"[[joints]] {joint.name!r}: with a mesh a joint names two surfaces; pairs is for matrices")
     first, second = (surface_of(mesh, group) for group in joint.surfaces)
     _check_shared(mesh, joint, first, second)
     i1, i2 = _match(mesh, joint, first, second)
@@ -67,27 +68,12 @@ def _pair_joint(mesh: Mesh, joint) -> tuple[dict, list[np.ndarray]]:
         "frame": contact_frames(z),
         "area": area,
         "mu": np.full(len(area), float(joint.friction)),
-        "N0": _preload(joint, area, k_n),
+        "N0": -joint.gap * k_n if joint.gap > 0.0 else joint.preload * area,
         "k_t": joint.tangential_stiffness * area,
         "k_n": k_n,
-        "separate": np.full(len(area), joint.friction_limit == "separate"),
+        "separate": np.full(len(area), joint.separate),
     }
     return columns, [pair_of[own] for own in second.faces]
-
-
-def _preload(joint, area: np.ndarray, k_n: np.ndarray) -> np.ndarray:
-    """Return N0 [N]: the pressure times the area, or -k_n times the gap."""
-    if isinstance(joint.preload, str):
-        raise CaseError(
-            f"[[joints]] {joint.name!r} preload = {joint.preload!r} needs a [statics] solution, which this "
-            "program does not compute yet; state a pressure in Pa"
-        )
-    if joint.gap > 0.0 and joint.preload:
-        raise CaseError(
-            f"[[joints]] {joint.name!r} has a gap of {joint.gap:g} m and a preload of {joint.preload:g} "
-            "Pa; an open joint carries no preload, set one of them to 0"
-        )
-    return -joint.gap * k_n if joint.gap > 0.0 else joint.preload * area
 
 
 def contact_frames(z: np.ndarray) -> np.ndarray:
@@ -107,7 +93,7 @@ def contact_frames(z: np.ndarray) -> np.ndarray:
     return np.stack([x, np.cross(z, x), z], axis=1)
 
 
-def _match(mesh: Mesh, joint, first: Surface, second: Surface) -> tuple[np.ndarray, np.ndarray]:
+def _match(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> tuple[np.ndarray, np.ndarray]:
     """Return positions in ``first.nodes`` and ``second.nodes`` of the nodes that lie on each other, one to one."""
     tolerance = TOLERANCE * mesh.diagonal if joint.tolerance is None else joint.tolerance
     points1, points2 = mesh.points[first.nodes], mesh.points[second.nodes]
@@ -137,7 +123,7 @@ def _match(mesh: Mesh, joint, first: Surface, second: Surface) -> tuple[np.ndarr
     return np.arange(len(points1)), partner
 
 
-def _check_shared(mesh: Mesh, joint, first: Surface, second: Surface) -> None:
+def _check_shared(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> None:
     """Raise MeshError where the two surfaces have nodes in common."""
     shared = np.intersect1d(first.nodes, second.nodes)
     if len(shared):
@@ -148,7 +134,7 @@ def _check_shared(mesh: Mesh, joint, first: Surface, second: Surface) -> None:
         )
 
 
-def _check_opposite(mesh: Mesh, joint, first: Surface, second: Surface, i1: np.ndarray, i2: np.ndarray) -> None:
+def _check_opposite(mesh: Mesh, joint: Joint, first: Surface, second: Surface, i1: np.ndarray, i2: np.ndarray) -> None:
     """Raise MeshError where the outward normals of the two sides are not opposite."""
     cosine = -np.einsum("pi,pi->p", first.normals[i1], second.normals[i2])
     tilt = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))

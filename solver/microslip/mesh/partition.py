@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import reverse_cuthill_mckee
@@ -10,11 +12,15 @@ from .. import elements
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 from .data import DistributedMesh, LocalBlock, Mesh
+from .settings import MeshSettings
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 _FACE_CORNERS = 3  # elements that share this many corners share a face
 
 
-def distribute(mesh: Mesh | None, scene, comm) -> DistributedMesh:
+def distribute(mesh: Mesh | None, settings: MeshSettings, comm: MPI.Comm) -> DistributedMesh:
     """Give every rank a contiguous range of nodes and all elements that touch one of them.
 
     Collective on ``comm``: one broadcast (the node order) and one scatter (the elements).
@@ -33,11 +39,11 @@ def distribute(mesh: Mesh | None, scene, comm) -> DistributedMesh:
     def plan():
         elements = _dual_graph(mesh)
         order, rank_order, node_ranges = _order(mesh, elements, comm.size)
-        shares.extend(_shares(mesh, scene, order, rank_order, node_ranges))
+        shares.extend(_shares(mesh, settings.body_of, order, rank_order, node_ranges))
         return node_ranges, rank_order
 
     node_ranges, rank_order = on_root(comm, plan)
-    blocks = comm.scatter(shares if comm.rank == 0 else None)
+    blocks = comm.scatter(shares)
     return DistributedMesh(comm, node_ranges, rank_order, blocks)
 
 
@@ -108,10 +114,9 @@ def _incidence(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     return node, np.repeat(np.arange(len(n_nodes)), n_nodes)
 
 
-def _shares(mesh: Mesh, scene, order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
+def _shares(mesh: Mesh, body_of: dict[str, str], order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
     """Return every rank's blocks: all elements that touch one of its nodes, along the element order."""
     n_ranks = len(node_ranges) - 1
-    body_of = {body.group: name for name, body in scene.bodies.items()}
     position = _inverse(order)
     shares: list[list[LocalBlock]] = [[] for _ in range(n_ranks)]
     start = 0

@@ -1,4 +1,4 @@
-"""Read the mesh file that a scene names, and keep of it what the scene uses."""
+"""Read a mesh file, and keep of it what the structure uses."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from .data import ElementBlock, FaceBlock, Mesh, place
 from .file import KINDS, FileMesh, Group
 from .inp import read_inp
 from .msh import read_msh
+from .settings import MeshSettings
 from .via_meshio import FORMATS, read_other
 
 SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15")
@@ -21,8 +22,8 @@ _ADVICE = {
 }
 
 
-def read_mesh(scene) -> Mesh:
-    """Read, check and scale the mesh of ``scene``.  Local; call it on rank 0 only, through ``on_root``.
+def read_mesh(settings: MeshSettings) -> Mesh:
+    """Read, check and scale a mesh.  Local; call it on rank 0 only, through ``on_root``.
 
     Volume elements that belong to a named group but to no body are left out, with a note in ``Mesh.notes``.
 
@@ -30,12 +31,12 @@ def read_mesh(scene) -> Mesh:
     ------
     MeshError, CaseError: one message that names the file and the cause.
     """
-    path = os.path.normpath(os.path.join(scene.folder, scene.model.mesh))
+    path = os.path.normpath(settings.file)
     file = _read_file(path)
     try:
         _check_points(file)
-        _check_groups(file, scene)
-        return _compose(path, file, scene)
+        _check_groups(file, settings)
+        return _compose(path, file, settings)
     except MeshError as problem:
         raise type(problem)(f"{path}: {problem}") from None
 
@@ -71,14 +72,10 @@ def _check_points(file: FileMesh) -> None:
             raise MeshError(f"{cells.kind} element {number} names a node that the file does not hold")
 
 
-def _check_groups(file: FileMesh, scene) -> None:
-    """Raise MeshError unless every group that the scene names exists."""
-    used = [(f"[bodies.{name}] group", body.group) for name, body in scene.bodies.items()]
-    used += [(f"[[supports]] {i} group", support.group) for i, support in enumerate(scene.supports, 1)]
-    for joint in scene.joints:
-        used += [(f"[[joints]] {joint.name!r} surfaces", group) for group in joint.surfaces or ()]
-    used += [(f"[[loads]] {i} group", load.group) for i, load in enumerate(scene.loads, 1) if load.group is not None]
-    for key, group in used:
+def _check_groups(file: FileMesh, settings: MeshSettings) -> None:
+    """Raise MeshError unless every group that is named exists."""
+    of_bodies = [(f"[bodies.{name}] group", body.group) for name, body in settings.bodies.items()]
+    for key, group in of_bodies + settings.groups_on_bodies:
         if group not in file.groups:
             hint = _existing(group, list(file.groups))
             raise MeshError(f"{key} = {group!r}: there is no such group in the mesh{hint}")
@@ -92,14 +89,14 @@ def _existing(word: str, names: list[str]) -> str:
     return (f"; nearest is {near!r}" if near else "") + f"; it has: {shown}"
 
 
-def _compose(path: str, file: FileMesh, scene) -> Mesh:
+def _compose(path: str, file: FileMesh, settings: MeshSettings) -> Mesh:
     """Keep the elements of the bodies and the nodes they use."""
     notes = list(file.notes)
     elements = []
-    for name, body in scene.bodies.items():
+    for name, body in settings.bodies.items():
         _check_kinds(name, body.group, file)
     for kind in SOLIDS:
-        elements += _elements_of_kind(kind, file, scene, notes)
+        elements += _elements_of_kind(kind, file, settings, notes)
     used = np.zeros(len(file.points), dtype=bool)
     for block in elements:
         used[block.nodes] = True
@@ -113,14 +110,14 @@ def _compose(path: str, file: FileMesh, scene) -> Mesh:
         notes.append(f"{np.count_nonzero(~used)} nodes that no element of a body uses are left out")
     mesh = Mesh(
         path,
-        file.points[used] * float(scene.model.scale),
+        file.points[used] * float(settings.scale),
         file.numbers[used],
         tuple(elements),
         tuple(faces),
         node_groups,
         tuple(notes),
     )
-    _check_groups_on_bodies(mesh, scene)
+    _check_groups_on_bodies(mesh, settings)
     return mesh
 
 
@@ -142,7 +139,7 @@ def _check_kinds(body: str, group: str, file: FileMesh) -> None:
             )
 
 
-def _elements_of_kind(kind: str, file: FileMesh, scene, notes: list[str]) -> list[ElementBlock]:
+def _elements_of_kind(kind: str, file: FileMesh, settings: MeshSettings, notes: list[str]) -> list[ElementBlock]:
     """Return the elements of one kind, a block per body; an element stored twice counts once."""
     blocks = [i for i, cells in enumerate(file.cells) if cells.kind == kind and len(cells.nodes)]
     if not blocks:
@@ -151,10 +148,10 @@ def _elements_of_kind(kind: str, file: FileMesh, scene, notes: list[str]) -> lis
     numbers = np.concatenate([file.cells[i].numbers for i in blocks])
     start = dict(zip(blocks, np.cumsum([0] + [len(file.cells[i].nodes) for i in blocks]), strict=False))
     same = _same_elements(nodes)
-    names, n_unique = list(scene.bodies), same.max() + 1
+    names, n_unique = list(settings.bodies), same.max() + 1
     body = np.full(n_unique, -1)
     for i, name in enumerate(names):
-        mine = same[_rows(file.groups[scene.bodies[name].group], start)]
+        mine = same[_rows(file.groups[settings.bodies[name].group], start)]
         if (body[mine] >= 0).any():
             first = mine[np.argmax(body[mine] >= 0)]
             raise MeshError(
@@ -169,7 +166,7 @@ def _elements_of_kind(kind: str, file: FileMesh, scene, notes: list[str]) -> lis
     for i, name in enumerate(names):
         mine = first[body[same[first]] == i]
         if len(mine):
-            found.append(ElementBlock(kind, scene.bodies[name].group, nodes[mine], numbers[mine]))
+            found.append(ElementBlock(kind, settings.bodies[name].group, nodes[mine], numbers[mine]))
     return found
 
 
@@ -228,12 +225,8 @@ def _group_nodes(group: Group, file: FileMesh, used: np.ndarray) -> np.ndarray:
     return np.flatnonzero(named & used)
 
 
-def _check_groups_on_bodies(mesh: Mesh, scene) -> None:
+def _check_groups_on_bodies(mesh: Mesh, settings: MeshSettings) -> None:
     """Raise MeshError for a support, surface or load group without a node on a body."""
-    used = [(f"[[supports]] {i} group", support.group) for i, support in enumerate(scene.supports, 1)]
-    for joint in scene.joints:
-        used += [(f"[[joints]] {joint.name!r} surfaces", group) for group in joint.surfaces or ()]
-    used += [(f"[[loads]] {i} group", load.group) for i, load in enumerate(scene.loads, 1) if load.group is not None]
-    for key, group in used:
+    for key, group in settings.groups_on_bodies:
         if len(mesh.node_groups[group]) == 0:
             raise MeshError(f"{key} = {group!r}: no node of this group belongs to an element of a body")

@@ -1,22 +1,34 @@
-"""The frequencies of a curve, where the scene states them relative to a mode."""
+"""The range of frequencies of a curve, stated in Hz or relative to a mode."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..parallel.errors import CaseError
 
 
-def frequency_band(response, omega_n: np.ndarray) -> tuple[float, float]:
-    """Return the lowest and the highest frequency of [response] in Hz.  Local.
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """A range of frequencies: two of them, or a mode and two factors of its frequency."""
+
+    frequencies: tuple[float, float] | None = None  # Hz, the lower one first
+    mode: int | None = None  # counted from 1
+    span: tuple[float, float] | None = None  # over the frequency of the mode
+
+
+def frequency_band(band: Band, omega_n: np.ndarray) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of a band in Hz.  Local.
 
     Raises
     ------
     CaseError : the mode asked for was not computed
     """
-    if response.frequencies is not None:
-        return response.frequencies
-    if response.mode > len(omega_n):
-        raise CaseError(f"[response] mode = {response.mode}, but only {len(omega_n)} modes were computed; raise [solver] modes")
-    low, high = (share * omega_n[response.mode - 1] / (2 * np.pi) for share in response.span)
+    if band.frequencies is not None:
+        return band.frequencies
+    assert band.mode is not None and band.span is not None, "a band is stated in one of two ways"
+    if band.mode > len(omega_n):
+        raise CaseError(f"[response] mode = {band.mode}, but only {len(omega_n)} modes were computed; raise [solver] modes")
+    low, high = (share * omega_n[band.mode - 1] / (2 * np.pi) for share in band.span)
     return float(low), float(high)

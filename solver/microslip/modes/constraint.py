@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.sparse as sp
 
 from ..linear.dense import summed
+
+if TYPE_CHECKING:
+    from ..linear.joint_springs import Linearised
 
 _BATCH = 128  # right-hand sides at a time; more gain nothing (docs/validation.md)
 _BATCH_BYTES = 2.5e8  # of a batch of solutions, over all ranks
 
 
 def static_columns(
-    linearised, left: sp.csr_matrix, right: sp.csc_matrix, row_ranges=None, batch: int | None = None
+    linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, row_ranges=None, batch: int | None = None
 ) -> np.ndarray:
     """Return left @ K_L^-1 @ right.
 
@@ -40,7 +45,7 @@ def static_columns(
     return _solve_right(linearised, left, right, rows, batch)
 
 
-def _solve_right(linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, batch: int | None) -> np.ndarray:
+def _solve_right(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, batch: int | None) -> np.ndarray:
     """Return ``rows`` of left @ K_L^-1 @ right, solving for the columns of ``right`` that are not zero.  Collective."""
     comm, n_dof = linearised.system.comm, right.shape[0]
     row_start, row_end = linearised.K_L.getOwnershipRange()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.linalg
 from petsc4py import PETSc
@@ -9,10 +11,13 @@ from petsc4py import PETSc
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 
+if TYPE_CHECKING:
+    from ..linear.joint_springs import Linearised
+
 _MASSLESS = 1e-13  # eigenvalue of M, scaled to a unit diagonal, of a motion without mass
 
 
-def dense_modes(linearised, n_wanted: int, n_least: int) -> tuple[np.ndarray, np.ndarray, dict]:
+def dense_modes(linearised: Linearised, n_wanted: int, n_least: int) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return the ``n_wanted`` largest (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 falling, phi^T M phi = I.
 
     All there are, where fewer motions have mass.

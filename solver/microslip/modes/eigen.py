@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from .krylov_schur import slepc_modes
 from .limits import SHARE
 from .rayleigh import orthonormalised, sharpened
 
+if TYPE_CHECKING:
+    from ..linear.joint_springs import Linearised
+
 RESIDUAL_LIMIT = 1e-5  # |K_L phi - omega_n^2 M phi| / |omega_n^2 M phi|
 _ROUNDING = 1e-13  # the same beside |diag(K_L) phi|, where rounding of K_L phi explains it
 _DENSE = 400  # DOFs up to which LAPACK is the quickest
@@ -24,7 +27,7 @@ _MAX_TRIES = 5
 _EQUAL = 1e-6  # relative difference of components that count as equally large
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Modes:
     """Undamped modes of the stuck structure, M-normalised, rising."""
 
@@ -32,8 +35,13 @@ class Modes:
     phi_owned: np.ndarray  # (n_owned, n) this rank's rows [kg^-1/2]
     info: dict[str, Any] = field(default_factory=dict)  # method, seconds, residual, proof
 
+    @property
+    def frequency(self) -> np.ndarray:
+        """Natural frequencies, (n,) [Hz]."""
+        return self.omega_n / (2.0 * np.pi)
 
-def lowest_modes(linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False) -> Modes:
+
+def lowest_modes(linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False) -> Modes:
     """Return the ``n_modes`` lowest modes of (K_L, M).
 
     Collective on the system's communicator.
@@ -76,7 +84,7 @@ def first_of(modes: Modes, n_modes: int) -> Modes:
     return Modes(modes.omega_n[:n_modes].copy(), modes.phi_owned[:, :n_modes].copy(order="F"), modes.info)
 
 
-def is_complete(linearised, modes: Modes, n_modes: int) -> bool:
+def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
     """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: one factorisation, if any."""
     if "restarts" not in modes.info or modes.info["complete"]:
         return True  # all of the spectrum
@@ -91,7 +99,7 @@ def _proof(n_below: int, sigma: float) -> str:
     return f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz"
 
 
-def _solve(linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.ndarray, np.ndarray, dict]:
+def _solve(linearised: Linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return at least ``n_modes`` (theta, phi) and how they were found, complete if ``verify``.  Collective.
 
     All there are, at least ``n_least``, where no more motions have mass.
@@ -120,7 +128,7 @@ def _solve(linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.nda
     )
 
 
-def _check(linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> float:
+def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> float:
     """Return the largest relative residual; raise if a mode is wrong or not M-orthonormal.  Collective."""
     comm = linearised.system.comm
     Mphi_owned = multiply(linearised.M, phi_owned)
@@ -141,7 +149,7 @@ def _check(linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> float:
     return float(np.max(error / size))
 
 
-def _signs(linearised, phi_owned: np.ndarray) -> np.ndarray:
+def _signs(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
     """Return (n,) signs that make the largest component of each mode positive.  Collective.
 
     Of components that are equally large, as in a symmetric structure, the first in the order of the user's nodes decides,
@@ -158,7 +166,7 @@ def _signs(linearised, phi_owned: np.ndarray) -> np.ndarray:
     return signs[np.argmin(numbers, axis=0), columns]
 
 
-def _user_order(linearised) -> np.ndarray:
+def _user_order(linearised: Linearised) -> np.ndarray:
     """Return (n_owned,) the place of each owned row in an order that does not depend on the partition.  Local."""
     row_start, row_end = linearised.M.getOwnershipRange()
     dof = linearised.system.dof

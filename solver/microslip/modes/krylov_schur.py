@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from ..parallel.errors import ConvergenceError
 
+if TYPE_CHECKING:
+    from ..linear.joint_springs import Linearised
+
 PREFIX = "modes_"
 TOLERANCE = 1e-8  # residual of a mode, relative; the error of its eigenvalue is the square of it
 
 
-def slepc_modes(linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
+def slepc_modes(linearised: Linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 falling, phi^T M phi = I.
 
     Collective.  SLEPc solves with the kept factor; options with the prefix ``modes_`` choose another of its solvers.
@@ -78,7 +83,7 @@ def _check_modes(eps: SLEPc.EPS, n_wanted: int) -> None:
         )
 
 
-def _converged(eps: SLEPc.EPS, linearised) -> tuple[np.ndarray, np.ndarray, dict]:
+def _converged(eps: SLEPc.EPS, linearised: Linearised) -> tuple[np.ndarray, np.ndarray, dict]:
     n_found = eps.getConverged()
     phi_owned = np.zeros((linearised.M.getLocalSize()[0], n_found), order="F")
     vector = linearised.M.createVecRight()

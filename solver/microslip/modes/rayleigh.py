@@ -7,17 +7,22 @@ number of ranks.  The vector is good enough: its error enters squared.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.linalg
 from petsc4py import PETSc
 
 from ..linear.dense import gram, multiply, summed
 
+if TYPE_CHECKING:
+    from ..linear.joint_springs import Linearised
+
 _NOISE = 1e-11  # of omega_n^2, expected from rounding, that is let pass
 _CHUNK = 2_000_000  # matrix entries multiplied at a time
 
 
-def orthonormalised(linearised, phi_owned: np.ndarray) -> np.ndarray:
+def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
     """Return the modes with phi^T M phi = I to rounding, (n_owned, n): an eigensolver leaves as much as it iterated with.
 
     Collective: one product and one sum.  Gram and Schmidt in rising order, by the Cholesky factor.
@@ -27,7 +32,7 @@ def orthonormalised(linearised, phi_owned: np.ndarray) -> np.ndarray:
     return scipy.linalg.solve_triangular(factor, phi_owned.T, trans="T").T
 
 
-def sharpened(linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:
+def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:
     """Return omega_n^2 = phi^T K_L phi for the modes in which rounding shows, the given ones otherwise, (n,) [rad2/s2].
 
     Collective.  phi is M-normalised.  Rounding is taken as eps phi^T diag(K_L) phi / sqrt(n_dof), as for a sum of

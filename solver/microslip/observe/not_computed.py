@@ -2,41 +2,34 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..continuation.branch import Branch, Point
 from ..error_estimate.components import PARTS, SAFETY
 
+if TYPE_CHECKING:
+    from ..library.prepare import Prepared
+
 FAINT = 1e-3  # of the largest output: fainter ones are judged against that
 TOO_LITTLE = 1e-6  # of the peak: less is not told in digits
 
 
-def not_computed(
-    scene,
-    *,
-    leaves_out: str,
-    omega_n: np.ndarray,
-    n_dof: int,
-    known: np.ndarray | None,
-    branches: list[Branch],
-    has_mesh: bool,
-    is_static: bool,
-) -> list[str]:
+def not_computed(prepared: Prepared, branches: list[Branch], known: np.ndarray | None) -> list[str]:
     """Return a line for everything left out, with the reason or what it changes in the response.  Local.
 
-    Parameters
-    ----------
-    leaves_out : what the method lacks, as :class:`~microslip.reduction.reduction.Reduction` has it
-    omega_n : (n_modes,) rad/s, of the modes computed
-    known : (n_pairs,) bool, the pairs whose static columns were solved for; None where those of all pairs had to be
+    ``known`` (n_pairs,) bool are the pairs whose static columns were solved for; None where those of all pairs had to be.
     """
+    scene, system = prepared.scene, prepared.structure.linearised.system
+    leaves_out, omega_n, is_static = prepared.reduction.leaves_out, prepared.structure.modes.omega_n, prepared.response.is_static
     solved = [branch for branch in branches if branch.points]
     lines = _statics(solved) if is_static else _harmonics(solved, has_pairs=known is None or len(known) > 0)
     if leaves_out == "basis" and solved and not is_static:
         lines.append(f"response outside the basis of method {scene.solver.method}: {changes(solved, 'modes')}")
-    if leaves_out == "modes" and solved and not is_static and 0 < len(omega_n) < n_dof:
+    if leaves_out == "modes" and solved and not is_static and 0 < len(omega_n) < system.n_dof:
         lines.append(
-            f"response of modes above {omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(omega_n)} of {n_dof} DOF, "
+            f"response of modes above {omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(omega_n)} of {system.n_dof} DOF, "
             f"beyond their static part: {changes(solved, 'modes')}"
         )
     if _most(solved, "pairs")[0] > 0.0:
@@ -56,7 +49,7 @@ def not_computed(
         lines.append("error bars: [solver] asks for none")
     elif is_static:
         lines.append("error bars: they are those of harmonic 1, and harmonics = 0")
-    if not has_mesh:
+    if system.dof is None:
         lines.append("fields for ParaView: the scene has no mesh")
     return lines
 

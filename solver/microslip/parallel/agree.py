@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .errors import CaseError, MicroslipError
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
-def raise_together(comm, problem: str | None, error: type[MicroslipError]) -> None:
+
+def raise_together(comm: MPI.Comm, problem: str | None, error: type[MicroslipError]) -> None:
     """Raise ``error`` on every rank if any rank passes a ``problem`` text.
 
     Collective on ``comm``.  The message is that of the lowest rank with a problem.
@@ -20,7 +23,7 @@ def raise_together(comm, problem: str | None, error: type[MicroslipError]) -> No
         raise error(text + where)
 
 
-def on_root(comm, function: Callable[..., Any], *args: Any, share: bool = True) -> Any:
+def on_root(comm: MPI.Comm, function: Callable[..., Any], *args: Any, share: bool = True) -> Any:
     """Call ``function(*args)`` on rank 0; return its result on every rank, or with ``share=False`` on rank 0 only.
 
     Collective on ``comm``: one broadcast.
@@ -45,7 +48,7 @@ def on_root(comm, function: Callable[..., Any], *args: Any, share: bool = True) 
     return shared if share else value
 
 
-def on_each(comm, function: Callable[..., Any], *args: Any) -> Any:
+def on_each(comm: MPI.Comm, function: Callable[..., Any], *args: Any) -> Any:
     """Call ``function(*args)`` on every rank, which share the work, and return this rank's result.
 
     Collective on ``comm``: one gather.  ``function`` itself must not be collective.

@@ -14,9 +14,12 @@ import traceback
 from array import array
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from .errors import CaseError, Interrupted, MicroslipError, ResourceError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 GRACE = 20.0  # s that the ranks may arrive apart with a problem they agreed on
 GRACE_OF_SIGNAL = 2.0  # s: longer than mpirun waits before it kills the ranks that follow another one's Abort
@@ -27,7 +30,7 @@ _PETSC_OUT_OF_MEMORY = 55
 _LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
 
 
-def conclude(comm, action: Callable[[], int | None]) -> int:
+def conclude(comm: MPI.Comm | None, action: Callable[[], int | None]) -> int:
     """Do ``action`` and return the exit status, the largest of all ranks.
 
     Collective on ``comm``, which may be None where MPI is missing.  Does not return from a defect, nor from a problem that
@@ -46,7 +49,7 @@ def conclude(comm, action: Callable[[], int | None]) -> int:
     return status
 
 
-def conclude_part(comm, name: str, action: Callable[[], None]) -> int:
+def conclude_part(comm: MPI.Comm, name: str, action: Callable[[], None]) -> int:
     """Do ``action``, one of several that a job is made of, say a problem under its ``name`` and return its exit status.
 
     Collective on ``comm``, all ranks or a part of them.  Ends the job where :func:`conclude` does.
@@ -54,7 +57,7 @@ def conclude_part(comm, name: str, action: Callable[[], None]) -> int:
     return _together(comm, *_outcome(comm, action), name=f"{name}: ")
 
 
-def _outcome(comm, action: Callable[[], int | None]) -> tuple[int, MicroslipError | None]:
+def _outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tuple[int, MicroslipError | None]:
     """Return the exit status of an action on this rank, and the problem that is still to be said."""
     try:
         return action() or 0, None
@@ -92,7 +95,7 @@ def launcher_rank() -> int:
     return int(ranks[0]) if ranks else 0
 
 
-def require(comm, problem: str | None) -> None:
+def require(comm: MPI.Comm | None, problem: str | None) -> None:
     """Raise CaseError on every rank if any rank passes a ``problem``.  Collective on ``comm``, which may be None."""
     from .agree import raise_together
 
@@ -125,7 +128,7 @@ def _say(text: str) -> None:
     sys.stderr.flush()
 
 
-def _defect(comm, problem: BaseException) -> int:
+def _defect(comm: MPI.Comm | None, problem: BaseException) -> int:
     """Show the traceback of a mistake of this program, and end all ranks."""
     rank = "" if comm is None or comm.size == 1 else f" on rank {comm.rank} of {comm.size}"
     trace = "".join(traceback.format_exception(problem))
@@ -135,7 +138,7 @@ def _defect(comm, problem: BaseException) -> int:
     return DEFECT
 
 
-def _together(comm, status: int, problem: MicroslipError | None, name: str = "") -> int:
+def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name: str = "") -> int:
     """Wait for all ranks, let the first with a problem say it, and return the largest status.  Collective.
 
     A rank that has a problem waits for a while only; a rank without one waits for those that still compute.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mpi4py import MPI
 
 
-def memory_left(comm) -> float:
+def memory_left(comm: MPI.Comm) -> float:
     """Return the memory that the ranks of ``comm`` may still take together [bytes]; infinite where nothing tells.
 
     Collective: every machine shares what it has left among its ranks, and the rank with least counts for all.

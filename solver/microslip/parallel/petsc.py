@@ -11,6 +11,10 @@ import glob
 import importlib.util
 import os
 import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 PREFIXES = ("static_", "modes_", "hb_")
 _DEBIAN = {
@@ -52,6 +56,14 @@ def initialise(options: list[str] | None = None):
     from slepc4py import SLEPc
 
     return PETSc, SLEPc
+
+
+def everyone() -> MPI.Comm:
+    """Return the communicator of all ranks, PETSc and SLEPc initialised.  Collective on all ranks."""
+    initialise()
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
 
 
 def unused_options(options: tuple[str, ...]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from time import perf_counter
 
 import numpy as np
 
@@ -26,7 +27,7 @@ class StaticColumns:
         self._columns = np.empty((3 * n_pairs, 3 * n_owned))
         self.known = np.zeros(n_pairs, dtype=bool)
         self.likely = np.empty(0, dtype=int)
-        self.batches = 0
+        self.batches, self.seconds = 0, 0.0  # solved for, and the time that took
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # pairs asked for last, and their columns
 
     def require(self, pairs: np.ndarray) -> None:
@@ -36,8 +37,9 @@ class StaticColumns:
             return
         others = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
         missing = np.concatenate([missing, others[: max(BATCH - len(missing), 0)]])
+        start = perf_counter()
         self.put(missing, self.solve(missing))
-        self.batches += 1
+        self.batches, self.seconds = self.batches + 1, self.seconds + perf_counter() - start
 
     def put(self, pairs: np.ndarray, columns: np.ndarray) -> None:
         """Take in this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N].  Local."""

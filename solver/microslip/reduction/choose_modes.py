@@ -1,14 +1,17 @@
-"""How many modes: as many as the scene says, or the fewest whose bound meets the accuracy it asks for."""
+"""How many modes: as many as are stated, or the fewest whose bound meets the accuracy asked for."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..modes.band import frequency_band
+from ..linear.joint_springs import Linearised
+from ..mesh.data import ContactPairs
+from ..modes.band import Band, frequency_band
 from ..modes.eigen import Modes, first_of, is_complete, lowest_modes
 from ..modes.limits import FEW, SHARE, most_modes
 from ..parallel.errors import CaseError
-from ..scene.schema import DEFAULT_ACCURACY
+from .settings import ReductionSettings
+from .stuck import Statics, StuckStructure
 from .truncation import LeftOut, left_out
 
 _AT_ONCE = 400  # DOFs up to which LAPACK finds all modes at once
@@ -16,8 +19,8 @@ _START, _MOST = 12, 600  # modes of the first batch, each further one has twice 
 _EQUAL = 1e-6  # relative difference of equal frequencies, which are kept or left out together
 
 
-def choose_modes(linearised, pairs, scene) -> tuple[Modes, str]:
-    """Return the modes of the stuck structure that the scene needs, and a line that says why so many.
+def choose_modes(linearised: Linearised, pairs: ContactPairs, statics: Statics, settings: ReductionSettings) -> tuple[Modes, str]:
+    """Return the modes of the stuck structure that are needed, and a line that says why so many.
 
     Collective on the system's communicator.
 
@@ -26,22 +29,22 @@ def choose_modes(linearised, pairs, scene) -> tuple[Modes, str]:
     CaseError : the accuracy asked for needs more modes than are computed
     ConvergenceError : the modes did not converge
     """
-    solver, n_dof = scene.solver, linearised.system.n_dof
-    if solver.modes is not None:
-        modes = lowest_modes(linearised, solver.modes, solver.verify_modes)
-        return modes, f"modes: {solver.modes}, as [solver] modes says" + _missing(modes, scene.response, n_dof)
+    n_dof = linearised.system.n_dof
+    if settings.modes is not None:
+        modes = lowest_modes(linearised, settings.modes, settings.verify_modes)
+        return modes, f"modes: {settings.modes}, as [solver] modes says" + _missing(modes, settings.band, n_dof)
     if n_dof <= FEW:
-        modes = lowest_modes(linearised, n_dof, solver.verify_modes, fewer_will_do=True)
+        modes = lowest_modes(linearised, n_dof, settings.verify_modes, fewer_will_do=True)
         return modes, f"modes: all {len(modes.omega_n)} there are"
-    return _fewest(linearised, pairs, scene, solver.accuracy or DEFAULT_ACCURACY)
+    return _fewest(linearised, pairs, statics, settings)
 
 
-def _missing(modes: Modes, response, n_dof: int) -> str:
-    """Say that resonances may be missing, where the modes that the scene states end below the end of its range.  Local."""
+def _missing(modes: Modes, band: Band, n_dof: int) -> str:
+    """Say that resonances may be missing, where the modes that are stated end below the end of its range.  Local."""
     n_modes = len(modes.omega_n)
     if n_modes in (0, n_dof):
         return ""
-    last, highest = modes.omega_n[-1] / (2.0 * np.pi), frequency_band(response, modes.omega_n)[1]
+    last, highest = modes.omega_n[-1] / (2.0 * np.pi), frequency_band(band, modes.omega_n)[1]
     if last >= highest:
         return ""
     return (
@@ -50,45 +53,45 @@ def _missing(modes: Modes, response, n_dof: int) -> str:
     )
 
 
-def _fewest(linearised, pairs, scene, accuracy: float) -> tuple[Modes, str]:
+def _fewest(linearised: Linearised, pairs: ContactPairs, statics: Statics, settings: ReductionSettings) -> tuple[Modes, str]:
     """Return the fewest modes whose bound meets the accuracy, from batches of growing size."""
-    n_dof, verify = linearised.system.n_dof, scene.solver.verify_modes
+    n_dof, verify, mode = linearised.system.n_dof, settings.verify_modes, settings.band.mode or 0
     cap = n_dof if n_dof <= SHARE * _MOST else min(_MOST, most_modes(n_dof))
-    n_batch = max(_START, (scene.response.mode or 0) + 1)
+    n_batch = max(_START, mode + 1)
     while True:
         n_batch = n_dof if n_dof <= _AT_ONCE or (SHARE * n_batch > n_dof and cap == n_dof) else min(n_batch, cap)
         modes = lowest_modes(linearised, n_batch, verify=False, fewer_will_do=True)
         n_found = len(modes.omega_n)
         is_all, is_last = n_found < n_batch or n_found == n_dof, n_batch == cap
-        if (scene.response.mode or 0) < n_found or is_all or is_last:
-            bound = left_out(linearised, modes, pairs, scene)
-            n_modes = linearised.system.comm.bcast(_first_within(bound.total, modes.omega_n, scene.response, accuracy))
+        if mode < n_found or is_all or is_last:
+            bound = left_out(StuckStructure(linearised, pairs, statics, modes), settings)
+            n_modes = linearised.system.comm.bcast(_first_within(bound.total, modes.omega_n, settings))
             if n_modes is None and is_all:
-                return modes, f"modes: all {n_found} there are; leaving any out would cost the accuracy {accuracy:g}"
+                return modes, f"modes: all {n_found} there are; leaving any out would cost the accuracy {settings.accuracy:g}"
             if n_modes is None and is_last:
-                n_modes = _out_of_reach(bound.total, scene)
+                n_modes = _out_of_reach(bound.total, settings)
             if n_modes and (not verify or is_complete(linearised, modes, n_modes)):
-                return first_of(modes, n_modes), _why(n_modes, modes.omega_n, bound, accuracy)
+                return first_of(modes, n_modes), _why(n_modes, modes.omega_n, bound, settings.accuracy)
         if is_last:
             return lowest_modes(linearised, n_found), f"modes: {n_found}, the most the program picks by itself"
         n_batch *= 2
 
 
-def _first_within(bound: np.ndarray, omega_n: np.ndarray, response, accuracy: float) -> int | None:
+def _first_within(bound: np.ndarray, omega_n: np.ndarray, settings: ReductionSettings) -> int | None:
     """Return the least number of modes within the accuracy, with all modes of the range among them.  Local."""
-    highest = 2.0 * np.pi * frequency_band(response, omega_n)[1]
+    highest = 2.0 * np.pi * frequency_band(settings.band, omega_n)[1]
     following = omega_n[1:]
-    good = (bound[:-1] <= accuracy) & (following > highest) & (following > (1.0 + _EQUAL) * omega_n[:-1])
-    good[: (response.mode or 1) - 1] = False
+    good = (bound[:-1] <= settings.accuracy) & (following > highest) & (following > (1.0 + _EQUAL) * omega_n[:-1])
+    good[: (settings.band.mode or 1) - 1] = False
     return int(np.argmax(good)) + 1 if good.any() else None
 
 
-def _out_of_reach(bound: np.ndarray, scene) -> int:
-    """Return all modes but one, the next one known, where the scene leaves the accuracy to the program; refuse otherwise."""
+def _out_of_reach(bound: np.ndarray, settings: ReductionSettings) -> int:
+    """Return all modes but one, the next one known, where the accuracy is left to the program; refuse otherwise."""
     n_modes = len(bound) - 1
-    if scene.solver.accuracy is not None:
+    if settings.insists:
         raise CaseError(
-            f"{scene.path}: [solver] accuracy = {scene.solver.accuracy:g}: {n_modes} modes reach about "
+            f"{settings.where}: [solver] accuracy = {settings.accuracy:g}: {n_modes} modes reach about "
             f"{bound[n_modes - 1]:.1e}, and the program picks no more by itself; ask for that, or state modes"
         )
     return n_modes

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..receptance.model import ReducedModel
 
+if TYPE_CHECKING:
+    from ..assembly.system import System
+    from ..linear.joint_springs import Linearised
+    from ..modes.eigen import Modes
 
-def displacement(linearised, modes, model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
+
+def displacement(
+    linearised: Linearised, modes: Modes, model: ReducedModel, level: float, omega: float, p: np.ndarray
+) -> np.ndarray:
     """Return the harmonics of u on this rank's rows, (n_owned, N_H) [m].
 
     Collective: one static solve with N_H right-hand sides.  u = K_L^-1 (f - R^T p) + phi c(omega) phi^T (f - R^T p), with
@@ -21,7 +30,7 @@ def displacement(linearised, modes, model: ReducedModel, level: float, omega: fl
     return linearised.factor.solve(np.ascontiguousarray(force)) + modes.phi_owned @ c.apply(q)
 
 
-def node_fields(system, owned: np.ndarray) -> np.ndarray | None:
+def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:
     """Return fields per node, (n_nodes, 3, n_fields), in the order of Mesh.points, on rank 0 (None elsewhere).
 
     Collective: one gather.  ``owned`` (n_owned, n_fields) are this rank's rows; fixed DOFs are zero.
@@ -34,7 +43,7 @@ def node_fields(system, owned: np.ndarray) -> np.ndarray | None:
     return rows[system.dof]
 
 
-def peak_displacement(system, reduction, branch) -> tuple[float, np.ndarray | None]:
+def peak_displacement(system: System, reduction, branch) -> tuple[float, np.ndarray | None]:
     """Return the frequency [Hz] of a branch's largest response and the harmonics of u there, (n_nodes, 3, N_H) [m], as recorded.
 
     Collective; the field on rank 0, None elsewhere and where the branch has no point.

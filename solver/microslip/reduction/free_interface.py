@@ -17,6 +17,8 @@ from ..linear.factor import Factor
 from ..linear.joint_springs import Linearised
 from ..modes.eigen import Modes, lowest_modes
 from ..parallel.errors import CaseError, ConvergenceError
+from .settings import ReductionSettings
+from .stuck import StuckStructure
 
 SHIFT = 1e-2  # alpha over the lowest eigenvalue of the stuck structure
 RIGID = 1e-6  # eigenvalue over the lowest one of the stuck structure below which a mode is of a rigid body
@@ -40,8 +42,8 @@ class FreeBodies:
         self.linearised.destroy()
 
 
-def free_bodies(linearised, modes: Modes, scene) -> FreeBodies:
-    """Return the lowest modes of the bodies without their joint, as many as the scene asks for.
+def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodies:
+    """Return the lowest modes of the bodies without their joint, as many as of the stuck structure.
 
     Collective: one factorisation, and one more to prove the modes complete.
 
@@ -49,23 +51,23 @@ def free_bodies(linearised, modes: Modes, scene) -> FreeBodies:
     ------
     CaseError : fewer modes asked for than rigid-body modes; on every rank
     """
-    system, n_modes = linearised.system, len(modes.omega_n)
+    system, modes, n_modes = stuck.linearised.system, stuck.modes, len(stuck.modes.omega_n)
     alpha = SHIFT * modes.omega_n[0] ** 2
     A = system.K.duplicate(copy=True)
     A.axpy(alpha, system.M, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     A.setOption(PETSc.Mat.Option.SPD, True)
     shifted = Linearised(system, A, system.M, Factor(A, system, what="K + alpha M"))
-    found = lowest_modes(shifted, n_modes, scene.solver.verify_modes, fewer_will_do=True)
+    found = lowest_modes(shifted, n_modes, settings.verify_modes, fewer_will_do=True)
     n_rigid = _count_rigid(found, alpha, modes)
     if n_rigid == len(found.omega_n) < system.n_dof:  # there may be more
         most = min(n_modes + 6 * max(len(system.part_names), 1), system.n_dof)
-        n_rigid = _count_rigid(lowest_modes(shifted, most, scene.solver.verify_modes, fewer_will_do=True), alpha, modes)
+        n_rigid = _count_rigid(lowest_modes(shifted, most, settings.verify_modes, fewer_will_do=True), alpha, modes)
     if n_rigid > n_modes:
         shifted.destroy()
         raise CaseError(
-            f"{scene.path}: [solver] modes = {n_modes}: without their joint the bodies have {n_rigid} rigid-body "
-            f'modes, all of which method = "{scene.solver.method}" needs; ask for {n_rigid} modes at least'
+            f"{settings.where}: [solver] modes = {n_modes}: without their joint the bodies have {n_rigid} rigid-body "
+            f'modes, all of which method = "{settings.method}" needs; ask for {n_rigid} modes at least'
         )
     return FreeBodies(shifted, alpha, found.omega_n**2 - alpha, found.phi_owned, n_rigid)
 

@@ -16,9 +16,11 @@ from typing import Literal
 import numpy as np
 import scipy.linalg
 
+from ..assembly.system import System
 from ..fourier.amplitudes import to_real
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import gram, multiply
+from ..linear.joint_springs import Linearised
 from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
@@ -27,6 +29,8 @@ from ..receptance.static_columns import StaticColumns
 from .build import load_coefficients, modal_family
 from .reduction import Reduction
 from .selection import AllPairs
+from .settings import ReductionSettings
+from .stuck import StuckStructure
 
 DEPENDENT = 1e-13  # strain energy of a combination of columns, each scaled to energy 1, below which it is dropped
 NEARLY_DEPENDENT = 1e-8  # the same, below which rounding shows and the projection is made twice
@@ -35,14 +39,18 @@ _BLOCKS = 4  # blocks of the basis' size held at a time
 
 
 def reduce_on_basis(
-    linearised, V_owned: np.ndarray, scene, unknowns: int | None = None, leaves_out: Literal["basis", "nothing"] = "basis"
+    stuck: StuckStructure,
+    V_owned: np.ndarray,
+    settings: ReductionSettings,
+    unknowns: int | None = None,
+    leaves_out: Literal["basis", "nothing"] = "basis",
 ) -> Reduction:
     """Return the Galerkin reduction on the columns of V, this rank's rows (n_owned, n_V).
 
     Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
     """
-    omega_n, phi_owned = galerkin_modes(linearised, V_owned)
-    model = model_of_modes(linearised, omega_n, phi_owned, scene)
+    omega_n, phi_owned = galerkin_modes(stuck.linearised, V_owned)
+    model = model_of_modes(stuck.linearised.system, omega_n, phi_owned, settings)
 
     def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
         full = model.with_harmonics(Harmonics.full(p.shape[-1]))
@@ -52,7 +60,7 @@ def reduce_on_basis(
     return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out)
 
 
-def galerkin_modes(linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def galerkin_modes(linearised: Linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, rising, phi^T M phi = I.
 
     Collective: sums of the reduced matrices, twice where columns nearly depend on each other.  The second pass starts from the
@@ -88,10 +96,9 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     return theta[::-1], (W @ q)[:, ::-1], float(values[kept][0] / values[-1])
 
 
-def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene) -> ReducedModel:
+def model_of_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, settings: ReductionSettings) -> ReducedModel:
     """Return the model that holds these modes and nothing else: its static parts are theirs, eq. (8.2).  Collective: two sums."""
-    system = linearised.system
-    comm, n_pairs, family = system.comm, system.R.shape[0] // 3, modal_family(system, omega_n, phi_owned, scene)
+    comm, n_pairs, family = system.comm, system.R.shape[0] // 3, modal_family(system, omega_n, phi_owned, settings.damping)
     R_phi, o, b = family.R_phi, family.o, family.b
     pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / omega_n**2
     own = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
@@ -99,7 +106,7 @@ def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene
     def columns(pairs: np.ndarray) -> np.ndarray:
         return own @ R_phi[(3 * pairs[:, None] + np.arange(3)).ravel()].T
 
-    harmonics = Harmonics.up_to(scene.harmonics)
+    harmonics = Harmonics.up_to(settings.harmonics)
     return ReducedModel(
         comm=comm,
         pair_ranges=pair_ranges,
@@ -109,7 +116,7 @@ def model_of_modes(linearised, omega_n: np.ndarray, phi_owned: np.ndarray, scene
         out_static=(o * flexibility) @ b,
         out_R=(o * flexibility) @ R_phi.T,
         load_static=(b.T * flexibility) @ b,
-        f=load_coefficients(scene.loads, harmonics),
+        f=load_coefficients(settings.loads, harmonics),
         harmonics=harmonics,
     )
 

@@ -8,12 +8,14 @@ from .build import reduce_structure
 from .expand import displacement
 from .reduction import Reduction
 from .selection import Selection
+from .settings import ReductionSettings
+from .stuck import StuckStructure
 
 
-def reduce_to_pairs(linearised, modes, scene, selection: Selection) -> Reduction:
+def reduce_to_pairs(stuck: StuckStructure, settings: ReductionSettings, selection: Selection) -> Reduction:
     """Return the reduction in the internal-variable form (docs/theory.md, section 4).
 
-    Collective: static solves of loads and outputs now, those of a pair when it first leaves sticking.
+    Collective: static solves of a pair when it first leaves sticking.
     """
-    model = reduce_structure(linearised, modes, scene)
-    return Reduction(model, selection, partial(displacement, linearised, modes, model), leaves_out="modes")
+    model = reduce_structure(stuck, settings)
+    return Reduction(model, selection, partial(displacement, stuck.linearised, stuck.modes, model), leaves_out="modes")

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..assembly.system import System
 from ..contact.law import Law
 from ..fourier.amplitudes import to_complex
 from ..linear.dense import gram, multiply, summed
@@ -23,6 +24,8 @@ from ..modes.band import frequency_band
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
 from .build import reduce_structure
+from .settings import ReductionSettings
+from .stuck import StuckStructure
 
 _EARLY = 0.5  # share of its limit from which a pair counts as slipping or open: its neighbours' slip loads it further
 _RESONANCES = 3  # frequencies at which the joint stores most energy, where its part is evaluated
@@ -53,33 +56,32 @@ class Resonance:
     drag_adjoint: np.ndarray  # (n, n_outputs)
 
 
-def left_out(linearised, modes, pairs, scene) -> LeftOut:
+def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     """Return the bounds of (4.5) for keeping the first 1 to n of n modes; the mode after the last kept must be known.
 
     Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
     docs/theory.md, eq. (4.5).
     """
-    model, n = reduce_structure(linearised, modes, scene), len(modes.omega_n)
+    model, n, system = reduce_structure(stuck, settings), len(stuck.modes.omega_n), stuck.linearised.system
     family = model.one_family
-    low, high = 2.0 * np.pi * np.array(frequency_band(scene.response, modes.omega_n))
+    low, high = 2.0 * np.pi * np.array(frequency_band(settings.band, family.omega_n))
     omegas = np.union1d(np.linspace(low, high, 60), family.omega_n[(family.omega_n > low) & (family.omega_n < high)])
     loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
-    comm, law = model.comm, pairs.law
+    comm, law = model.comm, stuck.pairs.law
     peaks = comm.bcast(output_peaks(model, omegas))  # the same to the bit on all ranks: collective work hangs on it
     direct, joint = np.zeros((2, n))
     if not loaded or not peaks.any():
         return LeftOut(direct, joint)  # a constant load: the static part is exact
     peaks = np.maximum(peaks, _FAINT * peaks.max())
-    level = max(scene.response.levels)
-    first, last = linearised.K_L.getOwnershipRange()
-    of_load = {h: residual_norms(linearised, modes, _load(linearised.system, model, h)[first:last])[:, 0] for h in loaded}
-    of_output = residual_norms(linearised, modes, linearised.system.outputs.T.tocsr()[first:last].toarray())
+    first, last = system.K.getOwnershipRange()
+    of_load = {h: residual_norms(stuck, _load(system, model, h)[first:last])[:, 0] for h in loaded}
+    of_output = residual_norms(stuck, system.outputs.T.tocsr()[first:last].toarray())
     for h in loaded:
         error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks
         direct = np.maximum(direct, error.max(axis=1))
         for omega in comm.bcast(resonances(model, law, omegas)) if model.n_pairs or family.damping.couples_modes else ():
-            at = resonance(linearised, modes, model, law, omega, h, level)
-            error = _through_the_joint(model, at, h, of_load[h], of_output, level) / peaks
+            at = resonance(stuck, model, omega, h, settings.level)
+            error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks
             joint = np.maximum(joint, error.max(axis=1))
     direct[-1] = np.inf  # the first mode left out is not known
     return LeftOut(direct, joint)
@@ -131,17 +133,17 @@ def _of_left_out(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
     return extreme.accumulate(np.append(values[1:], values[-1])[::-1])[::-1]
 
 
-def residual_norms(linearised, modes, X_owned: np.ndarray) -> np.ndarray:
+def residual_norms(stuck: StuckStructure, X_owned: np.ndarray) -> np.ndarray:
     """Return the residual norms of complex columns X (n_owned, q) for keeping 1 to n modes, (n, q).
 
     Collective: 2 q static solves.  docs/theory.md, eq. (4.4).
     """
-    comm, q = linearised.system.comm, X_owned.shape[1]
+    modes, comm, q = stuck.modes, stuck.linearised.system.comm, X_owned.shape[1]
     parts = np.concatenate([X_owned.real, X_owned.imag], axis=1)
     static = np.zeros(2 * q)
     for start in range(0, 2 * q, _COLUMNS):
         columns = slice(start, start + _COLUMNS)
-        u_owned = linearised.factor.solve(parts[:, columns])
+        u_owned = stuck.linearised.factor.solve(parts[:, columns])
         static[columns] = summed(comm, np.einsum("ij,ij->j", parts[:, columns], u_owned))
     kept = np.cumsum((gram(comm, modes.phi_owned, parts) / modes.omega_n[:, None]) ** 2, axis=0)
     rest = np.maximum(static - kept, 0.0)
@@ -166,27 +168,27 @@ def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]
     return [float(omega) for omega in np.union1d(omegas[highest], omegas[-1:])]
 
 
-def resonance(linearised, modes, model: ReducedModel, law: Law, omega: float, h: int, level: float) -> Resonance:
+def resonance(stuck: StuckStructure, model: ReducedModel, omega: float, h: int, level: float) -> Resonance:
     """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective: static solves."""
-    system, n_out = linearised.system, model.n_outputs
-    first, last = linearised.K_L.getOwnershipRange()
+    system, law, n_out = stuck.linearised.system, stuck.pairs.law, model.n_outputs
+    first, last = system.K.getOwnershipRange()
     family, (c,), i = model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
     U = to_complex(model.linear_motion_of_all(level, omega))
     U_adjoint = model.out_R.T + c.between(family.R_phi, i, family.o)  # (3 n_pairs, n_outputs)
     share = law.slipping_share(np.abs(U).sum(axis=1).reshape(-1, 3), _EARLY).ravel()
     K_J = law.stiffness.ravel()
     p = np.column_stack([share * K_J * U[:, i], ((share > 0.0) * K_J)[:, None] * U_adjoint])
-    norms = residual_norms(linearised, modes, system.R.T.tocsr()[first:last] @ p)
+    norms = residual_norms(stuck, system.R.T.tocsr()[first:last] @ p)
     drags = np.zeros_like(norms)
     if family.damping.couples_modes:
         z = c.whole(np.column_stack([level * family.b @ to_complex(model.f)[:, i], family.o.T]), i)
-        u_owned = modes.phi_owned @ np.concatenate([z.real, z.imag], axis=1)
+        u_owned = stuck.modes.phi_owned @ np.concatenate([z.real, z.imag], axis=1)
         Cu_owned = h * omega * multiply(system.C, u_owned)
-        drags = residual_norms(linearised, modes, Cu_owned[:, : n_out + 1] + 1j * Cu_owned[:, n_out + 1 :])
+        drags = residual_norms(stuck, Cu_owned[:, : n_out + 1] + 1j * Cu_owned[:, n_out + 1 :])
     return Resonance(omega, norms[:, 0], drags[:, 0], norms[:, 1:], drags[:, 1:])
 
 
-def _load(system, model: ReducedModel, h: int) -> np.ndarray:
+def _load(system: System, model: ReducedModel, h: int) -> np.ndarray:
     """Return harmonic h of the loads at unit level, (n_dof, 1), complex [N/N]."""
     i = model.harmonics.chosen.index(h)
     return system.loads @ to_complex(model.f)[:, i : i + 1]

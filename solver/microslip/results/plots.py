@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import matplotlib
 
+from ..parallel.errors import CaseError
 from ..parallel.files import make_folder, said_of
 from .curve_plots import draw_energy, draw_error, draw_response, draw_rom_size, draw_states
 from .joint_plots import draw_energy_map, draw_slip_map
@@ -44,5 +45,26 @@ def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> lis
     if not any(len(level.frequency) for level in results.levels):
         return []
     with matplotlib.rc_context(RC), said_of(out_dir):
-        pictures = STATIC_PICTURES if is_static(results) else PICTURES
-        return [file for draw in pictures[share] for file in draw(results, out_dir)]
+        return [file for draw in pictures_of(results)[share] for file in draw(results, out_dir)]
+
+
+def draw_one(results: ResultFile, out_dir: str, name: str) -> list[str]:
+    """Draw the picture of this name into a folder and return its files.  Local.
+
+    Raises
+    ------
+    CaseError : the results have no such picture
+    """
+    by_name = {draw.__name__.removeprefix("draw_").removeprefix("static_"): draw for draw in pictures_of(results)}
+    if name not in by_name:
+        raise CaseError(f"there is no picture {name!r} of these results; there are {', '.join(by_name)}")
+    with matplotlib.rc_context(RC), said_of(out_dir):
+        files = by_name[name](results, out_dir) if any(len(level.frequency) for level in results.levels) else []
+    if not files:
+        raise CaseError(f"there is nothing to draw in {name}")
+    return files
+
+
+def pictures_of(results: ResultFile) -> tuple[Picture, ...]:
+    """Return what results can be drawn as.  Local."""
+    return STATIC_PICTURES if is_static(results) else PICTURES

@@ -81,7 +81,7 @@ JOINT_QUANTITIES = declared(Joint)
 class ResultFile:
     """Everything of a results.h5."""
 
-    path: str
+    path: str  # "" before it is written
     title: str
     name: str  # of the scene
     method: str

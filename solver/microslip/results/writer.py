@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 
-from .. import __version__
 from ..continuation.branch import QUANTITIES, Branch, Point
 from ..continuation.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
-from .record import COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Joint, LevelResult, LinearCurve, joint_of, level_result
+from .record import COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Joint, LevelResult, ResultFile, level_result
 from .table import ResponseTable
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 FORMAT, FORMAT_VERSION = "microslip results", 1
 NAME = "results.h5"
@@ -29,49 +31,28 @@ class ResultWriter:
 
     Parameters
     ----------
-    scene : with title, name, text, outputs (each with a name) and solver.method
-    pairs : mesh.data.ContactPairs
+    head : everything but the levels; of rank 0
     N_H : coefficients a DOF, 2 H + 1
-    omega_n : (n_modes,) rad/s
-    linear : the response with all pairs stuck, per newton; may be left out
-    node_numbers : (n_nodes,) the user's node numbers, on rank 0; None without a mesh
-    versions : versions of what the run used, by name
-    options : what followed ``--`` on the command line
 
     Raises
     ------
     CaseError, ResourceError : on every rank, if the folder or a file cannot be written
     """
 
-    def __init__(
-        self,
-        comm,
-        folder: str,
-        scene,
-        pairs,
-        *,
-        N_H: int,
-        omega_n: np.ndarray,
-        linear: LinearCurve | None = None,
-        node_numbers: np.ndarray | None = None,
-        versions: Mapping[str, str] | None = None,
-        options: Iterable[str] = (),
-    ):
+    def __init__(self, comm: MPI.Comm, folder: str, head: ResultFile, N_H: int):
         self.comm, self.folder = comm, folder
         self.path = os.path.join(folder, NAME)
-        outputs = tuple(output.name for output in scene.outputs)
-        self._sizes = (len(outputs), pairs.n_pairs, N_H)
+        self._sizes = (len(head.outputs), head.joint.n_pairs, N_H)
         self._at_work: dict[int, Branch] = {}  # by the number of the level
-        head = (scene, outputs, omega_n, linear, {"microslip": __version__, **(versions or {})}, tuple(options))
-        self._table = on_root(comm, self._create, head, pairs, node_numbers, share=False)
+        self._table = on_root(comm, self._create, head, share=False)
 
-    def _create(self, head: tuple, pairs, node_numbers) -> ResponseTable:
+    def _create(self, head: ResultFile) -> ResponseTable:
         """Create both files, without levels."""
         make_folder(self.folder)
-        table = ResponseTable(self.folder, head[1])
+        table = ResponseTable(self.folder, head.outputs)
         with written_whole(self.path) as beside, h5py.File(beside, "w") as file:
-            _write_head(file, *head)
-            _write_joint(file.create_group("joint"), joint_of(pairs, node_numbers))
+            _write_head(file, head)
+            _write_joint(file.create_group("joint"), head.joint)
             file.create_group("levels")
         return table
 
@@ -116,24 +97,19 @@ class ResultWriter:
             self._table.close()
 
 
-def _write_head(file: h5py.File, scene, outputs, omega_n, linear: LinearCurve | None, versions: dict, options: tuple) -> None:
+def _write_head(file: h5py.File, head: ResultFile) -> None:
     file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
     file.attrs["coefficients"] = "last axis: mean, cos 1, sin 1, ..., cos H, sin H"
-    _texts(file, "outputs/name", outputs)
-    for name, text in (
-        ("text", scene.text),
-        ("title", scene.title or scene.name),
-        ("name", scene.name),
-        ("method", scene.solver.method),
-    ):
+    _texts(file, "outputs/name", head.outputs)
+    for name, text in (("text", head.scene_text), ("title", head.title), ("name", head.name), ("method", head.method)):
         _texts(file, f"scene/{name}", text)
-    _texts(file, "versions/name", versions.keys())
-    _texts(file, "versions/version", versions.values())
-    _texts(file, "options", options)
-    _array(file, "modes/frequency_Hz", np.asarray(omega_n, dtype="f8") / (2.0 * np.pi), "Hz")
-    if linear is not None:
-        _array(file, "linear/frequency_Hz", linear.frequency, "Hz")
-        _array(file, "linear/response_per_N", linear.response, "m/N")
+    _texts(file, "versions/name", head.versions.keys())
+    _texts(file, "versions/version", head.versions.values())
+    _texts(file, "options", head.options)
+    _array(file, "modes/frequency_Hz", head.mode_frequency, "Hz")
+    if head.linear is not None:
+        _array(file, "linear/frequency_Hz", head.linear.frequency, "Hz")
+        _array(file, "linear/response_per_N", head.linear.response, "m/N")
 
 
 def _write_joint(group: h5py.Group, joint: Joint) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from .checks import absent, contradictions, missing_files
 from .messages import in_words
 from .not_yet import not_yet
 from .schema import Scene
+from .text import as_toml
 
 _LARGEST_FILE = 10_000_000  # bytes
 
@@ -29,7 +31,42 @@ def read_scene(path: str | Path) -> Scene:
     """
     path = Path(path)
     text = _text(path)
-    raw = _tables(path, text)
+    return _checked(path, _tables(path, text), text)
+
+
+def scene_of(tables: Mapping[str, Any], path: str | Path = "scene.toml") -> Scene:
+    """Return the scene of tables like those of a file, checked in itself.  Local.
+
+    ``path`` need not exist: it names the scene, and the paths in it are relative to its folder.
+
+    Raises
+    ------
+    CaseError : as :func:`read_scene`
+    """
+    raw = _frozen(dict(tables))
+    return _checked(Path(path), raw, as_toml(raw))
+
+
+def changed(
+    scene: Scene, tables: Mapping[str, Mapping[str, Any]], joints: Mapping[str, Mapping[str, Any]] | None = None
+) -> Scene:
+    """Return a scene with some keys of its tables, and of joints by name, changed, which then count as stated.  Local.
+
+    None takes a key out.
+
+    Raises
+    ------
+    CaseError : as :func:`read_scene`
+    """
+    raw = scene.model_dump(exclude_unset=True)
+    for name, keys in tables.items():
+        raw[name] = {key: value for key, value in {**(raw.get(name) or {}), **keys}.items() if value is not None}
+    raw["joints"] = tuple({**joint, **(joints or {}).get(joint["name"], {})} for joint in raw.get("joints", ()))
+    return scene_of(raw, scene.path)
+
+
+def _checked(path: Path, raw: Mapping[str, Any], text: str) -> Scene:
+    """Return the scene of tables and the text that they are of."""
     try:
         scene = Scene.model_validate(raw, context={"path": path.absolute(), "text": text})
     except ValidationError as problem:
@@ -81,7 +118,9 @@ def _line(problem: str, text: str) -> str:
 
 
 def _frozen(value: Any) -> Any:
-    """Return TOML's values with tuples for lists: a scene does not change."""
-    if isinstance(value, dict):
+    """Return TOML's values, NumPy's too, with tuples for lists: a scene does not change."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
         return {key: _frozen(entry) for key, entry in value.items()}
-    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+    return tuple(map(_frozen, value)) if isinstance(value, list | tuple) else value

@@ -2,28 +2,60 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..assembly.assemble import read_off
-from ..assembly.matrices import GivenStructure
+from ..assembly.check import check_elements
+from ..assembly.matrices import GivenStructure, read_structure
 from ..continuation.accuracy import MOST_HARMONICS
+from ..library.settings import matrix_settings, mesh_settings, reduction_settings
 from ..mesh.data import ContactPairs, Mesh, place
+from ..mesh.pairing import pair_contacts
+from ..mesh.partition import distribute
+from ..mesh.read import read_mesh
 from ..modes.limits import FEW, refuse_too_many
+from ..parallel.agree import on_root
 from ..reduction.methods import METHODS
-from ..scene.schema import DEFAULT_ACCURACY
+from ..scene.schema import DEFAULT_ACCURACY, Scene
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 # measured on the hex20 fan-blade sector of 122,124 DOF: 1.0 GB for the factor and 4 GiB in all at most (docs/guide.md)
 _FACTOR_GB, _MEASURED_DOF = 1.0, 122_124
 
 
-def needs(scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
+def check(scene: Scene, comm: MPI.Comm) -> None:
+    """Read mesh and pairs, or matrices, check them, and print what a run will need; nothing is solved.
+
+    Collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, MeshError : on every rank
+    """
+    if scene.model.mesh is None:
+        lines = on_root(comm, lambda: needs_of_matrices(scene, read_structure(matrix_settings(scene))))
+    else:
+        settings = mesh_settings(scene)
+        mesh = on_root(comm, read_mesh, settings, share=False)
+        pairs = on_root(comm, pair_contacts, mesh, settings.joints)
+        check_elements(distribute(mesh, settings, comm), settings)
+        lines = on_root(comm, needs, scene, mesh, pairs)
+    if comm.rank == 0:
+        print("\n".join(lines))
+
+
+def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
     """Return lines that say what the scene holds and what a run will need.  Local, on rank 0.
 
     Raises
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    is_fixed, _, part_names, load_nodes, output_nodes = read_off(mesh, pairs, scene)
+    is_fixed, _, part_names, load_nodes, output_nodes = read_off(mesh, pairs, mesh_settings(scene))
     n_dof = int((~is_fixed).sum())
     kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
     lines = [
@@ -40,7 +72,7 @@ def needs(scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
     return lines
 
 
-def needs_of_matrices(scene, given: GivenStructure) -> list[str]:
+def needs_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
     """Return the same lines for a scene given as matrices.  Local, on rank 0.
 
     Raises
@@ -62,12 +94,12 @@ def needs_of_matrices(scene, given: GivenStructure) -> list[str]:
     ]
 
 
-def highest_harmonic(scene) -> int:
+def highest_harmonic(scene: Scene) -> int:
     """Return the most harmonics that a point may have."""
     return MOST_HARMONICS if scene.chooses("harmonics") else scene.harmonics
 
 
-def resolution(scene) -> str:
+def resolution(scene: Scene) -> str:
     """Say with which harmonics and samples the points are solved."""
     chosen = f"chosen at each point for accuracy {scene.solver.accuracy}"
     stated = f"harmonics 0 to {scene.harmonics}" if scene.harmonics else "harmonic 0 alone: statics"
@@ -75,7 +107,7 @@ def resolution(scene) -> str:
     return f"{harmonics}, {f'samples {chosen}' if scene.chooses('samples') else f'{scene.solver.samples} samples'}"
 
 
-def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
+def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     """Say how the scene is solved, and what that takes."""
     solver = scene.solver
     refuse_too_many(solver.modes, n_dof, scene.path)
@@ -83,7 +115,7 @@ def _solution(scene, n_dof: int, n_pairs: int) -> list[str]:
     if solver.modes or n_dof <= FEW:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
-    coordinates = METHODS[solver.method].coordinates(solver, n_modes, n_dof, n_pairs, len(scene.loads))
+    coordinates = METHODS[solver.method].coordinates(reduction_settings(scene), n_modes, n_dof, n_pairs, len(scene.loads))
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
     points = f"about {scene.response.points} points" if scene.harmonics else "one point, for all frequencies"
     if scene.harmonics and solver.accuracy is not None and "points" not in scene.response.model_fields_set:

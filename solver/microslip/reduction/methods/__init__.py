@@ -1,6 +1,6 @@
-"""The reduction methods, one file each, one registry: what the scene's ``method`` names.
+"""The reduction methods, one file each, one registry: what ``method`` names.
 
-A method takes the stuck structure, its modes, the pairs and the scene, and returns a :class:`Reduction`.  Harmonic balance and
+A method takes the stuck structure and the settings, and returns a :class:`Reduction`.  Harmonic balance and
 continuation know none of them.
 """
 
@@ -9,16 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from ...assembly.system import System
 from ..reduction import Reduction
+from ..settings import ReductionSettings
+from ..stuck import StuckStructure
 from . import adaptive, adaptive_energy, craig_bampton, full, joint_interface_modes, receptance, rubin, trial_vectors
 
 
 class Method(Protocol):
     """What each file has."""
 
-    def reduce(self, linearised, modes, pairs, scene) -> Reduction: ...
+    def reduce(self, stuck: StuckStructure, settings: ReductionSettings) -> Reduction: ...
 
-    def coordinates(self, solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int: ...
+    def coordinates(self, settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int: ...
 
 
 METHODS: dict[str, Method] = {
@@ -34,12 +37,12 @@ METHODS: dict[str, Method] = {
 CHECKS: dict[str, Callable[..., None]] = {"full": full.check}  # of size, before anything is solved
 
 
-def check_size(scene, n_dof: int, n_rows: int, comm) -> None:
-    """Refuse a structure that is too large for the scene's method, from its DOFs and 3 rows a pair.  Collective on ``comm``."""
-    if scene.solver.method in CHECKS:
-        CHECKS[scene.solver.method](scene, n_dof, n_rows, comm)
+def check_size(settings: ReductionSettings, system: System) -> None:
+    """Refuse a structure that is too large for the method, before anything is solved.  Collective on ``system.comm``."""
+    if settings.method in CHECKS:
+        CHECKS[settings.method](settings, system.n_dof, system.R.shape[0], system.comm)
 
 
-def reduce_by_method(linearised, modes, pairs, scene) -> Reduction:
-    """Return the reduction by the scene's method.  Collective."""
-    return METHODS[scene.solver.method].reduce(linearised, modes, pairs, scene)
+def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
+    """Return the reduction by the method asked for.  Collective."""
+    return METHODS[settings.method].reduce(stuck, settings)

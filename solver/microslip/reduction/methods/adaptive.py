@@ -5,13 +5,15 @@ from __future__ import annotations
 from ..internal_variable import reduce_to_pairs
 from ..reduction import Reduction
 from ..selection import NonStickingPairs
+from ..settings import ReductionSettings
+from ..stuck import StuckStructure
 
 
-def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
     """Return how many unknowns a harmonic coefficient has at most.  Local."""
     return n_modes + 3 * n_pairs
 
 
-def reduce(linearised, modes, pairs, scene) -> Reduction:
+def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective."""
-    return reduce_to_pairs(linearised, modes, scene, NonStickingPairs(scene.solver.in_point_check))
+    return reduce_to_pairs(stuck, settings, NonStickingPairs(settings.in_point_check))

@@ -9,6 +9,8 @@ mass at b: its modes are those with the interface fixed.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from petsc4py import PETSc
 
@@ -19,31 +21,36 @@ from ...modes.eigen import lowest_modes
 from ..galerkin import reduce_on_basis
 from ..interface_dofs import interface_dofs, unit_columns
 from ..reduction import Reduction
+from ..settings import ReductionSettings
+from ..stuck import StuckStructure
+
+if TYPE_CHECKING:
+    from ...assembly.system import System
 
 _BATCH = 128
 
 
-def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
     """Return how many unknowns a harmonic coefficient has at most.  Local."""
     return n_modes + 6 * n_pairs
 
 
-def reduce(linearised, modes, pairs, scene) -> Reduction:
+def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: a factorisation, modes, and a solve an interface DOF."""
-    system = linearised.system
+    system = stuck.linearised.system
     b = interface_dofs(system.R)
     fixed, k = fix_interface(system, b)
     psi_owned = constraint_modes(system, fixed, b, k)
-    n_modes = min(len(modes.omega_n), system.n_dof - len(b))
+    n_modes = min(len(stuck.modes.omega_n), system.n_dof - len(b))
     phi_owned = psi_owned[:, :0]
     if n_modes:
-        phi_owned = lowest_modes(fixed, n_modes, scene.solver.verify_modes, fewer_will_do=True).phi_owned
+        phi_owned = lowest_modes(fixed, n_modes, settings.verify_modes, fewer_will_do=True).phi_owned
     fixed.destroy()
     fixed.M.destroy()
-    return reduce_on_basis(linearised, np.hstack([phi_owned, psi_owned]), scene)
+    return reduce_on_basis(stuck, np.hstack([phi_owned, psi_owned]), settings)
 
 
-def fix_interface(system, b: np.ndarray) -> tuple[Linearised, float]:
+def fix_interface(system: System, b: np.ndarray) -> tuple[Linearised, float]:
     """Return the structure with the DOFs ``b`` held, factored, and the diagonal k that stands at b [N/m].  Collective."""
     first, last = system.K.getOwnershipRange()
     own = b[(b >= first) & (b < last)].astype(PETSc.IntType)
@@ -57,7 +64,7 @@ def fix_interface(system, b: np.ndarray) -> tuple[Linearised, float]:
     return Linearised(system, K, M, Factor(K, system, what="K with the interface held")), k
 
 
-def constraint_modes(system, fixed: Linearised, b: np.ndarray, k: float) -> np.ndarray:
+def constraint_modes(system: System, fixed: Linearised, b: np.ndarray, k: float) -> np.ndarray:
     """Return psi, this rank's rows (n_owned, n_b): the static shape for a unit motion of each interface DOF alone.
 
     Collective: a product with K and a solve for each.  docs/theory.md, eq. (8.4).

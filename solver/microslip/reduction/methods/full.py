@@ -18,15 +18,24 @@ Ritz vectors of the Krylov space.  A damping matrix couples all modes, and needs
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import scipy.sparse as sp
 
 from ...linear.dense import gram, multiply
+from ...linear.joint_springs import Linearised
+from ...modes.band import frequency_band
 from ...modes.eigen import Modes, lowest_modes
 from ...parallel.errors import CaseError
 from ...parallel.memory import memory_left
 from ..galerkin import memory_of_basis, reduce_on_basis
 from ..reduction import Reduction
+from ..settings import ReductionSettings
+from ..stuck import StuckStructure
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 ALL_MODES = 1000  # DOFs up to which every mode is computed
 MOST_WITH_C = 3000  # the same with a damping matrix: beyond, `full` is refused
@@ -35,12 +44,12 @@ MOST_RATIO = 0.25  # kappa_max over omega_m^2: beyond, more modes are computed
 _LEAST_BLOCKS = 2
 
 
-def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
     """Return how many unknowns a harmonic coefficient has at most.  Local."""
     return n_dof
 
 
-def check(scene, n_dof: int, n_rows: int, comm) -> None:
+def check(settings: ReductionSettings, n_dof: int, n_rows: int, comm: MPI.Comm) -> None:
     """Refuse what cannot be held, before anything is solved.
 
     Collective on ``comm``.
@@ -49,39 +58,40 @@ def check(scene, n_dof: int, n_rows: int, comm) -> None:
     ------
     CaseError : too large for the memory, with the estimate, or for a damping matrix; on every rank
     """
-    if scene.model.damping is not None and n_dof > MOST_WITH_C:
+    if settings.damping is None and n_dof > MOST_WITH_C:
         raise CaseError(
-            f'{scene.path}: [solver] method = "full" with [model] damping needs every mode, of {MOST_WITH_C} '
+            f'{settings.where}: [solver] method = "full" with [model] damping needs every mode, of {MOST_WITH_C} '
             f'DOF at most; there are {n_dof}. Choose "receptance", or state [damping] in place of the matrix'
         )
-    n_columns = n_dof if n_dof <= ALL_MODES or scene.model.damping is not None else _LEAST_BLOCKS * (n_rows + 2)
-    _refuse_too_large(scene, n_dof, n_columns, comm)
+    n_columns = n_dof if n_dof <= ALL_MODES or settings.damping is None else _LEAST_BLOCKS * (n_rows + 2)
+    _refuse_too_large(settings.where, n_dof, n_columns, comm)
 
 
-def reduce(linearised, modes, pairs, scene) -> Reduction:
+def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: more modes where the range asks for them, and the solves of the Krylov space.
 
     Raises
     ------
     CaseError : too large for the memory; on every rank
     """
-    system = linearised.system
+    linearised, system = stuck.linearised, stuck.linearised.system
     Y = sp.hstack([system.R.T, system.loads, system.outputs.T], format="csc")
     all_modes = system.n_dof if system.n_dof <= ALL_MODES or system.C is not None else None
     if all_modes:
         modes, n_blocks = lowest_modes(linearised, all_modes, fewer_will_do=True), 1
     else:
-        modes, n_blocks = modes_beyond(linearised, modes, scene)
-    _refuse_too_large(scene, system.n_dof, len(modes.omega_n) + n_blocks * Y.shape[1], system.comm)
+        modes, n_blocks = modes_beyond(linearised, stuck.modes, settings)
+    _refuse_too_large(settings.where, system.n_dof, len(modes.omega_n) + n_blocks * Y.shape[1], system.comm)
     blocks = krylov_blocks(linearised, modes, Y, n_blocks)
-    return reduce_on_basis(linearised, np.hstack([modes.phi_owned, *blocks]), scene, unknowns=system.n_dof, leaves_out="nothing")
+    return reduce_on_basis(stuck, np.hstack([modes.phi_owned, *blocks]), settings, unknowns=system.n_dof, leaves_out="nothing")
 
 
-def modes_beyond(linearised, modes: Modes, scene) -> tuple[Modes, int]:
+def modes_beyond(linearised: Linearised, modes: Modes, settings: ReductionSettings) -> tuple[Modes, int]:
     """Return modes that reach far enough beyond the range, and how many blocks of the Krylov space it then takes.  Collective."""
-    n_dof, highest = linearised.system.n_dof, max(scene.harmonics, 1) * highest_frequency(scene.response, modes.omega_n)
+    n_dof = linearised.system.n_dof
+    highest = max(settings.harmonics, 1) * 2 * np.pi * frequency_band(settings.band, modes.omega_n)[1]
     while (ratio := (highest / modes.omega_n[-1]) ** 2) > MOST_RATIO and len(modes.omega_n) < n_dof:
-        modes = lowest_modes(linearised, min(2 * len(modes.omega_n), n_dof), scene.solver.verify_modes, fewer_will_do=True)
+        modes = lowest_modes(linearised, min(2 * len(modes.omega_n), n_dof), settings.verify_modes, fewer_will_do=True)
     return modes, n_blocks_for(ratio)
 
 
@@ -90,12 +100,7 @@ def n_blocks_for(ratio: float) -> int:
     return max(_LEAST_BLOCKS, int(np.ceil(np.log(ACCURACY) / (2.0 * np.log(ratio)))))
 
 
-def highest_frequency(response, omega_n: np.ndarray) -> float:
-    """Return the upper end of the range [rad/s].  Local."""
-    return 2 * np.pi * response.frequencies[1] if response.frequencies else response.span[1] * omega_n[response.mode - 1]
-
-
-def krylov_blocks(linearised, modes: Modes, Y: sp.csc_matrix, n_blocks: int) -> list[np.ndarray]:
+def krylov_blocks(linearised: Linearised, modes: Modes, Y: sp.csc_matrix, n_blocks: int) -> list[np.ndarray]:
     """Return Z_0 .. Z_(n_blocks - 1) of eq. (8.7), this rank's rows (n_owned, m) each.  Collective: m solves a block."""
     comm, factor, phi_owned = linearised.system.comm, linearised.factor, modes.phi_owned
 
@@ -108,11 +113,11 @@ def krylov_blocks(linearised, modes: Modes, Y: sp.csc_matrix, n_blocks: int) -> 
     return blocks
 
 
-def _refuse_too_large(scene, n_dof: int, n_columns: int, comm) -> None:
+def _refuse_too_large(where: str, n_dof: int, n_columns: int, comm: MPI.Comm) -> None:
     needed, left = memory_of_basis(n_dof, n_columns), memory_left(comm)
     if needed > left:
         raise CaseError(
-            f'{scene.path}: [solver] method = "full" needs about {needed / 1e9:.3g} GB for {n_columns} '
+            f'{where}: [solver] method = "full" needs about {needed / 1e9:.3g} GB for {n_columns} '
             f'columns of {n_dof} DOF, beside the factor; {left / 1e9:.3g} GB are free. Choose "receptance", a '
             "coarser mesh, or more memory"
         )

@@ -17,26 +17,30 @@ from __future__ import annotations
 import numpy as np
 
 from ...linear.dense import gram, multiply
+from ...linear.joint_springs import Linearised
 from ...parallel.agree import on_root
 from ..galerkin import reduce_on_basis, reduced_modes
 from ..reduction import Reduction
+from ..settings import ReductionSettings
+from ..stuck import StuckStructure
 
 
-def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
     """Return how many unknowns a harmonic coefficient has at most.  Local."""
-    return n_modes + min(solver.interface_modes, 3 * n_pairs) + n_loads
+    return n_modes + min(settings.interface_modes, 3 * n_pairs) + n_loads
 
 
-def reduce(linearised, modes, pairs, scene) -> Reduction:
+def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: 3 solves a pair."""
-    system, factor, phi_owned = linearised.system, linearised.factor, modes.phi_owned
+    linearised, phi_owned = stuck.linearised, stuck.modes.phi_owned
+    system, factor = linearised.system, linearised.factor
     Z_owned = factor.solve_sparse(system.R.T.tocsc())
     Z_owned -= phi_owned @ gram(system.comm, phi_owned, multiply(linearised.M, Z_owned))
-    shapes_owned = lowest_shapes(linearised, Z_owned, scene.solver.interface_modes)
-    return reduce_on_basis(linearised, np.hstack([phi_owned, factor.solve_sparse(system.loads), shapes_owned]), scene)
+    shapes_owned = lowest_shapes(linearised, Z_owned, settings.interface_modes)
+    return reduce_on_basis(stuck, np.hstack([phi_owned, factor.solve_sparse(system.loads), shapes_owned]), settings)
 
 
-def lowest_shapes(linearised, Z_owned: np.ndarray, n_wanted: int) -> np.ndarray:
+def lowest_shapes(linearised: Linearised, Z_owned: np.ndarray, n_wanted: int) -> np.ndarray:
     """Return the ``n_wanted`` lowest modes in the span of Z, eq. (8.5), or all there are; this rank's rows.  Collective."""
     comm = linearised.system.comm
     K_r, M_r = (gram(comm, Z_owned, multiply(A, Z_owned)) for A in (linearised.K_L, linearised.M))

@@ -16,24 +16,26 @@ from ..free_interface import free_bodies, residual_attachment_modes
 from ..galerkin import reduce_on_basis
 from ..interface_dofs import interface_dofs, unit_columns
 from ..reduction import Reduction
+from ..settings import ReductionSettings
+from ..stuck import StuckStructure
 
 
-def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
     """Return how many unknowns a harmonic coefficient has at most.  Local."""
-    return n_modes + (3 if solver.condensed else 6) * n_pairs + n_loads
+    return n_modes + (3 if settings.condensed else 6) * n_pairs + n_loads
 
 
-def reduce(linearised, modes, pairs, scene) -> Reduction:
+def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: a factorisation, modes, and as many solves as forces.
 
     Raises
     ------
     CaseError : fewer modes asked for than rigid-body modes; on every rank
     """
-    system = linearised.system
-    free = free_bodies(linearised, modes, scene)
-    contact = system.R.T if scene.solver.condensed else unit_columns(interface_dofs(system.R), system.n_dof)
+    system = stuck.linearised.system
+    free = free_bodies(stuck, settings)
+    contact = system.R.T if settings.condensed else unit_columns(interface_dofs(system.R), system.n_dof)
     Z_owned = residual_attachment_modes(free, sp.hstack([contact, system.loads], format="csc"))
     V_owned = np.hstack([free.phi_owned, Z_owned])
     free.destroy()
-    return reduce_on_basis(linearised, V_owned, scene)
+    return reduce_on_basis(stuck, V_owned, settings)

@@ -25,23 +25,25 @@ from ...parallel.agree import on_root
 from ..build import owned_product
 from ..galerkin import DEPENDENT, reduce_on_basis
 from ..reduction import Reduction
+from ..settings import ReductionSettings
+from ..stuck import StuckStructure
 
 
-def coordinates(solver, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
+def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
     """Return how many unknowns a harmonic coefficient has at most.  Local."""
-    return n_modes + min(solver.interface_modes, 3 * n_pairs) + n_loads
+    return n_modes + min(settings.interface_modes, 3 * n_pairs) + n_loads
 
 
-def reduce(linearised, modes, pairs, scene) -> Reduction:
+def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: 3 solves a pair."""
-    system, factor = linearised.system, linearised.factor
+    system, factor, modes = stuck.linearised.system, stuck.linearised.factor, stuck.modes
     first, last = system.K.getOwnershipRange()
     X_owned = factor.solve_sparse(system.R.T.tocsc())
     flexibility = summed(system.comm, system.R[:, first:last] @ X_owned)
-    forces = derivative_forces(joint_stiffness(pairs), owned_product(system.R, modes.phi_owned, system), modes.omega_n)
-    chosen = on_root(system.comm, main_directions, forces, flexibility, scene.solver.interface_modes)
+    forces = derivative_forces(joint_stiffness(stuck.pairs), owned_product(system.R, modes.phi_owned, system), modes.omega_n)
+    chosen = on_root(system.comm, main_directions, forces, flexibility, settings.interface_modes)
     V_owned = np.hstack([modes.phi_owned, factor.solve_sparse(system.loads), X_owned @ chosen])
-    return reduce_on_basis(linearised, V_owned, scene)
+    return reduce_on_basis(stuck, V_owned, settings)
 
 
 def derivative_forces(K_J: np.ndarray, r: np.ndarray, omega_n: np.ndarray) -> np.ndarray:

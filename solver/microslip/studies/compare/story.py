@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 from ...continuation.follow import BranchTask, follow_branch
 from ...continuation.grid import at_frequencies, going_on
-from ...continuation.levels import ResponseProblem, most_points, response_problem
-from ...library.response_settings import response_settings
+from ...continuation.levels import most_points
+from ...library.build import Structure, build
+from ...library.prepare import Prepared, prepare
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
 from ...parallel.words import nearest
-from ...reduction.methods import METHODS, check_size, reduce_by_method
-from ...reduction.reduction import Reduction
+from ...reduction.methods import METHODS
 from ...results.measures import shown_with
-from ...run import Structure, build_structure
 from .report import Row, write_comparison
 
 LARGEST_REFERENCE = 20_000  # DOF up to which `full` is the reference unasked
@@ -37,19 +35,19 @@ def compare(scene, comm, folder: Path, methods: tuple[str, ...] = (), options: t
     methods = known_methods(methods)
     facts = {"scene": str(scene.path), "methods": ", ".join(methods), "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "compare.log"), facts=facts) as log:
-        structure = build_structure(by_method(scene, "receptance"), comm, log)
+        structure = build(by_method(scene, "receptance"), comm, log)
         if structure.pairs.n_pairs == 0:
             raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint every method is the same linear response")
         comparison = Comparison(scene, structure, log)
-        reference, reduction, seconds = comparison.reference("full" in methods)
-        comparison.points_of(reference, reduction)
-        rows = comparison.rows(reference, reduction, seconds)
+        reference, prepared = comparison.reference("full" in methods)
+        comparison.points_of(reference, prepared)
+        rows = comparison.rows(reference, prepared)
         for method in methods:
             if method != reference:
-                rows += comparison.rows(method, *comparison.reduced(method))
+                rows += comparison.rows(method, comparison.reduced(method))
         log.note(on_root(comm, write_comparison, rows, scene, str(folder)))
         log.note(f"results in {folder}")
-        structure.linearised.destroy()
+        structure.close()
     failed = [row for row in rows if row.failure]
     if failed:
         raise ConvergenceError(
@@ -83,14 +81,10 @@ class Comparison:
 
     def __init__(self, scene, structure: Structure, log: RunLog):
         self.scene, self.structure, self.log = scene, structure, log
-        self.comm = structure.linearised.system.comm
-        pairs = structure.pairs
-        self.law = pairs.law
-        self.settings = response_settings(scene)
         self.omegas: dict[float, list[float]] = {}
 
-    def reference(self, asked: bool) -> tuple[str, Reduction, float]:
-        """Return the reference, reduced, and the seconds that took: `full` where it fits.  Collective.
+    def reference(self, asked: bool) -> tuple[str, Prepared]:
+        """Return the reference, reduced: `full` where it fits.  Collective.
 
         Raises
         ------
@@ -98,35 +92,26 @@ class Comparison:
         """
         if asked or self.structure.linearised.system.n_dof <= LARGEST_REFERENCE:
             try:
-                return "full", *self.reduced("full")
+                return "full", self.reduced("full")
             except CaseError as reason:
                 if asked:
                     raise
                 self.log.note(f"the reference is receptance: {reason}")
-        return "receptance", *self.reduced("receptance")
+        return "receptance", self.reduced("receptance")
 
-    def reduced(self, method: str) -> tuple[Reduction, float]:
-        """Return the reduction by a method and the seconds it took.  Collective."""
-        scene, start = by_method(self.scene, method), time.perf_counter()
-        system, structure = self.structure.linearised.system, self.structure
+    def reduced(self, method: str) -> Prepared:
+        """Return the structure reduced by a method.  Collective."""
         with self.log.stage(f"reduction: {method}"):
-            check_size(scene, system.n_dof, system.R.shape[0], self.comm)
-            reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-        return reduction, time.perf_counter() - start
+            return prepare(self.structure, by_method(self.scene, method), has_bars=False)
 
-    def response(self, reduction: Reduction) -> ResponseProblem:
-        """Return what all levels share.  Collective."""
-        omega_n = self.structure.modes.omega_n
-        return response_problem(self.settings, reduction.model, self.law, reduction.selection, omega_n)
-
-    def points_of(self, method: str, reduction: Reduction) -> None:
+    def points_of(self, method: str, prepared: Prepared) -> None:
         """Follow the reference by arc length: its points are those of every method.  Collective.
 
         Raises
         ------
         ConvergenceError : no second point at some level; on every rank
         """
-        response, settings = self.response(reduction), self.settings
+        response, settings = prepared.response, prepared.response.settings
         with self.log.stage(f"frequencies, along the curve of {method}"):
             for level in settings.levels:
                 task = BranchTask(
@@ -137,12 +122,13 @@ class Comparison:
                 if len(self.omegas[level]) < 2:
                     raise ConvergenceError(f"{method} at {level:g} N: {branch.failure}")
 
-    def rows(self, method: str, reduction: Reduction, seconds: float) -> list[Row]:
+    def rows(self, method: str, prepared: Prepared) -> list[Row]:
         """Return what a method does at the frequencies of each level.  Collective."""
-        rows, response, tolerance = [], self.response(reduction), self.settings.tolerance
+        rows, response = [], prepared.response
         shown = shown_with(response.model.harmonics.highest)
         with self.log.stage(f"response: {method}"):
             for level, omegas in self.omegas.items():
-                branch = at_frequencies(response.at_level(level), response.selection, omegas, tolerance=tolerance)
-                rows.append(Row(level, method, seconds, branch.points, branch.failure, shown))
+                problem, tolerance = response.at_level(level), response.settings.tolerance
+                branch = at_frequencies(problem, response.selection, omegas, tolerance=tolerance)
+                rows.append(Row(level, method, prepared.seconds, branch.points, branch.failure, shown))
         return rows

@@ -11,20 +11,18 @@ import numpy as np
 from ...continuation.accuracy import Accuracy, accuracy_of
 from ...continuation.branch import Branch
 from ...continuation.grid import at_frequencies
-from ...continuation.levels import frequency_sweep, likely_to_slip, linear_curve
+from ...continuation.levels import frequency_sweep
 from ...continuation.problems import ForcedResponse
-from ...error_estimate.better_model import BetterModel, better_model_of
+from ...error_estimate.better_model import BetterModel
 from ...error_estimate.components import total
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
 from ...harmonic.balance import ContactForces, HarmonicBalance, OperatingPoint
-from ...library.response_settings import response_settings
+from ...library.build import Structure
+from ...library.prepare import Prepared, prepare
+from ...library.settings import response_settings
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...parallel.errors import MicroslipError
-from ...receptance.static_columns import StaticColumns
-from ...reduction.methods import check_size, reduce_by_method
-from ...reduction.reduction import Reduction
-from ...run import Structure
 from .study import Curve, Run, Setting
 
 SHORT = 1.0  # s of a response below which it is solved again, and the smaller time counts
@@ -46,23 +44,12 @@ class Clock:
         return share * self.seconds - self.spent
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """A reduction with what its error bars compare with."""
-
-    reduction: Reduction
-    better: BetterModel
-    seconds: float  # of the reduction
-
-
 class Bench:
     """What all runs share.  Every method is collective on the structure's communicator."""
 
     def __init__(self, scene, structure: Structure):
         self.scene, self.structure = scene, structure
-        self.comm = structure.linearised.system.comm
-        pairs = structure.pairs
-        self.law = pairs.law
+        self.comm = structure.comm
         self.sweep = frequency_sweep(response_settings(scene), structure.modes.omega_n)
         self.least_harmonics = max([1, *(load.harmonic for load in scene.loads)])
         self.modes: Modes = structure.modes
@@ -71,9 +58,8 @@ class Bench:
         in_range = int(np.count_nonzero(structure.modes.omega_n <= highest))
         self.least_modes = self.comm.bcast(max(scene.response.mode or 1, in_range))  # fewer leave a resonance out
         self.modes_seconds: dict[int, float] = {}  # measured, by number
-        self.columns_seconds = 0.0  # of static columns, which all runs share
+        self._first: dict[int, Structure] = {}  # with so many modes
         self._prepared: dict[tuple, Prepared] = {}
-        self._columns: StaticColumns | None = None
 
     # -- set-up ------------------------------------------------------------------------------------------------
 
@@ -84,7 +70,7 @@ class Bench:
         n_dof = self.structure.linearised.system.n_dof
         self.has_all_modes = self.has_all_modes or n_modes == n_dof or len(modes.omega_n) < n_modes
         if len(modes.omega_n) > len(self.modes.omega_n):
-            self.modes = modes
+            self.modes, self._first = modes, {}
 
     def _timed_modes(self, n_modes: int) -> tuple[Modes, float]:
         start = time.perf_counter()
@@ -97,7 +83,7 @@ class Bench:
         return float(np.interp(n_modes, [n for n, _ in known], [seconds for _, seconds in known])) if known else 0.0
 
     def prepared(self, setting: Setting) -> Prepared:
-        """Return a setting's reduction; those of the structure's own modes and statics are kept, with static columns in common.
+        """Return what is solved with a setting; reductions to the structure's own modes and statics are kept.
 
         Raises
         ------
@@ -116,30 +102,10 @@ class Bench:
         return replace(found, reduction=replace(found.reduction, selection=selection))
 
     def _prepare(self, setting: Setting) -> Prepared:
-        scene, structure, system = self.scene_of(setting), self.structure, self.structure.linearised.system
-        start = time.perf_counter()
-        check_size(scene, system.n_dof, system.R.shape[0], self.comm)
-        modes = first_of(self.modes, setting.modes)
-        reduction = reduce_by_method(structure.linearised, modes, structure.pairs, scene)
-        seconds = self.comm.bcast(time.perf_counter() - start)
-        if reduction.leaves_out == "modes":
-            if self._columns is None:
-                self._columns = reduction.model.G_static
-                self._columns.solve = self._timed(self._columns.solve)  # type: ignore[method-assign]
-            reduction = replace(reduction, model=replace(reduction.model, G_static=self._columns))
-        model = reduction.model
-        if not model.G_static.known.all():
-            model.G_static.likely = likely_to_slip(model, self.law, linear_curve(model, self.sweep))
-        return Prepared(reduction, better_model_of(structure.linearised, modes, reduction, scene), seconds)
-
-    def _timed(self, solve):
-        def timed(pairs):
-            start = time.perf_counter()
-            columns = solve(pairs)
-            self.columns_seconds += time.perf_counter() - start
-            return columns
-
-        return timed
+        if setting.modes not in self._first:
+            self._first[setting.modes] = replace(self.structure, modes=first_of(self.modes, setting.modes))
+        prepared = prepare(self._first[setting.modes], self.scene_of(setting), has_bars=True)
+        return replace(prepared, seconds=self.comm.bcast(prepared.seconds))
 
     def scene_of(self, setting: Setting):
         """Return the scene with the [solver] of a setting.  Local."""
@@ -160,7 +126,7 @@ class Bench:
     def problem(self, prepared: Prepared, setting: Setting, level: float) -> ForcedResponse:
         """Return harmonic balance of a setting at a level [N]."""
         model = prepared.reduction.model.with_harmonics(Harmonics.up_to(setting.harmonics))
-        return ForcedResponse(HarmonicBalance.of_all(model, self.law, setting.samples), level)
+        return ForcedResponse(HarmonicBalance.of_all(model, prepared.response.law, setting.samples), level)
 
     def accuracy_of(self, setting: Setting, problem: ForcedResponse) -> Accuracy | None:
         """Return a new choice of harmonics and samples for a branch of a setting; the scene's own are left to it."""
@@ -215,7 +181,8 @@ class Bench:
         for level, points in omegas.items():
             problem = self.problem(prepared, setting, level)
             accuracy = self.accuracy_of(setting, problem)
-            estimator = TimedEstimator(prepared.better) if bars or accuracy else None
+            better = prepared.response.better
+            estimator = TimedEstimator(better) if better and (bars or accuracy) else None
             branches.append(
                 at_frequencies(
                     problem,

@@ -18,7 +18,7 @@ from ...continuation.iterate import Iterate
 from ...continuation.levels import arc_length_steps, linear_curve
 from ...continuation.point_record import point_record
 from ...continuation.point_solver import PointSolver, Workspace
-from ...library.response_settings import response_settings
+from ...library.settings import response_settings
 from ...parallel.errors import CaseError, ConvergenceError
 from .bench import Bench, Clock, curve_of
 from .study import ROUNDING, TARGETS, Check, Curve, Reference, Setting, difference, uncertainty

@@ -8,14 +8,16 @@ from itertools import zip_longest
 from math import gcd
 from pathlib import Path
 
+from ...library.build import build
+from ...library.settings import reduction_settings
 from ...modes.limits import most_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, MicroslipError
 from ...parallel.versions import versions
 from ...parallel.words import nearest
+from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
-from ...run import build_structure
 from ..compare.story import LARGEST_REFERENCE
 from .bench import Bench, Clock, not_run
 from .reference import find_reference, frequencies
@@ -126,7 +128,7 @@ def check_loads(scene) -> None:
 def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
     """Return the study of a scene.  Collective."""
     clock = Clock(comm, asked.seconds)
-    structure = build_structure(scene_by(scene, "receptance"), comm, log)
+    structure = build(scene_by(scene, "receptance"), comm, log)
     shared = {stage.name: stage.seconds for stage in log.stages if stage.depth == 0 and stage.name != "modes"}
     bench = Bench(scene, structure)
     try:
@@ -150,9 +152,9 @@ def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
         with log.stage("runs, methods and what takes long"):
             for what in later:
                 run_in_time(bench, study, what, omegas, clock, 1.0, log)
-        shared["static columns"] = comm.bcast(bench.columns_seconds)
+        shared["static columns"] = comm.bcast(structure.statics.G_static.seconds)
     finally:
-        structure.linearised.destroy()
+        structure.close()
     if asked.meshes and "mesh" in asked.knobs:
         with log.stage("meshes"):
             study.meshes = mesh_runs(scene, comm, asked, base, log)
@@ -273,14 +275,12 @@ def expected(study: Study, knob: str, setting: Setting) -> float:
 
 def with_modes_for(bench: Bench, setting: Setting) -> Setting:
     """Return an accuracy's setting with the number of modes that the program picks for it.  Collective."""
-    from ...reduction.choose_modes import choose_modes
-
     if bench.scene.solver.modes is not None:
         return setting
     try:
-        scene = bench.scene_of(setting)
-        scene = scene.model_copy(update={"solver": scene.solver.model_copy(update={"modes": None, "verify_modes": False})})
-        modes, _ = choose_modes(bench.structure.linearised, bench.structure.pairs, scene)
+        settings = replace(reduction_settings(bench.scene_of(setting)), modes=None, verify_modes=False)
+        of = bench.structure
+        modes, _ = choose_modes(of.linearised, of.pairs, of.statics, settings)
     except MicroslipError:
         return replace(setting, modes=len(bench.modes.omega_n))
     return replace(setting, modes=min(len(modes.omega_n), len(bench.modes.omega_n)))
@@ -303,7 +303,7 @@ def mesh_runs(scene, comm, asked: Asked, base: Setting, log: RunLog) -> list[Run
         try:
             solver = scene.solver.model_copy(update={"method": "receptance", "modes": base.modes})
             other = scene.model_copy(update={"model": scene.model.model_copy(update={"mesh": mesh}), "solver": solver})
-            structure = build_structure(other, comm, log)
+            structure = build(other, comm, log)
             setup = clock.spent
             bench = Bench(other, structure)
             own, _, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
@@ -316,5 +316,5 @@ def mesh_runs(scene, comm, asked: Asked, base: Setting, log: RunLog) -> list[Run
     for mesh, bench, setup in benches:
         run = bench.run("mesh", Path(mesh).name, replace(base, mesh=mesh), omegas, bars=False)
         found.append((bench.structure.linearised.system.n_dof, replace(run, setup=setup)))
-        bench.structure.linearised.destroy()
+        bench.structure.close()
     return [run for _, run in sorted(found, key=lambda entry: entry[0])]

@@ -8,21 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
-from ...contact.law import Law
 from ...continuation.branch import Branch
-from ...continuation.levels import follow_levels, response_problem
-from ...error_estimate.better_model import BetterModel, better_model_of
+from ...continuation.levels import ResponseProblem, follow_levels
 from ...fourier.amplitudes import to_real
 from ...fourier.coefficients import amplitude, cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
-from ...library.response_settings import response_settings
+from ...library.build import Structure, build
+from ...library.prepare import prepare
 from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
 from ...receptance.model import ReducedModel
-from ...reduction.methods import reduce_by_method
-from ...run import build_structure
 from ...transient.march import March
 from ...transient.model import TransientModel, transient_model
 from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
@@ -68,21 +65,19 @@ def verify(scene, comm, folder: Path, asked: Asked = Asked(), options: tuple[str
         **versions(),
     }
     with RunLog(comm, str(folder / "verify.log"), facts=facts) as log:
-        structure = build_structure(scene, comm, log)
+        structure = build(scene, comm, log)
         with log.stage("reduction"):
-            reduction = reduce_by_method(structure.linearised, structure.modes, structure.pairs, scene)
-        pairs, model = structure.pairs, reduction.model
+            response = ready(structure, asked.at)
         with log.stage("curves by harmonic balance"):
-            better = better_model_of(structure.linearised, structure.modes, reduction, scene) if scene.solver.accuracy else None
-            branches = curves(scene, model, pairs.law, reduction.selection, structure.modes.omega_n, asked.at, better)
+            branches = follow_levels(response)
         with log.stage("static columns of every pair"):
-            transient = transient_model(model, pairs.law)
+            transient = transient_model(response.model, response.law)
         with log.stage("time integration"):
             chosen = on_root(comm, chosen_points, branches, asked.at)
-            checks = integrate(transient, model, chosen, asked, comm)
+            checks = integrate(transient, response.model, chosen, asked, comm)
         log.note(on_root(comm, write_verification, checks, branches, scene, str(folder), settings))
         log.note(f"results in {folder}")
-        structure.linearised.destroy()
+        structure.close()
     failed = [
         f"level {branch.level:g} N ends after {len(branch.points)} points: {branch.failure}"
         for branch in branches
@@ -117,20 +112,17 @@ def by_what_is_asked(scene, asked: Asked):
     )
 
 
-def curves(
-    scene, model: ReducedModel, law: Law, selection, omega_n: np.ndarray, at: tuple[float, ...], better: BetterModel | None
-) -> list[Branch]:
-    """Return the branches of all levels.  Collective.
+def ready(structure: Structure, at: tuple[float, ...]) -> ResponseProblem:
+    """Return what is solved for the curves, with error bars where an accuracy needs them.  Collective.
 
     Raises
     ------
     CaseError : a frequency of --at outside the range, on every rank
     """
     try:
-        response = response_problem(response_settings(scene), model, law, selection, omega_n, better)
+        return prepare(structure, has_bars=structure.scene.solver.accuracy is not None).response
     except CaseError as problem:
         raise CaseError(str(problem).replace("[response] at", "--at") if at else str(problem)) from None
-    return follow_levels(response)
 
 
 @dataclass(frozen=True, eq=False)

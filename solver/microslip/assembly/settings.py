@@ -1,0 +1,29 @@
+"""What a structure given as matrices is made of, as plain values in SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..mesh.settings import Load, Output
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairFile:
+    """A joint whose pairs a CSV file lists."""
+
+    name: str
+    file: Path
+    separate: bool = False  # each tangential direction has its own friction limit
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatrixSettings:
+    """A structure given as matrices; DOFs count from 0."""
+
+    files: Mapping[str, Path]  # of "stiffness", "mass" and, where there is one, "damping"
+    joints: tuple[PairFile, ...] = ()
+    loads: tuple[Load, ...] = ()
+    outputs: tuple[Output, ...] = ()
+    where: str = ""  # the scene file, for messages

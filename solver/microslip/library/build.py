@@ -1,0 +1,98 @@
+"""Build a structure once: mesh or matrices, pairs, the factor of the stuck structure, its static response and lowest modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..assembly.assemble import assemble
+from ..assembly.matrices import distribute_structure, read_structure
+from ..assembly.system import System
+from ..linear.joint_springs import linearise
+from ..mesh.data import ContactPairs, Mesh
+from ..mesh.pairing import pair_contacts
+from ..mesh.partition import distribute
+from ..mesh.read import read_mesh
+from ..modes.limits import refuse_too_many
+from ..observe.log import RunLog
+from ..parallel.agree import on_root
+from ..parallel.petsc import everyone
+from ..reduction.choose_modes import choose_modes
+from ..reduction.methods import check_size
+from ..reduction.stuck import StuckStructure, static_response
+from ..scene.schema import Scene
+from .settings import matrix_settings, mesh_settings, reduction_settings
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+@dataclass(frozen=True, eq=False)
+class Structure(StuckStructure):
+    """The stuck structure of a scene."""
+
+    scene: Scene
+    mesh: Mesh | None  # rank 0 only; None of a scene given as matrices
+
+    @property
+    def comm(self) -> MPI.Comm:
+        return self.linearised.system.comm
+
+    def close(self) -> None:
+        """Free the factor.  Collective."""
+        self.linearised.destroy()
+
+    def __enter__(self) -> Structure:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.close()
+
+
+def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None) -> Structure:
+    """Return the structure with all pairs stuck, factored, and its lowest modes.
+
+    Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.
+
+    Raises
+    ------
+    CaseError, MeshError, ResourceError : on every rank
+    """
+    comm = comm or everyone()
+    log = log or RunLog(comm, screen=False)
+    mesh, system, pairs = (from_matrices if scene.model.mesh is None else from_mesh)(scene, comm, log)
+    settings = reduction_settings(scene)
+    log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
+    refuse_too_many(settings.modes, system.n_dof, scene.path)
+    check_size(settings, system)
+    with log.stage("factor of the stuck structure"):
+        linearised = linearise(system, pairs, str(scene.path))
+    with log.stage("modes"):
+        statics = static_response(linearised)
+        modes, why = choose_modes(linearised, pairs, statics, settings)
+    log.note(why)
+    return Structure(linearised, pairs, statics, modes, scene, mesh)
+
+
+def from_mesh(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs]:
+    """Return mesh (on rank 0), matrices and pairs of a scene with a mesh.  Collective."""
+    settings = mesh_settings(scene)
+    with log.stage("mesh and contact pairs"):
+        mesh = on_root(comm, read_mesh, settings, share=False)
+        pairs = on_root(comm, pair_contacts, mesh, settings.joints)
+    for note in on_root(comm, lambda: mesh.notes):
+        log.note(note)
+    with log.stage("partition"):
+        shares = distribute(mesh, settings, comm)
+    with log.stage("assembly"):
+        system = assemble(shares, mesh, pairs, settings)
+    return mesh, system, pairs
+
+
+def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[None, System, ContactPairs]:
+    """Return matrices and pairs of a scene given as matrices.  Collective."""
+    settings = matrix_settings(scene)
+    with log.stage("matrices and contact pairs"):
+        given = on_root(comm, read_structure, settings, share=False)
+        system, pairs = distribute_structure(given, settings, comm)
+    return None, system, pairs

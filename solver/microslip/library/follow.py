@@ -1,0 +1,44 @@
+"""Follow the levels of a prepared structure, in turn or side by side on groups of ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..continuation.branch import Branch
+from ..continuation.levels import ResponseProblem, follow_levels
+from ..observe.log import RunLog
+from ..observe.observer import Observer, Observers
+from ..observe.side_by_side import follow_side_by_side
+
+
+def follow(
+    response: ResponseProblem, observers: Iterable[Observer] = (), n_groups: int = 1, log: RunLog | None = None
+) -> list[Branch]:
+    """Return the branches of all levels, in their order; the motion of the points is on rank 0.
+
+    Collective on the model's communicator.  ``observers`` hear of levels and points as they come.
+
+    Raises
+    ------
+    MicroslipError : on every rank; a level that ends early raises nothing, its branch says why
+    """
+    comm, columns = response.model.comm, response.model.G_static
+    told, log = Observers(comm, response.settings.levels, observers), log or RunLog(comm, screen=False)
+    if not in_turn(response, n_groups):
+        return follow_side_by_side(response, n_groups, told, log)
+    branches = follow_levels(response, told.tell)
+    log.note(f"static columns: of {columns.known.sum()} of {response.model.n_pairs} pairs, in {columns.batches} batches")
+    return branches
+
+
+def in_turn(response: ResponseProblem, n_groups: int) -> bool:
+    """Return whether all ranks follow one level after the other.  Local."""
+    return min(n_groups, len(response.settings.levels)) == 1
+
+
+def known_columns(response: ResponseProblem) -> np.ndarray:
+    """Return the pairs whose static columns were solved for, (n_pairs,) bool.  Local."""
+    better, known = response.better, response.model.G_static.known
+    return known if better is None else known | better.model.G_static.known

@@ -1,0 +1,141 @@
+"""Responses of a structure built once: other levels, friction, preload, harmonics or method, and no more work than that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..mesh.data import ContactPairs
+from ..modes.limits import refuse_too_many
+from ..observe.observer import Observer
+from ..parallel.errors import CaseError
+from ..parallel.words import nearest
+from ..reduction.choose_modes import choose_modes
+from ..reduction.settings import ReductionSettings
+from ..scene import schema
+from ..scene.read import changed
+from ..scene.schema import Scene
+from .build import Structure
+from .follow import follow
+from .prepare import prepare
+from .response import Response
+from .settings import reduction_settings
+
+TABLES: dict[str, type[schema.Table]] = {
+    "response": schema.Response,
+    "solver": schema.Solver,
+    "continuation": schema.Continuation,
+    "damping": schema.Damping,
+}
+INSTEAD_OF = {"frequencies": ("mode", "span"), "mode": ("frequencies",), "ratio": ("rayleigh",), "rayleigh": ("ratio",)}
+
+OfJoints = ArrayLike | Mapping[str, ArrayLike]
+
+
+def respond(
+    structure: Structure,
+    *,
+    friction: OfJoints | None = None,
+    preload: OfJoints | None = None,
+    observers: Iterable[Observer] = (),
+    n_groups: int = 1,
+    **keys: Any,
+) -> Response:
+    """Return the response of a structure: of its own scene, but for what is given.
+
+    Collective on ``structure.comm``; the same on every rank.  The factor, the static columns and the modes are used again.
+    Modes are chosen anew, with the kept factor, where ``modes``, ``accuracy`` or the range are given.
+
+    Parameters
+    ----------
+    friction : coefficient [-] of all joints, or of some by name; a number, or one for each pair of the joint
+    preload : contact pressure at rest [Pa] of the same; of pairs from a CSV file their forces [N]
+    observers : hear of levels and points as they come, on rank 0
+    n_groups : of ranks that follow levels side by side
+    keys : of [response], [solver], [continuation] and [damping], as in a scene: ``levels``, ``harmonics``, ``method``, ...
+
+    Raises
+    ------
+    CaseError : something that no scene may hold; on every rank
+    ResourceError : not enough memory; on every rank
+    """
+    given = {"friction": friction, "preload": preload}
+    scene = scene_with(structure.scene, keys, given)
+    pairs = pairs_with(structure.pairs, given)
+    prepared = prepare(with_modes_for(structure, reduction_settings(scene)), scene, pairs)
+    return Response(prepared, follow(prepared.response, observers, n_groups))
+
+
+def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, OfJoints | None]) -> Scene:
+    """Return a scene with other keys and, where surfaces have one number, other joints.  Local.
+
+    Raises
+    ------
+    CaseError : an unknown key, or a value that no scene may hold
+    """
+    tables: dict[str, dict[str, Any]] = {}
+    for key, value in keys.items():
+        table = next((name for name, kind in TABLES.items() if key in kind.model_fields), None)
+        if table is None:
+            near = nearest(key, [known for kind in TABLES.values() for known in kind.model_fields])
+            raise CaseError(f"respond: unknown key {key!r}" + (f'; nearest is "{near}"' if near else ""))
+        rivals = {rival: None for rival in INSTEAD_OF.get(key, ()) if rival not in keys}
+        tables.setdefault(table, {}).update({key: (value,) if key == "levels" and np.isscalar(value) else value, **rivals})
+    joints: dict[str, dict[str, float]] = {joint.name: {} for joint in scene.joints if joint.surfaces is not None}
+    for key, values in of_joints.items():
+        for name, value in _by_joint(values, joints).items():
+            if name in joints and np.ndim(value) == 0:
+                joints[name][key] = float(np.asarray(value))
+    return changed(scene, tables, joints) if tables or any(joints.values()) else scene
+
+
+def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) -> ContactPairs:
+    """Return the pairs with other friction and preload.  Local.
+
+    Raises
+    ------
+    CaseError : a joint that is not there, a wrong number of values, or negative ones
+    """
+    names, joint = tuple(dict.fromkeys(pairs.joint)), np.array(pairs.joint)
+    found = {"friction": pairs.mu.copy(), "preload": pairs.N0.copy()}
+    for key, values in of_joints.items():
+        for name, value in _by_joint(values, names).items():
+            own = np.flatnonzero(joint == name)
+            where = f"respond: {key} of joint {name!r}"
+            if len(own) == 0:
+                near = nearest(name, names)
+                raise CaseError(f"{where}: there is no such joint" + (f'; nearest is "{near}"' if near else ""))
+            numbers = np.asarray(value, dtype=float)
+            if numbers.shape not in ((), (len(own),)) or not np.all(np.isfinite(numbers) & (numbers >= 0.0)):
+                raise CaseError(f"{where}: a number of at least 0 is expected, or one for each of its {len(own)} pairs")
+            if key == "preload" and np.any(pairs.N0[own] < 0.0):
+                raise CaseError(f"{where}: it has a gap, and an open pair carries no preload")
+            area = np.nan_to_num(pairs.area[own], nan=1.0) if key == "preload" else 1.0
+            found[key][own] = numbers * area
+    return replace(pairs, mu=found["friction"], N0=found["preload"])
+
+
+def _by_joint(values: OfJoints | None, names: Iterable[str]) -> Mapping[str, ArrayLike]:
+    """Return values by the name of the joint: one for all counts for each."""
+    if values is None:
+        return {}
+    return values if isinstance(values, Mapping) else {name: values for name in names}
+
+
+def with_modes_for(structure: Structure, settings: ReductionSettings) -> Structure:
+    """Return the structure with the modes asked for: its own, unless number, accuracy or range differ.  Collective."""
+    own = reduction_settings(structure.scene)
+    if _of_modes(settings) == _of_modes(own):
+        return structure
+    refuse_too_many(settings.modes, structure.linearised.system.n_dof, settings.where)
+    of = structure.linearised, structure.pairs, structure.statics
+    modes, _ = structure.once(("modes", *_of_modes(settings)), lambda: choose_modes(*of, settings))
+    return replace(structure, modes=modes)
+
+
+def _of_modes(settings: ReductionSettings) -> tuple:
+    return settings.modes, settings.accuracy, settings.insists, settings.verify_modes, settings.band

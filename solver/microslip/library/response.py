@@ -1,0 +1,240 @@
+"""A response in memory: curves, states, forces and fields as arrays with named axes and units."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..continuation.branch import QUANTITIES, Branch
+from ..continuation.quantities import LABELS, TEXT, Quantity
+from ..error_estimate.components import total
+from ..fourier.coefficients import amplitude, phase
+from ..observe.observer import Observers
+from ..parallel.agree import on_each, on_root
+from ..parallel.errors import CaseError
+from ..reduction.expand import node_fields
+from ..results.record import COMPLETE, STOPPED, LevelResult, ResultFile, level_result
+from .files import head_of, write_shapes, writer_of
+from .prepare import Prepared
+
+if TYPE_CHECKING:
+    import xarray
+
+_QUANTITY = {kept.name: kept for kept in QUANTITIES if kept.kind != TEXT}
+
+
+@dataclass(frozen=True, eq=False)
+class Curves:
+    """The curves of one output: a row a level, its points along the curve; nan beyond the last point of a shorter one."""
+
+    name: str
+    level: np.ndarray  # (n_levels,) N
+    frequency: np.ndarray  # (n_levels, n) Hz
+    coefficients: np.ndarray  # (n_levels, n, N_H) m: mean, cos 1, sin 1, ..., cos H, sin H
+    error: np.ndarray | None  # (n_levels, n) m, the error bar of the amplitude; None where it was not estimated
+
+    @property
+    def amplitude(self) -> np.ndarray:
+        """Of harmonic 1, (n_levels, n) [m]."""
+        return amplitude(self.coefficients)
+
+    @property
+    def phase(self) -> np.ndarray:
+        """Of harmonic 1, u = amplitude cos(omega t + phase), (n_levels, n) [rad]."""
+        return phase(self.coefficients)
+
+    @property
+    def mean(self) -> np.ndarray:
+        """The constant part, (n_levels, n) [m]."""
+        return self.coefficients[..., 0]
+
+    def harmonic(self, n: int) -> np.ndarray:
+        """Return the complex amplitude of harmonic n, cos - i sin, (n_levels, n) [m]."""
+        return self.mean + 0j if n == 0 else self.coefficients[..., 2 * n - 1] - 1j * self.coefficients[..., 2 * n]
+
+    @property
+    def peaks(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frequency [Hz] and amplitude [m] of the largest point of each level, (n_levels,) both."""
+        rows, top = np.arange(len(self.level)), np.argmax(np.nan_to_num(self.amplitude, nan=-1.0), axis=1)
+        return self.frequency[rows, top], self.amplitude[rows, top]
+
+
+class Response:
+    """The response of a structure at some levels, the same on every rank.
+
+    ``results`` is what :func:`microslip.read_results` returns of the files that :meth:`save` writes.  Making one is collective.
+    """
+
+    def __init__(self, prepared: Prepared, branches: Sequence[Branch]):
+        self.prepared, self.branches = prepared, tuple(branches)
+        self.results: ResultFile = on_root(prepared.model.comm, self._results)
+
+    def _results(self) -> ResultFile:
+        head = head_of(self.prepared)
+        sizes = len(head.outputs), head.joint.n_pairs, self.prepared.model.recorded.n_coefficients
+        levels = (
+            level_result(branch.level, branch.points, sizes, STOPPED if branch.failure else COMPLETE, branch.failure)
+            for branch in self.branches
+        )
+        return replace(head, levels=tuple(levels))
+
+    @property
+    def levels(self) -> np.ndarray:
+        """The levels, (n_levels,) [N]."""
+        return np.array([level.level for level in self.results.levels])
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The names of the outputs."""
+        return self.results.outputs
+
+    @property
+    def failures(self) -> dict[float, str]:
+        """Why levels ended early, by level; empty if all are complete."""
+        return {level.level: level.failure for level in self.results.levels if level.failure}
+
+    def level(self, level: float) -> LevelResult:
+        """Return the points of one level [N], each quantity an attribute: ``frequency``, ``response``, ``state``, ``du``, ...
+
+        Raises
+        ------
+        CaseError : the level was not asked for
+        """
+        for found in self.results.levels:
+            if found.level == level:
+                return found
+        raise CaseError(f"there is no level {level:g} N; there are {', '.join(f'{known:g}' for known in self.levels)}")
+
+    def __getitem__(self, output: str) -> Curves:
+        """Return the curves of an output.
+
+        Raises
+        ------
+        CaseError : there is no output of this name
+        """
+        if output not in self.outputs:
+            raise CaseError(f"there is no output {output!r}; there are {', '.join(self.outputs)}")
+        k, (frequency, response, error) = self.outputs.index(output), map(self.array, ("frequency", "response", "error"))
+        assert frequency is not None and response is not None, "every point has them"
+        return Curves(output, self.levels, frequency, response[:, :, k], None if error is None else total(error[:, :, k]))
+
+    # -- named axes ----------------------------------------------------------------------------------------------------
+
+    def axes(self, name: str) -> tuple[str, ...]:
+        """Return the names of the axes of a quantity's array.  Local."""
+        return ("level", "point", *_quantity(name).axes)
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a quantity, or what its numbers mean.  Local."""
+        return _quantity(name).unit
+
+    def array(self, name: str) -> np.ndarray | None:
+        """Return a quantity of all levels, with the axes of :meth:`axes`; None where it was not computed.  Local.
+
+        Of levels with fewer points the rest is nan, or 0 in whole numbers.
+        """
+        _quantity(name)
+        parts = [part for level in self.results.levels if (part := level.arrays[name]) is not None]
+        if len(parts) < len(self.results.levels):
+            return None
+        shape = np.max([part.shape for part in parts], axis=0)
+        whole = np.full((len(parts), *shape), np.nan if parts[0].dtype.kind == "f" else 0, dtype=parts[0].dtype)
+        for row, part in zip(whole, parts):
+            row[: len(part)] = 0  # coefficients of harmonics that a level has none of
+            row[tuple(map(slice, part.shape))] = part
+        return whole
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return all quantities as a dataset of xarray, which must be installed.  Local.
+
+        Raises
+        ------
+        CaseError : xarray is missing
+        """
+        try:
+            import xarray
+        except ImportError:
+            raise CaseError("to_xarray needs xarray; install it: pip install xarray") from None
+        arrays = {name: self.array(name) for name in _QUANTITY}
+        variables = {
+            name: (self.axes(name), values, {"units": self.unit(name), "long_name": _quantity(name).meaning})
+            for name, values in arrays.items()
+            if values is not None
+        }
+        labels = {axis: list(names) for axis, names in LABELS.items() if any(axis in dims for dims, *_ in variables.values())}
+        coordinates = {"level": ("level", self.levels, {"units": "N"}), "outputs": list(self.outputs), **labels}
+        return xarray.Dataset(variables, coordinates, {"title": self.results.title}).set_coords("frequency")
+
+    # -- on the mesh ---------------------------------------------------------------------------------------------------
+
+    def fields(self, level: float, frequency: float | None = None) -> tuple[float, np.ndarray]:
+        """Return the motion of the whole structure at the point of a level nearest to a frequency [Hz], by default at its peak.
+
+        Collective: a static solve; the structure must not be closed.
+
+        Returns
+        -------
+        frequency : of the point [Hz]
+        u : (n_nodes, 3, N_H) m in the order of ``structure.mesh.points``; without a mesh (n_dof, N_H)
+        """
+        found, system = self.level(level), self.prepared.structure.linearised.system
+        if len(found.frequency) == 0:
+            raise CaseError(f"{level:g} N has no point: {found.failure}")
+        i = int(np.argmax(amplitude(found.response[:, 0]) if frequency is None else -np.abs(found.frequency - frequency)))
+        p = found.p[i].reshape(-1, found.p.shape[-1])
+        u_owned = self.prepared.reduction.displacement(level, 2.0 * np.pi * found.frequency[i], p)
+        if system.dof is None:
+            return float(found.frequency[i]), np.concatenate(system.comm.allgather(u_owned))
+        return float(found.frequency[i]), system.comm.bcast(node_fields(system, u_owned))
+
+    # -- files ---------------------------------------------------------------------------------------------------------
+
+    def plot(self, path: str | Path, picture: str = "response") -> None:
+        """Draw one of the pictures of a run: response, states, slip_map, rom_size, energy, energy_map, error.
+
+        Collective; rank 0 draws.
+
+        Raises
+        ------
+        CaseError : no such picture, or nothing to draw in it; on every rank
+        """
+        on_root(self.prepared.model.comm, self._plot, Path(path), picture)
+
+    def _plot(self, path: Path, picture: str) -> None:
+        from ..results.plots import draw_one
+
+        with tempfile.TemporaryDirectory() as folder:
+            files = draw_one(self.results, folder, picture)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            for i, file in enumerate(files):
+                shutil.move(file, path if i == 0 else path.with_stem(f"{path.stem}_{i + 1}"))
+
+    def save(self, folder: str | Path) -> None:
+        """Write the files of a run: tables, results.h5, fields for ParaView, pictures.  Collective; rank 0 writes."""
+        from ..results.plots import draw_all
+
+        comm, folder = self.prepared.model.comm, Path(folder)
+        writer = writer_of(self.prepared, folder)
+        try:
+            tell = Observers(comm, list(self.levels), [writer]).tell
+            for number, branch in enumerate(self.branches):
+                tell("level_started", number)
+                for point in branch.points:
+                    tell("point", number, point)
+                tell("level_finished", number, branch)
+        finally:
+            writer.close()
+        write_shapes(self.prepared, self.branches, folder)
+        on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
+
+
+def _quantity(name: str) -> Quantity:
+    if name not in _QUANTITY:
+        raise CaseError(f"there is no quantity {name!r}; there are {', '.join(_QUANTITY)}")
+    return _QUANTITY[name]

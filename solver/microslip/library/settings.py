@@ -1,0 +1,112 @@
+"""The door: the settings of every stage from a scene.  Beyond it no stage knows of scenes, nor of what was stated in them."""
+
+from __future__ import annotations
+
+from ..assembly.settings import MatrixSettings, PairFile
+from ..continuation.settings import ResponseSettings
+from ..mesh.settings import Body, Joint, Load, MeshSettings, Output, Support
+from ..modes.band import Band
+from ..reduction.settings import ModalDamping, ReductionSettings
+from ..scene import schema
+from ..scene.schema import DEFAULT_ACCURACY, Scene
+
+KEYS = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # of [solver], for each part of the accuracy
+
+
+def mesh_settings(scene: Scene) -> MeshSettings:
+    """Return the structure of a scene with a mesh.  Local."""
+    assert scene.model.mesh is not None, "a scene given as matrices has no mesh"
+    return MeshSettings(
+        file=scene.folder / scene.model.mesh,
+        stated=scene.model.mesh,
+        scale=scene.model.scale,
+        bodies={name: _body(body, scene.materials[body.material]) for name, body in scene.bodies.items()},
+        supports=tuple(Support(group=support.group, fix=support.fix) for support in scene.supports),
+        joints=tuple(map(_joint, scene.joints)),
+        loads=loads(scene),
+        outputs=outputs(scene),
+    )
+
+
+def matrix_settings(scene: Scene) -> MatrixSettings:
+    """Return the structure of a scene given as matrices.  Local."""
+    files = {key: getattr(scene.model, key) for key in ("stiffness", "mass", "damping")}
+    return MatrixSettings(
+        files={key: scene.folder / file for key, file in files.items() if file is not None},
+        joints=tuple(
+            PairFile(name=joint.name, file=scene.folder / (joint.pairs or ""), separate=joint.friction_limit == "separate")
+            for joint in scene.joints
+        ),
+        loads=loads(scene),
+        outputs=outputs(scene),
+        where=str(scene.path),
+    )
+
+
+def reduction_settings(scene: Scene) -> ReductionSettings:
+    """Return the method of a scene, its modes and loads.  Local."""
+    solver, damping = scene.solver, scene.damping
+    keys = ("method", "modes", "verify_modes", "interface_modes", "condensed", "in_point_check", "energy_tolerance")
+    return ReductionSettings(
+        accuracy=solver.accuracy or DEFAULT_ACCURACY,
+        insists=solver.accuracy is not None,
+        harmonics=scene.harmonics,
+        loads=loads(scene),
+        damping=None if damping is None else ModalDamping(ratio=damping.ratio, rayleigh=damping.rayleigh),
+        band=band(scene),
+        level=max(scene.response.levels),
+        where=str(scene.path),
+        **{key: getattr(solver, key) for key in keys},
+    )
+
+
+def response_settings(scene: Scene) -> ResponseSettings:
+    """Return what a scene asks of its response, with what was stated and what the program chooses.  Local."""
+    solver, response, steps = scene.solver, scene.response, scene.continuation
+    return ResponseSettings(
+        levels=response.levels,
+        band=band(scene),
+        at=response.at,
+        direction=response.direction,
+        points=response.points,
+        **{key: getattr(steps, key, None) for key in ("ds", "ds_min", "ds_max")},
+        samples=solver.samples,
+        tolerance=solver.tolerance,
+        accuracy=solver.accuracy,
+        keeps=frozenset(part for part, key in KEYS.items() if not scene.chooses(key)),
+        chooses_steps="points" not in response.model_fields_set,
+        loaded=max((load.harmonic for load in scene.loads), default=1) or 1,
+    )
+
+
+def has_error_bars(scene: Scene) -> bool:
+    """Return whether the error of every point is estimated: that of harmonic 1, where there is one.  Local."""
+    return scene.solver.error_bars and scene.harmonics > 0
+
+
+def loads(scene: Scene) -> tuple[Load, ...]:
+    """Return the loads of a scene.  Local."""
+    return tuple(Load(**dict(load)) for load in scene.loads)
+
+
+def outputs(scene: Scene) -> tuple[Output, ...]:
+    """Return the outputs of a scene.  Local."""
+    return tuple(Output(**dict(output)) for output in scene.outputs)
+
+
+def band(scene: Scene) -> Band:
+    """Return the range of frequencies of a scene.  Local."""
+    response = scene.response
+    return Band(frequencies=response.frequencies, mode=response.mode, span=response.span)
+
+
+def _body(body: schema.Body, material: schema.Material) -> Body:
+    return Body(group=body.group, integration=body.integration, incompatible_modes=body.incompatible_modes, **dict(material))
+
+
+def _joint(joint: schema.Joint) -> Joint:
+    """Return a joint of surfaces; the scene has been checked to state all of it."""
+    assert joint.surfaces is not None and not isinstance(joint.preload, str), "this version has no statics yet"
+    numbers = {key: getattr(joint, key) for key in ("friction", "tangential_stiffness", "normal_stiffness", "gap", "tolerance")}
+    separate = joint.friction_limit == "separate"
+    return Joint(name=joint.name, surfaces=joint.surfaces, preload=joint.preload or 0.0, separate=separate, **numbers)

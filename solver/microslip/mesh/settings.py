@@ -1,0 +1,95 @@
+"""What a structure with a mesh is made of, as plain values in SI units: its file, and what the groups in it are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A group of volume elements of one linear, isotropic material."""
+
+    group: str
+    young: float  # Pa
+    poisson: float  # -
+    density: float  # kg/m3
+    integration: str = "full"  # "full", "reduced", "reduced-both"
+    incompatible_modes: bool = True  # in 8-node hexahedra
+
+
+@dataclass(frozen=True, kw_only=True)
+class Support:
+    """A group of nodes that is held."""
+
+    group: str
+    fix: tuple[str, ...]  # of "x", "y", "z"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """Two surfaces in contact."""
+
+    name: str
+    surfaces: tuple[str, str]  # groups, of body 1 and body 2
+    friction: float  # -
+    tangential_stiffness: float  # N/m3
+    normal_stiffness: float  # N/m3
+    preload: float = 0.0  # Pa
+    gap: float = 0.0  # m
+    separate: bool = False  # each tangential direction has its own friction limit
+    tolerance: float | None = None  # m, between nodes of a pair; None: by the size of the mesh
+
+
+@dataclass(frozen=True, kw_only=True)
+class Load:
+    """A force that every level multiplies, at nodes of a mesh or at a DOF of matrices."""
+
+    position: Vector | None = None  # m
+    node: int | None = None
+    group: str | None = None
+    direction: Vector | None = None
+    dof: int | None = None
+    scale: float = 1.0  # of a load on a dof
+    harmonic: int = 1
+    phase: float = 0.0  # rad
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """The displacement of a node along a direction, or of a DOF."""
+
+    name: str
+    position: Vector | None = None  # m
+    node: int | None = None
+    direction: Vector | None = None
+    dof: int | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshSettings:
+    """A structure with a mesh."""
+
+    file: Path
+    stated: str = ""  # the file as the user names it, for messages
+    scale: float = 1.0  # m per unit of the file
+    bodies: Mapping[str, Body]  # by name
+    supports: tuple[Support, ...] = ()
+    joints: tuple[Joint, ...] = ()
+    loads: tuple[Load, ...] = ()
+    outputs: tuple[Output, ...] = ()
+
+    @property
+    def body_of(self) -> dict[str, str]:
+        """The body of each group of volume elements."""
+        return {body.group: name for name, body in self.bodies.items()}
+
+    @property
+    def groups_on_bodies(self) -> list[tuple[str, str]]:
+        """The groups of supports, joints and loads, each after the key that names it."""
+        named = [(f"[[supports]] {i} group", support.group) for i, support in enumerate(self.supports, 1)]
+        named += [(f"[[joints]] {joint.name!r} surfaces", group) for joint in self.joints for group in joint.surfaces]
+        return named + [(f"[[loads]] {i} group", load.group) for i, load in enumerate(self.loads, 1) if load.group is not None]

@@ -1,0 +1,84 @@
+"""What every method starts from: the stuck structure, its modes, and the static solutions that all of them share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..assembly.system import System
+from ..linear.joint_springs import Linearised
+from ..mesh.data import ContactPairs
+from ..modes.constraint import static_columns
+from ..modes.eigen import Modes
+from ..parallel.ownership import split_evenly
+from ..receptance.static_columns import StaticColumns
+
+
+@dataclass(frozen=True, eq=False)
+class Statics:
+    """The exact static response of pairs, outputs and loads; the attributes are those of ReducedModel."""
+
+    pair_ranges: np.ndarray  # (size + 1,) rank r owns pairs pair_ranges[r]:pair_ranges[r + 1]
+    G_static: StaticColumns  # of R K_L^-1 R^T, solved for on demand
+    du_static: np.ndarray  # (3 n_pairs, n_loads) R K_L^-1 f
+    out_static: np.ndarray  # (n_outputs, n_loads) o K_L^-1 f
+    out_R: np.ndarray  # (n_outputs, 3 n_pairs) o K_L^-1 R^T
+    load_static: np.ndarray  # (n_loads, n_loads) f^T K_L^-1 f
+
+
+@dataclass(frozen=True, eq=False)
+class StuckStructure:
+    """The structure with all pairs stuck, its lowest modes and its static response; ``kept`` is what was made of them."""
+
+    linearised: Linearised
+    pairs: ContactPairs
+    statics: Statics
+    modes: Modes
+    kept: dict[Hashable, Any] = field(default_factory=dict, repr=False, kw_only=True)
+
+    def once(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return what ``make`` makes, made once for the same key.  Collective where ``make`` is."""
+        if key not in self.kept:
+            self.kept[key] = make()
+        return self.kept[key]
+
+
+def static_response(linearised: Linearised) -> Statics:
+    """Return the static response: n_loads + n_outputs solves now, those of the pairs when they first leave sticking.
+
+    Collective on the system's communicator.
+    """
+    system = linearised.system
+    n_rows, n_out, n_load = system.R.shape[0], system.outputs.shape[0], system.loads.shape[1]
+    static = static_columns(linearised, seen_rows(system), sp.hstack([system.loads, system.outputs.T], format="csc"))
+    pair_ranges = split_evenly(n_rows // 3, system.comm.size)
+    return Statics(
+        pair_ranges=pair_ranges,
+        G_static=pair_columns(linearised, pair_ranges),
+        du_static=static[:n_rows, :n_load].copy(),
+        out_static=static[n_rows : n_rows + n_out, :n_load].copy(),
+        out_R=static[:n_rows, n_load:].T.copy(),
+        load_static=static[n_rows + n_out :, :n_load].copy(),
+    )
+
+
+def seen_rows(system: System) -> sp.csr_matrix:
+    """Return the rows that are seen of a motion: of pairs, outputs and loads."""
+    return sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
+
+
+def pair_columns(linearised: Linearised, pair_ranges: np.ndarray) -> StaticColumns:
+    """Return the columns of R K_L^-1 R^T, to be solved for with the kept factor when they are needed.  Local."""
+    R, comm = linearised.system.R, linearised.system.comm
+    R_T = R.T.tocsc()
+
+    def solve(pairs: np.ndarray) -> np.ndarray:
+        chosen = (3 * pairs[:, None] + np.arange(3)).ravel()
+        return static_columns(linearised, R, R_T[:, chosen], row_ranges=3 * pair_ranges)
+
+    n_owned = int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
+    return StaticColumns(R.shape[0] // 3, n_owned, solve)

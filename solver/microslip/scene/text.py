@@ -1,0 +1,38 @@
+"""A scene's tables as the text of a TOML file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+
+def as_toml(tables: Mapping[str, Any]) -> str:
+    """Return the text that reads as these tables.  Local."""
+    return "\n".join(_lines("", tables)) + "\n"
+
+
+def _lines(header: str, table: Mapping[str, Any]) -> list[str]:
+    """Return the lines of a table, its values before the tables in it."""
+    tables = {name: value for name, value in table.items() if isinstance(value, Mapping) or _is_list_of_tables(value)}
+    lines = [f"{_key(name)} = {_value(value)}" for name, value in table.items() if name not in tables]
+    for name, value in tables.items():
+        path = f"{header}.{_key(name)}" if header else _key(name)
+        for entry in (value,) if isinstance(value, Mapping) else value:
+            head = [f"[{path}]"] if isinstance(value, Mapping) else [f"[[{path}]]"]
+            lines += ["", *head, *_lines(path, entry)]
+    return lines
+
+
+def _is_list_of_tables(value: Any) -> bool:
+    return isinstance(value, tuple) and len(value) > 0 and isinstance(value[0], Mapping)
+
+
+def _key(name: str) -> str:
+    return name if name.isascii() and name.replace("_", "").replace("-", "").isalnum() else json.dumps(name)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_value, value))}]"
+    return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

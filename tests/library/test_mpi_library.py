@@ -1,0 +1,194 @@
+"""One structure, many responses: what a run gives, what a new structure gives, and nothing built twice; on any number of ranks."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from bar_scene import N_PAIRS, write_bar
+from matrix_scenes import write_matrix_scene
+from mpi4py import MPI
+from oracles import scenes
+
+import microslip
+from microslip.linear import factor as factors
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError
+from microslip.results.read import read_results
+from microslip.run import run
+from microslip.scene.read import changed
+
+COMM = MPI.COMM_WORLD
+LEVELS = (10.0, 30.0)
+ROUNDING = 0.0 if COMM.size == 1 else 1e-12  # MUMPS adds what ranks send in the order in which it arrives
+NUMBERS = ("frequency", "response", "du", "p", "energy", "state", "error", "unknowns", "newton")
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    return comm.bcast(tmp_path_factory.mktemp("library"))
+
+
+@pytest.fixture(scope="module")
+def scene(comm, folder):
+    path = on_root(comm, lambda: write_bar(folder, modes=12, harmonics=3, samples=64))
+    return changed(microslip.read(path), {"response": {"levels": LEVELS, "points": 12}})
+
+
+@pytest.fixture(scope="module")
+def structure(comm, scene):
+    with microslip.build(scene, comm) as structure:
+        yield structure
+
+
+@pytest.fixture(scope="module")
+def response(structure):
+    return microslip.respond(structure)
+
+
+def assert_equal(found, wanted, tolerance=0.0):
+    """Compare all that two results say of their points, relative to the largest of each quantity."""
+    for a, b in zip(found.levels, wanted.levels, strict=True):
+        assert (a.level, a.status) == (b.level, b.status) and len(a.frequency) > 5
+        for name in NUMBERS:
+            x, y = getattr(a, name), getattr(b, name)
+            assert x.shape == y.shape and np.abs(x - y).max() <= tolerance * np.abs(y).max(), name
+
+
+def test_a_response_is_that_of_a_run(comm, folder, scene, response):
+    run(scene, comm, folder / "run", screen=False)
+    response.save(folder / "saved")
+    run_by_program, saved = (read_results(str(folder / name / "results.h5")) for name in ("run", "saved"))
+    for results in (response.results, saved):
+        assert_equal(results, run_by_program, ROUNDING)
+        for name in ("title", "name", "method", "scene_text", "outputs", "versions"):
+            assert getattr(results, name) == getattr(run_by_program, name)
+        for name in ("mu", "N0", "node1", "frame"):
+            assert np.array_equal(getattr(results.joint, name), getattr(run_by_program.joint, name))
+        assert results.linear.response == pytest.approx(run_by_program.linear.response, rel=ROUNDING, abs=0.0)
+    if comm.rank == 0:
+        files, written = (sorted(path.name for path in (folder / name).iterdir()) for name in ("run", "saved"))
+        assert files == sorted([*written, "run.log"]) and "peak_response.vtkhdf" in files and "response.png" in files
+        for name in ("modes.vtkhdf", "peak_response.vtkhdf"):
+            with h5py.File(folder / "run" / name) as a, h5py.File(folder / "saved" / name) as b:
+                assert np.array_equal(a["VTKHDF/Points"], b["VTKHDF/Points"])
+    comm.Barrier()
+
+
+CHANGES = {
+    "friction": ({"friction": 0.02}, {}, {"friction": 0.02}),
+    "preload": ({"preload": {"joint": 5.0e6}}, {}, {"preload": 5.0e6}),
+    "levels": ({"levels": 60.0}, {"response": {"levels": [60.0]}}, {}),
+    "harmonics": ({"harmonics": 5}, {"solver": {"harmonics": 5}}, {}),
+    "method": ({"method": "rubin"}, {"solver": {"method": "rubin"}}, {}),
+    "damping": ({"ratio": 0.02}, {"damping": {"ratio": 0.02}}, {}),
+    "range": ({"frequencies": [1.0, 2.0]}, None, {}),
+    "modes": ({"modes": 8}, {"solver": {"modes": 8}}, {}),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_a_change_is_that_of_a_new_structure(comm, scene, structure, response, name):
+    keys, tables, of_joint = CHANGES[name]
+    if name == "range":
+        band = [float(share * structure.modes.frequency[0]) for share in (0.95, 1.05)]
+        keys, tables = {"frequencies": band}, {"response": {"frequencies": band, "mode": None, "span": None}}
+    found = microslip.respond(structure, **keys)
+    new = changed(scene, tables, {"joint": of_joint})
+    with microslip.build(new, comm) as fresh:
+        wanted = microslip.respond(fresh)
+    assert_equal(found.results, wanted.results, 1e-10)
+    assert found.prepared.scene == new and found.results.scene_text == new.text
+    assert not np.array_equal(found["corner"].amplitude, response["corner"].amplitude)
+
+
+def test_nothing_that_did_not_change_is_built_again(structure, response, monkeypatch):
+    built, factorise, info, columns = [], factors.factorise, structure.linearised.factor.info, structure.statics.G_static
+    monkeypatch.setattr(factors, "factorise", lambda *of: built.append(of) or factorise(*of))
+    columns.require(np.arange(N_PAIRS))
+    solves, batches, modes = info["solves"], columns.batches, structure.modes
+    for keys in ({"friction": 0.02}, {"preload": 1e7}, {"levels": [5.0, 40.0]}, {"harmonics": 2}, {"method": "adaptive"}):
+        found = microslip.respond(structure, **keys)
+        assert found.prepared.structure.modes is modes and found.prepared.model.G_static is columns, keys
+    assert (info["solves"], columns.batches, built) == (solves, batches, [])
+    basis = microslip.respond(structure, method="craig-bampton", error_bars=False).prepared.reduction
+    n_built = len(built)
+    again = microslip.respond(structure, method="craig-bampton", error_bars=False, friction=0.01, harmonics=2).prepared.reduction
+    assert len(built) == n_built > 0 and again.model.families == basis.model.families
+
+
+def test_friction_and_preload_of_each_pair(structure):
+    mu, pressure = np.linspace(0.02, 0.08, N_PAIRS), np.linspace(1e7, 3e7, N_PAIRS)
+    found = microslip.respond(structure, friction={"joint": mu}, preload=pressure, levels=30.0)
+    assert np.array_equal(found.results.joint.mu, mu)
+    assert found.results.joint.N0 == pytest.approx(pressure * structure.pairs.area)
+    alike = microslip.respond(structure, friction=np.full(N_PAIRS, 0.05), preload=2.0e7, levels=30.0)  # those of the scene
+    assert_equal(alike.results, microslip.respond(structure, levels=30.0).results, ROUNDING)
+
+
+def test_every_rank_has_the_same_arrays(comm, response):
+    for name in NUMBERS:
+        assert np.array_equal(comm.bcast(response.array(name)), response.array(name), equal_nan=True)
+
+
+def test_fields_pass_through_the_outputs(comm, structure, response):
+    frequency, u = response.fields(30.0)
+    peaks = response["corner"].peaks
+    assert frequency == peaks[0][1] and peaks[1][1] == np.nanmax(response["corner"].amplitude[1])
+    points = comm.bcast(None if structure.mesh is None else structure.mesh.points)
+    corner = int(np.argmin(np.linalg.norm(points - [0.0, 0.0, 0.02], axis=1)))
+    level = response.level(30.0)
+    top = int(np.argmax(response["corner"].amplitude[1]))
+    assert u.shape == (len(points), 3, 7) and u[corner, 0] == pytest.approx(level.response[top, 0], rel=1e-9, abs=1e-16)
+    near, _ = response.fields(30.0, frequency=level.frequency[2] * (1.0 + 1e-9))
+    assert near == level.frequency[2]
+
+
+def test_fields_and_forces_of_matrices(comm, folder):
+    def write():
+        (folder / "matrices").mkdir()
+        return write_matrix_scene(folder / "matrices", scenes.spatial_mass(), [0.4, 0.8], (0.8, 2.4), outputs=[2], points=10)
+
+    with microslip.build(microslip.read(on_root(comm, write)), comm) as structure:
+        mu, N0 = structure.pairs.mu, structure.pairs.N0
+        found = microslip.respond(structure, friction=0.5 * mu, preload={"joint": N0})
+        assert np.array_equal(found.results.joint.mu, 0.5 * mu) and np.array_equal(found.results.joint.N0, N0)
+        _, u = found.fields(0.8)
+        top = int(np.argmax(found["2"].amplitude[1]))
+        assert u[2] == pytest.approx(found["2"].coefficients[1, top], rel=1e-9, abs=1e-12)
+        in_groups = microslip.respond(structure, friction=0.5 * mu, n_groups=min(2, comm.size))
+        assert in_groups["2"].peaks[1] == pytest.approx(found["2"].peaks[1], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "keys, message",
+    [
+        ({"level": 1.0}, "respond: unknown key 'level'; nearest is \"levels\""),
+        ({"levels": [-1.0]}, r"bar.toml: \[response\] levels = .*-1.0.*: expected a list of load levels in N"),
+        ({"harmonics": 64}, r"bar.toml: \[solver\]: samples = 64 do not resolve harmonics = 64"),
+        ({"method": "receptence"}, 'nearest is "receptance"'),
+        ({"friction": {"joind": 0.1}}, "respond: friction of joint 'joind': there is no such joint; nearest is \"joint\""),
+        ({"friction": [0.1, 0.2]}, "respond: friction of joint 'joint': a number of at least 0 is expected, or one for each"),
+        ({"friction": -0.1}, "friction = -0.1: expected the friction coefficient"),
+        ({"preload": np.full(N_PAIRS, np.nan)}, "preload of joint 'joint': a number of at least 0"),
+        ({"modes": 136}, r"bar.toml: \[solver\] modes = 136: the structure has only 135"),
+    ],
+)
+def test_what_no_scene_may_hold_is_refused(structure, keys, message):
+    with pytest.raises(CaseError, match=message):
+        microslip.respond(structure, **keys)
+
+
+def test_a_gap_takes_no_preload(structure):
+    open_pairs = replace(structure.pairs, N0=-structure.pairs.N0)
+    with pytest.raises(CaseError, match="it has a gap, and an open pair carries no preload"):
+        microslip.respond(replace(structure, pairs=open_pairs), preload=np.full(N_PAIRS, 1e6))
+
+
+def test_pictures(comm, folder, response):
+    path = folder / "pictures" / "states.png"
+    response.plot(path, "states")
+    assert Path(path).stat().st_size > 10_000
+    with pytest.raises(CaseError, match="there is no picture 'respnse' of these results; there are response, states, slip_map"):
+        response.plot(path, "respnse")
