@@ -1,21 +1,62 @@
-"""The equations of docs/theory.md: numbered in the order in which they stand, and there where others refer to them."""
+"""Theory and code side by side: equations numbered in order, each naming the code that implements it, which cites it back."""
 
 import re
+from collections import Counter
 from itertools import groupby
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from sources import ROOT, SOLVER, definitions, sources
+
 THEORY = (ROOT / "docs" / "theory.md").read_text(encoding="utf-8")
 NUMBERS = [(int(section), int(n)) for section, n in re.findall(r"\\tag\{(\d+)\.(\d+)\}", THEORY)]
+CITED = re.compile(r"\beq\. \((\d+\.\d+)\)")  # the one form in solver/: "here it is implemented"; "(5.1)" alone refers to it
+NAMED = re.compile(r"^\*\*In the code\.\*\*(.*(?:\n.+)*)", flags=re.M)
+PAGES = ("theory", "notation", "parallel", "architecture")
 
 
-def referred(text):
-    """Return the numbers in "eq. 5.3, 5.4" and "eq. (5.1)"."""
-    return [
-        (int(section), int(n))
-        for found in re.findall(r"\beqs?\. \(?(\d+\.\d+(?:(?:, | and | to )\d+\.\d+)*)", text)
-        for section, n in re.findall(r"(\d+)\.(\d+)", found)
-    ]
+def referred(text, alone):
+    """Return the numbers in "eq. 5.3, 5.4" and "eq. (5.1)", with ``alone`` in " (5.1)", too."""
+    lists = re.findall(r"\beqs?\. \(?(\d+\.\d+(?:(?:, | and | to )\d+\.\d+)*)", text)
+    lists += re.findall(r"(?<!tag)(?<=[\s(])\((\d+\.\d+)\)", text) if alone else []
+    return {(int(section), int(n)) for found in lists for section, n in re.findall(r"(\d+)\.(\d+)", found)}
+
+
+def entries(text):
+    """Return {number: names} of the lines "In the code", the numbers of each line with the section it stands in."""
+    found = {}
+    for section, part in re.findall(r"^## (\d+)\.(.*?)(?=^## |\Z)", text, flags=re.M | re.S):
+        for line in NAMED.findall(part):
+            for number, names in re.findall(r"\((\d+\.\d+)\)((?:,?\s`[^`]+`)+)", line):
+                assert number.startswith(f"{section}.") and number not in found, number
+                found[number] = re.findall(r"`([^`]+)`", names)
+    return found
+
+
+def faults(text, files):
+    """Return what is wrong between theory and code: the text of the one, {path: source} of the other."""
+    named, numbers = entries(text), re.findall(r"\\tag\{(\d+\.\d+)\}", text)
+    places = {}  # name: [(path, its docstring or comment)]
+    for path, source in files.items():
+        for name, said in definitions(path, source):
+            places.setdefault(name, []).append((path, said))
+    wrong = [f"({number}) names nothing in solver/" for number in numbers if number not in named]
+    wrong += [f"({number}) is no equation" for number in named if number not in numbers]
+    for number, names in named.items():
+        for name in names:
+            found = places.get(name, [])
+            if len(found) != 1:
+                wrong.append(f"({number}): `{name}` is defined {len(found)} times")
+            elif number not in CITED.findall(found[0][1]):
+                wrong.append(f"({number}): {name} does not say eq. ({number})")
+    for path, source in files.items():
+        here = {name for name, _ in definitions(path, source)}
+        wrong += [f"{path}: eq. ({n}) names nothing in it" for n in CITED.findall(source) if not here & set(named.get(n, ()))]
+        wrong += [
+            f"{path}: {other!r} cites in another form"
+            for other in re.findall(r"\beqs?\.? ?\(?\d+\.\d+", source)
+            if not CITED.match(other + ")")
+        ]
+    return wrong
 
 
 def test_equations_are_numbered_in_order_in_each_section():
@@ -30,13 +71,46 @@ def test_equations_are_numbered_in_order_in_each_section():
 
 def test_every_equation_referred_to_is_there():
     files = [
-        path
-        for folder, ending in (("solver", "py"), ("solver", "c"), ("tests", "py"), ("docs", "md"), ("jobs", "py"))
-        for path in (ROOT / folder).rglob(f"*.{ending}")
-        if path.name != "test_theory.py"
+        path for folder in ("tests", "docs", "jobs") for path in (ROOT / folder).rglob("*.*") if path.suffix in (".py", ".md")
     ]
-    found = {(path.name, number) for path in files for number in referred(path.read_text(encoding="utf-8"))}
-    assert len(found) > 10
-    inside = {("theory.md", (int(s), int(n))) for s, n in re.findall(r"(?<!tag)[ (]\((\d+)\.(\d+)\)", THEORY)}
-    assert len(inside) > 10
-    assert not {entry for entry in found | inside if entry[1] not in NUMBERS}
+    texts = {path: path.read_text(encoding="utf-8") for path in files if path.name != Path(__file__).name} | sources()
+    alone = {*sources(), ROOT / "docs" / "theory.md"}
+    found = {(path.name, number) for path, text in texts.items() for number in referred(text, path in alone)}
+    assert len(found) > 40
+    assert not {entry for entry in found if entry[1] not in NUMBERS}
+
+
+def test_every_equation_names_its_code_and_is_cited_back():
+    assert faults(THEORY, sources()) == []
+
+
+def test_what_is_taken_away_is_missed():
+    files = sources()
+    balance = SOLVER / "harmonic" / "balance.py"
+    kernel = SOLVER / "contact" / "elastic_coulomb.c"
+
+    def seen(text=THEORY, path=balance, old="", new=""):
+        changed = files | {path: files[path].replace(old, new)}
+        assert text != THEORY or changed != files
+        return faults(text, changed)
+
+    assert seen(text=THEORY.replace("(5.1) `HarmonicBalance.residual`; ", "")) != []  # an entry
+    assert seen(text=THEORY.replace("`HarmonicBalance.residual`", "`HarmonicBalance.rest`")) != []  # its name
+    assert seen(text=THEORY.replace("\\tag{5.1}", "")) != []  # the number
+    assert seen(old="def residual(", new="def rest(") != []  # what it names
+    assert seen(old="eq. (5.1)", new="the equation") != []  # the citation
+    assert seen(old="eq. (5.1)", new="eq. 5.1") != []  # its form
+    assert seen(old="eq. (5.1)", new="eq. (5.1), eq. (6.2)") != []  # one that belongs elsewhere
+    assert seen(path=kernel, old="eq. (3.3)", new="the return") != []
+    assert (
+        seen(path=kernel, old="/* One sample on all lanes, eq. (3.3)", new="/* eq. (3.3) */\n\n/* One sample on all lanes") != []
+    )
+
+
+def test_names_of_code_in_the_pages_are_in_the_code():
+    words = Counter(re.findall(r"\w+", "\n".join([*sources().values(), *map(str, sources())])))
+    for page in PAGES:
+        text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+        names = re.findall(r"`([A-Za-z_][\w.]*)(?:\(\))?`", re.sub(r"```.*?```", "", text, flags=re.S))
+        assert len(names) > 5, page
+        assert not {name for name in names for word in name.split(".") if word not in words}, page

@@ -15,7 +15,7 @@ from ..parallel.errors import CaseError
 def pair_map(pairs: ContactPairs, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
     """Return R, (3 n_pairs, n_dof): du = frame (u1 - u2) of every pair; fixed DOFs and ground drop out.  Local.
 
-    ``dof`` is (n_nodes, 3), the row of each node of ``Mesh.points``.
+    ``dof`` is (n_nodes, 3), the row of each node of ``Mesh.points``.  docs/theory.md, eq. (1.1).
     """
     n = pairs.n_pairs
     row = np.broadcast_to(np.arange(3 * n).reshape(n, 3, 1), (n, 3, 3))

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class System:
     """``M u'' + C u' + K u + R^T f_nl = f_ex`` on the free DOFs, rows split over the ranks of ``comm``.
 
-    The sparse maps are small and the same on every rank; their DOF axis counts the global PETSc rows.
+    docs/theory.md, eq. (1.2).  The sparse maps are small and the same on every rank; their DOF axis counts the global PETSc rows.
     """
 
     comm: MPI.Comm

@@ -1,16 +1,16 @@
 /* Contact forces over sampled periods and their exact derivatives: the compiled part of elastic_coulomb.py, included by
  * _elastic_coulomb.pyx.
  *
- * The law of docs/theory.md, eq. (3.1) to (3.5), marched through two periods of which the second is kept.  Motion du_t and slider
+ * The law of docs/theory.md, section 3, marched through two periods of which the second is kept.  Motion du_t and slider
  * position w are both measured from the slider's start w0, so that w = 0 at first, T = k_t (du_t - w) and p_t = -k_t w.  With the
- * slip distance rho = mu N / k_t and r = du_t - w, eq. (3.3) is:
+ * slip distance rho = mu N / k_t and r = du_t - w, (3.3) is:
  *
  *     circle     |r| <= rho: stick;   else  alpha = rho / |r|,  d = r / |r|,  w <- du_t - alpha r
  *     separate   the same for each direction by itself
  *
  * rho = 0 (open, or mu = 0) is free sliding: w <- du_t whatever r is, so that T and its derivative vanish.
  *
- * The derivative W = dw/dU, eq. (6.2), has rows x, y and the columns of U_x, U_y, U_z.  A slip at sample j does, with row e of E,
+ * The derivative W = dw/dU, (6.2), has rows x, y and the columns of U_x, U_y, U_z.  A slip at sample j does, with row e of E,
  *
  *     W <- A W + [I - A, d mu k_n / k_t] (x) e,      circle A = alpha (I - d d^T);   separate A = diag(1 if it stays)
  *
@@ -135,6 +135,7 @@ INLINED void gather(aft_group *group, const aft_pairs *pairs, const Py_ssize_t *
     }
 }
 
+/* The motion at the samples; of the normal force, eq. (3.1), what the sliders feel: whether there is any, and rho. */
 INLINED void sample(aft_group *group, const aft_tables *t)
 {
     for (Py_ssize_t j = 0; j < t->N_t; j++)
@@ -237,6 +238,7 @@ INLINED void separate_step(const double *du, const double *rho, double *w, doubl
     }
 }
 
+/* Both periods on all lanes, from w0 on, eq. (3.5); forces of the kept one, eq. (3.2) and eq. (3.4). */
 INLINED void march(aft_group *group, Py_ssize_t N_t, int separate)
 {
     double w[2 * LANES] = {0.0}, slipped[LANES], opened[LANES] = {0.0}, preload[LANES], closing[LANES];
@@ -282,6 +284,7 @@ typedef struct {
     double C[2][3];                                 /* [I - A, d mu k_n / k_t] */
 } slip_map;
 
+/* How a slip changes W, eq. (6.2). */
 INLINED slip_map map_of(const aft_group *group, Py_ssize_t k, int l, Py_ssize_t N_t, int separate)
 {
     const double *slip = group->slips + 3 * k * LANES + l;

@@ -30,7 +30,7 @@ class ElasticCoulomb:
     k_t: np.ndarray  # tangential stiffness [N/m]
     k_n: np.ndarray  # normal stiffness [N/m]
     separate: np.ndarray  # bool: each tangential direction has its own friction limit
-    w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) of all: the sliders' start [m], eq. (3.5)
+    w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) of all: the sliders' start [m], (3.5)
 
     def __post_init__(self):
         n = np.size(self.k_t)
@@ -64,7 +64,7 @@ class ElasticCoulomb:
         """Return the harmonics of the contact forces beyond the stuck springs under the periodic motion ``U``.
 
         Local.  Marches the law through two periods of ``n_samples`` each, from T = k_t (du_t - w0) at the first sample, and keeps
-        the second: docs/theory.md, eq. (3.1) to (3.5), eq. (6.1) and (6.2).
+        the second: docs/theory.md, eq. (3.5) and eq. (6.1).
 
         Parameters
         ----------
@@ -101,10 +101,10 @@ class ElasticCoulomb:
     # -- a step of time ----------------------------------------------------------------------------------------
 
     def step(self, du: np.ndarray, p_before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return p after a step that ends at ``du``, its derivative and the states: docs/theory.md, eq. (3.1) to (3.5).
+        """Return p after a step that ends at ``du``, its derivative and the states.
 
-        Local.  Sliders stand at w = w0 - p_t / k_t, so that p is all that the law remembers, and p of a pair that sticks stays
-        what it was, to the bit.
+        Local.  docs/theory.md, eq. (3.1), eq. (3.2), eq. (3.3) and eq. (3.4).  Sliders stand at w = w0 - p_t / k_t, so that p is
+        all that the law remembers, and p of a pair that sticks stays what it was, to the bit.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Energy that contact forces take in a cycle, whatever their law (docs/theory.md, eq. 6.3)."""
+"""Energy that contact forces take in a cycle, whatever their law (docs/theory.md, sections 6 and 9)."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ def pair_energy(U: np.ndarray, p: np.ndarray, harmonics: Harmonics | None = None
 def contact_work(U: np.ndarray, p: np.ndarray, harmonics: Harmonics | None = None) -> np.ndarray:
     """Return the work per cycle into the pairs, normal direction included, (n,) [J].
 
-    The normal spring loses nothing; its part, the sampling error of one-sided contact, closes the energy balance.
+    docs/theory.md, E of eq. (9.1).  The normal spring loses nothing; its part, the sampling error of one-sided contact, closes
+    the energy balance.
     """
     return cycle_work(p, U, harmonics).sum(axis=1)

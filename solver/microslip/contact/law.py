@@ -28,7 +28,7 @@ class ContactCycle:
 
 
 class Law(Protocol):
-    """The law of n contact pairs.  Local, NumPy only.
+    """The law of n contact pairs, p of docs/theory.md, eq. (1.3).  Local, NumPy only.
 
     ``amplitudes`` (..., n, 3) [m] are what no component of a pair's motion exceeds: the sums over its harmonics.
     """

@@ -1,4 +1,4 @@
-"""Constraint rows beside the harmonic-balance equations: one for each parameter of the problem (docs/theory.md, eq. 7.2).
+"""Constraint rows beside the harmonic-balance equations: one for each parameter of the problem (docs/theory.md, section 7).
 
 Unknowns are scaled: xi = U / its unit, nu = parameters / theirs.
 """
@@ -38,7 +38,7 @@ class Constraint(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """n_U . (xi - xi_0) + n_nu . (nu - nu_0) = 0, linear, through the iterate ``about``."""
+    """n_U . (xi - xi_0) + n_nu . (nu - nu_0) = 0, eq. (7.2), linear, through the iterate ``about``."""
 
     about: Iterate
     n_U: np.ndarray  # (n_owned, 3, N_H) -

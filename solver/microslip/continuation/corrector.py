@@ -94,7 +94,7 @@ class BorderedSystem:
         return rows, np.array([c.value(part, nu, scaling) for c, part in zip(self.constraints, parts)])
 
     def linearise(self, U: np.ndarray, nu_owned: np.ndarray) -> tuple[Linearisation, Border]:
-        """Return the Jacobian (5.3) of the unweighted rows.  Collective: one gather, and static columns where they are new."""
+        """Return the Jacobian, eq. (5.3), of the unweighted rows.  Collective: one gather, and new static columns."""
         forces = self.equation.contact_forces(U, self.selected, tangents=True, extras=tuple(nu_owned))
         parameters = tuple(np.array(forces.extras) * self.scaling.parameters)
         linear = self.equation.linearise(self.problem.at(parameters), forces)

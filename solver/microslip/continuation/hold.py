@@ -1,4 +1,4 @@
-"""The mean slip that nothing holds: held where Newton fails, let go where pairs stick again (docs/theory.md, eq. 5.6)."""
+"""The mean slip that nothing holds: held where Newton fails, let go where pairs stick again (docs/theory.md, section 5)."""
 
 from __future__ import annotations
 

@@ -92,7 +92,7 @@ def apparent_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> flo
 
 
 def damping_loss(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
-    """Return the viscous loss D of (9.1) [J per cycle].  Local."""
+    """Return the viscous loss D of eq. (9.1) [J per cycle].  Local."""
     losses = [
         np.sum(share.harmonics.numbers**2 * (eta.conj() * share.family.damping.apply(eta)).real)
         for share, eta in zip(model.shares, model.modal_motion(at.level, at.omega, p))
@@ -101,5 +101,5 @@ def damping_loss(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> floa
 
 
 def input_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
-    """Return the work of the loads [J per cycle]: closed integral of f . du over each load.  Local."""
+    """Return the work of the loads, W of eq. (9.1) [J per cycle]: closed integral of f . du over each load.  Local."""
     return float(cycle_work(at.level * model.f, model.load_motion(at.level, at.omega, p), model.harmonics).sum())

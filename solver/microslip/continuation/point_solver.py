@@ -232,7 +232,7 @@ class PointSolver:
         return float(np.sqrt(self.comm.allreduce(float(np.vdot(U, U)))))
 
     def length(self, d_xi: np.ndarray, d_nu: float) -> float:
-        """Return the length of a step.
+        """Return the length of a step, docs/theory.md, eq. (7.1).
 
         The mean does not count: it drifts with the slip in which sliders settle, and turns sharply where that ends, while the
         branch goes straight on.

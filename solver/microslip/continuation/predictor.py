@@ -1,4 +1,4 @@
-"""The next point's guess, and the plane that holds the step: docs/theory.md, eq. (7.2), (7.3)."""
+"""The next point's guess, and the plane that holds the step (docs/theory.md, section 7)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola says nothing
 def predict(
     solver: PointSolver, earlier: PointState | None, before: PointState, now: PointState, ds: float
 ) -> tuple[Iterate, Plane]:
-    """Return the guess a step ``ds`` ahead and the row that holds the step.
+    """Return the guess a step ``ds`` ahead and the row that holds the step, docs/theory.md, eq. (7.2).
 
     On the linear curve (all pairs stuck) the guess is the linear response itself, at a fixed parameter; otherwise
     the parabola through the last three points (the secant where there are two), and the plane normal to the secant.

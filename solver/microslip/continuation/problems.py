@@ -75,7 +75,8 @@ class LevelHomotopy(_OfEquation):
 class DampingHomotopy(_OfEquation):
     """The same equation at a fixed frequency and level, with further damping that falls to none as the parameter t rises to 1.
 
-    D_n gets i n omega sigma (eq. 4.1) with sigma = omega (1 - t) / t, alike for all modes, as of a damping matrix sigma M.
+    docs/theory.md, eq. (7.3): D_n gets i n omega sigma with sigma = omega (1 - t) / t, alike for all
+    modes, as of a damping matrix sigma M.
     """
 
     omega: float  # rad/s

@@ -75,7 +75,7 @@ def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.nd
 
 
 def arc_lengths(comm, motions: list[np.ndarray], omegas: np.ndarray, omega_scale: float) -> np.ndarray:
-    """Return the length of a sampled curve up to each of its points, (n,), in the relative norm.
+    """Return the length of a sampled curve up to each of its points, (n,), in the relative norm, eq. (7.1).
 
     Collective on ``comm``.  ``motions`` holds this rank's rows at each of ``omegas``.
 

@@ -115,7 +115,7 @@ class ErrorEstimator:
     ) -> tuple[np.ndarray, bool]:
         """Return the five parts that the adjoint gives, (2 n_outputs,) each, and what it feels of the modes left out, in a row.
 
-        Collective: sums over the ranks, and a broadcast.  And whether the adjoint was found.
+        And whether the adjoint was found.  Collective: sums over the ranks, and a broadcast.  docs/theory.md, eq. (11.2).
         """
         linear, own, N_H = exact.linearise(at, forces), exact.model.owned_rows, exact.model.N_H
         chi, tau, is_found = linear.solve_transposed(sensitivity(exact.model, at.omega), self.adjoint_solver)
@@ -161,8 +161,8 @@ _RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)  # the limit of many samples, 
 def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
     """Return B, minus the derivative of the outputs' cos 1, then sin 1, with respect to p, (2 n_outputs, 3 n_pairs, N_H).  Local.
 
-    With A = o (K_L^-1 + phi c_1 phi^T) R^T the amplitude is u_lin - A p: the cosine moves by -(Re A p_c + Im A p_s), the sine
-    by Im A p_c - Re A p_s.
+    docs/theory.md, eq. (11.1).  With A = o (K_L^-1 + phi c_1 phi^T) R^T the amplitude is u_lin - A p: the cosine moves by
+    -(Re A p_c + Im A p_s), the sine by Im A p_c - Re A p_s.
     """
     A = model.output_receptance(omega, 1)
     n_out, cos = len(A), model.harmonics.columns(1).start

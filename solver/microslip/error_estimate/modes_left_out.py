@@ -1,4 +1,4 @@
-"""How strongly forces act on the modes left out, without knowing them (docs/theory.md, eq. 11.3).
+"""How strongly forces act on the modes left out, without knowing them (docs/theory.md, section 11).
 
 The receptance (4.1) lacks E_n = sum over k > m of phi_k c_kn phi_k^T of the modes left out.  Below their resonances
 
@@ -48,7 +48,7 @@ class ModesLeftOut:
         """Return what the modes left out would change in cos 1 and then sin 1 of the outputs, (2 n_outputs,) [m].  Local.
 
         From a load straight to an output exactly, but for the order beyond W; by way of the pairs at most, by Cauchy and Schwarz,
-        harmonic by harmonic.
+        harmonic by harmonic.  docs/theory.md, eq. (11.2).
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
 def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedModel) -> ModesLeftOut | None:
     """Return the samples for the modes beyond ``modes``; None where there are none.
 
-    Collective on the system's communicator: ``SAMPLES`` static solves.
+    Collective on the system's communicator: ``SAMPLES`` static solves.  docs/theory.md, eq. (11.3).
     """
     system, n_rows, n_out = linearised.system, linearised.system.R.shape[0], linearised.system.outputs.shape[0]
     if len(modes.omega_n) == 0 or len(modes.omega_n) == system.n_dof:

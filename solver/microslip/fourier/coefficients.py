@@ -15,7 +15,7 @@ from .harmonics import Harmonics
 
 @lru_cache(maxsize=64)
 def synthesis_matrix(harmonics: Harmonics, N_t: int) -> np.ndarray:
-    """Return E (N_t, N_H): samples at theta_j = 2 pi j / N_t are E @ coefficients.  Read-only.
+    """Return E (N_t, N_H) of eq. (6.1): samples at theta_j = 2 pi j / N_t are E @ coefficients.  Read-only.
 
     Angles are reduced modulo one turn before the cosine, so that high harmonics lose no digits.
     """
@@ -30,7 +30,7 @@ def synthesis_matrix(harmonics: Harmonics, N_t: int) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def analysis_matrix(harmonics: Harmonics, N_t: int) -> np.ndarray:
-    """Return F (N_H, N_t): the discrete Fourier coefficients of samples are F @ samples; F E = I.  Read-only.
+    """Return F (N_H, N_t) of eq. (6.1): the discrete Fourier coefficients of samples are F @ samples; F E = I.  Read-only.
 
     Raises
     ------

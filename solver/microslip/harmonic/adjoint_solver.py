@@ -1,4 +1,4 @@
-"""Adjoints of a point: what the requested outputs feel of the contact forces (docs/theory.md, eq. 11.1).
+"""Adjoints of a point: what the requested outputs feel of the contact forces (docs/theory.md, section 11).
 
     (1 + G^T P^T) chi = B^T
 
@@ -23,7 +23,7 @@ RTOL = 1e-3  # of GMRES: bars are far from that exact
 
 
 class AdjointSolver:
-    """Solves for the adjoints of points of a branch; keeps what makes the next quicker.  Collective on ``comm``."""
+    """Solves for the adjoints, eq. (11.1), of points of a branch; keeps what makes the next quicker.  Collective on ``comm``."""
 
     def __init__(self, comm):
         self.comm = comm

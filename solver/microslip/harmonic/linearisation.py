@@ -1,6 +1,6 @@
 """The linearisation of harmonic balance at one motion: values that are solved with, forward and transposed.
 
-docs/theory.md, eq. (5.3), (11.1).  A pair that sticks neither carries p nor changes it.  Its rows of the Jacobian I + G P give
+docs/theory.md, sections 5 and 11.  A pair that sticks neither carries p nor changes it.  Its rows of the Jacobian I + G P give
 its motion once that of the other pairs is known, so that an iteration needs only rows and columns of pairs that do not stick.
 """
 
@@ -102,7 +102,7 @@ class Linearisation:
         return np.matmul(self.P, d_xi.reshape(len(self.P), self.P.shape[2], 1)).ravel()
 
     def product(self, d_xi: np.ndarray, d_nu_owned: np.ndarray, border: Border) -> tuple[np.ndarray, np.ndarray]:
-        """Return the bordered matrix times (d_xi, d_nu): this rank's rows and the k constraints'.  Collective.
+        """Return the bordered matrix, eq. (5.3), times (d_xi, d_nu): this rank's rows and the k constraints'.  Collective.
 
         ``d_nu_owned`` (k,) is d_nu on the rank that owns it and 0 elsewhere.
         """

@@ -1,4 +1,4 @@
-"""Springs that hold the mean slip of a body that nothing else holds (docs/theory.md, eq. 5.6).
+"""Springs that hold the mean slip of a body that nothing else holds (docs/theory.md, section 5).
 
 The friction of a pair that slips in every cycle has forgotten where the pair was before: it does not change with the mean of the
 tangential motion.  Where all pairs of a body slip, and nothing but the joint holds it, the body may stand anywhere, or creep.
@@ -22,7 +22,7 @@ _FEW = 200  # rows up to which LAPACK is as quick
 
 
 def hold_mean_slip(found: ContactCycle, about: np.ndarray) -> None:
-    """Add the springs to the forces and their derivative, in place.  Local.
+    """Add the springs of eq. (5.6) to the forces and their derivative, in place.  Local.
 
     The slider of a pair has moved by -p_t / k_t: a spring from its mean to where p_t has the mean ``about`` (n, 2) [N]
     takes its share of their difference.  The set of harmonics has a mean.

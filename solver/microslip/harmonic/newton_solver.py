@@ -1,4 +1,4 @@
-"""Newton's systems: pairs that stick are eliminated, GMRES solves for the others (docs/theory.md, eq. 5.3, 5.4)."""
+"""Newton's systems: pairs that stick are eliminated, GMRES solves for the others (docs/theory.md, section 5)."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class NewtonSolver:
             self.wants_preconditioner = True
 
     def solve(self, at: Linearisation, b_U: np.ndarray, b_nu: np.ndarray, border: Border) -> Step:
-        """Return the solution of the bordered system (5.3); see :meth:`Linearisation.solve`.  Collective."""
+        """Return the solution of the bordered system, eq. (5.3); see :meth:`Linearisation.solve`.  Collective."""
         self._build_preconditioner(at)
         gmres, rtol = self._set_up(at, border.k)
         self._border = self._condensed(at, border, b_U)
@@ -111,7 +111,7 @@ class NewtonSolver:
         return self._gmres, rtol
 
     def _condensed(self, at: Linearisation, border: Border, b_U: np.ndarray) -> Condensed:
-        """Eliminate the pairs that stick from the border.  Collective: a sum, and a product where its rows have parts there."""
+        """Eliminate the pairs that stick from the border, eq. (5.4).  Collective: a sum, and a product where it has some."""
         active, equation = at.forces.active_owned, at.equation
         of_stuck = np.array(border.n_U)
         of_stuck[:, active] = 0.0
@@ -126,7 +126,7 @@ class NewtonSolver:
         return Condensed(tuple(r_nu[active].ravel() for r_nu in border.r_nu), tuple(rows), n_nu, sums[:, 0])
 
     def _multiply(self, x: np.ndarray, out: np.ndarray) -> None:
-        """Multiply by the condensed matrix.  Collective: one gather."""
+        """Multiply by the condensed matrix of eq. (5.4).  Collective: one gather."""
         border, N_H = self._border, self._at.equation.model.N_H
         k, n = len(border.r_nu), len(border.r_nu[0])
         d_xi = x[:n]

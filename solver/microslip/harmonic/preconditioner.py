@@ -1,6 +1,6 @@
 """A preconditioner for wide slip: the Jacobian without the coupling between harmonics.
 
-docs/theory.md, eq. (5.5).  In micro-slip I + G P is close to the identity and GMRES needs nothing.  When most pairs slip,
+docs/theory.md, section 5.  In micro-slip I + G P is close to the identity and GMRES needs nothing.  When most pairs slip,
 P takes away most of the joint's stiffness, and I + G P inherits the condition of the structure without its joint.  Harmonic by
 harmonic,
 
@@ -22,7 +22,7 @@ REGULAR = 1.0 - 1e-3  # of P in B_n: without its joint, a body that nothing else
 
 
 class HarmonicPreconditioner:
-    """Factors of B_n for the pairs active at one linearisation; applied to residuals near by.  Collective."""
+    """Factors of B_n, eq. (5.5), for the pairs active at one linearisation; applied to residuals near by.  Collective."""
 
     def __init__(self, at: Linearisation):
         self.made_at, self.active_owned, equation = at, at.forces.active_owned, at.equation

@@ -16,7 +16,7 @@ from .factor import Factor
 
 @dataclass(frozen=True)
 class Linearised:
-    """The stuck structure, ``M u'' + C u' + K_L u = f``, rows split as in ``system``."""
+    """The stuck structure, ``M u'' + C u' + K_L u + R^T p = f_ex``, rows split as in ``system``: docs/theory.md, eq. (1.4)."""
 
     system: System
     K_L: PETSc.Mat  # (n_dof, n_dof) N/m, symmetric positive definite
@@ -30,7 +30,7 @@ class Linearised:
 
 
 def linearise(system: System, pairs: ContactPairs, where: str = "") -> Linearised:
-    """Return the structure with all pairs stuck, factored.
+    """Return the structure with all pairs stuck, K_L of docs/theory.md, eq. (1.3), factored.
 
     Collective on ``system.comm``.  ``where`` is the scene file, for messages.
 

@@ -1,4 +1,4 @@
-"""The receptance G_n(omega) of some pairs at one frequency: products, rate, blocks (docs/theory.md, eq. 4.2)."""
+"""The receptance G_n(omega) of some pairs at one frequency: products, rate, blocks (docs/theory.md, section 4)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 
 class ReceptanceColumns:
-    """Columns of G_n(omega), all harmonics of the set, that belong to some pairs; rows are those of this rank's pairs."""
+    """Columns of G_n(omega), all harmonics of the set, that belong to some pairs; rows are those of this rank's pairs.
+
+    docs/theory.md, eq. (4.2).
+    """
 
     def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
         self.model, self.omega, self.active = model, omega, active
@@ -47,7 +50,7 @@ class ReceptanceColumns:
         return self._dynamic(rates, p).reshape(self.shape)
 
     def _dynamic(self, flexibilities: Sequence[Flexibility], p: np.ndarray) -> np.ndarray:
-        """Return R phi c_n phi^T R^T p, (3 n_owned, N_H)."""
+        """Return R phi c_n phi^T R^T p, (3 n_owned, N_H): minus R phi eta of docs/theory.md, eq. (4.3), under p alone."""
         model, own = self.model, self.model.owned_rows
         of_shares = zip(model.shares, self.R_active, flexibilities)
         return model.joined([s.family.R_phi[own] @ c.apply(R.T @ p[:, s.columns]) for s, R, c in of_shares])

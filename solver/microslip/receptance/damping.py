@@ -35,7 +35,7 @@ class Damping:
         return np.diag(self.C) if self.couples_modes else self.C
 
     def plus(self, sigma: float) -> Damping:
-        """Return it with sigma M [1/s] added to the damping matrix."""
+        """Return it with sigma M [1/s] added to the damping matrix, docs/theory.md, eq. (7.3)."""
         return Damping(self.C + (sigma * np.eye(len(self.C)) if self.couples_modes else sigma))
 
     def apply(self, eta: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """What a reduction hands to harmonic balance: the receptance of the pairs, loads and outputs in modal and static parts.
 
 The receptance of harmonic n between any two of loads, pairs and outputs with modal participations x, y is (docs/theory.md,
-eq. 4.1)
+eq. (4.1))
 
     A_n(omega) = A_static + x c_n(omega) y^T,
 
@@ -29,7 +29,7 @@ from .static_columns import StaticColumns
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """Modal families and static residuals, seen from pairs, loads and outputs (docs/theory.md, section 4).
+    """Modal families and static residuals, seen from pairs, loads and outputs: docs/theory.md, eq. (4.1).
 
     Everything is replicated except the columns of ``G_static``, whose rows live with their pairs.
     """

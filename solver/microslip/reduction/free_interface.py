@@ -79,8 +79,8 @@ def _count_rigid(found: Modes, alpha: float, modes: Modes) -> int:
 def residual_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.ndarray:
     """Return Z = sum of phi_k phi_k^T F / omega_k^2 over the modes not computed, this rank's rows (n_owned, n_forces).
 
-    Collective.  Inertia relief is inherent: Z is M-orthogonal to the computed modes, rigid-body modes among them, and so is the
-    load P F = F - M phi phi^T F that it balances.  K Z = P F is solved by its shifted factor,
+    Collective.  docs/theory.md, eq. (8.3).  Inertia relief is inherent: Z is M-orthogonal to the computed modes, rigid-body
+    modes among them, and so is the load P F = F - M phi phi^T F that it balances.  K Z = P F is solved by its shifted factor,
 
         (K + alpha M) Z_new = P F + alpha M Z,
 

@@ -64,7 +64,7 @@ def galerkin_modes(linearised: Linearised, V_owned: np.ndarray) -> tuple[np.ndar
     """Return (omega_n, phi_owned): the modes of (K_L, M) in the span of V, rising, phi^T M phi = I.
 
     Collective: sums of the reduced matrices, twice where columns nearly depend on each other.  The second pass starts from the
-    modes of the first, in which a low mode is no longer the small difference of stiff columns.
+    modes of the first, in which a low mode is no longer the small difference of stiff columns.  docs/theory.md, eq. (8.1).
     """
     comm = linearised.system.comm
     phi_owned, least = V_owned, 0.0
@@ -83,7 +83,7 @@ def galerkin_modes(linearised: Linearised, V_owned: np.ndarray) -> tuple[np.ndar
 def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Return (theta, q): M_r q = theta K_r q, theta falling, q^T K_r q = I, without dependent directions.  Local.
 
-    And the least energy of a combination of columns that was kept, over the largest.
+    docs/theory.md, eq. (8.1).  And the least energy of a combination of columns that was kept, over the largest.
     """
     energy = np.maximum(np.diag(K_r), 0.0)
     scale = np.divide(1.0, np.sqrt(energy), out=np.zeros_like(energy), where=energy > 0.0)
@@ -97,7 +97,7 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def model_of_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, settings: ReductionSettings) -> ReducedModel:
-    """Return the model that holds these modes and nothing else: its static parts are theirs.  Collective: two sums."""
+    """Return the model that holds these modes and nothing else: its static parts are theirs, eq. (8.2).  Collective: two sums."""
     comm, n_pairs, family = system.comm, system.R.shape[0] // 3, modal_family(system, omega_n, phi_owned, settings.damping)
     R_phi, o, b = family.R_phi, family.o, family.b
     pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / omega_n**2

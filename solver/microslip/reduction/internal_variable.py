@@ -13,7 +13,7 @@ from .stuck import StuckStructure
 
 
 def reduce_to_pairs(stuck: StuckStructure, settings: ReductionSettings, selection: Selection) -> Reduction:
-    """Return the reduction in the internal-variable form (docs/theory.md, eq. 4.2).
+    """Return the reduction in the internal-variable form (docs/theory.md, section 4).
 
     Collective: static solves of a pair when it first leaves sticking.
     """

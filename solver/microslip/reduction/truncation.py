@@ -60,6 +60,7 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     """Return the bounds of (4.5) for keeping the first 1 to n of n modes; the mode after the last kept must be known.
 
     Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
+    docs/theory.md, eq. (4.5).
     """
     model, n, system = reduce_structure(stuck, settings), len(stuck.modes.omega_n), stuck.linearised.system
     family = model.one_family
@@ -114,7 +115,7 @@ def _content(n: int, h: int) -> float:
 
 
 def gains(family: ModalFamily, n_omega: float) -> np.ndarray:
-    """Return rho of (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out, at n omega.  Local.
+    """Return rho of eq. (4.4) for keeping 1 to n modes, (n,): the largest of the modes left out, at n omega.  Local.
 
     omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first mode left out its
     parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
@@ -135,7 +136,7 @@ def _of_left_out(values: np.ndarray, extreme: np.ufunc) -> np.ndarray:
 def residual_norms(stuck: StuckStructure, X_owned: np.ndarray) -> np.ndarray:
     """Return the residual norms of complex columns X (n_owned, q) for keeping 1 to n modes, (n, q).
 
-    Collective: 2 q static solves.
+    Collective: 2 q static solves.  docs/theory.md, eq. (4.4).
     """
     modes, comm, q = stuck.modes, stuck.linearised.system.comm, X_owned.shape[1]
     parts = np.concatenate([X_owned.real, X_owned.imag], axis=1)

@@ -73,7 +73,7 @@ class March:
 
 
 class StepContact:
-    """The contact problem at the end of a step, p = law(p_before, du_free - G_h p), of B points.
+    """The contact problem at the end of a step, p = law(p_before, du_free - G_h p), eq. (10.4), of B points.
 
     G_h = G + R_phi (d eta / d q) R_phi^T is the flexibility within a step.  Newton's method with the exact derivative of the
     return map: of the pairs that stick p is known, so that a linear system of the moving components alone is left, a point at a

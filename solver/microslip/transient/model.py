@@ -14,7 +14,7 @@ from ..receptance.model import ReducedModel
 
 @dataclass(frozen=True, eq=False)
 class TransientModel:
-    """Modes and what is left of statics beside them; du = R_phi eta + s f - G p, everything replicated."""
+    """Modes and what is left of statics beside them; du = R_phi eta + s f - G p, eq. (10.1); everything replicated."""
 
     modes: ModalFamily
     G: np.ndarray  # (3 n_pairs, 3 n_pairs) G_static - R_phi Omega^-2 R_phi^T [m/N]
@@ -39,7 +39,7 @@ class TransientModel:
 
 
 def transient_model(model: ReducedModel, law: Law) -> TransientModel:
-    """Return the model for time integration.  Collective on ``model.comm``: static columns of all pairs, and one gather."""
+    """Return the model of eq. (10.1).  Collective on ``model.comm``: static columns of all pairs, and one gather."""
     rows = np.ascontiguousarray(model.G_static.transposed(np.arange(model.n_pairs)).T)
     G_static = rows if model.comm.size == 1 else np.concatenate(model.comm.allgather(rows))
     modes = model.one_family

@@ -31,6 +31,8 @@ class Motion:
 class GeneralisedAlpha:
     """eta'' + C eta' + Omega^2 eta = q(t) in steps ``h`` (B,) [s]; a step is split where the contact force at its end enters.
 
+    docs/theory.md, eq. (10.2).
+
     Parameters
     ----------
     omega_n, damping : (m,) and phi^T C phi, of every point
@@ -97,8 +99,9 @@ class GeneralisedAlpha:
 def fitted_angle(n_steps: int, rho: float = RHO) -> float:
     """Return omega h such that an undamped oscillator of frequency omega takes exactly ``n_steps`` steps a period.  Local.
 
-    Generalised-alpha, like the trapezoidal rule, lengthens periods by (omega h)^2 / 12 of themselves at rho = 1.  At a
-    resonance of damping ratio zeta that shift counts by 1 / zeta.  A step of omega h instead of 2 pi / n_steps takes it out.
+    docs/theory.md, eq. (10.3).  Generalised-alpha, like the trapezoidal rule, lengthens periods by (omega h)^2 / 12 of
+    themselves at rho = 1.  At a resonance of damping ratio zeta that shift counts by 1 / zeta.  A step of omega h instead of
+    2 pi / n_steps takes it out.
     """
     exact = 2.0 * np.pi / n_steps
     return float(brentq(lambda angle: step_angle(angle, rho) - exact, 0.5 * exact, 1.5 * exact, xtol=1e-15, rtol=1e-14))

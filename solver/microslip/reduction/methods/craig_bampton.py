@@ -67,7 +67,7 @@ def fix_interface(system: System, b: np.ndarray) -> tuple[Linearised, float]:
 def constraint_modes(system: System, fixed: Linearised, b: np.ndarray, k: float) -> np.ndarray:
     """Return psi, this rank's rows (n_owned, n_b): the static shape for a unit motion of each interface DOF alone.
 
-    Collective: a product with K and a solve for each.
+    Collective: a product with K and a solve for each.  docs/theory.md, eq. (8.4).
     """
     first, last = system.K.getOwnershipRange()
     is_own = (b >= first) & (b < last)

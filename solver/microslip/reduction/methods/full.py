@@ -101,7 +101,7 @@ def n_blocks_for(ratio: float) -> int:
 
 
 def krylov_blocks(linearised: Linearised, modes: Modes, Y: sp.csc_matrix, n_blocks: int) -> list[np.ndarray]:
-    """Return Z_0 .. Z_(n_blocks - 1), this rank's rows (n_owned, m) each.  Collective: m solves a block."""
+    """Return Z_0 .. Z_(n_blocks - 1) of eq. (8.7), this rank's rows (n_owned, m) each.  Collective: m solves a block."""
     comm, factor, phi_owned = linearised.system.comm, linearised.factor, modes.phi_owned
 
     def on_complement(Z_owned: np.ndarray) -> np.ndarray:

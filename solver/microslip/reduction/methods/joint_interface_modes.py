@@ -41,7 +41,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 
 
 def lowest_shapes(linearised: Linearised, Z_owned: np.ndarray, n_wanted: int) -> np.ndarray:
-    """Return the ``n_wanted`` lowest modes of (K_L, M) in the span of Z, or all there are; this rank's rows.  Collective."""
+    """Return the ``n_wanted`` lowest modes in the span of Z, eq. (8.5), or all there are; this rank's rows.  Collective."""
     comm = linearised.system.comm
     K_r, M_r = (gram(comm, Z_owned, multiply(A, Z_owned)) for A in (linearised.K_L, linearised.M))
     _, v, _ = on_root(comm, reduced_modes, K_r, M_r)

@@ -47,7 +47,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 
 
 def derivative_forces(K_J: np.ndarray, r: np.ndarray, omega_n: np.ndarray) -> np.ndarray:
-    """Return the weighted forces (d K_J / d q_j) R phi_i of all i, j and directions, (3 n_pairs, 3 n_phi^2).  Local."""
+    """Return the weighted forces (d K_J / d q_j) R phi_i of eq. (8.6), all i, j and c, (3 n_pairs, 3 n_phi^2).  Local."""
     n_phi = len(omega_n)
     weighted = (r / omega_n**2).reshape(-1, 3, n_phi)
     products = np.einsum("pdi,pcj->pdcij", weighted, weighted)

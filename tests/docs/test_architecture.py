@@ -1,0 +1,76 @@
+"""docs/architecture.md: its rooms are those of the package, imports go one way, its picture is that of the code."""
+
+import re
+import sys
+
+import pytest
+from sources import ROOT, SOLVER
+
+sys.path.append(str(ROOT / "jobs" / "docs"))
+
+import rooms
+
+PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+ORDER = re.findall(r"^\| `(\w+)/` \|", PAGE, flags=re.M)
+
+
+def test_the_rooms_of_the_page_are_those_of_the_package():
+    assert sorted(ORDER) == rooms.rooms() == sorted(rooms.ROOMS)
+
+
+def test_a_room_imports_only_those_above_it_on_the_page():
+    imported = rooms.imported()
+    assert sum(map(len, imported.values())) > 50
+    wrong = {
+        (room, other): files
+        for room in ORDER
+        for other, files in imported[room].items()
+        if ORDER.index(other) > ORDER.index(room)
+    }
+    assert wrong == {}
+
+
+def test_rooms_of_numpy_only_import_neither_mpi_nor_petsc():
+    assert all(f"`{room}/`" in re.search(r"So (.*) need neither MPI nor PETSc", PAGE)[1] for room in rooms.NUMPY_ONLY)
+    allowed = {"numpy", "scipy", "microslip", *sys.stdlib_module_names}
+    for room in rooms.NUMPY_ONLY:
+        assert set(rooms.imported()[room]) <= set(rooms.NUMPY_ONLY), room
+        for path in (SOLVER / room).rglob("*.py"):
+            assert {module.split(".")[0] for module in rooms.imports(path)} <= allowed, path
+
+
+def test_the_scene_is_imported_where_the_page_says_alone():
+    said = set(re.findall(r"`(\w+)/`", re.search(r"The scene is imported by (.*) alone\.", PAGE)[1]))
+    importing = {room for room, others in rooms.imported().items() if "scene" in others}
+    assert importing and importing <= said
+
+
+def test_every_file_that_the_page_names_is_there():
+    files = re.findall(r"`([\w/]+\.py)`", PAGE)
+    assert len(files) > 15
+    assert not {file for file in files if not (SOLVER / file).is_file()}
+
+
+def test_the_picture_is_that_of_the_code():
+    assert rooms.PICTURE.read_text(encoding="utf-8") == rooms.picture(), "run python jobs/docs/rooms.py, and look at it"
+
+
+def test_imports_are_found_and_those_for_type_checking_are_not(tmp_path, monkeypatch):
+    monkeypatch.setattr(rooms, "PACKAGE", tmp_path)
+    for room, text in (
+        ("one", "from ..two.sub import a\nfrom .. import three\nif TYPE_CHECKING:\n    from ..four import b\n"),
+        ("two", "import numpy\n\n\ndef late():\n    from ..three import c\n"),
+        ("three", ""),
+        ("four", ""),
+    ):
+        (tmp_path / room).mkdir()
+        (tmp_path / room / "__init__.py").write_text("")
+        (tmp_path / room / "file.py").write_text(text)
+    imported = {room: set(others) for room, others in rooms.imported().items()}
+    assert imported == {"one": {"two", "three"}, "two": {"three"}, "three": set(), "four": set()}
+    assert rooms.arrows() == [("three", "two"), ("two", "one")]
+
+
+@pytest.mark.parametrize("room", rooms.ROOMS)
+def test_boxes_of_the_picture_hold_their_words(room):
+    assert len(room) <= 14 and (room == "parallel" or len(rooms.ROOMS[room][0]) <= 23)
