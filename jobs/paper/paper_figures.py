@@ -286,7 +286,7 @@ def losses(study: Study) -> Page | None:
     axes = page.grid(1, len(levels)).subplots(squeeze=False)[0]
     for ax, level in zip(axes, levels):
         looks = (LINEAR, {"color": LATE, "lw": 1.0}, {"color": CHECKED, "lw": 1.0, "ls": "--"})
-        factor, unit = scaled(np.array([point.friction for point in level.reference.points]), "J")
+        factor, unit = with_prefix(np.array([point.friction for point in level.reference.points]), "J")
         for run, look in zip((level.reference, level.adaptive, level.improved), looks):
             ax.plot(run.frequency, factor * np.array([point.friction for point in run.points]), **look)
         ax.set(xlabel="frequency [Hz]", ylabel=f"friction loss [{unit} a cycle]", xlim=_slip_range(level))
