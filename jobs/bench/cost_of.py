@@ -29,6 +29,7 @@ from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.contact.law import STICK
 from microslip.continuation import acceptance, corrector, follow
 from microslip.continuation.grid import at_frequencies
+from microslip.continuation.task import BranchTask
 from microslip.harmonic import balance, linearisation, newton_solver, preconditioner
 from microslip.receptance import columns
 from microslip.receptance.static_columns import StaticColumns
@@ -124,7 +125,7 @@ def of_scene(comm, scene: str, level: float, points: int) -> dict:
     problem, tolerance = prepared.problem(level), prepared.scene.solver.tolerance
     with Stopwatch(GROUPS) as watch:
         meter = Meter(comm, watch)
-        task = follow.BranchTask(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance)
+        task = BranchTask(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance)
         branch = follow.follow_branch(task, 10 * points, meter.point)
     model, found = prepared.model, meter.report(skip=0)
     return {

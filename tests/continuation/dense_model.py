@@ -4,10 +4,11 @@ import numpy as np
 import scipy.linalg
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
-from microslip.continuation.follow import BranchTask, follow_branch
+from microslip.continuation.follow import follow_branch
 from microslip.continuation.problems import ForcedResponse
 from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequencies
 from microslip.continuation.sweep import Sweep
+from microslip.continuation.task import BranchTask
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.parallel.ownership import split_evenly

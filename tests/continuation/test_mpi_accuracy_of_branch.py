@@ -20,10 +20,11 @@ from microslip.continuation.accuracy import (
     samples_from,
     steps_for,
 )
-from microslip.continuation.follow import BranchTask, follow_branch
+from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies
 from microslip.continuation.point_solver import Workspace
 from microslip.continuation.sweep import Sweep
+from microslip.continuation.task import BranchTask
 from microslip.error_estimate.better_model import BetterModel
 from microslip.error_estimate.components import PARTS
 from microslip.error_estimate.estimate import ErrorEstimator

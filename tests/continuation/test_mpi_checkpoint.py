@@ -9,11 +9,12 @@ from verification import extreme_structures as structures
 
 from microslip.continuation.accuracy import Accuracy, Resolution, steps_for
 from microslip.continuation.checkpoint import from_arrays, to_arrays
-from microslip.continuation.follow import BranchTask, advance
+from microslip.continuation.follow import advance
 from microslip.continuation.point_record import HELD
 from microslip.continuation.point_solver import Workspace
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
+from microslip.continuation.task import BranchTask
 from microslip.error_estimate.better_model import BetterModel
 from microslip.error_estimate.estimate import ErrorEstimator
 from microslip.fourier.harmonics import Harmonics

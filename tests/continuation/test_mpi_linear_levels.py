@@ -7,11 +7,12 @@ from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation import linear_levels
-from microslip.continuation.follow import BranchTask, follow_branch
+from microslip.continuation.follow import follow_branch
 from microslip.continuation.levels import linear_curve
 from microslip.continuation.linear_levels import is_linear
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
+from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import synthesis_matrix
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 

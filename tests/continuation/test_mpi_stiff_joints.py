@@ -13,13 +13,15 @@ from verification import extreme_structures as structures
 from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.continuation import acceptance, point_solver
 from microslip.continuation.corrector import row_weights
-from microslip.continuation.follow import BranchTask, follow_branch
+from microslip.continuation.follow import follow_branch
 from microslip.continuation.point_record import HELD
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
-from microslip.harmonic.balance import OperatingPoint
+from microslip.continuation.task import BranchTask
 from microslip.harmonic.direct import WholeInverse
+from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
+from microslip.harmonic.operating_point import OperatingPoint
 from microslip.parallel.errors import CaseError
 from microslip.reduction.selection import AllPairs
 
@@ -108,7 +110,7 @@ def test_whole_inverse_is_the_inverse():
     U = equation.linear_motion(at)
     forces = equation.contact_forces(3.0 * U, equation.every_pair, tangents=True)
     assert len(forces.active) == 2
-    linear = equation.linearise(at, forces)
+    linear = Linearisation.of(equation, at, forces)
     inverse = WholeInverse(linear)
     x = np.random.default_rng(COMM.rank).standard_normal(U.shape)
     dp = linear.pair_forces(x[forces.active_owned]).reshape(-1, 7)

@@ -13,7 +13,8 @@ from microslip.error_estimate.better_model import BetterModel
 from microslip.error_estimate.components import PARTS, total
 from microslip.error_estimate.estimate import ErrorEstimator
 from microslip.harmonic import adjoint_solver
-from microslip.harmonic.balance import OperatingPoint
+from microslip.harmonic.linearisation import Linearisation
+from microslip.harmonic.operating_point import OperatingPoint
 from microslip.reduction.selection import AllPairs, NonStickingPairs
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -118,7 +119,7 @@ def test_adjoints_solve_the_transposed_system(monkeypatch, name, level, direct):
     U = COMM.bcast(solved(level, omegas=[560.0, 561.0], name=name)[0].U)[model.owned]
     forces = equation.contact_forces(U, equation.every_pair, tangents=True)
     assert len(forces.active) > 0
-    linear = equation.linearise(OperatingPoint(560.0, level), forces)
+    linear = Linearisation.of(equation, OperatingPoint(560.0, level), forces)
     # B of any size: one quantity ten orders below the other, and one that is nothing
     B = np.random.default_rng(3).standard_normal((3, 3 * model.n_pairs, model.N_H)) * np.array([1.0, 1e-10, 0.0])[:, None, None]
     B[1:2] = B[0:1] * 1e-10

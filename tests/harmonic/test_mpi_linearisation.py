@@ -13,8 +13,9 @@ from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.problems import DampingHomotopy, ForcedResponse, LevelHomotopy
 from microslip.harmonic.adjoint_solver import AdjointSolver
-from microslip.harmonic.balance import HarmonicBalance, OperatingPoint, Rate
+from microslip.harmonic.balance import HarmonicBalance
 from microslip.harmonic.newton_solver import NewtonSolver
+from microslip.harmonic.operating_point import OperatingPoint, Rate
 from microslip.receptance.damping import Damping
 
 pytestmark = pytest.mark.ranks(1, 2, 3)

@@ -10,8 +10,8 @@ from taylor import Place, assert_second_order
 from microslip.contact.law import OPEN, SLIP, STICK
 from microslip.continuation.grid import at_frequencies
 from microslip.fourier.harmonics import Harmonics
-from microslip.harmonic.balance import OperatingPoint
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
+from microslip.harmonic.operating_point import OperatingPoint
 from microslip.harmonic.symmetry import symmetric
 from microslip.parallel.errors import CaseError
 from microslip.reduction.selection import AllPairs

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from microslip.fourier.amplitudes import to_complex, to_real
 from microslip.fourier.harmonics import Harmonics
 from microslip.parallel.ownership import split_evenly
-from microslip.receptance.columns import ActiveColumns
+from microslip.receptance.columns import ActiveColumns, ReceptanceColumns
 from microslip.receptance.damping import Damping, DynamicFlexibility
 from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
@@ -138,7 +138,7 @@ def test_modal_motion_solves_the_modal_equations(name):
 @pytest.mark.parametrize("active", [ACTIVE, np.arange(N_PAIRS), np.array([], dtype=int)], ids=["some", "all", "none"])
 def test_products_blocks_and_matrix_are_one_receptance(name, active):
     model = MODELS[name]()
-    G, rows = model.at(OMEGA, active), (3 * active[:, None] + np.arange(3)).ravel()
+    G, rows = ReceptanceColumns(model, OMEGA, active), (3 * active[:, None] + np.arange(3)).ravel()
     p = random(5, len(rows), model.N_H)
     p_all = np.zeros((3 * N_PAIRS, model.N_H))
     p_all[rows] = p
@@ -160,7 +160,7 @@ def test_products_blocks_and_matrix_are_one_receptance(name, active):
 @of_each_model
 def test_the_adjoint_is_the_transposed(name):
     model = MODELS[name]()
-    G = model.at(OMEGA, ACTIVE)
+    G = ReceptanceColumns(model, OMEGA, ACTIVE)
     p, x = random(6, 3 * len(ACTIVE), model.N_H), random(7, N_PAIRS, 3, model.N_H)[model.owned]
     left = COMM.allreduce(float(np.vdot(x, G.apply(p))))
     transposed = COMM.allreduce(G.apply_transposed(x))
@@ -182,10 +182,10 @@ def test_rates_leave_a_remainder_of_second_order(name, d_omega, d_sigma):
 
     def at(h):
         moved, omega = model.with_damping(h * d_sigma), OMEGA + h * d_omega
-        return whole(moved.at(omega, ACTIVE).apply(p)), whole(moved.linear_motion(2.0, omega))
+        return whole(ReceptanceColumns(moved, omega, ACTIVE).apply(p)), whole(moved.linear_motion(2.0, omega))
 
     rates = (
-        whole(model.at(OMEGA, ACTIVE).apply_rate(p, d_omega, d_sigma)),
+        whole(ReceptanceColumns(model, OMEGA, ACTIVE).apply_rate(p, d_omega, d_sigma)),
         whole(model.linear_motion_rate(2.0, OMEGA, d_omega, d_sigma)),
     )
     for here, rate, *steps in zip(at(0.0), rates, *(at(h) for h in STEPS)):
@@ -233,9 +233,9 @@ def test_two_families_with_the_same_modes_are_one(full):
         lambda model: model.linear_motion(2.0, OMEGA),
         lambda model: model.linear_motion_rate(2.0, OMEGA, 0.3, 0.4),
         lambda model: model.output_motion(2.0, OMEGA, p),
-        lambda model: model.at(OMEGA, np.arange(N_PAIRS)).apply(p),
-        lambda model: model.at(OMEGA, np.arange(N_PAIRS)).apply_rate(p, 0.3, 0.4),
-        lambda model: model.at(OMEGA, ACTIVE).matrix(),
+        lambda model: ReceptanceColumns(model, OMEGA, np.arange(N_PAIRS)).apply(p),
+        lambda model: ReceptanceColumns(model, OMEGA, np.arange(N_PAIRS)).apply_rate(p, 0.3, 0.4),
+        lambda model: ReceptanceColumns(model, OMEGA, ACTIVE).matrix(),
     ):
         np.testing.assert_allclose(act(two), act(one), atol=1e-13)
 

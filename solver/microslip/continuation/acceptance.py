@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +12,11 @@ from ..parallel.errors import ConvergenceError
 from .accuracy import Accuracy, Memory, Resolution
 from .branch import Point
 from .corrector import Correction
+from .iterate import PointState
 from .point_record import point_record
 from .point_solver import Found, PointSolver
-from .state import BranchState, PointState
-
-if TYPE_CHECKING:
-    from .follow import BranchTask
+from .state import BranchState
+from .task import BranchTask
 
 MISSED = "accuracy not met: more harmonics or samples than the program uses or the scene states, or no convergence with them"
 UNBALANCED = 5e-6  # of the forces beyond which a point is not one, at a tolerance of 1e-8

@@ -11,15 +11,16 @@ from dataclasses import fields, replace
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from ..harmonic.balance import HarmonicBalance, OperatingPoint
+from ..harmonic.balance import HarmonicBalance
 from ..harmonic.direct import WholeInverse
 from ..harmonic.linearisation import Linearisation
+from ..harmonic.operating_point import OperatingPoint
 from ..harmonic.preconditioner import HarmonicPreconditioner
 from .accuracy import Memory, Resolution
-from .follow import BranchTask
-from .iterate import Iterate
+from .iterate import Iterate, PointState
 from .point_solver import Workspace
-from .state import BranchState, PointState
+from .state import BranchState
+from .task import BranchTask
 
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _POINTS = ("earlier", "before", "now")
@@ -124,7 +125,7 @@ def _made_again(arrays: Arrays, equation: HarmonicBalance, exact=None):
     equation = equation.holding(arrays["held"][owned] if "held" in arrays else None)
     equation = exact(equation) if exact else equation
     forces = equation.contact_forces(arrays["U"][owned], arrays["selected"], tangents=True)
-    linear = equation.linearise(OperatingPoint(*map(float, arrays["at"])), forces)
+    linear = Linearisation.of(equation, OperatingPoint(*map(float, arrays["at"])), forces)
     return _KINDS[int(arrays["kind"])](linear.transposed() if exact else linear)
 
 

@@ -97,7 +97,7 @@ class BorderedSystem:
         """Return the Jacobian, eq. (5.3), of the unweighted rows.  Collective: one gather, and new static columns."""
         forces = self.equation.contact_forces(U, self.selected, tangents=True, extras=tuple(nu_owned))
         parameters = tuple(np.array(forces.extras) * self.scaling.parameters)
-        linear = self.equation.linearise(self.problem.at(parameters), forces)
+        linear = Linearisation.of(self.equation, self.problem.at(parameters), forces)
         units = (unit / self.scaling.U for unit in self.scaling.parameters)
         r_nu = tuple(linear.rate(rate) * unit for rate, unit in zip(self.problem.rates(parameters), units))
         n_U, n_nu = zip(*(constraint.gradient(U, self.scaling) for constraint in self.constraints))

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,18 +13,12 @@ from .problems import DampingHomotopy, LevelHomotopy, Problem
 from .state import BranchState
 from .steps import ArcLength
 from .sweep import Sweep
-
-if TYPE_CHECKING:
-    from .follow import BranchTask
+from .task import Advance, BranchTask, Reached, Way
 
 STEPS = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)  # along a homotopy
 FROM_LEVEL, FROM_DAMPING = (1e-2, 1e-4), (1e-1, 1e-3)  # of the parameter at the end of a homotopy, where it begins
 MOST_ITERATIONS = 1500  # of Newton, on one such way; those that arrive take some hundreds
 MOST_POINTS = 1000
-
-Reached = tuple[Found, PointSolver]
-Advance = Callable[..., Any]  # takes a branch one step on: follow.advance, which itself begins with a first point
-Way = Callable[["BranchTask", PointSolver, Advance], Reached | None]  # collective; None in vain
 
 
 def reach_first(task: BranchTask, solver: PointSolver, advance: Advance) -> tuple[Found, PointSolver, tuple[str, ...]]:
@@ -41,7 +33,7 @@ def reach_first(task: BranchTask, solver: PointSolver, advance: Advance) -> tupl
     found = solver.first()
     if found[0].failure is None:
         return found, solver, ()
-    for way in task.ways:
+    for way in WAYS if task.ways is None else task.ways:
         reached = way(task, solver, advance)
         if reached is not None:
             notes = (f"first point {NOTES[way]}, where there may be other solutions",) if way in NOTES else ()

@@ -7,50 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..error_estimate.estimate import ErrorEstimator
 from ..parallel.errors import ConvergenceError
-from ..reduction.selection import Selection
 from .acceptance import Accepted, accept
-from .accuracy import Accuracy, Memory
 from .branch import Branch, Point
-from .first_point import WAYS, Way, reach_first
+from .first_point import reach_first
 from .hold import MOSTLY, hold, let_go
-from .iterate import Iterate, interpolate
+from .iterate import Iterate, PointState, interpolate
 from .point_solver import Found, PointSolver, Workspace
-from .problems import Problem
-from .state import BranchState, PointState
+from .state import BranchState
 from .stepping import message, second, step
 from .steps import ArcLength
-from .sweep import Sweep
+from .task import BranchTask
 
 FINEST_WAY = 1e-2  # of the way from a point to an asked value: the smallest step in between
 NOTHING = np.empty((0, 3, 0))  # the motion of a recorded point on ranks other than 0
 Emit = Callable[[Point], None]
-
-
-@dataclass(frozen=True, eq=False)
-class BranchTask:
-    """A branch to be followed: what is continued, over which range, in which steps, how exactly."""
-
-    problem: Problem
-    selection: Selection
-    sweep: Sweep
-    steps: ArcLength
-    tolerance: float
-    estimator: ErrorEstimator | None = None
-    accuracy: Accuracy | None = None
-    is_linear: bool = False  # known to stay on the linear curve: scaled, not solved
-    is_static: bool = False  # constant loads: one point stands for the whole range
-    may_hold: bool = True  # the mean slip, by springs
-    ways: tuple[Way, ...] = WAYS  # to a first point that Newton does not reach at once
-
-    def start(self, workspace: Workspace) -> BranchState:
-        """Return the state before the first point.  Local."""
-        solver = PointSolver(self.problem, self.selection, self.sweep, self.tolerance, workspace, self.is_linear)
-        if self.accuracy is not None:
-            coarsest = self.accuracy.coarsest
-            solver = solver.resolved(replace(coarsest, tolerance=self.tolerance) if "solver" in self.accuracy.keeps else coarsest)
-        return BranchState(solver, Memory())
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,14 +14,15 @@ from .acceptance import Accepted, accept
 from .accuracy import Accuracy
 from .branch import Branch, Point
 from .first_point import reach_first
-from .follow import NOTHING, BranchTask, advance, solved
-from .iterate import Iterate, interpolate
+from .follow import NOTHING, advance, solved
+from .iterate import Iterate, PointState, interpolate
 from .point_solver import Workspace
 from .problems import Problem
-from .state import BranchState, PointState
+from .state import BranchState
 from .stepping import second, step
 from .steps import ArcLength
 from .sweep import Sweep
+from .task import BranchTask
 
 FURTHEST = 2.0  # times the last way between two points over which their secant is trusted
 STEPS = ArcLength(ds=0.1, ds_min=1e-5, ds_max=0.2)  # along the branch, to a frequency that Newton does not reach at once

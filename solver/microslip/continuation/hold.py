@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from .acceptance import Accepted
+from .iterate import PointState
 from .point_solver import PointSolver
-from .state import PointState
 from .steps import ArcLength
 
 MOSTLY = 0.8  # share of the pairs that slip or are open, from which the mean of the slip may be held

@@ -33,6 +33,19 @@ class Iterate:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class PointState:
+    """A converged point as the next step needs it."""
+
+    iterate: Iterate
+    selected: np.ndarray  # (n_pairs,) bool, B of the next point
+    size: float  # |U| over all ranks [m]
+    force: float  # |f_nl| over all ranks [N]
+    sticks: bool  # no pair slips or opens: the point lies on the linear curve
+    sliding: float  # share of the pairs that do not stick
+    amplitude: np.ndarray  # (n_outputs,) complex, of harmonic 1 [m]
+
+
 def interpolate(a: Iterate, b: Iterate, parameter: float) -> Iterate:
     """Return the point of the chord from ``a`` to ``b``, in the same harmonics, at a value of the swept parameter.  Local."""
     share = (parameter - a.parameter) / (b.parameter - a.parameter)

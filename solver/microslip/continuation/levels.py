@@ -21,7 +21,7 @@ from ..reduction.selection import AllPairs, Selection
 from .accuracy import accuracy_of, steps_for
 from .branch import Branch, Point
 from .corrector import Correction
-from .follow import BranchTask, follow_branch
+from .follow import follow_branch
 from .iterate import Iterate
 from .linear_levels import is_linear, sticks_up_to
 from .point_record import point_record
@@ -29,6 +29,7 @@ from .problems import ForcedResponse
 from .settings import ResponseSettings
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
 from .sweep import Sweep
+from .task import BranchTask
 
 USUAL_POINTS = 100
 

@@ -7,7 +7,8 @@ from mpi4py import MPI
 
 from ..contact.law import Law
 from ..fourier.amplitudes import to_complex
-from ..harmonic.balance import HarmonicBalance, OperatingPoint
+from ..harmonic.balance import HarmonicBalance
+from ..harmonic.operating_point import OperatingPoint
 from ..receptance.model import ReducedModel
 from .steps import LinearCurve
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..contact.energy import contact_work, pair_energy
 from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.coefficients import cycle_work
-from ..harmonic.balance import OperatingPoint
+from ..harmonic.operating_point import OperatingPoint
 from ..parallel.errors import ConvergenceError
 from ..receptance.model import ReducedModel
 from ..reduction.selection import Selection

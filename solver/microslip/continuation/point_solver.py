@@ -16,10 +16,9 @@ from ..reduction.selection import Selection
 from .accuracy import Resolution
 from .constraints import Plane, Scaling
 from .corrector import BorderedSystem, Correction, Corrector, row_weights
-from .iterate import Iterate
+from .iterate import Iterate, PointState
 from .linear_levels import sticks
 from .problems import Problem
-from .state import PointState
 from .sweep import Sweep
 
 SHRINKS = 0.5  # of the unit of U: a motion below it is solved again in its own unit

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from .constraints import Plane
-from .iterate import Iterate
+from .iterate import Iterate, PointState
 from .point_solver import PointSolver
-from .state import PointState
 
 FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola says nothing
 

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
-from ..harmonic.balance import HarmonicBalance, OperatingPoint, Rate
+from ..harmonic.balance import HarmonicBalance
+from ..harmonic.operating_point import OperatingPoint, Rate
 
 
 class Problem(Protocol):

@@ -3,28 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from .accuracy import Memory
-from .iterate import Iterate
-
-if TYPE_CHECKING:
-    from .point_solver import PointSolver
-
-
-@dataclass(frozen=True, eq=False)
-class PointState:
-    """A converged point as the next step needs it."""
-
-    iterate: Iterate
-    selected: np.ndarray  # (n_pairs,) bool, B of the next point
-    size: float  # |U| over all ranks [m]
-    force: float  # |f_nl| over all ranks [N]
-    sticks: bool  # no pair slips or opens: the point lies on the linear curve
-    sliding: float  # share of the pairs that do not stick
-    amplitude: np.ndarray  # (n_outputs,) complex, of harmonic 1 [m]
+from .iterate import PointState
+from .point_solver import PointSolver
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,9 @@ import numpy as np
 from ..parallel.errors import ConvergenceError
 from .constraints import Plane
 from .corrector import BorderedSystem, Correction
-from .iterate import Iterate
+from .iterate import Iterate, PointState
 from .point_solver import Found, PointSolver
 from .predictor import difference, linear_step, predict
-from .state import PointState
 from .steps import ArcLength
 
 FARTHEST = 4.0  # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees

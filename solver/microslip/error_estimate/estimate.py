@@ -18,7 +18,9 @@ import numpy as np
 from ..fourier.harmonics import Harmonics
 from ..harmonic.adjoint_solver import AdjointSolver
 from ..harmonic.anderson import Anderson
-from ..harmonic.balance import ContactForces, HarmonicBalance, OperatingPoint
+from ..harmonic.balance import HarmonicBalance
+from ..harmonic.linearisation import Linearisation
+from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..receptance.model import ReducedModel
 from .better_model import BetterModel
 
@@ -117,7 +119,7 @@ class ErrorEstimator:
 
         And whether the adjoint was found.  Collective: sums over the ranks, and a broadcast.  docs/theory.md, eq. (11.2).
         """
-        linear, own, N_H = exact.linearise(at, forces), exact.model.owned_rows, exact.model.N_H
+        linear, own, N_H = Linearisation.of(exact, at, forces), exact.model.owned_rows, exact.model.N_H
         chi, tau, is_found = linear.solve_transposed(sensitivity(exact.model, at.omega), self.adjoint_solver)
         residual = equation.residual(U, at, used, linear.G if used is forces and exact is equation else None)
         sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]

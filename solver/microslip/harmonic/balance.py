@@ -15,45 +15,8 @@ from ..fourier.harmonics import Harmonics
 from ..linear.dense import summed
 from ..receptance.columns import ReceptanceColumns
 from ..receptance.model import ReducedModel
-from .linearisation import Linearisation
 from .mean_slip import hold_mean_slip
-
-
-@dataclass(frozen=True)
-class OperatingPoint:
-    """What the equation depends on beside the motion."""
-
-    omega: float  # rad/s, of the excitation
-    level: float  # N, multiplies the loads
-    sigma: float = 0.0  # 1/s, further damping sigma M
-
-    @property
-    def text(self) -> str:
-        """The point as messages name it."""
-        return f"{self.omega / 2 / np.pi:.6g} Hz ({self.omega:.6g} rad/s) at level {self.level:.4g} N"
-
-
-@dataclass(frozen=True)
-class Rate:
-    """How an operating point changes with a parameter."""
-
-    omega: float = 0.0
-    level: float = 0.0
-    sigma: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class ContactForces:
-    """Contact forces at one motion: what this rank evaluated and what all ranks gathered."""
-
-    U: np.ndarray  # (n_owned, 3, N_H) m, the motion
-    selected: np.ndarray  # (n_pairs,) bool, the pairs that may slip or open
-    state: np.ndarray  # (n_owned,) STICK, SLIP, OPEN
-    active_owned: np.ndarray  # (m,) pairs of this rank, counted from its first, with p or dp/dU not zero
-    P: np.ndarray | None  # (m, 3 N_H, 3 N_H) dp/dU of those [N/m]
-    active: np.ndarray  # (n_active,) the active pairs of all ranks, in rank order
-    p: np.ndarray  # (3 n_active, N_H) their forces [N]
-    extras: tuple[float, ...]  # sums over the ranks of what each passed along
+from .operating_point import ContactForces, OperatingPoint, Rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +132,7 @@ class HarmonicBalance:
 
     def receptance(self, at: OperatingPoint, active: np.ndarray) -> ReceptanceColumns:
         """Return G restricted to the columns of the ``active`` pairs.  Collective where static columns are new."""
-        return self.model_at(at).at(at.omega, active)
+        return ReceptanceColumns(self.model_at(at), at.omega, active)
 
     def residual(
         self, U: np.ndarray, at: OperatingPoint, forces: ContactForces, G: ReceptanceColumns | None = None
@@ -179,10 +142,6 @@ class HarmonicBalance:
         Collective where static columns are new.  ``G``, of the active pairs at ``at``, may be given where it is known.
         """
         return U - self.linear_motion(at) + (G or self.receptance(at, forces.active)).apply(forces.p)
-
-    def linearise(self, at: OperatingPoint, forces: ContactForces, G: ReceptanceColumns | None = None) -> Linearisation:
-        """Return the linearisation of (5.1) under ``forces``, with tangents.  Collective where static columns are new."""
-        return Linearisation(self, at, forces, G or self.receptance(at, forces.active))
 
     def _kept(self, name: str, key, make):
         """Return what ``make`` returns, made once for a key."""

@@ -7,16 +7,13 @@ its motion once that of the other pairs is known, so that an iteration needs onl
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from ..receptance.columns import ReceptanceColumns
-
-if TYPE_CHECKING:
-    from .adjoint_solver import AdjointSolver
-    from .balance import ContactForces, HarmonicBalance, OperatingPoint, Rate
-    from .newton_solver import NewtonSolver
+from .balance import HarmonicBalance
+from .operating_point import ContactForces, OperatingPoint, Rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +69,18 @@ class Gatherer:
         return self.buffer[self.rows], self.buffer[self.heads].sum(axis=0)
 
 
+class BorderedSolver(Protocol):
+    """What solves bordered systems, and keeps what makes the next one quicker: newton_solver.py."""
+
+    def solve(self, at: Linearisation, b_U: np.ndarray, b_nu: np.ndarray, border: Border) -> Step: ...
+
+
+class SolverOfSeveral(Protocol):
+    """What solves for several right-hand sides without a border: adjoint_solver.py."""
+
+    def solve(self, at: Linearisation, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]: ...
+
+
 @dataclass(frozen=True, eq=False)
 class Linearisation:
     """I + G P at one motion and operating point, and how the residual changes with that point."""
@@ -80,6 +89,11 @@ class Linearisation:
     at: OperatingPoint
     forces: ContactForces  # with tangents
     G: ReceptanceColumns
+
+    @classmethod
+    def of(cls, equation: HarmonicBalance, at: OperatingPoint, forces: ContactForces) -> Linearisation:
+        """Return the linearisation under ``forces``, with tangents.  Collective where static columns are new."""
+        return cls(equation, at, forces, equation.receptance(at, forces.active))
 
     @property
     def P(self) -> np.ndarray:
@@ -113,7 +127,7 @@ class Linearisation:
         rows = d_xi + self.G.apply(dp_all.reshape(-1, d_xi.shape[-1])) + border.columns_times(d_nu)
         return rows, of_rows + border.n_nu @ d_nu
 
-    def solve(self, b_U: np.ndarray, b_nu: np.ndarray, border: Border, solver: NewtonSolver) -> Step:
+    def solve(self, b_U: np.ndarray, b_nu: np.ndarray, border: Border, solver: BorderedSolver) -> Step:
         """Return the solution of the bordered system (5.3).  Collective.
 
         ``b_U`` (n_owned, 3, N_H) are this rank's rows of the right-hand side, ``b_nu`` (k,) its last rows on the rank that owns
@@ -121,7 +135,7 @@ class Linearisation:
         """
         return solver.solve(self, b_U, b_nu, border)
 
-    def solve_transposed(self, B: np.ndarray, solver: AdjointSolver) -> tuple[np.ndarray, np.ndarray, bool]:
+    def solve_transposed(self, B: np.ndarray, solver: SolverOfSeveral) -> tuple[np.ndarray, np.ndarray, bool]:
         """Return chi and tau = P^T chi with (1 + G^T P^T) chi = B^T, eq. (11.1), and whether they were found.  Collective.
 
         ``B`` (n_quantities, 3 n_pairs, N_H), the same on every rank; chi and tau (n_quantities, 3 n_owned N_H) of this rank.

@@ -6,14 +6,11 @@ from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import cached_property
 from math import prod
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .damping import Flexibility
-
-if TYPE_CHECKING:
-    from .model import ReducedModel
+from .model import ReducedModel
 
 
 class ReceptanceColumns:

@@ -21,7 +21,6 @@ import numpy as np
 from ..fourier.amplitudes import to_complex
 from ..fourier.harmonics import Harmonics
 from ..parallel.errors import CaseError
-from .columns import ReceptanceColumns
 from .damping import DynamicFlexibility, Flexibility
 from .family import ModalFamily, Share, shared_out
 from .static_columns import StaticColumns
@@ -137,10 +136,6 @@ class ReducedModel:
     def index_of(self, n: int) -> tuple[int, int]:
         """Return the number of the share that serves harmonic n, and the place of n in it.  Local."""
         return next((k, s.harmonics.chosen.index(n)) for k, s in enumerate(self.shares) if n in s.harmonics)
-
-    def at(self, omega: float, active: np.ndarray) -> ReceptanceColumns:
-        """Return the columns of G_n(omega) of the ``active`` pairs (n_active,).  Collective where static columns are new."""
-        return ReceptanceColumns(self, omega, active)
 
     def output_receptance(self, omega: float, n: int) -> np.ndarray:
         """Return A_n between the outputs and the pairs, (n_outputs, 3 n_pairs), complex [m/N].  Local."""

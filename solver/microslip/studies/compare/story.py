@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...continuation.follow import BranchTask, follow_branch
+from ...continuation.follow import follow_branch
 from ...continuation.grid import at_frequencies, going_on
 from ...continuation.levels import most_points
+from ...continuation.task import BranchTask
 from ...library.build import Structure, build
 from ...library.prepare import Prepared, prepare
 from ...observe.log import RunLog

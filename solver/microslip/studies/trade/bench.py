@@ -17,7 +17,8 @@ from ...error_estimate.better_model import BetterModel
 from ...error_estimate.components import total
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
-from ...harmonic.balance import ContactForces, HarmonicBalance, OperatingPoint
+from ...harmonic.balance import HarmonicBalance
+from ...harmonic.operating_point import ContactForces, OperatingPoint
 from ...library.build import Structure
 from ...library.prepare import Prepared, prepare
 from ...library.settings import response_settings

@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...continuation.branch import Branch
-from ...continuation.follow import BranchTask, follow_branch
+from ...continuation.follow import follow_branch
 from ...continuation.grid import at_frequencies, going_on, range_of
 from ...continuation.iterate import Iterate
 from ...continuation.levels import arc_length_steps, linear_curve
 from ...continuation.point_record import point_record
 from ...continuation.point_solver import PointSolver, Workspace
+from ...continuation.task import BranchTask
 from ...library.settings import response_settings
 from ...parallel.errors import CaseError, ConvergenceError
 from .bench import Bench, Clock, curve_of
