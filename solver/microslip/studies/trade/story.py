@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from math import gcd
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...library.build import build
 from ...library.settings import reduction_settings
@@ -23,6 +24,11 @@ from .bench import Bench, Clock, not_run
 from .reference import find_reference, frequencies
 from .report import write_trade
 from .study import ACCURACY, BASE, COMBINED, KNOBS, TARGETS, Run, Setting, Study, promising
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
 
 SECONDS = 105.0  # to be spent in all, unless the command line says otherwise
 UNTIL_REFERENCE, UNTIL_COMBINED = 0.33, 0.8  # shares of that
@@ -52,7 +58,7 @@ class Asked:
     seconds: float = SECONDS
 
 
-def trade(scene, comm, folder: Path, asked: Asked | None = None, options: tuple[str, ...] = ()) -> Study:
+def trade(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked | None = None, options: tuple[str, ...] = ()) -> Study:
     """Measure what each knob of a scene costs and buys; print and write a table, a picture and choices.
 
     Collective on ``comm``.  A run that fails says so in its row.
@@ -72,7 +78,7 @@ def trade(scene, comm, folder: Path, asked: Asked | None = None, options: tuple[
     return study
 
 
-def check_asked(scene, asked: Asked) -> None:
+def check_asked(scene: Scene, asked: Asked) -> None:
     """Refuse what cannot be traded.  Local.
 
     Raises
@@ -103,7 +109,7 @@ def check_asked(scene, asked: Asked) -> None:
             raise CaseError(f"--meshes: there is no file {mesh}")
 
 
-def check_loads(scene) -> None:
+def check_loads(scene: Scene) -> None:
     """Refuse loads under which nothing moves in harmonic 1, of which errors are measured.  Local.
 
     Raises
@@ -125,7 +131,7 @@ def check_loads(scene) -> None:
         )
 
 
-def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
+def measured(scene: Scene, comm: MPI.Comm, asked: Asked, log: RunLog) -> Study:
     """Return the study of a scene.  Collective."""
     clock = Clock(comm, asked.seconds)
     structure = build(scene_by(scene, "receptance"), comm, log)
@@ -162,7 +168,7 @@ def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
     return study
 
 
-def scene_by(scene, method: str):
+def scene_by(scene: Scene, method: str):
     """Return the scene with another method.  Local."""
     return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})
 
@@ -293,8 +299,9 @@ def log_run(log: RunLog, study: Study, run: Run) -> None:
     log.note(f"{name:<34} {run.seconds:8.3f} s  error {score.error:8.1e}  bar {score.bar:8.1e}  {run.failure or ''}".rstrip())
 
 
-def mesh_runs(scene, comm, asked: Asked, base: Setting, log: RunLog) -> list[Run]:
+def mesh_runs(scene: Scene, comm: MPI.Comm, asked: Asked, base: Setting, log: RunLog) -> list[Run]:
     """Return a run of the base a mesh, coarse to fine, all at the frequencies that any of them needs.  Collective."""
+    assert scene.model.mesh is not None, "other meshes belong to a scene with one"
     found: list[tuple[int, Run]] = []
     benches = []
     omegas: dict[float, list[float]] = {}
