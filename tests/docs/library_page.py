@@ -1,6 +1,6 @@
 """The page docs/library.md: its code is run block by block, and what that prints stands below each block.
 
-    PYTHONPATH=solver:meshes python tests/docs/library_page.py        writes the page and its picture anew
+PYTHONPATH=solver:meshes python tests/docs/library_page.py        writes the page and its picture anew
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 import re
 
 import pytest
+
 from docs import library_page
 
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?")
