@@ -21,7 +21,7 @@ from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
 from ..compare.story import LARGEST_REFERENCE
 from .bench import Bench, Clock, not_run
-from .reference import find_reference, frequencies
+from .reference import Ladder, find_reference, frequencies
 from .report import write_trade
 from .study import ACCURACY, BASE, COMBINED, KNOBS, TARGETS, Run, Setting, Study, promising
 
@@ -145,19 +145,20 @@ def measured(scene: Scene, comm: MPI.Comm, asked: Asked, log: RunLog) -> Study:
             omegas, most, slips = frequencies(bench, cheap(bench, base), asked.levels or None)
         knobs, base = (asked.knobs, base) if slips else linear_trade(bench, asked.knobs, base, list(omegas))
         with log.stage("reference"):
-            reference = find_reference(bench, omegas, base, clock, UNTIL_REFERENCE, log.note, slips)
+            ladder = Ladder(bench, omegas, clock)
+            reference = find_reference(ladder, base, UNTIL_REFERENCE, log.note, slips)
         study = Study(scene.title or scene.name, scene.name, reference, base, shared=shared, is_linear=not slips)
         first, later = settings(bench, base, study, knobs, most)
         with log.stage("runs, knob by knob"):
             for what in [(BASE, "", base), *first]:
-                run_in_time(bench, study, what, omegas, clock, UNTIL_COMBINED, log)
+                run_in_time(ladder, study, what, UNTIL_COMBINED, log)
         with log.stage("runs, combined"):
             combined = [knob for knob in COMBINED_KNOBS if knob in knobs]
             for setting in comm.bcast(promising(study, combined, COMBINATIONS)):
-                run_in_time(bench, study, (COMBINED, "", setting), omegas, clock, UNTIL_COMBINED, log)
+                run_in_time(ladder, study, (COMBINED, "", setting), UNTIL_COMBINED, log)
         with log.stage("runs, methods and what takes long"):
             for what in later:
-                run_in_time(bench, study, what, omegas, clock, 1.0, log)
+                run_in_time(ladder, study, what, 1.0, log)
         shared["static columns"] = comm.bcast(structure.statics.G_static.seconds)
     finally:
         structure.close()
@@ -258,15 +259,13 @@ def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
     return list(VALUES[knob])
 
 
-def run_in_time(
-    bench: Bench, study: Study, what: tuple[str, str, Setting], omegas, clock: Clock, share: float, log: RunLog
-) -> None:
-    """Add a run to the study, unless the time is up.  Collective."""
-    knob, value, setting = what
-    if knob != BASE and clock.left(share) <= expected(study, knob, setting):
+def run_in_time(ladder: Ladder, study: Study, what: tuple[str, str, Setting], share: float, log: RunLog) -> None:
+    """Add a run at the points of the reference to the study, unless ``share`` of the time is up.  Collective."""
+    (knob, value, setting), bench = what, ladder.bench
+    if knob != BASE and ladder.clock.left(share) <= expected(study, knob, setting):
         run = not_run(knob, value, setting, "left out for want of time, raise --seconds")
     else:
-        run = bench.run(knob, value, setting if setting.accuracy is None else with_modes_for(bench, setting), omegas)
+        run = bench.run(knob, value, setting if setting.accuracy is None else with_modes_for(bench, setting), ladder.omegas)
     log_run(log, study, run)
 
 
