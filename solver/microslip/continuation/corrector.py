@@ -113,7 +113,7 @@ class Corrector:
     n_parameters : k
     """
 
-    def __init__(self, comm, shape: tuple[int, int, int], tolerance: float, n_parameters: int = 1):
+    def __init__(self, comm: MPI.Comm, shape: tuple[int, int, int], tolerance: float, n_parameters: int = 1):
         self.comm, self.shape, self.tolerance, self.k = comm, shape, tolerance, n_parameters
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
         self.n_U = int(np.prod(shape))

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +31,9 @@ from .settings import ResponseSettings
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
 from .sweep import Sweep
 from .task import BranchTask
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 USUAL_POINTS = 100
 
@@ -56,7 +60,7 @@ class ResponseProblem:
         """The step lengths that the number of points, or what is stated, asks for."""
         return arc_length_steps(self.settings, self.curve)
 
-    def on_group(self, comm) -> ResponseProblem:
+    def on_group(self, comm: MPI.Comm) -> ResponseProblem:
         """Return the same for a group of ranks, ``comm``, that goes on without the others.  Collective on all of them."""
         model = model_on_group(self.model, comm)
         return replace(self, model=model, better=self.better and self.better.on_group(model, comm))

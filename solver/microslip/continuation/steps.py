@@ -11,10 +11,14 @@ resolved alike at every level, whatever its height, and a straight flank costs f
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..parallel.errors import CaseError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 SHARPEST = 0.35  # rad between two steps at which a step chosen by accuracy grows no further
 
@@ -74,7 +78,7 @@ def linear_frequencies(low: float, high: float, omega_n: np.ndarray, zeta: np.nd
     return grid[(grid >= low) & (grid <= high)]
 
 
-def arc_lengths(comm, motions: list[np.ndarray], omegas: np.ndarray, omega_scale: float) -> np.ndarray:
+def arc_lengths(comm: MPI.Comm, motions: list[np.ndarray], omegas: np.ndarray, omega_scale: float) -> np.ndarray:
     """Return the length of a sampled curve up to each of its points, (n,), in the relative norm, eq. (7.1).
 
     Collective on ``comm``.  ``motions`` holds this rank's rows at each of ``omegas``.

@@ -25,7 +25,7 @@ RTOL = 1e-3  # of GMRES: bars are far from that exact
 class AdjointSolver:
     """Solves for the adjoints, eq. (11.1), of points of a branch; keeps what makes the next quicker.  Collective on ``comm``."""
 
-    def __init__(self, comm):
+    def __init__(self, comm: MPI.Comm):
         self.comm = comm
         self.preconditioner: HarmonicPreconditioner | None = None
         self._gmres: Gmres | None = None

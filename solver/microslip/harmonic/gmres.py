@@ -25,7 +25,7 @@ class Outcome:
 class Gmres:
     """GMRES on vectors with ``n_owned`` rows on this rank.  Collective on ``comm``; options -hb_ksp_."""
 
-    def __init__(self, comm, n_owned: int, multiply: Product, precondition: Product, rtol: float):
+    def __init__(self, comm: MPI.Comm, n_owned: int, multiply: Product, precondition: Product, rtol: float):
         self.n_owned = n_owned
         sizes = (n_owned, PETSc.DETERMINE)
         self._A = PETSc.Mat().createPython((sizes, sizes), context=ShellMatrix(_on_arrays(multiply)), comm=comm)
@@ -62,7 +62,7 @@ class Gmres:
         return self._ksp.getResidualNorm() <= rtol * self._b.norm()
 
 
-def kept(gmres: Gmres | None, comm, n_owned: int, make: Callable[[], Gmres]) -> Gmres:
+def kept(gmres: Gmres | None, comm: MPI.Comm, n_owned: int, make: Callable[[], Gmres]) -> Gmres:
     """Return GMRES of this size: the one at hand on all ranks, or a new one in its place.  Collective: one agreement."""
     is_right = gmres is not None and gmres.n_owned == n_owned
     if gmres is not None and comm.allreduce(is_right, op=MPI.LAND):

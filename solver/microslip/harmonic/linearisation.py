@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from mpi4py import MPI
 
 from ..receptance.columns import ReceptanceColumns
 from .balance import HarmonicBalance
@@ -28,7 +29,7 @@ class Border:
     def k(self) -> int:
         return len(self.r_nu)
 
-    def rows_times(self, comm, d_xi: np.ndarray, d_nu_owned: np.ndarray) -> np.ndarray:
+    def rows_times(self, comm: MPI.Comm, d_xi: np.ndarray, d_nu_owned: np.ndarray) -> np.ndarray:
         """Return the constraints' rows of the product with (d_xi, d_nu), (k,).  Collective: one sum."""
         own = [float(np.vdot(n_U, d_xi)) for n_U in self.n_U] + self.n_nu @ d_nu_owned
         return own if comm.size == 1 else comm.allreduce(own)
@@ -52,7 +53,7 @@ class Step:
 class Gatherer:
     """Gathers the rows of all ranks in rank order and sums a few floats, in one call.  Sizes are agreed on once."""
 
-    def __init__(self, comm, n_owned: int, n_extras: int):
+    def __init__(self, comm: MPI.Comm, n_owned: int, n_extras: int):
         self.comm, self.n_extras = comm, n_extras
         if comm.size > 1:
             self.counts = np.array(comm.allgather(n_owned)) + n_extras

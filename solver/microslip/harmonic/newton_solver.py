@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from petsc4py import PETSc
@@ -12,6 +13,9 @@ from .direct import LARGEST, WholeInverse
 from .gmres import Gmres
 from .linearisation import Border, Gatherer, Linearisation, Step
 from .preconditioner import HarmonicPreconditioner, applied
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 RTOL = 1e-3  # of GMRES; Newton makes up for it, with fewer products in all
 FINEST = 1e-9  # relative tolerance of GMRES that no weight asks more than
@@ -34,7 +38,7 @@ class Condensed:
 class NewtonSolver:
     """Solves Newton's systems of one branch; keeps what makes the next one quicker.  Collective on ``comm``."""
 
-    def __init__(self, comm):
+    def __init__(self, comm: MPI.Comm):
         self.comm = comm
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
         self.preconditioner: HarmonicPreconditioner | WholeInverse | None = None

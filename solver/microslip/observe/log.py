@@ -16,6 +16,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from .. import __version__
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, said_of
 from .screen import Screen
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 _KIB = 1024.0 if sys.platform == "darwin" else 1.0  # ru_maxrss counts bytes there
 
@@ -54,7 +58,7 @@ class RunLog:
 
     def __init__(
         self,
-        comm,
+        comm: MPI.Comm,
         path: str | None = None,
         interactive: bool | None = None,
         *,
@@ -72,7 +76,7 @@ class RunLog:
         hosts = comm.gather(socket.gethostname())
         self.screen = Screen(interactive if screen and comm.rank == 0 else False, silent=not screen or comm.rank > 0)
         if comm.rank == 0:
-            self._header(hosts, command, facts or {})
+            self._header(hosts or [], command, facts or {})
 
     def __enter__(self) -> RunLog:
         return self

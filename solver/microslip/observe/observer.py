@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from ..continuation.branch import Branch, Point
 from ..parallel.agree import on_root
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 class Observer(Protocol):
@@ -33,7 +36,7 @@ class Observers:
     Its methods are local, on rank 0, but for ``tell``.
     """
 
-    def __init__(self, comm, levels: Sequence[float], observers: Iterable[Observer] = ()):
+    def __init__(self, comm: MPI.Comm, levels: Sequence[float], observers: Iterable[Observer] = ()):
         self.comm, self.observers = comm, tuple(observers)
         self.branches = [Branch(level) for level in levels]
 

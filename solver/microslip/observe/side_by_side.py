@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from ..parallel.agree import on_root
 from ..parallel.groups import Counter, Reports, dealt, split
 from .log import RunLog
 from .observer import Observers
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 def follow_side_by_side(of: ResponseProblem, n_groups: int, observers: Observers, log: RunLog) -> list[Branch]:
@@ -61,7 +65,7 @@ def _sizes(limits: np.ndarray) -> str:
     return " or ".join(map(str, sizes)) + (" rank" if sizes == [1] else " ranks")
 
 
-def _shared(comm, branches: list[Branch]) -> list[Branch]:
+def _shared(comm: MPI.Comm, branches: list[Branch]) -> list[Branch]:
     """Return the branches of rank 0 on every rank, on others than rank 0 without the motion.  Collective: one broadcast."""
     light = [replace(branch, points=[replace(point, U=NOTHING, p=NOTHING) for point in branch.points]) for branch in branches]
     shared = comm.bcast(light)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,10 +11,13 @@ from ..parallel.ownership import split_evenly
 from .model import ReducedModel
 from .static_columns import StaticColumns
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 _BATCH = 128  # pairs whose columns travel together
 
 
-def model_on_group(model: ReducedModel, comm) -> ReducedModel:
+def model_on_group(model: ReducedModel, comm: MPI.Comm) -> ReducedModel:
     """Return the same model, whole, with its pairs split over the ranks of ``comm``, a part of those of ``model.comm``.
 
     Collective on ``model.comm``: the static columns of *all* pairs are solved for.  The factor is spread over all ranks, so

@@ -6,12 +6,15 @@ n_pairs contact pairs, n_outputs outputs, N_H = 2 H + 1 coefficients (mean, cos 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from ..continuation.branch import QUANTITIES, Point
 from ..continuation.quantities import Quantity, axis_lengths, declared
+
+if TYPE_CHECKING:
+    from ..mesh.data import ContactPairs
 
 COMPLETE, STOPPED, RUNNING = "complete", "failed", "running"
 
@@ -95,7 +98,7 @@ class ResultFile:
     levels: tuple[LevelResult, ...] = field(default_factory=tuple)
 
 
-def joint_of(pairs, node_numbers: np.ndarray | None = None) -> Joint:
+def joint_of(pairs: ContactPairs, node_numbers: np.ndarray | None = None) -> Joint:
     """Return the record of :class:`~microslip.mesh.data.ContactPairs`; ``node_numbers`` are the user's.  Local."""
     names = tuple(dict.fromkeys(pairs.joint))
     given = {kept.field: getattr(pairs, kept.field) for kept in JOINT_QUANTITIES}

@@ -5,14 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ..parallel.ending import conclude_part
 from ..parallel.errors import CaseError, Interrupted
 from ..parallel.groups import Counter, Groups, dealt, split
 from ..run import run
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
-def run_scenes(scenes: Sequence, comm, out: Path, options: tuple[str, ...] = (), n_groups: int = 1) -> int:
+    from ..scene.schema import Scene
+
+
+def run_scenes(scenes: Sequence, comm: MPI.Comm, out: Path, options: tuple[str, ...] = (), n_groups: int = 1) -> int:
     """Run scenes side by side, or in turn with one group, each into ``out``/its name; return the worst exit status.
 
     Collective on ``comm``.  A group takes the next scene whenever it has done the last one.  A scene that fails is said and
@@ -35,7 +41,7 @@ def run_scenes(scenes: Sequence, comm, out: Path, options: tuple[str, ...] = (),
     return max(statuses)
 
 
-def _run(scene, groups: Groups, folder: Path, options: tuple[str, ...]) -> int:
+def _run(scene: Scene, groups: Groups, folder: Path, options: tuple[str, ...]) -> int:
     """Run one scene on this rank's group and return its exit status.  Collective on ``groups.comm``.
 
     With several groups the screen has a line when a scene begins and one when it ends; run.log has the rest.

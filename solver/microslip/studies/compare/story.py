@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...continuation.follow import follow_branch
 from ...continuation.grid import at_frequencies, going_on
@@ -19,10 +20,15 @@ from ...reduction.methods import METHODS
 from ...results.measures import shown_with
 from .report import Row, write_comparison
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
+
 LARGEST_REFERENCE = 20_000  # DOF up to which `full` is the reference unasked
 
 
-def compare(scene, comm, folder: Path, methods: tuple[str, ...] = (), options: tuple[str, ...] = ()) -> None:
+def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...] = (), options: tuple[str, ...] = ()) -> None:
     """Solve one scene by several methods at the same frequencies; print and write one table.
 
     Collective on ``comm``.  The reference is `full` where it fits, else `receptance`.  Its curve, followed by arc length, gives
@@ -72,7 +78,7 @@ def known_methods(methods: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(methods)) or tuple(METHODS)
 
 
-def by_method(scene, method: str):
+def by_method(scene: Scene, method: str):
     """Return the scene with another method.  Local."""
     return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})
 
@@ -80,7 +86,7 @@ def by_method(scene, method: str):
 class Comparison:
     """What all methods share: the structure, the range and, once the reference is followed, the frequencies of each level."""
 
-    def __init__(self, scene, structure: Structure, log: RunLog):
+    def __init__(self, scene: Scene, structure: Structure, log: RunLog):
         self.scene, self.structure, self.log = scene, structure, log
         self.omegas: dict[float, list[float]] = {}
 

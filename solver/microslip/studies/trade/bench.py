@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,13 +27,18 @@ from ...modes.eigen import Modes, first_of, lowest_modes
 from ...parallel.errors import MicroslipError
 from .study import Curve, Run, Setting
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
+
 SHORT = 1.0  # s of a response below which it is solved again, and the smaller time counts
 
 
 class Clock:
     """The time that is left, the same on all ranks."""
 
-    def __init__(self, comm, seconds: float):
+    def __init__(self, comm: MPI.Comm, seconds: float):
         self.comm, self.seconds, self._start = comm, seconds, time.perf_counter()
 
     @property
@@ -48,7 +54,7 @@ class Clock:
 class Bench:
     """What all runs share.  Every method is collective on the structure's communicator."""
 
-    def __init__(self, scene, structure: Structure):
+    def __init__(self, scene: Scene, structure: Structure):
         self.scene, self.structure = scene, structure
         self.comm = structure.comm
         self.sweep = frequency_sweep(response_settings(scene), structure.modes.omega_n)

@@ -162,15 +162,7 @@ class Ladder:
         return branch, [Iterate(U, (point.omega,), model.harmonics) for U, point in zip(owned, branch.points)]
 
 
-def find_reference(
-    bench: Bench,
-    omegas: Mapping[float, Sequence[float]],
-    base: Setting,
-    clock: Clock,
-    share: float,
-    note: Callable[[str], None],
-    slips: bool = True,
-) -> Reference:
+def find_reference(ladder: Ladder, base: Setting, share: float, note: Callable[[str], None], slips: bool = True) -> Reference:
     """Return the reference, as fine as needed or as ``share`` of the time allows.  Collective.
 
     Where nothing ``slips`` the response is linear, and the harmonics and samples of ``base`` leave nothing out.
@@ -179,7 +171,7 @@ def find_reference(
     ------
     ConvergenceError : it has no curve; on every rank
     """
-    began, ladder = clock.spent, Ladder(bench, omegas, clock)
+    bench, clock, began = ladder.bench, ladder.clock, ladder.clock.spent
     start = replace(base, samples=FINE, tolerance=TOLERANCE)
     by_harmonics, why_H = _more_harmonics(ladder, start, share) if slips else ([ladder.rung(start)], LINEAR)
     goal = max(ENOUGH, EVEN * _rest(bench, by_harmonics))

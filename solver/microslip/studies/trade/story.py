@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from math import gcd
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...library.build import build
 from ...library.settings import reduction_settings
@@ -20,9 +21,14 @@ from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
 from ..compare.story import LARGEST_REFERENCE
 from .bench import Bench, Clock, not_run
-from .reference import find_reference, frequencies
+from .reference import Ladder, find_reference, frequencies
 from .report import write_trade
 from .study import ACCURACY, BASE, COMBINED, KNOBS, TARGETS, Run, Setting, Study, promising
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
 
 SECONDS = 105.0  # to be spent in all, unless the command line says otherwise
 UNTIL_REFERENCE, UNTIL_COMBINED = 0.33, 0.8  # shares of that
@@ -52,7 +58,7 @@ class Asked:
     seconds: float = SECONDS
 
 
-def trade(scene, comm, folder: Path, asked: Asked | None = None, options: tuple[str, ...] = ()) -> Study:
+def trade(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked | None = None, options: tuple[str, ...] = ()) -> Study:
     """Measure what each knob of a scene costs and buys; print and write a table, a picture and choices.
 
     Collective on ``comm``.  A run that fails says so in its row.
@@ -72,7 +78,7 @@ def trade(scene, comm, folder: Path, asked: Asked | None = None, options: tuple[
     return study
 
 
-def check_asked(scene, asked: Asked) -> None:
+def check_asked(scene: Scene, asked: Asked) -> None:
     """Refuse what cannot be traded.  Local.
 
     Raises
@@ -103,7 +109,7 @@ def check_asked(scene, asked: Asked) -> None:
             raise CaseError(f"--meshes: there is no file {mesh}")
 
 
-def check_loads(scene) -> None:
+def check_loads(scene: Scene) -> None:
     """Refuse loads under which nothing moves in harmonic 1, of which errors are measured.  Local.
 
     Raises
@@ -125,7 +131,7 @@ def check_loads(scene) -> None:
         )
 
 
-def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
+def measured(scene: Scene, comm: MPI.Comm, asked: Asked, log: RunLog) -> Study:
     """Return the study of a scene.  Collective."""
     clock = Clock(comm, asked.seconds)
     structure = build(scene_by(scene, "receptance"), comm, log)
@@ -139,19 +145,20 @@ def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
             omegas, most, slips = frequencies(bench, cheap(bench, base), asked.levels or None)
         knobs, base = (asked.knobs, base) if slips else linear_trade(bench, asked.knobs, base, list(omegas))
         with log.stage("reference"):
-            reference = find_reference(bench, omegas, base, clock, UNTIL_REFERENCE, log.note, slips)
+            ladder = Ladder(bench, omegas, clock)
+            reference = find_reference(ladder, base, UNTIL_REFERENCE, log.note, slips)
         study = Study(scene.title or scene.name, scene.name, reference, base, shared=shared, is_linear=not slips)
         first, later = settings(bench, base, study, knobs, most)
         with log.stage("runs, knob by knob"):
             for what in [(BASE, "", base), *first]:
-                run_in_time(bench, study, what, omegas, clock, UNTIL_COMBINED, log)
+                run_in_time(ladder, study, what, UNTIL_COMBINED, log)
         with log.stage("runs, combined"):
             combined = [knob for knob in COMBINED_KNOBS if knob in knobs]
             for setting in comm.bcast(promising(study, combined, COMBINATIONS)):
-                run_in_time(bench, study, (COMBINED, "", setting), omegas, clock, UNTIL_COMBINED, log)
+                run_in_time(ladder, study, (COMBINED, "", setting), UNTIL_COMBINED, log)
         with log.stage("runs, methods and what takes long"):
             for what in later:
-                run_in_time(bench, study, what, omegas, clock, 1.0, log)
+                run_in_time(ladder, study, what, 1.0, log)
         shared["static columns"] = comm.bcast(structure.statics.G_static.seconds)
     finally:
         structure.close()
@@ -162,7 +169,7 @@ def measured(scene, comm, asked: Asked, log: RunLog) -> Study:
     return study
 
 
-def scene_by(scene, method: str):
+def scene_by(scene: Scene, method: str):
     """Return the scene with another method.  Local."""
     return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})
 
@@ -252,15 +259,13 @@ def values(bench: Bench, base: Setting, study: Study, knob: str) -> list:
     return list(VALUES[knob])
 
 
-def run_in_time(
-    bench: Bench, study: Study, what: tuple[str, str, Setting], omegas, clock: Clock, share: float, log: RunLog
-) -> None:
-    """Add a run to the study, unless the time is up.  Collective."""
-    knob, value, setting = what
-    if knob != BASE and clock.left(share) <= expected(study, knob, setting):
+def run_in_time(ladder: Ladder, study: Study, what: tuple[str, str, Setting], share: float, log: RunLog) -> None:
+    """Add a run at the points of the reference to the study, unless ``share`` of the time is up.  Collective."""
+    (knob, value, setting), bench = what, ladder.bench
+    if knob != BASE and ladder.clock.left(share) <= expected(study, knob, setting):
         run = not_run(knob, value, setting, "left out for want of time, raise --seconds")
     else:
-        run = bench.run(knob, value, setting if setting.accuracy is None else with_modes_for(bench, setting), omegas)
+        run = bench.run(knob, value, setting if setting.accuracy is None else with_modes_for(bench, setting), ladder.omegas)
     log_run(log, study, run)
 
 
@@ -293,8 +298,9 @@ def log_run(log: RunLog, study: Study, run: Run) -> None:
     log.note(f"{name:<34} {run.seconds:8.3f} s  error {score.error:8.1e}  bar {score.bar:8.1e}  {run.failure or ''}".rstrip())
 
 
-def mesh_runs(scene, comm, asked: Asked, base: Setting, log: RunLog) -> list[Run]:
+def mesh_runs(scene: Scene, comm: MPI.Comm, asked: Asked, base: Setting, log: RunLog) -> list[Run]:
     """Return a run of the base a mesh, coarse to fine, all at the frequencies that any of them needs.  Collective."""
+    assert scene.model.mesh is not None, "other meshes belong to a scene with one"
     found: list[tuple[int, Run]] = []
     benches = []
     omegas: dict[float, list[float]] = {}

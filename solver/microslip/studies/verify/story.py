@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +27,11 @@ from ...transient.steady import Found, Start, coefficients, energies, from_harmo
 from ..check import resolution
 from .report import Check, Loop, write_verification
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
+
 SHARES = (0.85, 0.75)  # of the peak, at the points on either side of it that are verified; 0.71 bounds the half-power band
 TOLERANCE = 1e-5  # distance from the steady state over the motion
 ACCEPTED = 1e-3  # the same, beyond which nothing is compared
@@ -45,7 +51,7 @@ class Asked:
     from_rest: bool = False
 
 
-def verify(scene, comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+def verify(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
     """Integrate the reduced model in time at points of its response curves; print, write and draw how the two agree.
 
     Collective on ``comm``: the curves as in a run; then each rank marches its share of the points by itself.
@@ -88,7 +94,7 @@ def verify(scene, comm, folder: Path, asked: Asked = Asked(), options: tuple[str
         raise ConvergenceError("\n".join(failed) + f"\nwhat was computed is in {folder}")
 
 
-def by_what_is_asked(scene, asked: Asked):
+def by_what_is_asked(scene: Scene, asked: Asked):
     """Return the scene with the levels, harmonics, samples and frequencies asked for.  Local.
 
     Raises
@@ -177,7 +183,7 @@ def around_peak(sizes: np.ndarray) -> list[int]:
     return sorted(indices)
 
 
-def integrate(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], asked: Asked, comm) -> list[Check]:
+def integrate(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], asked: Asked, comm: MPI.Comm) -> list[Check]:
     """Return the checks of the chosen points, in their order, on every rank.  Collective: a rank marches every size-th."""
     shares = comm.allgather(on_each(comm, checks_of, transient, model, chosen[comm.rank :: comm.size], asked))
     return [shares[i % comm.size][i // comm.size] for i in range(len(chosen))]

@@ -1,0 +1,70 @@
+"""The page docs/library.md: its code is run block by block, and what that prints stands below each block.
+
+PYTHONPATH=solver:meshes python tests/docs/library_page.py        writes the page and its picture anew
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+os.environ["MPLBACKEND"] = "Agg"
+
+from lap_joint import LapJoint, lap_joint
+from msh import write_msh
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "library.md"
+PICTURE = "library_sweep.png"
+BLOCK = re.compile(r"```python\n(?P<code>.*?)```\n(?:\n```text\n(?P<said>.*?)```\n)?", re.DOTALL)
+
+
+def prepare(folder: Path) -> None:
+    """Put the scene and its mesh where the page looks for them."""
+    (folder / "jobs").mkdir()
+    (folder / "meshes").mkdir()
+    shutil.copy(ROOT / "jobs" / "lap_joint.toml", folder / "jobs")
+    write_msh(str(folder / "meshes" / "lap_joint.msh"), lap_joint(LapJoint()))
+
+
+def run(page: str, folder: Path) -> list[tuple[str, str]]:
+    """Run the blocks of a page one after the other in a folder; return what stands below each and what it printed."""
+    names: dict = {}
+    found = []
+    with contextlib.chdir(folder):
+        for block in BLOCK.finditer(page):
+            said = io.StringIO()
+            with contextlib.redirect_stdout(said):
+                exec(compile(block["code"], f"docs/library.md: {block['code'].splitlines()[0]}", "exec"), names)
+            found.append((block["said"] or "", said.getvalue()))
+    return found
+
+
+def written(page: str, said: list[str]) -> str:
+    """Return the page with what its blocks print."""
+    texts = iter(said)
+
+    def block(found: re.Match) -> str:
+        text = next(texts)
+        return f"```python\n{found['code']}```\n" + (f"\n```text\n{text}```\n" if found["said"] is not None else "")
+
+    return BLOCK.sub(block, page)
+
+
+def main() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    with tempfile.TemporaryDirectory() as name:
+        prepare(Path(name))
+        found = run(page, Path(name))
+        shutil.copy(Path(name) / PICTURE, PAGE.parent / "img" / PICTURE)
+    PAGE.write_text(written(page, [said for _, said in found]), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,21 @@
+"""The notebook of docs/library.md runs, and prints what stands there."""
+
+import re
+
+import pytest
+
+from docs import library_page
+
+NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?")
+
+
+def test_the_page_prints_what_it_says(tmp_path):
+    library_page.prepare(tmp_path)
+    found = library_page.run(library_page.PAGE.read_text(encoding="utf-8"), tmp_path)
+    assert len(found) > 8
+    for stands, printed in found:
+        assert NUMBER.sub("#", printed) == NUMBER.sub("#", stands)
+        numbers = [[float(x) for x in NUMBER.findall(text)] for text in (printed, stands)]
+        assert numbers[0] == pytest.approx(numbers[1], rel=2e-3)
+    for file in (library_page.PICTURE, "response.png", "results/lap_joint/frf.csv", "results/lap_joint/results.h5"):
+        assert (tmp_path / file).stat().st_size > 1000
