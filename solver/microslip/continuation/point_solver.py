@@ -34,16 +34,20 @@ class Workspace:
         self.comm, self.stiffest = equation.comm, max(equation.comm.allgather(stiffest))  # N/m, the stiffest spring of all pairs
         self.spent = 0  # Newton iterations so far
         self._clock = time.perf_counter()
-        self._corrector: Corrector | None = None
-        self._resolution: Resolution | None = None
+        self._resolution = Resolution(equation.harmonics, equation.n_samples)
+        self._corrector = self._new_corrector(equation)  # at once: its PETSc options count as read where all points are linear
         self._is_loose: dict[Harmonics, bool] = {}
 
     def corrector(self, equation: HarmonicBalance, resolution: Resolution) -> Corrector:
         """Return the corrector of a resolution, a new one in place of the last where that is another.  Collective."""
-        if self._corrector is None or self._resolution != resolution:
+        if self._resolution != resolution:
             self.destroy()
-            self._corrector, self._resolution = Corrector(equation.comm, equation.shape, resolution.tolerance), resolution
+            self._resolution = resolution
+            self._corrector = self._new_corrector(equation)
         return self._corrector
+
+    def _new_corrector(self, equation: HarmonicBalance) -> Corrector:
+        return Corrector(equation.comm, equation.shape, self._resolution.tolerance)
 
     def newton_solver(self, equation: HarmonicBalance, resolution: Resolution) -> NewtonSolver:
         """Return what solves Newton's systems of a resolution, with the preconditioner it keeps.  Collective."""
@@ -61,10 +65,8 @@ class Workspace:
         return self._clock - before
 
     def destroy(self) -> None:
-        """Free the PETSc objects.  Collective."""
-        if self._corrector is not None:
-            self._corrector.destroy()
-            self._corrector = None
+        """Free the PETSc objects.  Collective; once."""
+        self._corrector.destroy()
 
 
 @dataclass(frozen=True, eq=False)
