@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from microslip.continuation.levels import ResponseProblem
+from microslip.continuation.levels import ResponseProblem, arc_length_steps
 from microslip.continuation.problems import ForcedResponse
 from microslip.continuation.steps import ArcLength, LinearCurve
 from microslip.continuation.sweep import Sweep
@@ -45,6 +45,10 @@ class Prepared:
     @property
     def steps(self) -> ArcLength:
         return self.response.steps
+
+    def steps_of(self, points: int) -> ArcLength:
+        """Return the step lengths for another number of points a level."""
+        return arc_length_steps(replace(self.response.settings, points=points), self.curve)
 
     def problem(self, level: float) -> ForcedResponse:
         return self.response.at_level(level)

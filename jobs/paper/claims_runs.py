@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from paper_runs import ARC, EPSILON, EQUAL
@@ -12,10 +12,11 @@ from prepared import Prepared
 from microslip.contact.law import STICK
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies, going_on
-from microslip.continuation.levels import arc_length_steps
+from microslip.continuation.task import BranchTask
+from microslip.fourier.coefficients import amplitude
 from microslip.fourier.harmonics import Harmonics
-from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
-from microslip.results.measures import amplitude
+from microslip.harmonic.balance import HarmonicBalance
+from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 REFERENCE, ORIGINAL, IMPROVED = "reference", "original", "improved"
 TIE = 1e-6  # of the peak: differences that far apart are the same
@@ -142,29 +143,35 @@ class LargerThan(NonStickingPairs):
         return moves & (self.size() > self.limit)
 
 
-def selection_of(method: str, setting: Setting, problem, limit: np.ndarray) -> Selection:
-    """Return the set B of a method under a setting; ``limit`` is mu N0."""
-    if method == REFERENCE:
-        return AllPairs()
-    if method == IMPROVED:
-        return DissipatingPairs(energy_tolerance=EPSILON)
-    if setting.slack:
-        return LargerThan(size=overheard(problem), limit=setting.slack * limit)
-    return Settled() if setting.settled else NonStickingPairs()
+@dataclass(frozen=True, eq=False)
+class Overheard(HarmonicBalance):
+    """The equation; it remembers p of all pairs at the last motion at which all were evaluated."""
 
+    last: dict[str, np.ndarray] = field(default_factory=dict)
 
-def overheard(problem) -> Callable[[], np.ndarray]:
-    """Return what tells the size of p of all pairs, (n_pairs,) [N], at the last motion at which all were evaluated."""
-    evaluate, last = problem.contact_forces, {}
-
-    def contact_forces(U, selected, *args, **options):
-        forces = evaluate(U, selected, *args, **options)
+    def contact_forces(self, U, selected, *args, **options):
+        forces = super().contact_forces(U, selected, *args, **options)
         if selected.all():
-            last["p"] = problem.full_force(forces)
+            self.last["p"] = self.full_force(forces)
         return forces
 
-    problem.contact_forces = contact_forces
-    return lambda: np.abs(last["p"]).reshape(problem.model.n_pairs, -1).max(axis=1)
+    def size(self) -> np.ndarray:
+        """Return the largest coefficient of p of each pair, (n_pairs,) [N]."""
+        return np.abs(self.last["p"]).reshape(self.model.n_pairs, -1).max(axis=1)
+
+
+def run_of(method: str, setting: Setting, prepared: Prepared, level: float):
+    """Return the problem and the set B of a method under a setting."""
+    problem = prepared.problem(level)
+    if method == REFERENCE:
+        return problem, AllPairs()
+    if method == IMPROVED:
+        return problem, DissipatingPairs(energy_tolerance=EPSILON)
+    if setting.slack:
+        law, equation = prepared.structure.pairs.law, problem.equation
+        heard = Overheard(equation.model, equation.law, equation.n_samples)
+        return problem.with_equation(heard), LargerThan(size=heard.size, limit=setting.slack * law.mu * law.N0)
+    return problem, Settled() if setting.settled else NonStickingPairs()
 
 
 # -- the runs -----------------------------------------------------------------------------------------------------------
@@ -189,8 +196,7 @@ class Trials:
         key = method, setting.of(method), times
         if key not in self._branches:
             prepared = changed(self.prepared, setting)
-            problem = prepared.problem(self.level)
-            selection = selection_of(method, setting, problem, prepared.parameters.mu * prepared.parameters.N0)
+            problem, selection = run_of(method, setting, prepared, self.level)
             tolerance = self.tolerance if method == REFERENCE else setting.tolerance or self.tolerance
             omegas = repeated(self.frequencies(setting), times)
             self._branches[key] = at_frequencies(problem, selection, omegas, tolerance=tolerance)
@@ -209,12 +215,9 @@ class Trials:
     def curve(self, method: str, points: int):
         """Return the curve of a method in its own steps of the arc length."""
         if (method, points) not in self._curves:
-            steps = arc_length_steps(self.prepared.scene.continuation, points, self.prepared.curve)
-            problem, limit = self.prepared.problem(self.level), self.prepared.parameters.mu * self.prepared.parameters.N0
-            selection = selection_of(method, Setting(points), problem, limit)
-            self._curves[method, points] = follow_branch(
-                problem, selection, self.prepared.sweep, steps, tolerance=self.tolerance, max_points=10 * points
-            )
+            problem, selection = run_of(method, Setting(points), self.prepared, self.level)
+            task = BranchTask(problem, selection, self.prepared.sweep, self.prepared.steps_of(points), self.tolerance)
+            self._curves[method, points] = follow_branch(task, 10 * points)
         return self._curves[method, points]
 
     def own(self, asked: Sequence[int]) -> list[Own]:
@@ -258,7 +261,7 @@ def changed(prepared: Prepared, setting: Setting) -> Prepared:
         model = replace(model, f=f)
     if setting.harmonics:
         model = model.with_harmonics(Harmonics.up_to(setting.harmonics))
-    return replace(prepared, model=model)
+    return replace(prepared, response=replace(prepared.response, model=model))
 
 
 def repeated(omegas: Sequence[float], times: int) -> list[float]:

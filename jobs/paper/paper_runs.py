@@ -22,7 +22,7 @@ from rubin import build_rubin
 from microslip.contact.law import STICK
 from microslip.continuation.follow import NOTHING, follow_branch
 from microslip.continuation.grid import at_frequencies, going_on
-from microslip.continuation.levels import arc_length_steps
+from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import amplitude
 from microslip.parallel.errors import ConvergenceError
 from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
@@ -201,9 +201,8 @@ class Clock:
 def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], clock: Clock) -> Level:
     """Run every method on one level, at the frequencies to which `receptance` goes by arc length."""
     problem, tolerance = prepared.problem(level), prepared.scene.solver.tolerance
-    curve = follow_branch(
-        problem, AllPairs(), prepared.sweep, prepared.steps, tolerance=tolerance, max_points=10 * prepared.scene.response.points
-    )
+    task = BranchTask(problem, AllPairs(), prepared.sweep, prepared.steps, tolerance)
+    curve = follow_branch(task, 10 * prepared.scene.response.points)
     omegas = going_on(curve.points, prepared.sweep.direction)
     if len(omegas) < 3:
         why = curve.failure or "fewer than 3 points"
@@ -241,7 +240,7 @@ def solved(prepared: Prepared, problem, omegas, watch, method: str, selection, m
     carries = np.array([point.p.any(axis=(1, 2)) for point in points])
     held = moving & ~carries
     lost = np.where(held, [point.energy for point in points], 0.0).sum(axis=1)
-    in_B = (np.array(row.unknowns) // problem.model.N_H - problem.model.n_modes) // 3
+    in_B = (np.array(row.unknowns) // problem.equation.model.N_H - problem.equation.model.n_modes) // 3
     kept = moving.sum(axis=1) if isinstance(selection, AllPairs) else in_B
     if not motion:
         points = [replace(point, U=NOTHING, p=NOTHING) for point in points]
@@ -251,16 +250,16 @@ def solved(prepared: Prepared, problem, omegas, watch, method: str, selection, m
 def moves(problem, U: np.ndarray) -> np.ndarray:
     """Return which pairs have p != 0 under a motion, (n_pairs,) bool; some of them slip only while the cycle settles."""
     found, everything = np.zeros(len(U), dtype=bool), np.ones(len(U), dtype=bool)
-    found[problem.contact_forces(U, everything, tangents=False).active] = True
+    found[problem.equation.contact_forces(U, everything, tangents=False).active] = True
     return found
 
 
 def idle(study: Study, level: Level) -> Idle:
     """Return the pairs that the energy test drops at the peak of a level though they carry something."""
-    top, parameters = level.reference.points[level.reference.peak], study.prepared.parameters
+    top, law = level.reference.points[level.reference.peak], study.prepared.structure.pairs.law
     moving = top.p.any(axis=(1, 2))
     found = moving & (top.energy <= EPSILON) & (top.state == STICK)
-    limit = np.maximum(parameters.mu * parameters.N0, 1e-300)
+    limit = np.maximum(law.mu * law.N0, 1e-300)
     traction = np.linalg.norm(top.p[:, :2, 0], axis=1) / limit
     return Idle(int(moving.sum()), int(found.sum()), float(traction[found].max(initial=0.0)))
 
@@ -280,8 +279,7 @@ def of_steps(prepared: Prepared, level: float, steps: Sequence[int]) -> list[Ste
     problem, tolerance, sweep = prepared.problem(level), prepared.scene.solver.tolerance, prepared.sweep
     found = []
     for n in steps:
-        lengths = arc_length_steps(prepared.scene.continuation, n, prepared.curve)
-        curve = follow_branch(problem, AllPairs(), sweep, lengths, tolerance=tolerance, max_points=10 * n)
+        curve = follow_branch(BranchTask(problem, AllPairs(), sweep, prepared.steps_of(n), tolerance), 10 * n)
         omegas = {ARC: going_on(curve.points, sweep.direction), EQUAL: list(np.linspace(sweep.start, sweep.stop, n))}
         for rule, at in omegas.items():
             exact, late = (

@@ -113,9 +113,10 @@ def test_the_page_of_the_claims_is_written_and_drawn(tmp_path):
     assert all(setting.name in text for setting in chosen) and not NOT_A_NUMBER.search(text)
 
 
-def test_solved_again_the_original_method_has_no_error_of_the_update(tmp_path):
-    (trial,) = chain_trials(tmp_path, claims_runs.Setting(12, EQUAL, again=True))[1]
+def test_solved_again_the_original_method_has_no_error_and_the_improved_one_its_floor(tmp_path):
+    (trial,) = chain_trials(tmp_path, claims_runs.Setting(30, EQUAL, again=True), level=30.0)[1]
     assert trial.original_again.largest < 1e-6 < 1e-4 < trial.original.largest
+    assert trial.improved_again.largest > 1e-4 and trial.better == claims_runs.ORIGINAL
 
 
 def test_a_test_of_the_size_of_dp_drops_what_is_smaller(tmp_path):
