@@ -118,55 +118,62 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
             command.add_argument("file", metavar=file)
         if out is not None:
             command.add_argument("--out", metavar="DIR", type=Path, help=f"folder for what is written (default: {out})")
-        if name == "run":
-            command.add_argument(
-                "more", metavar="MORE.toml", nargs="*", default=[], help="further scenes; with --out DIR each in DIR/NAME"
-            )
-            command.add_argument(
-                "--groups",
-                metavar="G",
-                type=_count,
-                default=1,
-                help="split the ranks into G groups, each with "
-                "levels of its own; of several scenes, each with scenes of its own (default: 1)",
-            )
-        if name == "compare":
-            command.add_argument(
-                "--methods", metavar="A,B,...", type=_words, default=(), help="their names, with commas (default: all)"
-            )
-        if name == "trade":
-            command.add_argument(
-                "--knobs",
-                metavar="A,B,...",
-                type=_words,
-                default=(),
-                help="what to turn, with commas: harmonics, samples, modes, tolerance, eps, method, mesh (default: all)",
-            )
-            command.add_argument(
-                "--levels",
-                metavar="A,B,...",
-                type=_numbers,
-                default=(),
-                help="forces in N, with commas (default: of the scene's the first with slip and the strongest)",
-            )
-            command.add_argument(
-                "--meshes",
-                metavar="A,B,...",
-                type=_words,
-                default=(),
-                help="further meshes of the same scene, with the same groups, to measure what the mesh costs and buys",
-            )
-            command.add_argument(
-                "--seconds",
-                metavar="S",
-                type=_above_zero,
-                help="time to spend, as far as it can be known beforehand; more makes a better reference (default: 105)",
-            )
-        if name == "verify":
-            _add_verify(command)
+        if name in _OPTIONS:
+            _OPTIONS[name](command)
         command.usage = command.format_usage().removeprefix("usage: ").strip() + after
         commands[name] = command
     return parser, commands
+
+
+def _add_run(command: _Parser) -> None:
+    """Add the options of ``run``."""
+    command.add_argument(
+        "more", metavar="MORE.toml", nargs="*", default=[], help="further scenes; with --out DIR each in DIR/NAME"
+    )
+    command.add_argument(
+        "--groups",
+        metavar="G",
+        type=_count,
+        default=1,
+        help="split the ranks into G groups, each with "
+        "levels of its own; of several scenes, each with scenes of its own (default: 1)",
+    )
+
+
+def _add_compare(command: _Parser) -> None:
+    """Add the options of ``compare``."""
+    command.add_argument("--methods", metavar="A,B,...", type=_words, default=(), help="their names, with commas (default: all)")
+
+
+def _add_trade(command: _Parser) -> None:
+    """Add the options of ``trade``."""
+    command.add_argument(
+        "--knobs",
+        metavar="A,B,...",
+        type=_words,
+        default=(),
+        help="what to turn, with commas: harmonics, samples, modes, tolerance, eps, method, mesh (default: all)",
+    )
+    command.add_argument(
+        "--levels",
+        metavar="A,B,...",
+        type=_numbers,
+        default=(),
+        help="forces in N, with commas (default: of the scene's the first with slip and the strongest)",
+    )
+    command.add_argument(
+        "--meshes",
+        metavar="A,B,...",
+        type=_words,
+        default=(),
+        help="further meshes of the same scene, with the same groups, to measure what the mesh costs and buys",
+    )
+    command.add_argument(
+        "--seconds",
+        metavar="S",
+        type=_above_zero,
+        help="time to spend, as far as it can be known beforehand; more makes a better reference (default: 105)",
+    )
 
 
 def _add_verify(command: _Parser) -> None:
@@ -183,6 +190,9 @@ def _add_verify(command: _Parser) -> None:
     command.add_argument("--samples", metavar="N", type=_count, help="of harmonic balance (default: the scene's)")
     command.add_argument("--steps", metavar="N", type=_steps, help="time steps a period (default: 256)")
     command.add_argument("--from-rest", action="store_true", help="march from rest, without acceleration: many periods")
+
+
+_OPTIONS = {"run": _add_run, "compare": _add_compare, "trade": _add_trade, "verify": _add_verify}
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -145,18 +145,24 @@ def steady_state(
             break
         now = Start(z, p)
         if accelerations is not None:
-            x = [
-                accelerations[point].next(np.append(x0, p0 / root), np.append(c, (p1 - p0) / root))
-                for point, x0, c, p0, p1 in zip(left, before, correction, before_p, p)
-            ]
-            n = before[0].size
-            now = Start(
-                part.scheme.unpack(np.array([one[:n].reshape(before[0].shape) for one in x])),
-                np.array([one[n:] * root for one in x]),
-            )
+            now = _accelerated([accelerations[point] for point in left], part, before, correction, before_p, p, root)
         now = now.take(~done)
         left = left[~done]
     return _together(found)
+
+
+def _accelerated(
+    accelerations: list[Acceleration], march: March, motion: np.ndarray, correction: np.ndarray, before: np.ndarray, after, root
+) -> Start:
+    """Return where the next period of every point begins: motion and contact forces, each in the root of an energy.  Local."""
+    n, shape = motion[0].size, motion[0].shape
+    x = [
+        one.next(np.append(x0, p0 / root), np.append(c, (p1 - p0) / root))
+        for one, x0, c, p0, p1 in zip(accelerations, motion, correction, before, after)
+    ]
+    return Start(
+        march.scheme.unpack(np.array([each[:n].reshape(shape) for each in x])), np.array([each[n:] * root for each in x])
+    )
 
 
 def _norm(x: np.ndarray) -> np.ndarray:
