@@ -12,7 +12,7 @@ from microslip.assembly.pair_file import COLUMNS
 from microslip.library.build import build
 from microslip.library.prepare import prepare
 from microslip.observe.log import RunLog
-from microslip.run import respond
+from microslip.run import follow_logged
 from microslip.scene.read import read_scene
 
 HZ = 2.0 * np.pi
@@ -83,7 +83,7 @@ def branches_of(path: Path, comm) -> list:
     scene = read_scene(path)
     log = RunLog(comm, screen=False)
     structure = build(scene, comm, log)
-    found = respond(prepare(structure, has_bars=False), path.parent / "results", (), 1, log)
+    found = follow_logged(prepare(structure, has_bars=False), path.parent / "results", (), 1, log)
     structure.close()
     assert not any(branch.failure for branch in found), [branch.failure for branch in found]
     return found

@@ -20,15 +20,34 @@ if TYPE_CHECKING:
     from .library.build import Structure, build
     from .library.respond import respond
     from .library.response import Curves, Response
+    from .parallel.errors import CaseError, ConvergenceError, MicroslipError, ResourceError
     from .results.read import read_results
     from .scene.read import read_scene as read
     from .scene.read import scene_of
     from .scene.schema import Scene
 
 __version__ = "0.1.0"
-__all__ = ["Curves", "Response", "Scene", "Structure", "build", "read", "read_results", "respond", "scene_of"]
+__all__ = [
+    "CaseError",
+    "ConvergenceError",
+    "Curves",
+    "MicroslipError",
+    "ResourceError",
+    "Response",
+    "Scene",
+    "Structure",
+    "build",
+    "read",
+    "read_results",
+    "respond",
+    "scene_of",
+]
 
 _FROM = {
+    "CaseError": ".parallel.errors",
+    "ConvergenceError": ".parallel.errors",
+    "MicroslipError": ".parallel.errors",
+    "ResourceError": ".parallel.errors",
     "Curves": ".library.response",
     "Response": ".library.response",
     "Scene": ".scene.schema",

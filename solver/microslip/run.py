@@ -43,7 +43,7 @@ def run(
         with log.stage("reduction"):
             prepared = prepare(structure)
         with log.stage("response"):
-            branches = respond(prepared, folder, options, n_groups, log)
+            branches = follow_logged(prepared, folder, options, n_groups, log)
         with log.stage("fields for ParaView"):
             write_shapes(prepared, branches, folder)
         with log.stage("pictures"):
@@ -58,7 +58,7 @@ def run(
         )
 
 
-def respond(prepared: Prepared, folder: Path, options: tuple[str, ...], n_groups: int, log: RunLog) -> list[Branch]:
+def follow_logged(prepared: Prepared, folder: Path, options: tuple[str, ...], n_groups: int, log: RunLog) -> list[Branch]:
     """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
     response, shown = prepared.response, shown_with(prepared.model.harmonics.highest)
     writer = writer_of(prepared, folder, options)

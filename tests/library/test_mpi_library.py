@@ -120,6 +120,15 @@ def test_nothing_that_did_not_change_is_built_again(structure, response, monkeyp
     assert len(built) == n_built > 0 and again.model.families == basis.model.families
 
 
+def test_modes_chosen_for_an_accuracy_are_those_for_what_is_asked(structure):
+    def modes_of(**keys):
+        return microslip.respond(structure, modes=None, accuracy=0.05, points=5, **keys).prepared.structure.modes
+
+    weak, strong = modes_of(levels=1.0), modes_of(levels=np.array(60.0))
+    assert modes_of(levels=1.0) is weak is not strong is modes_of(levels=60.0)
+    assert modes_of(levels=60.0, friction=0.02) is not strong
+
+
 def test_friction_and_preload_of_each_pair(structure):
     mu, pressure = np.linspace(0.02, 0.08, N_PAIRS), np.linspace(1e7, 3e7, N_PAIRS)
     found = microslip.respond(structure, friction={"joint": mu}, preload=pressure, levels=30.0)

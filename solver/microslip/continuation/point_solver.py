@@ -131,11 +131,8 @@ class PointSolver:
         while True:
             corrector = self.workspace.corrector(self.equation, self.resolution)
             found = corrector.correct(BorderedSystem(self.problem, (plane,), scaling, selected), guess, self.is_patient)
-            newton, krylov, self.workspace.spent = (
-                newton + found.newton,
-                krylov + found.krylov,
-                self.workspace.spent + found.newton,
-            )
+            newton, krylov = newton + found.newton, krylov + found.krylov
+            self.workspace.spent += found.newton
             found = replace(found, newton=newton, krylov=krylov)
             if found.failure:
                 return found, selected

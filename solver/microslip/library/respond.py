@@ -48,7 +48,8 @@ def respond(
     """Return the response of a structure: of its own scene, but for what is given.
 
     Collective on ``structure.comm``; the same on every rank.  The factor, the static columns and the modes are used again.
-    Modes are chosen anew, with the kept factor, where ``modes``, ``accuracy`` or the range are given.
+    Modes are chosen anew, with the kept factor, where ``modes``, ``accuracy`` or the range are given; else they are those chosen
+    for the scene's own levels, friction, preload and damping.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ def respond(
     given = {"friction": friction, "preload": preload}
     scene = scene_with(structure.scene, keys, given)
     pairs = pairs_with(structure.pairs, given)
-    prepared = prepare(with_modes_for(structure, reduction_settings(scene)), scene, pairs)
+    prepared = prepare(with_modes_for(structure, reduction_settings(scene), pairs), scene, pairs)
     return Response(prepared, follow(prepared.response, observers, n_groups))
 
 
@@ -84,7 +85,8 @@ def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, Of
             near = nearest(key, [known for kind in TABLES.values() for known in kind.model_fields])
             raise CaseError(f"respond: unknown key {key!r}" + (f'; nearest is "{near}"' if near else ""))
         rivals = {rival: None for rival in INSTEAD_OF.get(key, ()) if rival not in keys}
-        tables.setdefault(table, {}).update({key: (value,) if key == "levels" and np.isscalar(value) else value, **rivals})
+        several = (value,) if key in ("levels", "at") and np.ndim(value) == 0 else value
+        tables.setdefault(table, {}).update({key: several, **rivals})
     joints: dict[str, dict[str, float]] = {joint.name: {} for joint in scene.joints if joint.surfaces is not None}
     for key, values in of_joints.items():
         for name, value in _by_joint(values, joints).items():
@@ -126,14 +128,19 @@ def _by_joint(values: OfJoints | None, names: Iterable[str]) -> Mapping[str, Arr
     return values if isinstance(values, Mapping) else {name: values for name in names}
 
 
-def with_modes_for(structure: Structure, settings: ReductionSettings) -> Structure:
-    """Return the structure with the modes asked for: its own, unless number, accuracy or range differ.  Collective."""
-    own = reduction_settings(structure.scene)
-    if _of_modes(settings) == _of_modes(own):
+def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: ContactPairs) -> Structure:
+    """Return the structure with the modes asked for: its own, unless number, accuracy or range differ.  Collective.
+
+    What is chosen by an accuracy depends on levels, damping and the limits of the pairs, too; it is known again for those alone.
+    """
+    if _of_modes(settings) == _of_modes(reduction_settings(structure.scene)):
         return structure
     refuse_too_many(settings.modes, structure.linearised.system.n_dof, settings.where)
-    of = structure.linearised, structure.pairs, structure.statics
-    modes, _ = structure.once(("modes", *_of_modes(settings)), lambda: choose_modes(*of, settings))
+    key: tuple = ("modes", *_of_modes(settings))
+    if settings.modes is None:
+        limits = pairs.mu.tobytes(), pairs.N0.tobytes()
+        key = (*key, settings.method, settings.harmonics, settings.loads, settings.damping, settings.level, *limits)
+    modes, _ = structure.once(key, lambda: choose_modes(structure.linearised, pairs, structure.statics, settings))
     return replace(structure, modes=modes)
 
 

@@ -10,7 +10,7 @@ from ..assembly.assemble import read_off
 from ..assembly.check import check_elements
 from ..assembly.matrices import GivenStructure, read_structure
 from ..continuation.accuracy import MOST_HARMONICS
-from ..library.settings import matrix_settings, mesh_settings, reduction_settings
+from ..library.settings import matrix_settings, mesh_settings, reduction_settings, response_settings
 from ..mesh.data import ContactPairs, Mesh, place
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
@@ -118,7 +118,7 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     coordinates = METHODS[solver.method].coordinates(reduction_settings(scene), n_modes, n_dof, n_pairs, len(scene.loads))
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
     points = f"about {scene.response.points} points" if scene.harmonics else "one point, for all frequencies"
-    if scene.harmonics and solver.accuracy is not None and "points" not in scene.response.model_fields_set:
+    if scene.harmonics and solver.accuracy is not None and response_settings(scene).chooses_steps:
         points = f"as many points as accuracy {solver.accuracy:g} takes"
     has_more = n_modes == 0 and solver.method not in ("receptance", "full")
     return [
