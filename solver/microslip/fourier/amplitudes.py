@@ -13,7 +13,7 @@ def to_complex(coefficients: np.ndarray) -> np.ndarray:
     first = coefficients.shape[1] % 2  # column of the first cosine
     amplitudes = np.empty((coefficients.shape[0], (coefficients.shape[1] + 1) // 2), dtype=complex)
     amplitudes[:, :first] = coefficients[:, :first]
-    amplitudes[:, first:] = coefficients[:, first::2] - 1j * coefficients[:, first + 1 :: 2]
+    np.conjugate(np.ascontiguousarray(coefficients[:, first:]).view(complex), out=amplitudes[:, first:])
     return amplitudes
 
 
@@ -22,6 +22,5 @@ def to_real(amplitudes: np.ndarray, N_H: int) -> np.ndarray:
     first = N_H % 2
     coefficients = np.empty((amplitudes.shape[0], N_H))
     coefficients[:, :first] = amplitudes[:, :first].real
-    coefficients[:, first::2] = amplitudes[:, first:].real
-    coefficients[:, first + 1 :: 2] = -amplitudes[:, first:].imag
+    np.conjugate(amplitudes[:, first:], out=coefficients[:, first:].view(complex))
     return coefficients

@@ -31,11 +31,9 @@ class WholeInverse:
             self.factor = scipy.linalg.lu_factor(G_P, check_finite=False)
         self.own = own_rows(at)
 
-    def apply(self, x: np.ndarray) -> np.ndarray:
-        """Return (I + G P)^-1 x on this rank's pairs, (n_owned, 3, N_H) both; the identity for pairs that were not active."""
-        y = x.copy()
-        y[self.active_owned] = self.solve(x[None, self.active_owned])[0]
-        return y
+    def apply(self, b: np.ndarray) -> np.ndarray:
+        """Return (I + G P)^-1 b for this rank's pairs that were active, (m, 3, N_H) both.  Collective: one gather."""
+        return self.solve(b[None])[0]
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return (I + G P)^-1 b for several right-hand sides, (n, m, 3, N_H) both, m active pairs of this rank.  Collective."""

@@ -98,7 +98,7 @@ class NewtonSolver:
 
     def _set_up(self, at: Linearisation, k: int) -> tuple[Gmres, float]:
         """Copy what the products need, in single precision where that pays and GMRES asks for no more.  Collective."""
-        self._at = at
+        self._at, self._N_H = at, at.equation.model.N_H
         if self._gmres is None or self._active is None or not np.array_equal(self._active, at.forces.active):
             self.destroy()
             self._active, n = at.forces.active, 3 * len(at.forces.active_owned) * at.equation.model.N_H
@@ -131,10 +131,10 @@ class NewtonSolver:
 
     def _multiply(self, x: np.ndarray, out: np.ndarray) -> None:
         """Multiply by the condensed matrix of eq. (5.4).  Collective: one gather."""
-        border, N_H = self._border, self._at.equation.model.N_H
+        border, N_H = self._border, self._N_H
         k, n = len(border.r_nu), len(border.r_nu[0])
         d_xi = x[:n]
-        dp = np.matmul(self._P, d_xi.astype(self._P.dtype).reshape(len(self._P), 3 * N_H, 1)).ravel()
+        dp = np.matmul(self._P, d_xi.astype(self._P.dtype, copy=False).reshape(len(self._P), 3 * N_H, 1)).ravel()
         d_nu_owned = x[n:] if self.last else np.zeros(k)
         rows = [float(np.vdot(n_U, d_xi)) for n_U in border.n_U]
         dp_all, sums = self._gatherer(dp, (*rows, *d_nu_owned))

@@ -138,7 +138,7 @@ class ActiveColumns:
         """Return what the modes add, (3 m, ..., N_H), to a product whose rows beyond the pairs' are modal forces."""
         of_shares = zip(self.model.shares, self.modes, self.R_rows, self.flexibilities)
         return self.model.joined(
-            [_times(R, c.apply(product[modes][..., share.columns].astype(float))) for share, modes, R, c in of_shares]
+            [_times(R, c.apply(product[modes][..., s.columns].astype(float, copy=False))) for s, modes, R, c in of_shares]
         )
 
     def in_units(self, P: np.ndarray) -> np.ndarray:

@@ -74,7 +74,7 @@ class ReducedModel:
         (family,) = self.families
         return family
 
-    @property
+    @cached_property
     def N_H(self) -> int:
         return self.harmonics.n_coefficients
 
@@ -83,12 +83,12 @@ class ReducedModel:
         """The full set 0, 1, ..., H of results: all harmonics ever used, and harmonic 1, zero where it is not."""
         return Harmonics.up_to(max(self.H_recorded, self.harmonics.highest))
 
-    @property
+    @cached_property
     def owned(self) -> slice:
         """The pairs of this rank."""
         return slice(self.pair_ranges[self.comm.rank], self.pair_ranges[self.comm.rank + 1])
 
-    @property
+    @cached_property
     def owned_rows(self) -> slice:
         """Rows of the pairs of this rank."""
         return slice(3 * self.owned.start, 3 * self.owned.stop)
