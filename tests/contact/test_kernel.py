@@ -1,4 +1,4 @@
-"""The compiled kernel against the plain oracle and central differences; what it must do at the edges of its input."""
+"""The compiled kernel against plain oracles and central differences; what it must do at the edges of its input."""
 
 from dataclasses import replace
 
@@ -7,6 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy_oracle import pair_harmonics
+from oracles import path
 from oracles.law import friction_step, normal_contact_force, normal_force
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
@@ -47,29 +48,71 @@ def size_of(U, law):
     return np.abs(U).max(axis=(1, 2)) + np.abs(law.w0).max(axis=1)
 
 
+def path_harmonics(U, law, N_t):
+    """Return the harmonics of p by the oracle of the path between samples, and which pairs it found a steady cycle of."""
+    du = np.moveaxis(synthesise(U, N_t), -1, 0)
+    N = law.N0 - law.k_n * du[..., 2]
+    cycle = path.steady(du, N, law.k_t, law.mu, law.separate, law.w0)
+    f = np.empty_like(du)
+    f[..., :2] = cycle.T + law.k_t[:, None] * law.w0 + path.shared(cycle.area)
+    f[..., 2] = normal_contact_force(np.maximum(N, 0.0), law.N0) + path.shared(path.normal_area(N))
+    p = analyse(np.moveaxis(f, 0, -1), Harmonics.full(U.shape[2])) - law.stiffness[:, :, None] * U
+    return p, cycle.change <= 1e-11 * stiffness(law) * size_of(U, law)
+
+
+@FAST
+@given(joints(largest_H=6))
+def test_kernel_meets_the_oracle_of_the_path_between_samples(joint):
+    U, law, N_t = joint
+    found = law.cycle(U, N_t, tangents=False)
+    expected, is_settled = path_harmonics(U, law, N_t)
+    force = np.abs(law.N0) + stiffness(law) * size_of(U, law)
+    assert np.all((np.abs(found.p - expected).max(axis=(1, 2)) <= 1e-9 * force)[is_settled & ~found.creeps])
+
+
 @FAST
 @given(joints(largest_H=9))
-def test_kernel_meets_the_oracle(joint):
+def test_return_map_at_samples_meets_the_oracle(joint):
     U, law, N_t = joint
+    law = replace(law, sampled=True)
     found = law.cycle(U, N_t)
     P = np.zeros((len(U), 3 * U.shape[2], 3 * U.shape[2]))
     P[found.active] = found.P
     for i in range(len(U)):
         expected = marched(U[i], law, i, N_t)
         force = (np.abs(law.N0) + stiffness(law) * size_of(U, law))[i]
-        assert np.abs(found.p[i] - expected.p).max() <= 1e-12 * force
+        if not expected.is_settled or expected.margin < 1e-10:
+            continue
+        assert np.abs(found.p[i] - expected.p).max() <= 1e-11 * force
         if i in found.active:
-            assert np.abs(P[i] - expected.P).max() <= 1e-12 * stiffness(law)[i]
+            assert np.abs(P[i] - expected.P).max() <= 1e-10 * stiffness(law)[i]
         else:
             assert np.all(found.p[i] == 0.0) and np.abs(expected.P).max() <= 1e-12 * stiffness(law)[i]
-        if expected.margin > 1e-10:
-            assert found.state[i] == expected.state
+        assert found.state[i] == expected.state
+
+
+@pytest.mark.parametrize("separate", [False, True])
+@pytest.mark.parametrize("sampled", [False, True])
+def test_jacobian_meets_central_differences(sampled, separate):
+    """All but the few pairs that change at a sample within the difference; sliders that creep, or rest where they crept, too."""
+    rng, n, N_H = np.random.default_rng(3), 400, 7
+    U = rng.standard_normal((n, 3, N_H)) / [1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0]
+    mu, k_t, k_n = rng.uniform(0.3, 1.0, (3, n))
+    law = ElasticCoulomb(
+        mu, rng.uniform(-0.3, 2.0, n), k_t, k_n, np.full(n, separate), 0.2 * rng.standard_normal((n, 2)), sampled
+    )
+    found, V, h = law.cycle(U, 64), rng.standard_normal(U.shape), 1e-6
+    ahead, behind = (law.cycle(U + s * h * V, 64, tangents=False).p for s in (1.0, -1.0))
+    slope = np.einsum("nij,nj->ni", found.P, V[found.active].reshape(len(found.active), -1)).reshape(-1, 3, N_H)
+    errors = np.abs((ahead - behind)[found.active] / (2.0 * h) - slope).max(axis=(1, 2))
+    assert len(found.active) > 0.85 * n and np.mean(errors < 1e-7) > 0.985 and not found.creeps.any()
 
 
 @FAST
 @given(joints(largest_H=4, regular=True))
 def test_jacobian_meets_central_differences_where_no_sample_switches(joint):
     U, law, N_t = joint
+    law = replace(law, sampled=True)
     n, _, N_H = U.shape
     found = law.cycle(U, N_t)
     assume(len(found.active) > 0)
@@ -112,7 +155,7 @@ def test_remainder_of_the_derivative_falls_as_the_square_of_the_step_block_by_bl
     U, V = rng.standard_normal((2, n, 3, 5))
     V[:, np.arange(3) != moved] = 0.0
     mu, k_t, k_n = rng.uniform(0.3, 1.0, (3, n))
-    law = ElasticCoulomb(mu, rng.uniform(0.5, 2.0, n), k_t, k_n, np.full(n, separate), rng.standard_normal((n, 2)))
+    law = ElasticCoulomb(mu, rng.uniform(0.5, 2.0, n), k_t, k_n, np.full(n, separate), rng.standard_normal((n, 2)), True)
     coarse, fine = taylor_remainders(law, U, V, 16, (2e-4, 1e-4))
     assert np.count_nonzero(~np.isnan(coarse[:, 0])) > n // 2
     curved = coarse > 1e-10  # the others are linear as long as no sample switches
@@ -126,20 +169,24 @@ def test_remainder_of_the_derivative_falls_as_the_square_of_the_step_block_by_bl
 @given(joints())
 def test_kernel_meets_the_formulas_of_the_law(joint):
     U, law, N_t = joint
+    law = replace(law, sampled=True)
     du = synthesise(U, N_t)  # (n, 3, N_t)
     N = normal_force(du[:, 2], law.N0[:, None], law.k_n[:, None])
-    w, T = law.w0, np.empty((len(U), 2, N_t))
-    for sample in range(1, 2 * N_t):
+    w, before, T = law.w0, law.w0, np.empty((len(U), 2, N_t))
+    for sample in range(1, 30 * N_t):
         j = sample % N_t
+        if j == 0:
+            before = w
         T[:, :, j], w, _ = friction_step(w, du[:, :2, j], N[:, j], law.k_t, law.mu, law.separate)
     if N_t == 1:
         T[:, :, 0], w, _ = friction_step(w, du[:, :2, 0], N[:, 0], law.k_t, law.mu, law.separate)
+    is_settled = np.abs(w - before).max(axis=1) <= 1e-13 * size_of(U, law) if N_t > 1 else np.ones(len(U), dtype=bool)
     T += (law.k_t[:, None] * law.w0)[:, :, None]  # from rest
     f_nl = np.concatenate([T, normal_contact_force(N, law.N0[:, None])[:, None]], axis=1)
     expected = analyse(f_nl - law.stiffness[:, :, None] * du, Harmonics.full(U.shape[2]))
     force = np.abs(law.N0) + stiffness(law) * size_of(U, law)
     found = law.cycle(U, N_t, tangents=False)
-    assert np.all(np.abs(found.p - expected).max(axis=(1, 2)) <= 1e-12 * force)
+    assert np.all((np.abs(found.p - expected).max(axis=(1, 2)) <= 1e-11 * force)[is_settled])
 
 
 @FAST
@@ -168,10 +215,12 @@ def test_a_pair_does_not_depend_on_its_neighbours(joint, random):
 def test_every_number_of_harmonics_at_its_least_number_of_samples(H):
     rng = np.random.default_rng(H)
     U = rng.standard_normal((9, 3, 2 * H + 1))
-    law = ElasticCoulomb(*rng.uniform(0.2, 1.0, (4, 9)), rng.random(9) < 0.5)
+    law = ElasticCoulomb(*rng.uniform(0.2, 1.0, (4, 9)), rng.random(9) < 0.5, sampled=True)
     found = law.cycle(U, 2 * H + 1)
     for k, i in enumerate(found.active):
         expected = marched(U[i], law, i, 2 * H + 1)
+        if not expected.is_settled:
+            continue
         assert np.allclose(found.p[i], expected.p, rtol=0.0, atol=1e-12 * (1.0 + np.abs(U[i]).max()))
         assert np.allclose(found.P[k], expected.P, rtol=0.0, atol=1e-12)
 
@@ -275,3 +324,70 @@ def test_settled_pairs_are_not_marked_as_slipping_by_roundoff():
     for separate in (False, True):
         found = one_pair(mu=1.0, separate=separate).take(np.zeros(300, dtype=int)).cycle(U, 64)
         assert len(found.active) == 300 and np.all(found.state == STICK)
+
+
+# -- the cycle that repeats, and the path between samples -----------------------------------------------------------------
+
+
+def many(n=300, seed=3, **changed):
+    """Pairs in slip, lift-off and creep, and their motion."""
+    rng = np.random.default_rng(seed)
+    U = rng.standard_normal((n, 3, 7)) / [1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0]
+    mu, k_t, k_n = rng.uniform(0.3, 1.0, (3, n))
+    return U, ElasticCoulomb(mu, rng.uniform(-0.3, 2.0, n), k_t, k_n, np.zeros(n, dtype=bool), **changed)
+
+
+@pytest.mark.parametrize("sampled", [False, True])
+def test_it_is_the_cycle_that_repeats(sampled):
+    """From the sliders at its end the same cycle follows: where one slips, where it rests after creeping, after two periods or 50."""
+    U, law = many(sampled=sampled)
+    found = law.cycle(U, 64)
+    start = (
+        found.p[:, :2].sum(axis=2) * 0.0
+    )  # p at the last sample is not known from its harmonics; the mean is where a pair rests
+    rests = found.state == STICK
+    start[rests] = -found.p[rests, :2, 0] / law.k_t[rests, None]
+    again = replace(law, w0=start).cycle(U, 64)
+    shifted = found.p.copy()
+    shifted[:, :2, 0] += law.k_t[:, None] * start
+    error = np.abs(again.p - shifted).max(axis=(1, 2))
+    assert not found.creeps.any() and rests.sum() > 5
+    assert np.all(error[rests] < 1e-10) and np.all(error[found.state != STICK] < 1e-9)  # slip forgets where it began
+
+
+def test_a_slow_creep_is_not_taken_for_a_cycle():
+    """Pairs whose sliders still move by a hundredth of their way after ten periods: two periods are far from the steady state."""
+    U, law = many(2000, seed=5)
+    du = np.moveaxis(synthesise(U, 64), -1, 0)
+    N = law.N0 - law.k_n * du[..., 2]
+    T = law.k_t[:, None] * du[0, :, :2]
+    ends = []
+    for sample in range(1, 11 * 64):
+        i, j = (sample - 1) % 64, sample % 64
+        T, _, _ = path.line_step(T, law.k_t[:, None] * (du[j] - du[i])[:, :2], N[i], N[j], law.mu, law.separate)
+        if j == 0:
+            ends.append(T)
+    creeps = np.abs(ends[-1] - ends[-2]).max(axis=1) > 1e-3
+    expected, is_settled = path_harmonics(U[creeps], law.take(creeps), 64)
+    found = law.take(creeps).cycle(U[creeps], 64, tangents=False)
+    assert creeps.sum() > 10 and np.mean(is_settled) > 0.9
+    error = np.abs(found.p - expected).max(axis=(1, 2))[is_settled & ~found.creeps]
+    assert np.all(error < 1e-7)
+
+
+@pytest.mark.parametrize(("sampled", "order"), [(False, 2), (True, 1)])
+def test_order_of_the_samples_on_curved_paths(sampled, order):
+    U, law = many(400, sampled=sampled)
+    assert law.order == order
+    reference = replace(law, sampled=False).cycle(U, 8192, tangents=False).p
+    errors = np.array([np.sqrt(((law.cycle(U, N_t, tangents=False).p - reference) ** 2).mean()) for N_t in (64, 128, 256, 512)])
+    rates = np.log2(errors[:-1] / errors[1:])
+    assert np.all(np.abs(rates - order) < 0.35)
+
+
+def test_64_samples_do_what_256_did():
+    U, law = many(400)
+    reference = law.cycle(U, 8192, tangents=False).p
+    path_64 = np.sqrt(((law.cycle(U, 64, tangents=False).p - reference) ** 2).mean())
+    map_256 = np.sqrt(((replace(law, sampled=True).cycle(U, 256, tangents=False).p - reference) ** 2).mean())
+    assert path_64 < 1.3 * map_256

@@ -55,7 +55,9 @@ def reduced(system, comm, H, n_modes=None):
         f=coefficients,
         harmonics=harmonics,
     )
-    return model, ElasticCoulomb(*(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")))
+    return model, ElasticCoulomb(
+        *(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")), sampled=system.get("sampled", False)
+    )
 
 
 def forced(model, law, n_samples, level):

@@ -34,7 +34,7 @@ def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, freq
     assert found.failure is None
     assert [point.omega for point in asked] == pytest.approx(frequencies, abs=1e-12)
     # the sampled loop converges as N_t^-2; the exact amplitude is known to 12 digits
-    assert [amplitude(point) for point in asked] == pytest.approx([X, X], rel=2e-6)
+    assert [amplitude(point) for point in asked] == pytest.approx([X, X], rel=4e-6)
 
 
 @pytest.mark.slow
@@ -44,7 +44,7 @@ def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, freq
     [(name, *at[:2]) for name in ("spatial", "chain", "gap") for at in scenes.SCENES[name]()["levels"].values()],
 )
 def test_points_are_solutions_of_an_independent_harmonic_balance(name, level, omega):
-    system = scene(name)
+    system = {**scene(name), "sampled": True}
     low = {"gap": system["omega"][0]}.get(name, system["omega"][0])
     found = branch(system, COMM, level, low=low, H=5, n_samples=256, at=(omega,))
     point = next(point for point in found.points if point.asked)

@@ -102,9 +102,7 @@ def test_what_is_taken_away_is_missed():
     assert seen(old="eq. (5.1)", new="eq. 5.1") != []  # its form
     assert seen(old="eq. (5.1)", new="eq. (5.1), eq. (6.2)") != []  # one that belongs elsewhere
     assert seen(path=kernel, old="eq. (3.3)", new="the return") != []
-    assert (
-        seen(path=kernel, old="/* One sample on all lanes, eq. (3.3)", new="/* eq. (3.3) */\n\n/* One sample on all lanes") != []
-    )
+    assert seen(path=kernel, old="/* One step on all lanes, eq. (3.6)", new="/* eq. (3.6) */\n\n/* One step on all lanes") != []
 
 
 def test_names_of_code_in_the_pages_are_in_the_code():

@@ -1,7 +1,7 @@
 """Harmonic balance of a small system in full physical coordinates: dense, plain, the sampled law of docs/theory.md.
 
-Unknowns are the harmonics of every DOF, (n, 2 H + 1).  The contact law is marched sample by sample over two periods
-from T = k_t du_t at the first sample.  Its derivative is taken by complex steps through the same march (a perturbation
+Unknowns are the harmonics of every DOF, (n, 2 H + 1).  The contact law is marched sample by sample from T = k_t du_t at the
+first sample until it repeats.  Its derivative is taken by complex steps through the same march (a perturbation
 of 1e-30 i leaves every branch alone), so no tangent is written down anywhere.
 """
 
@@ -20,6 +20,9 @@ from .scenes import (
     joint_stiffness,
     stuck_stiffness,
 )
+
+
+PERIODS = 40  # of the march, at most
 
 
 @dataclass(frozen=True)
@@ -61,19 +64,23 @@ def sampled_law(du, system, law="return"):
     T, slips = k_t[:, None] * du[0, ..., :2], np.zeros(du.shape[1:-1], dtype=bool)
     f = np.empty_like(du)
     f[..., 2] = np.maximum(N0, 0.0) - N
-    for k in range(1, 2 * len(du)):
-        k = k % len(du) if k >= len(du) else k - len(du)  # negative: the first period, overwritten by the second
-        T_before, T = T, T + pull[k]
-        square = T * T
-        square = np.where(separate[:, None], square, square.sum(axis=-1, keepdims=True))
-        leaves = square.real > limit[k].real ** 2
-        if leaves.any():
-            T = np.where(leaves, limit[k] * T / np.sqrt(np.where(leaves, square, 1.0)), T)
-            if k >= 0:  # a pair that settled touches its limit once a cycle; only roundoff makes it slip there
+    size = np.abs(T.real).max(initial=0.0) + np.abs(limit.real).max(initial=0.0)
+    for period in range(PERIODS):
+        T_start, slips = T, np.zeros_like(slips)
+        for k in range(period == 0, len(du)):
+            T_before, T = T, T + pull[k]
+            square = T * T
+            square = np.where(separate[:, None], square, square.sum(axis=-1, keepdims=True))
+            leaves = square.real > limit[k].real ** 2
+            if leaves.any():
+                T = np.where(leaves, limit[k] * T / np.sqrt(np.where(leaves, square, 1.0)), T)
+                # a pair that settled touches its limit once a cycle; only roundoff makes it slip there
                 slips |= (square.real > (1.0 + 1e-9) * limit[k].real ** 2).any(axis=-1)
-        if law == "path":
-            T = _along_path(T, T_before, pull[k], closing[k - 1], closing[k], mu, separate)
-        f[k, ..., :2] = T
+            if law == "path":
+                T = _along_path(T, T_before, pull[k], closing[k - 1], closing[k], mu, separate)
+            f[k, ..., :2] = T
+        if period > 0 and np.abs((T - T_start).real).max(initial=0.0) <= 1e-12 * size:
+            break
     return f, np.where((closing.real <= 0.0).any(axis=0), 2, np.where(slips, 1, 0))
 
 

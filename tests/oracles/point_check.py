@@ -3,7 +3,7 @@
 Nothing of the program is used, neither its modes nor its contact kernel.  Given are M, C or a damping law, K, R, the loads and
 the parameters of the pairs (a system of ``oracles.scenes``, with ``rayleigh`` besides ``C`` and ``zeta``), and of the point the motion of
 the pairs U, their forces p, the response of some DOFs, and what the program says of states and energies.  The law is marched here in the
-friction force T, sample by sample over two periods from T = k_t du_t (docs/theory.md, section 3).
+friction force T along the straight lines between samples, until it repeats (path.py; docs/theory.md, section 3).
 
 Linear systems are solved in double and refined with residuals in extended precision: a joint a million times softer or
 stiffer than the structure leaves the answer exact to far below the tolerances.
@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+
+from . import path
 
 STICK, SLIP, OPEN = 0, 1, 2
 _LONG, _CLONG = np.longdouble, np.clongdouble
@@ -183,28 +185,20 @@ class Judge:
         pressed = s["N0"] - s["k_n"] * du[..., 2]
         N = np.where(pressed > 0.0, pressed, 0.0)
         limit, k_t, separate = s["mu"] * N, s["k_t"], s["separate"]
-        forces = np.empty((self.n_samples, len(k_t), 2))
         noise = k_t * np.abs(du[..., :2]).max(axis=(0, 2))
-        slides = np.zeros(len(k_t), dtype=bool)
-        nearly = np.zeros(len(k_t), dtype=bool)
-        T = k_t[:, None] * du[0, :, :2]
-        for period in range(2):
-            for j in range(self.n_samples):
-                if period == 0 and j == 0:
-                    continue
-                trial = T + k_t[:, None] * (du[j, :, :2] - du[j - 1, :, :2])
-                T, excess = returned(trial, limit[j], separate)
-                if period == 1:
-                    slides |= (excess > 1e-9 * limit[j]) & (excess > 1e-13 * noise) | (limit[j] == 0.0)
-                    nearly |= np.abs(excess) <= 1e-7 * limit[j] + 1e-10 * noise
-                    forces[j] = T
+        cycle = path.steady(du, pressed, k_t, s["mu"], separate)
+        forces = cycle.T
+        room = (limit - np.where(separate, np.abs(forces).max(axis=2), np.linalg.norm(forces, axis=2))).min(axis=0)
+        slides = (cycle.slip > 1e-9 * limit.max(axis=0)) & (cycle.slip > 1e-13 * noise) | (limit == 0.0).any(axis=0)
+        nearly = np.where(slides, cycle.slip, room) <= 1e-7 * limit.max(axis=0) + 1e-10 * noise
         f_nl = np.empty((self.n_samples, len(k_t), 3))
         # max(N0, 0) - N, written so that a motion far below the preload keeps its digits
         f_nl[..., :2] = forces
         f_nl[..., 2] = np.where(pressed > 0.0, np.maximum(-s["N0"], 0.0) + s["k_n"] * du[..., 2], np.maximum(s["N0"], 0.0))
         weights = np.full(2 * self.H + 1, 2.0 / self.n_samples)
         weights[0] = 1.0 / self.n_samples
-        f_hat = np.moveaxis(f_nl, 0, -1) @ basis.T * weights
+        between = np.concatenate([path.shared(cycle.area), path.shared(path.normal_area(pressed))[..., None]], axis=2)
+        f_hat = np.moveaxis(f_nl + between, 0, -1) @ basis.T * weights
         p = f_hat - springs * U
         opens = (pressed <= 0.0).any(axis=0)
         size = np.maximum(np.abs(springs * U).max(axis=(1, 2)), np.maximum(np.abs(s["N0"]), np.abs(f_nl).max(axis=(0, 2))))
@@ -241,16 +235,6 @@ class March:
     def of(self, pairs: slice) -> March:
         """Return the law of some pairs."""
         return March(**{name: value[pairs] for name, value in vars(self).items()})
-
-
-def returned(T: np.ndarray, limit: np.ndarray, separate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the friction forces (n_pairs, 2) brought back to the limit (n_pairs,), and by how much each lay beyond it [N]."""
-    length = np.hypot(T[:, 0], T[:, 1])
-    factor = np.where(length > limit, limit / np.where(length > 0.0, length, 1.0), 1.0)
-    on_circle = T * factor[:, None]
-    in_box = np.clip(T, -limit[:, None], limit[:, None])
-    excess = np.where(separate, np.abs(T).max(axis=1), length) - limit
-    return np.where(separate[:, None], in_box, on_circle), excess
 
 
 def damping(system: dict, K_L: np.ndarray) -> np.ndarray:

@@ -1,13 +1,14 @@
 # cython: language_level=3, boundscheck=False, wraparound=False
 """Bridge from NumPy arrays to elastic_coulomb.c; the meaning of every argument is stated there and in elastic_coulomb.py."""
 
-cdef extern from "elastic_coulomb.c" nogil:
+cdef extern from "elastic_coulomb.h" nogil:
     ctypedef struct aft_tables:
         Py_ssize_t N_H
         Py_ssize_t N_t
         Py_ssize_t stride
         const double *E
         const double *E_T
+        int sampled
         const double *F
         const double *S
     ctypedef struct aft_pairs:
@@ -18,9 +19,14 @@ cdef extern from "elastic_coulomb.c" nogil:
         const unsigned char *separate
         const double *w0
         const double *U
-    int aft_leaves(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t n, unsigned char *leaves)
-    int aft_march(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t m, const Py_ssize_t *active, double *p,
-                  unsigned char *state, double *P)
+
+ctypedef int (*leaves_of)(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t n, unsigned char *leaves) nogil
+ctypedef int (*march_of)(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t m, const Py_ssize_t *active, double *p,
+                         unsigned char *state, unsigned char *creeps, double *P) nogil
+
+cdef extern from "elastic_coulomb.h":
+    leaves_of chosen_leaves "OF_THIS_PROCESSOR(aft_leaves)"
+    march_of chosen_march "OF_THIS_PROCESSOR(aft_march)"
 
 
 cdef class Sampling:
@@ -31,10 +37,10 @@ cdef class Sampling:
     cdef readonly Py_ssize_t n_coefficients
 
     def __init__(self, const double[:, ::1] E, const double[:, ::1] E_T, const double[:, ::1] F,
-                 const double[:, ::1] S):
+                 const double[:, ::1] S, bint sampled):
         self.arrays = (E, E_T, F, S)
         self.c.N_H, self.c.N_t, self.c.stride = E_T.shape[0], E_T.shape[1], E.shape[1]
-        self.n_coefficients = E_T.shape[0]
+        self.n_coefficients, self.c.sampled = E_T.shape[0], sampled
         self.c.E, self.c.E_T, self.c.F, self.c.S = &E[0, 0], &E_T[0, 0], &F[0, 0], &S[0, 0]
 
 
@@ -55,19 +61,20 @@ def leaves(Sampling sampling, Pairs pairs, unsigned char[::1] found):
     """Set ``found`` (n,) to 1 where a pair leaves sticking."""
     cdef int status
     with nogil:
-        status = aft_leaves(&sampling.c, &pairs.c, found.shape[0], &found[0])
+        status = chosen_leaves(&sampling.c, &pairs.c, found.shape[0], &found[0])
     if status != 0:
         raise MemoryError("contact kernel: no memory for its samples")
 
 
 def march(Sampling sampling, Pairs pairs, const Py_ssize_t[::1] active, double[:, :, ::1] p, unsigned char[::1] state,
-          double[:, :, ::1] P):
-    """Write p, state and, unless it is None, P of the ``active`` pairs; there must be at least one."""
+          unsigned char[::1] creeps, double[:, :, ::1] P):
+    """Write p, state, creeps and, unless it is None, P of the ``active`` pairs; there must be at least one."""
     cdef int status
     cdef double *to_P = NULL
     if P is not None:
         to_P = &P[0, 0, 0]
     with nogil:
-        status = aft_march(&sampling.c, &pairs.c, active.shape[0], &active[0], &p[0, 0, 0], &state[0], to_P)
+        status = chosen_march(&sampling.c, &pairs.c, active.shape[0], &active[0], &p[0, 0, 0], &state[0], &creeps[0],
+                           to_P)
     if status != 0:
         raise MemoryError("contact kernel: no memory for its samples")

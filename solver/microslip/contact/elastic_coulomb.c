@@ -1,21 +1,20 @@
-/* Contact forces over sampled periods and their exact derivatives: the compiled part of elastic_coulomb.py, included by
- * _elastic_coulomb.pyx.
+/* Contact forces over sampled periods and their exact derivatives: the compiled part of elastic_coulomb.py.
+ * Compiled for several kinds of processor, see elastic_coulomb.h.
  *
- * The law of docs/theory.md, section 3, marched through two periods of which the second is kept.  Motion du_t and slider
- * position w are both measured from the slider's start w0, so that w = 0 at first, T = k_t (du_t - w) and p_t = -k_t w.  With the
- * slip distance rho = mu N / k_t and r = du_t - w, (3.3) is:
+ * The law of docs/theory.md, section 3, marched until a period repeats, which is kept.  Motion du_t and slider position w are both
+ * measured from the slider's start w0, so that w = 0 at first, T = k_t (du_t - w) and p_t = -k_t w.  With the slip distance
+ * rho = mu N / k_t and r = du_t - w the pair sticks while |r| < rho (circle), or while each direction does (separate), and w follows
+ * the motion where |r| would exceed it.  rho = 0 (open, or mu = 0) is free sliding: w = du_t, T and its derivative vanish.
  *
- *     circle     |r| <= rho: stick;   else  alpha = rho / |r|,  d = r / |r|,  w <- du_t - alpha r
- *     separate   the same for each direction by itself
+ * From sample i to sample j the motion and N are taken along straight lines, and what happens on the way is found exactly, or to
+ * second order where slip turns; or, "sampled", the return map is applied at j alone.
  *
- * rho = 0 (open, or mu = 0) is free sliding: w <- du_t whatever r is, so that T and its derivative vanish.
+ * The derivative W = dw/dU has rows x, y and the columns of U_x, U_y, U_z.  A step in which the slider moves does, with rows e of E,
  *
- * The derivative W = dw/dU, (6.2), has rows x, y and the columns of U_x, U_y, U_z.  A slip at sample j does, with row e of E,
- *
- *     W <- A W + [I - A, d mu k_n / k_t] (x) e,      circle A = alpha (I - d d^T);   separate A = diag(1 if it stays)
+ *     W <- A W + C_i (x) e_i + C_j (x) e_j,
  *
  * and W stays as it is while the pair sticks.  So dp_t/dU = -k_t sum over slips of (sum of F until the next) (x) W,
- * a product of two thin matrices with one row a slip.
+ * a product of two thin matrices with one row a slip, and another for what a change within a step adds to its area.
  *
  * Coefficients run [mean if there is one, then cos and sin of each harmonic]: there is a mean exactly if N_H is odd.  Which
  * harmonics they are, E and F alone know.
@@ -26,44 +25,63 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* One copy of the kernel for each kind of processor, chosen when the module is loaded. */
-#if defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__) && !defined(__INTEL_COMPILER)
-#if __GNUC__ >= 12
-#define EVERY_MACHINE __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#else
-#define EVERY_MACHINE __attribute__((target_clones("avx512f", "avx2", "default")))
+#include "elastic_coulomb.h"
+
+#ifndef KERNEL
+#define KERNEL(name) name##_baseline
 #endif
-#else
-#define EVERY_MACHINE
-#endif
-#if defined(__GNUC__)
+
 #define INLINED static inline __attribute__((always_inline))
-#else
-#define INLINED static inline
-#endif
 
 enum { LANES = 8 };                                 /* pairs side by side */
 enum { CHUNK = 32 };                                /* slips that a matrix product takes at once */
 enum { STICK = 0, SLIP = 1, OPEN = 2 };
-static const double NO_SLIP = -1.0;                 /* in place of alpha */
+enum { MOST_PERIODS = 100 };                         /* after which a slider that still creeps is left where it is */
+enum { ROUND = 4 };                                 /* periods, after which pairs that have come to their cycles leave */
+enum { CORNER_AFTER = 6 };                          /* periods after which a corner is looked for, and again */
+static const double SETTLED = 1e-12;                /* change of w in a period that repeats, over the slip distance */
+static const double ROUNDING = 1e-15;               /* and over the motion */
+static const double SLOWEST = 1.0 - 1e-6;           /* rate of a period above which no cycle is looked for */
+static const double ON_LIMIT = 1e-12;               /* relative distance from the friction limit that is none */
 static const double FORGOTTEN = 1e-20;              /* share of an older W that is below roundoff */
 static const double MOVES = 1e-14;                  /* relative slider step that is more than roundoff */
 
-typedef struct {
-    Py_ssize_t N_H, N_t;
-    Py_ssize_t stride;                              /* N_H rounded up to a multiple of 4; padded with zeros */
-    const double *E;                                /* (N_t, stride) rows of the synthesis matrix */
-    const double *E_T;                              /* (N_H, N_t) its columns */
-    const double *F;                                /* (N_t, stride) columns of the analysis matrix */
-    const double *S;                                /* (N_t + 1, stride) their running sums, S_0 = 0 */
-} aft_tables;
+#pragma GCC diagnostic ignored "-Wpsabi"            /* lanes are never passed: every function that takes them is inlined */
+typedef double lanes __attribute__((vector_size(LANES * sizeof(double)), may_alias));
+typedef long long mask __attribute__((vector_size(LANES * sizeof(double)), may_alias));
 
-typedef struct {
-    const double *mu, *N0, *k_t, *k_n;              /* (n,) */
-    const unsigned char *separate;                  /* (n,) */
-    const double *w0;                               /* (n, 2) the sliders' start */
-    const double *U;                                /* (n, 3, N_H) */
-} aft_pairs;
+INLINED lanes pick(mask chosen, lanes a, lanes b)
+{
+    return (lanes)((chosen & (mask)a) | (~chosen & (mask)b));
+}
+
+INLINED lanes row(const double *values, index_t j)
+{
+    return *(const lanes *)(values + j * LANES);
+}
+
+INLINED lanes size_of(lanes a)
+{
+    return pick(a < 0.0, -a, a);
+}
+
+INLINED lanes root(lanes a)                         /* 0 of what is below 0 */
+{
+    double values[LANES] __attribute__((aligned(sizeof(lanes))));
+    *(lanes *)values = pick(a > 0.0, a, a - a);
+    for (int l = 0; l < LANES; l++)
+        values[l] = sqrt(values[l]);
+    return *(const lanes *)values;
+}
+
+INLINED int any(mask a)
+{
+    long long values[LANES] __attribute__((aligned(sizeof(mask)))), found = 0;
+    *(mask *)values = a;
+    for (int l = 0; l < LANES; l++)
+        found |= values[l];
+    return found != 0;
+}
 
 typedef struct {                                    /* one group of LANES pairs */
     double N0[LANES], k_t[LANES], k_n[LANES];
@@ -72,12 +90,22 @@ typedef struct {                                    /* one group of LANES pairs 
     double *U;                                      /* (N_H, 3, LANES) */
     double *du;                                     /* (N_t, 3, LANES) less the sliders' start */
     double *rho;                                    /* (N_t, LANES) slip distance; infinite where k_t = 0 */
-    double *closed;                                 /* (N_t, LANES) 1 where N > 0, else 0 */
+    double *N;                                      /* (N_t, LANES) N0 - k_n du_z: the normal force, or minus what is missing */
     double *force;                                  /* (N_t, 3, LANES) p at the samples of the kept period */
-    double *slips;                                  /* (2 N_t, 3, LANES) alpha, d of both periods; NO_SLIP: stick */
-    double slipped[LANES], opened[LANES];           /* in the kept period */
+    double before[2 * LANES];                       /* sliders at the end of the period before */
+    double *slider;                                 /* (N_t, 2, LANES) w at the samples of the last period */
+    double *area;                                   /* (N_t, 2, LANES) of the steps to the samples */
+    double *slides;                                 /* (N_t, LANES) 1 where the slider moves in the step to the sample */
+    union {
+        lanes all;
+        double each[LANES];
+    } slipped;                                      /* in the kept period */
+    double opened[LANES];
+    int at_corner[LANES];                           /* whether the slider crept to where two samples hold it, */
+    index_t corners[2 * LANES];                  /* and which */
     double *p;                                      /* (N_H, 3, LANES) */
-    Py_ssize_t *events;                             /* (2 N_t,) samples of both periods at which one pair slips */
+    struct step_map *maps;                          /* (N_t,) of the steps in which the slider of one pair moves */
+    index_t *events;                             /* (N_t,) the samples to which they lead */
     double *W;                                      /* (CHUNK + 1, 2, 3, stride) */
     double *G;                                      /* (CHUNK, stride) */
     double *sum;                                    /* (N_H, 2, 3, stride) */
@@ -86,12 +114,12 @@ typedef struct {                                    /* one group of LANES pairs 
 /* ---- matrix products -------------------------------------------------------------------------------------------- */
 
 /* add_product for a fixed number of rows: each pass over sum takes them all. */
-INLINED void add_rows(double *restrict sum, const double *G, const double *W, const int n, Py_ssize_t n_out,
-                      Py_ssize_t stride, const Py_ssize_t width)
+INLINED void add_rows(double *restrict sum, const double *G, const double *W, const int n, index_t n_out,
+                      index_t stride, const index_t width)
 {
-    for (Py_ssize_t i = 0; i < n_out; i++) {
+    for (index_t i = 0; i < n_out; i++) {
         double *restrict to = sum + i * width;
-        for (Py_ssize_t q = 0; q < width; q++) {
+        for (index_t q = 0; q < width; q++) {
             double value = to[q];
             for (int k = 0; k < n; k++)
                 value += G[k * stride + i] * W[k * width + q];
@@ -101,10 +129,10 @@ INLINED void add_rows(double *restrict sum, const double *G, const double *W, co
 }
 
 /* sum += G^T W over n rows: sum (n_out, width), G (n, stride) of which the first n_out columns count, W (n, width). */
-INLINED void add_product(double *sum, const double *G, const double *W, Py_ssize_t n, Py_ssize_t n_out,
-                         Py_ssize_t stride, const Py_ssize_t width)
+INLINED void add_product(double *sum, const double *G, const double *W, index_t n, index_t n_out,
+                         index_t stride, const index_t width)
 {
-    Py_ssize_t k = 0;
+    index_t k = 0;
     for (; k + 8 <= n; k += 8)
         add_rows(sum, G + k * stride, W + k * width, 8, n_out, stride, width);
     for (; k + 4 <= n; k += 4)
@@ -117,10 +145,10 @@ INLINED void add_product(double *sum, const double *G, const double *W, Py_ssize
 
 /* ---- samples ---------------------------------------------------------------------------------------------------- */
 
-INLINED void gather(aft_group *group, const aft_pairs *pairs, const Py_ssize_t *chosen, Py_ssize_t N_H)
+INLINED void gather(aft_group *group, const aft_pairs *pairs, const index_t *chosen, index_t N_H)
 {
     for (int l = 0; l < LANES; l++) {
-        const Py_ssize_t i = chosen[l];
+        const index_t i = chosen[l];
         const double *U = pairs->U + 3 * N_H * i;
         group->N0[l] = pairs->N0[i];
         group->k_t[l] = pairs->k_t[i];
@@ -130,45 +158,45 @@ INLINED void gather(aft_group *group, const aft_pairs *pairs, const Py_ssize_t *
         group->start[LANES + l] = 0.0 - pairs->w0[2 * i + 1];
         group->start[2 * LANES + l] = 0.0;
         for (int a = 0; a < 3; a++)
-            for (Py_ssize_t h = 0; h < N_H; h++)
+            for (index_t h = 0; h < N_H; h++)
                 group->U[(3 * h + a) * LANES + l] = U[a * N_H + h];
     }
 }
 
-/* The motion at the samples; of the normal force, eq. (3.1), what the sliders feel: whether there is any, and rho. */
+/* The motion at the samples, the normal force, eq. (3.1), and rho. */
 INLINED void sample(aft_group *group, const aft_tables *t)
 {
-    for (Py_ssize_t j = 0; j < t->N_t; j++)
+    for (index_t j = 0; j < t->N_t; j++)
         for (int c = 0; c < 3 * LANES; c++)
             group->du[3 * j * LANES + c] = group->start[c];
     add_product(group->du, t->E_T, group->U, t->N_H, t->N_t, t->N_t, 3 * LANES);
-    for (Py_ssize_t j = 0; j < t->N_t; j++)
+    for (index_t j = 0; j < t->N_t; j++)
         for (int l = 0; l < LANES; l++) {
             const double N = group->N0[l] - group->k_n[l] * group->du[(3 * j + 2) * LANES + l];
             const double rho = N > 0.0 ? group->give[l] * N : 0.0;
-            group->closed[j * LANES + l] = N > 0.0 ? 1.0 : 0.0;
+            group->N[j * LANES + l] = N;
             group->rho[j * LANES + l] = group->k_t[l] > 0.0 ? rho : INFINITY;
         }
 }
 
 /* ---- which pairs leave sticking --------------------------------------------------------------------------------- */
 
-INLINED double mean_of(const double *U, Py_ssize_t N_H)
+INLINED double mean_of(const double *U, index_t N_H)
 {
     return N_H % 2 ? U[0] : 0.0;
 }
 
 /* No sample is further from the mean. */
-INLINED double amplitude_bound(const double *U, Py_ssize_t N_H)
+INLINED double amplitude_bound(const double *U, index_t N_H)
 {
     double bound = 0.0;
-    for (Py_ssize_t h = N_H % 2; h < N_H; h += 2)
+    for (index_t h = N_H % 2; h < N_H; h += 2)
         bound += sqrt(U[h] * U[h] + U[h + 1] * U[h + 1]);
     return bound;
 }
 
 /* True if even all harmonics peaking together leave the pair stuck and closed: most pairs of a quiet joint end here. */
-INLINED int surely_stuck(const aft_pairs *pairs, Py_ssize_t i, Py_ssize_t N_H)
+INLINED int surely_stuck(const aft_pairs *pairs, index_t i, index_t N_H)
 {
     const double *x = pairs->U + 3 * N_H * i, *y = x + N_H, *z = y + N_H, margin = 1.0 - 1e-12;
     const double N_least = pairs->N0[i] - pairs->k_n[i] * (mean_of(z, N_H) + amplitude_bound(z, N_H));
@@ -180,7 +208,7 @@ INLINED int surely_stuck(const aft_pairs *pairs, Py_ssize_t i, Py_ssize_t N_H)
     return limit > 0.0 && pairs->k_t[i] * sqrt(x_most * x_most + y_most * y_most) <= limit;
 }
 
-INLINED void test_samples(aft_group *group, const aft_pairs *pairs, const aft_tables *t, const Py_ssize_t *chosen,
+INLINED void test_samples(aft_group *group, const aft_pairs *pairs, const aft_tables *t, const index_t *chosen,
                           int n_lanes, unsigned char *leaves)
 {
     gather(group, pairs, chosen, t->N_H);
@@ -188,86 +216,388 @@ INLINED void test_samples(aft_group *group, const aft_pairs *pairs, const aft_ta
     for (int l = 0; l < n_lanes; l++) {
         int stays = group->N0[l] >= 0.0;
         const int separate = pairs->separate[chosen[l]];
-        for (Py_ssize_t j = 0; stays && j < t->N_t; j++) {
+        for (index_t j = 0; stays && j < t->N_t; j++) {
             const double *du = group->du + 3 * j * LANES + l, rho = group->rho[j * LANES + l];
             const double x = du[0], y = du[LANES];
             const int inside = separate ? fabs(x) <= rho && fabs(y) <= rho : x * x + y * y <= rho * rho;
-            stays = inside && rho > 0.0 && group->closed[j * LANES + l] > 0.0;
+            stays = inside && rho > 0.0 && group->N[j * LANES + l] > 0.0;
         }
         leaves[chosen[l]] = !stays;
     }
 }
 
-/* ---- two periods ------------------------------------------------------------------------------------------------ */
+/* ---- a step from one sample to the next ------------------------------------------------------------------------- */
 
-/* One sample on all lanes, eq. (3.3): reads du, rho; moves w; writes alpha, d; marks lanes whose slider really moves. */
-INLINED void circle_step(const double *du, const double *rho, double *w, double *slip, double *slipped)
+/* Within a step the motion and the normal force run along straight lines, on which the slider's path is known, eq. (3.6).
+ * The part of the step in which the pair is closed and has friction runs from s_0 to s_1, both 0 or 1 but for a pair that closes
+ * or opens.  The slider stays where it is until sigma, the share of that part at which |r| = rho, and slides from then on. */
+
+/* The area between a slider's path in a step, w_i until s_0, w_a until sigma, w_b at s_1, w_j at the end, and the line w_i w_j,
+ * eq. (6.4). */
+INLINED lanes polygon_area(lanes s_0, lanes sigma, lanes s_1, lanes w_i, lanes w_a, lanes w_b, lanes w_j)
 {
+    return 0.5 * (s_0 * (w_i + w_a) + (s_1 - sigma) * (w_a + w_b) + (1.0 - s_1) * (w_b + w_j) - (w_i + w_j))
+           + (sigma - s_0) * w_a;
+}
+
+typedef struct {                                    /* what a step is for all lanes */
+    lanes rho_i, rho_j, s_0, s_1;
+    mask free_i, free_j, is_free;
+} step;
+
+INLINED step begin_step(const aft_group *group, index_t i, index_t j)
+{
+    step s;
+    s.rho_i = row(group->rho, i);
+    s.rho_j = row(group->rho, j);
+    s.free_i = s.rho_i <= 0.0;
+    s.free_j = s.rho_j <= 0.0;
+    s.is_free = s.free_i & s.free_j;
+    const lanes N_i = row(group->N, i), crossing = N_i / (N_i - row(group->N, j)), zero = {0.0};
+    s.s_0 = pick(s.free_i & ~s.free_j, crossing, zero);
+    s.s_1 = pick(s.free_j & ~s.free_i, crossing, zero + 1.0);
+    return s;
+}
+
+/* One step on all lanes, eq. (3.6): moves w, writes the area between the path of w in the step and the straight line between its ends,
+ * over the step, and marks lanes whose slider moves (slides) and really moves (slipped). */
+INLINED void circle_step(const aft_group *group, index_t i, index_t j, lanes *w, lanes *area, lanes *slides, lanes *slipped)
+{
+    const lanes zero = {0.0}, one = zero + 1.0, was_x = w[0], was_y = w[1];
+    const lanes ui_x = row(group->du, 3 * i), ui_y = row(group->du, 3 * i + 1);
+    const lanes uj_x = row(group->du, 3 * j), uj_y = row(group->du, 3 * j + 1);
+    const step s = begin_step(group, i, j);
+    const mask either = s.free_i | s.free_j;
+    const lanes out_x = uj_x - was_x, out_y = uj_y - was_y;
+    if (!any(either | (out_x * out_x + out_y * out_y > s.rho_j * s.rho_j))) {
+        area[0] = area[1] = *slides = zero;
+        return;
+    }
+    const lanes v_x = uj_x - ui_x, v_y = uj_y - ui_y;
+    const lanes a_x = ui_x + s.s_0 * v_x, a_y = ui_y + s.s_0 * v_y;                    /* where the closed part begins */
+    const lanes b_x = pick(s.free_j, ui_x + s.s_1 * v_x, uj_x), b_y = pick(s.free_j, ui_y + s.s_1 * v_y, uj_y);    /* and ends */
+    const lanes w_x = pick(s.free_i, a_x, was_x), w_y = pick(s.free_i, a_y, was_y);    /* a free slider is where the motion is */
+    const lanes V_x = b_x - a_x, V_y = b_y - a_y, d_rho = s.rho_j - s.rho_i;
+    const lanes r_x = a_x - w_x, r_y = a_y - w_y, x = b_x - w_x, y = b_y - w_y;
+    const mask slips = (x * x + y * y > s.rho_j * s.rho_j) & ~s.is_free;
+    /* |r + s V|^2 = (rho + s d_rho)^2, once from inside to outside */
+    const lanes c = r_x * r_x + r_y * r_y - s.rho_i * s.rho_i, b = r_x * V_x + r_y * V_y - s.rho_i * d_rho;
+    const lanes a = V_x * V_x + V_y * V_y - d_rho * d_rho, on = ON_LIMIT * s.rho_i * s.rho_i;
+    const mask at_once = (c >= -on) & ((c > on) | (b > 0.0) | (a <= 0.0));
+    const lanes S = root(b * b - a * c), above = pick(b > 0.0, -c, S - b), below = pick(b > 0.0, b + S, a), crossed = above / below;
+    const lanes sigma = pick(at_once | ~slips, zero, pick(crossed < 1.0, crossed, one));
+    const lanes rest = 1.0 - sigma, rho_s = s.rho_i + sigma * d_rho;
+    const lanes q_x = rest * V_x, q_y = rest * V_y, at_x = r_x + sigma * V_x, at_y = r_y + sigma * V_y;
+    const lanes size = root(at_x * at_x + at_y * at_y), chord = root(q_x * q_x + q_y * q_y);
+    const mask outside = size > 0.0;
+    const lanes length = pick(outside, size, pick(chord > 0.0, chord, one));
+    const lanes d_x = pick(outside, at_x, q_x) / length, d_y = pick(outside, at_y, q_y) / length;
+    /* d turns towards the motion, eq. (3.6) */
+    const lanes middle = 0.5 * (rho_s + s.rho_j), whole = middle + chord, unit = 1.0 / pick(whole > 0.0, whole, one);
+    const lanes p = middle * unit, z_x = q_x * unit, z_y = q_y * unit, half = p + 0.5 * chord * unit;
+    const lanes Y = p * p + chord * unit * half, dz = (d_x * z_x + d_y * z_y) * half;
+    const lanes den = Y * Y + p * p * p * p + dz * (Y + p * p), turn = half * (Y + p * p + dz);
+    const mask turns = den > 0.0;
+    const lanes inverse = 1.0 / pick(turns, den, one), stays = 2.0 * Y * p * p;
+    const lanes t_x = pick(turns, (stays * d_x + turn * z_x) * inverse, d_x), t_y = pick(turns, (stays * d_y + turn * z_y) * inverse, d_y);
+    const lanes to_x = pick(slips, b_x - s.rho_j * t_x, w_x), to_y = pick(slips, b_y - s.rho_j * t_y, w_y);
+    const lanes from = pick(slips, s.s_0 + sigma * (s.s_1 - s.s_0), s.s_1);
+    w[0] = pick(s.free_j, uj_x, to_x);
+    w[1] = pick(s.free_j, uj_y, to_y);
+    area[0] = pick(s.is_free, zero, polygon_area(s.s_0, from, s.s_1, was_x, w_x, to_x, w[0]));
+    area[1] = pick(s.is_free, zero, polygon_area(s.s_0, from, s.s_1, was_y, w_y, to_y, w[1]));
+    const lanes moved = size_of(w[0] - was_x) + size_of(w[1] - was_y);
+    const lanes roundoff = MOVES * (size_of(uj_x) + size_of(uj_y) + size_of(was_x) + size_of(was_y));
+    *slides = pick(slips | either, one, zero);
+    *slipped = pick((slips & (moved > roundoff)) | either, one, *slipped);
+}
+
+/* The same for separate limits: each direction by itself. */
+INLINED void separate_step(const aft_group *group, index_t i, index_t j, lanes *w, lanes *area, lanes *slides, lanes *slipped)
+{
+    const lanes zero = {0.0}, one = zero + 1.0;
+    const step s = begin_step(group, i, j);
+    const mask either = s.free_i | s.free_j;
+    *slides = zero;
+    for (int k = 0; k < 2; k++) {
+        const lanes u_i = row(group->du, 3 * i + k), u_j = row(group->du, 3 * j + k), v = u_j - u_i, was = w[k];
+        const lanes a = u_i + s.s_0 * v, b = pick(s.free_j, u_i + s.s_1 * v, u_j), w_a = pick(s.free_i, a, was);
+        const lanes r = b - w_a, sign = pick(r < 0.0, -one, one);
+        const lanes excess = sign * r - s.rho_j, before = sign * (a - w_a) - s.rho_i;
+        const mask slips = (excess > 0.0) & ~s.is_free;
+        const lanes sigma = pick(slips & (before < -ON_LIMIT * s.rho_i), before / (before - excess), zero);
+        const lanes to = pick(slips, b - sign * s.rho_j, w_a), from = pick(slips, s.s_0 + sigma * (s.s_1 - s.s_0), s.s_1);
+        w[k] = pick(s.free_j, u_j, to);
+        area[k] = pick(s.is_free, zero, polygon_area(s.s_0, from, s.s_1, was, w_a, to, w[k]));
+        const lanes roundoff = MOVES * (size_of(u_j) + size_of(was));
+        *slides = pick(slips | either, one, *slides);
+        *slipped = pick((slips & (size_of(w[k] - was) > roundoff)) | either, one, *slipped);
+    }
+}
+
+/* The plain return map, eq. (3.3), which knows the ends of steps alone. */
+INLINED void sampled_circle_step(const aft_group *group, index_t j, double *w, double *slides, double *slipped)
+{
+    const double *du = group->du + 3 * j * LANES, *rho = group->rho + j * LANES;
     for (int l = 0; l < LANES; l++) {
         const double x = du[l] - w[l], y = du[LANES + l] - w[LANES + l];
         const double square = x * x + y * y, size = sqrt(square);
-        const double inverse = 1.0 / (size > 0.0 ? size : 1.0);
-        const double alpha = rho[l] * inverse;
+        const double alpha = rho[l] / (size > 0.0 ? size : 1.0);
         const int is_free = rho[l] == 0.0, slips = (square > rho[l] * rho[l]) | is_free;
         const double roundoff = MOVES * (fabs(du[l]) + fabs(du[LANES + l]) + fabs(w[l]) + fabs(w[LANES + l]));
         slipped[l] = (slips & ((size - rho[l] > roundoff) | is_free)) ? 1.0 : slipped[l];
-        slip[l] = slips ? alpha : NO_SLIP;
-        slip[LANES + l] = x * inverse;
-        slip[2 * LANES + l] = y * inverse;
+        slides[l] = slips ? 1.0 : 0.0;
         w[l] = slips ? du[l] - alpha * x : w[l];
         w[LANES + l] = slips ? du[LANES + l] - alpha * y : w[LANES + l];
     }
 }
 
-/* The same for separate limits; d is the sign of the slip in each direction, 0 where that direction sticks. */
-INLINED void separate_step(const double *du, const double *rho, double *w, double *slip, double *slipped)
+INLINED void sampled_separate_step(const aft_group *group, index_t j, double *w, double *slides, double *slipped)
 {
+    const double *du = group->du + 3 * j * LANES, *rho = group->rho + j * LANES;
     for (int l = 0; l < LANES; l++) {
         const int is_free = rho[l] == 0.0;
-        slip[l] = NO_SLIP;
+        slides[l] = 0.0;
         for (int a = 0; a < 2; a++) {
             const double r = du[a * LANES + l] - w[a * LANES + l], size = fabs(r);
-            const double sign = r < 0.0 ? -1.0 : 1.0;
             const int slips = (size > rho[l]) | is_free;
             const double roundoff = MOVES * (fabs(du[a * LANES + l]) + fabs(w[a * LANES + l]));
             slipped[l] = (slips & ((size - rho[l] > roundoff) | is_free)) ? 1.0 : slipped[l];
-            slip[l] = slips ? 0.0 : slip[l];
-            slip[(a + 1) * LANES + l] = slips ? sign : 0.0;
-            w[a * LANES + l] = slips ? du[a * LANES + l] - sign * rho[l] : w[a * LANES + l];
+            slides[l] = slips ? 1.0 : slides[l];
+            w[a * LANES + l] = slips ? du[a * LANES + l] - (r < 0.0 ? -rho[l] : rho[l]) : w[a * LANES + l];
         }
     }
 }
 
-/* Both periods on all lanes, from w0 on, eq. (3.5); forces of the kept one, eq. (3.2) and eq. (3.4). */
-INLINED void march(aft_group *group, Py_ssize_t N_t, int separate)
+/* ---- until the cycle repeats ------------------------------------------------------------------------------------ */
+
+/* The step that leads to sample j: to the first of all from itself, which puts sliders within their limits there. */
+INLINED index_t begin_of(index_t j, index_t N_t, int is_first)
 {
-    double w[2 * LANES] = {0.0}, slipped[LANES], opened[LANES] = {0.0}, preload[LANES], closing[LANES];
+    return j > 0 ? j - 1 : is_first ? 0 : N_t - 1;
+}
+
+/* One period on all lanes from w on, step by step to each sample; what it did is kept until the next.  The return map takes the
+ * first sample of all as it is, with w = w0. */
+INLINED void march_period(aft_group *group, index_t N_t, int separate, int sampled, int is_first, double *w)
+{
+    memset(&group->slipped, 0, sizeof group->slipped);
+    memcpy(group->before, w, sizeof group->before);
+    if (is_first && sampled) {
+        memcpy(group->slider, w, sizeof group->before);
+        memset(group->area, 0, 2 * LANES * sizeof(double));
+        memset(group->slides, 0, LANES * sizeof(double));
+    }
+    for (index_t j = is_first && sampled; j < N_t; j++) {
+        const index_t i = begin_of(j, N_t, is_first);
+        double *area = group->area + 2 * j * LANES, *slides = group->slides + j * LANES;
+        if (sampled && separate)
+            sampled_separate_step(group, j, w, slides, group->slipped.each);
+        else if (sampled)
+            sampled_circle_step(group, j, w, slides, group->slipped.each);
+        else if (separate)
+            separate_step(group, i, j, (lanes *)w, (lanes *)area, (lanes *)slides, &group->slipped.all);
+        else
+            circle_step(group, i, j, (lanes *)w, (lanes *)area, (lanes *)slides, &group->slipped.all);
+        memcpy(group->slider + 2 * j * LANES, w, 2 * LANES * sizeof(double));
+    }
+}
+
+/* How the cycle of one lane is looked for. */
+enum { NOTHING_KNOWN, ONE_PERIOD, JUMPED, PLAIN, AT_CORNER };
+
+typedef struct {
+    int knows;
+    double share;                                   /* of the jump that is tried */
+    double at[2], change[2];                        /* where a period began, and by how much it moved the slider */
+    double from[2], jump[2];                        /* the slider after that period, and the jump from there */
+} search;
+
+/* Move the slider w of a lane, which a period that began at w - c changed by c, so that it comes to its cycle sooner.
+ *
+ * A period maps sliders at a rate below one in a single direction, for a slip forgets all of r but its angle.  There the secant through
+ * the changes of two periods leads to the cycle.  A jump that ends in a cycle without slip, of which there are many, has gone too
+ * far, for a slider creeps to the first of them; it is tried again with half its length, eq. (3.7). */
+INLINED void look_ahead(search *s, const double *c, int slipped, double *w)
+{
+    const double at[2] = {w[0] - c[0], w[LANES] - c[LANES]}, size = c[0] * c[0] + c[LANES] * c[LANES];
+    const double size_before = s->change[0] * s->change[0] + s->change[1] * s->change[1];
+    if (s->knows == JUMPED && (!slipped || size > size_before)) {
+        s->share = s->share < 0.02 ? 0.0 : 0.5 * s->share;
+        s->knows = s->share > 0.0 ? JUMPED : PLAIN;
+        for (int a = 0; a < 2; a++)
+            w[a * LANES] = s->from[a] + s->share * s->jump[a];
+        return;
+    }
+    const int may_jump = slipped && (s->knows == ONE_PERIOD || s->knows == JUMPED);
+    const double dw[2] = {at[0] - s->at[0], at[1] - s->at[1]}, dc[2] = {c[0] - s->change[0], c[LANES] - s->change[1]};
+    const double to[2] = {dw[0] + dc[0], dw[1] + dc[1]}, square = dc[0] * dc[0] + dc[1] * dc[1];
+    for (int a = 0; a < 2; a++) {
+        s->at[a] = at[a];
+        s->change[a] = c[a * LANES];
+        s->from[a] = w[a * LANES];
+    }
+    s->knows = s->knows == PLAIN ? PLAIN : ONE_PERIOD;
+    const double moved = dw[0] * dw[0] + dw[1] * dw[1], slowest = 1.0 - SLOWEST;
+    if (!may_jump || !(square > slowest * slowest * moved) || !(dw[0] * dc[0] + dw[1] * dc[1] < 0.0))
+        return;
+    const double along = (c[0] * dc[0] + c[LANES] * dc[1]) / square;
+    for (int a = 0; a < 2; a++) {
+        s->jump[a] = -along * to[a];
+        w[a * LANES] += s->jump[a];
+    }
+    s->share = 1.0;
+    s->knows = JUMPED;
+}
+
+/* The farthest of the samples of lane l beyond the limits about w, g = |u - w| - rho, with its d; where a direction is given, of
+ * those that push against it. */
+INLINED index_t farthest(const aft_group *group, index_t N_t, int l, const double *w, const double *against, double *g,
+                            double *d)
+{
+    index_t found = -1;
+    for (index_t j = 0; j < N_t; j++) {
+        const double x = group->du[3 * j * LANES + l] - w[0], y = group->du[(3 * j + 1) * LANES + l] - w[1];
+        const double size = sqrt(x * x + y * y), beyond = size - group->rho[j * LANES + l];
+        if ((found >= 0 && !(beyond > *g)) || !(size > 0.0) || (against && !(x * against[0] + y * against[1] < 0.0)))
+            continue;
+        found = j;
+        *g = beyond;
+        d[0] = x / size;
+        d[1] = y / size;
+    }
+    return found;
+}
+
+/* Where a slider that is pushed to and fro comes to rest: at the corner of the region in which no sample moves it, g = 0 at two of
+ * them, eq. (3.7).  From w by Newton's method; returns 0 where there is no such corner, as there is no such region. */
+INLINED int find_corner(const aft_group *group, index_t N_t, int l, double tolerance, double *w, index_t *corner)
+{
+    double to[2] = {w[0], w[LANES]}, d_1[2], d_2[2], g_1, g_2;
+    for (int i = 0; i < 40; i++) {
+        const index_t j_1 = farthest(group, N_t, l, to, NULL, &g_1, d_1);
+        const index_t j_2 = j_1 < 0 ? -1 : farthest(group, N_t, l, to, d_1, &g_2, d_2);
+        const double det = d_1[0] * d_2[1] - d_1[1] * d_2[0];
+        if (j_2 < 0 || !(fabs(det) > 1e-6))
+            return 0;
+        if (g_1 <= tolerance && fabs(g_2) <= tolerance) {
+            w[0] = to[0];
+            w[LANES] = to[1];
+            corner[0] = j_1;
+            corner[1] = j_2;
+            return 1;
+        }
+        to[0] += (g_1 * d_2[1] - g_2 * d_1[1]) / det;
+        to[1] += (g_2 * d_1[0] - g_1 * d_2[0]) / det;
+    }
+    return 0;
+}
+
+typedef struct {                                    /* a pair on its way to its cycle */
+    index_t pair, place;                            /* its number, and that among the active ones */
+    double w[2];
+    int periods;                                    /* marched so far */
+    int has_jumped, slides_on;                      /* whether it has not come to its cycle yet */
+    search search;
+    index_t corner[2];                              /* the samples that hold it */
+} wanderer;
+
+/* What follows from the period that moved the slider of lane l from group->before to w. */
+INLINED void judge(aft_group *group, index_t N_t, int l, double tolerance, wanderer *pair, double *w)
+{
+    const double c[LANES + 1] = {[0] = w[l] - group->before[l], [LANES] = w[LANES + l] - group->before[LANES + l]};
+    const double change = fabs(c[0]) + fabs(c[LANES]);
+    const int slipped = group->slipped.each[l] > 0.0, stopped = pair->has_jumped && !slipped;
+    pair->slides_on = 0;
+    if (pair->search.knows == AT_CORNER)
+        group->slipped.each[l] = 0.0;                   /* it does, by rounding */
+    else if (change > tolerance || stopped) {
+        pair->slides_on = 1;
+        if (pair->periods < MOST_PERIODS) {
+            if ((stopped || pair->periods % CORNER_AFTER == 0) && find_corner(group, N_t, l, tolerance, w + l, pair->corner))
+                pair->search.knows = AT_CORNER;
+            else if (change > tolerance || pair->search.knows == JUMPED)
+                look_ahead(&pair->search, c, slipped, w + l);
+            else
+                pair->slides_on = pair->has_jumped = 0;
+            pair->has_jumped |= pair->search.knows == JUMPED;
+        }
+    }
+    if (!pair->slides_on) {                             /* so that another period, for its neighbours, is the same to the bit */
+        w[l] = group->before[l];
+        w[LANES + l] = group->before[LANES + l];
+    }
+    group->at_corner[l] = pair->search.knows == AT_CORNER;
+    group->corners[2 * l] = pair->corner[0];
+    group->corners[2 * l + 1] = pair->corner[1];
+}
+
+/* A round of periods from w0, eq. (3.5), or from where the round before left the sliders; ends where all repeat, eq. (3.7). */
+INLINED void march(aft_group *group, index_t N_t, int separate, int sampled, wanderer *pairs)
+{
+    double w[2 * LANES] __attribute__((aligned(sizeof(lanes)))), tolerance[LANES] = {0.0};
+    int any_slides = 1;
     for (int l = 0; l < LANES; l++) {
-        group->slips[l] = NO_SLIP;                  /* the first sample is taken as it is, with w = w0 */
+        w[l] = pairs[l].w[0];
+        w[LANES + l] = pairs[l].w[1];
+        group->at_corner[l] = 0;
+    }
+    for (index_t j = 0; j < N_t; j++)
+        for (int l = 0; l < LANES; l++) {
+            const double size = fabs(group->du[3 * j * LANES + l]) + fabs(group->du[(3 * j + 1) * LANES + l]);
+            const double least = SETTLED * group->rho[j * LANES + l] + ROUNDING * size;
+            tolerance[l] = least > tolerance[l] ? least : tolerance[l];
+        }
+    for (int n = 0; n < ROUND && any_slides && pairs[0].periods < MOST_PERIODS; n++) {
+        const int is_first = pairs[0].periods == 0;
+        march_period(group, N_t, separate, sampled, is_first, w);
+        any_slides = 0;
+        for (int l = 0; l < LANES; l++) {
+            pairs[l].periods++;
+            if (is_first)
+                pairs[l].slides_on = N_t > 1;
+            else
+                judge(group, N_t, l, tolerance[l], pairs + l, w);
+            any_slides |= pairs[l].slides_on;
+        }
+    }
+    for (int l = 0; l < LANES; l++) {
+        pairs[l].w[0] = w[l];
+        pairs[l].w[1] = w[LANES + l];
+    }
+}
+
+/* What a normal force that changes its sign in a step adds to the mean of min(N, 0) over that step, beyond its ends' mean. */
+INLINED double dip_area(double N_i, double N_j)
+{
+    return (N_i > 0.0) != (N_j > 0.0) && N_i != N_j ? 0.5 * fabs(N_i * N_j) / fabs(N_i - N_j) : 0.0;
+}
+
+/* p at the samples, eq. (3.2) and eq. (3.4); the area of a step counts half at each of its ends, eq. (6.4). */
+INLINED void find_forces(aft_group *group, index_t N_t, int sampled)
+{
+    double closing[LANES], preload[LANES];
+    memset(group->opened, 0, sizeof group->opened);
+    for (int l = 0; l < LANES; l++) {
         preload[l] = group->N0[l] > 0.0 ? group->N0[l] : 0.0;
         closing[l] = group->N0[l] < 0.0 ? -group->N0[l] : 0.0;      /* the preload that closing an initial gap takes */
     }
-    for (int period = 0; period < 2; period++) {
-        memset(slipped, 0, sizeof slipped);
-        for (Py_ssize_t j = period == 0; j < N_t; j++) {
-            const double *du = group->du + 3 * j * LANES, *rho = group->rho + j * LANES;
-            double *slip = group->slips + 3 * (period * N_t + j) * LANES;
-            if (separate)
-                separate_step(du, rho, w, slip, slipped);
-            else
-                circle_step(du, rho, w, slip, slipped);
-            for (int l = 0; l < LANES; l++) {
-                double *force = group->force + 3 * j * LANES + l;
-                const int closed = group->closed[j * LANES + l] > 0.0;
-                force[0] = -group->k_t[l] * w[l];
-                force[LANES] = -group->k_t[l] * w[LANES + l];
-                force[2 * LANES] = closed ? closing[l] : preload[l] - group->k_n[l] * du[2 * LANES + l];
-                opened[l] = closed ? opened[l] : 1.0;
-            }
+    for (index_t j = 0; j < N_t; j++) {
+        const index_t i = j > 0 ? j - 1 : N_t - 1, k = j + 1 < N_t ? j + 1 : 0;
+        const double *w = group->slider + 2 * j * LANES, *area = group->area + 2 * j * LANES;
+        const double *next = group->area + 2 * k * LANES, *N = group->N;
+        double *force = group->force + 3 * j * LANES;
+        for (int l = 0; l < LANES; l++) {
+            const double dip = sampled ? 0.0 : 0.5 * (dip_area(N[i * LANES + l], N[j * LANES + l])
+                                                      + dip_area(N[j * LANES + l], N[k * LANES + l]));
+            const double x = sampled ? 0.0 : 0.5 * (area[l] + next[l]), y = sampled ? 0.0 : 0.5 * (area[LANES + l] + next[LANES + l]);
+            const int closed = N[j * LANES + l] > 0.0;
+            force[l] = -group->k_t[l] * (w[l] + x);
+            force[LANES + l] = -group->k_t[l] * (w[LANES + l] + y);
+            force[2 * LANES + l] = (closed ? closing[l] : preload[l] - group->k_n[l] * group->du[(3 * j + 2) * LANES + l]) + dip;
+            group->opened[l] = closed ? group->opened[l] : 1.0;
         }
     }
-    memcpy(group->slipped, slipped, sizeof slipped);
-    memcpy(group->opened, opened, sizeof opened);
 }
 
 /* The samples of p on the harmonics, eq. (6.1). */
@@ -279,134 +609,466 @@ INLINED void project(aft_group *group, const aft_tables *t)
 
 /* ---- derivatives ------------------------------------------------------------------------------------------------ */
 
-typedef struct {
-    double A[2][2];
-    double C[2][3];                                 /* [I - A, d mu k_n / k_t] */
-} slip_map;
+enum { INPUTS = 8 };                                /* of a step: w_x, w_y, u_x, u_y, N at its begin, u_x, u_y, N at its end */
 
-/* How a slip changes W, eq. (6.2). */
-INLINED slip_map map_of(const aft_group *group, Py_ssize_t k, int l, Py_ssize_t N_t, int separate)
+typedef struct {                                    /* a value with its derivatives by the inputs of a step */
+    double v, g[INPUTS];
+} dual;
+
+#define EACH_INPUT for (int k = 0; k < INPUTS; k++)
+
+INLINED dual constant(double v)
 {
-    const double *slip = group->slips + 3 * k * LANES + l;
-    const double alpha = slip[0], d[2] = {slip[LANES], slip[2 * LANES]};
-    const double grip = group->closed[(k < N_t ? k : k - N_t) * LANES + l] * group->give[l] * group->k_n[l];
-    slip_map m;
-    m.A[0][0] = separate ? (d[0] == 0.0) : alpha * d[1] * d[1];
-    m.A[1][1] = separate ? (d[1] == 0.0) : alpha * d[0] * d[0];
-    m.A[0][1] = m.A[1][0] = separate ? 0.0 : -alpha * d[0] * d[1];
-    for (int a = 0; a < 2; a++) {
-        for (int b = 0; b < 2; b++)
-            m.C[a][b] = (a == b) - m.A[a][b];
-        m.C[a][2] = d[a] * grip;
-    }
-    return m;
+    dual c = {v, {0.0}};
+    return c;
 }
 
-/* W after a slip; may be the same array as before. */
-INLINED void move_slider(double *after, const double *before, const slip_map *m, const double *e, Py_ssize_t stride)
+INLINED dual input(double v, int k, double slope)
+{
+    dual c = constant(v);
+    c.g[k] = slope;
+    return c;
+}
+
+INLINED dual plus(dual a, double f, dual b)         /* a + f b */
+{
+    EACH_INPUT a.g[k] += f * b.g[k];
+    a.v += f * b.v;
+    return a;
+}
+
+INLINED dual times(dual a, dual b)
+{
+    EACH_INPUT a.g[k] = a.g[k] * b.v + a.v * b.g[k];
+    a.v *= b.v;
+    return a;
+}
+
+INLINED dual scaled(double f, dual a)
+{
+    EACH_INPUT a.g[k] *= f;
+    a.v *= f;
+    return a;
+}
+
+INLINED dual over(dual a, dual b)
+{
+    const double inverse = 1.0 / b.v;
+    a.v *= inverse;
+    EACH_INPUT a.g[k] = (a.g[k] - a.v * b.g[k]) * inverse;
+    return a;
+}
+
+INLINED dual root_of(dual a)                        /* of 0: 0, with no derivative */
+{
+    const double size = sqrt(a.v > 0.0 ? a.v : 0.0), slope = size > 0.0 ? 0.5 / size : 0.0;
+    EACH_INPUT a.g[k] *= slope;
+    a.v = size;
+    return a;
+}
+
+INLINED dual product(dual a_x, dual a_y, dual b_x, dual b_y)
+{
+    return plus(times(a_x, b_x), 1.0, times(a_y, b_y));
+}
+
+struct step_map_of {                                /* (n) after a step: w; over it: its area; by the inputs, u_z for N */
+    double A[2][2], C_i[2][3], C_j[2][3];
+};
+
+typedef struct step_map {
+    double w[2];
+    struct step_map_of slider, area;
+    int has_area;
+} step_map;
+
+typedef struct {                                    /* a step of one lane, with derivatives */
+    dual w[2], u_i[2], u_j[2], N_i, N_j, rho_i, rho_j, s_0, s_1;
+    int free_i, free_j;
+} lane_step;
+
+INLINED lane_step step_of(const aft_group *group, index_t i, index_t j, int l, const double *w)
+{
+    lane_step s;
+    for (int a = 0; a < 2; a++) {
+        s.w[a] = input(w[a], a, 1.0);
+        s.u_i[a] = input(group->du[(3 * i + a) * LANES + l], 2 + a, 1.0);
+        s.u_j[a] = input(group->du[(3 * j + a) * LANES + l], 5 + a, 1.0);
+    }
+    s.N_i = input(group->N[i * LANES + l], 4, -group->k_n[l]);      /* derivatives by u_z */
+    s.N_j = input(group->N[j * LANES + l], 7, -group->k_n[l]);
+    s.free_i = !(group->rho[i * LANES + l] > 0.0);
+    s.free_j = !(group->rho[j * LANES + l] > 0.0);
+    s.rho_i = s.free_i ? constant(0.0) : scaled(group->give[l], s.N_i);
+    s.rho_j = s.free_j ? constant(0.0) : scaled(group->give[l], s.N_j);
+    s.s_0 = constant(0.0);
+    s.s_1 = constant(1.0);
+    if (s.free_i != s.free_j)
+        *(s.free_i ? &s.s_0 : &s.s_1) = over(s.N_i, plus(s.N_i, -1.0, s.N_j));
+    return s;
+}
+
+INLINED dual dual_area(dual s_0, dual sigma, dual s_1, dual w_i, dual w_a, dual w_b, dual w_j)
+{
+    dual sum = times(s_0, plus(w_i, 1.0, w_a));
+    sum = plus(sum, 1.0, times(plus(s_1, -1.0, sigma), plus(w_a, 1.0, w_b)));
+    sum = plus(sum, 1.0, times(plus(constant(1.0), -1.0, s_1), plus(w_b, 1.0, w_j)));
+    sum = plus(plus(sum, -1.0, w_i), -1.0, w_j);
+    return plus(scaled(0.5, sum), 1.0, times(plus(sigma, -1.0, s_0), w_a));
+}
+
+INLINED void keep(struct step_map_of *to, int a, dual value)
+{
+    for (int b = 0; b < 2; b++)
+        to->A[a][b] = value.g[b];
+    for (int b = 0; b < 3; b++) {
+        to->C_i[a][b] = value.g[2 + b];
+        to->C_j[a][b] = value.g[5 + b];
+    }
+}
+
+/* circle_step, eq. (3.6), for one lane that slides or is free somewhere in the step. */
+INLINED void circle_map(const lane_step *s, step_map *m)
+{
+    dual a[2], b[2], w[2], V[2], r[2], d[2], q[2], to[2], end[2];
+    const int is_free = s->free_i && s->free_j;
+    for (int k = 0; k < 2; k++) {
+        const dual v = plus(s->u_j[k], -1.0, s->u_i[k]);
+        a[k] = s->free_i && !is_free ? plus(s->u_i[k], 1.0, times(s->s_0, v)) : s->u_i[k];
+        b[k] = s->free_j && !is_free ? plus(s->u_i[k], 1.0, times(s->s_1, v)) : s->u_j[k];
+        w[k] = s->free_i ? a[k] : s->w[k];
+        V[k] = plus(b[k], -1.0, a[k]);
+        r[k] = plus(a[k], -1.0, w[k]);
+    }
+    const dual rho = s->rho_i, rho_j = s->rho_j, d_rho = plus(rho_j, -1.0, rho);
+    const double x = b[0].v - w[0].v, y = b[1].v - w[1].v;
+    const int slips = !is_free && x * x + y * y > rho_j.v * rho_j.v;
+    dual sigma = constant(0.0);
+    if (slips) {
+        const dual c = plus(product(r[0], r[1], r[0], r[1]), -1.0, times(rho, rho));
+        const dual B = plus(product(r[0], r[1], V[0], V[1]), -1.0, times(rho, d_rho));
+        const dual A = plus(product(V[0], V[1], V[0], V[1]), -1.0, times(d_rho, d_rho));
+        const double on = ON_LIMIT * rho.v * rho.v;
+        if (!(c.v >= -on && (c.v > on || B.v > 0.0 || A.v <= 0.0)) && !s->free_i) {
+            const dual S = root_of(plus(times(B, B), -1.0, times(A, c)));
+            sigma = B.v > 0.0 ? over(scaled(-1.0, c), plus(B, 1.0, S)) : over(plus(S, -1.0, B), A);
+            sigma = sigma.v < 1.0 ? sigma : constant(1.0);
+        }
+        const dual rest = plus(constant(1.0), -1.0, sigma), rho_s = plus(rho, 1.0, times(sigma, d_rho));
+        for (int k = 0; k < 2; k++) {
+            q[k] = times(rest, V[k]);
+            d[k] = plus(r[k], 1.0, times(sigma, V[k]));
+        }
+        const dual chord = root_of(product(q[0], q[1], q[0], q[1]));
+        const dual size = root_of(product(d[0], d[1], d[0], d[1]));
+        for (int k = 0; k < 2; k++)
+            d[k] = size.v > 0.0 ? over(d[k], size) : chord.v > 0.0 ? over(q[k], chord) : constant(0.0);
+        const dual middle = scaled(0.5, plus(rho_s, 1.0, rho_j)), whole = plus(middle, 1.0, chord);
+        if (whole.v > 0.0) {
+            const dual p = over(middle, whole), z_x = over(q[0], whole), z_y = over(q[1], whole), X = over(chord, whole);
+            const dual half = plus(p, 0.5, X), pp = times(p, p), Y = plus(pp, 1.0, times(X, half));
+            const dual dz = times(product(d[0], d[1], z_x, z_y), half), Y_pp = plus(Y, 1.0, pp);
+            const dual den = plus(plus(times(Y, Y), 1.0, times(pp, pp)), 1.0, times(dz, Y_pp));
+            const dual turn = times(half, plus(Y_pp, 1.0, dz)), stays = scaled(2.0, times(Y, pp));
+            if (den.v > 0.0) {
+                d[0] = over(plus(times(stays, d[0]), 1.0, times(turn, z_x)), den);
+                d[1] = over(plus(times(stays, d[1]), 1.0, times(turn, z_y)), den);
+            }
+        }
+    }
+    const dual from = slips ? plus(s->s_0, 1.0, times(sigma, plus(s->s_1, -1.0, s->s_0))) : s->s_1;
+    m->has_area = !is_free && (sigma.v > 0.0 || s->free_i || s->free_j);
+    for (int k = 0; k < 2; k++) {
+        to[k] = slips ? plus(b[k], -1.0, times(rho_j, d[k])) : w[k];
+        end[k] = s->free_j ? s->u_j[k] : to[k];
+        m->w[k] = end[k].v;
+        keep(&m->slider, k, end[k]);
+        if (m->has_area)
+            keep(&m->area, k, dual_area(s->s_0, from, s->s_1, s->w[k], w[k], to[k], end[k]));
+    }
+}
+
+/* separate_step for one lane. */
+INLINED void separate_map(const lane_step *s, step_map *m)
+{
+    const int is_free = s->free_i && s->free_j;
+    m->has_area = 0;
+    for (int k = 0; k < 2; k++) {
+        const dual v = plus(s->u_j[k], -1.0, s->u_i[k]);
+        const dual a = s->free_i && !is_free ? plus(s->u_i[k], 1.0, times(s->s_0, v)) : s->u_i[k];
+        const dual b = s->free_j && !is_free ? plus(s->u_i[k], 1.0, times(s->s_1, v)) : s->u_j[k];
+        const dual w = s->free_i ? a : s->w[k], r = plus(b, -1.0, w);
+        const double sign = r.v < 0.0 ? -1.0 : 1.0;
+        const dual excess = plus(scaled(sign, r), -1.0, s->rho_j);
+        const dual before = plus(scaled(sign, plus(a, -1.0, w)), -1.0, s->rho_i);
+        const int slips = !is_free && excess.v > 0.0;
+        dual sigma = constant(0.0);
+        if (slips && before.v < -ON_LIMIT * s->rho_i.v)
+            sigma = over(before, plus(before, -1.0, excess));
+        const dual from = slips ? plus(s->s_0, 1.0, times(sigma, plus(s->s_1, -1.0, s->s_0))) : s->s_1;
+        const dual to = slips ? plus(b, -sign, s->rho_j) : w, end = s->free_j ? s->u_j[k] : to;
+        m->w[k] = end.v;
+        keep(&m->slider, k, end);
+        keep(&m->area, k, is_free ? constant(0.0) : dual_area(s->s_0, from, s->s_1, s->w[k], w, to, end));
+        m->has_area |= !is_free && (sigma.v > 0.0 || s->free_i || s->free_j);
+    }
+}
+
+/* The plain return map for one lane, eq. (6.2). */
+INLINED void sampled_map(const lane_step *s, int separate, step_map *m)
+{
+    const dual x = plus(s->u_j[0], -1.0, s->w[0]), y = plus(s->u_j[1], -1.0, s->w[1]), length = root_of(product(x, y, x, y));
+    m->has_area = 0;
+    for (int k = 0; k < 2; k++) {
+        const dual r = k == 0 ? x : y, size = separate ? scaled(r.v < 0.0 ? -1.0 : 1.0, r) : length;
+        dual end = s->w[k];
+        if (s->free_j)
+            end = s->u_j[k];
+        else if (size.v > s->rho_j.v)
+            end = plus(s->u_j[k], -1.0, times(s->rho_j, over(r, size)));
+        m->w[k] = end.v;
+        keep(&m->slider, k, end);
+    }
+}
+
+INLINED void map_of(const aft_group *group, index_t i, index_t j, int l, const double *w, int separate, int sampled,
+                    step_map *m)
+{
+    const lane_step s = step_of(group, i, j, l, w);
+    if (sampled)
+        sampled_map(&s, separate, m);
+    else if (separate)
+        separate_map(&s, m);
+    else
+        circle_map(&s, m);
+}
+
+/* W after a slip, or with the map of an area its derivative; e_i and e_j are rows of E.  May be the same array as before. */
+INLINED void apply_map(double *after, const double *before, const struct step_map_of *m, const double *e_i, const double *e_j,
+                       index_t stride)
 {
     for (int b = 0; b < 3; b++) {
         const double *x = before + b * stride, *y = before + (3 + b) * stride;
         double *to_x = after + b * stride, *to_y = after + (3 + b) * stride;
-        const double xx = m->A[0][0], xy = m->A[0][1], yy = m->A[1][1], x_new = m->C[0][b], y_new = m->C[1][b];
+        const double xx = m->A[0][0], xy = m->A[0][1], yx = m->A[1][0], yy = m->A[1][1];
+        const double x_i = m->C_i[0][b], y_i = m->C_i[1][b], x_j = m->C_j[0][b], y_j = m->C_j[1][b];
 #pragma GCC ivdep
-        for (Py_ssize_t h = 0; h < stride; h++) {
+        for (index_t h = 0; h < stride; h++) {
             const double old_x = x[h], old_y = y[h];
-            to_x[h] = xx * old_x + xy * old_y + x_new * e[h];
-            to_y[h] = xy * old_x + yy * old_y + y_new * e[h];
+            to_x[h] = xx * old_x + xy * old_y + x_i * e_i[h] + x_j * e_j[h];
+            to_y[h] = yx * old_x + yy * old_y + y_i * e_i[h] + y_j * e_j[h];
         }
     }
 }
 
-/* First slip of period one that still matters in period two: what lies before it has been forgotten. */
-INLINED Py_ssize_t first_that_matters(const aft_group *group, Py_ssize_t n_before, int l, Py_ssize_t N_t, int separate)
+/* Whether the slider of a lane moves in a step. */
+INLINED int moves(const aft_group *group, index_t i, index_t j, int l, int separate, int sampled, const double *w)
 {
+    const double x = group->du[3 * j * LANES + l] - w[0], y = group->du[(3 * j + 1) * LANES + l] - w[1];
+    const double rho_i = group->rho[i * LANES + l], rho = group->rho[j * LANES + l];
+    const int inside = separate ? fabs(x) <= rho && fabs(y) <= rho : x * x + y * y <= rho * rho;
+    return !(inside && rho > 0.0 && (rho_i > 0.0 || sampled));
+}
+
+/* The maps of the kept period's slips, one lane; returns how many. */
+INLINED index_t find_maps(aft_group *group, index_t N_t, int l, int separate, int sampled)
+{
+    index_t n = 0;
+    for (index_t j = 0; j < N_t && !group->at_corner[l]; j++) {
+        if (!(group->slides[j * LANES + l] > 0.0))
+            continue;
+        const index_t i = j > 0 ? j - 1 : N_t - 1;
+        const double *before = j > 0 ? group->slider + 2 * i * LANES : group->before;
+        const double w[2] = {before[l], before[LANES + l]};
+        map_of(group, i, j, l, w, separate, sampled, group->maps + n);
+        group->events[n++] = j;
+    }
+    return n;
+}
+
+/* W of a lane that is left where its way there took it: a march from w0 with derivatives, until a period does not slide. */
+INLINED void march_with_derivative(const aft_group *group, const aft_tables *t, int l, int separate, int sampled, double *W)
+{
+    const index_t N_t = t->N_t, stride = t->stride;
+    double w[2] = {0.0, 0.0};
+    int slides = 1;
+    memset(W, 0, (size_t)(6 * stride) * sizeof(double));
+    for (int period = 0; period < MOST_PERIODS && slides; period++) {
+        slides = period == 0;
+        for (index_t j = period == 0 && sampled; j < N_t; j++) {
+            const index_t i = begin_of(j, N_t, period == 0);
+            if (!moves(group, i, j, l, separate, sampled, w))
+                continue;
+            step_map m;
+            map_of(group, i, j, l, w, separate, sampled, &m);
+            const double moved = fabs(m.w[0] - w[0]) + fabs(m.w[1] - w[1]);
+            const double *u = group->du + 3 * j * LANES + l;
+            slides |= moved > MOVES * (fabs(u[0]) + fabs(u[LANES]) + fabs(w[0]) + fabs(w[1]));
+            apply_map(W, W, &m.slider, t->E + i * stride, t->E + j * stride, stride);
+            memcpy(w, m.w, sizeof w);
+        }
+    }
+}
+
+/* W of the cycle that n maps lead back to where it began, W = A W + C, eq. (6.5); returns 0, without W, where they leave more than one. */
+INLINED int find_fixed_point(const aft_group *group, const aft_tables *t, index_t n, double *W)
+{
+    const index_t stride = t->stride;
     double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}}, largest = 1.0;
-    Py_ssize_t i = n_before;
-    while (i > 0 && largest > FORGOTTEN) {
-        const slip_map m = map_of(group, group->events[--i], l, N_t, separate);
+    index_t first = n;
+    while (first > 0 && largest > FORGOTTEN) {          /* what lies before has been forgotten */
+        const double (*A)[2] = group->maps[--first].slider.A;
         largest = 0.0;
         for (int a = 0; a < 2; a++) {
             const double x = M[a][0], y = M[a][1];
             for (int b = 0; b < 2; b++) {
-                M[a][b] = x * m.A[0][b] + y * m.A[1][b];
+                M[a][b] = x * A[0][b] + y * A[1][b];
                 largest = fabs(M[a][b]) > largest ? fabs(M[a][b]) : largest;
             }
         }
     }
-    return i;
+    const double xx = 1.0 - M[0][0], yy = 1.0 - M[1][1], det = xx * yy - M[0][1] * M[1][0];
+    if (!(fabs(det) > 1.0 - SLOWEST))
+        return 0;
+    for (index_t k = first; k < n; k++) {
+        const index_t j = group->events[k], i = j > 0 ? j - 1 : t->N_t - 1;
+        apply_map(W, W, &group->maps[k].slider, t->E + i * stride, t->E + j * stride, stride);
+    }
+    for (index_t c = 0; c < 3 * stride && largest > FORGOTTEN; c++) {
+        const double C_x = W[c], C_y = W[3 * stride + c];
+        W[c] = (yy * C_x + M[0][1] * C_y) / det;
+        W[3 * stride + c] = (M[1][0] * C_x + xx * C_y) / det;
+    }
+    return 1;
 }
 
-/* group->sum = sum over the kept period of F (x) W for lane l. */
-INLINED void sum_slider_derivative(aft_group *group, const aft_tables *t, int l, int separate)
+/* W of a slider that two samples hold, d . dw = d . du - d rho at both. */
+INLINED void corner_derivative(const aft_group *group, const aft_tables *t, int l, double *W)
 {
-    const Py_ssize_t N_t = t->N_t, stride = t->stride, width = 6 * stride;
-    Py_ssize_t n_events = 0, n_before = 0;
-    for (Py_ssize_t k = 0; k < 2 * N_t; k++) {
-        n_before = k == N_t ? n_events : n_before;
-        group->events[n_events] = k;
-        n_events += group->slips[3 * k * LANES + l] != NO_SLIP;
+    const index_t stride = t->stride;
+    double d[2][2];
+    for (int k = 0; k < 2; k++) {
+        const double *u = group->du + 3 * group->corners[2 * l + k] * LANES + l;
+        const double x = u[0] - group->before[l], y = u[LANES] - group->before[LANES + l], size = sqrt(x * x + y * y);
+        d[k][0] = x / size;
+        d[k][1] = y / size;
     }
+    const double det = d[0][0] * d[1][1] - d[0][1] * d[1][0];
+    for (int k = 0; k < 2; k++) {
+        const double *e = t->E + group->corners[2 * l + k] * stride;
+        const double by[3] = {d[k][0], d[k][1], group->give[l] * group->k_n[l]};
+        const double to_x = (k == 0 ? d[1][1] : -d[0][1]) / det, to_y = (k == 0 ? -d[1][0] : d[0][0]) / det;
+        for (int b = 0; b < 3; b++)
+            for (index_t h = 0; h < stride; h++) {
+                W[b * stride + h] += to_x * by[b] * e[h];
+                W[(3 + b) * stride + h] += to_y * by[b] * e[h];
+            }
+    }
+}
+
+/* W at the begin of the kept period, whose n maps are at hand, and are again: of the cycle that repeats, or of the way there. */
+INLINED void find_start(aft_group *group, const aft_tables *t, index_t n, int l, int separate, int sampled, double *W)
+{
+    memset(W, 0, (size_t)(6 * t->stride) * sizeof(double));
+    if (t->N_t == 1 || (n == 0 && group->before[l] == 0.0 && group->before[LANES + l] == 0.0))
+        return;
+    if (group->slipped.each[l] > 0.0 && find_fixed_point(group, t, n, W))
+        return;
+    if (group->at_corner[l]) {
+        corner_derivative(group, t, l, W);
+        return;
+    }
+    march_with_derivative(group, t, l, separate, sampled, W);
+}
+
+/* group->sum = sum over the kept period of F (x) W, and of the areas' derivatives, for lane l. */
+INLINED void sum_slider_derivative(aft_group *group, const aft_tables *t, int l, int separate, int sampled)
+{
+    const index_t N_t = t->N_t, stride = t->stride, width = 6 * stride;
+    const index_t n_events = find_maps(group, N_t, l, separate, sampled);
     double *before = group->W, *W = group->W + width;       /* row 0 of W keeps the last state */
-    memset(before, 0, (size_t)width * sizeof(double));
+    const double *last = before;
+    find_start(group, t, n_events, l, separate, sampled, before);
     memset(group->sum, 0, (size_t)(t->N_H * width) * sizeof(double));
-    for (Py_ssize_t i = first_that_matters(group, n_before, l, N_t, separate); i < n_before; i++) {
-        const slip_map m = map_of(group, group->events[i], l, N_t, separate);
-        move_slider(before, before, &m, t->E + group->events[i] * stride, stride);
-    }
-    Py_ssize_t n = 0, next = n_before < n_events ? group->events[n_before] - N_t : N_t;
-    if (n_before > 0 && next > 0) {                         /* until the first slip of the kept period */
+    index_t n = 0, next = n_events > 0 ? group->events[0] : N_t;
+    if (next > 0) {                                         /* until the first slip */
         memcpy(W, before, (size_t)width * sizeof(double));
         memcpy(group->G, t->S + next * stride, (size_t)stride * sizeof(double));
         n = 1;
     }
-    for (Py_ssize_t i = n_before; i < n_events; i++) {
-        const Py_ssize_t j = group->events[i] - N_t;
-        const slip_map m = map_of(group, group->events[i], l, N_t, separate);
-        next = i + 1 < n_events ? group->events[i + 1] - N_t : N_t;
-        move_slider(W + n * width, before + n * width, &m, t->E + j * stride, stride);
-        for (Py_ssize_t c = 0; c < stride; c++)
-            group->G[n * stride + c] =
-                next == j + 1 ? t->F[j * stride + c] : t->S[next * stride + c] - t->S[j * stride + c];
-        if (++n == CHUNK) {
+    for (index_t k = 0; k < n_events; k++) {
+        const index_t j = group->events[k], i = j > 0 ? j - 1 : N_t - 1;
+        const double *e_i = t->E + i * stride, *e_j = t->E + j * stride, *F_i = t->F + i * stride, *F_j = t->F + j * stride;
+        next = k + 1 < n_events ? group->events[k + 1] : N_t;
+        if (group->maps[k].has_area) {
+            apply_map(W + n * width, last, &group->maps[k].area, e_i, e_j, stride);
+            for (index_t c = 0; c < stride; c++)
+                group->G[n * stride + c] = 0.5 * (F_i[c] + F_j[c]);
+            n++;
+        }
+        apply_map(W + n * width, last, &group->maps[k].slider, e_i, e_j, stride);
+        last = W + n * width;
+        for (index_t c = 0; c < stride; c++)
+            group->G[n * stride + c] = next == j + 1 ? F_j[c] : t->S[next * stride + c] - t->S[j * stride + c];
+        if (++n >= CHUNK - 1) {
             add_product(group->sum, group->G, W, n, t->N_H, stride, width);
-            memcpy(before, W + (n - 1) * width, (size_t)width * sizeof(double));
+            memcpy(before, last, (size_t)width * sizeof(double));
+            last = before;
             n = 0;
         }
     }
     add_product(group->sum, group->G, W, n, t->N_H, stride, width);
 }
 
-/* P of lane l, (3 N_H, 3 N_H).  The normal force does not know the tangential motion. */
-INLINED void differentiate(aft_group *group, const aft_tables *t, int l, int separate, double *P)
+/* group->sum = what opening takes from the normal force of lane l, by u_z: sum over the open samples of F (x) E, and dips. */
+INLINED void sum_opening_derivative(aft_group *group, const aft_tables *t, int l, int sampled)
 {
-    const Py_ssize_t N_H = t->N_H, N_t = t->N_t, stride = t->stride, width = 6 * stride;
-    sum_slider_derivative(group, t, l, separate);
+    const index_t N_t = t->N_t, stride = t->stride;
+    index_t n = 0;
+    memset(group->sum, 0, (size_t)(t->N_H * stride) * sizeof(double));
+    for (index_t j = 0; j < N_t; j++) {
+        const index_t i = j > 0 ? j - 1 : N_t - 1;
+        const double N_i = group->N[i * LANES + l], N_j = group->N[j * LANES + l], size = N_i - N_j;
+        if (!(N_j > 0.0)) {
+            memcpy(group->G + n * stride, t->F + j * stride, (size_t)stride * sizeof(double));
+            memcpy(group->W + n * stride, t->E + j * stride, (size_t)stride * sizeof(double));
+            n++;
+        }
+        if (!sampled && (N_i > 0.0) != (N_j > 0.0) && size != 0.0) {
+            const double by_i = (N_i > 0.0 ? 0.5 : -0.5) * (N_j / size) * (N_j / size);
+            const double by_j = (N_j > 0.0 ? 0.5 : -0.5) * (N_i / size) * (N_i / size);
+            for (index_t c = 0; c < stride; c++) {
+                group->G[n * stride + c] = 0.5 * (t->F[i * stride + c] + t->F[j * stride + c]);
+                group->W[n * stride + c] = by_i * t->E[i * stride + c] + by_j * t->E[j * stride + c];
+            }
+            n++;
+        }
+        if (n >= CHUNK - 1) {
+            add_product(group->sum, group->G, group->W, n, t->N_H, stride, stride);
+            n = 0;
+        }
+    }
+    add_product(group->sum, group->G, group->W, n, t->N_H, stride, stride);
+}
+
+/* P of lane l, (3 N_H, 3 N_H).  The normal force does not know the tangential motion. */
+INLINED void differentiate(aft_group *group, const aft_tables *t, int l, int separate, int sampled, double *P)
+{
+    const index_t N_H = t->N_H, stride = t->stride, width = 6 * stride;
+    sum_slider_derivative(group, t, l, separate, sampled);
     for (int a = 0; a < 2; a++)
-        for (Py_ssize_t c = 0; c < N_H; c++)
+        for (index_t c = 0; c < N_H; c++)
             for (int b = 0; b < 3; b++)
-                for (Py_ssize_t h = 0; h < N_H; h++)
+                for (index_t h = 0; h < N_H; h++)
                     P[(a * N_H + c) * 3 * N_H + b * N_H + h] =
                         0.0 - group->k_t[l] * group->sum[c * width + (3 * a + b) * stride + h];
     double *P_z = P + 6 * N_H * N_H;
     memset(P_z, 0, (size_t)(3 * N_H * N_H) * sizeof(double));
     if (!(group->opened[l] > 0.0))
         return;
-    memset(group->sum, 0, (size_t)(N_H * stride) * sizeof(double));
-    Py_ssize_t n = 0;
-    for (Py_ssize_t j = 0; j < N_t; j++) {
-        if (group->closed[j * LANES + l] > 0.0)
-            continue;
-        memcpy(group->G + n * stride, t->F + j * stride, (size_t)stride * sizeof(double));
-        memcpy(group->W + n * stride, t->E + j * stride, (size_t)stride * sizeof(double));
-        if (++n == CHUNK) {
-            add_product(group->sum, group->G, group->W, n, N_H, stride, stride);
-            n = 0;
-        }
-    }
-    add_product(group->sum, group->G, group->W, n, N_H, stride, stride);
-    for (Py_ssize_t c = 0; c < N_H; c++)
-        for (Py_ssize_t h = 0; h < N_H; h++)
+    sum_opening_derivative(group, t, l, sampled);
+    for (index_t c = 0; c < N_H; c++)
+        for (index_t h = 0; h < N_H; h++)
             P_z[c * 3 * N_H + 2 * N_H + h] = -group->k_n[l] * group->sum[c * stride + h];
 }
 
@@ -415,44 +1077,45 @@ INLINED void differentiate(aft_group *group, const aft_tables *t, int l, int sep
 static int allocate(aft_group *group, const aft_tables *t)
 {
     const size_t N_H = (size_t)t->N_H, N_t = (size_t)t->N_t, s = (size_t)t->stride;
-    const size_t sizes[] = {3 * N_H * LANES, 3 * N_t * LANES, N_t * LANES, N_t * LANES, 3 * N_t * LANES,
-                            6 * N_t * LANES, 3 * N_H * LANES, (CHUNK + 1) * 6 * s, CHUNK * s, 6 * N_H * s};
-    double **arrays[] = {&group->U, &group->du, &group->rho, &group->closed, &group->force, &group->slips,
-                         &group->p, &group->W, &group->G, &group->sum};
+    const size_t sizes[] = {3 * N_H * LANES, 3 * N_t * LANES, N_t * LANES, N_t * LANES, 3 * N_t * LANES, 2 * N_t * LANES,
+                            2 * N_t * LANES, N_t * LANES, 3 * N_H * LANES, (CHUNK + 1) * 6 * s, CHUNK * s, 6 * N_H * s};
+    double **arrays[] = {&group->U, &group->du, &group->rho, &group->N, &group->force, &group->slider,
+                         &group->area, &group->slides, &group->p, &group->W, &group->G, &group->sum};
+    const int n_arrays = sizeof sizes / sizeof sizes[0];
     size_t total = 0;
-    for (int i = 0; i < 10; i++)
-        total += sizes[i];
+    for (int i = 0; i < n_arrays; i++)
+        total += sizes[i] * sizeof(double);
     void *block;                                    /* rows of lanes do not straddle cache lines */
-    if (posix_memalign(&block, LANES * sizeof(double), total * sizeof(double) + 2 * N_t * sizeof(Py_ssize_t)) != 0)
+    if (posix_memalign(&block, LANES * sizeof(double), total + N_t * (sizeof(step_map) + sizeof(index_t))) != 0)
         return -1;
     double *memory = block;
-    for (int i = 0; i < 10; i++) {
+    for (int i = 0; i < n_arrays; i++) {
         *arrays[i] = memory;
         memory += sizes[i];
     }
-    group->events = (Py_ssize_t *)memory;
+    group->maps = (step_map *)memory;
+    group->events = (index_t *)(group->maps + N_t);
     return 0;
 }
 
-INLINED int is_finite(const aft_pairs *pairs, Py_ssize_t i, Py_ssize_t N_H)
+INLINED int is_finite(const aft_pairs *pairs, index_t i, index_t N_H)
 {
     double zero = 0.0 * (pairs->mu[i] + pairs->N0[i] + pairs->k_t[i] + pairs->k_n[i]);
     zero += 0.0 * pairs->w0[2 * i] + 0.0 * pairs->w0[2 * i + 1];
-    for (Py_ssize_t c = 0; c < 3 * N_H; c++)
+    for (index_t c = 0; c < 3 * N_H; c++)
         zero += 0.0 * pairs->U[3 * N_H * i + c];
     return zero == 0.0;
 }
 
 /* leaves[i] = 0 if pair i sticks, closed, at every sample, so that p and dp/dU vanish.  Returns -1 without memory. */
-EVERY_MACHINE
-int aft_leaves(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t n, unsigned char *leaves)
+int KERNEL(aft_leaves)(const aft_tables *t, const aft_pairs *pairs, index_t n, unsigned char *leaves)
 {
     aft_group group;
-    Py_ssize_t undecided[LANES];
+    index_t undecided[LANES];
     int n_lanes = 0;
     if (allocate(&group, t) != 0)
         return -1;
-    for (Py_ssize_t i = 0; i < n; i++) {
+    for (index_t i = 0; i < n; i++) {
         leaves[i] = 0;
         if (!surely_stuck(pairs, i, t->N_H))
             undecided[n_lanes++] = i;
@@ -467,52 +1130,68 @@ int aft_leaves(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t n, unsign
     return 0;
 }
 
-INLINED void finish(aft_group *group, const aft_tables *t, const aft_pairs *pairs, const Py_ssize_t *chosen,
-                    const Py_ssize_t *place, int n_lanes, int separate, double *p, unsigned char *state, double *P)
+/* A round for some pairs; of those that have come to their cycles, or were given up, what was asked for. */
+INLINED void march_round(aft_group *group, const aft_tables *t, const aft_pairs *pairs, wanderer *lane, int n_lanes, int separate,
+                         double *p, unsigned char *state, unsigned char *creeps, double *P)
 {
-    const Py_ssize_t size = 3 * t->N_H;
+    const index_t size = 3 * t->N_H;
+    const int sampled = t->sampled && t->N_t > 1;   /* a constant motion has no path */
+    index_t chosen[LANES];
+    for (int l = 0; l < LANES; l++)
+        chosen[l] = lane[l].pair;
     gather(group, pairs, chosen, t->N_H);
     sample(group, t);
-    march(group, t->N_t, separate);
+    march(group, t->N_t, separate, sampled, lane);
+    find_forces(group, t->N_t, sampled);
     project(group, t);
     for (int l = 0; l < n_lanes; l++) {
+        if (lane[l].slides_on && lane[l].periods < MOST_PERIODS)
+            continue;
         const int finite = is_finite(pairs, chosen[l], t->N_H);
-        double *P_l = P == NULL ? NULL : P + size * size * place[l];
-        state[chosen[l]] = group->opened[l] > 0.0 ? OPEN : group->slipped[l] > 0.0 ? SLIP : STICK;
-        for (Py_ssize_t c = 0; c < size; c++)
+        double *P_l = P == NULL ? NULL : P + size * size * lane[l].place;
+        state[chosen[l]] = group->opened[l] > 0.0 ? OPEN : group->slipped.each[l] > 0.0 ? SLIP : STICK;
+        creeps[chosen[l]] = lane[l].slides_on;
+        for (index_t c = 0; c < size; c++)
             p[size * chosen[l] + c] = finite ? group->p[(c % t->N_H * 3 + c / t->N_H) * LANES + l] : NAN;
         if (P_l != NULL && finite)
-            differentiate(group, t, l, separate, P_l);
-        for (Py_ssize_t c = 0; P_l != NULL && !finite && c < size * size; c++)
+            differentiate(group, t, l, separate, sampled, P_l);
+        for (index_t c = 0; P_l != NULL && !finite && c < size * size; c++)
             P_l[c] = NAN;
+        lane[l].slides_on = 0;
     }
 }
 
-/* March the m active pairs: writes their rows of p (n, 3, N_H) and state (n,), and all of P (m, 3 N_H, 3 N_H) unless it
+/* March the m active pairs: writes their rows of p (n, 3, N_H), state and creeps (n,), and all of P (m, 3 N_H, 3 N_H) unless it
  * is NULL.  Pairs with a friction circle and with separate limits are grouped apart.  Returns -1 without memory. */
-EVERY_MACHINE
-int aft_march(const aft_tables *t, const aft_pairs *pairs, Py_ssize_t m, const Py_ssize_t *active, double *p,
-              unsigned char *state, double *P)
+int KERNEL(aft_march)(const aft_tables *t, const aft_pairs *pairs, index_t m, const index_t *active, double *p,
+              unsigned char *state, unsigned char *creeps, double *P)
 {
     aft_group group;
-    if (allocate(&group, t) != 0)
+    wanderer lane[LANES], *waiting = calloc((size_t)m, sizeof *waiting);
+    if (waiting == NULL || allocate(&group, t) != 0) {
+        free(waiting);
         return -1;
+    }
     for (int separate = 0; separate < 2; separate++) {
-        Py_ssize_t chosen[LANES], place[LANES];
-        int n_lanes = 0;
-        for (Py_ssize_t k = 0; k < m; k++) {
-            if ((pairs->separate[active[k]] != 0) == separate) {
-                chosen[n_lanes] = active[k];
-                place[n_lanes++] = k;
+        index_t n_waiting = 0;
+        for (index_t k = 0; k < m; k++)
+            if ((pairs->separate[active[k]] != 0) == separate)
+                waiting[n_waiting++] = (wanderer){.pair = active[k], .place = k};
+        while (n_waiting > 0) {
+            index_t n_left = 0;
+            for (index_t k = 0; k < n_waiting; k += LANES) {
+                const int n_lanes = n_waiting - k < LANES ? (int)(n_waiting - k) : LANES;
+                for (int l = 0; l < LANES; l++)
+                    lane[l] = waiting[k + (l < n_lanes ? l : 0)];
+                march_round(&group, t, pairs, lane, n_lanes, separate, p, state, creeps, P);
+                for (int l = 0; l < n_lanes; l++)
+                    if (lane[l].slides_on)
+                        waiting[n_left++] = lane[l];
             }
-            if (n_lanes > 0 && (n_lanes == LANES || k + 1 == m)) {
-                for (int l = n_lanes; l < LANES; l++)
-                    chosen[l] = chosen[0];
-                finish(&group, t, pairs, chosen, place, n_lanes, separate, p, state, P);
-                n_lanes = 0;
-            }
+            n_waiting = n_left;
         }
     }
     free(group.U);
+    free(waiting);
     return 0;
 }

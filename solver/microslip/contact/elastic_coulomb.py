@@ -2,7 +2,7 @@
 
 Each Jenkins element is a spring ``k_t`` in series with a slider at position ``w``, T = k_t (du_t - w).  With motion and slider
 both measured from the slider's start ``w0``, p_t = -k_t (w - w0) is exactly zero, free of roundoff, until the slider moves for
-the first time.  The march over a cycle is compiled (elastic_coulomb.c).
+the first time.  The march to the cycle that repeats is compiled (elastic_coulomb.c).
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ class ElasticCoulomb:
     k_n: np.ndarray  # normal stiffness [N/m]
     separate: np.ndarray  # bool: each tangential direction has its own friction limit
     w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) of all: the sliders' start [m], (3.5)
+    sampled: bool = False  # the return map (3.3) at samples alone, instead of the path between them (3.6)
 
     def __post_init__(self):
         n = np.size(self.k_t)
@@ -48,6 +49,11 @@ class ElasticCoulomb:
     def n_pairs(self) -> int:
         return len(self.k_t)
 
+    @property
+    def order(self) -> int:
+        """The order in 1 / N_t at which the harmonics of a cycle converge: 1 of the return map, 2 of the path between samples."""
+        return 1 if self.sampled else 2
+
     @cached_property
     def stiffness(self) -> np.ndarray:
         """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]."""
@@ -56,15 +62,15 @@ class ElasticCoulomb:
     def take(self, indices) -> ElasticCoulomb:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
         arrays = (self.mu, self.N0, self.k_t, self.k_n, self.separate, self.w0)
-        return ElasticCoulomb(*(values[indices] for values in arrays))
+        return ElasticCoulomb(*(values[indices] for values in arrays), self.sampled)
 
     # -- a cycle -----------------------------------------------------------------------------------------------
 
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
         """Return the harmonics of the contact forces beyond the stuck springs under the periodic motion ``U``.
 
-        Local.  Marches the law through two periods of ``n_samples`` each, from T = k_t (du_t - w0) at the first sample, and keeps
-        the second: docs/theory.md, eq. (3.5) and eq. (6.1).
+        Local.  Marches the law through periods of ``n_samples``, from T = k_t (du_t - w0) at the first sample, until one repeats,
+        and keeps that: docs/theory.md, eq. (3.5), eq. (3.7) and eq. (6.1).
 
         Parameters
         ----------
@@ -75,18 +81,18 @@ class ElasticCoulomb:
 
         Notes
         -----
-        P is the derivative of the sampled law through both periods.  It jumps where a sample passes from stick to slip,
-        or from closed to open; there it is the derivative from one side.  A pair is active if it leaves sticking in either
-        period, if it opens, or if it starts with a gap.  A pair that only slid while the cycle settled is active and in
-        state STICK: it carries a constant p.  A pair with NaN in ``U`` or in a parameter is active; its p and P are NaN.
+        P is the exact derivative of that.  It jumps where slip ends at another sample, and of the return map where a sample
+        passes from stick to slip or from closed to open; there it is the derivative from one side.  A pair is active if it
+        leaves sticking in any period, if it opens, or if it starts with a gap.  A pair that only slid while the cycle settled is
+        active and in state STICK: it carries a constant p.  A pair with NaN in ``U`` or in a parameter is active; its p and P are NaN.
         """
         n, _, N_H = U.shape
         if self.n_pairs != n:
             raise ValueError(f"harmonics of {n} pairs with the law of {self.n_pairs}")
-        sampling = _sampling(harmonics or Harmonics.full(N_H), n_samples)
+        sampling = _sampling(harmonics or Harmonics.full(N_H), n_samples, self.sampled)
         if sampling.n_coefficients != N_H:
             raise ValueError(f"{N_H} coefficients for the harmonics {harmonics}, which have {sampling.n_coefficients}")
-        p, state = np.zeros((n, 3, N_H)), np.zeros(n, dtype=np.uint8)
+        p, (state, creeps) = np.zeros((n, 3, N_H)), np.zeros((2, n), dtype=np.uint8)
         active = np.empty(0, dtype=np.intp)
         if n > 0:
             U, separate = np.ascontiguousarray(U, dtype=np.float64), self.separate.view(np.uint8)
@@ -95,8 +101,8 @@ class ElasticCoulomb:
             active = np.flatnonzero(state)
         P = np.empty((len(active), 3 * N_H, 3 * N_H)) if tangents else None
         if len(active) > 0:
-            march(sampling, pairs, active, p, state, P)
-        return ContactCycle(p, state, active, P)
+            march(sampling, pairs, active, p, state, creeps, P)
+        return ContactCycle(p, state, active, P, creeps.astype(bool))
 
     # -- a step of time ----------------------------------------------------------------------------------------
 
@@ -194,18 +200,12 @@ class ElasticCoulomb:
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
         """Return which pairs keep half-wave symmetry, u(t + T/2) = -u(t), if the components ``moves`` (n, 3) move, (n,).  Local.
 
-        Those whose normal force stays what it is at rest, and whose friction forgets the start w0 = 0 within the first period, so
-        that no constant p is left.  Along a line, or with a limit for each direction, the slider stands at du_max - mu N / k_t
-        once du_max is passed, and at the opposite place after -du_max, wherever it was before: both are passed in the first
-        period, and what follows is odd.  With du_max within the limit mu N / k_t the slider stays at 0 and p vanishes.  Free
-        sliding (mu N = 0) and k_t = 0 are linear.
-
-        A friction circle on a motion in both directions is left out: there the slider tends to its cycle without ever reaching
-        it, and the period that is kept still holds some of the start, even harmonics among them.
+        Those whose normal force stays what it is at rest, and that start with w0 = 0.  The positions at which no sample moves the
+        slider are a convex set, symmetric about 0 like the motion: if there are any, 0 is one, the slider stays there, and p
+        vanishes.  If there are none it slips in every cycle, forgets its start, and the one cycle that is left has the symmetry.
+        Free sliding (mu N = 0) and k_t = 0 are linear.  The return map at samples has the same sets.
         """
-        is_linear = (self.mu * np.maximum(self.N0, 0.0) == 0.0) | (self.k_t == 0.0)
-        one_at_a_time = self.separate | (moves[:, :2].sum(axis=1) <= 1)
-        return ~moves[:, 2] & (is_linear | one_at_a_time) & (self.held_at_rest == 0.0)
+        return ~moves[:, 2] & (self.held_at_rest == 0.0)
 
 
 def _excess(force: np.ndarray, limit: np.ndarray) -> np.ndarray:
@@ -214,7 +214,7 @@ def _excess(force: np.ndarray, limit: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _sampling(harmonics: Harmonics, N_t: int) -> Sampling:
+def _sampling(harmonics: Harmonics, N_t: int, sampled: bool) -> Sampling:
     """Return the kernel's tables of docs/theory.md, eq. (6.1), rows padded with zeros to a multiple of four."""
     N_H = harmonics.n_coefficients
     stride = 4 * -(-N_H // 4)
@@ -224,4 +224,4 @@ def _sampling(harmonics: Harmonics, N_t: int) -> Sampling:
     S[1:] = np.cumsum(F, axis=0)
     S[N_t] = 0.0  # what the sum is without roundoff
     S[N_t, harmonics.mean] = 1.0
-    return Sampling(E, np.ascontiguousarray(synthesis_matrix(harmonics, N_t).T), F, S)
+    return Sampling(E, np.ascontiguousarray(synthesis_matrix(harmonics, N_t).T), F, S, sampled)

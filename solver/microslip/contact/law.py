@@ -25,6 +25,7 @@ class ContactCycle:
     state: np.ndarray  # (n,) uint8, in the kept period: STICK, SLIP, OPEN
     active: np.ndarray  # (m,) pairs with p or dp/dU not identically zero, ascending
     P: np.ndarray | None  # (m, 3 N_H, 3 N_H) dp/dU [N/m], row and column = direction * N_H + coefficient
+    creeps: np.ndarray  # (n,) bool: the slider still moves on from period to period when the march is given up
 
 
 class Law(Protocol):
@@ -39,6 +40,10 @@ class Law(Protocol):
     @property
     def stiffness(self) -> np.ndarray:
         """The springs K_J of a pair that sticks, (n, 3) [N/m]."""
+
+    @property
+    def order(self) -> int:
+        """The order in 1 / N_t at which the harmonics of a cycle converge."""
 
     def take(self, indices) -> Law:
         """Return the law of some of the pairs: an index array, a mask or a slice."""

@@ -28,7 +28,6 @@ FINER = 2  # times the samples of the better problem
 SAMPLES = 4  # of the more harmonics, each, at least
 MOST_SWEEPS = 20  # steps of the iteration for the higher harmonics
 SETTLED = 0.1  # relative miss at which it ends
-ORDER = 1  # of the sampled law in 1 / N_t
 
 
 @dataclass(frozen=True)
@@ -140,11 +139,12 @@ class ErrorEstimator:
         harmonics, more, everything = exact.harmonics, extended(exact.harmonics), exact.every_pair
         finer = exact.resolved(harmonics, FINER * exact.n_samples)
         by_samples = finer.full_force(finer.contact_forces(U, everything, tangents=False)) - p_all
+        by_samples *= FINER**exact.law.order / (FINER**exact.law.order - 1.0)  # the limit of many samples, from N_t and FINER N_t
         wider = exact.of(self.model_on(more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
         U_more = harmonics.carry(U, more)
         at_wider = forces = wider.contact_forces(U_more, everything, tangents=False)
         if len(forces.active) == 0:
-            return Changes(np.zeros_like(p_all), _RICHARDSON * by_samples, p_all - p)
+            return Changes(np.zeros_like(p_all), by_samples, p_all - p)
         higher, mixing = np.zeros_like(U_more), Anderson(exact)
         for _ in range(MOST_SWEEPS):
             excited = -wider.receptance(at, forces.active).apply(forces.p)
@@ -154,10 +154,7 @@ class ErrorEstimator:
             forces = wider.contact_forces(U_more + higher, everything, tangents=False)
         by_harmonics = more.carry(wider.full_force(forces) - wider.full_force(at_wider), harmonics)
         by_harmonics *= max(1.0, miss / SETTLED)  # what never settled is known no better than that
-        return Changes(by_harmonics, _RICHARDSON * by_samples, p_all - p)
-
-
-_RICHARDSON = FINER**ORDER / (FINER**ORDER - 1.0)  # the limit of many samples, from N_t and FINER N_t
+        return Changes(by_harmonics, by_samples, p_all - p)
 
 
 def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
