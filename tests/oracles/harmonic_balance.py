@@ -21,7 +21,6 @@ from .scenes import (
     stuck_stiffness,
 )
 
-
 PERIODS = 40  # of the march, at most
 
 

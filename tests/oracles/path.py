@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 PLAIN, JUMPS = 40, 40  # periods marched one by one, and jumps beyond them
-REPEATS = 1e-12  # change of T in a period, over the pair's forces, of a cycle that repeats
+REPEATS = 1e-14  # change of T in a period, over the pair's forces, of a cycle that repeats
 
 
 def line_step(T, q, N_i, N_j, mu, separate):

@@ -127,6 +127,8 @@ class Judge:
             "held by springs" in note for note in point.notes
         ):  # as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
             march.p[:, :2, 0] = p[:, :2, 0]
+        unknown = march.change > 1e-11 * march.size  # sliders whose cycle this march does not find: the balance alone judges them
+        march.p[unknown] = p[unknown]
         law = np.abs(p - march.p).max(axis=(1, 2), initial=0.0) / march.size
         f_nl = march.p + self.k[:, :, None] * U
         unbalanced = self.R.T @ (p - march.p).reshape(-1, N_H) + self.R.T @ (self.k[:, :, None] * (du - U)).reshape(-1, N_H)
@@ -154,7 +156,7 @@ class Judge:
                 (np.maximum(-point.energy, 0.0) / march.most_work * (self.n_samples / 2.0) ** order).max(initial=0.0)
             ),
             finite=True,
-            states=bool(np.all((np.asarray(point.state) == march.state) | march.at_limit)),
+            states=bool(np.all((np.asarray(point.state) == march.state) | march.at_limit | unknown)),
         )
 
     def motion(self, omega: float, forces: np.ndarray) -> tuple[np.ndarray, float]:
@@ -217,6 +219,7 @@ class Judge:
             at_limit=nearly | (np.abs(pressed).min(axis=0) <= 1e-7 * size),
             beyond_limit=beyond,
             tension=np.maximum(-N.min(axis=0), 0.0) / size,
+            change=cycle.change,
         )
 
 
@@ -231,6 +234,7 @@ class March:
     at_limit: np.ndarray  # (n_pairs,) bool: within rounding of another state
     beyond_limit: np.ndarray  # (n_pairs,) of |T| - mu N, over the largest force
     tension: np.ndarray  # (n_pairs,) of -N, over the same
+    change: np.ndarray  # (n_pairs,) N, of the friction force in a period
 
     def of(self, pairs: slice) -> March:
         """Return the law of some pairs."""

@@ -33,13 +33,13 @@ without a word; **defect** if the program broke down or did not end.
 ERRORS = """
 Errors of a point, each relative, and its bound: {bounds}. `motion` compares the motion of the pairs with that of the full matrices under the returned forces at every harmonic; `force` is what the law at the returned
 motion leaves unbalanced, over the forces; `law` the returned forces against the march; `energy` the closure of work, viscous and friction loss, and `reported` the three against the program's; then `|T| - mu N`
-at every sample, tension, and negative loss of a pair over the most its friction could do and over (2 / N_t)^2, the error of the sampled law.
+at every sample, tension, and negative loss of a pair over the most its friction could do and over (2 / N_t)^2, the error of the law's samples.
 """
 LIMITS = """
 ## Limits
 
 The structures are small; modes are not left out except in the methods' own bases, so that truncation is no part of this page ([validation](validation.md) measures it). The judge marches
-the same sampled law: that law's own error against continuous time is measured there as well. A point passes if it is *a* solution: where several exist, which one a branch reaches is that of its
+the same law along the same straight lines between samples, by formulas of its own: the error of that against continuous time is measured there as well. A point passes if it is *a* solution: where several exist, which one a branch reaches is that of its
 continuation. A level whose branch from the start of its range ended early is followed from the other end as well, and counts as solved where that covers the range; {segments} cases have such a level. Points with the mean slip held by springs (theory, section 5) say so and are judged but for the mean friction force that the springs change; there were {held} of {points}.
 
 What fails is of four kinds: contacts a thousand times stiffer than their structure or more that open and close, whose few harmonics wind through folds; friction without bound (mu = 1e6) on pairs that lift off,

@@ -39,7 +39,7 @@ enum { STICK = 0, SLIP = 1, OPEN = 2 };
 enum { MOST_PERIODS = 100 };                         /* after which a slider that still creeps is left where it is */
 enum { ROUND = 4 };                                 /* periods, after which pairs that have come to their cycles leave */
 enum { CORNER_AFTER = 6 };                          /* periods after which a corner is looked for, and again */
-static const double SETTLED = 1e-12;                /* change of w in a period that repeats, over the slip distance */
+static const double SETTLED = 1e-14;                /* change of w in a period that repeats, over the slip distance */
 static const double ROUNDING = 1e-15;               /* and over the motion */
 static const double SLOWEST = 1.0 - 1e-6;           /* rate of a period above which no cycle is looked for */
 static const double ON_LIMIT = 1e-12;               /* relative distance from the friction limit that is none */
@@ -281,9 +281,9 @@ INLINED void circle_step(const aft_group *group, index_t i, index_t j, lanes *w,
     const lanes r_x = a_x - w_x, r_y = a_y - w_y, x = b_x - w_x, y = b_y - w_y;
     const mask slips = (x * x + y * y > s.rho_j * s.rho_j) & ~s.is_free;
     /* |r + s V|^2 = (rho + s d_rho)^2, once from inside to outside */
-    const lanes c = r_x * r_x + r_y * r_y - s.rho_i * s.rho_i, b = r_x * V_x + r_y * V_y - s.rho_i * d_rho;
+    const lanes inside = r_x * r_x + r_y * r_y - s.rho_i * s.rho_i, c = pick(inside < 0.0, inside, zero), b = r_x * V_x + r_y * V_y - s.rho_i * d_rho;
     const lanes a = V_x * V_x + V_y * V_y - d_rho * d_rho, on = ON_LIMIT * s.rho_i * s.rho_i;
-    const mask at_once = (c >= -on) & ((c > on) | (b > 0.0) | (a <= 0.0));
+    const mask at_once = ((c >= -on) & (b > 0.0)) | ((b <= 0.0) & (a <= 0.0));
     const lanes S = root(b * b - a * c), above = pick(b > 0.0, -c, S - b), below = pick(b > 0.0, b + S, a), crossed = above / below;
     const lanes sigma = pick(at_once | ~slips, zero, pick(crossed < 1.0, crossed, one));
     const lanes rest = 1.0 - sigma, rho_s = s.rho_i + sigma * d_rho;
@@ -745,11 +745,12 @@ INLINED void circle_map(const lane_step *s, step_map *m)
     const int slips = !is_free && x * x + y * y > rho_j.v * rho_j.v;
     dual sigma = constant(0.0);
     if (slips) {
-        const dual c = plus(product(r[0], r[1], r[0], r[1]), -1.0, times(rho, rho));
+        dual c = plus(product(r[0], r[1], r[0], r[1]), -1.0, times(rho, rho));
         const dual B = plus(product(r[0], r[1], V[0], V[1]), -1.0, times(rho, d_rho));
         const dual A = plus(product(V[0], V[1], V[0], V[1]), -1.0, times(d_rho, d_rho));
         const double on = ON_LIMIT * rho.v * rho.v;
-        if (!(c.v >= -on && (c.v > on || B.v > 0.0 || A.v <= 0.0)) && !s->free_i) {
+        c.v = c.v < 0.0 ? c.v : 0.0;                /* but for rounding it is */
+        if (!(B.v > 0.0 ? c.v >= -on : A.v <= 0.0) && !s->free_i) {
             const dual S = root_of(plus(times(B, B), -1.0, times(A, c)));
             sigma = B.v > 0.0 ? over(scaled(-1.0, c), plus(B, 1.0, S)) : over(plus(S, -1.0, B), A);
             sigma = sigma.v < 1.0 ? sigma : constant(1.0);

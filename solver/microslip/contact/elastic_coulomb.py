@@ -84,7 +84,7 @@ class ElasticCoulomb:
         P is the exact derivative of that.  It jumps where slip ends at another sample, and of the return map where a sample
         passes from stick to slip or from closed to open; there it is the derivative from one side.  A pair is active if it
         leaves sticking in any period, if it opens, or if it starts with a gap.  A pair that only slid while the cycle settled is
-        active and in state STICK: it carries a constant p.  A pair with NaN in ``U`` or in a parameter is active; its p and P are NaN.
+        active and in state STICK: it carries a constant p.  A pair with NaN in ``U`` or in a parameter is active, p and P NaN.
         """
         n, _, N_H = U.shape
         if self.n_pairs != n:

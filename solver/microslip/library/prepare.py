@@ -55,7 +55,8 @@ def prepare(
     has_bars = has_error_bars(scene) if has_bars is None else has_bars
     better = better_model_of(structure, reduction, settings) if has_bars else None
     omega_n = structure.modes.omega_n
-    response = response_problem(response_settings(scene), reduction.model, pairs.law, reduction.selection, omega_n, better)
+    law = replace(pairs.law, sampled=scene.solver.between_samples == "return-map")
+    response = response_problem(response_settings(scene), reduction.model, law, reduction.selection, omega_n, better)
     return Prepared(scene, structure, pairs, reduction, response, seconds)
 
 

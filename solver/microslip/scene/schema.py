@@ -264,6 +264,9 @@ class Solver(Table):
     modes: int | None = Field(None, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
     harmonics: int = Field(3, ge=0, le=10_000, description="the highest harmonic, a whole number of at least 0")
     samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")
+    between_samples: Literal["path", "return-map"] = Field(
+        "path", description='"path": the contact law follows the motion between samples; "return-map": it knows samples alone'
+    )
     energy_tolerance: NotNegative = Field(1e-10, description="the energy in J per cycle and pair, a number of at least 0")
     tolerance: float = Field(1e-8, gt=0, lt=1, description="the relative tolerance of a point, a number above 0 and below 1")
     condensed: bool = Field(False, description="true or false: rubin with relative interface DOFs only")

@@ -16,6 +16,7 @@ from .scheme import Motion
 DEPTH = 8  # differences that the acceleration remembers
 _LARGEST = (2.0, 20.0)  # corrections of motion and of contact forces over F: an excursion would bring slip of its own
 _CUT = 1e-7  # of the largest singular value: differences that say nothing new
+_SETTLING = 20  # periods of the law under a given motion
 RAMP = 20  # periods over which the load rises from rest
 
 
@@ -50,15 +51,20 @@ def from_rest(model: TransientModel, n_points: int) -> Start:
 def from_harmonics(model: TransientModel, omega: np.ndarray, eta: np.ndarray, U: np.ndarray, n_steps: int) -> Start:
     """Return the state at t = 0 of periodic motions, eta (B, m, N_H) and U (B, n_pairs, 3, N_H).  Local.
 
-    The sliders stand where the rule of section 3 puts them under that motion: w = w0 at the first sample, and one period on.
+    The sliders stand where the rule of section 3 puts them under that motion: from w = w0 at the first sample, until a period
+    repeats or ``_SETTLING`` of them have passed.
     """
     n = np.arange(1, eta.shape[-1] // 2 + 1)
     w = omega[:, None]
     z = Motion(eta[..., 0] + eta[..., 1::2].sum(axis=-1), w * (eta[..., 2::2] @ n), -(w**2) * (eta[..., 1::2] @ n**2))
     du = np.moveaxis(synthesise(U, n_steps), -1, 0)
-    p = np.zeros(du.shape[1:])
-    for k in range(n_steps + 1):
+    p, before = np.zeros(du.shape[1:]), None
+    for k in range(_SETTLING * n_steps + 1):
         p, _, _ = model.law.step(du[k % n_steps], p)
+        if k % n_steps == 0:
+            if before is not None and np.abs(p - before).max(initial=0.0) <= 1e-10 * np.abs(p).max(initial=0.0):
+                break
+            before = p
     return Start(z, p.reshape(len(p), -1))
 
 

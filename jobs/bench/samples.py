@@ -1,0 +1,54 @@
+"""What samples buy: the error of the response with the path between samples and with the return map at samples alone.
+
+    python jobs/bench/samples.py [SCENE.toml] [--samples 32 64 128 256 512] [--reference 4096]
+
+Errors are those of the complex amplitude at the same frequencies, largest over levels and outputs, over the largest amplitude of the
+level; the reference follows the path with many samples.  Times are those of the response, set-up apart.
+"""
+
+import argparse
+import time
+
+import numpy as np
+from machine import facts
+
+import microslip
+
+N_POINTS = 24  # frequencies, over the range of the scene
+
+
+def amplitudes(structure, samples, law, at):
+    """Return the complex amplitudes (n_levels, n_outputs, n), and the seconds they took."""
+    start = time.perf_counter()
+    found = microslip.respond(structure, samples=samples, between_samples=law, at=at, error_bars=False)
+    seconds = time.perf_counter() - start
+    curves = [found[name] for name in found.outputs]
+    values = [[c.amplitude[i] * np.exp(1j * c.phase[i]) for c in curves] for i in range(len(found.levels))]
+    asked = [np.flatnonzero(np.isin(np.round(curves[0].frequency[i], 6), at)) for i in range(len(found.levels))]
+    return [np.array(v)[:, n] for v, n in zip(values, asked)], seconds
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", nargs="?", default="jobs/spatial.toml")
+    parser.add_argument("--samples", type=int, nargs="+", default=[32, 64, 128, 256, 512])
+    parser.add_argument("--reference", type=int, default=4096)
+    given = parser.parse_args()
+    structure = microslip.build(microslip.read(given.scene))
+    whole = microslip.respond(structure, error_bars=False, points=20)
+    frequency = whole[whole.outputs[0]].frequency
+    at = np.round(np.linspace(np.nanmin(frequency), np.nanmax(frequency), N_POINTS + 2)[1:-1], 6).tolist()
+    reference, _ = amplitudes(structure, given.reference, "path", at)
+    print(f"{facts()['processor']}; {given.scene}, reference: path, {given.reference} samples")
+    print(f"{'samples':>8} {'path':>10} {'s':>6} {'return map':>12} {'s':>6}")
+    for n in given.samples:
+        row = f"{n:8d}"
+        for law in ("path", "return-map"):
+            found, seconds = amplitudes(structure, n, law, at)
+            error = max(np.abs(a - b).max() / np.abs(b).max() if a.shape == b.shape else np.nan for a, b in zip(found, reference))
+            row += f" {100 * error:{9 if law == 'path' else 11}.4f}% {seconds:6.2f}"
+        print(row)
+
+
+if __name__ == "__main__":
+    main()
