@@ -79,7 +79,7 @@ class Cycle:
     T: np.ndarray  # (N_t, n, 2) N
     area: np.ndarray  # (N_t, n, 2) N, of the steps that lead to the samples
     slip: np.ndarray  # (n,) N, the most that slip took of T in a step
-    change: np.ndarray  # (n,) N, of T over the period
+    change: np.ndarray  # (n,) N, of T over the period; of those that creep what may be left of it in all
 
 
 def steady(du, N, k_t, mu, separate, w0=0.0):
@@ -113,14 +113,13 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
         two = period(one.T[0], creeps)
         c, d = one.T[0] - T, two.T[0] - one.T[0]
         rate = (c * d).sum(axis=1) / np.maximum((c * c).sum(axis=1), 1e-300)
-        rate = np.where((two.slip > 1e-13 * size[creeps]) & (rate > 0.0) & (rate < 1.0), rate, 0.0)[:, None]
-        T = two.T[0] + d * rate / (1.0 - rate)
+        rate = np.where((two.slip > 1e-13 * size[creeps]) & (rate > 0.0) & (rate < 1.0), rate, 0.0)
+        T = two.T[0] + d * (rate / (1.0 - rate))[:, None]
     if len(creeps):
         last = period(T, creeps)
         for name in ("T", "area"):
             getattr(found, name)[:, creeps] = getattr(last, name)
-        for name in ("slip", "change"):
-            getattr(found, name)[creeps] = getattr(last, name)
+        found.slip[creeps], found.change[creeps] = last.slip, np.maximum(last.change, two.change / (1.0 - rate))
     return found if n_samples > 1 else Cycle(found.T, found.area, at_once, found.change)
 
 
