@@ -129,6 +129,12 @@ def test_modes_chosen_for_an_accuracy_are_those_for_what_is_asked(structure):
     assert modes_of(levels=60.0, friction=0.02) is not strong
 
 
+def test_what_a_log_would_say_of_the_modes_is_kept(structure):
+    assert microslip.respond(structure, points=5).notes == ()
+    (note,) = microslip.respond(structure, modes=3, points=5).notes
+    assert note.startswith("modes: 3, as [solver] modes says")
+
+
 def test_friction_and_preload_of_each_pair(structure):
     mu, pressure = np.linspace(0.02, 0.08, N_PAIRS), np.linspace(1e7, 3e7, N_PAIRS)
     found = microslip.respond(structure, friction={"joint": mu}, preload=pressure, levels=30.0)
