@@ -1,7 +1,7 @@
 # make demo   everything a bare Debian 12 needs, then the demo scene to its pictures
 # make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py on three and on two ranks, then
 #             everything on one rank, in WORKERS processes side by side (make test WORKERS=8; two if not said)
-# make quick  for the daily loop, under a minute: style, then on one rank all but the tests marked slow (more than two
+# make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than two
 #             seconds) and those of the program, the oracles, the benchmarks and the verification studies
 # make setup  the set-up alone        make docs  the documentation        make clean  back to the sources
 

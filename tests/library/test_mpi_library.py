@@ -23,8 +23,9 @@ COMM = MPI.COMM_WORLD
 LEVELS = (10.0, 30.0)
 NUMBERS = ("frequency", "response", "du", "p", "energy", "state", "error", "unknowns", "newton")
 # MUMPS adds what ranks send in the order in which it arrives; with the last digits changes where Newton and GMRES stop
-# within their tolerances, and how often they go on.
-ROUNDING, COMPARED = (0.0, NUMBERS) if COMM.size == 1 else (1e-4, NUMBERS[:-1])
+# within their tolerances, and how often they go on.  The bar's adjoint is solved to 1e-3 only.
+ROUNDING, COMPARED = (0.0, NUMBERS) if COMM.size == 1 else (1e-8, NUMBERS[:-1])
+OF_THE_BAR = 1e-3
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,8 @@ def assert_equal(found, wanted, tolerance=0.0):
         assert (a.level, a.status) == (b.level, b.status) and len(a.frequency) > 5
         for name in COMPARED:
             x, y = getattr(a, name), getattr(b, name)
-            assert x.shape == y.shape and np.abs(x - y).max() <= tolerance * np.abs(y).max(), name
+            most = OF_THE_BAR if name == "error" and tolerance >= 1e-8 else tolerance
+            assert x.shape == y.shape and np.abs(x - y).max() <= most * np.abs(y).max(), name
 
 
 def test_a_response_is_that_of_a_run(comm, folder, scene, response):
@@ -127,6 +129,12 @@ def test_modes_chosen_for_an_accuracy_are_those_for_what_is_asked(structure):
     weak, strong = modes_of(levels=1.0), modes_of(levels=np.array(60.0))
     assert modes_of(levels=1.0) is weak is not strong is modes_of(levels=60.0)
     assert modes_of(levels=60.0, friction=0.02) is not strong
+
+
+def test_what_a_log_would_say_of_the_modes_is_kept(structure):
+    assert microslip.respond(structure, points=5).notes == ()
+    (note,) = microslip.respond(structure, modes=3, points=5).notes
+    assert note.startswith("modes: 3, as [solver] modes says")
 
 
 def test_friction_and_preload_of_each_pair(structure):

@@ -67,8 +67,9 @@ def respond(
     given = {"friction": friction, "preload": preload}
     scene = scene_with(structure.scene, keys, given)
     pairs = pairs_with(structure.pairs, given)
-    prepared = prepare(with_modes_for(structure, reduction_settings(scene), pairs), scene, pairs)
-    return Response(prepared, follow(prepared.response, observers, n_groups))
+    structure, why = with_modes_for(structure, reduction_settings(scene), pairs)
+    prepared = prepare(structure, scene, pairs)
+    return Response(prepared, follow(prepared.response, observers, n_groups), (why,) if why else ())
 
 
 def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, OfJoints | None]) -> Scene:
@@ -128,20 +129,22 @@ def _by_joint(values: OfJoints | None, names: Iterable[str]) -> Mapping[str, Arr
     return values if isinstance(values, Mapping) else {name: values for name in names}
 
 
-def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: ContactPairs) -> Structure:
-    """Return the structure with the modes asked for: its own, unless number, accuracy or range differ.  Collective.
+def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: ContactPairs) -> tuple[Structure, str]:
+    """Return the structure with the modes asked for, and why these: its own and "", unless number, accuracy or range differ.
+
+    Collective.
 
     What is chosen by an accuracy depends on levels, damping and the limits of the pairs, too; it is known again for those alone.
     """
     if _of_modes(settings) == _of_modes(reduction_settings(structure.scene)):
-        return structure
+        return structure, ""
     refuse_too_many(settings.modes, structure.linearised.system.n_dof, settings.where)
     key: tuple = ("modes", *_of_modes(settings))
     if settings.modes is None:
         limits = pairs.mu.tobytes(), pairs.N0.tobytes()
         key = (*key, settings.method, settings.harmonics, settings.loads, settings.damping, settings.level, *limits)
-    modes, _ = structure.once(key, lambda: choose_modes(structure.linearised, pairs, structure.statics, settings))
-    return replace(structure, modes=modes)
+    modes, why = structure.once(key, lambda: choose_modes(structure.linearised, pairs, structure.statics, settings))
+    return replace(structure, modes=modes), why
 
 
 def _of_modes(settings: ReductionSettings) -> tuple:

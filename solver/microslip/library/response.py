@@ -68,11 +68,12 @@ class Curves:
 class Response:
     """The response of a structure at some levels, the same on every rank.
 
-    ``results`` is what :func:`microslip.read_results` returns of the files that :meth:`save` writes.  Making one is collective.
+    ``results`` is what :func:`microslip.read_results` returns of the files that :meth:`save` writes.  ``notes`` say what a run's
+    log would: why so many modes were chosen anew, and whether the range may hold resonances beyond them.  Made collectively.
     """
 
-    def __init__(self, prepared: Prepared, branches: Sequence[Branch]):
-        self.prepared, self.branches = prepared, tuple(branches)
+    def __init__(self, prepared: Prepared, branches: Sequence[Branch], notes: Sequence[str] = ()):
+        self.prepared, self.branches, self.notes = prepared, tuple(branches), tuple(notes)
         self.results: ResultFile = on_root(prepared.model.comm, self._results)
 
     def _results(self) -> ResultFile:
@@ -198,7 +199,7 @@ class Response:
     def plot(self, path: str | Path, picture: str = "response") -> None:
         """Draw one of the pictures of a run: response, states, slip_map, rom_size, energy, energy_map, error.
 
-        Collective; rank 0 draws.
+        Collective; rank 0 draws.  The structure may be closed.
 
         Raises
         ------
@@ -216,7 +217,11 @@ class Response:
                 shutil.move(file, path if i == 0 else path.with_stem(f"{path.stem}_{i + 1}"))
 
     def save(self, folder: str | Path) -> None:
-        """Write the files of a run: tables, results.h5, fields for ParaView, pictures.  Collective; rank 0 writes."""
+        """Write the files of a run: tables, results.h5, fields for ParaView, pictures.  Collective; rank 0 writes.
+
+        Fields need static solves: the structure must not be closed.  The scene in results.h5 is the one that was read; friction
+        and preload of each pair are those of this response.
+        """
         from ..results.plots import draw_all
 
         comm, folder = self.prepared.model.comm, Path(folder)
