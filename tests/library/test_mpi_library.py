@@ -23,8 +23,8 @@ COMM = MPI.COMM_WORLD
 LEVELS = (10.0, 30.0)
 NUMBERS = ("frequency", "response", "du", "p", "energy", "state", "error", "unknowns", "newton")
 # MUMPS adds what ranks send in the order in which it arrives; with the last digits changes where Newton and GMRES stop
-# within their tolerances, and how often they go on.  The bar's adjoint is solved to 1e-3 only.
-ROUNDING, COMPARED = (0.0, NUMBERS) if COMM.size == 1 else (1e-8, NUMBERS[:-1])
+# within their tolerances, and how often they go on: 1e-5 of the response has been seen.  The bar's adjoint is solved to 1e-3 only.
+ROUNDING, COMPARED = (0.0, NUMBERS) if COMM.size == 1 else (1e-4, NUMBERS[:-1])
 OF_THE_BAR = 1e-3
 
 
