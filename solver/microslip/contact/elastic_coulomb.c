@@ -42,6 +42,7 @@ enum { CORNER_AFTER = 6 };                          /* periods after which a cor
 static const double SETTLED = 1e-14;                /* change of w in a period that repeats, over the slip distance */
 static const double ROUNDING = 1e-15;               /* and over the motion */
 static const double SLOWEST = 1.0 - 1e-6;           /* rate of a period above which no cycle is looked for */
+static const double NEAR_LIMIT = 1e-7;              /* relative to which a length is known but for a correction of first order */
 static const double ON_LIMIT = 1e-12;               /* relative distance from the friction limit that is none */
 static const double FORGOTTEN = 1e-20;              /* share of an older W that is below roundoff */
 static const double MOVES = 1e-14;                  /* relative slider step that is more than roundoff */
@@ -90,6 +91,7 @@ typedef struct {                                    /* one group of LANES pairs 
     double *U;                                      /* (N_H, 3, LANES) */
     double *du;                                     /* (N_t, 3, LANES) less the sliders' start */
     double *rho;                                    /* (N_t, LANES) slip distance; infinite where k_t = 0 */
+    double *per_rho;                                /* (N_t, LANES) 1 / rho */
     double *N;                                      /* (N_t, LANES) N0 - k_n du_z: the normal force, or minus what is missing */
     double *force;                                  /* (N_t, 3, LANES) p at the samples of the kept period */
     double before[2 * LANES];                       /* sliders at the end of the period before */
@@ -176,6 +178,7 @@ INLINED void sample(aft_group *group, const aft_tables *t)
             const double rho = N > 0.0 ? group->give[l] * N : 0.0;
             group->N[j * LANES + l] = N;
             group->rho[j * LANES + l] = group->k_t[l] > 0.0 ? rho : INFINITY;
+            group->per_rho[j * LANES + l] = 1.0 / group->rho[j * LANES + l];
         }
 }
 
@@ -253,9 +256,13 @@ INLINED step begin_step(const aft_group *group, index_t i, index_t j)
     s.free_i = s.rho_i <= 0.0;
     s.free_j = s.rho_j <= 0.0;
     s.is_free = s.free_i & s.free_j;
-    const lanes N_i = row(group->N, i), crossing = N_i / (N_i - row(group->N, j)), zero = {0.0};
-    s.s_0 = pick(s.free_i & ~s.free_j, crossing, zero);
-    s.s_1 = pick(s.free_j & ~s.free_i, crossing, zero + 1.0);
+    s.s_0 = (lanes){0.0};
+    s.s_1 = s.s_0 + 1.0;
+    if (any(s.free_i ^ s.free_j)) {
+        const lanes N_i = row(group->N, i), crossing = N_i / (N_i - row(group->N, j));
+        s.s_0 = pick(s.free_i & ~s.free_j, crossing, s.s_0);
+        s.s_1 = pick(s.free_j & ~s.free_i, crossing, s.s_1);
+    }
     return s;
 }
 
@@ -284,22 +291,30 @@ INLINED void circle_step(const aft_group *group, index_t i, index_t j, lanes *w,
     const lanes inside = r_x * r_x + r_y * r_y - s.rho_i * s.rho_i, c = pick(inside < 0.0, inside, zero), b = r_x * V_x + r_y * V_y - s.rho_i * d_rho;
     const lanes a = V_x * V_x + V_y * V_y - d_rho * d_rho, on = ON_LIMIT * s.rho_i * s.rho_i;
     const mask at_once = ((c >= -on) & (b > 0.0)) | ((b <= 0.0) & (a <= 0.0));
-    const lanes S = root(b * b - a * c), above = pick(b > 0.0, -c, S - b), below = pick(b > 0.0, b + S, a), crossed = above / below;
-    const lanes sigma = pick(at_once | ~slips, zero, pick(crossed < 1.0, crossed, one));
+    lanes sigma = zero, per_rho = row(group->per_rho, i);
+    if (any(slips & ~at_once)) {
+        const lanes S = root(b * b - a * c), above = pick(b > 0.0, -c, S - b), below = pick(b > 0.0, b + S, a), crossed = above / below;
+        sigma = pick(at_once | ~slips, zero, pick(crossed < 1.0, crossed, one));
+        per_rho = 1.0 / (s.rho_i + sigma * d_rho);
+    }
     const lanes rest = 1.0 - sigma, rho_s = s.rho_i + sigma * d_rho;
     const lanes q_x = rest * V_x, q_y = rest * V_y, at_x = r_x + sigma * V_x, at_y = r_y + sigma * V_y;
-    const lanes size = root(at_x * at_x + at_y * at_y), chord = root(q_x * q_x + q_y * q_y);
-    const mask outside = size > 0.0;
-    const lanes length = pick(outside, size, pick(chord > 0.0, chord, one));
-    const lanes d_x = pick(outside, at_x, q_x) / length, d_y = pick(outside, at_y, q_y) / length;
-    /* d turns towards the motion, eq. (3.6) */
-    const lanes middle = 0.5 * (rho_s + s.rho_j), whole = middle + chord, unit = 1.0 / pick(whole > 0.0, whole, one);
-    const lanes p = middle * unit, z_x = q_x * unit, z_y = q_y * unit, half = p + 0.5 * chord * unit;
-    const lanes Y = p * p + chord * unit * half, dz = (d_x * z_x + d_y * z_y) * half;
-    const lanes den = Y * Y + p * p * p * p + dz * (Y + p * p), turn = half * (Y + p * p + dz);
+    const lanes chord = root(q_x * q_x + q_y * q_y), square = (at_x * at_x + at_y * at_y) * per_rho * per_rho;
+    const mask on_circle = size_of(square - 1.0) < NEAR_LIMIT;
+    lanes per_size = per_rho * (1.5 - 0.5 * square), d_x = at_x * per_size, d_y = at_y * per_size;
+    if (any(slips & ~on_circle)) {                      /* where sliders begin, or friction does */
+        const lanes size = root(at_x * at_x + at_y * at_y);
+        const mask outside = size > 0.0;
+        per_size = 1.0 / pick(outside, size, pick(chord > 0.0, chord, one));
+        d_x = pick(on_circle, d_x, pick(outside, at_x, q_x) * per_size);
+        d_y = pick(on_circle, d_y, pick(outside, at_y, q_y) * per_size);
+    }
+    /* d turns towards the motion, eq. (3.6), here times the fourth power of a length */
+    const lanes p = 0.5 * (rho_s + s.rho_j), pp = p * p, half = p + 0.5 * chord, Y = pp + chord * half;
+    const lanes dq = (d_x * q_x + d_y * q_y) * half, den = Y * Y + pp * pp + dq * (Y + pp), turn = half * (Y + pp + dq);
     const mask turns = den > 0.0;
-    const lanes inverse = 1.0 / pick(turns, den, one), stays = 2.0 * Y * p * p;
-    const lanes t_x = pick(turns, (stays * d_x + turn * z_x) * inverse, d_x), t_y = pick(turns, (stays * d_y + turn * z_y) * inverse, d_y);
+    const lanes inverse = 1.0 / pick(turns, den, one), stays = 2.0 * Y * pp;
+    const lanes t_x = pick(turns, (stays * d_x + turn * q_x) * inverse, d_x), t_y = pick(turns, (stays * d_y + turn * q_y) * inverse, d_y);
     const lanes to_x = pick(slips, b_x - s.rho_j * t_x, w_x), to_y = pick(slips, b_y - s.rho_j * t_y, w_y);
     const lanes from = pick(slips, s.s_0 + sigma * (s.s_1 - s.s_0), s.s_1);
     w[0] = pick(s.free_j, uj_x, to_x);
@@ -610,17 +625,16 @@ INLINED void project(aft_group *group, const aft_tables *t)
 /* ---- derivatives ------------------------------------------------------------------------------------------------ */
 
 enum { INPUTS = 8 };                                /* of a step: w_x, w_y, u_x, u_y, N at its begin, u_x, u_y, N at its end */
+typedef double gradient __attribute__((vector_size(INPUTS * sizeof(double))));
 
 typedef struct {                                    /* a value with its derivatives by the inputs of a step */
-    double v, g[INPUTS];
+    gradient g;
+    double v;
 } dual;
-
-#define EACH_INPUT for (int k = 0; k < INPUTS; k++)
 
 INLINED dual constant(double v)
 {
-    dual c = {v, {0.0}};
-    return c;
+    return (dual){.v = v};
 }
 
 INLINED dual input(double v, int k, double slope)
@@ -632,39 +646,29 @@ INLINED dual input(double v, int k, double slope)
 
 INLINED dual plus(dual a, double f, dual b)         /* a + f b */
 {
-    EACH_INPUT a.g[k] += f * b.g[k];
-    a.v += f * b.v;
-    return a;
+    return (dual){a.g + f * b.g, a.v + f * b.v};
 }
 
 INLINED dual times(dual a, dual b)
 {
-    EACH_INPUT a.g[k] = a.g[k] * b.v + a.v * b.g[k];
-    a.v *= b.v;
-    return a;
+    return (dual){a.g * b.v + a.v * b.g, a.v * b.v};
 }
 
 INLINED dual scaled(double f, dual a)
 {
-    EACH_INPUT a.g[k] *= f;
-    a.v *= f;
-    return a;
+    return (dual){f * a.g, f * a.v};
 }
 
 INLINED dual over(dual a, dual b)
 {
-    const double inverse = 1.0 / b.v;
-    a.v *= inverse;
-    EACH_INPUT a.g[k] = (a.g[k] - a.v * b.g[k]) * inverse;
-    return a;
+    const double inverse = 1.0 / b.v, v = a.v * inverse;
+    return (dual){(a.g - v * b.g) * inverse, v};
 }
 
 INLINED dual root_of(dual a)                        /* of 0: 0, with no derivative */
 {
     const double size = sqrt(a.v > 0.0 ? a.v : 0.0), slope = size > 0.0 ? 0.5 / size : 0.0;
-    EACH_INPUT a.g[k] *= slope;
-    a.v = size;
-    return a;
+    return (dual){slope * a.g, size};
 }
 
 INLINED dual product(dual a_x, dual a_y, dual b_x, dual b_y)
@@ -764,17 +768,13 @@ INLINED void circle_map(const lane_step *s, step_map *m)
         const dual size = root_of(product(d[0], d[1], d[0], d[1]));
         for (int k = 0; k < 2; k++)
             d[k] = size.v > 0.0 ? over(d[k], size) : chord.v > 0.0 ? over(q[k], chord) : constant(0.0);
-        const dual middle = scaled(0.5, plus(rho_s, 1.0, rho_j)), whole = plus(middle, 1.0, chord);
-        if (whole.v > 0.0) {
-            const dual p = over(middle, whole), z_x = over(q[0], whole), z_y = over(q[1], whole), X = over(chord, whole);
-            const dual half = plus(p, 0.5, X), pp = times(p, p), Y = plus(pp, 1.0, times(X, half));
-            const dual dz = times(product(d[0], d[1], z_x, z_y), half), Y_pp = plus(Y, 1.0, pp);
-            const dual den = plus(plus(times(Y, Y), 1.0, times(pp, pp)), 1.0, times(dz, Y_pp));
-            const dual turn = times(half, plus(Y_pp, 1.0, dz)), stays = scaled(2.0, times(Y, pp));
-            if (den.v > 0.0) {
-                d[0] = over(plus(times(stays, d[0]), 1.0, times(turn, z_x)), den);
-                d[1] = over(plus(times(stays, d[1]), 1.0, times(turn, z_y)), den);
-            }
+        const dual p = scaled(0.5, plus(rho_s, 1.0, rho_j)), half = plus(p, 0.5, chord), pp = times(p, p);
+        const dual Y = plus(pp, 1.0, times(chord, half)), Y_pp = plus(Y, 1.0, pp), dq = times(product(d[0], d[1], q[0], q[1]), half);
+        const dual den = plus(plus(times(Y, Y), 1.0, times(pp, pp)), 1.0, times(dq, Y_pp));
+        if (den.v > 0.0) {
+            const dual turn = over(times(half, plus(Y_pp, 1.0, dq)), den), stays = over(scaled(2.0, times(Y, pp)), den);
+            for (int k = 0; k < 2; k++)
+                d[k] = plus(times(stays, d[k]), 1.0, times(turn, q[k]));
         }
     }
     const dual from = slips ? plus(s->s_0, 1.0, times(sigma, plus(s->s_1, -1.0, s->s_0))) : s->s_1;
@@ -1078,9 +1078,9 @@ INLINED void differentiate(aft_group *group, const aft_tables *t, int l, int sep
 static int allocate(aft_group *group, const aft_tables *t)
 {
     const size_t N_H = (size_t)t->N_H, N_t = (size_t)t->N_t, s = (size_t)t->stride;
-    const size_t sizes[] = {3 * N_H * LANES, 3 * N_t * LANES, N_t * LANES, N_t * LANES, 3 * N_t * LANES, 2 * N_t * LANES,
+    const size_t sizes[] = {3 * N_H * LANES, 3 * N_t * LANES, N_t * LANES, N_t * LANES, N_t * LANES, 3 * N_t * LANES, 2 * N_t * LANES,
                             2 * N_t * LANES, N_t * LANES, 3 * N_H * LANES, (CHUNK + 1) * 6 * s, CHUNK * s, 6 * N_H * s};
-    double **arrays[] = {&group->U, &group->du, &group->rho, &group->N, &group->force, &group->slider,
+    double **arrays[] = {&group->U, &group->du, &group->rho, &group->per_rho, &group->N, &group->force, &group->slider,
                          &group->area, &group->slides, &group->p, &group->W, &group->G, &group->sum};
     const int n_arrays = sizeof sizes / sizeof sizes[0];
     size_t total = 0;

@@ -81,6 +81,7 @@ def accept(
         force=force,
         sticks=not moves.any(),
         sliding=float((point.state != STICK).mean()),
+        moved=float(point.p.any(axis=(1, 2)).mean()),
         amplitude=point.response[:, 1] - 1j * point.response[:, 2],
     )
     return Accepted(replace(state, solver=replace(solver, is_linear=is_linear), memory=memory), now, point)

@@ -24,7 +24,7 @@ from .task import BranchTask
 
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _POINTS = ("earlier", "before", "now")
-_NUMBERS = ("size", "force", "sticks", "sliding")
+_NUMBERS = ("size", "force", "sticks", "sliding", "moved")
 _KINDS = (WholeInverse, HarmonicPreconditioner)
 
 
@@ -98,8 +98,8 @@ def _point(arrays: Arrays, owned: slice) -> PointState:
     """Return the point of some arrays.  Local."""
     parameters = tuple(map(float, arrays["parameters"]))
     there = Iterate(arrays["U"][owned].copy(), parameters, _harmonics(arrays["harmonics"]))
-    size, force, sticks, sliding = map(float, arrays["numbers"])
-    return PointState(there, arrays["selected"], size, force, bool(sticks), sliding, arrays["amplitude"])
+    size, force, sticks, sliding, moved = map(float, arrays["numbers"])
+    return PointState(there, arrays["selected"], size, force, bool(sticks), sliding, moved, arrays["amplitude"])
 
 
 # -- where a preconditioner was made -------------------------------------------------------------------------------

@@ -9,7 +9,8 @@ from .iterate import PointState
 from .point_solver import PointSolver
 from .steps import ArcLength
 
-MOSTLY = 0.8  # share of the pairs that slip or are open, from which the mean of the slip may be held
+MOVED = 0.5  # share of the pairs whose sliders move, or have come to rest elsewhere, from which the mean of the slip may be held
+MOSTLY = 0.8  # share of the pairs that slip or are open, below which it is let go
 
 
 def hold(solver: PointSolver, now: PointState) -> PointSolver | None:
@@ -17,7 +18,7 @@ def hold(solver: PointSolver, now: PointState) -> PointSolver | None:
 
     Collective.
     """
-    if solver.equation.held is not None or now.sliding < MOSTLY or not solver.is_loose:
+    if solver.equation.held is not None or now.moved < MOVED or not solver.is_loose:
         return None
     return solver.holding(solver.equation.mean_force(now.iterate.U, now.selected))
 

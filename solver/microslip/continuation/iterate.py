@@ -43,6 +43,7 @@ class PointState:
     force: float  # |f_nl| over all ranks [N]
     sticks: bool  # no pair slips or opens: the point lies on the linear curve
     sliding: float  # share of the pairs that do not stick
+    moved: float  # and of those whose p is not zero: whose sliders move or have moved
     amplitude: np.ndarray  # (n_outputs,) complex, of harmonic 1 [m]
 
 

@@ -18,6 +18,7 @@ from .problems import Problem
 
 IMBALANCE = 1e-6  # of the energy balance beyond which a point is not one, at a tolerance of 1e-8
 HELD = "mean slip held by springs"  # the note of such a point
+CREEPS = "a slider creeps on without end"  # and of one where a march does not come to its cycle
 
 
 def point_record(
@@ -44,6 +45,7 @@ def point_record(
     energy[of_all.active] = pair_energy(U_all[of_all.active], of_all.p.reshape(-1, *shape[1:]), harmonics)
     friction = float(contact_work(U_all[used.active], used.p.reshape(-1, *shape[1:]), harmonics).sum())
     damping, work = damping_loss(model, at, p), input_work(model, at, p)
+    creeps = equation.gather(np.array([of_all.creeps])).any()
     most = max(abs(work), damping + abs(friction), apparent_work(model, at, p))
     _check_balance(problem, correction, work - damping - friction, most)
     point = Point(
@@ -63,7 +65,7 @@ def point_record(
         harmonics=harmonics.highest,
         samples=equation.n_samples,
         asked=asked,
-        notes=() if equation.held is None else (HELD,),
+        notes=(*((HELD,) if equation.held is not None else ()), *((CREEPS,) if creeps else ())),
         error=None if estimator is None else estimator.at(equation, U, at, selected, of_all),
     )
     return point, moves

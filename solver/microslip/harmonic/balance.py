@@ -96,7 +96,7 @@ class HarmonicBalance:
         if self.comm.size > 1:
             actives, forces, sums = zip(*self.comm.allgather((active, p_owned, np.array(extras))))
             active, p, extras = np.concatenate(actives), np.concatenate(forces), tuple(sum(sums))
-        return ContactForces(U, selected, state, active_owned, found.P, active, p, extras)
+        return ContactForces(U, selected, state, bool(found.creeps.any()), active_owned, found.P, active, p, extras)
 
     def full_force(self, forces: ContactForces) -> np.ndarray:
         """Return p of all pairs, (3 n_pairs, N_H) [N], zero where they stick.  Local."""
