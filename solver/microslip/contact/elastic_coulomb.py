@@ -7,7 +7,7 @@ the first time.  The march to the cycle that repeats is compiled (elastic_coulom
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -61,8 +61,12 @@ class ElasticCoulomb:
 
     def take(self, indices) -> ElasticCoulomb:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
-        arrays = (self.mu, self.N0, self.k_t, self.k_n, self.separate, self.w0)
-        return ElasticCoulomb(*(values[indices] for values in arrays), self.sampled)
+        names = ("mu", "N0", "k_t", "k_n", "separate", "w0")
+        return replace(self, **{name: getattr(self, name)[indices] for name in names})
+
+    def followed(self, path: bool) -> ElasticCoulomb:
+        """Return the law that follows the path between samples, (3.6), or the return map at samples alone, (3.3).  Local."""
+        return replace(self, sampled=not path)
 
     # -- a cycle -----------------------------------------------------------------------------------------------
 

@@ -48,6 +48,9 @@ class Law(Protocol):
     def take(self, indices) -> Law:
         """Return the law of some of the pairs: an index array, a mask or a slice."""
 
+    def followed(self, path: bool) -> Law:
+        """Return the law that follows the path between samples, or one that knows samples alone."""
+
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
         """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.
 

@@ -55,7 +55,7 @@ def prepare(
     has_bars = has_error_bars(scene) if has_bars is None else has_bars
     better = better_model_of(structure, reduction, settings) if has_bars else None
     omega_n = structure.modes.omega_n
-    law = replace(pairs.law, sampled=scene.solver.between_samples == "return-map")
+    law = pairs.law.followed(scene.solver.between_samples == "path")
     response = response_problem(response_settings(scene), reduction.model, law, reduction.selection, omega_n, better)
     return Prepared(scene, structure, pairs, reduction, response, seconds)
 
