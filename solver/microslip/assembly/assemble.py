@@ -106,8 +106,8 @@ def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, b
     )
     n_owned = int(row_ranges[comm.rank + 1] - row_ranges[comm.rank])
     sums = _sums(dmesh, bodies, pattern)
-    K = _petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
-    M = _petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
+    K = petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
+    M = petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))
     M.setOption(PETSc.Mat.Option.SPD, True)
     return K, M
 
@@ -123,9 +123,7 @@ def _sums(dmesh: DistributedMesh, bodies: Mapping[str, Body], pattern: NodePatte
 def _add_elements(block: LocalBlock, body: Body, pattern: NodePattern, K_sum: BlockSum, M_sum: BlockSum) -> None:
     """Add a block's element matrices, a bounded number of elements at a time."""
     n_nodes = block.nodes.shape[1]
-    n_chunk = max(1, int(_CHUNK_BYTES / (8 * (3 * n_nodes) ** 2)))
-    for start in range(0, len(block.nodes), n_chunk):
-        chunk = slice(start, start + n_chunk)
+    for chunk in element_chunks(block):
         points = block.points[chunk]
         is_owned, positions = pattern.positions(block.nodes[chunk])
         K = elements.stiffness(block.kind, points, body.young, body.poisson, body.integration, body.incompatible_modes)
@@ -134,8 +132,15 @@ def _add_elements(block: LocalBlock, body: Body, pattern: NodePattern, K_sum: Bl
         M_sum.add(is_owned, positions, M.reshape(-1, n_nodes, 1, n_nodes, 1))
 
 
-def _petsc_matrix(comm: MPI.Comm, n_owned: int, csr: tuple[np.ndarray, ...]):
-    """Return a symmetric AIJ matrix from this rank's rows.  Collective on ``comm``."""
+def element_chunks(block: LocalBlock):
+    """Yield slices of a block's elements whose matrices take a bounded memory.  Local."""
+    n_chunk = max(1, int(_CHUNK_BYTES / (8 * (3 * block.nodes.shape[1]) ** 2)))
+    for start in range(0, len(block.nodes), n_chunk):
+        yield slice(start, start + n_chunk)
+
+
+def petsc_matrix(comm: MPI.Comm, n_owned: int, csr: tuple[np.ndarray, ...]):
+    """Return a symmetric AIJ matrix from this rank's rows, (indptr, columns, values).  Collective on ``comm``."""
     size = ((n_owned, None), (n_owned, None))
     matrix = PETSc.Mat().createAIJ(size, csr=csr, comm=comm)
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)

@@ -1,6 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False
 """Bridge from NumPy arrays to elastic_coulomb.c; the meaning of every argument is stated there and in elastic_coulomb.py."""
 
+import numpy as np
+
 cdef extern from "elastic_coulomb.h" nogil:
     ctypedef struct aft_tables:
         Py_ssize_t N_H
@@ -34,6 +36,7 @@ cdef class Sampling:
 
     cdef aft_tables c
     cdef object arrays
+    cdef readonly object synthesis
     cdef readonly Py_ssize_t n_coefficients
 
     def __init__(self, const double[:, ::1] E, const double[:, ::1] E_T, const double[:, ::1] F,
@@ -41,7 +44,12 @@ cdef class Sampling:
         self.arrays = (E, E_T, F, S)
         self.c.N_H, self.c.N_t, self.c.stride = E_T.shape[0], E_T.shape[1], E.shape[1]
         self.n_coefficients, self.c.sampled = E_T.shape[0], sampled
+        self.synthesis = np.asarray(E_T)
         self.c.E, self.c.E_T, self.c.F, self.c.S = &E[0, 0], &E_T[0, 0], &F[0, 0], &S[0, 0]
+
+    def least(self, U):
+        """Return the least sample of motions with coefficients ``U`` (n, N_H), (n,)."""
+        return (U @ self.synthesis).min(axis=1)
 
 
 cdef class Pairs:

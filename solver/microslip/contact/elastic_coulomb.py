@@ -32,6 +32,7 @@ class ElasticCoulomb:
     separate: np.ndarray  # bool: each tangential direction has its own friction limit
     w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) of all: the sliders' start [m], (3.5)
     sampled: bool = False  # the return map (3.3) at samples alone, instead of the path between them (3.6)
+    apart: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: open at rest, without springs (3.8)
 
     def __post_init__(self):
         n = np.size(self.k_t)
@@ -44,6 +45,9 @@ class ElasticCoulomb:
                 raise ValueError(f"{name} of pair {np.nanargmin(values)} is negative: {np.nanmin(values)}")
             object.__setattr__(self, name, values)
         object.__setattr__(self, "w0", np.ascontiguousarray(np.broadcast_to(self.w0, (n, 2)), dtype=np.float64))
+        object.__setattr__(self, "apart", np.ascontiguousarray(np.broadcast_to(self.apart, (n,)), dtype=bool))
+        if np.any(self.apart & (self.N0 > 0.0)):
+            raise ValueError(f"pair {np.argmax(self.apart & (self.N0 > 0.0))} is apart at rest, and has a preload")
 
     @property
     def n_pairs(self) -> int:
@@ -56,12 +60,16 @@ class ElasticCoulomb:
 
     @cached_property
     def stiffness(self) -> np.ndarray:
-        """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]."""
+        """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is apart at rest."""
+        return np.where(self.apart[:, None], 0.0, self._springs)
+
+    @cached_property
+    def _springs(self) -> np.ndarray:
         return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
 
     def take(self, indices) -> ElasticCoulomb:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
-        names = ("mu", "N0", "k_t", "k_n", "separate", "w0")
+        names = ("mu", "N0", "k_t", "k_n", "separate", "w0", "apart")
         return replace(self, **{name: getattr(self, name)[indices] for name in names})
 
     def followed(self, path: bool) -> ElasticCoulomb:
@@ -106,7 +114,23 @@ class ElasticCoulomb:
         P = np.empty((len(active), 3 * N_H, 3 * N_H)) if tangents else None
         if len(active) > 0:
             march(sampling, pairs, active, p, state, creeps, P)
-        return ContactCycle(p, state, active, P, creeps.astype(bool))
+        found = ContactCycle(p, state, active, P, creeps.astype(bool))
+        return self._without_springs(found, U, sampling) if self.apart.any() else found
+
+    def _without_springs(self, found: ContactCycle, U: np.ndarray, sampling: Sampling) -> ContactCycle:
+        """Return p of pairs that are apart at rest as all of their force, (3.8): none, and not active, if they never touch."""
+        touches = ~self.apart
+        touches[self.apart] = sampling.least(U[self.apart, 2]) * self.k_n[self.apart] < self.N0[self.apart]
+        active = found.active[touches[found.active]]
+        p, P = np.where(touches[:, None, None], found.p, 0.0), found.P
+        now = self.apart & touches
+        p[now] += self._springs[now, :, None] * U[now]
+        if P is not None:
+            P = P[touches[found.active]]
+            n = P.shape[-1]
+            springs = np.where(self.apart[:, None], self._springs, 0.0)[active]
+            P[:, np.arange(n), np.arange(n)] += np.repeat(springs, n // 3, axis=1)
+        return replace(found, p=p, active=active, P=P)
 
     # -- a step of time ----------------------------------------------------------------------------------------
 
@@ -168,21 +192,23 @@ class ElasticCoulomb:
 
         It sticks where even all harmonics peaking together, in the direction of T0, stay within the friction limit,
         |T0| + k_t |du_t| <= mu (N0 - k_n du_z): with a larger factor it may stick, too.  0 where a pair has no preload, a gap, or
-        no friction left.
+        no friction left.  Of a pair that is apart at rest, the factor up to which it stays so.
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
-        limit = np.broadcast_to(self._friction_left(np.maximum(self.N0, 0.0)), x.shape)
-        taken = self.k_t * np.hypot(x, y) + self.mu * self.k_n * z
+        limit = np.broadcast_to(np.where(self.apart, -self.N0, self._friction_left(np.maximum(self.N0, 0.0))), x.shape)
+        taken = np.where(self.apart, self.k_n * z, self.k_t * np.hypot(x, y) + self.mu * self.k_n * z)
         return np.divide(limit, taken, out=np.where(limit > 0.0, np.inf, 0.0), where=taken > 0.0)
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the share of the friction limit, or of the preload, that motions take up, (..., n).  Local.
 
-        Infinite where nothing is left of the limit of a pair that moves; negative where a pair has a gap.
+        Infinite where nothing is left of the limit of a pair that moves; negative where a pair has a gap; the share of the gap
+        where it is apart at rest.
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            shares = self.k_t * np.hypot(x, y) / (self.mu * self.N0 - self.held_at_rest), self.k_n * z / self.N0
+            shear = np.where(self.apart, 0.0, self.k_t * np.hypot(x, y) / (self.mu * self.N0 - self.held_at_rest))
+            shares = shear, self.k_n * z / np.where(self.apart, -self.N0, self.N0)
         return np.nan_to_num(np.stack(shares), nan=0.0, posinf=np.inf, neginf=np.inf).max(axis=0)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:

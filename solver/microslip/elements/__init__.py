@@ -1,7 +1,8 @@
 """Shape functions, quadrature, element stiffness and mass of isotropic solids, element faces.  NumPy only."""
 
-from .faces import face_nodal_areas, face_normals
+from .faces import face_nodal_areas, face_normals, pressure_forces
 from .kinds import FACE_KINDS, KINDS, Kind
+from .prestress import stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
 from .solid import jacobian_minimum, mass, stiffness
 
@@ -14,5 +15,9 @@ __all__ = [
     "face_normals",
     "jacobian_minimum",
     "mass",
+    "pressure_forces",
     "stiffness",
+    "stress",
+    "stress_stiffness",
+    "thermal_forces",
 ]

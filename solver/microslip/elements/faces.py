@@ -57,6 +57,16 @@ def face_nodal_areas(kind: str, points: np.ndarray) -> np.ndarray:
     return squares * (area / squares.sum(axis=1))[:, None]
 
 
+def pressure_forces(kind: str, points: np.ndarray) -> np.ndarray:
+    """Return the nodal forces of a unit pressure that pushes on the faces, (n_faces, n, 3) [N/Pa], consistent with their shapes.
+
+    Local.  Arguments as in ``face_normals``.  As loads they may be negative at corners.
+    """
+    rule = _RULES[kind]
+    vectors = _area_vectors(points, FACE_KINDS[kind].derivatives(rule.points))
+    return -np.einsum("q,qa,fqi->fai", rule.weights, FACE_KINDS[kind].values(rule.points), vectors)
+
+
 def _area_vectors(points: np.ndarray, slopes: np.ndarray) -> np.ndarray:
     """Return dx/dxi_1 x dx/dxi_2, (n_faces, n_xi, 3), for slopes (n_xi, 2, n)."""
     tangents = np.einsum("qra,fai->rfqi", slopes, points)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ..assembly.assemble import assemble
 from ..assembly.matrices import distribute_structure, read_structure
+from ..assembly.prestress import constant_forces, stiffness_at_rest
 from ..assembly.system import System
 from ..linear.joint_springs import linearise
-from ..mesh.data import ContactPairs, Mesh
+from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
+from ..mesh.settings import MeshSettings
 from ..modes.limits import refuse_too_many
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
@@ -21,6 +23,8 @@ from ..reduction.choose_modes import choose_modes
 from ..reduction.methods import check_size
 from ..reduction.stuck import StuckStructure, static_response
 from ..scene.schema import Scene
+from ..statics.equilibrium import equilibrium
+from ..statics.rest import at_rest, in_words
 from .settings import matrix_settings, mesh_settings, reduction_settings
 
 if TYPE_CHECKING:
@@ -86,7 +90,31 @@ def from_mesh(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, S
         shares = distribute(mesh, settings, comm)
     with log.stage("assembly"):
         system = assemble(shares, mesh, pairs, settings)
+    if settings.statics is not None:
+        system, pairs = brought_to_rest(system, shares, mesh, pairs, settings, log, str(scene.path))
     return mesh, system, pairs
+
+
+def brought_to_rest(
+    system: System, shares: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings, log: RunLog, where: str
+) -> tuple[System, ContactPairs]:
+    """Return the structure and its pairs as they vibrate about their state of rest under the constant loads.  Collective.
+
+    Raises
+    ------
+    CaseError, ConvergenceError, MeshError, ResourceError : on every rank
+    """
+    statics = settings.statics
+    assert statics is not None, "a scene with [statics]"
+    with log.stage("statics"):
+        forces = constant_forces(shares, mesh, settings, system)
+        linearised = linearise(system, pairs, where)
+        rest = equilibrium(linearised, pairs, forces, statics.steps)
+        linearised.destroy()
+        K = stiffness_at_rest(shares, settings, system, rest.u_owned) if statics.stiffens else system.K
+    for line in in_words(system, mesh, pairs, rest, forces):
+        log.note(line)
+    return replace(system, K=K), at_rest(pairs, rest)
 
 
 def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[None, System, ContactPairs]:

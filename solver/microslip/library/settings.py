@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
-from ..mesh.settings import Body, Joint, Load, MeshSettings, Output, Support
+from ..mesh.settings import Body, Force, Joint, Load, MeshSettings, Output, Statics, Support
 from ..modes.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
@@ -25,6 +25,7 @@ def mesh_settings(scene: Scene) -> MeshSettings:
         joints=tuple(map(_joint, scene.joints)),
         loads=loads(scene),
         outputs=outputs(scene),
+        statics=_statics(scene),
     )
 
 
@@ -100,13 +101,33 @@ def band(scene: Scene) -> Band:
     return Band(frequencies=response.frequencies, mode=response.mode, span=response.span)
 
 
+def _statics(scene: Scene) -> Statics | None:
+    """Return what acts before the structure vibrates; None where nothing does."""
+    statics = scene.statics
+    if statics is None:
+        return None
+    body_of = {body.group: name for name, body in scene.bodies.items()}
+    return Statics(
+        speed=statics.rotation_speed,
+        axis=scene.model.axis or (0.0, 0.0, 1.0),
+        axis_point=scene.model.axis_point,
+        forces=tuple(Force(**dict(force)) for force in statics.forces),
+        pressures=tuple((one.group, one.pressure) for one in statics.pressures),
+        temperatures={body_of[warm.group]: warm.temperature for warm in statics.temperatures},
+        steps=statics.steps,
+        stiffens=statics.stress_stiffening,
+    )
+
+
 def _body(body: schema.Body, material: schema.Material) -> Body:
-    return Body(group=body.group, integration=body.integration, incompatible_modes=body.incompatible_modes, **dict(material))
+    kept = {**dict(material), "expansion": material.expansion or 0.0}
+    return Body(group=body.group, integration=body.integration, incompatible_modes=body.incompatible_modes, **kept)
 
 
 def _joint(joint: schema.Joint) -> Joint:
     """Return a joint of surfaces; the scene has been checked to state all of it."""
-    assert joint.surfaces is not None and not isinstance(joint.preload, str), "this version has no statics yet"
+    assert joint.surfaces is not None, "a scene with a mesh has joints of surfaces"
     numbers = {key: getattr(joint, key) for key in ("friction", "tangential_stiffness", "normal_stiffness", "gap", "tolerance")}
     separate = joint.friction_limit == "separate"
-    return Joint(name=joint.name, surfaces=joint.surfaces, preload=joint.preload or 0.0, separate=separate, **numbers)
+    preload = 0.0 if isinstance(joint.preload, str) else joint.preload or 0.0
+    return Joint(name=joint.name, surfaces=joint.surfaces, preload=preload, separate=separate, **numbers)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -93,6 +93,14 @@ class ContactPairs:
     k_n: np.ndarray  # (n_pairs,) N/m
     separate: np.ndarray  # (n_pairs,) bool: each tangential direction has its own friction limit
     faces: tuple[np.ndarray, ...]  # contact faces for pictures: (n_faces, n_corners or with mid-sides) pair indices
+    T0: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))  # (n_pairs, 2) N, friction force at rest; none given: 0
+    apart: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_pairs,) bool: open at rest, without springs
+
+    def __post_init__(self):
+        for name in ("T0", "apart"):  # of pairs that have no statics
+            values = getattr(self, name)
+            if len(values) != self.n_pairs:
+                object.__setattr__(self, name, np.zeros((self.n_pairs, *values.shape[1:]), dtype=values.dtype))
 
     @property
     def n_pairs(self) -> int:
@@ -100,5 +108,6 @@ class ContactPairs:
 
     @property
     def law(self) -> Law:
-        """The contact law of the pairs, about a state of rest without friction force."""
-        return ElasticCoulomb(self.mu, self.N0, self.k_t, self.k_n, self.separate)
+        """The contact law of the pairs about their state of rest."""
+        w0 = np.divide(-self.T0, self.k_t[:, None], out=np.zeros_like(self.T0), where=self.k_t[:, None] > 0.0)
+        return ElasticCoulomb(self.mu, self.N0, self.k_t, self.k_n, self.separate, w0, apart=self.apart)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 Vector = tuple[float, float, float]
 
@@ -17,6 +19,7 @@ class Body:
     young: float  # Pa
     poisson: float  # -
     density: float  # kg/m3
+    expansion: float = 0.0  # 1/K
     integration: str = "full"  # "full", "reduced", "reduced-both"
     incompatible_modes: bool = True  # in 8-node hexahedra
 
@@ -38,7 +41,7 @@ class Joint:
     friction: float  # -
     tangential_stiffness: float  # N/m3
     normal_stiffness: float  # N/m3
-    preload: float = 0.0  # Pa
+    preload: float = 0.0  # Pa, before the statics
     gap: float = 0.0  # m
     separate: bool = False  # each tangential direction has its own friction limit
     tolerance: float | None = None  # m, between nodes of a pair; None: by the size of the mesh
@@ -70,6 +73,37 @@ class Output:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Force:
+    """A constant force at nodes of a mesh."""
+
+    position: Vector | None = None  # m
+    node: int | None = None
+    group: str | None = None
+    force: Vector  # N, of all its nodes together
+
+
+@dataclass(frozen=True, kw_only=True)
+class Statics:
+    """What acts before the structure vibrates."""
+
+    speed: float = 0.0  # rad/s, of rotation
+    axis: Vector = (0.0, 0.0, 1.0)  # its direction
+    axis_point: Vector = (0.0, 0.0, 0.0)  # m
+    forces: tuple[Force, ...] = ()
+    pressures: tuple[tuple[str, float], ...] = ()  # group of faces, Pa
+    temperatures: Mapping[str, float] = field(default_factory=dict)  # by body, K above that without stress
+    steps: int = 10
+    stiffens: bool = True  # the vibration feels stress and spin
+
+    @property
+    def spin(self) -> np.ndarray:
+        """Omega^2 (1 - a a^T), (3, 3) [1/s2]: acceleration per distance from the axis."""
+        a = np.asarray(self.axis, dtype=float)
+        a = a / np.linalg.norm(a)
+        return self.speed**2 * (np.eye(3) - np.outer(a, a))
+
+
+@dataclass(frozen=True, kw_only=True)
 class MeshSettings:
     """A structure with a mesh."""
 
@@ -81,6 +115,7 @@ class MeshSettings:
     joints: tuple[Joint, ...] = ()
     loads: tuple[Load, ...] = ()
     outputs: tuple[Output, ...] = ()
+    statics: Statics | None = None
 
     @property
     def body_of(self) -> dict[str, str]:
@@ -92,4 +127,9 @@ class MeshSettings:
         """The groups of supports, joints and loads, each after the key that names it."""
         named = [(f"[[supports]] {i} group", support.group) for i, support in enumerate(self.supports, 1)]
         named += [(f"[[joints]] {joint.name!r} surfaces", group) for joint in self.joints for group in joint.surfaces]
-        return named + [(f"[[loads]] {i} group", load.group) for i, load in enumerate(self.loads, 1) if load.group is not None]
+        named += [(f"[[loads]] {i} group", load.group) for i, load in enumerate(self.loads, 1) if load.group is not None]
+        if self.statics is not None:
+            forces, pressures = self.statics.forces, self.statics.pressures
+            named += [(f"[[statics.forces]] {i} group", one.group) for i, one in enumerate(forces, 1) if one.group is not None]
+            named += [(f"[[statics.pressures]] {i} group", group) for i, (group, _) in enumerate(pressures, 1)]
+        return named

@@ -33,7 +33,7 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
     ------
     MeshError : no such faces, faces inside a body, or an edge too sharp for one normal a node
     """
-    faces = _outward_faces(mesh, group)
+    faces = outward_faces(mesh, group)
     nodes = np.unique(np.concatenate([own.ravel() for own in faces.values()]))
     area_normals, areas, parts = np.zeros((len(nodes), 3)), np.zeros(len(nodes)), []
     for kind, own in faces.items():
@@ -50,7 +50,7 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
     return Surface(group, tuple(faces.values()), nodes, normals, areas)
 
 
-def _outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
+def outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
     """Return the faces of the group by kind, as the elements list them: corners counter-clockwise seen from outside."""
     outer: dict[str, np.ndarray] = {}
     named: dict[int, list[np.ndarray]] = {}

@@ -147,7 +147,7 @@ def _linear(reader: _Reader, n_outputs: int) -> LinearCurve | None:
 def _joint(reader: _Reader) -> Joint:
     n_pairs = len(reader.array("joint/mu", "f8", (None,)))
     lengths = axis_lengths(0, n_pairs, 0)
-    columns = {kept.field: reader.array(f"joint/{kept.dataset}", kept.kind, kept.shape(lengths)) for kept in JOINT_QUANTITIES}
+    columns = {kept.field: _of_joint(reader, kept, kept.shape(lengths)) for kept in JOINT_QUANTITIES}
     names = tuple(reader.texts("joint/names"))
     faces = tuple(reader.array(f"joint/faces/{name}", "i8", (None, None)) for name in sorted(reader.group("joint/faces")))
     if any(len(part) and not 0 <= part.min() <= part.max() < n_pairs for part in (*faces,)) or not all(
@@ -155,6 +155,14 @@ def _joint(reader: _Reader) -> Joint:
     ):
         raise CaseError(f"{reader.path}: the joint names pairs that are not there; the file is damaged or was edited")
     return Joint(names=names, faces=faces, **columns)
+
+
+def _of_joint(reader: _Reader, kept: Quantity, shape: tuple[int, ...]) -> np.ndarray:
+    """Return a quantity of the joint; zeros where it came with a later version."""
+    name = f"joint/{kept.dataset}"
+    if kept.optional and name not in reader:
+        return np.zeros(shape, dtype=kept.kind)
+    return reader.array(name, kept.kind, shape)
 
 
 def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bool) -> LevelResult:

@@ -66,10 +66,14 @@ class Joint:
     frame: Annotated[np.ndarray, Quantity("frame", "pairs directions directions", "1", _FRAME)]
     area: Annotated[np.ndarray, Quantity("area", "pairs", "m2", "tributary area; NaN where it is not known")]
     mu: Annotated[np.ndarray, Quantity("mu", "pairs", "1", "friction coefficient")]
-    N0: Annotated[np.ndarray, Quantity("N0", "pairs", "N", "normal preload")]
+    N0: Annotated[np.ndarray, Quantity("N0", "pairs", "N", "normal preload; below 0 a gap of -N0 / k_n")]
     k_t: Annotated[np.ndarray, Quantity("k_t", "pairs", "N/m", "tangential stiffness")]
     k_n: Annotated[np.ndarray, Quantity("k_n", "pairs", "N/m", "normal stiffness")]
     separate: Annotated[np.ndarray, Quantity("separate", "pairs", "1", "1 where directions slip on their own", "u1")]
+    T0: Annotated[np.ndarray, Quantity("T0", "pairs tangents", "N", "friction force at rest, against body 1")] = None  # type: ignore[assignment]
+    apart: Annotated[
+        np.ndarray, Quantity("apart", "pairs", "1", "1 where a pair is open at rest and no spring stands for it", "u1")
+    ] = None  # type: ignore[assignment]
     faces: tuple[np.ndarray, ...] = ()  # (n_faces, 3, 4, 6 or 8) indices of pairs
 
     @property

@@ -18,6 +18,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_same_groups(scene),
         *_same_names(scene),
         *_harmonics(scene),
+        *_constant_loads(scene),
         *_statics(scene),
         *_bars(scene),
         *_mode(scene),
@@ -115,6 +116,31 @@ def _harmonics(scene: Scene) -> list[str]:
 
 
 def _statics(scene: Scene) -> list[str]:
+    """Preloads that nothing makes, a speed without an axis, temperatures without expansion."""
+    statics, found = scene.statics, []
+    for where, joint in _numbered(scene, "joints"):
+        if joint.preload == "static" and statics is None:
+            found.append(f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa')
+    if statics is None:
+        if scene.model.axis is not None:
+            found.append("[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out")
+        return found
+    if statics.rotation_speed > 0.0 and scene.model.axis is None:
+        found.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
+    if not (statics.rotation_speed or statics.forces or statics.pressures or statics.temperatures):
+        found.append("[statics] loads nothing: state rotation_speed, forces, pressures or temperatures, or leave the table out")
+    body_of = {body.group: body for body in scene.bodies.values()}
+    for i, warm in enumerate(statics.temperatures, 1):
+        where = f'[[statics.temperatures]] {i} group = "{warm.group}"'
+        if warm.group not in body_of:
+            near = nearest(warm.group, body_of)
+            found.append(f"{where}: no body has this group" + (f'; nearest is "{near}"' if near else ""))
+        elif body_of[warm.group].material in scene.materials and scene.materials[body_of[warm.group].material].expansion is None:
+            found.append(f"{where}: [materials.{body_of[warm.group].material}] expansion is missing, in 1/K")
+    return found
+
+
+def _constant_loads(scene: Scene) -> list[str]:
     """A constant motion with a method that keeps the pairs which dissipate, or whose modes have to bear the load."""
     solver = scene.solver
     if solver.harmonics > 0:

@@ -70,7 +70,8 @@ class Model(Table):
     stiffness: str | None = Field(None, min_length=1, description="the path of the stiffness matrix")
     mass: str | None = Field(None, min_length=1, description="the path of the mass matrix")
     damping: str | None = Field(None, min_length=1, description="the path of the damping matrix")
-    axis: Direction | None = Field(None, description="the axis of rotation, three numbers [x, y, z], not all 0")
+    axis: Direction | None = Field(None, description="the direction of the axis of rotation, three numbers [x, y, z], not all 0")
+    axis_point: Vector = Field((0.0, 0.0, 0.0), description="a point of the axis of rotation, three coordinates [x, y, z] in m")
 
     @model_validator(mode="after")
     def _mesh_or_matrices(self):
@@ -91,6 +92,7 @@ class Material(Table):
     young: Positive = Field(description="Young's modulus in Pa, a number above 0")
     poisson: float = Field(gt=-1, lt=0.5, description="Poisson's ratio, a number above -1 and below 0.5")
     density: Positive = Field(description="the density in kg/m3, a number above 0")
+    expansion: float | None = Field(None, description="the coefficient of thermal expansion in 1/K, a number")
 
 
 class Body(Table):
@@ -151,15 +153,52 @@ class Joint(Table):
         for key in needed:
             if getattr(self, key) is None:
                 raise ValueError(f"{key} is missing: expected {type(self).model_fields[key].description}")
-        if self.gap > 0.0 and self.preload:
+        if self.gap > 0.0 and self.preload and self.preload != "static":
             raise ValueError(f"gap = {self.gap:g} with preload = {self.preload}: an open joint carries no preload; keep one")
         return self
+
+
+class Force(Table):
+    """[[statics.forces]]: a constant force, shared by its nodes."""
+
+    position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is loaded")
+    node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
+    group: str | None = Field(None, min_length=1, description="the name of a group in the mesh; its nodes share the force")
+    force: Direction = Field(description="the force [x, y, z] in N, three numbers, not all 0")
+
+    @model_validator(mode="after")
+    def _place(self):
+        self.exactly_one("position", "node", "group")
+        return self
+
+
+class Pressure(Table):
+    """[[statics.pressures]]: a constant pressure on a surface."""
+
+    group: str = Field(min_length=1, description="the name of a group of faces in the mesh")
+    pressure: float = Field(description="the pressure in Pa, a number; above 0 it pushes into the body")
+
+
+class Temperature(Table):
+    """[[statics.temperatures]]: a body that is warmer than where it is free of stress."""
+
+    group: str = Field(min_length=1, description="the name of a group of volume elements in the mesh, of one of the bodies")
+    temperature: float = Field(description="the temperature in K above that without stress, a number")
 
 
 class Statics(Table):
     """[statics]: what the joint carries before it vibrates."""
 
     rotation_speed: NotNegative = Field(0.0, description="the speed of rotation in rad/s, a number of at least 0")
+    stress_stiffening: bool = Field(
+        True, description="true or false: the vibration feels the stress at rest and, where it rotates, spin softening"
+    )
+    steps: int = Field(10, ge=1, le=100_000, description="the number of load steps, a whole number of at least 1")
+    forces: tuple[Force, ...] = Field((), description="tables, each headed [[statics.forces]], with a place and force")
+    pressures: tuple[Pressure, ...] = Field((), description="tables, each headed [[statics.pressures]], with group and pressure")
+    temperatures: tuple[Temperature, ...] = Field(
+        (), description="tables, each headed [[statics.temperatures]], with group and temperature"
+    )
 
 
 class Load(Table):

@@ -1,0 +1,116 @@
+"""What acts on a structure before it vibrates, and what its stress and spin add to its stiffness (docs/theory.md, section 12)."""
+
+from __future__ import annotations
+
+import numpy as np
+from petsc4py import PETSc
+
+from .. import elements
+from ..mesh.data import DistributedMesh, LocalBlock, Mesh
+from ..mesh.locate import find_node
+from ..mesh.settings import Body, MeshSettings, Statics
+from ..mesh.surface import outward_faces
+from ..parallel.agree import on_root
+from .assemble import element_chunks, petsc_matrix
+from .blocks import BlockSum, expand, node_pattern
+from .system import System
+
+
+def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System) -> np.ndarray:
+    """Return this rank's rows of the forces of ``settings.statics``, eq. (12.1) and eq. (12.2), (n_dof_owned,) [N].
+
+    Collective on ``dmesh.comm``: one broadcast.  ``mesh`` is that of rank 0.
+
+    Raises
+    ------
+    MeshError : a group that is no surface, or a place without a node; on every rank
+    """
+    statics = settings.statics
+    assert statics is not None, "a scene with [statics]"
+    first, last = _owned_nodes(dmesh)
+    nodes, values = on_root(dmesh.comm, _forces_on_nodes, mesh, statics)
+    total = np.zeros((last - first, 3))
+    _add(total, dmesh.rank_order[nodes] - first, values)
+    for block in dmesh.blocks:
+        for chunk in element_chunks(block):
+            _add(total, block.nodes[chunk] - first, _element_forces(block, chunk, settings.bodies[block.body], statics))
+    return total[_by_rank(dmesh, system)[first:last] >= 0]
+
+
+def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes (n,) and the forces and pressures on them, (n, 3) [N].  Local, rank 0."""
+    nodes, values = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
+    for i, one in enumerate(statics.forces, 1):
+        own = find_node(mesh, position=one.position, node=one.node, group=one.group, where=f"[[statics.forces]] {i}")
+        nodes.append(own)
+        values.append(np.tile(np.array(one.force) / len(own), (len(own), 1)))
+    for group, pressure in statics.pressures:
+        for kind, faces in outward_faces(mesh, group).items():
+            nodes.append(faces.ravel())
+            values.append(pressure * elements.pressure_forces(kind, mesh.points[faces]).reshape(-1, 3))
+    return np.concatenate(nodes), np.concatenate(values)
+
+
+def _element_forces(block: LocalBlock, chunk: slice, body: Body, statics: Statics) -> np.ndarray:
+    """Return the centrifugal and thermal forces of some elements, (n_elements, n, 3) [N]."""
+    points = block.points[chunk]
+    total = np.zeros(points.shape)
+    if statics.speed > 0.0:
+        outward = (points - np.array(statics.axis_point)) @ statics.spin
+        total += elements.mass(block.kind, points, body.density, body.integration) @ outward
+    strain = body.expansion * statics.temperatures.get(block.body, 0.0)
+    if strain != 0.0:
+        total += elements.thermal_forces(block.kind, points, body.young, body.poisson, strain, body.integration)
+    return total
+
+
+def stiffness_at_rest(dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray) -> PETSc.Mat:
+    """Return K + K_sigma - Omega^2 K_spin, eq. (12.3), of the structure displaced by ``u_owned`` (n_dof_owned,) [m].
+
+    Collective on ``dmesh.comm``: every rank gathers the displacement.
+    """
+    statics = settings.statics
+    assert statics is not None, "a scene with [statics]"
+    dof, u_all = _by_rank(dmesh, system), np.concatenate(dmesh.comm.allgather(u_owned))
+    u = np.where(dof >= 0, u_all[dof], 0.0)
+    pattern = node_pattern(dmesh)
+    total = BlockSum(pattern, 3)
+    for block in dmesh.blocks:
+        body = settings.bodies[block.body]
+        for chunk in element_chunks(block):
+            is_owned, positions = pattern.positions(block.nodes[chunk])
+            change = _stiffening(block, chunk, body, statics, u[block.nodes[chunk]])
+            total.add(is_owned, positions, change)
+    change = petsc_matrix(dmesh.comm, len(u_owned), expand(pattern, total, dof, PETSc.IntType))
+    K = system.K.duplicate(copy=True)
+    K.axpy(1.0, change, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    change.destroy()
+    return K
+
+
+def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u: np.ndarray) -> np.ndarray:
+    """Return K_sigma - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]."""
+    points = block.points[chunk]
+    strain = body.expansion * statics.temperatures.get(block.body, 0.0)
+    modes = body.incompatible_modes
+    stress = elements.stress(block.kind, points, u, body.young, body.poisson, strain, body.integration, modes)
+    sigma = elements.stress_stiffness(block.kind, points, stress, body.integration)
+    mass = elements.mass(block.kind, points, body.density, body.integration)
+    return np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
+
+
+def _owned_nodes(dmesh: DistributedMesh) -> tuple[int, int]:
+    first, last = dmesh.node_ranges[dmesh.comm.rank :][:2]
+    return int(first), int(last)
+
+
+def _by_rank(dmesh: DistributedMesh, system: System) -> np.ndarray:
+    """Return the rows of the rank-ordered nodes, (n_nodes, 3), -1 where fixed."""
+    assert system.dof is not None, "a structure with a mesh"
+    return system.dof[np.argsort(dmesh.rank_order)]
+
+
+def _add(total: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> None:
+    """Add values (..., 3) to the rows ``nodes`` (...) that are there."""
+    mine = (nodes >= 0) & (nodes < len(total))
+    np.add.at(total, nodes[mine], values[mine])

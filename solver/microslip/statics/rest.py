@@ -1,0 +1,92 @@
+"""The state of rest: the pairs that vibrate about it, and what a run says of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..assembly.system import System
+from ..mesh.data import ContactPairs, Mesh
+from ..parallel.agree import on_root
+from .equilibrium import Rest
+
+
+def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
+    """Return the pairs as they vibrate about their rest: preload or gap, friction force, and no springs where they are open.
+
+    Local.  docs/theory.md, eq. (12.5).
+    """
+    N0 = pairs.N0 - pairs.k_n * rest.du[:, 2]
+    apart = N0 <= 0.0
+    T0 = np.where(apart[:, None], 0.0, rest.force[:, :2])
+    return replace(pairs, N0=N0, T0=T0, apart=apart)
+
+
+@dataclass(frozen=True)
+class Resultant:
+    """Forces on a part [N], and their moments about the middle of the points [N m]."""
+
+    force: np.ndarray  # (3,)
+    moment: np.ndarray  # (3,)
+    size: float  # N, the sum of the magnitudes of what was added
+
+
+def in_words(system: System, mesh: Mesh | None, pairs: ContactPairs, rest: Rest, forces_owned: np.ndarray) -> list[str]:
+    """Return a line for each joint, and one for each body that nothing but joints holds: do its forces balance?  Collective."""
+    forces = system.comm.gather(forces_owned)
+    parts = None if system.parts is None else system.comm.gather(system.parts)
+    return on_root(system.comm, lambda: _lines(system, mesh, pairs, rest, forces, parts))
+
+
+def _lines(system: System, mesh: Mesh, pairs: ContactPairs, rest: Rest, forces, parts) -> list[str]:
+    names = np.array(pairs.joint)
+    lines = [f"rest found in {rest.steps} load steps, {rest.iterations} Newton iterations"]
+    for name in dict.fromkeys(pairs.joint):
+        own = names == name
+        N, T = rest.N[own], np.hypot(*rest.force[own, :2].T)
+        closed = N > 0.0
+        slid = closed & (T >= (1.0 - 1e-9) * pairs.mu[own] * N)
+        pressure = N / pairs.area[own]
+        gap = np.maximum(rest.du[own, 2] - pairs.N0[own] / pairs.k_n[own], 0.0)
+        lines.append(
+            f"  {name}: {closed.sum()} of {own.sum()} pairs closed, {slid.sum()} slid to their limit; "
+            f"normal force {N.sum():.6g} N, friction {T.sum():.4g} N, pressure up to {pressure.max():.4g} Pa, "
+            f"gap up to {gap.max():.3g} m"
+        )
+    return lines + _balance(system, mesh, rest, np.concatenate(forces), np.concatenate(parts))
+
+
+def _balance(system: System, mesh: Mesh, rest: Rest, forces: np.ndarray, part: np.ndarray) -> list[str]:
+    """Return a line for each part without a support; rank 0."""
+    assert system.dof is not None
+    contact = -(system.R.T @ rest.force.ravel())
+    node, axis = np.nonzero(system.dof >= 0)
+    row = system.dof[node, axis]
+    held = np.zeros(len(system.part_names), dtype=bool)
+    part_of_node = np.full(len(mesh.points), -1)
+    part_of_node[node] = part[row]
+    has_fixed = (system.dof < 0).any(axis=1)
+    held[part_of_node[has_fixed & (part_of_node >= 0)]] = True
+    lines = []
+    for i, name in enumerate(system.part_names):
+        if held[i]:
+            continue
+        nodes = np.flatnonzero(part_of_node == i)
+        applied, pressed = (resultant(mesh.points[nodes], values[system.dof[nodes]]) for values in (forces, contact))
+        size = max(applied.size, pressed.size) or 1.0
+        reach = float(np.abs(mesh.points[nodes] - mesh.points[nodes].mean(axis=0)).max())
+        left = np.linalg.norm(applied.force + pressed.force) / size
+        turned = np.linalg.norm(applied.moment + pressed.moment) / (size * reach)
+        shown = ", ".join(f"{value:.6g}" for value in applied.force)
+        lines.append(
+            f"  {name}: loads of ({shown}) N, carried by its joints; what is left over is {left:.1e} of the forces, "
+            f"{turned:.1e} of their moments"
+        )
+    return lines
+
+
+def resultant(points: np.ndarray, forces: np.ndarray) -> Resultant:
+    """Return the sum of forces (n, 3) [N] at points (n, 3) [m].  Local."""
+    moments = np.cross(points - points.mean(axis=0), forces)
+    return Resultant(forces.sum(axis=0), moments.sum(axis=0), float(np.linalg.norm(forces, axis=1).sum()))
