@@ -101,12 +101,14 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
         return Cycle(np.roll(kept, 1, axis=0), np.roll(areas, 1, axis=0), slip, np.abs(T - before).max(axis=1))
 
     every = np.arange(len(k_t))
-    found = period(T, every)
+    found, before = period(T, every), np.zeros(len(k_t))
     for _ in range(PLAIN if n_samples > 1 else 0):
         if np.all(found.change <= REPEATS * size):
             break
-        found = period(found.T[0], every)
+        found, before = period(found.T[0], every), found.change
     creeps = np.flatnonzero(found.change > REPEATS * size)
+    slow = (found.change > 0.5 * before) & (found.change > 1e-15 * size) & (before > 0.0)  # little a period, and much in all
+    found.change[slow] /= np.maximum(1.0 - found.change[slow] / before[slow], 1e-6)
     T = found.T[0, creeps]
     for _ in range(JUMPS if len(creeps) else 0):  # Aitken's formula
         one = period(T, creeps)
@@ -119,7 +121,8 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
         last = period(T, creeps)
         for name in ("T", "area"):
             getattr(found, name)[:, creeps] = getattr(last, name)
-        found.slip[creeps], found.change[creeps] = last.slip, np.maximum(last.change, two.change / (1.0 - rate))
+        left = np.maximum(two.change, 1e-15 * size[creeps]) / (1.0 - rate)  # rounding, in all periods to come
+        found.slip[creeps], found.change[creeps] = last.slip, np.maximum(last.change, left)
     return found if n_samples > 1 else Cycle(found.T, found.area, at_once, found.change)
 
 
