@@ -109,19 +109,19 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
     creeps = np.flatnonzero(found.change > REPEATS * size)
     slow = (found.change > 0.5 * before) & (found.change > 1e-15 * size) & (before > 0.0)  # little a period, and much in all
     found.change[slow] /= np.maximum(1.0 - found.change[slow] / before[slow], 1e-6)
-    T = found.T[0, creeps]
+    T, slowest = found.T[0, creeps], np.zeros(len(creeps))
     for _ in range(JUMPS if len(creeps) else 0):  # Aitken's formula
         one = period(T, creeps)
         two = period(one.T[0], creeps)
         c, d = one.T[0] - T, two.T[0] - one.T[0]
         rate = (c * d).sum(axis=1) / np.maximum((c * c).sum(axis=1), 1e-300)
         rate = np.where((two.slip > 1e-13 * size[creeps]) & (rate > 0.0) & (rate < 1.0), rate, 0.0)
-        T = two.T[0] + d * (rate / (1.0 - rate))[:, None]
+        T, slowest = two.T[0] + d * (rate / (1.0 - rate))[:, None], np.maximum(rate, slowest)
     if len(creeps):
         last = period(T, creeps)
         for name in ("T", "area"):
             getattr(found, name)[:, creeps] = getattr(last, name)
-        left = np.maximum(two.change, 1e-15 * size[creeps]) / (1.0 - rate)  # rounding, in all periods to come
+        left = np.maximum(two.change, 1e-15 * size[creeps]) / (1.0 - slowest)  # rounding, in all periods to come
         found.slip[creeps], found.change[creeps] = last.slip, np.maximum(last.change, left)
     return found if n_samples > 1 else Cycle(found.T, found.area, at_once, found.change)
 
