@@ -1,4 +1,4 @@
-"""The mean slip that nothing holds: held where most pairs slip or Newton fails, let go where they stick (docs/theory.md, section 5)."""
+"""The mean slip that nothing holds: held where most pairs slip or Newton fails (docs/theory.md, section 5)."""
 
 from __future__ import annotations
 
