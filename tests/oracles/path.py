@@ -101,25 +101,28 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
         return Cycle(np.roll(kept, 1, axis=0), np.roll(areas, 1, axis=0), slip, np.abs(T - before).max(axis=1))
 
     every = np.arange(len(k_t))
-    found = period(T, every)
+    found, before = period(T, every), np.zeros(len(k_t))
     for _ in range(PLAIN if n_samples > 1 else 0):
         if np.all(found.change <= REPEATS * size):
             break
-        found = period(found.T[0], every)
+        found, before = period(found.T[0], every), found.change
     creeps = np.flatnonzero(found.change > REPEATS * size)
-    T = found.T[0, creeps]
+    slow = (found.change > 0.5 * before) & (found.change > 1e-15 * size) & (before > 0.0)  # little a period, and much in all
+    found.change[slow] /= np.maximum(1.0 - found.change[slow] / before[slow], 1e-6)
+    T, slowest = found.T[0, creeps], np.zeros(len(creeps))
     for _ in range(JUMPS if len(creeps) else 0):  # Aitken's formula
         one = period(T, creeps)
         two = period(one.T[0], creeps)
         c, d = one.T[0] - T, two.T[0] - one.T[0]
         rate = (c * d).sum(axis=1) / np.maximum((c * c).sum(axis=1), 1e-300)
         rate = np.where((two.slip > 1e-13 * size[creeps]) & (rate > 0.0) & (rate < 1.0), rate, 0.0)
-        T = two.T[0] + d * (rate / (1.0 - rate))[:, None]
+        T, slowest = two.T[0] + d * (rate / (1.0 - rate))[:, None], np.maximum(rate, slowest)
     if len(creeps):
         last = period(T, creeps)
         for name in ("T", "area"):
             getattr(found, name)[:, creeps] = getattr(last, name)
-        found.slip[creeps], found.change[creeps] = last.slip, np.maximum(last.change, two.change / (1.0 - rate))
+        left = np.maximum(two.change, 1e-15 * size[creeps]) / (1.0 - slowest)  # rounding, in all periods to come
+        found.slip[creeps], found.change[creeps] = last.slip, np.maximum(last.change, left)
     return found if n_samples > 1 else Cycle(found.T, found.area, at_once, found.change)
 
 

@@ -127,7 +127,7 @@ class Judge:
             "held by springs" in note for note in point.notes
         ):  # as the point says: the mean of p_t is not the law's (theory.md, eq. 5.6)
             march.p[:, :2, 0] = p[:, :2, 0]
-        unknown = march.change > 1e-11 * march.size  # sliders whose cycle this march does not find: the balance alone judges them
+        unknown = march.change > 1e-12 * march.size  # sliders whose cycle this march does not find: the balance alone judges them
         march.p[unknown] = p[unknown]
         law = np.abs(p - march.p).max(axis=(1, 2), initial=0.0) / march.size
         f_nl = march.p + self.k[:, :, None] * U

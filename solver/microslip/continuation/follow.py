@@ -11,7 +11,7 @@ from ..parallel.errors import ConvergenceError
 from .acceptance import Accepted, accept
 from .branch import Branch, Point
 from .first_point import reach_first
-from .hold import MOSTLY, hold, let_go
+from .hold import MOSTLY, MOVED, hold, let_go
 from .iterate import Iterate, PointState, interpolate
 from .point_solver import Found, PointSolver, Workspace
 from .state import BranchState
@@ -85,7 +85,7 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     try:
         found, ds = step(was, state.earlier, state.before, now, state.ds, task.steps)
     except ConvergenceError:
-        held = hold(was, now) if task.may_hold else None
+        held = hold(was, now.moved, MOVED) if task.may_hold else None
         if held is None:
             raise
         return replace(state, solver=held, now=now, ds=0.25 * task.steps.ds)
@@ -100,6 +100,8 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     ds = next_step(task, after.state, ds, found[0].newton, (state.before, now, after.now))
     if after.state.solver.equation.held is not None and after.now.sliding < MOSTLY:
         after = let_go(after, task.steps)
+    elif task.may_hold and (held := hold(after.state.solver, after.now.sliding, MOSTLY)):
+        after = replace(after, state=replace(after.state, solver=held))
     if after.state.solver.resolution == was.resolution:
         return after.state.after(now, after.now, ds, earlier=state.before)
     return after.state.after(after.state.solver.again(now), after.now, ds)

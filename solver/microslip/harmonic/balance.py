@@ -104,14 +104,6 @@ class HarmonicBalance:
         p[forces.active] = forces.p.reshape(-1, 3, self.model.N_H)
         return p.reshape(-1, self.model.N_H)
 
-    def mean_force(self, U: np.ndarray, selected: np.ndarray) -> np.ndarray:
-        """Return the mean of p_t of this rank's pairs under a motion, (n_owned, 2) [N].  Collective.
-
-        The mean is among the harmonics.
-        """
-        p = self.full_force(self.contact_forces(U, selected, tangents=False))
-        return p.reshape(-1, 3, self.model.N_H)[self.model.owned, :2, 0].copy()
-
     # -- the equation --------------------------------------------------------------------------------------------
 
     def model_at(self, at: OperatingPoint) -> ReducedModel:
