@@ -30,6 +30,7 @@ ROOMS = {
     "linear": ("Linearised: K_L, factor", 0.0, 5),
     "modes": ("Modes", 0.0, 6),
     "reduction": ("Reduction, by method", 0.0, 7),
+    "statics": ("pairs at rest", 1.6, 8),
     "harmonic": ("HarmonicBalance: r", 1.0, 6),
     "error_estimate": ("error bars", 0.5, 8),
     "continuation": ("BranchState, Branch", 0.5, 9),

@@ -23,7 +23,7 @@ def message(folder, old, new):
 
 def test_every_key_arrives(tmp_path):
     scene = read_scene(write_scene(tmp_path))
-    assert scene.materials["titanium"].model_dump() == {"young": 114e9, "poisson": 0.33, "density": 4430.0}
+    assert scene.materials["titanium"].model_dump() == {"young": 114e9, "poisson": 0.33, "density": 4430.0, "expansion": None}
     assert [(name, body.group, body.integration) for name, body in scene.bodies.items()] == [
         ("blade", "blade", "full"),
         ("disc", "disc", "reduced"),
@@ -209,9 +209,8 @@ def test_windows_files_are_read(tmp_path):
             'pairs = "fan_sector.msh"\n',
             '[[joints]] 1 ("dovetail") pairs: belongs to a model given as matrices; with a mesh, name two surfaces',
         ),
-        # what this version does not do
-        ("[solver]", "[statics]\nrotation_speed = 100.0\n[solver]", "[statics]: this version has no static solution yet"),
-        ("preload = 5.0e7", 'preload = "static"', '[[joints]] 1 ("dovetail") preload = "static": this version has no static'),
+        ("[solver]", "[statics]\nrotation_speed = 100.0\n[solver]", "[statics] rotation_speed: [model] axis is missing"),
+        ("preload = 5.0e7", 'preload = "static"', '[[joints]] 1 ("dovetail") preload = "static": there is no table [statics]'),
         (
             '"adaptive-energy"',
             '"rubbin"',

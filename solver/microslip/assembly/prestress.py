@@ -65,7 +65,7 @@ def _element_forces(block: LocalBlock, chunk: slice, body: Body, statics: Static
 
 
 def stiffness_at_rest(dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray) -> PETSc.Mat:
-    """Return K + K_sigma - Omega^2 K_spin, eq. (12.3), of the structure displaced by ``u_owned`` (n_dof_owned,) [m].
+    """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), of the structure displaced by ``u_owned`` (n_dof_owned,) [m].
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.
     """

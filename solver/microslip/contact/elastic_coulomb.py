@@ -118,7 +118,7 @@ class ElasticCoulomb:
         return self._without_springs(found, U, sampling) if self.apart.any() else found
 
     def _without_springs(self, found: ContactCycle, U: np.ndarray, sampling: Sampling) -> ContactCycle:
-        """Return p of pairs that are apart at rest as all of their force, (3.8): none, and not active, if they never touch."""
+        """Return p of pairs that are apart at rest as all of their force, eq. (3.8): none if they never touch."""
         touches = ~self.apart
         touches[self.apart] = sampling.least(U[self.apart, 2]) * self.k_n[self.apart] < self.N0[self.apart]
         active = found.active[touches[found.active]]

@@ -1,4 +1,4 @@
-"""Stress in isotropic solid elements, what it adds to their stiffness, and the forces of warm ones (docs/theory.md, section 12)."""
+"""Stress in isotropic solids, what it adds to their stiffness, and the forces of warm ones (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _bubbles(dN, bubbles, volumes, u, lam: float, mu: float) -> np.ndarray:
 def stress_stiffness(kind: str, points: np.ndarray, stress: np.ndarray, integration: str = "full") -> np.ndarray:
     """Return what a stress (n_elements, n_q, 3, 3) [Pa] adds to the stiffness, (n_elements, n, n) [N/m].
 
-    Local.  docs/theory.md, eq. (12.3): entry a, b couples u_x of a and b, u_y, u_z alike.  ``stress`` is that of :func:`stress`.
+    Local.  docs/theory.md, eq. (12.5): entry a, b couples u_x of a and b, u_y, u_z alike.  ``stress`` is that of :func:`stress`.
     """
     rule = rules(kind, integration)[0]
     found = np.empty((len(points), points.shape[1], points.shape[1]))

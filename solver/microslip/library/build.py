@@ -96,7 +96,13 @@ def from_mesh(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, S
 
 
 def brought_to_rest(
-    system: System, shares: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings, log: RunLog, where: str
+    system: System,
+    shares: DistributedMesh,
+    mesh: Mesh | None,
+    pairs: ContactPairs,
+    settings: MeshSettings,
+    log: RunLog,
+    where: str,
 ) -> tuple[System, ContactPairs]:
     """Return the structure and its pairs as they vibrate about their state of rest under the constant loads.  Collective.
 
@@ -112,7 +118,7 @@ def brought_to_rest(
         rest = equilibrium(linearised, pairs, forces, statics.steps)
         linearised.destroy()
         K = stiffness_at_rest(shares, settings, system, rest.u_owned) if statics.stiffens else system.K
-    for line in in_words(system, mesh, pairs, rest, forces):
+    for line in in_words(system, mesh, pairs, rest, forces, settings.body_of):
         log.note(line)
     return replace(system, K=K), at_rest(pairs, rest)
 

@@ -104,6 +104,8 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
     CaseError : a joint that is not there, a wrong number of values, or negative ones
     """
     names, joint = tuple(dict.fromkeys(pairs.joint)), np.array(pairs.joint)
+    if pairs.has_rest and any(values is not None for values in of_joints.values()):
+        raise CaseError("respond: friction and preload take part in the statics of this scene; change them there and build anew")
     found = {"friction": pairs.mu.copy(), "preload": pairs.N0.copy()}
     for key, values in of_joints.items():
         for name, value in _by_joint(values, names).items():

@@ -89,6 +89,41 @@ def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
     )
 
 
+def draw_rest(results: ResultFile, out_dir: str) -> list[str]:
+    """Draw pressure and share of the friction limit at rest, where statics have found them.  Local; returns the files."""
+    joint = results.joint
+    if not (joint.apart.any() or joint.T0.any()):
+        return []
+    surfaces = patches(joint)
+    if not surfaces:
+        return []
+    shown = sorted(sorted(surfaces, key=lambda patch: -len(patch.pairs))[:_MOST_PATCHES], key=surfaces.index)
+    N = np.maximum(joint.N0, 0.0)
+    pressure = N / joint.area / 1e6
+    friction = np.divide(np.hypot(*joint.T0.T), joint.mu * N, out=np.zeros_like(N), where=joint.mu * N > 0.0)
+    palette = matplotlib.colormaps["viridis_r"]
+    most = max(pressure.max(initial=0.0), 1e-300)
+    layout = choose_layout(np.array([patch.size for patch in shown]), 2, len(surfaces) > 1)
+    says = "state of rest: contact pressure and friction" + (
+        f"; {len(shown)} of {len(surfaces)} surfaces" if len(shown) < len(surfaces) else ""
+    )
+    page = Page(
+        results, says, WIDTH, layout.height(2) + 0.56, [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="open")]
+    )
+    heads = (
+        (pressure / most, f"pressure up to {most:.4g} MPa, {(N > 0.0).sum()} of {len(N)} pairs closed"),
+        (friction, f"friction over its limit: up to {friction.max(initial=0.0):.3g}"),
+    )
+    for i, (share, head) in enumerate(heads):
+        row, column = divmod(i, layout.level_columns)
+        x, y = layout.LEFT + column * layout.block[0], page.top + row * layout.block[1]
+        page.text(x, y + 0.04, head)
+        rgba = np.where((N > 0.0)[:, None], palette(np.clip(share, 0.0, 1.0)), matplotlib.colors.to_rgba(_NO_LOSS))
+        _block(page, layout, shown, (x, y), rgba, column == 0, i + layout.level_columns >= 2)
+    _colour_bar(page, palette, matplotlib.colors.Normalize(0.0, 1.0), f"pressure over {most:.4g} MPa, friction over its limit")
+    return [page.save(f"{out_dir}/rest.png")]
+
+
 @dataclass(frozen=True)
 class Layout:
     """A block for each level, with the patches row by row, all to one scale; inches."""
@@ -271,6 +306,11 @@ def _colour_bar(page: Page, palette, scale, label: str) -> None:
     """Draw the colour scale at the foot of the page."""
     width = min(4.0, page.width - 1.0)
     ax = page.axes((page.width - width) / 2.0, page.height - 0.54, width, 0.1)
-    bar = page.figure.colorbar(ScalarMappable(scale, palette), cax=ax, orientation="horizontal", extend="min")
+    bar = page.figure.colorbar(
+        ScalarMappable(scale, palette),
+        cax=ax,
+        orientation="horizontal",
+        extend="min" if isinstance(scale, LogNorm) else "neither",
+    )
     bar.set_label(label, labelpad=1.0)
     bar.outline.set_linewidth(0.4)

@@ -9,7 +9,7 @@ import matplotlib
 from ..parallel.errors import CaseError
 from ..parallel.files import make_folder, said_of
 from .curve_plots import draw_energy, draw_error, draw_response, draw_rom_size, draw_states
-from .joint_plots import draw_energy_map, draw_slip_map
+from .joint_plots import draw_energy_map, draw_rest, draw_slip_map
 from .read import read_results
 from .record import ResultFile
 from .static_plots import draw_static_response, draw_static_states, is_static
@@ -24,16 +24,17 @@ PICTURES: tuple[Picture, ...] = (
     draw_energy,
     draw_energy_map,
     draw_error,
+    draw_rest,
 )
-STATIC_PICTURES: tuple[Picture, ...] = (draw_static_response, draw_static_states, draw_slip_map)
+STATIC_PICTURES: tuple[Picture, ...] = (draw_static_response, draw_static_states, draw_slip_map, draw_rest)
 
 
 def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> list[str]:
     """Draw all pictures of a result file, or a share of them, into a folder and return the files.  Local; no MPI, no PETSc.
 
-    response.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png, error.png.  What a scene does not have (a
-    joint, a converged point) leaves out the pictures of it.  Where nothing moves to and fro, response.png and states.png are
-    drawn over the load, and with slip_map.png they are all.
+    response.png, states.png, slip_map.png, rom_size.png, energy.png, energy_map.png, error.png and rest.png.  What is not there
+    (a joint, a converged point, statics) leaves out the pictures of it.  Where nothing moves to and fro, response.png and
+    states.png are drawn over the load, and with slip_map.png and rest.png they are all.
 
     Raises
     ------

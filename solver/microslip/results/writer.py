@@ -149,9 +149,10 @@ def _array(group: h5py.Group, name: str, values: np.ndarray, unit: str) -> None:
 
 
 def _texts(group: h5py.Group, name: str, texts) -> None:
-    """Write one text or several as UTF-8."""
-    data = _clean(texts) if isinstance(texts, str) else np.array([_clean(text) for text in texts], dtype=object)
-    group.create_dataset(name, data=data, dtype=h5py.string_dtype("utf-8"))
+    """Write one text or several as UTF-8, padded to one length: of texts with lengths of their own, damaged ones crash HDF5."""
+    coded = [_clean(text).encode() for text in ([texts] if isinstance(texts, str) else texts)]
+    kind = h5py.string_dtype("utf-8", max([1, *map(len, coded)]))
+    group.create_dataset(name, data=coded[0] if isinstance(texts, str) else np.array(coded, dtype=kind), dtype=kind)
 
 
 def _clean(text: str) -> str:

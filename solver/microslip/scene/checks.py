@@ -120,7 +120,9 @@ def _statics(scene: Scene) -> list[str]:
     statics, found = scene.statics, []
     for where, joint in _numbered(scene, "joints"):
         if joint.preload == "static" and statics is None:
-            found.append(f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa')
+            found.append(
+                f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa'
+            )
     if statics is None:
         if scene.model.axis is not None:
             found.append("[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out")

@@ -8,6 +8,10 @@ from .schema import Scene
 def not_yet(scene: Scene) -> list[str]:
     """Return what of the scene this version cannot do, a text each.  Local."""
     found = [
-        (scene.statics is not None and scene.model.mesh is None, "[statics]", "needs a mesh; pairs of matrices state their preload"),
+        (
+            scene.statics is not None and scene.model.mesh is None,
+            "[statics]",
+            "needs a mesh; pairs of matrices state their preload",
+        )
     ]
     return [f"{where}: {what}" for applies, where, what in found if applies]

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from ..contact.law import Law
 from ..linear.dense import summed
@@ -22,6 +21,7 @@ from ..parallel.errors import ConvergenceError, ResourceError
 TOLERANCE = 1e-12  # of the relative displacement, over the largest there is
 MOST_ITERATIONS = 60
 HALVINGS = 6  # of a Newton step that makes the residual grow
+FARTHEST = 1e6  # over the displacement with all pairs stuck: beyond it nothing holds a body
 SHORTEST = 2.0**-12  # of a load step
 LARGEST = 12_000  # rows of pairs that open or slip, solved for densely
 BATCH = 32  # pairs whose columns are solved for together
@@ -68,7 +68,7 @@ class Flexibility:
 def equilibrium(linearised: Linearised, pairs: ContactPairs, forces_owned: np.ndarray, n_steps: int) -> Rest:
     """Return the joint at rest under ``forces_owned`` (n_dof_owned,) [N], this rank's rows, put on in equal steps.
 
-    Collective.  ``linearised`` has the springs of all pairs.  docs/theory.md, eq. (12.4).  A step without a solution is halved.
+    Collective.  ``linearised`` has the springs of all pairs.  docs/theory.md, eq. (12.3).  A step without a solution is halved.
 
     Raises
     ------
@@ -116,31 +116,34 @@ class _Contact:
         """Return the state at the next share of the load, None where Newton does not find one.  Collective."""
         du = was.du + (next_share - share) * self.du_load
         load = next_share * self.du_load
-        error = np.inf
         for _ in range(MOST_ITERATIONS):
             p, L, _ = self.law.step(du, was.p)
             active = p.any(axis=1) | L.any(axis=(1, 2))
             if 3 * np.count_nonzero(active) > LARGEST:
                 raise ResourceError(
-                    f"[statics]: {np.count_nonzero(active)} contact pairs open or slip at rest; up to {LARGEST // 3} are solved for: "
-                    "a coarser mesh of the contact surfaces, or stiffer contact, has fewer"
+                    f"[statics]: {np.count_nonzero(active)} contact pairs open or slip at rest; up to {LARGEST // 3} are "
+                    "solved for: a coarser mesh of the contact surfaces, or stiffer contact, has fewer"
                 )
             self.G.require(active)
-            du, error, is_lost = on_root(self.comm, self._iterate, was, load, du, p, L, active)
+            size = max(self.largest, float(np.abs(du).max(initial=0.0)))
+            better, error = on_root(self.comm, self._iterate, was, load, du, p, L, active)
             self.iterations += 1
-            if error <= TOLERANCE * max(self.largest, float(np.abs(du).max(initial=0.0))):
-                return _State(du, self.law.step(du, was.p)[0])
-            if is_lost:
+            if size > FARTHEST * self.largest:
                 return None
+            if error <= TOLERANCE * size:
+                return _State(du, p)
+            if better is None:
+                return None
+            du = better
         return None
 
-    def _iterate(self, was: _State, load, du, p, L, active) -> tuple[np.ndarray, float, bool]:
-        """Return du after a Newton step, the residual before it [m], and whether no step leads on.  Rank 0."""
+    def _iterate(self, was: _State, load, du, p, L, active) -> tuple[np.ndarray | None, float]:
+        """Return du after a Newton step, None where there is none, and the residual before it [m].  Rank 0."""
         residual = self._residual(load, du, p, active)
         error = float(np.abs(residual).max(initial=0.0))
         step = self._newton(residual, L, active)
         if step is None:
-            return du, error, True
+            return None, error
         best, best_error = du + step, np.inf
         for k in range(HALVINGS + 1):
             trial = du + 0.5**k * step
@@ -153,8 +156,8 @@ class _Contact:
                 if trial_error < error:
                     break
             elif k == 0:
-                return trial, error, False  # pairs of which nothing is known yet
-        return best, error, not np.isfinite(best).all()
+                return trial, error  # pairs of which nothing is known yet
+        return best, error
 
     def _residual(self, load, du, p, active) -> np.ndarray:
         return du - load + (self.G.of(active) @ p[active].ravel()).reshape(du.shape)
@@ -162,11 +165,13 @@ class _Contact:
     def _newton(self, residual, L, active) -> np.ndarray | None:
         """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular."""
         rows, columns = _rows(np.flatnonzero(active)), self.G.of(active)
-        J = np.einsum("rmi,mij->rmj", columns[rows].reshape(len(rows), -1, 3), L[active]).reshape(len(rows), len(rows))
+        J = np.einsum("rmi,mij->rmj", columns[rows].reshape(len(rows), len(rows) // 3, 3), L[active]).reshape(
+            len(rows), len(rows)
+        )
         J[np.diag_indices_from(J)] += 1.0
         try:
-            of_active = scipy.linalg.solve(J, -residual[active].ravel(), check_finite=False)
-        except (scipy.linalg.LinAlgError, ValueError):
+            of_active = np.linalg.solve(J, -residual[active].ravel())
+        except np.linalg.LinAlgError:
             return None
         dp = np.einsum("mij,mj->mi", L[active], of_active.reshape(-1, 3))
         step = -residual - (columns @ dp.ravel()).reshape(residual.shape)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..assembly.system import System
+from ..mesh.connected import connected_parts
 from ..mesh.data import ContactPairs, Mesh
 from ..parallel.agree import on_root
 from .equilibrium import Rest
@@ -15,7 +17,7 @@ from .equilibrium import Rest
 def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
     """Return the pairs as they vibrate about their rest: preload or gap, friction force, and no springs where they are open.
 
-    Local.  docs/theory.md, eq. (12.5).
+    Local.  docs/theory.md, eq. (12.4).
     """
     N0 = pairs.N0 - pairs.k_n * rest.du[:, 2]
     apart = N0 <= 0.0
@@ -32,14 +34,24 @@ class Resultant:
     size: float  # N, the sum of the magnitudes of what was added
 
 
-def in_words(system: System, mesh: Mesh | None, pairs: ContactPairs, rest: Rest, forces_owned: np.ndarray) -> list[str]:
-    """Return a line for each joint, and one for each body that nothing but joints holds: do its forces balance?  Collective."""
+def in_words(
+    system: System, mesh: Mesh | None, pairs: ContactPairs, rest: Rest, forces_owned: np.ndarray, body_of: Mapping[str, str]
+) -> list[str]:
+    """Return a line for each joint, and one for each body that nothing but joints holds: do its forces balance?  Collective.
+
+    ``body_of`` names the body of each group of elements; ``mesh`` is that of rank 0.
+    """
     forces = system.comm.gather(forces_owned)
-    parts = None if system.parts is None else system.comm.gather(system.parts)
-    return on_root(system.comm, lambda: _lines(system, mesh, pairs, rest, forces, parts))
+
+    def lines() -> list[str]:
+        assert mesh is not None and forces is not None, "called on rank 0 of a scene with a mesh"
+        return _of_joints(pairs, rest) + _of_bodies(system, mesh, rest, np.concatenate(forces), body_of)
+
+    return on_root(system.comm, lines)
 
 
-def _lines(system: System, mesh: Mesh, pairs: ContactPairs, rest: Rest, forces, parts) -> list[str]:
+def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
+    """Return a line for each joint: what is closed, what slid, what it carries."""
     names = np.array(pairs.joint)
     lines = [f"rest found in {rest.steps} load steps, {rest.iterations} Newton iterations"]
     for name in dict.fromkeys(pairs.joint):
@@ -54,25 +66,20 @@ def _lines(system: System, mesh: Mesh, pairs: ContactPairs, rest: Rest, forces, 
             f"normal force {N.sum():.6g} N, friction {T.sum():.4g} N, pressure up to {pressure.max():.4g} Pa, "
             f"gap up to {gap.max():.3g} m"
         )
-    return lines + _balance(system, mesh, rest, np.concatenate(forces), np.concatenate(parts))
+    return lines
 
 
-def _balance(system: System, mesh: Mesh, rest: Rest, forces: np.ndarray, part: np.ndarray) -> list[str]:
-    """Return a line for each part without a support; rank 0."""
-    assert system.dof is not None
+def _of_bodies(system: System, mesh: Mesh, rest: Rest, forces: np.ndarray, body_of: Mapping[str, str]) -> list[str]:
+    """Return a line for each part without a support: loads and contact forces on it, and what is left over."""
+    assert system.dof is not None, "a structure with a mesh"
     contact = -(system.R.T @ rest.force.ravel())
-    node, axis = np.nonzero(system.dof >= 0)
-    row = system.dof[node, axis]
-    held = np.zeros(len(system.part_names), dtype=bool)
-    part_of_node = np.full(len(mesh.points), -1)
-    part_of_node[node] = part[row]
-    has_fixed = (system.dof < 0).any(axis=1)
-    held[part_of_node[has_fixed & (part_of_node >= 0)]] = True
+    part, part_names = connected_parts(mesh, body_of)
+    held = np.unique(part[(system.dof < 0).any(axis=1)])
     lines = []
-    for i, name in enumerate(system.part_names):
-        if held[i]:
+    for i, name in enumerate(part_names):
+        if i in held:
             continue
-        nodes = np.flatnonzero(part_of_node == i)
+        nodes = np.flatnonzero(part == i)
         applied, pressed = (resultant(mesh.points[nodes], values[system.dof[nodes]]) for values in (forces, contact))
         size = max(applied.size, pressed.size) or 1.0
         reach = float(np.abs(mesh.points[nodes] - mesh.points[nodes].mean(axis=0)).max())

@@ -1,0 +1,77 @@
+"""Stress, its stiffness, thermal and pressure forces of every element kind against exact integrals."""
+
+import numpy as np
+import pytest
+import small_fe
+from box_meshes import KINDS, box
+
+from microslip import elements
+from microslip.elements import prestress
+
+YOUNG, POISSON = 2.0e11, 0.3
+
+
+def bent_box(kind):
+    points, nodes = box(kind, (1, 1, 2), (1.0, 1.5, 4.0))
+    return (points if kind.endswith(("8", "4", "6")) and kind != "wedge15" else points) @ skewed(), nodes
+
+
+def skewed():
+    """A map that keeps straight edges and parallel faces: linear fields are integrated exactly."""
+    return np.array([[1.0, 0.2, 0.1], [0.0, 0.9, -0.2], [0.3, 0.0, 1.1]])
+
+
+def hooke(H, free_strain=0.0):
+    lam, mu = prestress.lame(YOUNG, POISSON)
+    strain = 0.5 * (H + H.T) - free_strain * np.eye(3)
+    return lam * np.trace(strain) * np.eye(3) + 2.0 * mu * strain
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_stress_of_a_linear_motion_is_hookes(kind):
+    points, nodes = bent_box(kind)
+    H = 1e-3 * np.random.default_rng(1).standard_normal((3, 3))
+    u = points[nodes] @ H.T
+    found = elements.stress(kind, points[nodes], u, YOUNG, POISSON, 2e-4)
+    assert found == pytest.approx(np.broadcast_to(hooke(H, 2e-4), found.shape), abs=1e-9 * np.abs(found).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_body_free_to_expand_has_no_stress_and_its_forces_are_in_balance(kind):
+    points, nodes = bent_box(kind)
+    strain = 1.2e-3
+    K, _ = small_fe.assemble(kind, points, nodes, YOUNG, POISSON, 1.0)
+    forces = np.zeros_like(points)
+    np.add.at(forces, nodes, elements.thermal_forces(kind, points[nodes], YOUNG, POISSON, strain))
+    u = strain * points
+    assert K @ u.ravel() == pytest.approx(forces.ravel(), abs=1e-9 * np.abs(forces).max())
+    stress = elements.stress(kind, points[nodes], u[nodes], YOUNG, POISSON, strain)
+    assert np.abs(stress).max() < 1e-9 * YOUNG * strain
+    assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_energy_of_the_stress_stiffness_is_that_of_a_linear_motion(kind):
+    """u K_sigma u = V tr(H S H^T) for u = H x under a constant stress S."""
+    points, nodes = bent_box(kind)
+    rng = np.random.default_rng(2)
+    S, H = rng.standard_normal((2, 3, 3))
+    S = S + S.T
+    n_q = elements.stress(kind, points[nodes], np.zeros_like(points[nodes]), YOUNG, POISSON).shape[1]
+    K = elements.stress_stiffness(kind, points[nodes], np.broadcast_to(S, (len(nodes), n_q, 3, 3)))
+    assert pytest.approx(K.swapaxes(1, 2)) == K
+    u = points[nodes] @ H.T
+    volume = 1.0 * 1.5 * 4.0 * abs(np.linalg.det(skewed()))
+    assert np.einsum("eai,eab,ebi->", u, K, u) == pytest.approx(volume * np.trace(H @ S @ H.T), rel=1e-10)
+    assert np.abs(K.sum(axis=2)).max() < 1e-10 * np.abs(K).max()  # a translation feels no stress
+
+
+@pytest.mark.parametrize("kind", ["tri3", "tri6", "quad4", "quad8"])
+def test_a_pressure_pushes_against_the_outward_normal_through_the_middle(kind):
+    corners = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]])[: 3 if "tri" in kind else 4]
+    middle = 0.5 * (corners + np.roll(corners, -1, axis=0))
+    points = np.concatenate([corners, middle])[None, : int(kind[-1])]
+    forces = elements.pressure_forces(kind, points)[0]
+    area, centre = (1.0, corners.mean(axis=0)) if "tri" in kind else (2.0, corners.mean(axis=0))
+    assert forces.sum(axis=0) == pytest.approx([0.0, 0.0, -area])
+    assert np.cross(points[0], forces).sum(axis=0) == pytest.approx(np.cross(centre, [0.0, 0.0, -area]))

@@ -1,0 +1,206 @@
+"""The joint at rest under constant loads, and the vibration about it; on one rank and on several."""
+
+import numpy as np
+import pytest
+from blocks import stacked
+from msh import write_msh
+
+import microslip
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError, ConvergenceError
+
+LENGTH, WIDTH, HEIGHT = 0.05, 0.01, 0.02
+SCENE = """
+[model]
+mesh = "bar.msh"
+axis = [0.0, 0.0, 1.0]
+[materials.steel]
+young = 2.1e11
+poisson = 0.3
+density = 7800.0
+expansion = 1.2e-5
+[bodies.bar]
+group = "bar"
+material = "steel"
+[bodies.ground]
+group = "ground"
+material = "steel"
+[[supports]]
+group = "ground_base"
+fix = ["x", "y", "z"]
+[[joints]]
+name = "joint"
+surfaces = ["bar_bottom", "ground_top"]
+friction = 0.3
+tangential_stiffness = 1.0e12
+normal_stiffness = 2.0e12
+preload = "static"
+[[loads]]
+position = [0.05, 0.01, 0.02]
+direction = [0.2, 0.1, 1.0]
+[[outputs]]
+name = "corner"
+position = [0.0, 0.0, 0.02]
+direction = [0.0, 0.0, 1.0]
+[damping]
+ratio = 0.01
+[response]
+levels = [5.0]
+mode = 1
+span = [0.9, 1.1]
+points = 10
+[solver]
+modes = 8
+samples = 64
+"""
+
+
+GUIDED = (  # no friction: the bar is held along the joint by a support
+    ("friction = 0.3", "friction = 0.0"),
+    ('fix = ["x", "y", "z"]\n', 'fix = ["x", "y", "z"]\n[[supports]]\ngroup = "bar_start"\nfix = ["x", "y"]\n'),
+)
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    path = comm.bcast(tmp_path_factory.mktemp("rest"))
+    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
+    return path
+
+
+def scene_of(comm, folder, statics: str | None, *changes: tuple[str, str], name="scene"):
+    """Return the scene with a table [statics] of these lines, or none, and replaced texts.  Collective."""
+
+    def write():
+        text = SCENE
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path = folder / f"{name}.toml"
+        path.write_text(text if statics is None else text + "[statics]\n" + statics)
+        return path
+
+    return microslip.read(on_root(comm, write))
+
+
+def force(x, y, z, group="bar_top"):
+    return f'[[statics.forces]]\ngroup = "{group}"\nforce = [{x}, {y}, {z}]\n'
+
+
+def eccentric(size):
+    """A load whose line of action meets the joint at 0.9 of its length."""
+    return force(0.0, 0.0, -0.2 * size) + force(0.0, 0.0, -0.8 * size, "bar_end")
+
+
+def test_normal_and_friction_forces_carry_the_load(comm, folder):
+    with microslip.build(scene_of(comm, folder, force(150.0, 50.0, -1000.0)), comm) as structure:
+        pairs = structure.pairs
+        carried = np.column_stack([pairs.T0, -pairs.N0])  # against the bar
+        total = np.einsum("pji,pj->i", pairs.frame, carried)
+    assert not pairs.apart.any() and pairs.N0.min() > 0.0
+    assert total == pytest.approx([150.0, 50.0, -1000.0], rel=1e-9)
+    assert np.all(np.hypot(*pairs.T0.T) <= 0.3 * pairs.N0 * (1.0 + 1e-9))
+
+
+def test_an_eccentric_load_opens_the_far_side(comm, folder):
+    with microslip.build(scene_of(comm, folder, eccentric(1000.0)), comm) as structure:
+        pairs = structure.pairs
+        x = pairs.position[:, 0]
+        N = np.maximum(pairs.N0, 0.0)
+        assert pairs.apart[x == 0.0].all() and not pairs.apart[x == LENGTH].any()
+        assert N.sum() == pytest.approx(1000.0, rel=1e-9)
+        assert (N @ x) / N.sum() == pytest.approx(0.9 * LENGTH, abs=0.02 * LENGTH)  # friction on the bottom turns it a little
+        assert not pairs.T0[pairs.apart].any()
+        # the linearised structure has no springs where it is open
+        assert not pairs.law.stiffness[pairs.apart].any()
+
+
+def test_without_friction_the_steps_do_not_matter(comm, folder):
+    found = []
+    for steps in (1, 7):
+        with microslip.build(scene_of(comm, folder, f"steps = {steps}\n" + eccentric(800.0), *GUIDED), comm) as one:
+            found.append(one.pairs.N0)
+    assert found[0] == pytest.approx(found[1], abs=1e-9 * np.abs(found[0]).max())
+
+
+@pytest.mark.parametrize("load", [(400.0, 0.0, -1000.0), (0.0, 0.0, 10.0)], ids=["slides away", "flies off"])
+def test_where_nothing_holds_the_bar_there_is_no_equilibrium(comm, folder, load):
+    with pytest.raises(ConvergenceError, match=r"\[statics\]: no equilibrium beyond .* pairs of 'joint' are open"):
+        microslip.build(scene_of(comm, folder, force(*load)), comm)
+
+
+def test_a_warm_bar_presses_as_before(comm, folder):
+    warm = '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 100.0\n'
+    with microslip.build(scene_of(comm, folder, force(0.0, 0.0, -100.0) + warm, *GUIDED), comm) as structure:
+        assert np.maximum(structure.pairs.N0, 0.0).sum() == pytest.approx(100.0, rel=1e-9)
+        assert not structure.pairs.T0.any()
+
+
+def at_one_frequency(comm, scene):
+    """Return harmonics 1 to 3 of the output at the frequency asked for, and the states of the pairs."""
+    with microslip.build(scene, comm) as structure:
+        (level,) = microslip.respond(structure, error_bars=False).results.levels
+    (i,) = np.flatnonzero(level.asked)
+    return level.response[i, 0, 1:], level.state[i], structure.pairs
+
+
+def test_vibration_about_rest_is_that_under_the_load_as_a_mean(comm, folder):
+    """Where nothing slips, and pairs open and close: the load in the preloads or as a constant one is the same problem."""
+    statics = "stress_stiffening = false\n" + eccentric(60.0)
+    common = (
+        ("ratio = 0.01", "rayleigh = [100.0, 0.0]"),  # the modes of the two are not the same, nor would be their damping
+        ("friction = 0.3", "friction = 1e6"),
+        ("modes = 8", "modes = 135"),
+        ("samples = 64", "samples = 64\ntolerance = 1e-11"),
+        ("points = 10", "points = 10\nat = [2500.0]"),
+        ("mode = 1\nspan = [0.9, 1.1]", "frequencies = [2400.0, 2600.0]"),
+    )
+    about_rest, state, pairs = at_one_frequency(comm, scene_of(comm, folder, statics, *common, name="rest"))
+    mean = (
+        ("axis = [0.0, 0.0, 1.0]\n", ""),
+        ('preload = "static"', "preload = 0.0"),
+        (
+            "[[outputs]]",
+            '[[loads]]\ngroup = "bar_end"\ndirection = [0.0, 0.0, -9.6]\nharmonic = 0\n[[loads]]\ngroup = "bar_top"\ndirection = [0.0, 0.0, -2.4]\nharmonic = 0\n[[outputs]]',
+        ),
+    )
+    as_mean, state_mean, _ = at_one_frequency(comm, scene_of(comm, folder, None, *common, *mean, name="mean"))
+    assert pairs.apart.any() and (state == state_mean).all() and set(state) >= {0, 2}
+    assert about_rest == pytest.approx(as_mean, abs=1e-6 * np.abs(as_mean).max())
+
+
+def test_spin_and_stress_change_the_stiffness(comm, folder):
+    """A bar far out on a spinning plate is pulled, and its joint pressed or opened: frequencies with and without are told apart."""
+    turning = "rotation_speed = 300.0\n" + force(0.0, 0.0, -5000.0)
+    found = []
+    for stiffens in ("true", "false"):
+        with microslip.build(scene_of(comm, folder, f"stress_stiffening = {stiffens}\n" + turning), comm) as structure:
+            found.append(structure.modes.frequency[0])
+    assert found[0] != found[1] and found[0] == pytest.approx(found[1], rel=1e-2)
+
+
+MISTAKES = {
+    "nothing": ("steps = 3\n", (), r"\[statics\] loads nothing"),
+    "no axis": ("rotation_speed = 10.0\n", (("axis = [0.0, 0.0, 1.0]\n", ""),), "axis is missing"),
+    "no expansion": (
+        '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 10.0\n',
+        (("expansion = 1.2e-5\n", ""),),
+        r"\[materials.steel\] expansion is missing",
+    ),
+    "no body": ('[[statics.temperatures]]\ngroup = "baar"\ntemperature = 10.0\n', (), 'no body has this group; nearest is "bar"'),
+    "no group": (force(0.0, 0.0, -1.0, "bar_tip"), (), r"\[\[statics.forces\]\] 1 group = 'bar_tip': there is no such group"),
+    "no statics": (None, (), r"there is no table \[statics\]"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_bad_input(comm, folder, name):
+    statics, changes, says = MISTAKES[name]
+    with pytest.raises(CaseError, match=says):
+        microslip.build(scene_of(comm, folder, statics, *changes, name="bad"), comm)
+
+
+def test_friction_and_preload_of_a_joint_at_rest_are_not_changed_without_its_statics(comm, folder):
+    with microslip.build(scene_of(comm, folder, eccentric(1000.0)), comm) as structure:
+        with pytest.raises(CaseError, match="take part in the statics"):
+            microslip.respond(structure, friction=0.5)

@@ -1,0 +1,99 @@
+"""Rotation against theory: stress of a spinning bar, frequencies of a spinning beam; on one rank and on several."""
+
+import numpy as np
+import pytest
+from blocks import box
+from msh import write_msh
+
+import microslip
+from microslip.assembly.assemble import assemble
+from microslip.assembly.prestress import constant_forces
+from microslip.library.settings import mesh_settings
+from microslip.linear.joint_springs import linearise
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.partition import distribute
+from microslip.mesh.read import read_mesh
+from microslip.parallel.agree import on_root
+
+YOUNG, DENSITY, LENGTH, SIDE = 2.0e11, 8000.0, 1.0, 0.02
+OMEGA_1 = np.sqrt(YOUNG * SIDE**2 / 12.0 / DENSITY) / LENGTH**2  # rad/s, unit of a beam's frequencies
+SCENE = f"""
+[model]
+mesh = "beam.msh"
+axis = [0.0, 0.0, 1.0]
+[materials.steel]
+young = {YOUNG}
+poisson = 0.0
+density = {DENSITY}
+[bodies.beam]
+group = "beam"
+material = "steel"
+[[supports]]
+group = "hub"
+fix = ["x", "y", "z"]
+[statics]
+rotation_speed = SPEED
+[[loads]]
+position = [{LENGTH}, 0.0, 0.0]
+direction = [0.0, 0.0, 1.0]
+[[outputs]]
+name = "tip"
+position = [{LENGTH}, 0.0, 0.0]
+direction = [0.0, 0.0, 1.0]
+[damping]
+ratio = 0.01
+[response]
+levels = [1.0]
+mode = 1
+span = [0.9, 1.1]
+[solver]
+modes = 4
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    path = comm.bcast(tmp_path_factory.mktemp("beam"))
+
+    def write():
+        beam = box("hex20", (LENGTH, SIDE, SIDE), (24, 1, 1), (0.0, -0.5 * SIDE, -0.5 * SIDE), {"x0": "hub"})
+        write_msh(str(path / "beam.msh"), {"beam": beam})
+
+    on_root(comm, write)
+    return path
+
+
+def scene_of(comm, folder, speed):
+    path = folder / "beam.toml"
+    on_root(comm, lambda: path.write_text(SCENE.replace("SPEED", repr(float(speed)))))
+    return microslip.read(path)
+
+
+def test_a_spinning_bar_stretches_as_theory_says(comm, folder):
+    """u(L) = rho Omega^2 L^3 / (3 E) of a bar from the axis outwards, without Poisson's ratio; its force at the hub is m Omega^2 L/2."""
+    speed = 100.0
+    settings = mesh_settings(scene_of(comm, folder, speed))
+    mesh = on_root(comm, read_mesh, settings, share=False)
+    pairs = on_root(comm, pair_contacts, mesh, settings.joints)
+    shares = distribute(mesh, settings, comm)
+    system = assemble(shares, mesh, pairs, settings)
+    forces = constant_forces(shares, mesh, settings, system)
+    linearised = linearise(system, pairs)
+    u = np.concatenate(comm.allgather(linearised.factor.solve(forces[:, None])[:, 0]))
+    linearised.destroy()
+
+    def tip():
+        node = int(np.argmax(mesh.points[:, 0]))
+        return u[system.dof[node, 0]]
+
+    assert on_root(comm, tip) == pytest.approx(DENSITY * speed**2 * LENGTH**3 / (3.0 * YOUNG), rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("eta, flap", [(0.0, 3.5160), (3.0, 4.7973), (6.0, 7.3604), (12.0, 13.1702)])
+def test_a_spinning_beam_stiffens_as_theory_says(comm, folder, eta, flap):
+    """A. D. Wright and others, Journal of Applied Mechanics 49 (1982) 197: flap of a beam clamped on the axis; in the plane,
+    omega^2 is less by Omega^2."""
+    with microslip.build(scene_of(comm, folder, eta * OMEGA_1 or 1e-6), comm) as structure:
+        found = np.sort(structure.modes.omega_n)[:2] / OMEGA_1
+    assert found == pytest.approx([np.sqrt(flap**2 - eta**2), flap], rel=5e-3)
