@@ -81,9 +81,9 @@ def test_a_response_is_that_of_a_run(comm, folder, scene, response):
 
 
 CHANGES = {
-    "friction": ({"friction": 0.02}, {}, {"friction": 0.02}),
-    "preload": ({"preload": {"joint": 5.0e6}}, {}, {"preload": 5.0e6}),
-    "levels": ({"levels": 60.0}, {"response": {"levels": [60.0]}}, {}),
+    "friction": ({"friction": 0.046}, {}, {"friction": 0.046}),
+    "preload": ({"preload": {"joint": 1.8e7}}, {}, {"preload": 1.8e7}),
+    "levels": ({"levels": 33.0}, {"response": {"levels": [33.0]}}, {}),
     "harmonics": ({"harmonics": 5}, {"solver": {"harmonics": 5}}, {}),
     "method": ({"method": "rubin"}, {"solver": {"method": "rubin"}}, {}),
     "damping": ({"ratio": 0.02}, {"damping": {"ratio": 0.02}}, {}),

@@ -65,6 +65,8 @@ def respond(
     ResourceError : not enough memory; on every rank
     """
     given = {"friction": friction, "preload": preload}
+    if structure.scene.statics is not None and not all(values is None for values in given.values()):
+        raise CaseError("respond: friction and preload take part in the statics of this scene; change them there and build anew")
     scene = scene_with(structure.scene, keys, given)
     pairs = pairs_with(structure.pairs, given)
     structure, why = with_modes_for(structure, reduction_settings(scene), pairs)
@@ -104,8 +106,6 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
     CaseError : a joint that is not there, a wrong number of values, or negative ones
     """
     names, joint = tuple(dict.fromkeys(pairs.joint)), np.array(pairs.joint)
-    if pairs.has_rest and any(values is not None for values in of_joints.values()):
-        raise CaseError("respond: friction and preload take part in the statics of this scene; change them there and build anew")
     found = {"friction": pairs.mu.copy(), "preload": pairs.N0.copy()}
     for key, values in of_joints.items():
         for name, value in _by_joint(values, names).items():

@@ -107,11 +107,6 @@ class ContactPairs:
         return len(self.k_t)
 
     @property
-    def has_rest(self) -> bool:
-        """Whether statics have found forces or gaps at rest that no number of the scene states."""
-        return bool(self.apart.any() or self.T0.any())
-
-    @property
     def law(self) -> Law:
         """The contact law of the pairs about their state of rest."""
         w0 = np.divide(-self.T0, self.k_t[:, None], out=np.zeros_like(self.T0), where=self.k_t[:, None] > 0.0)

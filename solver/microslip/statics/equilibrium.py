@@ -44,24 +44,27 @@ class Rest:
 
 
 class Flexibility:
-    """R K_L^-1 R^T by columns, solved for when pairs first need them; all rows on rank 0, where the pairs are solved for."""
+    """R K_L^-1 R^T by columns, solved for when pairs first need them; kept on rank 0, where the pairs are solved for."""
 
     def __init__(self, linearised: Linearised):
         R = linearised.system.R
         self._linearised, self._R_T, self.n_pairs = linearised, R.T.tocsc(), R.shape[0] // 3
         self.known = np.zeros(self.n_pairs, dtype=bool)
-        self._columns = np.empty((R.shape[0], R.shape[0]), order="F")  # pages that no pair needs are never touched
+        n_kept = R.shape[0] if linearised.system.comm.rank == 0 else 0
+        self._columns = np.empty((n_kept, n_kept), order="F")  # pages that no pair needs are never touched
 
     def require(self, pairs: np.ndarray) -> None:
         """Solve for the columns of ``pairs`` that are not known.  Collective; the same on every rank."""
         missing = np.flatnonzero(pairs & ~self.known)
         for start in range(0, len(missing), BATCH):
             rows = _rows(missing[start : start + BATCH])
-            self._columns[:, rows] = static_columns(self._linearised, self._linearised.system.R, self._R_T[:, rows])
+            columns = static_columns(self._linearised, self._linearised.system.R, self._R_T[:, rows])
+            if len(self._columns):
+                self._columns[:, rows] = columns
         self.known[missing] = True
 
     def of(self, pairs: np.ndarray) -> np.ndarray:
-        """Return the columns of some pairs, (3 n_pairs, 3 m) [m/N].  Local."""
+        """Return the columns of some pairs, (3 n_pairs, 3 m) [m/N].  Rank 0."""
         return self._columns[:, _rows(np.flatnonzero(pairs))]
 
 
