@@ -197,7 +197,7 @@ MISTAKES = {
 def test_bad_input(comm, folder, name):
     statics, changes, says = MISTAKES[name]
     with pytest.raises(CaseError, match=says):
-        microslip.build(scene_of(comm, folder, statics, *changes, name="bad"), comm)
+        microslip.build(scene_of(comm, folder, statics, *changes, name=f"bad {name}"), comm)
 
 
 def test_friction_and_preload_of_a_joint_at_rest_are_not_changed_without_its_statics(comm, folder):
