@@ -61,7 +61,7 @@ def mesh_of(*parts, groups=None, faces=()) -> Mesh:
 
 
 def joint(name="joint", surfaces=("lower_top", "upper_bottom"), **changes) -> Joint:
-    values = {"friction": 0.3, "tangential_stiffness": 2e13, "normal_stiffness": 3e13, "preload": 5e7}
+    values = {"friction": 0.3, "tangential_stiffness": 2e13, "normal_stiffness": 3e13, "preload": 5e7, "pairing": "nodes"}
     return Joint(name=name, surfaces=surfaces, **{**values, **changes})
 
 

@@ -13,18 +13,19 @@ from ..parallel.errors import CaseError
 
 
 def pair_map(pairs: ContactPairs, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
-    """Return R, (3 n_pairs, n_dof): du = frame (u1 - u2) of every pair; fixed DOFs and ground drop out.  Local.
+    """Return R, (3 n_pairs, n_dof): du = frame (u1 - u2) of every pair, u1 and u2 averages of nodes; fixed DOFs drop out.  Local.
 
     ``dof`` is (n_nodes, 3), the row of each node of ``Mesh.points``.  docs/theory.md, eq. (1.1).
     """
     n = pairs.n_pairs
-    row = np.broadcast_to(np.arange(3 * n).reshape(n, 3, 1), (n, 3, 3))
     R = sp.csr_matrix((3 * n, n_dof))
-    for node, sign in ((pairs.node1, 1.0), (pairs.node2, -1.0)):
-        own = np.where((node >= 0)[:, None], dof[node], -1)
-        column = np.broadcast_to(own[:, None, :], (n, 3, 3))
+    for weights, sign in zip(pairs.sides(len(dof)), (1.0, -1.0)):
+        pair, node = np.repeat(np.arange(n), np.diff(weights.indptr)), weights.indices
+        row = np.broadcast_to(3 * pair[:, None, None] + np.arange(3)[:, None], (len(pair), 3, 3))
+        column = np.broadcast_to(dof[node][:, None, :], row.shape)
+        value = sign * weights.data[:, None, None] * pairs.frame[pair]
         free = column >= 0
-        R = R + sp.csr_matrix((sign * pairs.frame[free], (row[free], column[free])), (3 * n, n_dof))
+        R = R + sp.csr_matrix((value[free], (row[free], column[free])), (3 * n, n_dof))
     R.eliminate_zeros()
     R.sort_indices()
     return R

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 
+from ..parallel.csv_table import read_table
 from ..parallel.errors import CaseError
-from ..parallel.words import nearest
 
 COLUMNS = ("x1", "y1", "z1", "x2", "y2", "z2", "mu", "n0", "g0", "kt", "kn")
 GROUND = -1
@@ -23,59 +22,11 @@ def read_pairs(path: Path, n_dof: int) -> np.ndarray:
     ------
     CaseError : names the line at fault
     """
-    numbered = _rows(path)
-    if not numbered:
-        raise CaseError(f"{path}: the file is empty; its first line names the columns {','.join(COLUMNS)}")
-    (line, header), *rest = numbered
-    order = _order([cell.lower() for cell in header], f"{path}, line {line}")
-    if not rest:
-        raise CaseError(f"{path}: there is no pair after the header")
-    table = [_numbers(row, order, f"{path}, line {line}") for line, row in rest]
-    for (line, _), row in zip(rest, table):
+    columns, lines = read_table(path, COLUMNS, what="pair")
+    table = np.column_stack([columns[name] for name in COLUMNS])
+    for line, row in zip(lines, table):
         _check_pair(dict(zip(COLUMNS, row)), n_dof, f"{path}, line {line}")
-    return np.array(table)
-
-
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Return the lines that say something, with their numbers from 1."""
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file, strict=True)
-            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
-    except (UnicodeDecodeError, csv.Error) as problem:
-        raise CaseError(f"{path}: not a text file of comma-separated values: {problem}") from None
-    except OSError as problem:
-        raise CaseError(f"{path}: {problem.strerror}") from None
-    return [(line, row) for line, row in rows if any(row) and not row[0].startswith("#")]
-
-
-def _order(header: list[str], where: str) -> list[int]:
-    """Return where each of ``COLUMNS`` stands in the header."""
-    faults = [f"{name} is missing" for name in COLUMNS if name not in header]
-    faults += [f"{name} stands there twice" for name in COLUMNS if header.count(name) > 1]
-    for name in header:
-        if name not in COLUMNS:
-            near = nearest(name, COLUMNS)
-            faults.append(f'"{name[:20]}" is unknown' + (f', nearest is "{near}"' if near else ""))
-    if ";" in header[0]:
-        faults = ["values are separated by semicolons, not by commas"]
-    if faults:
-        raise CaseError(f"{where}: the header must name the columns {','.join(COLUMNS)}: {'; '.join(faults[:3])}")
-    return [header.index(name) for name in COLUMNS]
-
-
-def _numbers(row: list[str], order: list[int], where: str) -> list[float]:
-    if len(row) != len(COLUMNS):
-        raise CaseError(f"{where}: {len(row)} values; {len(COLUMNS)} are needed: {','.join(COLUMNS)}")
-    values = []
-    for name, i in zip(COLUMNS, order):
-        try:
-            values.append(float(row[i]))
-        except ValueError:
-            raise CaseError(f'{where}: {name} = "{row[i][:20]}" is not a number') from None
-        if not np.isfinite(values[-1]):
-            raise CaseError(f"{where}: {name} = {row[i]} is not a finite number")
-    return values
+    return table
 
 
 def _check_pair(pair: dict[str, float], n_dof: int, where: str) -> None:

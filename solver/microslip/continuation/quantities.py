@@ -93,7 +93,15 @@ def number(
 
 def axis_lengths(n_outputs: int, n_pairs: int, N_H: int) -> dict[str, int]:
     """Return the length of every axis that a quantity may have, by name."""
-    return {"outputs": n_outputs, "pairs": n_pairs, "directions": 3, "tangents": 2, "coefficients": N_H, "parts": len(PARTS)}
+    return {
+        "outputs": n_outputs,
+        "pairs": n_pairs,
+        "directions": 3,
+        "tangents": 2,
+        "corners": 4,
+        "coefficients": N_H,
+        "parts": len(PARTS),
+    }
 
 
 def declared(kind: type) -> tuple[Quantity, ...]:

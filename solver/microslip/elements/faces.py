@@ -5,7 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from .kinds import FACE_KINDS
-from .quadrature import square, triangle
+from .quadrature import collapsed, square, triangle
+
+# Cells of a face with 3 or 4 corners, one around each: their corners in its coordinates, (n_cells, 4, 2), turning as its own do.
+CORNER_CELLS = {
+    3: np.array(
+        [
+            [(0, 0), (1 / 2, 0), (1 / 3, 1 / 3), (0, 1 / 2)],
+            [(1, 0), (1 / 2, 1 / 2), (1 / 3, 1 / 3), (1 / 2, 0)],
+            [(0, 1), (0, 1 / 2), (1 / 3, 1 / 3), (1 / 2, 1 / 2)],
+        ]
+    ),
+    4: np.array(
+        [
+            [(-1, -1), (0, -1), (0, 0), (-1, 0)],
+            [(1, -1), (1, 0), (0, 0), (0, -1)],
+            [(1, 1), (0, 1), (0, 0), (1, 0)],
+            [(-1, 1), (-1, 0), (0, 0), (0, 1)],
+        ],
+        dtype=float,
+    ),
+}
+# Nodes of a face in turn around it, by their number.
+RINGS = {3: (0, 1, 2), 4: (0, 1, 2, 3), 6: (0, 3, 1, 4, 2, 5), 8: (0, 4, 1, 5, 2, 6, 3, 7)}
+SAMPLES = collapsed(4)  # of a part that two faces share
 
 _RULES = {"quad4": square(2), "quad8": square(3), "tri3": triangle(3), "tri6": triangle(6)}
 
@@ -55,6 +78,18 @@ def face_nodal_areas(kind: str, points: np.ndarray) -> np.ndarray:
     squares = (size * rule.weights) @ FACE_KINDS[kind].values(rule.points) ** 2
     area = size @ rule.weights
     return squares * (area / squares.sum(axis=1))[:, None]
+
+
+def part_integrals(kind: str, points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Return the integrals of N_a over a part of each face, (n_faces, n) [m2]; they add up to the area of the part.
+
+    Local.  ``corners`` (4, 2) of the part in the face's coordinates turn left; other arguments as in ``face_normals``.
+    """
+    rule, bilinear = square(4), FACE_KINDS["quad4"]
+    xi = bilinear.values(rule.points) @ corners
+    slopes = np.einsum("qra,ai->qri", bilinear.derivatives(rule.points), corners)
+    size = np.linalg.norm(_area_vectors(points, FACE_KINDS[kind].derivatives(xi)), axis=-1)
+    return (size * rule.weights * np.linalg.det(slopes)) @ FACE_KINDS[kind].values(xi)
 
 
 def pressure_forces(kind: str, points: np.ndarray) -> np.ndarray:

@@ -74,6 +74,12 @@ def triangle(n: int) -> Rule:
     return simplex(2, ((620.0 + q) / 3720.0, (a, a, 1.0 - 2.0 * a)), ((620.0 - q) / 3720.0, (b, b, 1.0 - 2.0 * b)))
 
 
+def collapsed(n: int) -> Rule:
+    """Return a rule of n^2 points on the unit triangle, exact to degree 2 n - 2: a square with one side drawn to a point."""
+    (x, y), weights = (1.0 + square(n).points.T) / 2.0, square(n).weights / 4.0
+    return Rule(np.column_stack([x, y * (1.0 - x)]), weights * (1.0 - x))
+
+
 def tetrahedron(n: int) -> Rule:
     """Return a rule of n points on the unit tetrahedron: 1 (degree 1), 4 (degree 2) or 14 (degree 5)."""
     if n == 1:

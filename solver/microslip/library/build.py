@@ -84,7 +84,7 @@ def from_mesh(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, S
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, settings, share=False)
         pairs = on_root(comm, pair_contacts, mesh, settings.joints)
-    for note in on_root(comm, lambda: mesh.notes):
+    for note in (*on_root(comm, lambda: mesh.notes), *pairs.notes):
         log.note(note)
     with log.stage("partition"):
         shares = distribute(mesh, settings, comm)

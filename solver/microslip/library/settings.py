@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
-from ..mesh.settings import Body, Force, Joint, Load, MeshSettings, Output, Statics, Support
+from ..mesh.settings import GEOMETRY, Body, Force, Joint, Load, MeshSettings, Output, Plane, Statics, Support
 from ..modes.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
@@ -22,7 +22,7 @@ def mesh_settings(scene: Scene) -> MeshSettings:
         scale=scene.model.scale,
         bodies={name: _body(body, scene.materials[body.material]) for name, body in scene.bodies.items()},
         supports=tuple(Support(group=support.group, fix=support.fix) for support in scene.supports),
-        joints=tuple(map(_joint, scene.joints)),
+        joints=tuple(_joint(joint, scene) for joint in scene.joints),
         loads=loads(scene),
         outputs=outputs(scene),
         statics=_statics(scene),
@@ -124,10 +124,18 @@ def _body(body: schema.Body, material: schema.Material) -> Body:
     return Body(group=body.group, integration=body.integration, incompatible_modes=body.incompatible_modes, **kept)
 
 
-def _joint(joint: schema.Joint) -> Joint:
+def _joint(joint: schema.Joint, scene: Scene) -> Joint:
     """Return a joint of surfaces; the scene has been checked to state all of it."""
     assert joint.surfaces is not None, "a scene with a mesh has joints of surfaces"
-    numbers = {key: getattr(joint, key) for key in ("friction", "tangential_stiffness", "normal_stiffness", "gap", "tolerance")}
-    separate = joint.friction_limit == "separate"
-    preload = 0.0 if isinstance(joint.preload, str) else joint.preload or 0.0
-    return Joint(name=joint.name, surfaces=joint.surfaces, preload=preload, separate=separate, **numbers)
+    kept = ("name", "surfaces", "friction", "tangential_stiffness", "normal_stiffness", "tolerance", "pairing", "tangent")
+    plane = None
+    if joint.plane_point is not None and joint.plane_normal is not None:
+        plane = Plane(point=joint.plane_point, normal=joint.plane_normal)
+    return Joint(
+        plane=plane,
+        gap=joint.gap if plane is None else GEOMETRY,
+        preload=0.0 if isinstance(joint.preload, str) else joint.preload or 0.0,
+        separate=joint.friction_limit == "separate",
+        parameters=None if joint.parameters is None else scene.folder / joint.parameters,
+        **{key: getattr(joint, key) for key in kept},
+    )

@@ -39,10 +39,11 @@ def check_held(part: np.ndarray, names: tuple[str, ...], mesh: Mesh, supports: I
     held = np.zeros(n_parts, dtype=bool)
     for support in supports:
         held[part[mesh.node_groups[support.group]]] = True
-    on_mesh = (pairs.node1 >= 0) & (pairs.node2 >= 0)
-    _, cluster = _components(part[pairs.node1[on_mesh]], part[pairs.node2[on_mesh]], n_parts)
-    for grounded in (pairs.node1[pairs.node2 < 0], pairs.node2[pairs.node1 < 0]):
-        held[part[grounded[grounded >= 0]]] = True
+    first, second = (_on_parts(side, part, n_parts) for side in pairs.sides(len(part)))
+    part1, part2 = (first.T @ second).nonzero()
+    _, cluster = _components(part1, part2, n_parts)
+    for side, other in ((first, second), (second, first)):
+        held[side[np.diff(other.indptr) == 0].indices] = True
     is_held = np.isin(cluster, cluster[held])
     if not is_held.all():
         free = [names[i] for i in np.flatnonzero(~is_held)]
@@ -51,6 +52,12 @@ def check_held(part: np.ndarray, names: tuple[str, ...], mesh: Mesh, supports: I
             f"{mesh.path}: nothing holds {shown}: no support, and no joint to a part that has one, so it can move freely; "
             "add [[supports]] or a joint, or merge the nodes where bodies touch"
         )
+
+
+def _on_parts(weights: sp.csr_matrix, part: np.ndarray, n_parts: int) -> sp.csr_matrix:
+    """Return how many nodes of each part move each contact point, (n_pairs, n_parts)."""
+    ones = np.ones(len(weights.indices))
+    return sp.csr_matrix((ones, part[weights.indices], weights.indptr), (weights.shape[0], n_parts))
 
 
 def _components(first: np.ndarray, second: np.ndarray, n: int) -> tuple[int, np.ndarray]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..contact.elastic_coulomb import ElasticCoulomb
 from ..contact.law import Law
@@ -82,7 +83,7 @@ class ContactPairs:
     """The contact pairs, the same on every rank; pair i owns rows 3 i to 3 i + 2 of R (x, y tangential, z normal)."""
 
     joint: tuple[str, ...]  # (n_pairs,) name of the joint
-    node1: np.ndarray  # (n_pairs,) index of the node of body 1 in Mesh.points; -1 where there is no mesh
+    node1: np.ndarray  # (n_pairs,) index of the (nearest) node of body 1 in Mesh.points; -1 where there is no mesh
     node2: np.ndarray  # (n_pairs,) of body 2; -1 is ground
     position: np.ndarray  # (n_pairs, 3) m
     frame: np.ndarray  # (n_pairs, 3, 3) rows x, y, z in model axes; z from body 2 into body 1
@@ -95,19 +96,38 @@ class ContactPairs:
     faces: tuple[np.ndarray, ...]  # contact faces for pictures: (n_faces, n_corners or with mid-sides) pair indices
     T0: np.ndarray = field(default_factory=lambda: np.zeros((0, 2)))  # (n_pairs, 2) N, friction force at rest; none given: 0
     apart: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_pairs,) bool: open at rest, without springs
+    weights1: sp.csr_matrix | None = None  # (n_pairs, n_nodes) with which nodes of body 1 give its motion; None: node1 alone
+    weights2: sp.csr_matrix | None = None  # (n_pairs, n_nodes) of body 2
+    cells: np.ndarray = field(default_factory=lambda: np.full((0, 4, 3), np.nan))  # (n_pairs, 4, 3) m, for pictures; NaN: none
+    notes: tuple[str, ...] = ()  # how they were found, for the log
 
     def __post_init__(self):
         for name in ("T0", "apart"):  # of pairs that have no statics
             values = getattr(self, name)
             if len(values) != self.n_pairs:
                 object.__setattr__(self, name, np.zeros((self.n_pairs, *values.shape[1:]), dtype=values.dtype))
+        if len(self.cells) != self.n_pairs:
+            object.__setattr__(self, "cells", np.full((self.n_pairs, 4, 3), np.nan))
 
     @property
     def n_pairs(self) -> int:
         return len(self.k_t)
+
+    def sides(self, n_nodes: int) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+        """Return the weights of the nodes of Mesh.points on each side, (n_pairs, n_nodes); those of ground are none."""
+        given = ((self.weights1, self.node1), (self.weights2, self.node2))
+        first, second = (on_nodes(nodes, n_nodes) if weights is None else weights for weights, nodes in given)
+        return first, second
 
     @property
     def law(self) -> Law:
         """The contact law of the pairs about their state of rest."""
         w0 = np.divide(-self.T0, self.k_t[:, None], out=np.zeros_like(self.T0), where=self.k_t[:, None] > 0.0)
         return ElasticCoulomb(self.mu, self.N0, self.k_t, self.k_n, self.separate, w0, apart=self.apart)
+
+
+def on_nodes(nodes: np.ndarray, n_nodes: int) -> sp.csr_matrix:
+    """Return the weights of points that are nodes, (n, n_nodes); -1 is ground.  Local."""
+    on_mesh = nodes >= 0
+    places = (np.flatnonzero(on_mesh), nodes[on_mesh])
+    return sp.csr_matrix((np.ones(np.count_nonzero(on_mesh)), places), (len(nodes), n_nodes))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 Vector = tuple[float, float, float]
+GEOMETRY = "geometry"  # the gap of a joint: what the mesh has
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,18 +34,30 @@ class Support:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Plane:
+    """The surface of rigid ground."""
+
+    point: Vector  # m
+    normal: Vector  # out of the ground
+
+
+@dataclass(frozen=True, kw_only=True)
 class Joint:
-    """Two surfaces in contact."""
+    """Two surfaces in contact, or one on rigid ground."""
 
     name: str
-    surfaces: tuple[str, str]  # groups, of body 1 and body 2
+    surfaces: tuple[str, ...]  # groups, of body 1 and body 2; of body 1 alone on ground
+    plane: Plane | None = None  # of the ground; None: it has the shape of the surface
+    pairing: str = "auto"  # "nodes" that match, "points" of any meshes, "auto": nodes where they match
     friction: float  # -
     tangential_stiffness: float  # N/m3
     normal_stiffness: float  # N/m3
     preload: float = 0.0  # Pa, before the statics
-    gap: float = 0.0  # m
+    gap: float | str = 0.0  # m, or GEOMETRY
     separate: bool = False  # each tangential direction has its own friction limit
-    tolerance: float | None = None  # m, between nodes of a pair; None: by the size of the mesh
+    tolerance: float | None = None  # m, between nodes of a pair or the surfaces; None: by the size of the mesh
+    tangent: Vector | None = None  # whose projection is x of the pairs; None: a model axis
+    parameters: Path | None = None  # a file of values for each contact point
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,7 +18,9 @@ class Surface:
     """The faces of a group, turned outward, and what they give their nodes."""
 
     group: str
-    faces: tuple[np.ndarray, ...]  # per kind of face: (n_faces, n_face_nodes) index into Mesh.points
+    faces: dict[
+        str, np.ndarray
+    ]  # by kind of face: (n_faces, n_face_nodes) index into Mesh.points; corners turn left from outside
     nodes: np.ndarray  # (n_nodes,) index into Mesh.points, sorted
     normals: np.ndarray  # (n_nodes, 3) outward, unit, averaged over the faces by their tributary areas
     areas: np.ndarray  # (n_nodes,) tributary areas [m2], positive; their sum is the area of the surface
@@ -47,7 +49,7 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
     normals = np.divide(area_normals, length, out=np.zeros_like(area_normals), where=length > 0.0)
     for at, normal in parts:
         _check_edges(mesh, group, nodes, at, np.einsum("fni,fni->fn", normal, normals[at]))
-    return Surface(group, tuple(faces.values()), nodes, normals, areas)
+    return Surface(group, faces, nodes, normals, areas)
 
 
 def outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:

@@ -74,6 +74,9 @@ class Joint:
     apart: Annotated[
         np.ndarray, Quantity("apart", "pairs", "1", "1 where a pair is open at rest and no spring stands for it", "u1")
     ] = None  # type: ignore[assignment]
+    cells: Annotated[
+        np.ndarray, Quantity("cells", "pairs corners directions", "m", "corners of the area of a pair; NaN where faces tell it")
+    ] = None  # type: ignore[assignment]
     faces: tuple[np.ndarray, ...] = ()  # (n_faces, 3, 4, 6 or 8) indices of pairs
 
     @property

@@ -9,12 +9,12 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from ..elements import RINGS
 from .record import Joint
 
-# nodes of a face in turn around it, by their number
-RING = {3: (0, 1, 2), 4: (0, 1, 2, 3), 6: (0, 3, 1, 4, 2, 5), 8: (0, 4, 1, 5, 2, 6, 3, 7)}
 _FLAT = np.cos(np.radians(60.0))  # normals further apart than this from their mean: the patch is rolled off
 _ELONGATED = 1.3  # ratio of extents above which the longer one is drawn along x
+_SAME = 1e-6  # of the extent: corners of cells this near each other are one
 _PLACES = 20  # in a row of a grid by number, at least: few pairs make no large picture
 
 
@@ -72,11 +72,12 @@ def _which(joint: Joint, pairs: np.ndarray, siblings: list[np.ndarray]) -> str:
 
 
 def _parts(joint: Joint) -> np.ndarray:
-    """Return a part number for every pair, (n_pairs,): pairs joined by faces share it."""
+    """Return a part number for every pair, (n_pairs,): pairs joined by faces, or by the corners of their cells, share it."""
     n = joint.n_pairs
     ends = [np.zeros((0, 2), dtype=int)]
     for faces in joint.faces:
         ends += [faces[:, [0, k]] for k in range(1, faces.shape[1])]
+    ends.append(_shared_corners(joint))
     a, b = np.concatenate(ends).T
     lonely = np.setdiff1d(np.arange(n), np.concatenate([a, b]))
     for name in np.unique(joint.joint[lonely]):
@@ -93,17 +94,22 @@ def _patch(joint: Joint, pairs: np.ndarray, label: str) -> Patch:
     mean = normal.mean(axis=0)
     length = np.linalg.norm(mean)
     is_flat = length > 0.0 and (normal @ mean >= _FLAT * length).all()
-    points, x_axis, around = _project(position, mean / length) if is_flat else _roll_off(position, normal)
+    points, along, x_axis, around = _project(position, mean / length) if is_flat else _roll_off(position, normal)
     where = np.full(joint.n_pairs, -1)
     where[pairs] = np.arange(len(pairs))
     cells, cell_pair, outlines = [], [], []
     for faces in joint.faces:
-        for face in faces[where[faces[:, 0]] >= 0] if faces.shape[1] in RING else ():
-            in_turn = face[list(RING[len(face)])]
+        for face in faces[where[faces[:, 0]] >= 0] if faces.shape[1] in RINGS else ():
+            in_turn = face[list(RINGS[len(face)])]
             ring = _unwrapped(points[where[in_turn]], around)
             outlines.append(ring)
             cells += _cells(ring, len(face) in (6, 8))
             cell_pair += list(in_turn)
+    for i in np.flatnonzero(_has_cell(joint)[pairs]):
+        ring = points[i] + (joint.cells[pairs[i]] - position[i]) @ along[i].T
+        outlines.append(ring)
+        cells.append(ring)
+        cell_pair.append(pairs[i])
     return Patch(label, _axis_name(x_axis), pairs, points, cells, np.array(cell_pair, dtype=int), outlines, _spacing(points))
 
 
@@ -114,8 +120,25 @@ def _spacing(points: np.ndarray) -> float:
     return float(np.quantile(cKDTree(points).query(points, k=2)[0][:, 1], 0.1))
 
 
-def _project(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return coordinates in the mean plane, the longer extent along x; x in the model's axes; no period."""
+def _shared_corners(joint: Joint) -> np.ndarray:
+    """Return pairs (m, 2) whose cells share a corner, within one joint: the first of them and each other."""
+    owner = np.repeat(np.flatnonzero(_has_cell(joint)), 4)
+    if len(owner) == 0:
+        return np.zeros((0, 2), dtype=int)
+    corners = joint.cells[owner[::4]].reshape(-1, 3)
+    grain = _SAME * np.ptp(corners, axis=0).max()
+    key = np.column_stack([joint.joint[owner], np.round(corners / grain)])
+    _, first, same = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    return np.column_stack([owner[first[same.ravel()]], owner])
+
+
+def _has_cell(joint: Joint) -> np.ndarray:
+    """Return which pairs have a cell of their own, (n_pairs,) bool."""
+    return np.isfinite(joint.cells).all(axis=(1, 2)) & (np.ptp(joint.cells, axis=1).max(axis=1, initial=0.0) > 0.0)
+
+
+def _project(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return coordinates in the mean plane, the longer extent along x; their directions, (n, 2, 3); x; no period."""
     offset = position - position.mean(axis=0)
     axis = int(np.argmin(np.abs(normal)))
     x = np.eye(3)[axis] - normal[axis] * normal
@@ -126,11 +149,12 @@ def _project(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.n
     if extent[1] > _ELONGATED**2 * extent[0]:
         x = directions[0, 1] * x + directions[1, 1] * y
         x *= np.sign(x[np.argmax(np.abs(x))])
-    return np.column_stack([offset @ x, offset @ np.cross(normal, x)]), x, 0.0
+    axes = np.stack([x, np.cross(normal, x)])
+    return offset @ axes.T, np.tile(axes, (len(position), 1, 1)), x, 0.0
 
 
-def _roll_off(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return coordinates on the cylinder that fits best, cut where it is widest open; x in the model's axes; the period."""
+def _roll_off(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return coordinates on the cylinder that fits best, cut where it is widest open; their directions; x; the period."""
     axis = np.linalg.eigh(normal.T @ normal)[1][:, 0]
     axis *= np.sign(axis[np.argmax(np.abs(axis))])
     side = np.eye(3)[np.argmin(np.abs(axis))]
@@ -145,13 +169,15 @@ def _roll_off(position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.
             np.column_stack([np.zeros(len(n)), np.ones(len(n)), n[:, 1]]),
         ]
     )
-    radius = abs(np.linalg.lstsq(rows, np.concatenate([q[:, 0], q[:, 1]]), rcond=None)[0][2])
+    fitted = np.linalg.lstsq(rows, np.concatenate([q[:, 0], q[:, 1]]), rcond=None)[0][2]
+    radius = abs(fitted)  # below 0 where the normals point to the axis
     angle = np.arctan2(n[:, 1], n[:, 0])
     turned = np.sort(angle)
     gaps = np.append(np.diff(turned), turned[0] + 2.0 * np.pi - turned[-1])
     cut = turned[(np.argmax(gaps) + 1) % len(turned)]
     angle = np.mod(angle - cut + 1e-9, 2.0 * np.pi)
-    return np.column_stack([radius * angle, position @ axis]), np.zeros(3), 2.0 * np.pi * radius
+    along = np.stack([np.sign(fitted) * np.cross(axis, normal), np.tile(axis, (len(normal), 1))], axis=1)
+    return np.column_stack([radius * angle, position @ axis]), along, np.zeros(3), 2.0 * np.pi * radius
 
 
 def _unwrapped(ring: np.ndarray, period: float) -> np.ndarray:

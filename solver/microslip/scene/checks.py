@@ -177,7 +177,11 @@ def missing_files(scene: Scene) -> list[str]:
     """Return which of the scene's files are not there, a text each.  Local."""
     model = scene.model
     named = [(f"[model] {key}", getattr(model, key)) for key in ("mesh", "stiffness", "mass", "damping")]
-    named += [(f'[[joints]] {i} ("{joint.name}") pairs', joint.pairs) for i, joint in enumerate(scene.joints, 1)]
+    named += [
+        (f'[[joints]] {i} ("{joint.name}") {key}', getattr(joint, key))
+        for i, joint in enumerate(scene.joints, 1)
+        for key in ("pairs", "parameters")
+    ]
     return [found for where, file in named if file is not None and (found := _missing(where, file, scene.folder))]
 
 

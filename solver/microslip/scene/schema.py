@@ -20,6 +20,7 @@ Method = Literal[
     "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"
 ]
 Axis = Literal["x", "y", "z"]
+OF_SURFACES = ("preload", "gap", "tolerance", "against", "plane_point", "plane_normal", "pairing", "tangent", "parameters")
 
 
 def _not_zero(vector: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -116,11 +117,21 @@ class Support(Table):
 
 
 class Joint(Table):
-    """[[joints]]: two surfaces in contact, or pairs of DOFs."""
+    """[[joints]]: two surfaces in contact, one on rigid ground, or pairs of DOFs."""
 
     name: Name = Field(description="a name for pictures and messages, without comma, quote or slash")
-    surfaces: tuple[str, str] | None = Field(
-        None, description="the names of two different groups of faces in the mesh, body 1 and body 2"
+    surfaces: Annotated[tuple[str, ...], Field(min_length=1, max_length=2)] | None = Field(
+        None, description="the names of two different groups of faces in the mesh, body 1 and body 2; with against, of one"
+    )
+    against: Literal["ground", "plane"] | None = Field(
+        None, description='"ground", rigid and of the shape of the surface, or "plane", rigid and flat'
+    )
+    plane_point: Vector | None = Field(None, description="a point of the plane, three coordinates [x, y, z] in m")
+    plane_normal: Direction | None = Field(
+        None, description="the direction [x, y, z] from the plane into the body, three numbers, not all 0"
+    )
+    pairing: Literal["auto", "nodes", "points"] = Field(
+        "auto", description='"nodes" that match, "points" of any meshes, or "auto": nodes where they match'
     )
     pairs: str | None = Field(None, min_length=1, description="the path of a CSV file of contact pairs")
     friction: NotNegative | None = Field(None, description="the friction coefficient, a number of at least 0")
@@ -129,33 +140,59 @@ class Joint(Table):
     preload: NotNegative | Literal["static"] | None = Field(
         None, description='the contact pressure at rest in Pa, a number of at least 0, or "static"'
     )
-    gap: NotNegative = Field(0.0, description="the distance at rest in m, a number of at least 0")
+    gap: NotNegative | Literal["geometry"] = Field(
+        0.0, description='the distance at rest in m, a number of at least 0, or "geometry": that of the mesh'
+    )
     friction_limit: Literal["circle", "separate"] = Field("circle", description='"circle" or "separate"')
     tolerance: Positive | None = Field(
-        None, description="the distance in m within which nodes of the two surfaces form a pair, a number above 0"
+        None, description="the distance in m within which nodes, or parts of the two surfaces, meet, a number above 0"
     )
+    tangent: Direction | None = Field(
+        None, description="the direction [x, y, z] whose projection on the surface is x of the pairs, three numbers, not all 0"
+    )
+    parameters: str | None = Field(None, min_length=1, description="the path of a CSV file of values for each contact point")
 
     @field_validator("surfaces")
     @classmethod
     def _two_surfaces(cls, surfaces):
-        if surfaces is not None and (surfaces[0] == surfaces[1] or not all(surfaces)):
+        if surfaces is not None and (len(set(surfaces)) < len(surfaces) or not all(surfaces)):
             raise ValueError("one surface twice")
         return surfaces
 
     @model_validator(mode="after")
     def _complete(self):
-        needed = ["friction", "tangential_stiffness", "normal_stiffness"] + ["preload"] * (self.gap == 0.0)
+        has_gap = self.gap != 0.0 or self.against == "plane"
+        needed = ["friction", "tangential_stiffness", "normal_stiffness"] + ["preload"] * (not has_gap)
         if self.exactly_one("surfaces", "pairs") == "pairs":
-            given = sorted({*needed, "preload", "gap", "tolerance"} & self.model_fields_set)
+            given = sorted({*needed, *OF_SURFACES} & self.model_fields_set)
             if given:
                 raise ValueError(f"{given[0]} belongs to a joint of surfaces; a CSV file states it for each pair")
             return self
         for key in needed:
             if getattr(self, key) is None:
                 raise ValueError(f"{key} is missing: expected {type(self).model_fields[key].description}")
-        if self.gap > 0.0 and self.preload and self.preload != "static":
-            raise ValueError(f"gap = {self.gap:g} with preload = {self.preload}: an open joint carries no preload; keep one")
+        if has_gap and self.preload and self.preload != "static":
+            gap = f"gap = {self.gap:g}" if isinstance(self.gap, float) and self.gap else "a gap from the geometry"
+            raise ValueError(f"{gap} with preload = {self.preload}: an open joint carries no preload; keep one")
+        self._grounded()
         return self
+
+    def _grounded(self) -> None:
+        """Raise ValueError unless one surface comes with ground and two without, and a plane with its place."""
+        assert self.surfaces is not None, "a joint of surfaces"
+        if len(self.surfaces) == 1 and self.against is None:
+            raise ValueError('surfaces names one group; name two, or state against = "ground" or "plane"')
+        if len(self.surfaces) == 2 and self.against is not None:
+            raise ValueError(f'against = "{self.against}" takes the place of the second surface; name one')
+        for key in ("plane_point", "plane_normal"):
+            if self.against == "plane" and getattr(self, key) is None:
+                raise ValueError(f"{key} is missing: expected {type(self).model_fields[key].description}")
+            if self.against != "plane" and getattr(self, key) is not None:
+                raise ValueError(f'{key} belongs to against = "plane"')
+        if self.against == "plane" and self.gap not in (0.0, "geometry"):
+            raise ValueError(f"gap = {self.gap:g}: the distance from a plane is that of the mesh; leave it out")
+        if self.against == "ground" and self.gap == "geometry":
+            raise ValueError('gap = "geometry": ground has the shape of the surface; state a number, or against = "plane"')
 
 
 class Force(Table):

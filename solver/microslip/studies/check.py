@@ -65,6 +65,7 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
         *(f"           {note}" for note in mesh.notes),
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed",
         *_joints(pairs),
+        *(f"           {note}" for note in pairs.notes),
         *(f"load {i}     {_at(mesh, load, nodes)}" for i, (load, nodes) in enumerate(zip(scene.loads, load_nodes), 1)),
         *(f"output     {out.name}: {_at(mesh, out, nodes)}" for out, nodes in zip(scene.outputs, output_nodes)),
         *_solution(scene, n_dof, pairs.n_pairs),

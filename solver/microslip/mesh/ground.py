@@ -1,0 +1,75 @@
+"""Contact of one surface with rigid ground: a wall of its own shape, or a plane."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from .. import elements
+from ..parallel.errors import MeshError
+from .contact_points import ContactPoints
+from .data import Mesh, on_nodes, place
+from .overlap import cells_of
+from .settings import Joint, Plane
+from .surface import Surface
+
+
+def grounded(mesh: Mesh, joint: Joint, first: Surface) -> ContactPoints:
+    """Return the contact points of a surface on rigid ground: its nodes, or its cells for "points".  Local, rank 0.
+
+    Raises
+    ------
+    MeshError : a plane behind the surface
+    """
+    points = _cells(mesh, first) if joint.pairing == "points" else _nodes(mesh, first)
+    return points if joint.plane is None else _on_plane(mesh, joint, first, points, joint.plane)
+
+
+def _nodes(mesh: Mesh, first: Surface) -> ContactPoints:
+    order = np.argsort(mesh.numbers[first.nodes], kind="stable")
+    nodes = first.nodes[order]
+    point_of = np.full(len(mesh.points), -1)
+    point_of[nodes] = np.arange(len(nodes))
+    faces = tuple(point_of[own] for own in first.faces.values())
+    side1 = on_nodes(nodes, len(mesh.points))
+    return _resting(mesh, side1, -first.normals[order], first.areas[order], faces=faces)
+
+
+def _cells(mesh: Mesh, first: Surface) -> ContactPoints:
+    """Return a point for each cell, at which the surface moves as it does on average there."""
+    parts, z, area, corners = [], [], [], []
+    for kind, faces in first.faces.items():
+        cells = cells_of(mesh, kind, faces)
+        xi = elements.CORNER_CELLS[elements.FACE_KINDS[kind].n_corners]
+        N = np.stack([elements.part_integrals(kind, mesh.points[faces], own) for own in xi], axis=1).reshape(len(cells.area), -1)
+        rows = np.repeat(np.arange(len(N)), N.shape[1])
+        weights = N / cells.area[:, None]
+        parts.append(sp.csr_matrix((weights.ravel(), (rows, cells.faces.ravel())), (len(N), len(mesh.points))))
+        z.append(-cells.axes[:, 2])
+        area.append(cells.area)
+        corners.append(cells.corners)
+    side1 = sp.vstack(parts).tocsr()
+    return _resting(mesh, side1, np.concatenate(z), np.concatenate(area), cells=np.concatenate(corners))
+
+
+def _resting(mesh: Mesh, side1: sp.csr_matrix, z: np.ndarray, area: np.ndarray, **shown) -> ContactPoints:
+    """Return points that touch ground where they are."""
+    nothing = sp.csr_matrix(side1.shape)
+    return ContactPoints(side1, nothing, z, area, side1 @ mesh.points, np.zeros(len(area)), **shown)
+
+
+def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints, plane: Plane) -> ContactPoints:
+    """Return the points with the normal of the plane and their distance from it."""
+    normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
+    distance = (points.position - np.array(plane.point)) @ normal
+    nearest = int(np.argmin(distance))
+    if points.z[nearest] @ normal <= 0.0:
+        raise MeshError(
+            f"{mesh.path}: joint {joint.name!r}: the surface {first.group!r} turns its back on the plane at "
+            f"{place(points.position[nearest])} m; plane_normal points from the rigid ground into the body"
+        )
+    z = np.tile(normal, (points.n_points, 1))
+    return ContactPoints(
+        points.side1, points.side2, z, points.area, points.position, distance, points.faces, points.cells,
+        note=f"joint {joint.name!r}: {points.n_points} contact points, {distance.min():.3g} to {distance.max():.3g} m off",
+    )  # fmt: skip

@@ -1,0 +1,109 @@
+"""What a joint states of its contact points: one value for all, or values of their own from a CSV file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..parallel.csv_table import read_table
+from ..parallel.errors import CaseError, MeshError
+from .contact_points import ContactPoints
+from .data import Mesh, place
+from .settings import GEOMETRY, Joint
+
+FAR = 0.1  # of the extent of a joint's points: a row this far from all of them is a mistake
+PLACES = ("node", "x", "y", "z")
+
+
+@dataclass(frozen=True)
+class Values:
+    """Per unit area and contact point, (n,) each."""
+
+    friction: np.ndarray  # -
+    tangential_stiffness: np.ndarray  # N/m3
+    normal_stiffness: np.ndarray  # N/m3
+    preload: np.ndarray  # Pa
+    gap: np.ndarray  # m; 0 where the mesh gives it
+
+
+COLUMNS = tuple(Values.__dataclass_fields__)
+
+
+def values_of(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray) -> Values:
+    """Return the values of a joint's points; ``node1`` is the node of the first surface that each belongs to.  Local, rank 0.
+
+    Raises
+    ------
+    CaseError : the joint's file is at fault
+    MeshError : it names nodes or places where the joint has no point
+    """
+    stated = {name: getattr(joint, name) for name in COLUMNS}
+    stated["gap"] = 0.0 if joint.gap == GEOMETRY else joint.gap
+    values = Values(**{name: np.full(points.n_points, float(value)) for name, value in stated.items()})
+    return values if joint.parameters is None else _from_file(mesh, joint, points, node1, values)
+
+
+def _from_file(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray, values: Values) -> Values:
+    assert joint.parameters is not None, "a joint with a file of values"
+    table, lines = read_table(joint.parameters, (), (*PLACES, *COLUMNS), "contact point")
+    given = [name for name in COLUMNS if name in table]
+    if not given:
+        raise CaseError(f"{joint.parameters}: the header names no value: {', '.join(COLUMNS)}")
+    for name in given:
+        if (table[name] < 0.0).any() or (name.endswith("stiffness") and (table[name] == 0.0).any()):
+            bad = int(np.argmin(table[name]))
+            least = "above 0" if name.endswith("stiffness") else "at least 0"
+            raise CaseError(f"{joint.parameters}, line {lines[bad]}: {name} = {table[name][bad]:g}; it must be {least}")
+    if "gap" in given and joint.gap == GEOMETRY:
+        raise CaseError(f'{joint.parameters}: the joint takes its gap from the mesh, gap = "geometry"; leave the column gap out')
+    pairs, rows = (_by_node if "node" in table else _by_place)(mesh, joint, points, node1, table, lines)
+    changed = {}
+    for name in given:
+        changed[name] = getattr(values, name).copy()
+        changed[name][pairs] = table[name][rows]
+    found = replace(values, **changed)
+    both = np.flatnonzero((found.gap > 0.0) & (found.preload > 0.0))
+    if len(both):
+        raise CaseError(
+            f"{joint.parameters}: the point at {place(points.position[both[0]])} m has a gap of {found.gap[both[0]]:g} m and "
+            f"a preload of {found.preload[both[0]]:g} Pa ({len(both)} in all): an open point carries none; keep one of them"
+        )
+    return found
+
+
+def _by_node(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray, table: dict, lines: list[int]):
+    """Return pairs and the rows of the table that name their node."""
+    if {"x", "y", "z"} & table.keys():
+        raise CaseError(f"{joint.parameters}: the header names node and x, y, z; a point is found by one of them")
+    numbers = mesh.numbers[node1]
+    unknown = np.flatnonzero(~np.isin(table["node"], numbers))
+    if len(unknown):
+        raise MeshError(
+            f"{joint.parameters}, line {lines[unknown[0]]}: node {table['node'][unknown[0]]:g} is no node of "
+            f"{joint.surfaces[0]!r}, the first surface of joint {joint.name!r} ({len(unknown)} such rows)"
+        )
+    named, first, count = np.unique(table["node"], return_index=True, return_counts=True)
+    if (count > 1).any():
+        raise CaseError(f"{joint.parameters}: node {named[np.argmax(count)]:g} has {count.max()} rows; each needs one")
+    at = np.minimum(np.searchsorted(named, numbers), len(named) - 1)
+    has_row = named[at] == numbers
+    return np.flatnonzero(has_row), first[at[has_row]]
+
+
+def _by_place(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray, table: dict, lines: list[int]):
+    """Return all pairs and the row of the table that is nearest to each."""
+    missing = [name for name in "xyz" if name not in table]
+    if missing:
+        raise CaseError(f"{joint.parameters}: the header must name node, or x, y and z in m; {', '.join(missing)} is missing")
+    places = np.column_stack([table[name] for name in "xyz"])
+    distance, _ = cKDTree(points.position).query(places)
+    farthest = int(np.argmax(distance))
+    extent = float(np.linalg.norm(np.ptp(points.position, axis=0)))
+    if distance[farthest] > FAR * extent:
+        raise MeshError(
+            f"{joint.parameters}, line {lines[farthest]}: {place(places[farthest])} m is {distance[farthest]:.3g} m from the "
+            f"nearest contact point of joint {joint.name!r}, more than {FAR:.0%} of the joint's extent; places are in metres"
+        )
+    return np.arange(points.n_points), cKDTree(places).query(points.position)[1]

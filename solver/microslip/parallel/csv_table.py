@@ -1,0 +1,82 @@
+"""Tables of numbers from CSV files: a header that names columns, then a line of numbers for each entry.  Local."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from .errors import CaseError
+from .words import nearest
+
+
+def read_table(
+    path: Path, needed: Sequence[str], optional: Sequence[str] = (), what: str = "entry"
+) -> tuple[dict[str, np.ndarray], list[int]]:
+    """Return the columns of a file by name, (n,) each, and the line of each entry.
+
+    The first line names the columns, in any order and case; empty lines and lines that begin with # count for nothing.
+
+    Raises
+    ------
+    CaseError : names the line at fault
+    """
+    numbered = numbered_rows(path)
+    columns = ",".join(needed) + (f" and may name {','.join(optional)}" if optional else "")
+    if not numbered:
+        raise CaseError(f"{path}: the file is empty; its first line names the columns {columns}")
+    (line, header), *rest = numbered
+    header = [cell.lower() for cell in header]
+    _check_header(header, needed, optional, f"{path}, line {line}: the header must name the columns {columns}")
+    if not rest:
+        raise CaseError(f"{path}: there is no {what} after the header")
+    values = np.array([_numbers(row, header, f"{path}, line {line}") for line, row in rest])
+    return dict(zip(header, values.T)), [line for line, _ in rest]
+
+
+def numbered_rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Return the lines that say something, with their numbers from 1.
+
+    Raises
+    ------
+    CaseError : the file is not there, or no text of comma-separated values
+    """
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file, strict=True)
+            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
+    except (UnicodeDecodeError, csv.Error) as problem:
+        raise CaseError(f"{path}: not a text file of comma-separated values: {problem}") from None
+    except OSError as problem:
+        raise CaseError(f"{path}: {problem.strerror}") from None
+    return [(line, row) for line, row in rows if any(row) and not row[0].startswith("#")]
+
+
+def _check_header(header: list[str], needed: Sequence[str], optional: Sequence[str], says: str) -> None:
+    known = [*needed, *optional]
+    faults = [f"{name} is missing" for name in needed if name not in header]
+    faults += [f"{name} stands there twice" for name in known if header.count(name) > 1]
+    for name in header:
+        if name not in known:
+            near = nearest(name, known)
+            faults.append(f'"{name[:20]}" is unknown' + (f', nearest is "{near}"' if near else ""))
+    if ";" in header[0]:
+        faults = ["values are separated by semicolons, not by commas"]
+    if faults:
+        raise CaseError(f"{says}: {'; '.join(faults[:3])}")
+
+
+def _numbers(row: list[str], header: list[str], where: str) -> list[float]:
+    if len(row) != len(header):
+        raise CaseError(f"{where}: {len(row)} values; {len(header)} are needed: {','.join(header)}")
+    values = []
+    for name, cell in zip(header, row):
+        try:
+            values.append(float(cell))
+        except ValueError:
+            raise CaseError(f'{where}: {name} = "{cell[:20]}" is not a number') from None
+        if not np.isfinite(values[-1]):
+            raise CaseError(f"{where}: {name} = {cell} is not a finite number")
+    return values
