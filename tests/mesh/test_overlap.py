@@ -1,17 +1,22 @@
 """Contact of surfaces with different meshes: averages over what their faces share, and what is refused."""
 
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from box_meshes import KINDS, box, joint, mesh_of
 
 from microslip import elements
-from microslip.mesh.pairing import contact_points, pair_contacts
+from microslip.mesh.pairing import contact_frames, contact_points, pair_contacts
+from microslip.mesh.settings import GEOMETRY, Plane
 from microslip.mesh.surface import surface_of
+from microslip.parallel.errors import MeshError
 
 TOUCH = {
     "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < TOUCH["n"]),
     "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= TOUCH["n"]),
+    "upper_top": lambda x: x[:, 2] == 2.0,
+    "lower_bottom": lambda x: x[:, 2] == 0.0,
     "n": 0,
 }
 SURFACES = ("upper_bottom", "lower_top")
@@ -75,3 +80,111 @@ def test_matching_meshes_stay_node_to_node():
     auto, nodes = (pair_contacts(mesh, [joint(pairing=pairing)]) for pairing in ("auto", "nodes"))
     np.testing.assert_array_equal(auto.node1, nodes.node1)
     assert auto.notes == () and (auto.weights1 != nodes.weights1).nnz == 0
+
+
+def ring_sectors(inner, outer, n_inner, n_outer):
+    """Return two concentric sectors of 90 degrees about the y axis that touch at radius 2, mid-sides on the arcs."""
+    mesh = boxes(inner, outer, n_inner, n_outer)
+    angle, radius = np.pi / 2 * mesh.points[:, 0], 1.0 + mesh.points[:, 2]
+    mesh.points[:] = np.stack([-radius * np.cos(angle), mesh.points[:, 1], radius * np.sin(angle)], axis=1)
+    return mesh
+
+
+@pytest.mark.parametrize("kinds, tolerance", [(("hex20", "hex20"), 2e-4), (("tet10", "hex20"), 2e-3), (("hex8", "hex8"), 0.02)])
+def test_a_cylinder_of_two_meshes(kinds, tolerance):
+    mesh = ring_sectors(*kinds, (5, 2, 1), (7, 3, 1))
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="points"))
+    assert points.area.sum() == pytest.approx(np.pi, rel=tolerance)
+    radial = points.position * (1.0, 0.0, 1.0)
+    radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+    assert np.einsum("pi,pi->p", radial, points.z).min() > np.cos(np.radians(7.0))
+    for side in (points.side1, points.side2):
+        np.testing.assert_allclose(side.sum(axis=1), 1.0, rtol=1e-12)
+    assert np.abs(points.distance).max() < 0.02
+
+
+def test_a_small_foot_on_a_large_plate():
+    """Only what the first surface covers counts; a plate on a foot would be left without partner."""
+    mesh = boxes(n_lower=(5, 5, 1), n_upper=(2, 2, 1), size=(0.37, 0.41, 1.0), shift=(0.21, 0.33))
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="auto"))
+    assert points.n_points == 16
+    assert points.area.sum() == pytest.approx(0.37 * 0.41, rel=1e-12)
+    np.testing.assert_allclose(points.side1.T @ points.area, consistent_areas(mesh, "upper_bottom"), atol=1e-13)
+    with pytest.raises(
+        MeshError,
+        match=r"joint 'joint': 8\d\.\d% of the area of 'lower_top' has no partner on 'upper_bottom' within .* name the smaller",
+    ):
+        contact_points(mesh, joint(surfaces=SURFACES[::-1], pairing="auto"))
+
+
+def test_surfaces_too_far_apart_or_back_to_front():
+    mesh = boxes()
+    upper = np.arange(len(mesh.points)) >= TOUCH["n"]
+    mesh.points[upper, 2] += 0.5
+    with pytest.raises(
+        MeshError, match=r"no contact point found: .* within 0.0[34]\d* m; the worst place is .* 0.5\d* m from the nearest node"
+    ):
+        contact_points(mesh, joint(surfaces=SURFACES, pairing="auto"))
+    gap = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap=GEOMETRY, tolerance=0.6)])
+    np.testing.assert_allclose(-gap.N0 / gap.k_n, 0.5, rtol=1e-12)
+    mesh.points[upper, 2] -= 1.5  # the bodies fill the same space
+    with pytest.raises(MeshError, match="do not face each other at"):
+        contact_points(mesh, joint(surfaces=("upper_top", "lower_top"), pairing="auto", tolerance=0.1))
+
+
+def test_penetration_at_rest_is_refused():
+    mesh = boxes()
+    mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] -= 0.01
+    with pytest.raises(MeshError, match=r"the sides penetrate at rest, by 0.01 m at \(.*\) m; move them apart, or state the gap"):
+        pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap=GEOMETRY)])
+    assert pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")]).n_pairs == 48  # within the tolerance, as it was drawn
+
+
+def test_a_plane_takes_its_gap_from_the_mesh():
+    mesh = boxes()
+    tilted = Plane(point=(0.0, 0.0, -0.1), normal=(0.0, 0.6, 3.0))
+    for pairing in ("auto", "points"):
+        pairs = pair_contacts(mesh, [joint(surfaces=("lower_bottom",), plane=tilted, gap=GEOMETRY, preload=0.0, pairing=pairing)])
+        z = np.array([0.0, 0.6, 3.0]) / np.hypot(0.6, 3.0)
+        np.testing.assert_allclose(pairs.frame[:, 2], np.tile(z, (pairs.n_pairs, 1)), atol=1e-12)
+        np.testing.assert_allclose(-pairs.N0 / pairs.k_n, (pairs.position - (0.0, 0.0, -0.1)) @ z, atol=1e-13)
+        assert (pairs.node2 == -1).all() and pairs.weights2.nnz == 0
+    with pytest.raises(MeshError, match="turns its back on the plane at .* plane_normal points from the rigid ground"):
+        pair_contacts(
+            mesh,
+            [joint(surfaces=("lower_bottom",), plane=Plane(point=(0, 0, -0.1), normal=(0, 0, -1)), gap=GEOMETRY, preload=0.0)],
+        )
+
+
+def test_tangent_turns_the_frames():
+    mesh = boxes()
+    pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", tangent=(1.0, 1.0, 5.0))])
+    np.testing.assert_allclose(pairs.frame[:, 0], np.tile([0.5**0.5, 0.5**0.5, 0.0], (pairs.n_pairs, 1)), atol=1e-12)
+    with pytest.raises(MeshError, match=r"joint 'joint': tangent = \(0, 0, 2\) stands on the surface"):
+        pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", tangent=(0.0, 0.0, 2.0))])
+
+
+def test_results_do_not_depend_on_numbering():
+    """The same surfaces with nodes and faces in another order have the same points, frames and areas."""
+    mesh = boxes("hex20", "tet10")
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="points"))
+    rng = np.random.default_rng(3)
+    new = rng.permutation(len(mesh.points))
+    blocks = tuple(
+        replace(block, nodes=new[block.nodes][order], numbers=block.numbers[order])
+        for block in mesh.elements
+        for order in [rng.permutation(len(block.nodes))]
+    )
+    moved = replace(
+        mesh,
+        points=mesh.points[np.argsort(new)],
+        elements=blocks,
+        node_groups={name: np.sort(new[own]) for name, own in mesh.node_groups.items()},
+    )
+    other = contact_points(moved, joint(surfaces=SURFACES, pairing="points"))
+
+    def told(found):
+        table = np.column_stack([found.position, found.z, contact_frames(found.z).reshape(-1, 9), found.area])
+        return table[np.lexsort(np.round(table, 9).T)]
+
+    np.testing.assert_allclose(told(points), told(other), atol=1e-11)

@@ -29,6 +29,7 @@ LAYERS = 1.05  # of a cell that the second surface may cover: more is a second l
 _LEAST = 1e-6  # of a cell: a smaller share with a partner is none
 _FACING = np.cos(np.radians(60.0))  # facets that turn further away from a cell are no candidates
 _NEWTON, _CONVERGED, _FAULTY = 30, 1e-14, 1e-6  # steps to local coordinates, and the residual over the size of a face
+_GRAIN = 1e-12  # of the surface, to which the corners of shared parts are rounded: edges that nearly coincide then do
 _CHUNK = 4000  # triangles that are sampled at a time
 
 
@@ -130,7 +131,8 @@ def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float) -> Sha
     for kind, facets in second.faces.items():
         i, j = _candidates(mesh, cells, kind, facets, reach)
         ring = cells.in_plane(i, mesh.points[facets[j]])[:, list(elements.RINGS[facets.shape[1]]), :2]
-        piece, triangles = _triangles(shapely.intersection(outlines[i], shapely.polygons(ring)))
+        parts = shapely.intersection(outlines[i], shapely.polygons(ring), grid_size=_GRAIN * np.ptp(flat))
+        piece, triangles = _triangles(parts)
         for start in range(0, len(piece), _CHUNK):
             own = slice(start, start + _CHUNK)
             at, on = i[piece[own]], j[piece[own]]

@@ -82,7 +82,7 @@ def equilibrium(linearised: Linearised, pairs: ContactPairs, forces_owned: np.nd
     u_load = linearised.factor.solve(forces_owned[:, None])[:, 0]
     first, last = linearised.K_L.getOwnershipRange()
     du_load = comm.bcast(summed(comm, system.R[:, first:last] @ u_load))
-    contact = _Contact(comm, pairs.law, Flexibility(linearised), du_load.reshape(-1, 3))
+    contact = _Contact(comm, pairs.law, pairs.N0, Flexibility(linearised), du_load.reshape(-1, 3))
     share, step, n_taken = 0.0, 1.0 / n_steps, 0
     now = _State(np.zeros((pairs.n_pairs, 3)), np.zeros((pairs.n_pairs, 3)))
     while share < 1.0 - 1e-9:
@@ -110,15 +110,32 @@ class _State:
 class _Contact:
     """du = share du_load - G p, p by the law from what it was: Newton's method on rank 0, columns of G from all."""
 
-    def __init__(self, comm, law: Law, G: Flexibility, du_load: np.ndarray):
-        self.comm, self.law, self.G, self.du_load = comm, law, G, du_load
+    def __init__(self, comm, law: Law, N0: np.ndarray, G: Flexibility, du_load: np.ndarray):
+        self.comm, self.law, self.N0, self.G, self.du_load = comm, law, N0, G, du_load
         self.iterations = 0
         self.largest = float(np.abs(du_load).max(initial=0.0))
 
     def solve(self, was: _State, share: float, next_share: float) -> _State | None:
-        """Return the state at the next share of the load, None where Newton does not find one.  Collective."""
-        du = was.du + (next_share - share) * self.du_load
+        """Return the state at the next share of the load, None where Newton does not find one.  Collective.
+
+        From where the load moves the pairs if none changes its state; if that fails, from all gaps closed: a body that hangs on
+        its gaps alone is nowhere near its rest before it has fallen through them.
+        """
         load = next_share * self.du_load
+        found = self._newton_from(was.du + (next_share - share) * self.du_load, was, load)
+        if found is None and (self.N0 < 0.0).any():
+            found = self._newton_from(self._closed(was, load), was, load)
+        return found
+
+    def _closed(self, was: _State, load: np.ndarray) -> np.ndarray:
+        """Return du with all gaps closed by what the springs of the pairs carry.  Collective."""
+        p = was.p.copy()
+        p[:, 2] = np.maximum(-self.N0, 0.0)
+        self.G.require(p.any(axis=1))
+        return on_root(self.comm, lambda: load - (self.G.of(p.any(axis=1)) @ p[p.any(axis=1)].ravel()).reshape(load.shape))
+
+    def _newton_from(self, du: np.ndarray, was: _State, load: np.ndarray) -> _State | None:
+        """Return the state that Newton's method finds from ``du``, if it does.  Collective."""
         for _ in range(MOST_ITERATIONS):
             p, L, _ = self.law.step(du, was.p)
             active = p.any(axis=1) | L.any(axis=(1, 2))

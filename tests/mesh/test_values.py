@@ -1,0 +1,78 @@
+"""Values for each contact point from a CSV file: by node, by place, and what is refused."""
+
+import numpy as np
+import pytest
+from box_meshes import box, joint, mesh_of
+
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.settings import GEOMETRY
+from microslip.parallel.errors import CaseError, MeshError
+
+TOUCH = {
+    "lower_top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(x) / 2),
+    "upper_bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(x) / 2),
+}
+
+
+def two_boxes():
+    lower, upper = box("hex8", (2, 3, 1)), box("hex8", (2, 3, 1), origin=(0.0, 0.0, 1.0))
+    return mesh_of(("lower", "hex8", *lower), ("upper", "hex8", *upper), groups=TOUCH)
+
+
+def paired(tmp_path, text, **changes):
+    path = tmp_path / "values.csv"
+    path.write_text(text)
+    return pair_contacts(two_boxes(), [joint(parameters=path, **changes)])
+
+
+def test_nodes_that_the_file_names_have_its_values(tmp_path):
+    mesh = two_boxes()
+    first, second = mesh.numbers[mesh.node_groups["lower_top"][[2, 7]]]
+    pairs = paired(tmp_path, f"node,friction,preload\n{second},0.7,1e6\n# the corner\n{first},0.1,2e6\n")
+    others = np.full(12, True)
+    for number, mu, pressure in ((first, 0.1, 2e6), (second, 0.7, 1e6)):
+        (i,) = np.flatnonzero(mesh.numbers[pairs.node1] == number)
+        assert pairs.mu[i] == mu and pairs.N0[i] == pytest.approx(pressure * pairs.area[i])
+        others[i] = False
+    assert (pairs.mu[others] == 0.3).all() and pairs.N0[others] == pytest.approx(5e7 * pairs.area[others])
+
+
+def test_places_have_the_values_of_the_nearest_row(tmp_path):
+    text = "x,y,z,tangential_stiffness,normal_stiffness,gap\n0,0.5,1,1e12,2e12,0\n1,0.5,1,3e12,4e12,1e-5\n"
+    pairs = paired(tmp_path, text, preload=0.0)
+    left = pairs.position[:, 0] < 0.4
+    assert pairs.k_t[left] == pytest.approx(1e12 * pairs.area[left]) and not pairs.N0[left].any()
+    right = pairs.position[:, 0] > 0.6
+    assert pairs.k_n[right] == pytest.approx(4e12 * pairs.area[right])
+    assert -pairs.N0[right] / pairs.k_n[right] == pytest.approx(1e-5)
+
+
+@pytest.mark.parametrize(
+    "text, says",
+    [
+        ("node,friktion\n1009,0.1\n", '"friktion" is unknown, nearest is "friction"'),
+        ("node\n1009\n", "the header names no value: friction, tangential_stiffness"),
+        ("friction\n0.1\n", "the header must name node, or x, y and z in m; x, y, z is missing"),
+        ("node,x,y,z,friction\n1009,0,0,1,0.1\n", "names node and x, y, z"),
+        ("node,friction\n1009,-0.1\n", "line 2: friction = -0.1; it must be at least 0"),
+        ("node,normal_stiffness\n1009,0\n", "line 2: normal_stiffness = 0; it must be above 0"),
+        ("node,friction\n1009,0.1\n1009,0.2\n", "node 1009 has 2 rows"),
+        ("node,friction\n1009,0.1,3\n", "line 2: 3 values; 2 are needed"),
+        ("node,friction\n1009,many\n", 'line 2: friction = "many" is not a number'),
+        ("node,friction\n", "there is no contact point after the header"),
+        ("", "the file is empty"),
+        ("x,y,z,gap\n0,0,1,1e-6\n", r"has a gap of 1e-06 m and a preload of 5e\+07 Pa \(12 in all\)"),
+    ],
+)
+def test_what_is_refused(tmp_path, text, says):
+    with pytest.raises(CaseError, match=says):
+        paired(tmp_path, text)
+
+
+def test_rows_that_belong_nowhere(tmp_path):
+    with pytest.raises(MeshError, match=r"line 3: node 5 is no node of 'lower_top', the first surface of joint 'joint' \(1 such"):
+        paired(tmp_path, f"node,friction\n{two_boxes().numbers[two_boxes().node_groups['lower_top'][0]]},0.1\n5,0.2\n")
+    with pytest.raises(MeshError, match=r"line 2: \(0, 0, 3\) m is 2 m from the nearest contact point .* places are in metres"):
+        paired(tmp_path, "x,y,z,friction\n0,0,3,0.1\n")
+    with pytest.raises(CaseError, match="takes its gap from the mesh"):
+        paired(tmp_path, "x,y,z,gap\n0,0,1,0\n", gap=GEOMETRY, preload=0.0)

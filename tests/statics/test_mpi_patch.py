@@ -1,0 +1,162 @@
+"""A uniform pressure crosses a flat joint of two meshes, and rigid ground carries what stands on it; on one rank and on several."""
+
+import numpy as np
+import pytest
+from blocks import box
+from msh import write_msh
+
+import microslip
+from microslip.parallel.agree import on_root
+
+PRESSURE = 3.0e6
+SIDE = 0.02
+SCENE = """
+[model]
+mesh = "blocks.msh"
+[materials.steel]
+young = 2.1e11
+poisson = 0.3
+density = 7800.0
+[bodies.upper]
+group = "upper"
+material = "steel"
+[bodies.lower]
+group = "lower"
+material = "steel"
+[[supports]]
+group = "left"
+fix = ["x"]
+[[supports]]
+group = "right"
+fix = ["x"]
+[[supports]]
+group = "front"
+fix = ["y"]
+[[supports]]
+group = "rear"
+fix = ["y"]
+[[supports]]
+group = "base"
+fix = ["z"]
+[[joints]]
+name = "joint"
+surfaces = ["under", "on"]
+friction = 0.2
+tangential_stiffness = 1.0e13
+normal_stiffness = 2.0e13
+preload = "static"
+[[loads]]
+position = [0.02, 0.02, 0.03]
+direction = [0.0, 0.0, 1.0]
+[[outputs]]
+name = "corner"
+position = [0.0, 0.0, 0.03]
+direction = [0.0, 0.0, 1.0]
+[damping]
+ratio = 0.01
+[response]
+levels = [1.0]
+frequencies = [100.0, 200.0]
+points = 5
+[solver]
+modes = 4
+verify_modes = false
+[[statics.pressures]]
+group = "top"
+pressure = 3.0e6
+"""
+SIDES = {"x0": "left", "x1": "right", "y0": "front", "y1": "rear"}
+
+
+def blocks(upper: str, lower: str):
+    """Return two blocks, the upper one with 3 x 4 cells on the lower one's 2 x 3."""
+    return {
+        "upper": box(upper, (SIDE, SIDE, 0.01), (3, 4, 1), (0.0, 0.0, 0.02), {**SIDES, "z0": "under", "z1": "top"}),
+        "lower": box(lower, (SIDE, SIDE, 0.02), (2, 3, 2), (0.0, 0.0, 0.0), {**SIDES, "z0": "base", "z1": "on"}),
+    }
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    return comm.bcast(tmp_path_factory.mktemp("patch"))
+
+
+def built(comm, folder, upper, lower, *changes):
+    """Return the structure of the scene with replaced texts.  Collective."""
+
+    def write():
+        text = SCENE
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        write_msh(str(folder / "blocks.msh"), blocks(upper, lower))
+        (folder / "scene.toml").write_text(text)
+        return microslip.read(folder / "scene.toml")
+
+    return microslip.build(on_root(comm, write), comm)
+
+
+@pytest.mark.parametrize("upper, lower", [("hex8", "hex8"), ("tet10", "hex20"), ("hex20", "wedge15"), ("tet4", "hex8")])
+def test_a_uniform_pressure_crosses_the_joint(comm, folder, upper, lower):
+    with built(comm, folder, upper, lower) as structure:
+        pairs = structure.pairs
+        assert "contact points" in pairs.notes[0]
+        assert pairs.area.sum() == pytest.approx(SIDE**2, rel=1e-12)
+        np.testing.assert_allclose(pairs.N0 / pairs.area, PRESSURE, rtol=1e-8)
+        assert np.abs(pairs.T0).max() < 1e-8 * pairs.N0.max()
+
+
+GROUND = ('surfaces = ["under", "on"]', 'surfaces = ["base"]\nagainst = "ground"')
+NO_BASE = ('[[supports]]\ngroup = "base"\nfix = ["z"]\n', "")
+LOWER_TOP = ('group = "top"\npressure', 'group = "on"\npressure')
+ALONE = (
+    ('[bodies.upper]\ngroup = "upper"\nmaterial = "steel"\n', ""),
+    ("position = [0.02, 0.02, 0.03]", "position = [0.02, 0.02, 0.02]"),
+    ("position = [0.0, 0.0, 0.03]", "position = [0.0, 0.0, 0.02]"),
+)
+
+
+@pytest.mark.parametrize("pairing", ["nodes", "points"])
+def test_ground_carries_what_stands_on_it(comm, folder, pairing):
+    stated = (GROUND[1], GROUND[1] + f'\npairing = "{pairing}"')
+    with built(comm, folder, "hex8", "hex8", GROUND, stated, NO_BASE, LOWER_TOP, *ALONE) as structure:
+        pairs = structure.pairs
+        assert (pairs.node2 == -1).all() and (pairs.node1 >= 0).all()
+        np.testing.assert_allclose(pairs.frame[:, 2], np.tile([0.0, 0.0, 1.0], (pairs.n_pairs, 1)), atol=1e-12)
+        np.testing.assert_allclose(pairs.N0 / pairs.area, PRESSURE, rtol=1e-8)
+
+
+def test_a_block_settles_on_a_plane_below_it(comm, folder):
+    """The gap of the mesh closes, and the plane carries the rest of the load, here against springs of its own."""
+    plane = GROUND[1].replace('"ground"', '"plane"\nplane_point = [0.0, 0.0, -1.0e-6]\nplane_normal = [0.0, 0.0, 2.0]')
+    with built(comm, folder, "hex8", "hex8", (GROUND[0], plane), NO_BASE, LOWER_TOP, *ALONE) as structure:
+        pairs = structure.pairs
+        assert "1e-06 to 1e-06 m off" in pairs.notes[0]
+        np.testing.assert_allclose(pairs.N0 / pairs.area, PRESSURE, rtol=1e-8)
+
+
+def test_a_response_of_meshes_that_do_not_match(comm, folder):
+    """Ranks together find what one finds alone, and nearly what matching meshes give."""
+    changes = (
+        ("levels = [1.0]", "levels = [13.0]"),
+        ("frequencies = [100.0, 200.0]", "mode = 1\nspan = [0.97, 1.02]"),
+        ("modes = 4", "modes = 4\nharmonics = 1\nsamples = 32"),
+    )
+    push = (
+        ("direction = [0.0, 0.0, 1.0]\n[[outputs]]", "direction = [1.0, 0.0, 0.0]\n[[outputs]]"),
+        ("[0.02, 0.02, 0.03]", "[0.01, 0.01, 0.03]"),
+    )
+    free = [
+        (f'[[supports]]\ngroup = "{side}"\nfix = ["{axis}"]\n', "")
+        for side, axis in zip(("left", "right", "front", "rear"), "xxyy")
+    ]
+    base = ('fix = ["z"]', 'fix = ["x", "y", "z"]')
+    found = []
+    for ranks in (comm, comm.Split(comm.rank)):
+        own = folder if ranks is comm else folder / f"alone_{comm.rank}"
+        own.mkdir(exist_ok=True)
+        with built(ranks, own, "hex8", "tet4", *changes, *push, *free, base) as structure:
+            (level,) = microslip.respond(structure, error_bars=False).results.levels
+            found.append(np.abs(level.response[:, 0, 1:3]).max())
+        assert (level.state == 1).any() and not (level.state == 2).any()
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
