@@ -34,7 +34,9 @@ autodoc_default_options = {"members": True, "exclude-members": "model_config"}
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # docstrings state shapes and units ...
 suppress_warnings = ["ref.python"]  # ... in words, which name no class
-autodoc_mock_imports = [name for name in ("petsc4py", "slepc4py", "mpi4py", "h5py", "pymetis") if find_spec(name) is None]
+autodoc_mock_imports = [
+    name for name in ("petsc4py", "slepc4py", "mpi4py", "h5py", "pymetis", "shapely") if find_spec(name) is None
+]
 
 
 def setup(app):

@@ -38,7 +38,7 @@ def test_nodes_that_the_file_names_have_its_values(tmp_path):
 
 
 def test_places_have_the_values_of_the_nearest_row(tmp_path):
-    text = "x,y,z,tangential_stiffness,normal_stiffness,gap\n0,0.5,1,1e12,2e12,0\n1,0.5,1,3e12,4e12,1e-5\n"
+    text = "x,y,z,tangential_stiffness,normal_stiffness,gap\n0,0.3,1,1e12,2e12,0\n1,0.3,1,3e12,4e12,1e-5\n"
     pairs = paired(tmp_path, text, preload=0.0)
     left = pairs.position[:, 0] < 0.4
     assert pairs.k_t[left] == pytest.approx(1e12 * pairs.area[left]) and not pairs.N0[left].any()
@@ -56,7 +56,7 @@ def test_places_have_the_values_of_the_nearest_row(tmp_path):
         ("node,x,y,z,friction\n1009,0,0,1,0.1\n", "names node and x, y, z"),
         ("node,friction\n1009,-0.1\n", "line 2: friction = -0.1; it must be at least 0"),
         ("node,normal_stiffness\n1009,0\n", "line 2: normal_stiffness = 0; it must be above 0"),
-        ("node,friction\n1009,0.1\n1009,0.2\n", "node 1009 has 2 rows"),
+        ("node,friction\n1012,0.1\n1012,0.2\n", "node 1012 has 2 rows"),
         ("node,friction\n1009,0.1,3\n", "line 2: 3 values; 2 are needed"),
         ("node,friction\n1009,many\n", 'line 2: friction = "many" is not a number'),
         ("node,friction\n", "there is no contact point after the header"),

@@ -1,7 +1,7 @@
 """Contact of two surfaces of any meshes: a point for each cell of the first, both sides averaged over what the second covers.
 
 A face of the first surface has a cell around each corner.  Each cell is laid in its plane and cut with the facets of the second
-surface that face it, and what the two meshes interpolate is averaged over the parts that they share: docs/theory.md, eq. (2.3).
+surface that face it, and what the two meshes interpolate is averaged over the parts that they share.
 Both averages keep rigid and linear motions, and a uniform pressure loads each face as its shape functions ask: it crosses a flat
 joint of any two meshes unchanged.
 """
@@ -65,6 +65,8 @@ class Shared:
 
 def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> ContactPoints:
     """Return a point for each cell of the first surface that the second one covers, at least in part.  Local, rank 0.
+
+    docs/theory.md, eq. (2.3).
 
     Raises
     ------
@@ -238,34 +240,26 @@ def _on_mesh(mesh: Mesh, side: Surface) -> np.ndarray:
 def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, share, area, centre, reach: float) -> None:
     """Raise MeshError where too much of the first surface has no partner, or several."""
     where = f"{mesh.path}: joint {joint.name!r}"
-    lonely = share <= _LEAST
-    if lonely.any():
-        apart, nearest = cKDTree(mesh.points[second.nodes]).query(centre[lonely])
-        worst = int(np.argmax(apart))
-        far = (
-            f"the worst place is {place(centre[lonely][worst])} m, {apart[worst]:.3g} m from the nearest node of {second.group!r}"
-        )
-    if lonely.all():
-        i = first.nodes[cKDTree(mesh.points[first.nodes]).query(mesh.points[second.nodes[nearest]])[1]]
-        normal1, normal2 = _on_mesh(mesh, first)[i], second.normals[nearest]
-        if apart.min() <= 2.0 * reach:
-            check_opposite(mesh, joint, normal1, normal2, mesh.points[i])
-        raise MeshError(
-            f"{where}: no contact point found: no part of {first.group!r} lies on {second.group!r} within {reach:.3g} m; {far}; "
-            'bring them together, or state a larger tolerance in the joint (or gap = "geometry", if they are apart at rest)'
-        )
-    covered = np.minimum(share, 1.0) @ area / area.sum()
-    if covered < COVERED:
-        lonely = lonely if lonely.any() else share == share.min()
-        apart, _ = cKDTree(mesh.points[second.nodes]).query(centre[lonely])
-        worst = centre[lonely][int(np.argmax(apart))]
-        raise MeshError(
-            f"{where}: {1.0 - covered:.1%} of the area of {first.group!r} has no partner on {second.group!r} within "
-            f"{reach:.3g} m; the worst place is {place(worst)} m, {apart.max():.3g} m from its nearest node; "
-            "name the smaller surface first, restrict the first group to what touches, or state a larger tolerance in the joint"
-        )
-    if share.max() > LAYERS:
+    if share.max(initial=0.0) > LAYERS:
         raise MeshError(
             f"{where}: {second.group!r} covers {first.group!r} more than once at {place(centre[np.argmax(share)])} m; "
             "restrict the group to the faces that touch, or state a smaller tolerance in the joint"
         )
+    covered = np.minimum(share, 1.0) @ area / area.sum()
+    if covered >= COVERED:
+        return
+    least = np.flatnonzero(share <= max(_LEAST, share.min()))
+    apart, nearest = cKDTree(mesh.points[second.nodes]).query(centre[least])
+    worst = int(np.argmax(apart))
+    node = first.nodes[cKDTree(mesh.points[first.nodes]).query(centre[least[worst]])[1]]
+    if covered <= _LEAST and apart.min() <= 2.0 * reach:
+        own = first.nodes[cKDTree(mesh.points[first.nodes]).query(centre[least])[1]]
+        check_opposite(mesh, joint, _on_mesh(mesh, first)[own], second.normals[nearest], mesh.points[own])
+    found = f"{1.0 - covered:.1%} of the area of {first.group!r}" if covered > _LEAST else "no contact point found: all its faces"
+    advice = "name the smaller surface first, restrict the first group to what touches, or state a larger tolerance"
+    if covered <= _LEAST:
+        advice = 'bring the surfaces together, or state a larger tolerance (gap = "geometry" where they are apart at rest)'
+    raise MeshError(
+        f"{where}: {found} have no partner within {reach:.3g} m on {second.group!r}; the worst is node {mesh.numbers[node]} of "
+        f"{first.group!r} at {place(mesh.points[node])} m, {apart[worst]:.3g} m from the nearest node of the other side; {advice}"
+    )

@@ -180,6 +180,7 @@ PARTS = (
     Part("rich", lambda: _distribution("rich"), _pip("rich")),
     Part("meshio", _module("meshio"), _pip("meshio")),
     Part("pymetis", lambda: _distribution("pymetis"), _pip("pymetis")),
+    Part("shapely", lambda: _distribution("shapely"), _pip("shapely")),
     Part("h5py", _h5py, _debian("python3-h5py-mpi")),
     Part("mpi4py", _mpi, _debian("python3-mpi4py")),
     Part("mpirun", _mpirun, _debian("openmpi-bin")),
