@@ -8,7 +8,7 @@ from box_meshes import KINDS, box, joint, mesh_of
 
 from microslip import elements
 from microslip.mesh.pairing import contact_frames, contact_points, pair_contacts
-from microslip.mesh.settings import GEOMETRY, Plane
+from microslip.mesh.settings import GEOMETRY, GroundPlane
 from microslip.mesh.surface import surface_of
 from microslip.parallel.errors import MeshError
 
@@ -142,7 +142,7 @@ def test_penetration_at_rest_is_refused():
 
 def test_a_plane_takes_its_gap_from_the_mesh():
     mesh = boxes()
-    tilted = Plane(point=(0.0, 0.0, -0.1), normal=(0.0, 0.6, 3.0))
+    tilted = GroundPlane(point=(0.0, 0.0, -0.1), normal=(0.0, 0.6, 3.0))
     for pairing in ("auto", "points"):
         pairs = pair_contacts(mesh, [joint(surfaces=("lower_bottom",), plane=tilted, gap=GEOMETRY, preload=0.0, pairing=pairing)])
         z = np.array([0.0, 0.6, 3.0]) / np.hypot(0.6, 3.0)
@@ -152,7 +152,7 @@ def test_a_plane_takes_its_gap_from_the_mesh():
     with pytest.raises(MeshError, match="turns its back on the plane at .* plane_normal points from the rigid ground"):
         pair_contacts(
             mesh,
-            [joint(surfaces=("lower_bottom",), plane=Plane(point=(0, 0, -0.1), normal=(0, 0, -1)), gap=GEOMETRY, preload=0.0)],
+            [joint(surfaces=("lower_bottom",), plane=GroundPlane(point=(0, 0, -0.1), normal=(0, 0, -1)), gap=GEOMETRY, preload=0.0)],
         )
 
 

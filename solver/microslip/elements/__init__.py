@@ -1,13 +1,13 @@
 """Shape functions, quadrature, element stiffness and mass of isotropic solids, element faces.  NumPy only."""
 
-from .faces import CORNER_CELLS, RINGS, SAMPLES, face_nodal_areas, face_normals, part_integrals, pressure_forces
+from .faces import CELLS, RINGS, SAMPLES, face_nodal_areas, face_normals, part_integrals, pressure_forces
 from .kinds import FACE_KINDS, KINDS, Kind
 from .prestress import stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
 from .solid import jacobian_minimum, mass, stiffness
 
 __all__ = [
-    "CORNER_CELLS",
+    "CELLS",
     "FACE_KINDS",
     "INTEGRATIONS",
     "KINDS",

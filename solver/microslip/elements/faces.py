@@ -7,25 +7,21 @@ import numpy as np
 from .kinds import FACE_KINDS
 from .quadrature import collapsed, square, triangle
 
-# Cells of a face with 3 or 4 corners, one around each: their corners in its coordinates, (n_cells, 4, 2), turning as its own do.
-CORNER_CELLS = {
-    3: np.array(
-        [
-            [(0, 0), (1 / 2, 0), (1 / 3, 1 / 3), (0, 1 / 2)],
-            [(1, 0), (1 / 2, 1 / 2), (1 / 3, 1 / 3), (1 / 2, 0)],
-            [(0, 1), (0, 1 / 2), (1 / 3, 1 / 3), (1 / 2, 1 / 2)],
-        ]
-    ),
-    4: np.array(
-        [
-            [(-1, -1), (0, -1), (0, 0), (-1, 0)],
-            [(1, -1), (1, 0), (0, 0), (0, -1)],
-            [(1, 1), (0, 1), (0, 0), (1, 0)],
-            [(-1, 1), (-1, 0), (0, 0), (0, 1)],
-        ],
-        dtype=float,
-    ),
-}
+def _square_cells(n: int) -> np.ndarray:
+    """Return the corners of n x n cells of the square, (n^2, 4, 2)."""
+    low = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 1, 2)
+    return 2.0 / n * (low + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])) - 1.0
+
+
+# Cells of a face: their corners in its coordinates, (n_cells, 4, 2), turning as its own do.  One around each node of a linear face;
+# of a quadratic one nine, or six that each touch a corner and a middle of a triangle.
+_THIRDS = [
+    [(0, 0), (1 / 2, 0), (1 / 3, 1 / 3), (0, 1 / 2)],
+    [(1, 0), (1 / 2, 1 / 2), (1 / 3, 1 / 3), (1 / 2, 0)],
+    [(0, 1), (0, 1 / 2), (1 / 3, 1 / 3), (1 / 2, 1 / 2)],
+]
+_SIXTHS = [[a, b, c, c] for a, b, c, _ in _THIRDS] + [[a, c, c, d] for a, _, c, d in _THIRDS]
+CELLS = {"tri3": np.array(_THIRDS), "tri6": np.array(_SIXTHS), "quad4": _square_cells(2), "quad8": _square_cells(3)}
 # Nodes of a face in turn around it, by their number.
 RINGS = {3: (0, 1, 2), 4: (0, 1, 2, 3), 6: (0, 3, 1, 4, 2, 5), 8: (0, 4, 1, 5, 2, 6, 3, 7)}
 SAMPLES = collapsed(4)  # of a part that two faces share

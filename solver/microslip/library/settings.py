@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
-from ..mesh.settings import GEOMETRY, Body, Force, Joint, Load, MeshSettings, Output, Plane, Statics, Support
+from ..mesh.settings import GEOMETRY, Body, Force, Joint, Load, MeshSettings, Output, GroundPlane, Statics, Support
 from ..modes.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
@@ -130,7 +130,7 @@ def _joint(joint: schema.Joint, scene: Scene) -> Joint:
     kept = ("name", "surfaces", "friction", "tangential_stiffness", "normal_stiffness", "tolerance", "pairing", "tangent")
     plane = None
     if joint.plane_point is not None and joint.plane_normal is not None:
-        plane = Plane(point=joint.plane_point, normal=joint.plane_normal)
+        plane = GroundPlane(point=joint.plane_point, normal=joint.plane_normal)
     return Joint(
         plane=plane,
         gap=joint.gap if plane is None else GEOMETRY,

@@ -10,7 +10,7 @@ from ..parallel.errors import MeshError
 from .contact_points import ContactPoints
 from .data import Mesh, on_nodes, place
 from .overlap import cells_of
-from .settings import Joint, Plane
+from .settings import Joint, GroundPlane
 from .surface import Surface
 
 
@@ -40,7 +40,7 @@ def _cells(mesh: Mesh, first: Surface) -> ContactPoints:
     parts, z, area, corners = [], [], [], []
     for kind, faces in first.faces.items():
         cells = cells_of(mesh, kind, faces)
-        xi = elements.CORNER_CELLS[elements.FACE_KINDS[kind].n_corners]
+        xi = elements.CELLS[kind]
         N = np.stack([elements.part_integrals(kind, mesh.points[faces], own) for own in xi], axis=1).reshape(len(cells.area), -1)
         rows = np.repeat(np.arange(len(N)), N.shape[1])
         weights = N / cells.area[:, None]
@@ -58,7 +58,7 @@ def _resting(mesh: Mesh, side1: sp.csr_matrix, z: np.ndarray, area: np.ndarray, 
     return ContactPoints(side1, nothing, z, area, side1 @ mesh.points, np.zeros(len(area)), **shown)
 
 
-def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints, plane: Plane) -> ContactPoints:
+def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints, plane: GroundPlane) -> ContactPoints:
     """Return the points with the normal of the plane and their distance from it."""
     normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
     distance = (points.position - np.array(plane.point)) @ normal

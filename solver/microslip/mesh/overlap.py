@@ -111,7 +111,7 @@ def reach_of(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> float
 
 def cells_of(mesh: Mesh, kind: str, faces: np.ndarray) -> Cells:
     """Return the cells of some faces, face by face.  Local."""
-    xi = elements.CORNER_CELLS[elements.FACE_KINDS[kind].n_corners]
+    xi = elements.CELLS[kind]
     points = mesh.points[faces]
     N = elements.FACE_KINDS[kind].values(xi.reshape(-1, 2)).reshape(*xi.shape[:2], -1)
     corners = np.einsum("cka,fai->fcki", N, points).reshape(-1, 4, 3)

@@ -34,7 +34,7 @@ class Support:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plane:
+class GroundPlane:
     """The surface of rigid ground."""
 
     point: Vector  # m
@@ -47,7 +47,7 @@ class Joint:
 
     name: str
     surfaces: tuple[str, ...]  # groups, of body 1 and body 2; of body 1 alone on ground
-    plane: Plane | None = None  # of the ground; None: it has the shape of the surface
+    plane: GroundPlane | None = None  # of the ground; None: it has the shape of the surface
     pairing: str = "auto"  # "nodes" that match, "points" of any meshes, "auto": nodes where they match
     friction: float  # -
     tangential_stiffness: float  # N/m3
