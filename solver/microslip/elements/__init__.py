@@ -2,6 +2,7 @@
 
 from .faces import CELLS, RINGS, SAMPLES, face_nodal_areas, face_normals, part_integrals, pressure_forces
 from .kinds import FACE_KINDS, KINDS, Kind
+from .nearest import nearest_on_faces
 from .prestress import stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
 from .solid import jacobian_minimum, mass, stiffness
@@ -18,6 +19,7 @@ __all__ = [
     "face_normals",
     "jacobian_minimum",
     "mass",
+    "nearest_on_faces",
     "part_integrals",
     "pressure_forces",
     "stiffness",

@@ -34,7 +34,7 @@ class Kind:
 
     def values(self, xi: np.ndarray) -> np.ndarray:
         """Return N_a at the points xi (n_points, n_dim): (n_points, n_nodes)."""
-        return np.prod(xi[:, None, :] ** self.exponents, axis=-1) @ self.coefficients
+        return _monomials_at(xi, self.exponents) @ self.coefficients
 
     def derivatives(self, xi: np.ndarray) -> np.ndarray:
         """Return dN_a / dxi_r at the points xi (n_points, n_dim): (n_points, n_dim, n_nodes)."""
@@ -42,8 +42,30 @@ class Kind:
         for r, exponent in enumerate(self.exponents.T):
             lowered = self.exponents.copy()
             lowered[:, r] = np.maximum(exponent - 1, 0)
-            slopes.append((exponent * np.prod(xi[:, None, :] ** lowered, axis=-1)) @ self.coefficients)
+            slopes.append((exponent * _monomials_at(xi, lowered)) @ self.coefficients)
         return np.stack(slopes, axis=1)
+
+    def second_derivatives(self, xi: np.ndarray) -> np.ndarray:
+        """Return d2N_a / dxi_r dxi_s at the points xi (n_points, n_dim): (n_points, n_dim, n_dim, n_nodes)."""
+        n_dim = self.nodes.shape[1]
+        curved = np.zeros((len(xi), n_dim, n_dim, self.n_nodes))
+        for r, s in product(range(n_dim), repeat=2):
+            factor, lowered = np.ones(self.n_nodes), self.exponents.copy()
+            for axis in (r, s):
+                factor = factor * lowered[:, axis]
+                lowered[:, axis] = np.maximum(lowered[:, axis] - 1, 0)
+            if factor.any():
+                curved[:, r, s] = (factor * _monomials_at(xi, lowered)) @ self.coefficients
+        return curved
+
+
+def _monomials_at(xi: np.ndarray, exponents: np.ndarray) -> np.ndarray:
+    """Return the monomials of exponents 0 to 2 at the points xi (n_points, n_dim): (n_points, n_monomials)."""
+    powers = np.stack([np.ones_like(xi), xi, xi * xi])
+    values = powers[exponents[:, 0], :, 0]
+    for axis in range(1, exponents.shape[1]):
+        values = values * powers[exponents[:, axis], :, axis]
+    return values.T
 
 
 def _with_mid_sides(corners, edges) -> np.ndarray:

@@ -1,0 +1,188 @@
+"""Project points on the facets of a surface: the nearest facet, the foot on it, and the weights of its nodes there.
+
+Points and facets in, arrays out; any kind of face, straight or curved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ..elements import FACE_KINDS, nearest_on_faces
+
+SNAP = 1e-10  # weights this close to 0 or 1 are 0 or 1
+_CHUNK = 20_000  # points that are searched for at a time
+_ROUNDING = 1e-12  # of the surface's size: feet that differ by less are one
+
+
+@dataclass(frozen=True)
+class Projection:
+    """The nearest point (foot) of a surface to each of n points, and how the nodes of its face interpolate there."""
+
+    kind: np.ndarray  # (n,) str, kind of the face
+    face: np.ndarray  # (n,) row of the face among those of its kind
+    xi: np.ndarray  # (n, 2) reference coordinates of the foot in its face
+    nodes: np.ndarray  # (n, k) of the face, k that of the largest kind; a smaller face repeats its first node
+    weights: np.ndarray  # (n, k) shape functions at the foot, their sum 1; 0 for what repeats
+    foot: np.ndarray  # (n, 3) m
+    normals: np.ndarray  # (n, 3) of the face at the foot, unit, outward if the faces are; 0 where it has no tangent plane
+    distance: np.ndarray  # (n,) m, from the point to its foot
+    gap: np.ndarray  # (n,) m, the part of it along the normal, above 0 on the side to which the normal points
+    beyond: np.ndarray  # (n,) m, the part of it across the normal: how far the point lies beyond an edge
+
+
+@dataclass(frozen=True)
+class _Facets:
+    """All faces of a surface in one row of numbers, kind after kind, with boxes about them."""
+
+    points: np.ndarray  # (n_points, 3) m
+    kinds: tuple[str, ...]
+    faces: tuple[np.ndarray, ...]  # by kind, (n_faces, n_face_nodes)
+    first: np.ndarray  # (n_kinds + 1,) number of the first face of each kind
+    low: np.ndarray  # (n_facets, 3) m, corners of boxes that hold them
+    high: np.ndarray
+    size: float  # m, of the whole surface
+
+    @property
+    def n(self) -> int:
+        return int(self.first[-1])
+
+    def feet(self, facet: np.ndarray, queries: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return xi (m, 2), the foot (m, 3) and the distance (m,) of each point on the facet that goes with it."""
+        xi, foot = np.zeros((len(facet), 2)), np.zeros((len(facet), 3))
+        for kind, faces, start, end in zip(self.kinds, self.faces, self.first[:-1], self.first[1:], strict=True):
+            mine = np.flatnonzero((facet >= start) & (facet < end))
+            if len(mine):
+                own = self.points[faces[facet[mine] - start]]
+                xi[mine] = nearest_on_faces(kind, own, queries[mine])[0]
+                foot[mine] = np.einsum("fa,fai->fi", FACE_KINDS[kind].values(xi[mine]), own)
+        return xi, foot, np.linalg.norm(foot - queries, axis=1)
+
+
+def project_on_surface(points: np.ndarray, faces: Mapping[str, np.ndarray], queries: np.ndarray) -> Projection:
+    """Return the nearest point of a surface to each of ``queries``, however far it is.
+
+    Local.
+
+    Parameters
+    ----------
+    points : (n_points, 3) nodes of the mesh [m]
+    faces : by kind of face, (n_faces, n_face_nodes) index into ``points``, as ``surface.outward_faces`` returns; one at least
+    queries : (n, 3) m
+
+    Notes
+    -----
+    docs/theory.md, eq. (2.4).  Of faces that are equally near, as at a common edge, the first of the first kind counts.
+    """
+    queries = np.asarray(queries, dtype=float).reshape(-1, 3)
+    facets = _facets_of(points, faces)
+    trees = _trees_by_size(facets)
+    of_nodes = cKDTree(points[np.unique(np.concatenate([own.ravel() for own in facets.faces]))])
+    facet, xi = np.zeros(len(queries), dtype=np.int64), np.zeros((len(queries), 2))
+    for start in range(0, len(queries), _CHUNK):
+        some = slice(start, start + _CHUNK)
+        near = _candidates(trees, queries[some], of_nodes.query(queries[some])[0], facets)
+        facet[some], xi[some] = _nearest(facets, queries[some], *near)
+    return _described(facets, facet, xi, queries)
+
+
+def _facets_of(points: np.ndarray, faces: Mapping[str, np.ndarray]) -> _Facets:
+    """Return the facets with their boxes.
+
+    A face lies in the box of its corners, widened for those with mid-sides: their surface is that of the corners plus the
+    offsets of the mid-sides from the middles of the edges, times shape functions that are positive and add up to 2 at most.
+    """
+    kinds = tuple(kind for kind in FACE_KINDS if len(faces.get(kind, ())))
+    low, high = [], []
+    for kind in kinds:
+        n = FACE_KINDS[kind].n_corners
+        corners, middles = points[faces[kind][:, :n]], points[faces[kind][:, n:]]
+        bulge = np.zeros((len(corners), 3))
+        if middles.shape[1]:
+            bulge = 2.0 * np.abs(middles - (corners + np.roll(corners, -1, axis=1)) / 2.0).max(axis=1)
+        low.append(corners.min(axis=1) - bulge)
+        high.append(corners.max(axis=1) + bulge)
+    first = np.cumsum([0] + [len(faces[kind]) for kind in kinds])
+    low, high = np.concatenate(low), np.concatenate(high)
+    size = float(np.linalg.norm(high.max(axis=0) - low.min(axis=0)))
+    return _Facets(points, kinds, tuple(np.asarray(faces[kind]) for kind in kinds), first, low, high, size)
+
+
+def _trees_by_size(facets: _Facets) -> list[tuple[np.ndarray, cKDTree, float]]:
+    """Return the facets in classes of size, a factor of two each, with a tree of their centres and their largest radius."""
+    radius = np.linalg.norm(facets.high - facets.low, axis=1) / 2.0
+    exponent = np.frexp(np.maximum(radius, 1e-300))[1]
+    centre = (facets.low + facets.high) / 2.0
+    classes = [np.flatnonzero(exponent == e) for e in np.unique(exponent)]
+    return [(mine, cKDTree(centre[mine]), float(radius[mine].max())) for mine in classes]
+
+
+def _candidates(trees, queries: np.ndarray, reach: np.ndarray, facets: _Facets) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the pairs (point, facet) that may be nearest, and the least distance they can have, by point and that distance.
+
+    ``reach`` (n,) is the distance of some point of the surface, so that no nearest facet is missed.
+    """
+    parts = []
+    for mine, tree, radius in trees:
+        found = tree.query_ball_point(queries, reach + radius + _ROUNDING * facets.size, return_sorted=False)
+        count = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
+        mine = mine[np.fromiter(chain.from_iterable(found), dtype=np.int64, count=count.sum())]
+        parts.append((np.repeat(np.arange(len(queries)), count), mine))
+    at, on = (np.concatenate(column) for column in zip(*parts, strict=True))
+    outside = np.maximum(np.maximum(facets.low[on] - queries[at], queries[at] - facets.high[on]), 0.0)
+    least = np.linalg.norm(outside, axis=1)
+    kept = least <= reach[at] + _ROUNDING * facets.size
+    at, on, least = at[kept], on[kept], least[kept]
+    order = np.lexsort((on, least, at))
+    return at[order], on[order], least[order]
+
+
+def _nearest(facets: _Facets, queries: np.ndarray, at: np.ndarray, on: np.ndarray, least: np.ndarray):
+    """Return the nearest facet of each point and the foot's xi: the likeliest candidate first, then those that can beat it."""
+    is_first = np.r_[True, at[1:] != at[:-1]]
+    xi, foot, distance = np.zeros((len(at), 2)), np.zeros((len(at), 3)), np.full(len(at), np.inf)
+    xi[is_first], foot[is_first], distance[is_first] = facets.feet(on[is_first], queries[at[is_first]])
+    rest = ~is_first & (least <= distance[is_first][at] + _ROUNDING * facets.size)
+    xi[rest], foot[rest], distance[rest] = facets.feet(on[rest], queries[at[rest]])
+    best = np.lexsort((distance, at))[is_first]
+    same = np.flatnonzero(np.linalg.norm(foot - foot[best][at], axis=1) <= _ROUNDING * facets.size)
+    same = same[np.isfinite(distance[same])]
+    chosen = same[np.lexsort((on[same], at[same]))]
+    chosen = chosen[np.r_[True, at[chosen][1:] != at[chosen][:-1]]]
+    return on[chosen], xi[chosen]
+
+
+def _described(facets: _Facets, facet: np.ndarray, xi: np.ndarray, queries: np.ndarray) -> Projection:
+    """Return all about the feet ``xi`` on the facets."""
+    n, k = len(facet), max(own.shape[1] for own in facets.faces)
+    which = np.searchsorted(facets.first, facet, side="right") - 1
+    face = facet - facets.first[which]
+    nodes, weights, normals = np.zeros((n, k), dtype=np.int64), np.zeros((n, k)), np.zeros((n, 3))
+    for i, (kind, faces) in enumerate(zip(facets.kinds, facets.faces, strict=True)):
+        mine, m = np.flatnonzero(which == i), faces.shape[1]
+        own = faces[face[mine]]
+        nodes[mine, :m], nodes[mine, m:] = own, own[:, :1]
+        weights[mine, :m] = snapped(FACE_KINDS[kind].values(xi[mine]))
+        t1, t2 = np.einsum("fra,fai->rfi", FACE_KINDS[kind].derivatives(xi[mine]), facets.points[own])
+        normals[mine] = np.cross(t1, t2)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
+    foot = np.einsum("fa,fai->fi", weights, facets.points[nodes])
+    away = queries - foot
+    gap = np.einsum("fi,fi->f", away, normals)
+    beyond = np.linalg.norm(away - gap[:, None] * normals, axis=1)
+    kinds = np.array(facets.kinds)[which]
+    return Projection(kinds, face, xi, nodes, weights, foot, normals, np.linalg.norm(away, axis=1), gap, beyond)
+
+
+def snapped(weights: np.ndarray) -> np.ndarray:
+    """Return weights (n, k) with those next to 0 or 1 rounded, and the sum of each row 1.  Local."""
+    near = np.round(weights)
+    weights = np.where(np.abs(weights - near) < SNAP, near, weights)
+    largest = np.argmax(np.abs(weights), axis=1)
+    weights[np.arange(len(weights)), largest] += 1.0 - weights.sum(axis=1)
+    return weights
