@@ -60,10 +60,11 @@ def table(size: str, levels, folder: Path) -> None:
         own = changed(scene, {"model": {"mesh": str(path)}}, {joint: {"pairing": pairing, "surfaces": surfaces}})
         return peaks(own, levels)
 
-    cases = {"nodes in pairs": (SIZES[size], "nodes", "blade"), "the same meshes, points": (SIZES[size], "points", "blade")}
+    cases = {"nodes in pairs": (SIZES[size], "nodes", "blade"), "the same meshes: cells": (SIZES[size], "points", "blade")}
     for name, disc in discs(SIZES[size]).items():
-        cases[f"disc {name}"] = (disc, "points", "blade")
-        cases[f"disc {name}: its cells"] = (disc, "points", "disc")
+        cases[f"disc {name}: nodes of the blade"] = (disc, "projected", "blade")
+        cases[f"disc {name}: cells of the blade"] = (disc, "points", "blade")
+        cases[f"disc {name}: cells of the disc"] = (disc, "points", "disc")
     print(f"\nblade of the {size} mesh\n")
     print(f"| meshes | pairs | {' | '.join(f'{level:g} N [mm/N]' for level in levels)} | s |")
     print("| --- | --- | " + " | ".join(["---"] * len(levels)) + " | --- |")

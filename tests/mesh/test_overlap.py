@@ -152,7 +152,14 @@ def test_a_plane_takes_its_gap_from_the_mesh():
     with pytest.raises(MeshError, match="turns its back on the plane at .* plane_normal points from the rigid ground"):
         pair_contacts(
             mesh,
-            [joint(surfaces=("lower_bottom",), plane=GroundPlane(point=(0, 0, -0.1), normal=(0, 0, -1)), gap=GEOMETRY, preload=0.0)],
+            [
+                joint(
+                    surfaces=("lower_bottom",),
+                    plane=GroundPlane(point=(0, 0, -0.1), normal=(0, 0, -1)),
+                    gap=GEOMETRY,
+                    preload=0.0,
+                )
+            ],
         )
 
 
@@ -188,3 +195,22 @@ def test_results_do_not_depend_on_numbering():
         return table[np.lexsort(np.round(table, 9).T)]
 
     np.testing.assert_allclose(told(points), told(other), atol=1e-11)
+
+
+@pytest.mark.parametrize("kinds", [("hex8", "hex8"), ("tet10", "hex20")])
+def test_nodes_projected_on_facets(kinds):
+    mesh = boxes(*kinds)
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="projected"))
+    first = surface_of(mesh, "upper_bottom")
+    assert points.n_points == len(first.nodes) and points.area.sum() == pytest.approx(1.0, rel=1e-12)
+    np.testing.assert_allclose(points.side1 @ mesh.points, points.side2 @ mesh.points, atol=1e-12)
+    with pytest.raises(MeshError, match=r"% of the area of 'lower_top' have no partner within .* name the smaller surface first"):
+        moved = boxes(*kinds, size=(0.5, 1.0, 1.0))
+        contact_points(moved, joint(surfaces=SURFACES[::-1], pairing="projected"))
+
+
+def test_matching_nodes_projected_are_the_pairs_of_nodes():
+    mesh = boxes("hex20", "hex20", n_upper=(2, 3, 1))
+    nodes, projected = (pair_contacts(mesh, [joint(surfaces=SURFACES, pairing=pairing)]) for pairing in ("nodes", "projected"))
+    assert (abs(nodes.weights2 - projected.weights2) > 1e-10).nnz == 0
+    np.testing.assert_allclose(nodes.area, projected.area, rtol=1e-12)

@@ -7,14 +7,15 @@ import numpy as np
 from .kinds import FACE_KINDS
 from .quadrature import collapsed, square, triangle
 
+
 def _square_cells(n: int) -> np.ndarray:
     """Return the corners of n x n cells of the square, (n^2, 4, 2)."""
     low = np.stack(np.meshgrid(np.arange(n), np.arange(n), indexing="ij"), axis=-1).reshape(-1, 1, 2)
     return 2.0 / n * (low + np.array([(0, 0), (1, 0), (1, 1), (0, 1)])) - 1.0
 
 
-# Cells of a face: their corners in its coordinates, (n_cells, 4, 2), turning as its own do.  One around each node of a linear face;
-# of a quadratic one nine, or six that each touch a corner and a middle of a triangle.
+# Cells of a face: their corners in its coordinates, (n_cells, 4, 2), turning as its own do.  A linear face
+# has one around each corner; a quadratic one nine, or six that each touch a corner and a middle of a triangle.
 _THIRDS = [
     [(0, 0), (1 / 2, 0), (1 / 3, 1 / 3), (0, 1 / 2)],
     [(1, 0), (1 / 2, 1 / 2), (1 / 3, 1 / 3), (1 / 2, 0)],

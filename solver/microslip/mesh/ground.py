@@ -10,7 +10,7 @@ from ..parallel.errors import MeshError
 from .contact_points import ContactPoints
 from .data import Mesh, on_nodes, place
 from .overlap import cells_of
-from .settings import Joint, GroundPlane
+from .settings import GroundPlane, Joint
 from .surface import Surface
 
 

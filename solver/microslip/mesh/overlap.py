@@ -20,7 +20,7 @@ from ..parallel.errors import MeshError
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh, place
 from .settings import GEOMETRY, Joint
-from .surface import Surface
+from .surface import Surface, on_mesh
 
 NEAR = 0.1  # of the size of the larger faces: how far apart the surfaces of a joint may lie, where it states no tolerance
 FAR = 0.1  # of the mesh's diagonal, the same where the gap is that of the mesh
@@ -80,7 +80,7 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
     _check_covered(mesh, joint, first, second, share, area, centre, reach)
     kept = np.flatnonzero(share > _LEAST)
     side1, side2 = (sp.diags(1.0 / shared.covered[kept]) @ side[kept] for side in (shared.side1, shared.side2))
-    n1, n2 = side1 @ _on_mesh(mesh, first), side2 @ _on_mesh(mesh, second)
+    n1, n2 = side1 @ on_mesh(mesh, first), side2 @ on_mesh(mesh, second)
     n1, n2 = (n / np.linalg.norm(n, axis=1, keepdims=True) for n in (n1, n2))
     x1, x2 = side1 @ mesh.points, side2 @ mesh.points
     check_opposite(mesh, joint, n1, n2, x1)
@@ -230,13 +230,6 @@ def _joined(parts: list[Shared]) -> Shared:
     return Shared(**{field.name: join(field.name) for field in fields(Shared)})
 
 
-def _on_mesh(mesh: Mesh, side: Surface) -> np.ndarray:
-    """Return the normals of a surface by node of the mesh, (n_nodes, 3), 0 elsewhere."""
-    normals = np.zeros(mesh.points.shape)
-    normals[side.nodes] = side.normals
-    return normals
-
-
 def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, share, area, centre, reach: float) -> None:
     """Raise MeshError where too much of the first surface has no partner, or several."""
     where = f"{mesh.path}: joint {joint.name!r}"
@@ -254,7 +247,7 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, sh
     node = first.nodes[cKDTree(mesh.points[first.nodes]).query(centre[least[worst]])[1]]
     if covered <= _LEAST and apart.min() <= 2.0 * reach:
         own = first.nodes[cKDTree(mesh.points[first.nodes]).query(centre[least])[1]]
-        check_opposite(mesh, joint, _on_mesh(mesh, first)[own], second.normals[nearest], mesh.points[own])
+        check_opposite(mesh, joint, on_mesh(mesh, first)[own], second.normals[nearest], mesh.points[own])
     found = f"{1.0 - covered:.1%} of the area of {first.group!r}" if covered > _LEAST else "no contact point found: all its faces"
     advice = "name the smaller surface first, restrict the first group to what touches, or state a larger tolerance"
     if covered <= _LEAST:

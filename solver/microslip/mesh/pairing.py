@@ -13,11 +13,13 @@ from .data import ContactPairs, Mesh, place
 from .ground import grounded
 from .matching import NotMatching, matching_nodes
 from .overlap import overlapping_faces
+from .projected import projected_nodes
 from .settings import GEOMETRY, Joint
 from .surface import Surface, surface_of
 from .values import Values, values_of
 
 PENETRATION = 1e-6  # of the mesh's diagonal: what the mesh may penetrate at rest and count as touching
+PAIRINGS = {"nodes": matching_nodes, "projected": projected_nodes, "points": overlapping_faces}
 _ALONG = 0.99  # |cosine| above which a normal has no useful projection of an axis
 
 
@@ -66,13 +68,12 @@ def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
         return grounded(mesh, joint, first)
     second = surface_of(mesh, joint.surfaces[1])
     _check_shared(mesh, joint, first, second)
-    if joint.pairing != "points":
+    if joint.pairing == "auto":
         try:
             return matching_nodes(mesh, joint, first, second)
         except NotMatching:
-            if joint.pairing == "nodes":
-                raise
-    return overlapping_faces(mesh, joint, first, second)
+            return overlapping_faces(mesh, joint, first, second)
+    return PAIRINGS[joint.pairing](mesh, joint, first, second)
 
 
 def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:

@@ -48,7 +48,7 @@ class Joint:
     name: str
     surfaces: tuple[str, ...]  # groups, of body 1 and body 2; of body 1 alone on ground
     plane: GroundPlane | None = None  # of the ground; None: it has the shape of the surface
-    pairing: str = "auto"  # "nodes" that match, "points" of any meshes, "auto": nodes where they match
+    pairing: str = "auto"  # "nodes" that match, "points" or "projected" nodes of any meshes, or "auto"
     friction: float  # -
     tangential_stiffness: float  # N/m3
     normal_stiffness: float  # N/m3

@@ -52,6 +52,13 @@ def surface_of(mesh: Mesh, group: str) -> Surface:
     return Surface(group, faces, nodes, normals, areas)
 
 
+def on_mesh(mesh: Mesh, side: Surface) -> np.ndarray:
+    """Return the normals of a surface by node of the mesh, (n_nodes, 3), 0 elsewhere.  Local, rank 0."""
+    normals = np.zeros(mesh.points.shape)
+    normals[side.nodes] = side.normals
+    return normals
+
+
 def outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
     """Return the faces of the group by kind, as the elements list them: corners counter-clockwise seen from outside."""
     outer: dict[str, np.ndarray] = {}

@@ -130,8 +130,8 @@ class Joint(Table):
     plane_normal: Direction | None = Field(
         None, description="the direction [x, y, z] from the plane into the body, three numbers, not all 0"
     )
-    pairing: Literal["auto", "nodes", "points"] = Field(
-        "auto", description='"nodes" that match, "points" of any meshes, or "auto": nodes where they match'
+    pairing: Literal["auto", "nodes", "points", "projected"] = Field(
+        "auto", description='"nodes" that match, "points" or "projected" nodes of any meshes, or "auto"'
     )
     pairs: str | None = Field(None, min_length=1, description="the path of a CSV file of contact pairs")
     friction: NotNegative | None = Field(None, description="the friction coefficient, a number of at least 0")

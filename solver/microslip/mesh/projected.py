@@ -1,0 +1,71 @@
+"""Contact of two surfaces of any meshes at the nodes of the first, projected on the facets of the second."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..parallel.errors import MeshError
+from .contact_points import ContactPoints, check_opposite
+from .data import Mesh, on_nodes, place
+from .overlap import COVERED, reach_of
+from .projection import project_on_surface
+from .settings import Joint
+from .surface import Surface, on_mesh
+
+
+def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> ContactPoints:
+    """Return a point for each node of the first surface that lies on a facet of the second, with its tributary area.
+
+    Local, rank 0.  On meshes that match it is the pair of nodes.
+
+    Raises
+    ------
+    MeshError : sides too far apart or facing away, or a part of the first surface without a partner
+    """
+    reach = reach_of(mesh, joint, first, second)
+    foot = project_on_surface(mesh.points, second.faces, mesh.points[first.nodes])
+    near = foot.distance <= reach
+    _check_near(mesh, joint, first, second, near, foot.distance, reach)
+    kept = np.flatnonzero(near)
+    kept = kept[np.argsort(mesh.numbers[first.nodes[kept]], kind="stable")]
+    nodes = first.nodes[kept]
+    rows = np.repeat(np.arange(len(kept)), foot.nodes.shape[1])
+    shape = (len(kept), len(mesh.points))
+    side2 = sp.csr_matrix((foot.weights[kept].ravel(), (rows, foot.nodes[kept].ravel())), shape)
+    side2.eliminate_zeros()
+    normal2 = side2 @ on_mesh(mesh, second)
+    normal2 /= np.linalg.norm(normal2, axis=1, keepdims=True)
+    check_opposite(mesh, joint, first.normals[kept], normal2, mesh.points[nodes])
+    z = normal2 - first.normals[kept]
+    z /= np.linalg.norm(z, axis=1, keepdims=True)
+    distance = np.einsum("pi,pi->p", z, mesh.points[nodes] - foot.foot[kept])
+    point_of = np.full(len(mesh.points), -1)
+    point_of[nodes] = np.arange(len(nodes))
+    faces = [point_of[own] for own in first.faces.values()]
+    return ContactPoints(
+        side1=on_nodes(nodes, len(mesh.points)),
+        side2=side2,
+        z=z,
+        area=first.areas[kept],
+        position=(mesh.points[nodes] + foot.foot[kept]) / 2,
+        distance=distance,
+        faces=tuple(own[(own >= 0).all(axis=1)] for own in faces),
+        note=f"joint {joint.name!r}: {len(kept)} contact points, nodes of {first.group!r} on facets of {second.group!r}, "
+        f"{distance.min():.3g} to {distance.max():.3g} m away (at most {reach:.3g} m)",
+    )
+
+
+def _check_near(mesh: Mesh, joint: Joint, first: Surface, second: Surface, near, distance, reach: float) -> None:
+    """Raise MeshError where too much of the first surface has no partner."""
+    covered = first.areas[near].sum() / first.areas.sum()
+    if covered >= COVERED:
+        return
+    worst = int(np.argmax(distance))
+    found = f"{1.0 - covered:.1%} of the area of {first.group!r}" if near.any() else "no contact point found: all its nodes"
+    raise MeshError(
+        f"{mesh.path}: joint {joint.name!r}: {found} have no partner within {reach:.3g} m on {second.group!r}; the worst is node "
+        f"{mesh.numbers[first.nodes[worst]]} of {first.group!r} at {place(mesh.points[first.nodes[worst]])} m, "
+        f"{distance[worst]:.3g} m from the other side; name the smaller surface first, restrict the first group to what touches, "
+        "or state a larger tolerance"
+    )
