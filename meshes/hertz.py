@@ -1,0 +1,100 @@
+"""Generate a round body on a flat one, for comparisons with Hertz and Mindlin: half or a quarter of a sphere's cap, or a slice of a roller.
+
+    python meshes/hertz.py --out meshes/hertz.msh --shape sphere --base 20
+
+Axes: z out of the flat surface at z = 0, the contact around the origin.  The cap fills 0 <= x <= size (a quarter) or -size <= x <= size
+(a half), 0 <= y <= size, and has the paraboloid z = (x^2 + y^2) / 2 R for its lower side; a roller's is z = x^2 / 2 R, one element long.
+Elements are finest at the contact.  Surfaces: "cap" (the round side), "top", "middle_x", "middle_y", "end_x", "end_y"; of the base "flat",
+"bottom", "base_x", "base_y" (its middle planes, too, but of another mesh).
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from blocks import KINDS, Body, block, jacobian_minimum
+from msh import summary, write_msh
+
+
+def _says(default, text: str):
+    return field(default=default, metadata={"help": text})
+
+
+@dataclass(frozen=True)
+class Hertz:
+    """Lengths in m, and numbers of cells."""
+
+    shape: str = _says("sphere", "sphere or roller")
+    size: float = _says(0.01, "of the cap, from the contact to its far sides")
+    radius: float = _says(0.1, "of the round side")
+    kind: str = _says("hex8", "of the cap")
+    cells: int = _says(18, "of the cap from the contact to a side")
+    finest: float = _says(0.15, "size of the cells at the contact over that of equal cells")
+    half: int = _says(0, "1: both sides of x = 0; 0: a quarter")
+    base: int = _says(0, "cells of an elastic base from the contact to a side; 0: no base")
+    base_kind: str = _says("hex8", "of the base")
+
+
+def graded(u, finest: float):
+    """Return places in [0, 1] with cells of size ``finest`` at 0, relative to equal ones; odd in u."""
+    return u * (finest + (1.0 - finest) * u**2)
+
+
+def hertz(given: Hertz) -> dict[str, Body]:
+    """Return the bodies "cap" and, where there is one, "base".  Local."""
+    L, b, is_roller = given.size, given.finest, given.shape == "roller"
+    slice_width = 2.0 * L * b / given.cells
+
+    def across(u, v):
+        x = L * graded(2.0 * u - 1.0 if given.half else u, b)
+        return x, (slice_width * v if is_roller else L * graded(v, b))
+
+    def cap(u, v, w):
+        x, y = across(u, v)
+        bottom = (x**2 + (0.0 if is_roller else y**2)) / (2.0 * given.radius)
+        return np.stack([x, y, bottom + (L - bottom) * graded(w, b)], axis=-1)
+
+    def flat(u, v, w):
+        x, y = across(u, v)
+        return np.stack([x, y, -L * graded(1.0 - w, b)], axis=-1)
+
+    def divisions(n: int):
+        return (2 * n if given.half else n, 1 if is_roller else n, n)
+
+    sides = {"x1": "end_x", "y0": "middle_y", "y1": "end_y", "z0": "cap", "z1": "top"} | ({} if given.half else {"x0": "middle_x"})
+    bodies = {"cap": block(given.kind, cap, divisions(given.cells), sides)}
+    if given.base:
+        below = {"y0": "base_y", "z0": "bottom", "z1": "flat", "y1": "base_end_y"} | ({} if given.half else {"x0": "base_x"})
+        bodies["base"] = block(given.base_kind, flat, divisions(given.base), below)
+    if min(jacobian_minimum(body).min() for body in bodies.values()) <= 0.0:
+        raise ValueError("size and radius must be positive, and the radius large beside the size")
+    return bodies
+
+
+def main(arguments=None) -> None:
+    """Write the mesh that the command line asks for and print what it holds."""
+    show = argparse.ArgumentDefaultsHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
+    parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
+    choices = {"kind": KINDS, "base_kind": KINDS, "shape": ("sphere", "roller"), "half": (0, 1)}
+    for item in fields(Hertz):
+        parser.add_argument(
+            "--" + item.name.replace("_", "-"),
+            type=type(item.default),
+            default=item.default,
+            help=item.metadata["help"],
+            choices=choices.get(item.name),
+        )
+    given = vars(parser.parse_args(arguments))
+    try:
+        bodies = hertz(Hertz(**{item.name: given[item.name] for item in fields(Hertz)}))
+        write_msh(given["out"], bodies)
+    except (ValueError, OSError) as problem:
+        parser.exit(2, f"{parser.prog}: {problem}\n")
+    print(f"{given['out']}\n{summary(bodies, [])}")
+
+
+if __name__ == "__main__":
+    main()
