@@ -1,11 +1,11 @@
-"""Generate a round body on a flat one, for comparisons with Hertz and Mindlin: half or a quarter of a sphere's cap, or a slice of a roller.
+"""Generate a round body on a flat one, to compare with Hertz and Mindlin: a sphere's cap, or a slice of a roller.
 
     python meshes/hertz.py --out meshes/hertz.msh --shape sphere --base 20
 
-Axes: z out of the flat surface at z = 0, the contact around the origin.  The cap fills 0 <= x <= size (a quarter) or -size <= x <= size
-(a half), 0 <= y <= size, and has the paraboloid z = (x^2 + y^2) / 2 R for its lower side; a roller's is z = x^2 / 2 R, one element long.
-Elements are finest at the contact.  Surfaces: "cap" (the round side), "top", "middle_x", "middle_y", "end_x", "end_y"; of the base "flat",
-"bottom", "base_x", "base_y" (its middle planes, too, but of another mesh).
+Axes: z out of the flat surface at z = 0, the contact around the origin.  The cap fills 0 <= x <= size (a quarter), or
+-size <= x <= size (a half), and 0 <= y <= size; z = (x^2 + y^2) / 2 R is its lower side.  That of a roller, one element long, is
+z = x^2 / 2 R.  Elements are finest at the contact.  Surfaces: "cap" (the round side), "top", "middle_x", "middle_y", "end_x", "end_y";
+of the base "flat", "bottom", "base_x", "base_y".
 """
 
 from __future__ import annotations
@@ -63,7 +63,9 @@ def hertz(given: Hertz) -> dict[str, Body]:
     def divisions(n: int):
         return (2 * n if given.half else n, 1 if is_roller else n, n)
 
-    sides = {"x1": "end_x", "y0": "middle_y", "y1": "end_y", "z0": "cap", "z1": "top"} | ({} if given.half else {"x0": "middle_x"})
+    sides = {"x1": "end_x", "y0": "middle_y", "y1": "end_y", "z0": "cap", "z1": "top"} | (
+        {} if given.half else {"x0": "middle_x"}
+    )
     bodies = {"cap": block(given.kind, cap, divisions(given.cells), sides)}
     if given.base:
         below = {"y0": "base_y", "z0": "bottom", "z1": "flat", "y1": "base_end_y"} | ({} if given.half else {"x0": "base_x"})

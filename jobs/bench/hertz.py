@@ -160,9 +160,7 @@ def at_rest(case: Case, cells: int, folder: Path) -> str:
     shape = np.sqrt(1.0 - (r[inner] / CONTACT) ** 2)
     p0 = N[inner].sum() / (pairs.area[inner] @ shape)
     what = f"{case.shape} on {'an elastic base' if case.base else 'a plane'}, {case.kind}, {case.pairing}"
-    return (
-        f"| {what} | {(N > 0.0).sum()} of {pairs.n_pairs} | {force:.6f} | {radius / CONTACT:.4f} | {p0 / largest_pressure(case):.4f} |"
-    )
+    return f"| {what} | {(N > 0.0).sum()} of {pairs.n_pairs} | {force:.6f} | {radius / CONTACT:.4f} | {p0 / largest_pressure(case):.4f} |"
 
 
 def mindlin(case: Case, cells: int, folder: Path, shares=(0.4, 0.7, 0.9)) -> list[str]:
@@ -175,7 +173,7 @@ def mindlin(case: Case, cells: int, folder: Path, shares=(0.4, 0.7, 0.9)) -> lis
     with microslip.build(scene) as structure:
         pairs = structure.pairs
         found = microslip.respond(structure, error_bars=False).results.levels
-    r, N = np.hypot(pairs.position[:, 0], pairs.position[:, 1]), np.maximum(pairs.N0, 0.0)
+    N = np.maximum(pairs.N0, 0.0)
     for q, level in zip(shares, found):
         slips = (level.state[0] == 1) & (N > 0.0)
         stick = np.sqrt(2.0 * pairs.area[(N > 0.0) & ~slips].sum() / np.pi)  # radius of a disc of that area
@@ -190,12 +188,11 @@ def mindlin(case: Case, cells: int, folder: Path, shares=(0.4, 0.7, 0.9)) -> lis
 def exact_loss(q: float, P: float, compliance: float) -> float:
     """Return the loss a cycle [J] between -q and q of the friction limit: Masing's rule on Mindlin's curve of first loading."""
 
-    def displacement(s):  # of first loading to the share s, eq. of Mindlin (1949)
+    def displacement(s):  # when first loaded to the share s of the limit
         return 3.0 * MU * P * compliance / (16.0 * CONTACT) * (1.0 - (1.0 - s) ** (2 / 3))
 
-    # area between the two branches, each twice the first loading: 8 times the area between that and its chord
-    under = quad(lambda s: displacement(s) * MU * P, 0.0, q)[0]
-    return 8.0 * (under - 0.0) - 4.0 * q * MU * P * displacement(q) if False else 4.0 * (q * MU * P * displacement(q) - 2.0 * under) * 1.0
+    # each branch of the loop is the curve of first loading, twice as large both ways
+    return 8.0 * (quad(displacement, 0.0, q)[0] - 0.5 * q * displacement(q)) * -MU * P
 
 
 def main():
@@ -206,13 +203,17 @@ def main():
     n, other = given.cells, given.cells + 3
     with tempfile.TemporaryDirectory() as folder:
         if {"sphere", "roller"} & set(given.case):
-            print("| contact | pairs closed | force | radius over Hertz's | largest pressure over Hertz's |\n| --- | --- | --- | --- | --- |")
+            print(
+                "| contact | pairs closed | force | radius over Hertz's | largest pressure over Hertz's |\n| --- | --- | --- | --- | --- |"
+            )
         for shape in ("sphere", "roller"):
             for case in (Case(shape), Case(shape, "points", n), Case(shape, "points", other), Case(shape, "projected", other)):
                 if shape in given.case:
                     print(at_rest(case, n, Path(folder)), flush=True)
         if "mindlin" in given.case:
-            print("\n| contact | share of the limit | stick radius over Mindlin's | loss over Mindlin's |\n| --- | --- | --- | --- |")
+            print(
+                "\n| contact | share of the limit | stick radius over Mindlin's | loss over Mindlin's |\n| --- | --- | --- | --- |"
+            )
             for case in (Case(half=True, friction=MU), Case("sphere", "points", other, half=True, friction=MU)):
                 print("\n".join(mindlin(case, n, Path(folder))), flush=True)
 
