@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from petsc4py import PETSc
 
@@ -15,6 +17,8 @@ from .assemble import element_chunks, petsc_matrix
 from .blocks import BlockSum, expand, node_pattern
 from .system import System
 
+Seen = Callable[[LocalBlock, int, slice], np.ndarray]
+
 
 def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System) -> np.ndarray:
     """Return this rank's rows of the forces of ``settings.statics``, eq. (12.1) and eq. (12.2), (n_dof_owned,) [N].
@@ -27,14 +31,14 @@ def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSet
     """
     statics = settings.statics
     assert statics is not None, "a scene with [statics]"
-    first, last = _owned_nodes(dmesh)
+    first, last = owned_nodes(dmesh)
     nodes, values = on_root(dmesh.comm, _forces_on_nodes, mesh, statics)
     total = np.zeros((last - first, 3))
     _add(total, dmesh.rank_order[nodes] - first, values)
     for block in dmesh.blocks:
         for chunk in element_chunks(block):
-            _add(total, block.nodes[chunk] - first, _element_forces(block, chunk, settings.bodies[block.body], statics))
-    return total[_by_rank(dmesh, system)[first:last] >= 0]
+            _add(total, block.nodes[chunk] - first, element_forces(block, chunk, settings.bodies[block.body], statics))
+    return total[by_rank(dmesh, system)[first:last] >= 0]
 
 
 def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarray]:
@@ -51,8 +55,8 @@ def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarr
     return np.concatenate(nodes), np.concatenate(values)
 
 
-def _element_forces(block: LocalBlock, chunk: slice, body: Body, statics: Statics) -> np.ndarray:
-    """Return the centrifugal and thermal forces of some elements, (n_elements, n, 3) [N]."""
+def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, statics: Statics) -> np.ndarray:
+    """Return the centrifugal and thermal forces of some elements, (n_elements, n, 3) [N].  Local."""
     points = block.points[chunk]
     total = np.zeros(points.shape)
     if statics.speed > 0.0:
@@ -64,22 +68,26 @@ def _element_forces(block: LocalBlock, chunk: slice, body: Body, statics: Static
     return total
 
 
-def stiffness_at_rest(dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray) -> PETSc.Mat:
+def stiffness_at_rest(
+    dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray, seen: Seen | None = None
+) -> PETSc.Mat:
     """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), of the structure displaced by ``u_owned`` (n_dof_owned,) [m].
 
-    Collective on ``dmesh.comm``: every rank gathers the displacement.
+    Collective on ``dmesh.comm``: every rank gathers the displacement.  ``seen`` gives what some elements see beyond that of
+    their nodes (above the cuts of bolts), of a block, its number and rows: (n_elements, n, 3) [m].
     """
     statics = settings.statics
     assert statics is not None, "a scene with [statics]"
-    dof, u_all = _by_rank(dmesh, system), np.concatenate(dmesh.comm.allgather(u_owned))
+    dof, u_all = by_rank(dmesh, system), np.concatenate(dmesh.comm.allgather(u_owned))
     u = np.where(dof >= 0, u_all[dof], 0.0)
     pattern = node_pattern(dmesh)
     total = BlockSum(pattern, 3)
-    for block in dmesh.blocks:
+    for i, block in enumerate(dmesh.blocks):
         body = settings.bodies[block.body]
         for chunk in element_chunks(block):
             is_owned, positions = pattern.positions(block.nodes[chunk])
-            change = _stiffening(block, chunk, body, statics, u[block.nodes[chunk]])
+            moved = u[block.nodes[chunk]] if seen is None else u[block.nodes[chunk]] + seen(block, i, chunk)
+            change = _stiffening(block, chunk, body, statics, moved)
             total.add(is_owned, positions, change)
     change = petsc_matrix(dmesh.comm, len(u_owned), expand(pattern, total, dof, PETSc.IntType))
     K = system.K.duplicate(copy=True)
@@ -99,13 +107,14 @@ def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u
     return np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
 
 
-def _owned_nodes(dmesh: DistributedMesh) -> tuple[int, int]:
+def owned_nodes(dmesh: DistributedMesh) -> tuple[int, int]:
+    """Return the first of this rank's nodes and the one after its last.  Local."""
     first, last = dmesh.node_ranges[dmesh.comm.rank :][:2]
     return int(first), int(last)
 
 
-def _by_rank(dmesh: DistributedMesh, system: System) -> np.ndarray:
-    """Return the rows of the rank-ordered nodes, (n_nodes, 3), -1 where fixed."""
+def by_rank(dmesh: DistributedMesh, system: System) -> np.ndarray:
+    """Return the rows of the rank-ordered nodes, (n_nodes, 3), -1 where fixed.  Local."""
     assert system.dof is not None, "a structure with a mesh"
     return system.dof[np.argsort(dmesh.rank_order)]
 

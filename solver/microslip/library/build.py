@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ..assembly.assemble import assemble
 from ..assembly.matrices import distribute_structure, read_structure
 from ..assembly.prestress import constant_forces, stiffness_at_rest
+from ..assembly.pretension import pretension
 from ..assembly.system import System
 from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
@@ -23,7 +25,9 @@ from ..reduction.choose_modes import choose_modes
 from ..reduction.methods import check_size
 from ..reduction.stuck import StuckStructure, static_response
 from ..scene.schema import Scene
+from ..statics.bolts import BoltsAtRest
 from ..statics.equilibrium import equilibrium
+from ..statics.flight import which_flies
 from ..statics.rest import at_rest, in_words
 from .settings import matrix_settings, mesh_settings, reduction_settings
 
@@ -37,6 +41,7 @@ class Structure(StuckStructure):
 
     scene: Scene
     mesh: Mesh | None  # rank 0 only; None of a scene given as matrices
+    bolts: BoltsAtRest | None = None
 
     @property
     def comm(self) -> MPI.Comm:
@@ -64,7 +69,7 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None)
     """
     comm = comm or everyone()
     log = log or RunLog(comm, screen=False)
-    mesh, system, pairs = (from_matrices if scene.model.mesh is None else from_mesh)(scene, comm, log)
+    mesh, system, pairs, bolts = (from_matrices if scene.model.mesh is None else from_mesh)(scene, comm, log)
     settings = reduction_settings(scene)
     log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
     refuse_too_many(settings.modes, system.n_dof, scene.path)
@@ -75,11 +80,11 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None)
         statics = static_response(linearised)
         modes, why = choose_modes(linearised, pairs, statics, settings)
     log.note(why)
-    return Structure(linearised, pairs, statics, modes, scene, mesh)
+    return Structure(linearised, pairs, statics, modes, scene, mesh, bolts)
 
 
-def from_mesh(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs]:
-    """Return mesh (on rank 0), matrices and pairs of a scene with a mesh.  Collective."""
+def from_mesh(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs, BoltsAtRest | None]:
+    """Return mesh (on rank 0), matrices, pairs and bolts of a scene with a mesh.  Collective."""
     settings = mesh_settings(scene)
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, settings, share=False)
@@ -90,9 +95,10 @@ def from_mesh(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, S
         shares = distribute(mesh, settings, comm)
     with log.stage("assembly"):
         system = assemble(shares, mesh, pairs, settings)
+    bolts = None
     if settings.statics is not None:
-        system, pairs = brought_to_rest(system, shares, mesh, pairs, settings, log, str(scene.path))
-    return mesh, system, pairs
+        system, pairs, bolts = brought_to_rest(system, shares, mesh, pairs, settings, log, str(scene.path))
+    return mesh, system, pairs, bolts
 
 
 def brought_to_rest(
@@ -103,8 +109,8 @@ def brought_to_rest(
     settings: MeshSettings,
     log: RunLog,
     where: str,
-) -> tuple[System, ContactPairs]:
-    """Return the structure and its pairs as they vibrate about their state of rest under the constant loads.  Collective.
+) -> tuple[System, ContactPairs, BoltsAtRest | None]:
+    """Return the structure, its pairs and bolts as they vibrate about their rest under the constant loads.  Collective.
 
     Raises
     ------
@@ -114,19 +120,22 @@ def brought_to_rest(
     assert statics is not None, "a scene with [statics]"
     with log.stage("statics"):
         forces = constant_forces(shares, mesh, settings, system)
+        bolts = pretension(shares, mesh, settings, system)
         linearised = linearise(system, pairs, where)
-        rest = equilibrium(linearised, pairs, forces, statics.steps)
+        flies = partial(which_flies, system, mesh, pairs, forces, settings.body_of)
+        rest = equilibrium(linearised, pairs, forces, statics.steps, bolts, flies, where)
         linearised.destroy()
-        K = stiffness_at_rest(shares, settings, system, rest.u_owned) if statics.stiffens else system.K
+        seen = None if bolts is None or rest.bolts is None else partial(bolts.overlap.seen, shortening=rest.bolts.shortening)
+        K = stiffness_at_rest(shares, settings, system, rest.u_owned, seen) if statics.stiffens else system.K
     for line in in_words(system, mesh, pairs, rest, forces, settings.body_of):
         log.note(line)
-    return replace(system, K=K), at_rest(pairs, rest)
+    return replace(system, K=K), at_rest(pairs, rest), rest.bolts
 
 
-def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[None, System, ContactPairs]:
+def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[None, System, ContactPairs, None]:
     """Return matrices and pairs of a scene given as matrices.  Collective."""
     settings = matrix_settings(scene)
     with log.stage("matrices and contact pairs"):
         given = on_root(comm, read_structure, settings, share=False)
         system, pairs = distribute_structure(given, settings, comm)
-    return None, system, pairs
+    return None, system, pairs, None

@@ -12,7 +12,7 @@ from ..continuation.branch import Branch
 from ..parallel.agree import on_root
 from ..parallel.versions import versions
 from ..reduction.expand import node_fields, peak_displacement
-from ..results.record import LinearCurve, ResultFile, joint_of
+from ..results.record import BOLT_UNITS, Bolts, LinearCurve, ResultFile, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
 from .build import Structure
@@ -22,6 +22,7 @@ from .prepare import Prepared
 def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
     """Return what a result file says before its levels.  Local; with the user's node numbers on rank 0 only."""
     scene, mesh, curve = prepared.scene, prepared.structure.mesh, prepared.response.curve
+    bolts = prepared.structure.bolts
     return ResultFile(
         path="",
         title=scene.title or scene.name,
@@ -34,6 +35,7 @@ def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
         mode_frequency=prepared.structure.modes.frequency,
         joint=joint_of(prepared.pairs, None if mesh is None else mesh.numbers),
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
+        bolts=None if bolts is None else Bolts(bolts.names, **{name: getattr(bolts, name) for name in BOLT_UNITS}),
     )
 
 

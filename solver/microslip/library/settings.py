@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
-from ..mesh.settings import GEOMETRY, Body, Force, GroundPlane, Joint, Load, MeshSettings, Output, Statics, Support
+from ..mesh.settings import GEOMETRY, Body, Bolt, Force, GroundPlane, Joint, Load, MeshSettings, Output, Statics, Support
 from ..modes.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
@@ -114,6 +114,10 @@ def _statics(scene: Scene) -> Statics | None:
         forces=tuple(Force(**dict(force)) for force in statics.forces),
         pressures=tuple((one.group, one.pressure) for one in statics.pressures),
         temperatures={body_of[warm.group]: warm.temperature for warm in statics.temperatures},
+        bolts=tuple(
+            Bolt(name=bolt.name or f"bolt {i}", group=bolt.group, force=bolt.force, shortening=bolt.shortening)
+            for i, bolt in enumerate(statics.bolts, 1)
+        ),
         steps=statics.steps,
         stiffens=statics.stress_stiffening,
     )

@@ -96,6 +96,16 @@ class Force:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Bolt:
+    """A shank that is cut and pulled together: by a force, or by a length."""
+
+    name: str
+    group: str  # faces of the cut
+    force: float | None = None  # N, while it is tightened
+    shortening: float | None = None  # m
+
+
+@dataclass(frozen=True, kw_only=True)
 class Statics:
     """What acts before the structure vibrates."""
 
@@ -105,6 +115,7 @@ class Statics:
     forces: tuple[Force, ...] = ()
     pressures: tuple[tuple[str, float], ...] = ()  # group of faces, Pa
     temperatures: Mapping[str, float] = field(default_factory=dict)  # by body, K above that without stress
+    bolts: tuple[Bolt, ...] = ()
     steps: int = 10
     stiffens: bool = True  # the vibration feels stress and spin
 
@@ -145,4 +156,5 @@ class MeshSettings:
             forces, pressures = self.statics.forces, self.statics.pressures
             named += [(f"[[statics.forces]] {i} group", one.group) for i, one in enumerate(forces, 1) if one.group is not None]
             named += [(f"[[statics.pressures]] {i} group", group) for i, (group, _) in enumerate(pressures, 1)]
+            named += [(f"[[statics.bolts]] {i} group", bolt.group) for i, bolt in enumerate(self.statics.bolts, 1)]
         return named

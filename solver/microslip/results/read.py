@@ -10,7 +10,7 @@ import numpy as np
 from ..continuation.branch import QUANTITIES
 from ..continuation.quantities import TEXT, Quantity, axis_lengths
 from ..parallel.errors import CaseError
-from .record import JOINT_QUANTITIES, Joint, LevelResult, LinearCurve, ResultFile
+from .record import BOLT_UNITS, JOINT_QUANTITIES, Bolts, Joint, LevelResult, LinearCurve, ResultFile
 from .writer import FORMAT, FORMAT_VERSION
 
 _MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
@@ -134,7 +134,16 @@ def _read(path: str, reader: _Reader, motion: bool) -> ResultFile:
         joint,
         _linear(reader, len(outputs)),
         levels,
+        _bolts(reader),
     )
+
+
+def _bolts(reader: _Reader) -> Bolts | None:
+    """Return the bolts; None where there are none, or an earlier version wrote the file."""
+    if "statics/bolts" not in reader:
+        return None
+    names = tuple(reader.texts("statics/bolts/names"))
+    return Bolts(names, **{name: reader.array(f"statics/bolts/{name}", "f8", (len(names),)) for name in BOLT_UNITS})
 
 
 def _linear(reader: _Reader, n_outputs: int) -> LinearCurve | None:

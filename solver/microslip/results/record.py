@@ -87,6 +87,20 @@ class Joint:
 JOINT_QUANTITIES = declared(Joint)
 
 
+@dataclass(frozen=True, eq=False)
+class Bolts:
+    """The bolts of a joint at rest, (n_bolts,) each."""
+
+    names: tuple[str, ...]
+    area: np.ndarray  # m2, of the cut
+    shortening: np.ndarray  # m, held since they were tightened
+    tightened: np.ndarray  # N, before other loads came
+    force: np.ndarray  # N, at rest under all loads
+
+
+BOLT_UNITS = {"area": "m2", "shortening": "m", "tightened": "N", "force": "N"}
+
+
 @dataclass(frozen=True)
 class ResultFile:
     """Everything of a results.h5."""
@@ -103,6 +117,7 @@ class ResultFile:
     joint: Joint
     linear: LinearCurve | None
     levels: tuple[LevelResult, ...] = field(default_factory=tuple)
+    bolts: Bolts | None = None
 
 
 def joint_of(pairs: ContactPairs, node_numbers: np.ndarray | None = None) -> Joint:

@@ -13,7 +13,7 @@ from ..continuation.branch import QUANTITIES, Branch, Point
 from ..continuation.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
-from .record import COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Joint, LevelResult, ResultFile, level_result
+from .record import BOLT_UNITS, COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Bolts, Joint, LevelResult, ResultFile, level_result
 from .table import ResponseTable
 
 if TYPE_CHECKING:
@@ -53,6 +53,8 @@ class ResultWriter:
         with written_whole(self.path) as beside, h5py.File(beside, "w") as file:
             _write_head(file, head)
             _write_joint(file.create_group("joint"), head.joint)
+            if head.bolts is not None:
+                _write_bolts(file.create_group("statics/bolts"), head.bolts)
             file.create_group("levels")
         return table
 
@@ -120,6 +122,12 @@ def _write_joint(group: h5py.Group, joint: Joint) -> None:
     group.create_group("faces")
     for i, faces in enumerate(joint.faces):
         _array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")
+
+
+def _write_bolts(group: h5py.Group, bolts: Bolts) -> None:
+    _texts(group, "names", bolts.names)
+    for name, unit in BOLT_UNITS.items():
+        _array(group, name, getattr(bolts, name), unit)
 
 
 def _write_level(group: h5py.Group, level: LevelResult) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..parallel.words import nearest
-from .schema import Scene
+from .schema import Scene, Statics
 
 
 def contradictions(scene: Scene) -> list[str]:
@@ -129,8 +129,11 @@ def _statics(scene: Scene) -> list[str]:
         return found
     if statics.rotation_speed > 0.0 and scene.model.axis is None:
         found.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
-    if not (statics.rotation_speed or statics.forces or statics.pressures or statics.temperatures):
-        found.append("[statics] loads nothing: state rotation_speed, forces, pressures or temperatures, or leave the table out")
+    if not (statics.rotation_speed or statics.forces or statics.pressures or statics.temperatures or statics.bolts):
+        found.append(
+            "[statics] loads nothing: state rotation_speed, forces, pressures, temperatures or bolts, or leave the table out"
+        )
+    found += _same_bolts(statics)
     body_of = {body.group: body for body in scene.bodies.values()}
     for i, warm in enumerate(statics.temperatures, 1):
         where = f'[[statics.temperatures]] {i} group = "{warm.group}"'
@@ -139,6 +142,17 @@ def _statics(scene: Scene) -> list[str]:
             found.append(f"{where}: no body has this group" + (f'; nearest is "{near}"' if near else ""))
         elif body_of[warm.group].material in scene.materials and scene.materials[body_of[warm.group].material].expansion is None:
             found.append(f"{where}: [materials.{body_of[warm.group].material}] expansion is missing, in 1/K")
+    return found
+
+
+def _same_bolts(statics: Statics) -> list[str]:
+    """Bolts that share a cut or a name."""
+    found = []
+    for key in ("group", "name"):
+        counts = Counter(value for bolt in statics.bolts if (value := getattr(bolt, key)) is not None)
+        found += [
+            f'[[statics.bolts]] {key} = "{one}" is used {n} times; each bolt needs its own' for one, n in counts.items() if n > 1
+        ]
     return found
 
 

@@ -11,10 +11,16 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from ..parallel.words import listed, nearest
-from .schema import Body, Joint, Load, Material, Method, Output, Scene, Support, Table
+from .schema import Body, Bolt, Force, Joint, Load, Material, Method, Output, Pressure, Scene, Support, Table, Temperature
 
 _NAMED: dict[str, type[Table]] = {"materials": Material, "bodies": Body}  # [materials.NAME]
 _LISTED: dict[str, type[Table]] = {"supports": Support, "joints": Joint, "loads": Load, "outputs": Output}  # [[loads]]
+_NESTED: dict[tuple[str, str], type[Table]] = {  # [[statics.forces]]
+    ("statics", "forces"): Force,
+    ("statics", "pressures"): Pressure,
+    ("statics", "temperatures"): Temperature,
+    ("statics", "bolts"): Bolt,
+}
 _LONGEST = 60  # characters of a value that a message shows
 
 
@@ -65,6 +71,8 @@ def _depth(loc: tuple[int | str, ...]) -> int:
     """Return how many steps of ``loc`` name the table that holds the key."""
     if not loc or len(loc) == 1 and _is_key(str(loc[0])):
         return 0
+    if len(loc) > 2 and loc[:2] in _NESTED:
+        return 3
     return min(len(loc), 2 if loc[0] in _NAMED or loc[0] in _LISTED else 1)
 
 
@@ -78,6 +86,8 @@ def _model(table: tuple[int | str, ...]) -> type[Table]:
     if not table:
         return Scene
     name = str(table[0])
+    if len(table) > 1 and table[:2] in _NESTED:
+        return _NESTED[table[:2]]  # type: ignore[index]
     if name in _NAMED or name in _LISTED:
         return {**_NAMED, **_LISTED}[name]
     return next(kind for kind in _alternatives(Scene.model_fields[name].annotation) if issubclass(kind, Table))
@@ -92,14 +102,20 @@ def _header(table: tuple[int | str, ...], raw: Mapping[str, Any]) -> str:
     if not table:
         return ""
     name = str(table[0])
+    if len(table) > 2 and table[:2] in _NESTED:
+        return _entry(f"{name}.{table[1]}", int(table[2]), raw[name][table[1]])
     if name in _NAMED:
         return f"[{name}.{table[1]}]" if len(table) > 1 else f"[{name}]"
     if name not in _LISTED:
         return f"[{name}]"
     if len(table) == 1:
         return f"[[{name}]]"
-    number = int(table[1])
-    entry = raw[name][number]
+    return _entry(name, int(table[1]), raw[name])
+
+
+def _entry(name: str, number: int, entries: Any) -> str:
+    """Return the header of an entry of a list of tables."""
+    entry = entries[number]
     own = entry.get("name") if isinstance(entry, Mapping) else None
     return f"[[{name}]] {number + 1}" + (f' ("{own}")' if isinstance(own, str) and own else "")
 
@@ -113,7 +129,7 @@ def _expected(loc: tuple[int | str, ...]) -> str:
     n_table = _depth(loc)
     if len(loc) > n_table:
         return str(_model(loc[:n_table]).model_fields[str(loc[n_table])].description)
-    if n_table == 2:
+    if n_table >= 2:
         return f"a table with {listed(_model(loc).model_fields)}"
     return str(Scene.model_fields[str(loc[0])].description)
 

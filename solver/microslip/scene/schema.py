@@ -223,6 +223,20 @@ class Temperature(Table):
     temperature: float = Field(description="the temperature in K above that without stress, a number")
 
 
+class Bolt(Table):
+    """[[statics.bolts]]: a shank that is cut and pulled together."""
+
+    group: str = Field(min_length=1, description="the name of a group of faces that cross the shank inside the mesh")
+    force: Positive | None = Field(None, description="the clamping force in N to which the bolt is tightened, a number above 0")
+    shortening: Positive | None = Field(None, description="the length in m that is taken out of the shank, a number above 0")
+    name: Name | None = Field(None, description="a name for tables and messages, without comma, quote or slash")
+
+    @model_validator(mode="after")
+    def _one(self):
+        self.exactly_one("force", "shortening")
+        return self
+
+
 class Statics(Table):
     """[statics]: what the joint carries before it vibrates."""
 
@@ -235,6 +249,9 @@ class Statics(Table):
     pressures: tuple[Pressure, ...] = Field((), description="tables, each headed [[statics.pressures]], with group and pressure")
     temperatures: tuple[Temperature, ...] = Field(
         (), description="tables, each headed [[statics.temperatures]], with group and temperature"
+    )
+    bolts: tuple[Bolt, ...] = Field(
+        (), description="tables, each headed [[statics.bolts]], with group and force, or with group and shortening"
     )
 
 

@@ -6,17 +6,20 @@ balance with the mean alone, condensed to the pairs, and the law is that of the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py.MPI import LOR
 
-from ..contact.law import Law
+from ..assembly.pretension import Bolts
 from ..linear.dense import summed
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..modes.constraint import static_columns
 from ..parallel.agree import on_root
 from ..parallel.errors import ConvergenceError, ResourceError
+from .bolts import BoltsAtRest, cuts_of, of_loads
 
 TOLERANCE = 1e-12  # of the relative displacement, over the largest there is
 MOST_ITERATIONS = 60
@@ -36,6 +39,7 @@ class Rest:
     u_owned: np.ndarray  # (n_dof_owned,) m, this rank's rows of the displacement
     iterations: int  # of Newton, in all steps
     steps: int  # that were taken
+    bolts: BoltsAtRest | None = None
 
     @property
     def N(self) -> np.ndarray:
@@ -68,37 +72,58 @@ class Flexibility:
         return self._columns[:, _rows(np.flatnonzero(pairs))]
 
 
-def equilibrium(linearised: Linearised, pairs: ContactPairs, forces_owned: np.ndarray, n_steps: int) -> Rest:
+def equilibrium(
+    linearised: Linearised,
+    pairs: ContactPairs,
+    forces_owned: np.ndarray,
+    n_steps: int,
+    bolts: Bolts | None = None,
+    which_flies: Callable[[], str] = lambda: "",
+    where: str = "",
+) -> Rest:
     """Return the joint at rest under ``forces_owned`` (n_dof_owned,) [N], this rank's rows, put on in equal steps.
 
     Collective.  ``linearised`` has the springs of all pairs.  docs/theory.md, eq. (12.3).  A step without a solution is halved.
+    ``bolts`` are tightened first, in as many steps; then their shortening is held while the forces are put on.
+
+    Parameters
+    ----------
+    which_flies : says which bodies the loads move freely; collective
+    where : the scene file, for messages
 
     Raises
     ------
+    CaseError : a bolt that clamps nothing; on every rank
     ConvergenceError : no equilibrium; the text says which body nothing presses on any more; on every rank
     ResourceError : more pairs open or slip than are solved for densely; on every rank
     """
     system, comm = linearised.system, linearised.system.comm
-    u_load = linearised.factor.solve(forces_owned[:, None])[:, 0]
     first, last = linearised.K_L.getOwnershipRange()
-    du_load = comm.bcast(summed(comm, system.R[:, first:last] @ u_load))
-    contact = _Contact(comm, pairs.law, pairs.N0, Flexibility(linearised), du_load.reshape(-1, 3))
-    share, step, n_taken = 0.0, 1.0 / n_steps, 0
-    now = _State(np.zeros((pairs.n_pairs, 3)), np.zeros((pairs.n_pairs, 3)))
-    while share < 1.0 - 1e-9:
-        next_share = min(share + step, 1.0)
-        found = contact.solve(now, share, next_share)
-        if found is None:
-            step *= 0.5
-            if step < SHORTEST / n_steps:
-                raise ConvergenceError(contact.why_not(now, share, pairs))
-            continue
-        now, share, n_taken, step = found, next_share, n_taken + 1, min(2.0 * step, 1.0 / n_steps)
-    p_owned = (system.R[:, first:last].T @ now.p.ravel())[:, None]
-    u_owned = u_load - linearised.factor.solve(p_owned)[:, 0]
+    R_owned = system.R[:, first:last]
+    u_load = linearised.factor.solve(forces_owned[:, None])[:, 0]
+    du_load = comm.bcast(summed(comm, R_owned @ u_load)).reshape(-1, 3)
+    contact = _Contact(comm, pairs, Flexibility(linearised))
+    now, n_taken, found = _State(np.zeros(du_load.shape), np.zeros(du_load.shape)), 0, None
+    held, u_held = np.zeros(du_load.shape), 0.0
+    if bolts is not None:
+        cuts = cuts_of(linearised, bolts, where)
+        delta = cuts.tightened(now.p)
+        tightening = _Loading(held, (cuts.RU @ delta).reshape(-1, 3), "the bolts' forces", release=cuts.release)
+        now, n_taken = contact.follow(tightening, now, n_steps)
+        delta = cuts.tightened(now.p)
+        tightened = cuts.force(delta, now.p)
+        held, u_held = (cuts.RU @ delta).reshape(-1, 3), cuts.U_owned @ delta
+    if bolts is None or comm.allreduce(bool(forces_owned.any()), LOR):
+        loading = _Loading(held, du_load, "the load", which_flies)
+        now, n_more = contact.follow(loading, now, n_steps)
+        n_taken += n_more
+    if bolts is not None:
+        at_rest = cuts.force(delta, now.p, of_loads(cuts, linearised, forces_owned))
+        found = BoltsAtRest(tuple(bolt.name for bolt in bolts.given), bolts.area, delta, tightened, at_rest)
+    u_owned = u_held + u_load - linearised.factor.solve((R_owned.T @ now.p.ravel())[:, None])[:, 0]
     force = now.p + pairs.law.stiffness * now.du
     force[:, 2] -= np.maximum(pairs.N0, 0.0)
-    return Rest(now.du, force, u_owned, contact.iterations, n_taken)
+    return Rest(now.du, force, u_owned, contact.iterations, n_taken, found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,35 +132,65 @@ class _State:
     p: np.ndarray  # (n_pairs, 3) N
 
 
+@dataclass(frozen=True, eq=False)
+class _Loading:
+    """What moves the pairs while they all stick: a part that is there, and one that is put on in steps."""
+
+    held: np.ndarray  # (n_pairs, 3) m
+    rising: np.ndarray  # (n_pairs, 3) m
+    name: str  # of what is put on, for messages
+    which_flies: Callable[[], str] = lambda: ""
+    release: tuple[np.ndarray, np.ndarray] | None = None  # R K_L^-1 F and S^-1 of bolts that give way at their force
+
+    @property
+    def largest(self) -> float:
+        return float(max(np.abs(self.held).max(initial=0.0), np.abs(self.rising).max(initial=0.0)))
+
+
 class _Contact:
-    """du = share du_load - G p, p by the law from what it was: Newton's method on rank 0, columns of G from all."""
+    """du = held + share rising - G p, p by the law from what it was: Newton's method on rank 0, columns of G from all."""
 
-    def __init__(self, comm, law: Law, N0: np.ndarray, G: Flexibility, du_load: np.ndarray):
-        self.comm, self.law, self.N0, self.G, self.du_load = comm, law, N0, G, du_load
+    def __init__(self, comm, pairs: ContactPairs, G: Flexibility):
+        self.comm, self.pairs, self.law, self.G = comm, pairs, pairs.law, G
         self.iterations = 0
-        self.largest = float(np.abs(du_load).max(initial=0.0))
 
-    def solve(self, was: _State, share: float, next_share: float) -> _State | None:
+    def follow(self, loading: _Loading, now: _State, n_steps: int) -> tuple[_State, int]:
+        """Return the state under all of a loading, put on in equal steps or shorter ones, and their number.  Collective."""
+        share, step, n_taken = 0.0, 1.0 / n_steps, 0
+        while share < 1.0 - 1e-9:
+            next_share = min(share + step, 1.0)
+            found = self._solve(loading, now, share, next_share)
+            if found is None:
+                step *= 0.5
+                if step < SHORTEST / n_steps:
+                    raise ConvergenceError(self._why_not(loading, now, share, loading.which_flies()))
+                continue
+            now, share, n_taken, step = found, next_share, n_taken + 1, min(2.0 * step, 1.0 / n_steps)
+        return now, n_taken
+
+    def _solve(self, loading: _Loading, was: _State, share: float, next_share: float) -> _State | None:
         """Return the state at the next share of the load, None where Newton does not find one.  Collective.
 
         From where the load moves the pairs if none changes its state; if that fails, from all gaps closed: a body that hangs on
         its gaps alone is nowhere near its rest before it has fallen through them.
         """
-        load = next_share * self.du_load
-        found = self._newton_from(was.du + (next_share - share) * self.du_load, was, load)
-        if found is None and (self.N0 < 0.0).any():
-            found = self._newton_from(self._closed(was, load), was, load)
+        load = loading.held + next_share * loading.rising
+        found = self._newton_from(was.du + (next_share - share) * loading.rising, loading, was, load)
+        if found is None and (self.pairs.N0 < 0.0).any():
+            found = self._newton_from(self._closed(loading, was, load), loading, was, load)
         return found
 
-    def _closed(self, was: _State, load: np.ndarray) -> np.ndarray:
+    def _closed(self, loading: _Loading, was: _State, load: np.ndarray) -> np.ndarray:
         """Return du with all gaps closed by what the springs of the pairs carry.  Collective."""
         p = was.p.copy()
-        p[:, 2] = np.maximum(-self.N0, 0.0)
-        self.G.require(p.any(axis=1))
-        return on_root(self.comm, lambda: load - (self.G.of(p.any(axis=1)) @ p[p.any(axis=1)].ravel()).reshape(load.shape))
+        p[:, 2] = np.maximum(-self.pairs.N0, 0.0)
+        carried = p.any(axis=1)
+        self.G.require(carried)
+        return on_root(self.comm, lambda: -self._residual(loading, load, np.zeros(p.shape), p, carried))
 
-    def _newton_from(self, du: np.ndarray, was: _State, load: np.ndarray) -> _State | None:
+    def _newton_from(self, du: np.ndarray, loading: _Loading, was: _State, load: np.ndarray) -> _State | None:
         """Return the state that Newton's method finds from ``du``, if it does.  Collective."""
+        largest = loading.largest
         for _ in range(MOST_ITERATIONS):
             p, L, _ = self.law.step(du, was.p)
             active = p.any(axis=1) | L.any(axis=(1, 2))
@@ -145,10 +200,10 @@ class _Contact:
                     "solved for: a coarser mesh of the contact surfaces, or stiffer contact, has fewer"
                 )
             self.G.require(active)
-            size = max(self.largest, float(np.abs(du).max(initial=0.0)))
-            better, error = on_root(self.comm, self._iterate, was, load, du, p, L, active)
+            size = max(largest, float(np.abs(du).max(initial=0.0)))
+            better, error = on_root(self.comm, self._iterate, loading, was, load, du, p, L, active)
             self.iterations += 1
-            if size > FARTHEST * self.largest:
+            if size > FARTHEST * largest:
                 return None
             if error <= TOLERANCE * size:
                 return _State(du, p)
@@ -157,11 +212,11 @@ class _Contact:
             du = better
         return None
 
-    def _iterate(self, was: _State, load, du, p, L, active) -> tuple[np.ndarray | None, float]:
+    def _iterate(self, loading: _Loading, was: _State, load, du, p, L, active) -> tuple[np.ndarray | None, float]:
         """Return du after a Newton step, None where there is none, and the residual before it [m].  Rank 0."""
-        residual = self._residual(load, du, p, active)
+        residual = self._residual(loading, load, du, p, active)
         error = float(np.abs(residual).max(initial=0.0))
-        step = self._newton(residual, L, active)
+        step = self._newton(loading, residual, L, active)
         if step is None:
             return None, error
         best, best_error = du + step, np.inf
@@ -170,7 +225,7 @@ class _Contact:
             p_trial, _, _ = self.law.step(trial, was.p)
             moving = p_trial.any(axis=1)
             if not (moving & ~self.G.known).any():
-                trial_error = float(np.abs(self._residual(load, trial, p_trial, moving)).max(initial=0.0))
+                trial_error = float(np.abs(self._residual(loading, load, trial, p_trial, moving)).max(initial=0.0))
                 if trial_error < best_error:
                     best, best_error = trial, trial_error
                 if trial_error < error:
@@ -179,12 +234,20 @@ class _Contact:
                 return trial, error  # pairs of which nothing is known yet
         return best, error
 
-    def _residual(self, load, du, p, active) -> np.ndarray:
-        return du - load + (self.G.of(active) @ p[active].ravel()).reshape(du.shape)
+    def _columns(self, loading: _Loading, active: np.ndarray) -> np.ndarray:
+        """Return columns of the flexibility, with that of bolts that give way, (3 n_pairs, 3 m) [m/N].  Rank 0."""
+        columns = self.G.of(active)
+        if loading.release is None:
+            return columns
+        RU, compliance = loading.release
+        return columns + RU @ (compliance @ RU[_rows(np.flatnonzero(active))].T)
 
-    def _newton(self, residual, L, active) -> np.ndarray | None:
+    def _residual(self, loading: _Loading, load, du, p, active) -> np.ndarray:
+        return du - load + (self._columns(loading, active) @ p[active].ravel()).reshape(du.shape)
+
+    def _newton(self, loading: _Loading, residual, L, active) -> np.ndarray | None:
         """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular."""
-        rows, columns = _rows(np.flatnonzero(active)), self.G.of(active)
+        rows, columns = _rows(np.flatnonzero(active)), self._columns(loading, active)
         J = np.einsum("rmi,mij->rmj", columns[rows].reshape(len(rows), len(rows) // 3, 3), L[active]).reshape(
             len(rows), len(rows)
         )
@@ -197,15 +260,15 @@ class _Contact:
         step = -residual - (columns @ dp.ravel()).reshape(residual.shape)
         return step if np.isfinite(step).all() else None
 
-    def why_not(self, now: _State, share: float, pairs: ContactPairs) -> str:
-        """Say what is open where the load ends at which there is equilibrium.  Local."""
-        du = now.du + SHORTEST * self.du_load
+    def _why_not(self, loading: _Loading, now: _State, share: float, flies: str) -> str:
+        """Say what is open where the load ends at which there is equilibrium, and what moves beyond it.  Local."""
+        du, pairs = now.du + SHORTEST * loading.rising, self.pairs
         is_open = pairs.N0 - pairs.k_n * du[:, 2] <= 0.0
         joints = [f"{np.count_nonzero(is_open[own])} of {len(own)} pairs of {name!r}" for name, own in _by_joint(pairs)]
         return (
-            f"[statics]: no equilibrium beyond {share:.1%} of the load, where {', '.join(joints)} are open: a body that nothing "
-            "presses on flies off, or slides where friction cannot hold it; check the directions of loads and axis, state more "
-            "friction or a support, or smaller [statics] steps"
+            f"[statics]: no equilibrium beyond {share:.1%} of {loading.name}, where {', '.join(joints)} are open"
+            f"{': ' if flies else ''}{flies}: a body that nothing presses on flies off, or slides where friction cannot hold it; "
+            "check the directions of loads and axis, state more friction or a support, or smaller [statics] steps"
         )
 
 

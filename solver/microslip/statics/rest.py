@@ -45,7 +45,7 @@ def in_words(
 
     def lines() -> list[str]:
         assert mesh is not None and forces is not None, "called on rank 0 of a scene with a mesh"
-        return _of_joints(pairs, rest) + _of_bodies(system, mesh, rest, np.concatenate(forces), body_of)
+        return _of_joints(pairs, rest) + _of_bolts(rest) + _of_bodies(system, mesh, rest, np.concatenate(forces), body_of)
 
     return on_root(system.comm, lines)
 
@@ -67,6 +67,18 @@ def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
             f"gap up to {gap.max():.3g} m"
         )
     return lines
+
+
+def _of_bolts(rest: Rest) -> list[str]:
+    """Return a line for each bolt: its force when it was tightened and at rest."""
+    bolts = rest.bolts
+    if bolts is None:
+        return []
+    return [
+        f"  bolt {name!r}: {tightened:.6g} N when tightened, {force:.6g} N at rest, {force / area:.4g} Pa in its cut; "
+        f"shortened by {delta:.6g} m"
+        for name, tightened, force, delta, area in zip(bolts.names, bolts.tightened, bolts.force, bolts.shortening, bolts.area)
+    ]
 
 
 def _of_bodies(system: System, mesh: Mesh, rest: Rest, forces: np.ndarray, body_of: Mapping[str, str]) -> list[str]:

@@ -1,0 +1,227 @@
+"""Cuts through the shanks of bolts: their faces, normal, and the elements on the side that the normal points to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from .. import elements
+from ..parallel.errors import MeshError
+from .data import Mesh, place
+from .settings import Bolt
+
+MOST_TURN = 45.0  # degrees of a face of the cut from its mean normal
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A cut through a shank.  Its elements are those that touch it on the side of the normal."""
+
+    nodes: np.ndarray  # (n_nodes,) index into Mesh.points
+    normal: np.ndarray  # (3,) unit, the mean of the faces
+    area: float  # m2, across the normal
+    numbers: dict[tuple[str, str], np.ndarray]  # by kind and group of the elements: their numbers in the user's file
+
+
+@dataclass(frozen=True, eq=False)
+class _Near:
+    """The elements that touch some nodes, counted over all blocks, and their faces; a face between two of them comes twice."""
+
+    block: np.ndarray  # (n_elements,) index into Mesh.elements
+    row: np.ndarray  # (n_elements,) in the block
+    centre: np.ndarray  # (n_elements, 3) m
+    owner: np.ndarray  # (n_faces,) element of each face
+    label: np.ndarray  # (n_faces,) the same for the same corners
+    corners: np.ndarray  # (n_faces, 4) sorted corners, the first twice where there are three
+    vector: np.ndarray  # (n_faces, 3) m2, outward, as long as the face is large
+    nodes: list[np.ndarray]  # of each face
+
+
+def cuts_through(mesh: Mesh, bolts: Sequence[Bolt]) -> list[Cut]:
+    """Return the cut of each bolt.  Local, rank 0.
+
+    Raises
+    ------
+    MeshError : a group that is no cut, or cuts that touch each other
+    """
+    found, taken = [], dict[int, str]()
+    for bolt in bolts:
+        cut = cut_through(mesh, bolt)
+        for node in np.unique(np.concatenate([_nodes_of(mesh, cut), cut.nodes])):
+            other = taken.setdefault(int(node), bolt.name)
+            if other != bolt.name:
+                raise MeshError(
+                    f"{mesh.path}: bolts {other!r} and {bolt.name!r}: their cuts lie side by side at node "
+                    f"{mesh.numbers[node]} {place(mesh.points[node])} m; leave two layers of elements between cuts"
+                )
+        found.append(cut)
+    return found
+
+
+def cut_through(mesh: Mesh, bolt: Bolt) -> Cut:
+    """Return the cut that a bolt's group stands for.  Local, rank 0.
+
+    The group's own faces where it has any, otherwise the inner faces of elements all of whose nodes are in it.
+
+    Raises
+    ------
+    MeshError : faces that are no inner ones, that lie in several pieces or far from one plane, or that end inside the body
+    """
+    where = f"{mesh.path}: bolt {bolt.name!r}: group {bolt.group!r}"
+    near = _elements_near(mesh, mesh.node_groups[bolt.group])
+    in_cut = _faces_of_cut(mesh, bolt.group, near, where)
+    _check_one_piece(near, in_cut, where)
+    normal, area = _mean_normal(near.vector[in_cut], where)
+    nodes = np.unique(np.concatenate([near.nodes[i] for i in np.flatnonzero(in_cut)]))
+    is_cut = np.zeros(len(mesh.points), dtype=bool)
+    is_cut[nodes] = True
+    side = _sides(mesh, near, in_cut, normal, is_cut, where)
+    touches = np.array([is_cut[mesh.elements[b].nodes[row]].any() for b, row in zip(near.block, near.row)])
+    numbers: dict[tuple[str, str], np.ndarray] = {}
+    for b in np.unique(near.block):
+        mine = (near.block == b) & touches & (side > 0)
+        block = mesh.elements[b]
+        key = (block.kind, block.group)
+        numbers[key] = np.concatenate([numbers.get(key, np.empty(0, dtype=np.int64)), block.numbers[near.row[mine]]])
+    return Cut(nodes, normal, area, {key: np.sort(own) for key, own in numbers.items() if len(own)})
+
+
+def _nodes_of(mesh: Mesh, cut: Cut) -> np.ndarray:
+    """Return the nodes of the elements of a cut."""
+    found = [
+        block.nodes[np.isin(block.numbers, cut.numbers[block.kind, block.group])].ravel()
+        for block in mesh.elements
+        if (block.kind, block.group) in cut.numbers
+    ]
+    return np.unique(np.concatenate(found))
+
+
+def _elements_near(mesh: Mesh, nodes: np.ndarray) -> _Near:
+    """Return the elements that touch any of ``nodes``."""
+    is_near = np.zeros(len(mesh.points), dtype=bool)
+    is_near[nodes] = True
+    blocks, rows, centres, owners, corners, vectors, of_faces, n = [], [], [], [], [], [], [], 0
+    for b, block in enumerate(mesh.elements):
+        own = np.flatnonzero(is_near[block.nodes].any(axis=1))
+        kind = elements.KINDS[block.kind]
+        blocks.append(np.full(len(own), b))
+        rows.append(own)
+        centres.append(mesh.points[block.nodes[own, : kind.n_corners]].mean(axis=1))
+        for face_kind, local in kind.faces:
+            faces = block.nodes[own][:, list(local)]
+            owners.append(n + np.arange(len(own)))
+            ring = faces[:, : 3 if face_kind.startswith("tri") else 4]
+            corners.append(np.sort(ring if ring.shape[1] == 4 else np.column_stack([ring, ring.min(axis=1)]), axis=1))
+            vectors.append(-elements.pressure_forces(face_kind, mesh.points[faces]).sum(axis=1))
+            of_faces += list(faces)
+        n += len(own)
+    key = np.concatenate(corners)
+    label = np.unique(key, axis=0, return_inverse=True)[1].ravel()
+    block_of, row, centre, owner = (np.concatenate(values) for values in (blocks, rows, centres, owners))
+    return _Near(block_of, row, centre, owner, label, key, np.concatenate(vectors), of_faces)
+
+
+def _faces_of_cut(mesh: Mesh, group: str, near: _Near, where: str) -> np.ndarray:
+    """Return which faces are those of the cut, (n_faces,); each twice, seen from both sides."""
+    is_inner = np.bincount(near.label)[near.label] == 2
+    named = [block.nodes[:, : 3 if block.kind.startswith("tri") else 4] for block in mesh.faces if block.group == group]
+    if named:
+        wanted = np.unique(np.concatenate([_padded(faces) for faces in named]), axis=0)
+        both, index = np.unique(np.concatenate([wanted, near.corners]), axis=0, return_inverse=True)
+        is_wanted = np.zeros(len(both), dtype=bool)
+        is_wanted[index.ravel()[: len(wanted)]] = True
+        in_cut = is_wanted[index.ravel()[len(wanted) :]]
+        n_outer = len(wanted) - len(np.unique(near.label[in_cut & is_inner]))
+    else:
+        member = np.zeros(len(mesh.points), dtype=bool)
+        member[mesh.node_groups[group]] = True
+        in_cut, n_outer = np.array([member[nodes].all() for nodes in near.nodes]) & is_inner, 0
+    if n_outer or not in_cut.any():
+        found = f"{n_outer} of {len(wanted)} faces are not" if n_outer else "it holds no face"
+        raise MeshError(
+            f"{where}: {found} between two elements of the mesh; the cut of a bolt is a group of the inner faces "
+            "that cross its shank from side to side, with the same nodes on both sides"
+        )
+    return in_cut
+
+
+def _padded(faces: np.ndarray) -> np.ndarray:
+    return np.sort(faces if faces.shape[1] == 4 else np.column_stack([faces, faces.min(axis=1)]), axis=1)
+
+
+def _check_one_piece(near: _Near, in_cut: np.ndarray, where: str) -> None:
+    """Raise MeshError where the faces of the cut do not hang together."""
+    corners = near.corners[in_cut]
+    used, index = np.unique(corners, return_inverse=True)
+    index = index.reshape(corners.shape)
+    pattern = sp.coo_matrix((np.ones(3 * len(index)), (np.repeat(index[:, 0], 3), index[:, 1:].ravel())), (len(used),) * 2)
+    n_pieces, _ = connected_components(pattern, directed=False)
+    if n_pieces > 1:
+        raise MeshError(f"{where}: the faces form {n_pieces} separate cuts; each shank needs a group and a bolt of its own")
+
+
+def _mean_normal(vectors: np.ndarray, where: str) -> tuple[np.ndarray, float]:
+    """Return the mean normal of faces that come twice, outward of either side, and their area across it [m2].
+
+    Its largest component is positive: which side it points to changes nothing.
+    """
+    sizes = np.linalg.norm(vectors, axis=1)
+    rough = np.linalg.eigh(np.einsum("fi,fj,f->ij", vectors, vectors, 1.0 / sizes))[1][:, -1]
+    total = np.where((vectors @ rough)[:, None] > 0.0, vectors, -vectors).sum(axis=0)
+    normal = total / np.linalg.norm(total)
+    normal = normal * np.sign(normal[np.argmax(np.abs(normal) - 1e-9 * np.arange(3))])
+    turn = np.degrees(np.arccos(np.clip(np.abs(vectors @ normal) / sizes, 0.0, 1.0))).max()
+    if turn > MOST_TURN:
+        raise MeshError(
+            f"{where}: a face turns {turn:.0f} degrees from the mean normal {place(normal)} of the cut (bound "
+            f"{MOST_TURN:.0f}); a cut is roughly a plane across the shank"
+        )
+    return normal, float(np.linalg.norm(total)) / 2.0
+
+
+def _sides(mesh: Mesh, near: _Near, in_cut, normal, is_cut, where: str) -> np.ndarray:
+    """Return for each element +1 on the side the normal points to, -1 on the other; 0 where it does not touch the cut.
+
+    Elements are on one side that hang together by faces which are not of the cut.
+    """
+    touches = np.array([is_cut[mesh.elements[b].nodes[row]].any() for b, row in zip(near.block, near.row)])
+    piece = _pieces(near, touches, ~in_cut)
+    of_face = -np.sign(near.vector @ normal)  # the normal leaves the elements on the side below
+    seeds = [np.unique(piece[near.owner[in_cut & (of_face == sign)]]) for sign in (-1.0, 1.0)]
+    both = np.intersect1d(*seeds)
+    if len(both):
+        node = _node_at_end(mesh, near, in_cut, of_face, is_cut)
+        raise MeshError(
+            f"{where}: the cut does not go through: its two sides hang together around it, first at node "
+            f"{mesh.numbers[node]} {place(mesh.points[node])} m; take all faces from side to side of the shank, which must not "
+            "share nodes with what it is in"
+        )
+    middle = mesh.points[is_cut].mean(axis=0)
+    side = np.where((near.centre - middle) @ normal > 0.0, 1, -1)  # of what touches the cut without such a chain of faces
+    side[np.isin(piece, seeds[0])], side[np.isin(piece, seeds[1])] = -1, 1
+    return np.where(touches, side, 0)
+
+
+def _pieces(near: _Near, members: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """Return a label for each element, the same where ``members`` hang together by faces that may be used."""
+    use = use & members[near.owner]
+    order = np.flatnonzero(use)[np.argsort(near.label[use], kind="stable")]
+    pair = near.label[order[1:]] == near.label[order[:-1]]
+    first, second = near.owner[order[:-1][pair]], near.owner[order[1:][pair]]
+    n = len(members)
+    return connected_components(sp.coo_matrix((np.ones(len(first)), (first, second)), (n, n)), directed=False)[1]
+
+
+def _node_at_end(mesh: Mesh, near: _Near, in_cut, of_face, is_cut) -> int:
+    """Return a node of the cut around which its two sides hang together; where none does by itself, any."""
+    for node in np.flatnonzero(is_cut):
+        members = np.array([node in mesh.elements[b].nodes[row] for b, row in zip(near.block, near.row)])
+        piece = _pieces(near, members, ~in_cut)
+        mine = in_cut & members[near.owner]
+        if len(np.intersect1d(*(piece[near.owner[mine & (of_face == sign)]] for sign in (-1.0, 1.0)))):
+            return int(node)
+    return int(np.flatnonzero(is_cut)[0])

@@ -1,0 +1,90 @@
+"""Bolts in the equilibrium: the stiffness that their cuts feel, tightening to a force, and the forces that result.
+
+docs/theory.md, section 12.  Small matrices, the same on every rank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..assembly.pretension import Bolts
+from ..linear.dense import gram, summed
+from ..linear.joint_springs import Linearised
+from ..parallel.errors import CaseError
+
+_NOTHING = 1e-9  # stiffness felt over that of the cut itself: below it the two halves of a shank do not hold each other
+
+
+@dataclass(frozen=True, eq=False)
+class BoltsAtRest:
+    """The bolts of a joint at rest, the same on every rank."""
+
+    names: tuple[str, ...]
+    area: np.ndarray  # (n_bolts,) m2 of the cut
+    shortening: np.ndarray  # (n_bolts,) m, held since they were tightened
+    tightened: np.ndarray  # (n_bolts,) N, when all were tightened and nothing else acted
+    force: np.ndarray  # (n_bolts,) N, at rest under all loads
+
+
+@dataclass(frozen=True, eq=False)
+class Cuts:
+    """The cuts in the structure with all pairs stuck."""
+
+    bolts: Bolts
+    U_owned: np.ndarray  # (n_dof_owned, n_bolts) K_L^-1 F, motion of a unit shortening
+    RU: np.ndarray  # (3 n_pairs, n_bolts) R K_L^-1 F
+    S: np.ndarray  # (n_bolts, n_bolts) N/m, forces in the cuts of unit shortenings
+    given: np.ndarray  # (n_bolts,) bool: a force is given, not a shortening
+    stated: np.ndarray  # (n_bolts,) N or m
+
+    def tightened(self, p: np.ndarray) -> np.ndarray:
+        """Return the shortenings, (n_bolts,) [m], with the forces and lengths given, under contact forces p (3 n_pairs,) [N].
+
+        Local.  docs/theory.md, eq. (12.8).
+        """
+        delta = np.where(self.given, 0.0, self.stated)
+        missing = self.stated - self.force(delta, p)
+        delta[self.given] = np.linalg.solve(self.S[np.ix_(self.given, self.given)], missing[self.given])
+        return delta
+
+    def force(self, delta: np.ndarray, p: np.ndarray, of_loads: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return the forces in the cuts, eq. (12.7), (n_bolts,) [N], with what the other loads add.  Local."""
+        return self.S @ delta + self.RU.T @ p.ravel() + of_loads
+
+    @property
+    def release(self) -> tuple[np.ndarray, np.ndarray]:
+        """R K_L^-1 F and S^-1 of the bolts that are pulled by a given force, (3 n_pairs, n_given) and (n_given, n_given)."""
+        return self.RU[:, self.given], np.linalg.inv(self.S[np.ix_(self.given, self.given)])
+
+
+def cuts_of(linearised: Linearised, bolts: Bolts, where: str = "") -> Cuts:
+    """Return the cuts in the stuck structure.  Collective: a solve a bolt.
+
+    Raises
+    ------
+    CaseError : nothing but its shank holds a part of a bolt whose force is given; on every rank
+    """
+    system, comm = linearised.system, linearised.system.comm
+    first, last = linearised.K_L.getOwnershipRange()
+    U_owned = linearised.factor.solve(bolts.F_owned)
+    RU = summed(comm, system.R[:, first:last] @ U_owned)
+    S = np.diag(bolts.k) - gram(comm, bolts.F_owned, U_owned)
+    S = comm.bcast(0.5 * (S + S.T))
+    for bolt, k, s in zip(bolts.given, bolts.k, np.diag(S)):
+        if bolt.force is not None and s < _NOTHING * k:
+            raise CaseError(
+                f"{where}{': ' if where else ''}[[statics.bolts]] {bolt.name!r}: there is nothing to clamp: beside the shank "
+                "nothing connects its two sides, no joint under the head and no support; add the joint that it presses on, or "
+                "pull with a force"
+            )
+    given = np.array([bolt.force is not None for bolt in bolts.given])
+    stated = np.array([bolt.force if bolt.force is not None else bolt.shortening for bolt in bolts.given], dtype=float)
+    return Cuts(bolts, U_owned, comm.bcast(RU), S, given, stated)
+
+
+def of_loads(cuts: Cuts, linearised: Linearised, forces_owned: np.ndarray) -> np.ndarray:
+    """Return what forces on the structure add to those in the cuts, all pairs stuck, (n_bolts,) [N].  Collective: one sum."""
+    comm = linearised.system.comm
+    return comm.bcast(cuts.bolts.loaded - summed(comm, cuts.U_owned.T @ forces_owned))

@@ -1,0 +1,163 @@
+"""Which body nothing holds, and where to, when contact and friction cannot bear the loads (docs/theory.md, section 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from ..assembly.system import System
+from ..mesh.connected import connected_parts
+from ..mesh.data import ContactPairs, Mesh
+from ..parallel.agree import on_root
+
+_BALANCED = 1e-6  # what is left of the loads over themselves: below it rigid bodies are in equilibrium
+_TAKES_PART = 0.3  # of the largest motion: bodies that move less are carried along
+_ROUNDS = 40  # in which edges are added to the cones, each straight against the motion of the last
+
+
+@dataclass(frozen=True)
+class _Rigid:
+    """Rigid motions of every part: three translations and three turns about its middle [m, and m a radian over its reach]."""
+
+    names: tuple[str, ...]
+    middle: np.ndarray  # (n_parts, 3) m
+    reach: np.ndarray  # (n_parts,) m
+    motions: np.ndarray  # (n_nodes, 3, 6) of each node with its own part
+    part: np.ndarray  # (n_nodes,)
+
+
+def which_flies(
+    system: System, mesh: Mesh | None, pairs: ContactPairs, forces_owned: np.ndarray, body_of: Mapping[str, str]
+) -> str:
+    """Return in words which bodies contact and friction cannot hold, and how they move; "" where rigid ones would be held.
+
+    Collective on ``system.comm``.
+
+    Parameters
+    ----------
+    mesh : that of rank 0
+    forces_owned : (n_dof_owned,) N, this rank's rows of the loads
+
+    Notes
+    -----
+    docs/theory.md, eq. (12.9): bodies are rigid here.  The loads are projected on what supports, and contact forces within
+    their cones of friction, can bear; what is left over is the motion.
+    """
+    gathered = system.comm.gather(forces_owned)
+
+    def words() -> str:
+        assert mesh is not None and gathered is not None, "called on rank 0 of a scene with a mesh"
+        rigid = _rigid_motions(mesh, body_of)
+        q = _motions(system, rigid, pairs, np.concatenate(gathered))
+        size = np.linalg.norm(q, axis=1)
+        order = [i for i in np.argsort(-size, kind="stable") if size[i] > _TAKES_PART * size.max()]
+        return "; ".join(_in_words(rigid.names[i], q[i], rigid.middle[i]) for i in order)
+
+    return on_root(system.comm, words)
+
+
+def _rigid_motions(mesh: Mesh, body_of: Mapping[str, str]) -> _Rigid:
+    part, names = connected_parts(mesh, body_of)
+    nodes = [np.flatnonzero(part == i) for i in range(len(names))]
+    middle = np.array([mesh.points[own].mean(axis=0) for own in nodes])
+    reach = np.array([np.abs(mesh.points[own] - own_middle).max() for own, own_middle in zip(nodes, middle)])
+    arm = (mesh.points - middle[part]) / reach[part, None]
+    turns = np.cross(np.eye(3)[None], arm[:, None])  # (n_nodes, 3 turns, 3)
+    motions = np.concatenate([np.broadcast_to(np.eye(3), (len(arm), 3, 3)), turns.swapaxes(1, 2)], axis=2)
+    return _Rigid(names, middle, reach, motions, part)
+
+
+def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndarray) -> np.ndarray:
+    """Return the motion of each part, (n_parts, 6); zero where all are held.  Local, rank 0."""
+    T = _by_row(system, rigid)
+    B = np.asarray(system.R @ T).reshape(pairs.n_pairs, 3, T.shape[1])
+    Z = _allowed(system, rigid)
+    load = forces @ T - np.einsum("p,pa->a", np.maximum(pairs.N0, 0.0), B[:, 2])
+    g = load @ Z
+    cones, q, size = _edges(pairs, B, Z), g, np.inf
+    for _ in range(_ROUNDS):
+        share, left = nnls(-cones.T, g)
+        if not left > _BALANCED * float(np.linalg.norm(load)):
+            return np.zeros((len(rigid.names), 6))
+        q = g + share @ cones
+        if left > (1.0 - 1e-6) * size:
+            break
+        cones, size = np.concatenate([cones, _against(pairs, B, Z, q)]), left
+    q = Z @ q
+    return _without_lift(q, Z, B, pairs.mu).reshape(-1, 6)
+
+
+def _by_row(system: System, rigid: _Rigid) -> np.ndarray:
+    """Return the rigid motions of all parts at the free DOFs, (n_dof, 6 n_parts)."""
+    assert system.dof is not None, "a structure with a mesh"
+    node, axis = np.nonzero(system.dof >= 0)
+    T = np.zeros((system.n_dof, len(rigid.names), 6))
+    T[system.dof[node, axis], rigid.part[node]] = rigid.motions[node, axis]
+    return T.reshape(system.n_dof, -1)
+
+
+def _allowed(system: System, rigid: _Rigid) -> np.ndarray:
+    """Return a basis of the rigid motions that no support hinders, (6 n_parts, n)."""
+    assert system.dof is not None, "a structure with a mesh"
+    node, axis = np.nonzero(system.dof < 0)
+    normal = np.zeros((len(rigid.names), 6, 6))  # of the held rows, part by part
+    np.add.at(normal, rigid.part[node], np.einsum("na,nb->nab", *2 * [rigid.motions[node, axis]]))
+    Z = []
+    for i, own in enumerate(normal):
+        values, vectors = np.linalg.eigh(own)
+        for vector in vectors.T[values <= 1e-9 * max(values.max(), 1e-300)]:
+            Z.append(np.zeros((len(normal), 6)))
+            Z[-1][i] = vector
+    return np.array(Z).reshape(len(Z), -1).T
+
+
+def _edges(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray) -> np.ndarray:
+    """Return edges of the cones of the contact forces as forces on the parts, (8 n_pairs, n)."""
+    angle = np.pi / 4.0 * np.arange(8)
+    across = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return np.concatenate([_cone(pairs, B, Z, np.broadcast_to(one, (pairs.n_pairs, 2))) for one in across])
+
+
+def _against(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return the edges that point straight against a motion, (n_pairs, n)."""
+    slip = B[:, :2] @ (Z @ q)
+    return _cone(pairs, B, Z, -slip / np.maximum(np.linalg.norm(slip, axis=1, keepdims=True), 1e-300))
+
+
+def _cone(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray, across: np.ndarray) -> np.ndarray:
+    """Return a unit normal force and friction at its limit along ``across`` (n_pairs, 2), unit, of each pair, (n_pairs, n)."""
+    largest = np.abs(across).max(axis=1, initial=1e-300)
+    reach = np.where(pairs.separate, 1.0 / largest, 1.0)  # to a square of limits, or a circle
+    return (B[:, 2] + np.einsum("p,pi,pia->pa", pairs.mu * reach, across, B[:, :2])) @ Z
+
+
+def _without_lift(q: np.ndarray, Z: np.ndarray, B: np.ndarray, mu: np.ndarray) -> np.ndarray:
+    """Return the motion with pairs that slide staying closed: projected on a cone, they would lift by mu times their slip."""
+    moved = B @ q
+    slides = moved[:, 2] <= 1.1 * mu * np.linalg.norm(moved[:, :2], axis=1) + 1e-9 * np.abs(moved).max(initial=0.0)
+    closed = B[slides, 2] @ Z
+    y = np.linalg.lstsq(Z, q, rcond=None)[0]
+    flat = Z @ (y - np.linalg.lstsq(closed, closed @ y, rcond=1e-9)[0]) if len(closed) else q
+    return flat if np.linalg.norm(flat) > 0.3 * np.linalg.norm(q) else q
+
+
+def _in_words(name: str, q: np.ndarray, middle: np.ndarray) -> str:
+    """Say how a part moves: along a direction, or turning about an axis through its middle."""
+    shift, turn = q[:3], q[3:]
+    along, about = np.linalg.norm(shift), np.linalg.norm(turn)
+    said = f"along {_direction(shift)}" if along >= 0.5 * about else ""
+    if about > 0.5 * along:
+        said += (" and turns" if said else "turns") + f" about {_direction(turn)} through {_point(middle)} m"
+    return f"{name} moves {said}" if said.startswith("along") else f"{name} {said}"
+
+
+def _direction(vector: np.ndarray) -> str:
+    unit = np.round(vector / np.linalg.norm(vector), 2) + 0.0
+    return "(" + ", ".join(f"{value:g}" for value in unit) + ")"
+
+
+def _point(values: np.ndarray) -> str:
+    return "(" + ", ".join(f"{value:.4g}" for value in values) + ")"

@@ -1,0 +1,135 @@
+"""A scene with a bolt from its file to log and results.h5; on one rank and on several."""
+
+import pytest
+from blocks import box, join
+from msh import write_msh
+
+from microslip.parallel.agree import on_root
+from microslip.results.read import read_results
+
+WIDTH, GRIP, HEAD = 0.02, 0.06, 0.02  # m
+SCENE = """
+[model]
+mesh = "clamp.msh"
+[materials.steel]
+young = 2.1e11
+poisson = 0.3
+density = 7800.0
+[bodies.bolt]
+group = "bolt"
+material = "steel"
+[bodies.left]
+group = "left"
+material = "steel"
+[bodies.right]
+group = "right"
+material = "steel"
+[[supports]]
+group = "base"
+fix = ["x", "y", "z"]
+[[joints]]
+name = "left seat"
+surfaces = ["seat_left", "under_left"]
+friction = 0.3
+tangential_stiffness = 1.0e13
+normal_stiffness = 2.0e13
+preload = "static"
+[[joints]]
+name = "right seat"
+surfaces = ["seat_right", "under_right"]
+friction = 0.3
+tangential_stiffness = 1.0e13
+normal_stiffness = 2.0e13
+preload = "static"
+[statics]
+steps = 3
+[[statics.bolts]]
+name = "M16"
+group = "cut"
+force = 9000.0
+[[statics.forces]]
+group = "head_top"
+force = [0.0, 0.0, 4000.0]
+[[loads]]
+position = [0.0, 0.01, 0.08]
+direction = [1.0, 0.0, 0.0]
+[[outputs]]
+name = "head"
+position = [0.0, 0.01, 0.08]
+direction = [1.0, 0.0, 0.0]
+[damping]
+ratio = 0.01
+[response]
+levels = [5.0]
+mode = 1
+span = [0.95, 1.05]
+points = 5
+[solver]
+modes = 4
+error_bars = false
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    """A shank between two columns, with a head over all three; its lower half ends in the cut."""
+    path = comm.bcast(tmp_path_factory.mktemp("bolts"))
+
+    def write():
+        half, cells = (WIDTH, WIDTH, 0.5 * GRIP), (2, 2, 2)
+        shank = [box("hex8", half, cells, names={"z0": "base", "z1": "cut"})]
+        shank += [box("hex8", half, cells, (0.0, 0.0, 0.5 * GRIP), {})]
+        head = [
+            box("hex8", (WIDTH, WIDTH, HEAD), (2, 2, 1), (x, 0.0, GRIP), {"z1": "head_top"} | names)
+            for x, names in ((-WIDTH, {"z0": "under_left"}), (0.0, {}), (WIDTH, {"z0": "under_right"}))
+        ]
+        columns = {
+            name: box("hex8", (WIDTH, WIDTH, GRIP), (2, 2, 4), (x, 0.0, 0.0), {"z0": "base", "z1": f"seat_{name}"})
+            for name, x in (("left", -WIDTH), ("right", WIDTH))
+        }
+        write_msh(str(path / "clamp.msh"), {"bolt": join(shank + head), **columns})
+
+    on_root(comm, write)
+    return path
+
+
+def test_forces_of_bolts_are_in_log_and_results(comm, folder, program):
+    on_root(comm, lambda: (folder / "clamp.toml").write_text(SCENE))
+    status, said, _ = program("run", folder / "clamp.toml", "--out", folder / "out")
+    assert status == 0
+    assert "bolt 'M16': 9000 N when tightened, " in said
+
+    def check():
+        results = read_results(str(folder / "out" / "results.h5"))
+        bolts, pressed = results.bolts, results.joint.N0[results.joint.N0 > 0.0].sum()
+        assert bolts.names == ("M16",) and bolts.tightened == pytest.approx([9000.0], rel=1e-8)
+        assert bolts.area == pytest.approx([WIDTH**2], rel=1e-9) and bolts.shortening > 0.0
+        assert 9000.0 < bolts.force < 13000.0
+        assert pressed == pytest.approx(bolts.force - 4000.0, rel=1e-6)  # of the head: bolt, load and seats
+
+    on_root(comm, check)
+
+
+@pytest.mark.parametrize(
+    "old, new, status, says",
+    [
+        (
+            'group = "cut"',
+            'group = "base"',
+            2,
+            "clamp.msh: bolt 'M16': group 'base': 12 of 12 faces are not between two elements",
+        ),
+        ("force = 9000.0", "", 2, '[[statics.bolts]] 1 ("M16"): exactly one of force, shortening is needed, found none'),
+        ("[0.0, 0.0, 4000.0]", '[0.0, 0.0, -4000.0]\n[[statics.bolts]]\ngroup = "cut"\nforce = 1.0', 2, "is used 2 times"),
+    ],
+    ids=["no cut", "no force", "one cut twice"],
+)
+def test_a_bolt_that_is_none_is_refused_once(comm, folder, program, old, new, status, says):
+    def write():
+        assert SCENE.count(old) == 1
+        (folder / "bad.toml").write_text(SCENE.replace(old, new))
+
+    on_root(comm, write)
+    found, _, error = program("run", folder / "bad.toml", "--out", folder / "bad")
+    assert found == status and says in error
+    assert error.count("microslip: error: ") == 1 and "Traceback" not in error

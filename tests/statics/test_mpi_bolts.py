@@ -1,0 +1,296 @@
+"""Bolts with pretension against closed forms: a bar that is cut, a bolt and what it clamps; on one rank and on several."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_meshes import box, joint, mesh_of, settings
+
+from microslip.assembly.assemble import assemble
+from microslip.assembly.prestress import constant_forces, stiffness_at_rest
+from microslip.assembly.pretension import pretension
+from microslip.linear.joint_springs import linearise
+from microslip.mesh.cut import cut_through
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.partition import distribute
+from microslip.mesh.settings import Body, Bolt, Force, Statics
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError, MeshError
+from microslip.statics.equilibrium import equilibrium
+
+YOUNG, DENSITY, EXPANSION = 2.0e11, 8000.0, 1e-5
+LENGTH, WIDTH = 0.1, 0.02  # m, of the bar along x
+AREA = WIDTH**2
+STIFFNESS = YOUNG * AREA / LENGTH
+
+
+def steel(group, young=YOUNG):
+    return Body(group=group, young=young, poisson=0.0, density=DENSITY, expansion=EXPANSION)
+
+
+def bar(kind, bulge=0.0, n=(4, 2, 2)):
+    """Return a bar that is held at both ends, with a cut in the middle that may bulge."""
+    points, elements = box(kind, n, (LENGTH, WIDTH, WIDTH))
+    x, y = points[:, 0] / LENGTH, points[:, 1] / WIDTH
+    is_cut = x == 0.5
+    points[:, 0] += bulge * WIDTH * 4.0 * y * (1.0 - y) * np.minimum(x, 1.0 - x) * 2.0
+    ends = np.isin(x, (0.0, 1.0))
+    return mesh_of(("bar", kind, points, elements), groups={"cut": lambda _: is_cut, "ends": lambda _: ends})
+
+
+def of_bar(**statics):
+    given = settings({"bar": "bar"}, supports=[("ends", "xyz")])
+    return replace(given, bodies={"bar": steel("bar")}, statics=Statics(**statics))
+
+
+def at_rest(comm, mesh, given):
+    """Return structure, bolts and rest.  ``mesh`` of rank 0.  Collective."""
+    pairs = on_root(comm, pair_contacts, mesh, given.joints)
+    shares = distribute(mesh, given, comm)
+    system = assemble(shares, mesh, pairs, given)
+    bolts = pretension(shares, mesh, given, system)
+    linearised = linearise(system, pairs)
+    try:
+        forces = constant_forces(shares, mesh, given, system)
+        rest = equilibrium(linearised, pairs, forces, given.statics.steps, bolts)
+    finally:
+        linearised.destroy()
+    return shares, system, pairs, bolts, rest
+
+
+def bolt(name="bolt", group="cut", **given):
+    return Bolt(name=name, group=group, **given)
+
+
+@pytest.mark.parametrize("given", [{"shortening": 1e-5}, {"force": STIFFNESS * 1e-5}], ids=["by length", "by force"])
+@pytest.mark.parametrize("bulge", [0.0, 0.15], ids=["plane", "bulging"])
+@pytest.mark.parametrize("kind", ["tet4", "tet10", "hex8", "hex20", "wedge15"])
+def test_a_bar_between_walls_is_pulled_as_a_spring(comm, kind, bulge, given):
+    """F = (E A / L) delta, whichever of them is given; the bar beside the cut stretches evenly."""
+    mesh = on_root(comm, bar, kind, bulge, share=False)
+    _, system, _, _, rest = at_rest(comm, mesh, of_bar(bolts=(bolt(**given),)))
+    found = rest.bolts
+    assert found.area == pytest.approx(AREA, rel=1e-9)
+    assert found.force == pytest.approx(STIFFNESS * 1e-5, rel=1e-8)
+    assert found.tightened == pytest.approx(STIFFNESS * 1e-5, rel=1e-8)
+    assert found.shortening == pytest.approx(1e-5, rel=1e-8)
+    u = np.concatenate(comm.allgather(rest.u_owned))
+
+    def error():
+        x = bar(kind).points[:, 0]
+        place = mesh.points[:, 0] / LENGTH
+        expected = 1e-5 * (place - (x > 0.5 * LENGTH))
+        free = system.dof[:, 0] >= 0
+        return np.abs(u[system.dof[free, 0]] - expected[free]).max()
+
+    assert on_root(comm, error) < 1e-5 * 1e-8
+
+
+@pytest.mark.parametrize("kind", ["tet10", "hex20"])
+def test_the_stress_of_the_bolt_is_its_force_over_its_area(comm, kind):
+    """w^T K_sigma w = F int w'^2 dx for w = x (L - x) across the bar: elements above the cut are stressed like all others."""
+    mesh = on_root(comm, bar, kind, share=False)
+    given = of_bar(bolts=(bolt(force=5000.0),))
+    shares, system, _, bolts, rest = at_rest(comm, mesh, given)
+
+    def seen(block, i, rows):
+        return bolts.overlap.seen(block, i, rows, rest.bolts.shortening)
+
+    stiffened = stiffness_at_rest(shares, given, system, rest.u_owned, seen)
+    stiffened.axpy(-1.0, system.K)
+    w, K_w = stiffened.createVecs()
+
+    def shape():
+        values = np.zeros(system.n_dof)
+        free = system.dof[:, 1] >= 0
+        x = mesh.points[free, 0]
+        values[system.dof[free, 1]] = x * (LENGTH - x)
+        return values
+
+    w.setArray(on_root(comm, shape)[slice(*w.getOwnershipRange())])
+    stiffened.mult(w, K_w)
+    assert w.dot(K_w) == pytest.approx(5000.0 * LENGTH**3 / 3.0, rel=1e-8)
+    stiffened.destroy()
+
+
+def test_warmth_slackens_a_bolt_that_is_held(comm):
+    """Tightened first, then warmed between the walls: the force falls by E A alpha theta, the shortening is held."""
+    mesh = on_root(comm, bar, "hex8", share=False)
+    *_, rest = at_rest(comm, mesh, of_bar(bolts=(bolt(force=6000.0),), temperatures={"bar": 20.0}))
+    assert rest.bolts.tightened == pytest.approx(6000.0, rel=1e-8)
+    assert rest.bolts.force == pytest.approx(6000.0 - YOUNG * AREA * EXPANSION * 20.0, rel=1e-8)
+
+
+def test_rotation_loads_the_cut_as_theory_says(comm):
+    """A bar between two walls turns about one of them: N(x) = rho A Omega^2 (L^2 / 6 - x^2 / 2), on top of the bolt's force."""
+    mesh = on_root(comm, bar, "hex20", share=False)
+    *_, rest = at_rest(comm, mesh, of_bar(bolts=(bolt(force=100.0),), speed=1000.0))
+    change = DENSITY * AREA * 1000.0**2 * LENGTH**2 * (1.0 / 6.0 - 1.0 / 8.0)
+    assert rest.bolts.force - rest.bolts.tightened == pytest.approx(change, rel=1e-8)
+
+
+# -- a bolt and what it clamps ---------------------------------------------------------------------------------
+
+HEAD, CONTACT, GRIP = 0.02, 5e13, 0.1  # m; N/m3; m, along z
+K_BOLT = YOUNG * AREA / GRIP
+K_MEMBER = 2.0 * AREA / (GRIP / YOUNG + 1.0 / CONTACT)
+CLAMP = 5000.0
+
+
+def clamped():
+    """Return a shank between two columns, a head of 1e6 times their stiffness on all three; nodes of shank and head merged."""
+    column, elements = box("hex8", (2, 2, 4), (WIDTH, WIDTH, GRIP))
+    head, of_head = box("hex8", (6, 2, 1), (3.0 * WIDTH, WIDTH, HEAD), (-WIDTH, 0.0, GRIP))
+    twin = np.linalg.norm(column[:, None] - head[None], axis=2)
+    shared = twin.min(axis=1) < 1e-9
+    number = np.where(shared, len(column) + np.argmin(twin, axis=1), np.arange(len(column)))
+    points, used = (
+        np.concatenate([column, head]),
+        np.unique(np.concatenate([number[elements].ravel(), of_head.ravel() + len(column)])),
+    )
+    new = np.cumsum(np.isin(np.arange(len(points)), used)) - 1
+    mesh = mesh_of(
+        ("shank", "hex8", points[used], new[number[elements]]),
+        *((name, "hex8", column + (shift, 0.0, 0.0), elements) for name, shift in (("left", -WIDTH), ("right", WIDTH))),
+    )
+    of_head = new[of_head + len(column)]
+    blocks = (replace(mesh.elements[0], group="head", nodes=of_head, numbers=1000 + np.arange(len(of_head))), *mesh.elements)
+    z = mesh.points[:, 2]
+    nodes = {name: np.unique(own.nodes) for own in blocks for name in [own.group]}
+    low = np.isclose(z, GRIP)
+    groups = nodes | {
+        "cut": np.intersect1d(np.flatnonzero(np.isclose(z, 0.5 * GRIP)), nodes["shank"]),
+        "base": np.flatnonzero(z == 0.0),
+        "seats": np.intersect1d(np.flatnonzero(low), np.union1d(nodes["left"], nodes["right"])),
+        "under_head": np.intersect1d(np.flatnonzero(low), nodes["head"]),
+    }
+    groups["under_left"] = np.intersect1d(np.flatnonzero(low & (mesh.points[:, 0] < 1e-9)), nodes["head"])
+    groups["under_right"] = np.intersect1d(np.flatnonzero(low & (mesh.points[:, 0] > WIDTH - 1e-9)), nodes["head"])
+    groups["seat_left"] = np.intersect1d(groups["seats"], nodes["left"])
+    groups["seat_right"] = np.intersect1d(groups["seats"], nodes["right"])
+    return replace(mesh, elements=blocks, node_groups=groups)
+
+
+def of_clamped(pull=0.0, push=0.0, **given):
+    """Return the settings: members guided along z, shank and head also along x where the head is pushed that way."""
+    names = ("shank", "head", "left", "right")
+    supports = [("base", "xyz"), *((name, "y" if push and name in names[:2] else "xy") for name in names)]
+    joints = [joint(side, (f"seat_{side}", f"under_{side}"), preload=0.0, normal_stiffness=CONTACT) for side in ("left", "right")]
+    loads = tuple(
+        Force(group=group, force=force)
+        for group, force in (("under_head", (push, 0.0, 0.0)), ("head", (0.0, 0.0, pull)))
+        if any(force)
+    )
+    bodies = {name: steel(name, YOUNG * (1e6 if name == "head" else 1.0)) for name in names}
+    made = settings({name: name for name in names}, supports=supports, joints=joints)
+    return replace(made, bodies=bodies, statics=Statics(bolts=(bolt(**(given or {"force": CLAMP})),), forces=loads, steps=4))
+
+
+@pytest.fixture(scope="module")
+def clamped_mesh(comm):
+    return on_root(comm, clamped, share=False)
+
+
+def test_a_bolt_is_shortened_by_what_it_and_the_member_give(comm, clamped_mesh):
+    *_, pairs, _, rest = at_rest(comm, clamped_mesh, of_clamped())
+    assert rest.bolts.shortening == pytest.approx(CLAMP / K_BOLT + CLAMP / K_MEMBER, rel=1e-5)
+    assert rest.N.sum() == pytest.approx(CLAMP, rel=1e-8)
+    assert rest.bolts.force == pytest.approx(CLAMP, rel=1e-8) and rest.bolts.tightened == pytest.approx(CLAMP, rel=1e-8)
+    *_, by_length = at_rest(comm, clamped_mesh, of_clamped(shortening=float(rest.bolts.shortening[0])))
+    assert by_length.bolts.force == pytest.approx(CLAMP, rel=1e-8)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.999, 1.001, 2.0])
+def test_a_load_on_the_joint_is_shared_until_it_opens(comm, clamped_mesh, share):
+    """The bolt takes k_b / (k_b + k_m) of it; at P = F (1 + k_b / k_m) the members are free, and the bolt carries all."""
+    opens = CLAMP * (1.0 + K_BOLT / K_MEMBER)
+    pull = share * opens
+    *_, rest = at_rest(comm, clamped_mesh, of_clamped(pull=pull))
+    closed = pull < opens
+    expected = CLAMP + pull * K_BOLT / (K_BOLT + K_MEMBER) if closed else pull
+    assert rest.bolts.tightened == pytest.approx(CLAMP, rel=1e-8)
+    assert rest.bolts.force == pytest.approx(expected, rel=1e-4)
+    assert (rest.N > 0.0).all() if closed else not rest.N.any()
+
+
+def test_friction_of_the_clamp_holds_up_to_its_limit(comm, clamped_mesh):
+    """A push on the head: at half of mu F all pairs stick, beyond it all slide and the shank, bent, carries the rest."""
+    *_, held = at_rest(comm, clamped_mesh, of_clamped(push=0.5 * 0.3 * CLAMP))
+    assert (np.abs(held.force[:, :2]).sum(axis=1) < 0.3 * held.N * (1.0 - 1e-6)).all()
+    assert np.abs(held.force[:, :2].sum(axis=0)).max() == pytest.approx(0.5 * 0.3 * CLAMP, rel=0.01)
+    *_, slid = at_rest(comm, clamped_mesh, of_clamped(push=1.1 * 0.3 * CLAMP))
+    assert np.hypot(*slid.force[:, :2].T) == pytest.approx(0.3 * slid.N, rel=1e-8)
+    assert slid.bolts.force == pytest.approx(slid.N.sum(), rel=1e-4)  # the shank hardly tilts
+
+
+# -- cuts ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15"])
+def test_the_elements_above_a_cut_are_those_that_touch_it_from_there(comm, kind):
+    def check():
+        mesh = bar(kind, bulge=0.1)
+        cut = cut_through(mesh, bolt())
+        (block,) = mesh.elements
+        assert cut.normal == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
+        touches = np.isin(block.nodes, mesh.node_groups["cut"]).any(axis=1)
+        n_corners = {"t": 4, "h": 8, "w": 6}[kind[0]]
+        straight = bar(kind).points[block.nodes[:, :n_corners], 0].mean(axis=1)
+        assert set(cut.numbers[kind, "bar"]) == set(block.numbers[touches & (straight > 0.5 * LENGTH)])
+
+    on_root(comm, check)
+
+
+def claimed(kind="hex8", **claims):
+    points, elements = box(kind, (4, 2, 2), (LENGTH, WIDTH, WIDTH))
+    ends = {"ends": lambda x: np.isin(x[:, 0], (0.0, LENGTH))}
+    return mesh_of(("bar", kind, points, elements), groups=ends | claims)
+
+
+def middle(x):
+    return x[:, 0] == 0.5 * LENGTH
+
+
+NO_CUTS = {
+    "outer": (lambda x: x[:, 0] == LENGTH, "it holds no face between two elements"),
+    "half": (
+        lambda x: middle(x) & (x[:, 1] <= 0.5 * WIDTH),
+        "the cut does not go through: .* at node .* all faces from side to side",
+    ),
+    "two": (lambda x: np.isin(x[:, 0], (0.25 * LENGTH, 0.75 * LENGTH)), "the faces form 2 separate cuts"),
+    "corner": (
+        lambda x: (middle(x) & (x[:, 1] >= 0.5 * WIDTH)) | ((x[:, 1] == 0.5 * WIDTH) & (x[:, 0] <= 0.5 * LENGTH)),
+        "a face turns 4|5",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NO_CUTS)
+def test_a_group_that_is_no_cut_is_refused_by_name(comm, name):
+    claim, says = NO_CUTS[name]
+
+    def refuse():
+        with pytest.raises(MeshError, match=rf"box.msh: bolt 'bolt': group 'cut': .*{says}"):
+            cut_through(claimed(cut=claim), bolt())
+
+    on_root(comm, refuse)
+
+
+def test_what_holds_a_cut_is_refused(comm):
+    mesh = on_root(comm, lambda: claimed(cut=middle), share=False)
+    held = replace(of_bar(bolts=(bolt(force=1.0),)), supports=settings({}, supports=[("ends", "xyz"), ("cut", "x")]).supports)
+    with pytest.raises(MeshError, match="cannot open, for a support holds it along the shank"):
+        at_rest(comm, mesh, held)
+
+
+def test_two_cuts_side_by_side_are_refused(comm):
+    mesh = on_root(comm, lambda: claimed(cut=middle, other=lambda x: x[:, 0] == 0.75 * LENGTH), share=False)
+    with pytest.raises(MeshError, match="bolts 'bolt' and 'second': their cuts lie side by side at node"):
+        at_rest(comm, mesh, of_bar(bolts=(bolt(force=1.0), bolt("second", "other", force=1.0))))
+
+
+def test_a_bolt_that_clamps_nothing_is_refused(comm):
+    mesh = on_root(comm, lambda: claimed(cut=middle, start=lambda x: x[:, 0] == 0.0), share=False)
+    loose = replace(of_bar(bolts=(bolt(force=1.0),)), supports=settings({}, supports=[("start", "xyz")]).supports)
+    with pytest.raises(CaseError, match=r"\[\[statics.bolts\]\] 'bolt': there is nothing to clamp"):
+        at_rest(comm, mesh, loose)
