@@ -248,15 +248,16 @@ class _Contact:
     def _newton(self, loading: _Loading, residual, L, active) -> np.ndarray | None:
         """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular."""
         rows, columns = _rows(np.flatnonzero(active)), self._columns(loading, active)
-        J = np.einsum("rmi,mij->rmj", columns[rows].reshape(len(rows), len(rows) // 3, 3), L[active]).reshape(
-            len(rows), len(rows)
-        )
+        of_active, J = columns[rows], np.zeros((len(rows), len(rows)))
+        for i in range(3):
+            for j in range(3):
+                J[:, j::3] += of_active[:, i::3] * L[active, i, j]
         J[np.diag_indices_from(J)] += 1.0
         try:
-            of_active = np.linalg.solve(J, -residual[active].ravel())
+            d_du = np.linalg.solve(J, -residual[active].ravel())
         except np.linalg.LinAlgError:
             return None
-        dp = np.einsum("mij,mj->mi", L[active], of_active.reshape(-1, 3))
+        dp = np.einsum("mij,mj->mi", L[active], d_du.reshape(-1, 3))
         step = -residual - (columns @ dp.ravel()).reshape(residual.shape)
         return step if np.isfinite(step).all() else None
 
