@@ -69,7 +69,7 @@ class Flexibility:
 
     def of(self, pairs: np.ndarray) -> np.ndarray:
         """Return the columns of some pairs, (3 n_pairs, 3 m) [m/N].  Rank 0."""
-        return self._columns[:, _rows(np.flatnonzero(pairs))]
+        return self._columns if pairs.all() else self._columns[:, _rows(np.flatnonzero(pairs))]
 
 
 def equilibrium(
