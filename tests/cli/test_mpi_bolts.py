@@ -111,6 +111,18 @@ def test_forces_of_bolts_are_in_log_and_results(comm, folder, program):
     on_root(comm, check)
 
 
+def test_the_check_tells_and_finds_cuts(comm, folder, program):
+    def write():
+        (folder / "clamp.toml").write_text(SCENE)
+        (folder / "outer.toml").write_text(SCENE.replace('group = "cut"', 'group = "head_top"'))
+
+    on_root(comm, write)
+    status, said, _ = program("check", folder / "clamp.toml")
+    assert status == 0 and "bolt       M16: a cut of 0.0004 m2 with 9 nodes, across (0, 0, 1)" in said
+    status, _, error = program("check", folder / "outer.toml")
+    assert status == 2 and error.count("microslip: error: ") == 1 and "bolt 'M16': group 'head_top': 12 of 12 faces" in error
+
+
 @pytest.mark.parametrize(
     "old, new, status, says",
     [
