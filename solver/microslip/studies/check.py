@@ -79,10 +79,11 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
 def _bolts(mesh: Mesh, settings: MeshSettings) -> list[str]:
     """Return a line for each bolt.  Local, rank 0."""
     bolts = () if settings.statics is None else settings.statics.bolts
-    return [
-        f"bolt       {bolt.name}: a cut of {cut.area:.4g} m2 with {len(cut.nodes)} nodes, across {place(np.round(cut.normal, 4) + 0.0)}"
-        for bolt, cut in zip(bolts, cuts_through(mesh, bolts))
-    ]
+    lines = []
+    for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
+        across = place(np.round(cut.normal, 4) + 0.0)
+        lines.append(f"bolt       {bolt.name}: a cut of {cut.area:.4g} m2 with {len(cut.nodes)} nodes, across {across}")
+    return lines
 
 
 def needs_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
