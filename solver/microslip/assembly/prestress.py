@@ -38,7 +38,13 @@ def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSet
     for block in dmesh.blocks:
         for chunk in element_chunks(block):
             _add(total, block.nodes[chunk] - first, element_forces(block, chunk, settings.bodies[block.body], statics))
-    return total[by_rank(dmesh, system)[first:last] >= 0]
+    return on_rows(dmesh, system, total)
+
+
+def on_rows(dmesh: DistributedMesh, system: System, nodal: np.ndarray) -> np.ndarray:
+    """Return this rank's rows (n_dof_owned,) of forces on its nodes, (n_owned_nodes, 3) [N].  Local."""
+    first, last = owned_nodes(dmesh)
+    return nodal[by_rank(dmesh, system)[first:last] >= 0]
 
 
 def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarray]:

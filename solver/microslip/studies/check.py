@@ -11,10 +11,12 @@ from ..assembly.check import check_elements
 from ..assembly.matrices import GivenStructure, read_structure
 from ..continuation.accuracy import MOST_HARMONICS
 from ..library.settings import matrix_settings, mesh_settings, reduction_settings, response_settings
+from ..mesh.cut import cuts_through
 from ..mesh.data import ContactPairs, Mesh, place
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
+from ..mesh.settings import MeshSettings
 from ..modes.limits import FEW, refuse_too_many
 from ..parallel.agree import on_root
 from ..reduction.methods import METHODS
@@ -66,10 +68,21 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed",
         *_joints(pairs),
         *(f"           {note}" for note in pairs.notes),
+        *_bolts(mesh, mesh_settings(scene)),
         *(f"load {i}     {_at(mesh, load, nodes)}" for i, (load, nodes) in enumerate(zip(scene.loads, load_nodes), 1)),
         *(f"output     {out.name}: {_at(mesh, out, nodes)}" for out, nodes in zip(scene.outputs, output_nodes)),
         *_solution(scene, n_dof, pairs.n_pairs),
     ]
+    return lines
+
+
+def _bolts(mesh: Mesh, settings: MeshSettings) -> list[str]:
+    """Return a line for each bolt.  Local, rank 0."""
+    bolts = () if settings.statics is None else settings.statics.bolts
+    lines = []
+    for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
+        across = place(np.round(cut.normal, 4) + 0.0)
+        lines.append(f"bolt       {bolt.name}: a cut of {cut.area:.4g} m2 with {len(cut.nodes)} nodes, across {across}")
     return lines
 
 
