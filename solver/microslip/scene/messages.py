@@ -11,10 +11,17 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from ..parallel.words import listed, nearest
-from .schema import Body, Joint, Load, Material, Method, Output, Scene, Support, Table
+from .schema import Body, Joint, Load, Material, Method, Output, Point, Scene, Support, Table, Tie
 
 _NAMED: dict[str, type[Table]] = {"materials": Material, "bodies": Body}  # [materials.NAME]
-_LISTED: dict[str, type[Table]] = {"supports": Support, "joints": Joint, "loads": Load, "outputs": Output}  # [[loads]]
+_LISTED: dict[str, type[Table]] = {  # [[loads]]
+    "supports": Support,
+    "joints": Joint,
+    "ties": Tie,
+    "points": Point,
+    "loads": Load,
+    "outputs": Output,
+}
 _LONGEST = 60  # characters of a value that a message shows
 
 
