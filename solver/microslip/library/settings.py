@@ -4,20 +4,7 @@ from __future__ import annotations
 
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
-from ..mesh.settings import (
-    GEOMETRY,
-    Body,
-    Force,
-    GroundPlane,
-    Joint,
-    Load,
-    MeshSettings,
-    Output,
-    Point,
-    Statics,
-    Support,
-    Tie,
-)
+from ..mesh.settings import GEOMETRY, Body, Force, GroundPlane, Joint, Load, MeshSettings, Output, Point, Statics, Support, Tie
 from ..modes.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
