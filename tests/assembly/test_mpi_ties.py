@@ -11,9 +11,10 @@ from mpi4py import MPI
 
 from microslip.assembly import assemble as assemble_module
 from microslip.assembly.assemble import assemble
+from microslip.assembly.prestress import stiffness_at_rest
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.mesh.settings import Point, Support, Tie
+from microslip.mesh.settings import Point, Statics, Support, Tie
 from microslip.parallel.errors import CaseError, MeshError
 
 comm = MPI.COMM_WORLD
@@ -374,6 +375,24 @@ def test_contact_beside_a_tie_moves_with_it():
     u = system.at_nodes(w)
     du = np.einsum("pij,pj->pi", pairs.frame, u[pairs.node1] - u[pairs.node2])
     assert (system.R @ w).reshape(-1, 3) == pytest.approx(du, abs=1e-12)
+
+
+def test_what_turns_is_softened_across_the_axis():
+    """Without stress the change of the stiffness is - Omega^2 times the mass, that of the point among it."""
+    mesh = stack("hex8", "hex8", (2, 2, 1), (3, 3, 1))
+    point = Point(name="p", position=(0.5, 0.5, 2.5), group="top", mass=1000.0)
+    case = replace(tied(mesh, GLUE, supports=[("base", "z")], points=(point,)), statics=Statics(speed=20.0))
+    system = system_of(mesh, case)
+    first, last = system.K.getOwnershipRange()
+    shares = distribute(mesh if comm.rank == 0 else None, case, comm)
+    turning = replace(system, K=stiffness_at_rest(shares, case, system, np.zeros(last - first)))
+    change = gathered(turning, "K") - gathered(system, "K")
+    motions = np.array([on_rows(system, motion) for motion in rigid_motions(mesh.points)[:3]])
+    motions[:, system.constraints.free[-2]] = np.eye(3)
+    motions[2, system.dof[:, 2][system.dof[:, 2] >= 0]] = 0.0
+    motions[2, system.constraints.free[-2, 2]] = 1.0
+    mass = 2.0 * DENSITY + 1000.0
+    assert motions @ change @ motions.T == pytest.approx(-(20.0**2) * mass * np.diag([1.0, 1.0, 0.0]), abs=1e-3)
 
 
 # -- what is refused ---------------------------------------------------------------------------------------------------
