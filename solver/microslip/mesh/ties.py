@@ -19,6 +19,7 @@ from .settings import MeshSettings, Tie
 from .surface import outward_faces
 
 TOLERANCE = 0.05  # of the size of the facets, where a tie states none
+COARSER = 1.2  # times as large as the facets of the other side
 TOUCHING = 1e-9  # of the size of the facets: closer nodes lie on them
 
 
@@ -49,8 +50,13 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int) -> Follower:
     _check_near(mesh, tie, nodes, found, TOLERANCE * size if tie.tolerance is None else tie.tolerance, where)
     weights = _on_facets(mesh, found, mesh.points[nodes], TOUCHING * size, n_places)
     joined = np.stack([np.repeat(nodes, found.nodes.shape[1]), found.nodes.ravel()])
-    note = f"tie {tie.name!r}: {len(nodes)} nodes of {tie.surfaces[0]!r} follow the facets of {tie.surfaces[1]!r}, up to "
-    return Follower(f"tie {tie.name!r}", dofs_of(nodes), weights, joined, f"{note}{found.distance.max():.3g} m from them")
+    note = (
+        f"tie {tie.name!r}: {len(nodes)} nodes of {tie.surfaces[0]!r} follow the facets of {tie.surfaces[1]!r}, up to "
+        f"{found.distance.max():.3g} m from them"
+    )
+    if _facet_size(mesh, first) > COARSER * size:
+        note += "; the coarser surface follows the finer one: swapped, the stresses beside them are better"
+    return Follower(f"tie {tie.name!r}", dofs_of(nodes), weights, joined, note)
 
 
 def _facet_size(mesh: Mesh, faces: dict[str, np.ndarray]) -> float:
