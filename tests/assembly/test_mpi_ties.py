@@ -12,6 +12,7 @@ from mpi4py import MPI
 from microslip.assembly import assemble as assemble_module
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import stiffness_at_rest
+from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.settings import Point, Statics, Support, Tie
@@ -459,6 +460,31 @@ def test_supports_on_what_follows():
     assert both.at_nodes(np.ones(both.n_dof))[mesh.node_groups["side"], 0] == pytest.approx(0.0, abs=0.0)
     case = tied(mesh, GLUE, supports=[("base", "xyz"), ("high_side", "x")])
     refused(mesh, case, MeshError, r"3 degrees of freedom have a support and follow .* along x; support what leads")
+
+
+def test_a_point_that_follows_is_not_held():
+    mesh = column()
+    case = tied(mesh, supports=[("base", "xyz")], points=(Point(name="p", position=(0.5, 0.5, 4.0), group="end", rigid=False),))
+    case = replace(case, supports=(*case.supports, Support(point="p", fix=("x",))))
+    refused(mesh, case, MeshError, "point 'p' follows its nodes and cannot be held")
+
+
+def test_what_is_tied_moves_freely_together():
+    mesh = stack("hex8", "hex8", (2, 2, 1), (3, 3, 1))
+    point = Point(name="p", position=(0.5, 0.5, 2.5), group="top", mass=1.0)
+    case = tied(mesh, GLUE, supports=[("base", "z")], points=(point,))
+    says = r"body 'low' and body 'high' together move freely in 3 ways \(translation along x and y, a rotation\)"
+    with pytest.raises(CaseError, match=says):
+        linearise(system_of(mesh, case), pair_contacts(mesh, ()))
+
+
+def test_a_coarser_surface_that_follows_is_noted():
+    mesh = stack("hex8", "hex8", (3, 3, 1), (2, 2, 1))
+    base = [("base", "xyz")]
+    (note,) = system_of(mesh, tied(mesh, GLUE, supports=base)).constraints.notes
+    assert note.startswith("tie 'glue': 9 nodes of 'high_bottom' follow the facets of 'low_top', up to ") and "swapped" in note
+    (note,) = system_of(mesh, tied(mesh, Tie(name="a", surfaces=GLUE.surfaces[::-1]), supports=base)).constraints.notes
+    assert "swapped" not in note
 
 
 def test_groups_that_cannot_turn():

@@ -132,6 +132,9 @@ def check_supports(mesh: Mesh, links: Links, is_fixed: np.ndarray) -> None:
     if len(moved) == 0:
         return
     at, axis = divmod(int(links.dependent[moved[0]]), 3)
+    if at >= links.n_nodes:
+        name = links.points[(at - links.n_nodes) // 2].name
+        raise MeshError(f"{mesh.path}: point {name!r} follows its nodes and cannot be held; let it be rigid, or give it springs")
     raise MeshError(
         f"{mesh.path}: {len(moved)} degrees of freedom have a support and follow a tie or a point that moves; the first is that "
         f"of node {mesh.numbers[at]} at {place(mesh.points[at])} m along {'xyz'[axis]}; support what leads (the second surface "

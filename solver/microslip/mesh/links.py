@@ -55,13 +55,15 @@ def find_links(mesh: Mesh, settings: MeshSettings) -> Links:
     MeshError : nodes too far from the facets, what follows two things or itself, groups that cannot turn, joints on tied faces
     """
     n_places = len(mesh.points) + 2 * len(settings.points)
+    if not settings.ties and not settings.points:
+        return Links(np.zeros(0, dtype=np.int64), sp.csr_matrix((0, 3 * n_places)), (), len(mesh.points), (), ())
     check_joints(mesh, settings)
     followers = [of_tie(mesh, tie, n_places) for tie in settings.ties]
     for i, point in enumerate(settings.points):
         followers.append((of_rigid if point.rigid else of_distributing)(mesh, point, len(mesh.points) + 2 * i, n_places))
     _check_once(mesh, followers)
-    dependent = np.concatenate([np.zeros(0, dtype=np.int64), *(one.dependent for one in followers)])
-    weights = sp.vstack([sp.csr_matrix((0, 3 * n_places)), *(one.weights for one in followers)]).tocsr()
+    dependent = np.concatenate([one.dependent for one in followers])
+    weights = sp.vstack([one.weights for one in followers]).tocsr()
     order = np.argsort(dependent)
     weights = _independent(mesh, followers, dependent[order], weights[order])
     joined, notes = tuple(one.joined for one in followers), tuple(one.note for one in followers)
