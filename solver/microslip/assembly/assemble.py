@@ -9,14 +9,15 @@ import numpy as np
 from petsc4py import PETSc
 
 from .. import elements
-from ..mesh.connected import check_held, connected_parts
+from ..mesh.connected import check_held, connected_parts, loose_clusters
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
-from ..mesh.locate import find_node
+from ..mesh.links import find_links, places_of
 from ..mesh.settings import Body, MeshSettings
 from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
 from .blocks import BlockSum, NodePattern, expand, node_pattern
 from .check import check_elements
+from .constraints import DIRECTIONS, check_supports, constrain, constrained
 from .maps import load_map, output_map, pair_map
 from .numbering import number_dofs
 from .system import System
@@ -44,17 +45,20 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     """
     comm = dmesh.comm
     check_elements(dmesh, settings)
-    is_fixed, part, part_names, load_nodes, output_nodes = on_root(comm, read_off, mesh, pairs, settings)
+    is_fixed, part, part_names, load_nodes, output_nodes, links, loose = on_root(comm, read_off, mesh, pairs, settings)
     to_mesh = np.argsort(dmesh.rank_order)
-    dof, row_ranges = number_dofs(dmesh, is_fixed[to_mesh])
+    dof, row_ranges = number_dofs(dmesh, is_fixed[: len(to_mesh)][to_mesh])
     n_dof = int(row_ranges[-1])
     if n_dof == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
+    constraints = constrain(dmesh, links, is_fixed, loose) if links.joined else None
     K, M = _matrices(dmesh, dof, row_ranges, settings.bodies)
     dof_of_mesh = dof[dmesh.rank_order]
+    if constraints is not None:
+        dof_of_mesh, n_dof = constraints.dof, constraints.T.shape[0]
     first, last = dmesh.node_ranges[comm.rank : comm.rank + 2]
     is_free = dof[first:last] >= 0
-    return System(
+    system = System(
         comm=comm,
         K=K,
         M=M,
@@ -66,25 +70,29 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
         parts=np.repeat(part[to_mesh[first:last]], 3)[is_free.ravel()],
         part_names=part_names,
     )
+    return system if constraints is None else constrained(system, constraints, part)
 
 
 def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
-    """Return what only the whole mesh tells: fixed DOFs by node, parts and their names, nodes of loads and outputs."""
-    is_fixed = np.zeros((len(mesh.points), 3), dtype=bool)
-    for support in settings.supports:
-        for axis in support.fix:
-            is_fixed[mesh.node_groups[support.group], "xyz".index(axis)] = True
+    """Return what only the whole mesh tells.
+
+    Fixed DOFs by place (``mesh/ties.py``), parts and their names, places of loads and outputs, what follows what, and which
+    parts nothing but joints holds.
+    """
+    links = find_links(mesh, settings)
+    is_fixed = np.zeros((links.n_places, 3), dtype=bool)
+    for i, support in enumerate(settings.supports, 1):
+        places = places_of(mesh, links, support, f"[[supports]] {i}")
+        for direction in support.fix:
+            turns, axis = divmod(DIRECTIONS.index(direction), 3)
+            is_fixed[places + turns, axis] = True
+    check_supports(mesh, links, is_fixed)
     part, part_names = connected_parts(mesh, settings.body_of)
-    check_held(part, part_names, mesh, settings.supports, pairs)
-    load_nodes = [
-        find_node(mesh, position=load.position, node=load.node, group=load.group, where=f"[[loads]] {i}")
-        for i, load in enumerate(settings.loads, 1)
-    ]
-    output_nodes = [
-        find_node(mesh, position=output.position, node=output.node, where=f"[[outputs]] {output.name!r}")
-        for output in settings.outputs
-    ]
-    return is_fixed, part, part_names, load_nodes, output_nodes
+    check_held(part, part_names, mesh, settings.supports, pairs, links)
+    loose = loose_clusters(part, len(part_names), mesh, settings.supports, links)
+    load_nodes = [places_of(mesh, links, load, f"[[loads]] {i}") for i, load in enumerate(settings.loads, 1)]
+    output_nodes = [places_of(mesh, links, output, f"[[outputs]] {output.name!r}") for output in settings.outputs]
+    return is_fixed, part, part_names, load_nodes, output_nodes, links, loose
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, Body]):

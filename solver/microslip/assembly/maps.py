@@ -38,7 +38,7 @@ def load_map(loads: Sequence[Load], nodes: list[np.ndarray], dof: np.ndarray, n_
     ------
     CaseError : a load acts on fixed DOFs only; the same on every rank
     """
-    columns = [_row(load.direction, own, dof, n_dof) / len(own) for load, own in zip(loads, nodes, strict=True)]
+    columns = [_row(load.direction or load.moment, own, dof, n_dof) / len(own) for load, own in zip(loads, nodes, strict=True)]
     for i, column in enumerate(columns, 1):
         if column.count_nonzero() == 0:
             raise CaseError(f"[[loads]] {i} acts only on degrees of freedom that a support fixes; it moves nothing")
@@ -47,7 +47,7 @@ def load_map(loads: Sequence[Load], nodes: list[np.ndarray], dof: np.ndarray, n_
 
 def output_map(outputs: Sequence[Output], nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
     """Return one row per output, (n_outputs, n_dof); a fixed DOF gives zero.  Local."""
-    rows = [_row(output.direction, own, dof, n_dof) for output, own in zip(outputs, nodes, strict=True)]
+    rows = [_row(output.direction or output.rotation, own, dof, n_dof) for output, own in zip(outputs, nodes, strict=True)]
     return sp.vstack(rows).tocsr() if rows else sp.csr_matrix((0, n_dof))
 
 

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
+    from .constraints import Constraints
+
 
 @dataclass(frozen=True)
 class System:
@@ -27,10 +29,21 @@ class System:
     R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement, du = R u
     loads: sp.csc_matrix  # (n_dof, n_loads) load shapes, per unit level [N/N]
     outputs: sp.csr_matrix  # (n_outputs, n_dof)
-    dof: np.ndarray | None  # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed; None without a mesh
+    dof: np.ndarray | None  # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed or dependent; None without a mesh
     parts: np.ndarray | None = None  # (n_dof_owned,) connected part of each owned row, for messages on free bodies
     part_names: tuple[str, ...] = ()  # what to call each part: its bodies
+    constraints: Constraints | None = None  # what ties and points make follow; None where there are none
 
     @property
     def n_dof(self) -> int:
         return self.K.getSize()[0]
+
+    def at_nodes(self, u: np.ndarray) -> np.ndarray:
+        """Return the displacements of the nodes, (n_nodes, 3, ...), from those of all rows, (n_dof, ...).  Local.
+
+        Zero where fixed; what is dependent follows.
+        """
+        assert self.dof is not None, "a structure with a mesh"
+        if self.constraints is not None:
+            return self.constraints.at_nodes(u)
+        return np.concatenate([u, np.zeros((1, *u.shape[1:]))])[self.dof]  # row -1: what is fixed

@@ -57,15 +57,18 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    is_fixed, _, part_names, load_nodes, output_nodes = read_off(mesh, pairs, mesh_settings(scene))
-    n_dof = int((~is_fixed).sum())
+    is_fixed, _, part_names, load_nodes, output_nodes, links, _ = read_off(mesh, pairs, mesh_settings(scene))
+    n_dependent = int((~is_fixed.ravel()[links.dependent]).sum())
+    n_dof = int((~is_fixed).sum()) - n_dependent
+    following = f", {n_dependent} that follow ties or points" if n_dependent else ""
     kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
     lines = [
         f"scene      {scene.path}: no fault found",
         f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(part_names)} connected parts",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
         *(f"           {note}" for note in mesh.notes),
-        f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed",
+        f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
+        *(f"           {note}" for note in links.notes),
         *_joints(pairs),
         *(f"           {note}" for note in pairs.notes),
         *_bolts(mesh, mesh_settings(scene)),
@@ -160,6 +163,8 @@ def _joints(pairs: ContactPairs) -> list[str]:
 
 def _at(mesh: Mesh, entry, nodes: np.ndarray) -> str:
     """Say where a load or an output lies."""
+    if entry.point is not None:
+        return f"point {entry.point}"
     if len(nodes) > 1:
         return f"shared by {len(nodes)} nodes of {entry.group}"
     text = f"node {mesh.numbers[nodes[0]]} at {place(mesh.points[nodes[0]])} m"
