@@ -9,7 +9,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
 HIGHEST_FREQUENCY = 1e9  # Hz: beyond it a frequency is a slip of the pen
@@ -174,8 +173,10 @@ class Point(Table):
         if inertia is None:
             return inertia
         xx, yy, zz, xy, yz, zx = (*inertia, 0.0, 0.0, 0.0)[:6]
-        a, b, c = np.linalg.eigvalsh([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
-        if a < -1e-9 * c:
+        size = xx + yy + zz
+        determinant = xx * yy * zz + 2.0 * xy * yz * zx - xx * yz**2 - yy * zx**2 - zz * xy**2
+        minors = (xx * yy - xy**2, yy * zz - yz**2, zz * xx - zx**2)
+        if min(xx, yy, zz) < 0.0 or min(minors) < -1e-9 * size**2 or determinant < -1e-9 * size**3:
             raise ValueError("an inertia below 0 about some axis")
         return inertia
 
