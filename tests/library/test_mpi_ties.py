@@ -8,7 +8,7 @@ from msh import write_msh
 
 import microslip
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import CaseError
+from microslip.parallel.errors import CaseError, ConvergenceError
 
 LENGTH, WIDTH, HEIGHT = 0.05, 0.01, 0.02
 SCENE = """
@@ -192,6 +192,13 @@ def test_statics_carry_loads_on_points(comm, folder):
     )
     assert total == pytest.approx(np.array([100.0, 50.0, -2100.0]) + 300.0**2 * pull * [1.0, 0.0, 1.0], rel=1e-9)
     assert [[names[i] for i in parts] for parts in loose] == [["body 'bar'", "body 'cap'"]]
+
+
+def test_what_flies_is_named_with_what_is_tied_to_it(comm, folder):
+    pulled = '[statics]\n[[statics.forces]]\npoint = "motor"\nforce = [0.0, 0.0, 10.0]\n'
+    says = r"body 'bar' with body 'cap' moves along \(0, 0, 1\)"
+    with pytest.raises(ConvergenceError, match=says):
+        microslip.build(scene_of(comm, folder, NO_AXIS, ("preload = 2.0e7", 'preload = "static"'), more=pulled), comm)
 
 
 QUICK = (("levels = [1500.0]", "levels = [1.0]"), ("samples = 64", "samples = 16\nerror_bars = false"))

@@ -45,13 +45,13 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     """
     comm = dmesh.comm
     check_elements(dmesh, settings)
-    is_fixed, part, part_names, load_nodes, output_nodes, links, loose = on_root(comm, read_off, mesh, pairs, settings)
+    is_fixed, part, part_names, load_nodes, output_nodes, links, clusters = on_root(comm, read_off, mesh, pairs, settings)
     to_mesh = np.argsort(dmesh.rank_order)
     dof, row_ranges = number_dofs(dmesh, is_fixed[: len(to_mesh)][to_mesh])
     n_dof = int(row_ranges[-1])
     if n_dof == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
-    constraints = constrain(dmesh, links, is_fixed, loose) if links.joined else None
+    constraints = constrain(dmesh, links, is_fixed, *clusters) if links.joined else None
     K, M = _matrices(dmesh, dof, row_ranges, settings.bodies)
     dof_of_mesh = dof[dmesh.rank_order]
     if constraints is not None:
@@ -89,10 +89,10 @@ def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
     check_supports(mesh, links, is_fixed)
     part, part_names = connected_parts(mesh, settings.body_of)
     check_held(part, part_names, mesh, settings.supports, pairs, links)
-    loose = loose_clusters(part, len(part_names), mesh, settings.supports, links)
+    clusters = loose_clusters(part, len(part_names), mesh, settings.supports, links)
     load_nodes = [places_of(mesh, links, load, f"[[loads]] {i}") for i, load in enumerate(settings.loads, 1)]
     output_nodes = [places_of(mesh, links, output, f"[[outputs]] {output.name!r}") for output in settings.outputs]
-    return is_fixed, part, part_names, load_nodes, output_nodes, links, loose
+    return is_fixed, part, part_names, load_nodes, output_nodes, links, clusters
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, Body]):

@@ -37,7 +37,8 @@ class Constraints:
     row_ranges: np.ndarray  # (size + 1,) and these rows of the system
     points: tuple[Point, ...]
     group_nodes: tuple[int, ...]  # a node of the group of each point
-    loose: tuple[np.ndarray, ...]  # the connected parts of each tied cluster that nothing but joints holds
+    clusters: np.ndarray  # (n_parts,) which connected parts are tied into one, numbered from 0
+    loose: tuple[np.ndarray, ...]  # the connected parts of each of these that nothing but joints holds
     notes: tuple[str, ...]  # what follows what, for the log
 
     @property
@@ -79,7 +80,9 @@ class Constraints:
         return (self.T[self.n_nodal :].T @ values)[first:last]
 
 
-def constrain(dmesh: DistributedMesh, links: Links, is_fixed: np.ndarray, loose: tuple[np.ndarray, ...]) -> Constraints:
+def constrain(
+    dmesh: DistributedMesh, links: Links, is_fixed: np.ndarray, clusters: np.ndarray, loose: tuple[np.ndarray, ...]
+) -> Constraints:
     """Return T and what its rows and columns are.  Local; the same on every rank.
 
     ``is_fixed`` is (n_places, 3) bool.
@@ -95,7 +98,7 @@ def constrain(dmesh: DistributedMesh, links: Links, is_fixed: np.ndarray, loose:
     free, row_ranges = _number(dmesh, links, is_gone)
     group_nodes = tuple(links.node_of(point.name) for point in links.points)
     T = _transformation(links, dof.ravel(), free.ravel(), (n_nodal + of_points.size, int(row_ranges[-1])))
-    return Constraints(T, dof, free, nodal_ranges, row_ranges, links.points, group_nodes, loose, links.notes)
+    return Constraints(T, dof, free, nodal_ranges, row_ranges, links.points, group_nodes, clusters, loose, links.notes)
 
 
 def _number(dmesh: DistributedMesh, links: Links, is_gone: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

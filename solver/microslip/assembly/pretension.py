@@ -84,10 +84,11 @@ def _checked_cuts(mesh: Mesh, settings: MeshSettings, system: System) -> list[Cu
     cuts = cuts_through(mesh, bolts)
     in_contact = np.zeros(system.n_dof, dtype=bool)
     in_contact[system.R.indices] = True
+    holding = "a support" if system.constraints is None else "a support, a tie or a point"
     for bolt, cut in zip(bolts, cuts):
         dof = system.dof[cut.nodes]
         for bad, what in (
-            (((dof < 0) & (np.abs(cut.normal) > _ALONG)).any(axis=1), "a support holds it along the shank"),
+            (((dof < 0) & (np.abs(cut.normal) > _ALONG)).any(axis=1), f"{holding} holds it along the shank"),
             ((in_contact[dof] & (dof >= 0)).any(axis=1), "it belongs to a joint"),
         ):
             if bad.any():

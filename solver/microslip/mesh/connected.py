@@ -59,10 +59,10 @@ def held_parts(part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Su
 
 def loose_clusters(
     part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links
-) -> tuple[np.ndarray, ...]:
-    """Return the parts of each cluster that neither a support nor a spring to ground holds.  Local, rank 0."""
+) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+    """Return the cluster of each part, and the parts of those that no support and no spring to ground holds.  Local, rank 0."""
     tied, held = clusters_of(part, n_parts, links), held_parts(part, n_parts, mesh, supports, links)
-    return tuple(np.flatnonzero(tied == i) for i in np.unique(tied) if not held[tied == i].any())
+    return tied, tuple(np.flatnonzero(tied == i) for i in np.unique(tied) if not held[tied == i].any())
 
 
 def check_held(

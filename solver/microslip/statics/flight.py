@@ -26,7 +26,7 @@ class _Rigid:
     middle: np.ndarray  # (n_parts, 3) m
     reach: np.ndarray  # (n_parts,) m
     motions: np.ndarray  # (n_nodes, 3, 6) of each node with its own part
-    part: np.ndarray  # (n_nodes,)
+    part: np.ndarray  # (n_nodes,); what is tied is one
 
 
 def which_flies(
@@ -50,7 +50,7 @@ def which_flies(
 
     def words() -> str:
         assert mesh is not None and gathered is not None, "called on rank 0 of a scene with a mesh"
-        rigid = _rigid_motions(mesh, body_of)
+        rigid = _rigid_motions(system, mesh, body_of)
         q = _motions(system, rigid, pairs, np.concatenate(gathered))
         size = np.linalg.norm(q, axis=1)
         order = [i for i in np.argsort(-size, kind="stable") if size[i] > _TAKES_PART * size.max()]
@@ -59,8 +59,11 @@ def which_flies(
     return on_root(system.comm, words)
 
 
-def _rigid_motions(mesh: Mesh, body_of: Mapping[str, str]) -> _Rigid:
+def _rigid_motions(system: System, mesh: Mesh, body_of: Mapping[str, str]) -> _Rigid:
     part, names = connected_parts(mesh, body_of)
+    if system.constraints is not None:
+        tied = system.constraints.clusters
+        part, names = tied[part], tuple(" with ".join(names[i] for i in np.flatnonzero(tied == j)) for j in np.unique(tied))
     nodes = [np.flatnonzero(part == i) for i in range(len(names))]
     middle = np.array([mesh.points[own].mean(axis=0) for own in nodes])
     reach = np.array([np.abs(mesh.points[own] - own_middle).max() for own, own_middle in zip(nodes, middle)])
@@ -99,15 +102,37 @@ def _by_row(system: System, rigid: _Rigid) -> np.ndarray:
     node, axis = np.nonzero(system.dof >= 0)
     T = np.zeros((system.n_dof, len(rigid.names), 6))
     T[system.dof[node, axis], rigid.part[node]] = rigid.motions[node, axis]
+    for rows, _, part, motions in _points(system, rigid):
+        T[rows[rows >= 0], part] = motions[rows >= 0]
     return T.reshape(system.n_dof, -1)
+
+
+def _points(system: System, rigid: _Rigid) -> list[tuple[np.ndarray, np.ndarray, int, np.ndarray]]:
+    """Return of each point its rows (6,), which of them are held (6,), its part, and its rigid motions there (6, 6)."""
+    constraints, found = system.constraints, []
+    if constraints is None:
+        return []
+    n_nodes = len(rigid.part)
+    for i, (point, node) in enumerate(zip(constraints.points, constraints.group_nodes, strict=True)):
+        part, places = rigid.part[node], slice(n_nodes + 2 * i, n_nodes + 2 * i + 2)
+        arm = (np.array(point.position) - rigid.middle[part]) / rigid.reach[part]
+        motions = np.zeros((6, 6))
+        motions[:3] = np.hstack([np.eye(3), np.cross(np.eye(3), arm).T])
+        motions[3:, 3:] = np.eye(3) / rigid.reach[part]
+        is_held = (constraints.dof[places].ravel() < 0) | (np.array([*point.stiffness, *point.rotational_stiffness]) > 0.0)
+        found.append((constraints.free[places].ravel(), is_held, int(part), motions))
+    return found
 
 
 def _allowed(system: System, rigid: _Rigid) -> np.ndarray:
     """Return a basis of the rigid motions that no support hinders, (6 n_parts, n)."""
     assert system.dof is not None, "a structure with a mesh"
-    node, axis = np.nonzero(system.dof < 0)
+    constraints = system.constraints
+    node, axis = np.nonzero((system.dof if constraints is None else constraints.dof[: len(rigid.part)]) < 0)
     normal = np.zeros((len(rigid.names), 6, 6))  # of the held rows, part by part
     np.add.at(normal, rigid.part[node], np.einsum("na,nb->nab", *2 * [rigid.motions[node, axis]]))
+    for _, is_held, part, motions in _points(system, rigid):
+        normal[part] += motions[is_held].T @ motions[is_held]
     Z = []
     for i, own in enumerate(normal):
         values, vectors = np.linalg.eigh(own)
