@@ -13,7 +13,7 @@ from microslip.linear.joint_springs import linearise
 from microslip.mesh.cut import cut_through
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.mesh.settings import Body, Bolt, Force, Statics
+from microslip.mesh.settings import Body, Bolt, Force, Statics, Tie
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, MeshError
 from microslip.statics.equilibrium import equilibrium
@@ -84,6 +84,30 @@ def test_a_bar_between_walls_is_pulled_as_a_spring(comm, kind, bulge, given):
         return np.abs(u[system.dof[free, 0]] - expected[free]).max()
 
     assert on_root(comm, error) < 1e-5 * 1e-8
+
+
+def glued():
+    """Return the bar of two halves that are tied, the right one of a finer mesh, with a cut in the left one."""
+    half = (LENGTH / 2.0, WIDTH, WIDTH)
+    left, right = box("hex8", (4, 2, 2), half), box("hex8", (2, 4, 4), half, (LENGTH / 2.0, 0.0, 0.0))
+    is_left = np.arange(len(left[0]) + len(right[0])) < len(left[0])
+    groups = {
+        "cut": lambda x: np.isclose(x[:, 0], LENGTH / 4.0) & is_left,
+        "ends": lambda x: np.isclose(x[:, 0], 0.0) | np.isclose(x[:, 0], LENGTH),
+        "left_end": lambda x: np.isclose(x[:, 0], LENGTH / 2.0) & is_left,
+        "right_start": lambda x: np.isclose(x[:, 0], LENGTH / 2.0) & ~is_left,
+    }
+    return mesh_of(("left", "hex8", *left), ("right", "hex8", *right), groups=groups)
+
+
+def test_a_bar_that_is_glued_is_pulled_as_one(comm):
+    mesh = on_root(comm, glued, share=False)
+    given = settings({"left": "left", "right": "right"}, supports=[("ends", "xyz")])
+    bodies = {name: steel(name) for name in ("left", "right")}
+    tie = Tie(name="glue", surfaces=("right_start", "left_end"))
+    given = replace(given, bodies=bodies, ties=(tie,), statics=Statics(bolts=(bolt(shortening=1e-5),)))
+    *_, rest = at_rest(comm, mesh, given)
+    assert rest.bolts.force == pytest.approx(STIFFNESS * 1e-5, rel=1e-8)
 
 
 @pytest.mark.parametrize("kind", ["tet10", "hex20"])
