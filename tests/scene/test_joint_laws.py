@@ -45,6 +45,31 @@ def test_every_key_of_a_joint_of_surfaces_arrives(folder):
     assert type(law).__name__ == "Iwan" and law.n_sliders == 20 and law.F_S.sum() == pytest.approx(90.0)
 
 
+def test_values_of_points_reach_their_law(folder):
+    (folder / "values.csv").write_text("x,y,z,preload\n0.09,0.0,0.0,1e6\n0.12,0.0,0.0,4e6\n")
+    pairs = pairs_of(read(folder, ROUGH + 'parameters = "values.csv"\n'))
+    pressure = pairs.N0 / pairs.area
+    assert set(pressure.round().tolist()) == {1e6, 4e6} and np.allclose(pairs.k_n, pressure / 2e-6 * pairs.area)
+    (folder / "values.csv").write_text("x,y,z,tangential_stiffness\n0.105,0.0,0.0,3e12\n")
+    pairs = pairs_of(read(folder, IWAN + 'parameters = "values.csv"\n'))
+    assert np.allclose(pairs.law.K_T, 3e12 * pairs.area)
+
+
+@pytest.mark.parametrize(
+    "own, rows, message",
+    [
+        (ROUGH, "x,y,z,preload\n0.105,0.0,0.0,0.0\n", 'line 2: preload = 0; with law = "rough" it must be above 0'),
+        (ROUGH, "x,y,z,gap\n0.105,0.0,0.0,1e-6\n", 'gap is no value of law = "rough", which takes friction, preload'),
+        (IWAN, "x,y,z,friction\n0.105,0.0,0.0,0.3\n", 'friction is no value of law = "iwan", which takes tangential_stiffness'),
+    ],
+)
+def test_values_of_points_that_a_law_cannot_take(folder, own, rows, message):
+    (folder / "values.csv").write_text(rows)
+    with pytest.raises(CaseError) as error:
+        pairs_of(read(folder, own + 'parameters = "values.csv"\n'))
+    assert message in str(error.value)
+
+
 def test_joints_of_three_laws_side_by_side(folder):
     pairs = pairs_of(read(folder, f"{ROUGH}{SECOND}{IWAN}{SECOND.replace('again', 'third')}{ELASTIC}"))
     n = pairs.n_pairs // 3

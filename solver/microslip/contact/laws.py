@@ -26,6 +26,7 @@ class Kind:
     of_columns: Callable[[Columns], Law]
     own: Callable[[Keys], Mapping[str, float]]  # columns beside those of ContactPairs, the same for all pairs of a joint
     on_area: Callable[[Keys, np.ndarray], Mapping[str, np.ndarray]]  # columns of a joint of surfaces, from its pairs' areas
+    per_point: tuple[str, ...]  # values that each contact point of surfaces may have of its own
     above_0: tuple[str, ...] = ()  # columns of a file of pairs that it cannot do without
 
 
@@ -51,9 +52,14 @@ def _by_direction(keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:
 
 
 LAWS: dict[str, Kind] = {
-    ELASTIC_COULOMB: Kind(_elastic_coulomb, _nothing_of_its_own, _by_direction),
-    "rough": Kind(rough.of_columns, rough.own, rough.on_area, ("n0", "kt", "kn")),
-    "iwan": Kind(iwan.of_columns, iwan.own, iwan.on_area, ("mu", "n0", "kt")),
+    ELASTIC_COULOMB: Kind(
+        _elastic_coulomb,
+        _nothing_of_its_own,
+        _by_direction,
+        ("friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"),
+    ),
+    "rough": Kind(rough.of_columns, rough.own, rough.on_area, ("friction", "preload"), ("n0", "kt", "kn")),
+    "iwan": Kind(iwan.of_columns, iwan.own, iwan.on_area, ("tangential_stiffness", "normal_stiffness"), ("mu", "n0", "kt")),
 }
 
 

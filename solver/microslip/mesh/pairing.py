@@ -101,7 +101,7 @@ def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
         "cells": points.cells,
         "laws": np.full(points.n_points, joint.law),
     }
-    by_law = columns_on_area(joint.law, {**vars(joint), **joint.keys}, points.area)
+    by_law = columns_on_area(joint.law, {**vars(joint), **joint.keys, **vars(values)}, points.area)
     return columns | {"own": by_law} | {name: by_law.pop(name) for name in columns.keys() & by_law.keys()}
 
 

@@ -20,7 +20,6 @@ LAWS_OF_KEY = {  # of keys that not every law has
     "preload": (ELASTIC_COULOMB, ROUGH),
     "gap": (ELASTIC_COULOMB,),
     "plane_point": (ELASTIC_COULOMB,),
-    "parameters": (ELASTIC_COULOMB,),
     "friction_limit": (ELASTIC_COULOMB, ROUGH),
     "tangential_stiffness": (ELASTIC_COULOMB, IWAN),
     "normal_stiffness": (ELASTIC_COULOMB, IWAN),
