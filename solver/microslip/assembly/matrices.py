@@ -14,6 +14,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph
 from petsc4py import PETSc
 
+from ..contact.laws import columns_of_joint, joined
 from ..mesh.data import ContactPairs
 from ..mesh.settings import Load, Output
 from ..parallel.errors import CaseError, ResourceError
@@ -100,12 +101,14 @@ def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
 
 def _read_joints(joints: Sequence[PairFile], n_dof: int) -> tuple[ContactPairs, np.ndarray]:
     """Return the pairs of all joints and their DOFs, (n_pairs, 6)."""
-    tables, names, separate = [np.empty((0, len(COLUMNS)))], [], []
+    tables, names, separate, laws, own = [np.empty((0, len(COLUMNS)))], [], [], [], []
     for joint in joints:
-        table = read_pairs(joint.file, n_dof)
+        table = read_pairs(joint.file, n_dof, joint.law)
         tables.append(table)
         names += [joint.name] * len(table)
         separate += [joint.separate] * len(table)
+        laws += [joint.law] * len(table)
+        own.append((len(table), columns_of_joint(joint.law, joint.keys, len(table))))
     table = np.concatenate(tables)
     n, (mu, n0, g0, k_t, k_n) = len(table), table[:, 6:].T
     pairs = ContactPairs(
@@ -121,6 +124,8 @@ def _read_joints(joints: Sequence[PairFile], n_dof: int) -> tuple[ContactPairs, 
         k_n=k_n,
         separate=np.array(separate, dtype=bool),
         faces=(),
+        laws=np.array(laws),
+        own=joined(own),
     )
     return pairs, table[:, :6].astype(int)
 

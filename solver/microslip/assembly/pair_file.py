@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..contact.laws import ELASTIC_COULOMB, LAWS
 from ..parallel.csv_table import read_table
 from ..parallel.errors import CaseError
 
@@ -13,8 +14,8 @@ COLUMNS = ("x1", "y1", "z1", "x2", "y2", "z2", "mu", "n0", "g0", "kt", "kn")
 GROUND = -1
 
 
-def read_pairs(path: Path, n_dof: int) -> np.ndarray:
-    """Return the table of a pairs file, (n_pairs, 11) in the order of ``COLUMNS``.
+def read_pairs(path: Path, n_dof: int, law: str = ELASTIC_COULOMB) -> np.ndarray:
+    """Return the table of a pairs file, (n_pairs, 11) in the order of ``COLUMNS``, of pairs with this law.
 
     Local.  The file's first line names the columns, in any order; empty lines and lines that begin with # count for nothing.
 
@@ -26,6 +27,7 @@ def read_pairs(path: Path, n_dof: int) -> np.ndarray:
     table = np.column_stack([columns[name] for name in COLUMNS])
     for line, row in zip(lines, table):
         _check_pair(dict(zip(COLUMNS, row)), n_dof, f"{path}, line {line}")
+        _check_law(dict(zip(COLUMNS, row)), law, f"{path}, line {line}")
     return table
 
 
@@ -44,6 +46,13 @@ def _check_pair(pair: dict[str, float], n_dof: int, where: str) -> None:
         if pair[name] < 0.0:
             raise CaseError(f"{where}: {name} = {pair[name]:g} must not be negative")
     _check_normal(pair, where)
+
+
+def _check_law(pair: dict[str, float], law: str, where: str) -> None:
+    """Raise CaseError unless the pair has what its law cannot do without."""
+    for name in LAWS[law].above_0:
+        if pair[name] <= 0.0:
+            raise CaseError(f'{where}: {name} = {pair[name]:g}; with law = "{law}" it must be above 0')
 
 
 def _check_normal(pair: dict[str, float], where: str) -> None:

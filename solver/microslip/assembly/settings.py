@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ..mesh.settings import Load, Output
 
@@ -16,6 +17,8 @@ class PairFile:
     name: str
     file: Path
     separate: bool = False  # each tangential direction has its own friction limit
+    law: str = "elastic-coulomb"  # of contact/laws.py
+    keys: Mapping[str, Any] = field(default_factory=dict)  # of the law, beside the columns of the file
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,8 @@ class ElasticCoulomb:
     w0: np.ndarray = field(default_factory=lambda: np.zeros(2))  # (n, 2), or (2,) of all: the sliders' start [m], (3.5)
     sampled: bool = False  # the return map (3.3) at samples alone, instead of the path between them (3.6)
     apart: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: open at rest, without springs (3.8)
+    k_ty: np.ndarray | None = None  # (n,) tangential stiffness along y, where limits are separate [N/m]; None: k_t
+    mu_y: np.ndarray | None = None  # (n,) friction coefficient along y, where limits are separate [-]; None: mu
 
     def __post_init__(self):
         n = np.size(self.k_t)
@@ -48,6 +50,26 @@ class ElasticCoulomb:
         object.__setattr__(self, "apart", np.ascontiguousarray(np.broadcast_to(self.apart, (n,)), dtype=bool))
         if np.any(self.apart & (self.N0 > 0.0)):
             raise ValueError(f"pair {np.argmax(self.apart & (self.N0 > 0.0))} is apart at rest, and has a preload")
+        self._check_directions()
+
+    def _check_directions(self) -> None:
+        """Keep what y has of its own only where it differs from x, which a circle does not allow."""
+        for name, of_x in (("k_ty", self.k_t), ("mu_y", self.mu)):
+            if getattr(self, name) is None:
+                continue
+            values = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            if values.shape != of_x.shape:
+                raise ValueError(f"{name} has shape {values.shape}, needs {of_x.shape} like k_t")
+            differs = values != of_x
+            bad = differs & ~(self.separate & (values > 0.0) & (of_x > 0.0))
+            if bad.any():
+                raise ValueError(f"{name} of pair {np.argmax(bad)} differs from x: that takes separate limits, and both above 0")
+            object.__setattr__(self, name, values if differs.any() else None)
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers of a pair that a step of time remembers beside p: none, for p says where the sliders stand."""
+        return 0
 
     @property
     def n_pairs(self) -> int:
@@ -65,12 +87,27 @@ class ElasticCoulomb:
 
     @cached_property
     def _springs(self) -> np.ndarray:
-        return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
+        return np.column_stack([self._k_xy, self.k_n])
+
+    @cached_property
+    def _k_xy(self) -> np.ndarray:
+        """Tangential stiffness along x and y, (n, 2) [N/m]."""
+        return np.stack([self.k_t, self.k_t if self.k_ty is None else self.k_ty], axis=1)
+
+    @cached_property
+    def _mu_xy(self) -> np.ndarray:
+        """Friction coefficients along x and y, (n, 2)."""
+        return np.stack([self.mu, self.mu if self.mu_y is None else self.mu_y], axis=1)
+
+    @cached_property
+    def _shorter(self) -> np.ndarray:
+        """k_y / k_x, (n,): a motion in y takes up as much force as one in x that is so much longer."""
+        return np.divide(self._k_xy[:, 1], self.k_t, out=np.ones(self.n_pairs), where=self._k_xy[:, 1] != self.k_t)
 
     def take(self, indices) -> ElasticCoulomb:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
-        names = ("mu", "N0", "k_t", "k_n", "separate", "w0", "apart")
-        return replace(self, **{name: getattr(self, name)[indices] for name in names})
+        names = ("mu", "N0", "k_t", "k_n", "separate", "w0", "apart", "k_ty", "mu_y")
+        return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})
 
     def followed(self, path: bool) -> ElasticCoulomb:
         """Return the law that follows the path between samples, (3.6), or the return map at samples alone, (3.3).  Local."""
@@ -101,6 +138,8 @@ class ElasticCoulomb:
         n, _, N_H = U.shape
         if self.n_pairs != n:
             raise ValueError(f"harmonics of {n} pairs with the law of {self.n_pairs}")
+        if self.k_ty is not None or self.mu_y is not None:
+            return self._cycle_by_direction(U, n_samples, tangents, harmonics)
         sampling = _sampling(harmonics or Harmonics.full(N_H), n_samples, self.sampled)
         if sampling.n_coefficients != N_H:
             raise ValueError(f"{N_H} coefficients for the harmonics {harmonics}, which have {sampling.n_coefficients}")
@@ -116,6 +155,24 @@ class ElasticCoulomb:
             march(sampling, pairs, active, p, state, creeps, P)
         found = ContactCycle(p, state, active, P, creeps.astype(bool))
         return self._without_springs(found, U, sampling) if self.apart.any() else found
+
+    def _cycle_by_direction(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:
+        """Return the cycle of pairs whose y has a stiffness, or a friction, of its own: docs/theory.md, eq. (3.9).
+
+        In y forces are multiplied by mu_x / mu_y and motions by that and k_y / k_x: y is then like x.
+        """
+        mu_y, one = self._mu_xy[:, 1], np.ones(self.n_pairs)
+        force = np.divide(self.mu, mu_y, out=one.copy(), where=mu_y != self.mu)
+        motion = force * self._shorter
+        scaled = U * np.stack([one, motion, one], axis=1)[:, :, None]
+        w0 = self.w0 * np.stack([one, motion], axis=1)
+        found = replace(self, w0=w0, k_ty=None, mu_y=None).cycle(scaled, n_samples, tangents, harmonics)
+        found.p[:, 1] /= force[:, None]
+        if found.P is not None:
+            y = slice(U.shape[2], 2 * U.shape[2])
+            found.P[:, y] /= force[found.active, None, None]
+            found.P[:, :, y] *= motion[found.active, None, None]
+        return found
 
     def _without_springs(self, found: ContactCycle, U: np.ndarray, sampling: Sampling) -> ContactCycle:
         """Return p of pairs that are apart at rest as all of their force, eq. (3.8): none if they never touch."""
@@ -154,9 +211,9 @@ class ElasticCoulomb:
         closing = self.N0 - self.k_n * du[..., 2]
         is_open = closing <= 0.0
         N = np.where(is_open, 0.0, closing)
-        stuck = self.k_t[:, None] * (du[..., :2] - self.w0)
+        stuck = self._k_xy * (du[..., :2] - self.w0)
         T_pred = stuck + p_before[..., :2]
-        limit = (self.mu * N)[..., None]
+        limit = self._mu_xy * N[..., None]
         length = np.sqrt(T_pred[..., :1] ** 2 + T_pred[..., 1:] ** 2)
         size = np.where(self.separate[:, None], np.abs(T_pred), length)  # (..., n, 2): of the two directions
         slides = (size > limit) | (is_open & (self.k_t > 0.0))[..., None]
@@ -171,12 +228,13 @@ class ElasticCoulomb:
     def _step_derivative(self, is_open, slides, t, alpha) -> np.ndarray:
         """Return d p / d du of a step, (..., n, 3, 3): docs/theory.md, eq. (6.2), with alpha = mu N / |T_pred|."""
         L = np.zeros((*slides.shape[:-1], 3, 3))
-        turn = np.where(slides & ~self.separate[:, None], alpha * self.k_t[:, None], 0.0)
+        k, mu = self._k_xy, self._mu_xy
+        turn = np.where(slides & ~self.separate[:, None], alpha * k, 0.0)
         for i in (0, 1):
             for j in (0, 1):
                 L[..., i, j] = turn[..., i] * ((i == j) - t[..., i] * t[..., j])
-            L[..., i, i] -= np.where(slides[..., i], self.k_t, 0.0)
-            L[..., i, 2] = np.where(slides[..., i] & ~is_open, -self.mu * self.k_n * t[..., i], 0.0)
+            L[..., i, i] -= np.where(slides[..., i], k[:, i], 0.0)
+            L[..., i, 2] = np.where(slides[..., i] & ~is_open, -mu[:, i] * self.k_n * t[..., i], 0.0)
         L[..., 2, 2] = np.where(is_open, -self.k_n, 0.0)
         return L
 
@@ -185,7 +243,11 @@ class ElasticCoulomb:
     @cached_property
     def held_at_rest(self) -> np.ndarray:
         """|T0|, the friction force at rest, (n,) [N]: docs/theory.md, eq. (3.5)."""
-        return self.k_t * np.hypot(self.w0[:, 0], self.w0[:, 1])
+        return self.k_t * np.hypot(self.w0[:, 0], self._shorter * self.w0[:, 1])
+
+    @cached_property
+    def _least_mu(self) -> np.ndarray:
+        return self._mu_xy.min(axis=1)
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n).  Local.
@@ -196,7 +258,7 @@ class ElasticCoulomb:
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         limit = np.broadcast_to(np.where(self.apart, -self.N0, self._friction_left(np.maximum(self.N0, 0.0))), x.shape)
-        taken = np.where(self.apart, self.k_n * z, self.k_t * np.hypot(x, y) + self.mu * self.k_n * z)
+        taken = np.where(self.apart, self.k_n * z, self.k_t * np.hypot(x, self._shorter * y) + self._least_mu * self.k_n * z)
         return np.divide(limit, taken, out=np.where(limit > 0.0, np.inf, 0.0), where=taken > 0.0)
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
@@ -207,7 +269,8 @@ class ElasticCoulomb:
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            shear = np.where(self.apart, 0.0, self.k_t * np.hypot(x, y) / (self.mu * self.N0 - self.held_at_rest))
+            left = self._least_mu * self.N0 - self.held_at_rest
+            shear = np.where(self.apart, 0.0, self.k_t * np.hypot(x, self._shorter * y) / left)
             shares = shear, self.k_n * z / np.where(self.apart, -self.N0, self.N0)
         return np.nan_to_num(np.stack(shares), nan=0.0, posinf=np.inf, neginf=np.inf).max(axis=0)
 
@@ -218,14 +281,14 @@ class ElasticCoulomb:
         ``of_limit``.
         """
         x, y, z = np.moveaxis(amplitudes, -1, 0)
-        shear, press = self.k_t * np.hypot(x, y), self.k_n * z
+        shear, press = self.k_t * np.hypot(x, self._shorter * y), self.k_n * z
         limit = self._friction_left(np.maximum(self.N0 - press, 0.0))
         tangential, normal = _excess(shear, of_limit * limit), _excess(press, of_limit * self.N0)
         return np.stack([tangential, tangential, normal], axis=-1)
 
     def _friction_left(self, N: np.ndarray) -> np.ndarray:
         """Return mu N - |T0|, at least 0: what is left whatever the direction."""
-        return np.maximum(self.mu * N - self.held_at_rest, 0.0)
+        return np.maximum(self._least_mu * N - self.held_at_rest, 0.0)
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
         """Return which pairs keep half-wave symmetry, u(t + T/2) = -u(t), if the components ``moves`` (n, 3) move, (n,).  Local.

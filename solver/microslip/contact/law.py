@@ -57,10 +57,15 @@ class Law(Protocol):
         The set of ``harmonics`` is 0 to H unless given; ``n_samples`` is at least 2 H + 1; without ``tangents`` P is left out.
         """
 
-    def step(self, du: np.ndarray, p_before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return p after a step of time from ``p_before`` to the relative displacement ``du``, its derivative, and the states.
+    @property
+    def n_memory(self) -> int:
+        """Numbers of a pair that a step of time remembers beside p [N]; all are 0 at rest."""
 
-        Shapes: du, p_before and p (..., n, 3) [m, N]; derivative d p / d du (..., n, 3, 3) [N/m]; states (..., n).
+    def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return p and memory after a step of time to the relative displacement ``du``, the derivative of p, and the states.
+
+        Shapes: du (..., n, 3) [m]; p with the memory, before the step and after it, (..., n, 3 + n_memory) [N]; derivative
+        d p / d du (..., n, 3, 3) [N/m]; states (..., n).
         """
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..contact.laws import ELASTIC_COULOMB
 from ..mesh.data import ContactPairs
 from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
@@ -32,6 +33,7 @@ TABLES: dict[str, type[schema.Table]] = {
     "damping": schema.Damping,
 }
 INSTEAD_OF = {"frequencies": ("mode", "span"), "mode": ("frequencies",), "ratio": ("rayleigh",), "rayleigh": ("ratio",)}
+LAWS_THAT_TAKE = {"friction": (ELASTIC_COULOMB, "rough"), "preload": (ELASTIC_COULOMB,)}  # with the same stuck structure
 
 OfJoints = ArrayLike | Mapping[str, ArrayLike]
 
@@ -117,11 +119,21 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
             numbers = np.asarray(value, dtype=float)
             if numbers.shape not in ((), (len(own),)) or not np.all(np.isfinite(numbers) & (numbers >= 0.0)):
                 raise CaseError(f"{where}: a number of at least 0 is expected, or one for each of its {len(own)} pairs")
+            _check_law(key, pairs, own, where)
             if key == "preload" and np.any(pairs.N0[own] < 0.0):
                 raise CaseError(f"{where}: it has a gap, and an open pair carries no preload")
             area = np.nan_to_num(pairs.area[own], nan=1.0) if key == "preload" else 1.0
             found[key][own] = numbers * area
     return replace(pairs, mu=found["friction"], N0=found["preload"])
+
+
+def _check_law(key: str, pairs: ContactPairs, own: np.ndarray, where: str) -> None:
+    """Raise CaseError where a joint's law has no such number, or more than one, or a stiffness that follows from it."""
+    law = pairs.laws[own[0]]
+    if law not in LAWS_THAT_TAKE[key]:
+        raise CaseError(f'{where}: its law, "{law}", has none, or its stiffness follows from it; change the scene and build anew')
+    if key == "friction" and not np.isnan(pairs.own.get("mu_y", np.full(pairs.n_pairs, np.nan))[own]).all():
+        raise CaseError(f"{where}: it has a coefficient for each direction; change them in the scene and build anew")
 
 
 def _by_joint(values: OfJoints | None, names: Iterable[str]) -> Mapping[str, ArrayLike]:

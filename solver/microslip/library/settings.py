@@ -22,6 +22,7 @@ from ..mesh.settings import (
 from ..modes.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
+from ..scene.joint_laws import OWN
 from ..scene.schema import DEFAULT_ACCURACY, Scene
 
 KEYS = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # of [solver], for each part of the accuracy
@@ -51,7 +52,13 @@ def matrix_settings(scene: Scene) -> MatrixSettings:
     return MatrixSettings(
         files={key: scene.folder / file for key, file in files.items() if file is not None},
         joints=tuple(
-            PairFile(name=joint.name, file=scene.folder / (joint.pairs or ""), separate=joint.friction_limit == "separate")
+            PairFile(
+                name=joint.name,
+                file=scene.folder / (joint.pairs or ""),
+                separate=joint.friction_limit == "separate",
+                law=joint.law,
+                keys=_keys_of_law(joint),
+            )
             for joint in scene.joints
         ),
         loads=loads(scene),
@@ -164,7 +171,7 @@ def _point(point: schema.Point) -> Point:
 def _joint(joint: schema.Joint, scene: Scene) -> Joint:
     """Return a joint of surfaces; the scene has been checked to state all of it."""
     assert joint.surfaces is not None, "a scene with a mesh has joints of surfaces"
-    kept = ("name", "surfaces", "friction", "tangential_stiffness", "normal_stiffness", "tolerance", "pairing", "tangent")
+    kept = ("name", "surfaces", "tolerance", "pairing", "tangent", "law")
     plane = None
     if joint.plane_point is not None and joint.plane_normal is not None:
         plane = GroundPlane(point=joint.plane_point, normal=joint.plane_normal)
@@ -174,5 +181,22 @@ def _joint(joint: schema.Joint, scene: Scene) -> Joint:
         preload=0.0 if isinstance(joint.preload, str) else joint.preload or 0.0,
         separate=joint.friction_limit == "separate",
         parameters=None if joint.parameters is None else scene.folder / joint.parameters,
+        keys=_keys_of_law(joint),
+        friction=_along_x(joint.friction),
+        tangential_stiffness=_along_x(joint.tangential_stiffness),
+        normal_stiffness=_along_x(joint.normal_stiffness),
         **{key: getattr(joint, key) for key in kept},
     )
+
+
+def _along_x(value: float | tuple[float, float] | None) -> float:
+    """Return a number of a joint, of two that along x; 0 where its law has none."""
+    return value[0] if isinstance(value, tuple) else value or 0.0
+
+
+def _keys_of_law(joint: schema.Joint) -> dict[str, float | None]:
+    """Return what a law takes from its joint beside what every joint has."""
+    along_y = {
+        f"{key}_y": value[1] for key in ("friction", "tangential_stiffness") if isinstance(value := getattr(joint, key), tuple)
+    }
+    return {**{key: getattr(joint, key) for key in OWN}, **along_y}

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..contact.elastic_coulomb import ElasticCoulomb
 from ..contact.law import Law
+from ..contact.laws import ELASTIC_COULOMB, law_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -100,8 +101,12 @@ class ContactPairs:
     weights2: sp.csr_matrix | None = None  # (n_pairs, n_nodes) of body 2
     cells: np.ndarray = field(default_factory=lambda: np.full((0, 4, 3), np.nan))  # (n_pairs, 4, 3) m, for pictures; NaN: none
     notes: tuple[str, ...] = ()  # how they were found, for the log
+    laws: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=str))  # (n_pairs,) names of laws; none: elastic-Coulomb
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_pairs,) each: what laws have beside these; NaN: not this one
 
     def __post_init__(self):
+        if len(self.laws) != self.n_pairs:
+            object.__setattr__(self, "laws", np.full(self.n_pairs, ELASTIC_COULOMB))
         for name in ("T0", "apart"):  # of pairs that have no statics
             values = getattr(self, name)
             if len(values) != self.n_pairs:
@@ -122,8 +127,8 @@ class ContactPairs:
     @property
     def law(self) -> Law:
         """The contact law of the pairs about their state of rest."""
-        w0 = np.divide(-self.T0, self.k_t[:, None], out=np.zeros_like(self.T0), where=self.k_t[:, None] > 0.0)
-        return ElasticCoulomb(self.mu, self.N0, self.k_t, self.k_n, self.separate, w0, apart=self.apart)
+        names = ("mu", "N0", "k_t", "k_n", "separate", "T0", "apart")
+        return law_of(self.laws, {name: getattr(self, name) for name in names} | dict(self.own))
 
 
 def on_nodes(nodes: np.ndarray, n_nodes: int) -> sp.csr_matrix:

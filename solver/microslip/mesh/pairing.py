@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
+from ..contact.laws import columns_on_area
+from ..contact.laws import joined as joined_columns
 from ..parallel.errors import MeshError
 from .contact_points import ContactPoints, heaviest
 from .data import ContactPairs, Mesh, place
@@ -40,7 +42,8 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
         faces += [own + n_pairs for own in points.faces]
         notes += [points.note] * bool(points.note)
         n_pairs += points.n_points
-    joined = {name: _stacked([part[name] for part in parts]) for name in parts[0] if name != "joint"}
+    joined = {name: _stacked([part[name] for part in parts]) for name in parts[0] if name not in ("joint", "own")}
+    joined["own"] = joined_columns([(len(part["area"]), part["own"]) for part in parts])
     names = tuple(name for part in parts for name in part["joint"])
     return ContactPairs(joint=names, faces=tuple(faces), notes=tuple(notes), **joined)
 
@@ -81,7 +84,7 @@ def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
     node1, node2 = heaviest(points.side1), heaviest(points.side2)
     values = values_of(mesh, joint, points, node1)
     k_n = values.normal_stiffness * points.area
-    return {
+    columns = {
         "joint": (joint.name,) * points.n_points,
         "node1": node1,
         "node2": node2,
@@ -96,7 +99,10 @@ def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
         "k_n": k_n,
         "separate": np.full(points.n_points, joint.separate),
         "cells": points.cells,
+        "laws": np.full(points.n_points, joint.law),
     }
+    by_law = columns_on_area(joint.law, {**vars(joint), **joint.keys, **vars(values)}, points.area)
+    return columns | {"own": by_law} | {name: by_law.pop(name) for name in columns.keys() & by_law.keys()}
 
 
 def _preload(mesh: Mesh, joint: Joint, points: ContactPoints, values: Values, k_n: np.ndarray) -> np.ndarray:

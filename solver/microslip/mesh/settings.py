@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -86,6 +87,8 @@ class Joint:
     tolerance: float | None = None  # m, between nodes of a pair or the surfaces; None: by the size of the mesh
     tangent: Vector | None = None  # whose projection is x of the pairs; None: a model axis
     parameters: Path | None = None  # a file of values for each contact point
+    law: str = "elastic-coulomb"  # of contact/laws.py
+    keys: Mapping[str, Any] = field(default_factory=dict)  # of the law, beside those above
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..contact.laws import LAWS
 from ..parallel.csv_table import read_table
 from ..parallel.errors import CaseError, MeshError
 from .contact_points import ContactPoints
@@ -51,6 +52,7 @@ def _from_file(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarra
     given = [name for name in COLUMNS if name in table]
     if not given:
         raise CaseError(f"{joint.parameters}: the header names no value: {', '.join(COLUMNS)}")
+    _check_law(joint, table, given, lines)
     for name in given:
         if (table[name] < 0.0).any() or (name.endswith("stiffness") and (table[name] == 0.0).any()):
             bad = int(np.argmin(table[name]))
@@ -71,6 +73,20 @@ def _from_file(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarra
             f"a preload of {found.preload[both[0]]:g} Pa ({len(both)} in all): an open point carries none; keep one of them"
         )
     return found
+
+
+def _check_law(joint: Joint, table: dict, given: list[str], lines: list[int]) -> None:
+    """Raise CaseError for a column that the joint's law has no use for, and for points without the pressure that it needs."""
+    takes = LAWS[joint.law].per_point
+    for name in given:
+        if name not in takes:
+            raise CaseError(f'{joint.parameters}: {name} is no value of law = "{joint.law}", which takes {", ".join(takes)}')
+    if "preload" in given and "n0" in LAWS[joint.law].above_0 and (table["preload"] <= 0.0).any():
+        bad = int(np.argmin(table["preload"]))
+        raise CaseError(
+            f"{joint.parameters}, line {lines[bad]}: preload = {table['preload'][bad]:g}; "
+            f'with law = "{joint.law}" it must be above 0'
+        )
 
 
 def _by_node(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray, table: dict, lines: list[int]):

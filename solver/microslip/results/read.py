@@ -7,6 +7,7 @@ import os
 import h5py
 import numpy as np
 
+from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import QUANTITIES
 from ..continuation.quantities import TEXT, Quantity, axis_lengths
 from ..parallel.errors import CaseError
@@ -159,11 +160,20 @@ def _joint(reader: _Reader) -> Joint:
     columns = {kept.field: _of_joint(reader, kept, kept.shape(lengths)) for kept in JOINT_QUANTITIES}
     names = tuple(reader.texts("joint/names"))
     faces = tuple(reader.array(f"joint/faces/{name}", "i8", (None, None)) for name in sorted(reader.group("joint/faces")))
-    if any(len(part) and not 0 <= part.min() <= part.max() < n_pairs for part in (*faces,)) or not all(
-        0 <= i < len(names) for i in columns["joint"]
+    laws = tuple(reader.texts("joint/laws")) if "joint/laws" in reader else (ELASTIC_COULOMB,)
+    own = {name: reader.array(f"joint/own/{name}", "f8", (n_pairs,)) for name in _names(reader, "joint/own")}
+    if (
+        any(len(part) and not 0 <= part.min() <= part.max() < n_pairs for part in (*faces,))
+        or not all(0 <= i < len(names) for i in columns["joint"])
+        or not all(0 <= i < len(laws) for i in columns["laws"])
     ):
         raise CaseError(f"{reader.path}: the joint names pairs that are not there; the file is damaged or was edited")
-    return Joint(names=names, faces=faces, **columns)
+    return Joint(names=names, faces=faces, law_names=laws, own=own, **columns)
+
+
+def _names(reader: _Reader, group: str) -> list[str]:
+    """Return what a group holds that need not be there."""
+    return sorted(reader.group(group)) if group in reader else []
 
 
 def _of_joint(reader: _Reader, kept: Quantity, shape: tuple[int, ...]) -> np.ndarray:

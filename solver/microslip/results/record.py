@@ -5,11 +5,13 @@ n_pairs contact pairs, n_outputs outputs, N_H = 2 H + 1 coefficients (mean, cos 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import QUANTITIES, Point
 from ..continuation.quantities import Quantity, axis_lengths, declared
 
@@ -77,7 +79,10 @@ class Joint:
     cells: Annotated[
         np.ndarray, Quantity("cells", "pairs corners directions", "m", "corners of the area of a pair; NaN where faces tell it")
     ] = None  # type: ignore[assignment]
+    laws: Annotated[np.ndarray, Quantity("law", "pairs", "index into laws", "contact law of each pair", "i8")] = None  # type: ignore[assignment]
     faces: tuple[np.ndarray, ...] = ()  # (n_faces, 3, 4, 6 or 8) indices of pairs
+    law_names: tuple[str, ...] = (ELASTIC_COULOMB,)
+    own: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_pairs,) each: what laws have beside; NaN: not this one
 
     @property
     def n_pairs(self) -> int:
@@ -125,8 +130,11 @@ def joint_of(pairs: ContactPairs, node_numbers: np.ndarray | None = None) -> Joi
     names = tuple(dict.fromkeys(pairs.joint))
     given = {kept.field: getattr(pairs, kept.field) for kept in JOINT_QUANTITIES}
     index = np.array([names.index(name) for name in pairs.joint], dtype=np.int64)
+    law_names, laws = np.unique(pairs.laws, return_inverse=True)
     nodes = {name: _numbers(given[name], node_numbers) for name in ("node1", "node2")}
-    return Joint(**given | nodes | {"names": names, "joint": index, "faces": tuple(pairs.faces)})
+    indices = {"joint": index, "laws": laws.ravel()}
+    named = {"names": names, "law_names": tuple(map(str, law_names)) or (ELASTIC_COULOMB,)}
+    return Joint(**given | nodes | indices | named | {"faces": tuple(pairs.faces), "own": dict(pairs.own)})
 
 
 def _numbers(nodes: np.ndarray, node_numbers: np.ndarray | None) -> np.ndarray:

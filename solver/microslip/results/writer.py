@@ -116,9 +116,12 @@ def _write_head(file: h5py.File, head: ResultFile) -> None:
 
 def _write_joint(group: h5py.Group, joint: Joint) -> None:
     _texts(group, "names", joint.names)
+    _texts(group, "laws", joint.law_names)
     lengths = axis_lengths(0, joint.n_pairs, 0)
     for kept in JOINT_QUANTITIES:
         _array(group, kept.dataset, np.asarray(kept.of(joint), kept.kind).reshape(kept.shape(lengths)), kept.unit)
+    for name, values in joint.own.items():
+        _array(group, f"own/{name}", np.asarray(values, "f8"), "")
     group.create_group("faces")
     for i, faces in enumerate(joint.faces):
         _array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..parallel.words import nearest
+from .joint_laws import ELASTIC_COULOMB
 from .schema import Scene, Statics
 
 
@@ -130,6 +131,8 @@ def _statics(scene: Scene) -> list[str]:
             found.append(
                 f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa'
             )
+        if joint.law != ELASTIC_COULOMB and statics is not None:
+            found.append(f'{where} law = "{joint.law}": [statics] knows joints with law = "{ELASTIC_COULOMB}" alone')
     if statics is None:
         if scene.model.axis is not None:
             found.append("[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out")

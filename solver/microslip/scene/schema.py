@@ -11,6 +11,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
+from .joint_laws import LAWS_OF_KEY, NEEDED, NEEDED_WITH_PAIRS, OF_FILE, check_law
+
 HIGHEST_FREQUENCY = 1e9  # Hz: beyond it a frequency is a slip of the pen
 LARGEST_NUMBER = 2**62  # of nodes and DOFs
 DEFAULT_ACCURACY = 1e-3
@@ -43,6 +45,7 @@ def _rising(limits: tuple[float, float]) -> tuple[float, float]:
 
 Name = Annotated[str, Field(pattern=r'^[^\s,"/\\\x00-\x1f](?:[^,"/\\\x00-\x1f]*[^\s,"/\\\x00-\x1f])?$')]
 Positive = Annotated[float, Field(gt=0)]
+TwoPositive = tuple[Positive, Positive]
 NotNegative = Annotated[float, Field(ge=0)]
 Frequency = Annotated[float, Field(gt=0, le=HIGHEST_FREQUENCY)]
 Number = Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
@@ -199,8 +202,13 @@ class Joint(Table):
         "auto", description='"nodes" that match, "points" or "projected" nodes of any meshes, or "auto"'
     )
     pairs: str | None = Field(None, min_length=1, description="the path of a CSV file of contact pairs")
-    friction: NotNegative | None = Field(None, description="the friction coefficient, a number of at least 0")
-    tangential_stiffness: Positive | None = Field(None, description="the stiffness per unit area in N/m3, a number above 0")
+    law: Literal["elastic-coulomb", "rough", "iwan"] = Field(
+        "elastic-coulomb", description='the contact law, "elastic-coulomb", "rough" or "iwan"'
+    )
+    friction: NotNegative | TwoPositive | None = Field(None, description="the friction coefficient, a number of at least 0")
+    tangential_stiffness: Positive | TwoPositive | None = Field(
+        None, description="the stiffness per unit area in N/m3, a number above 0"
+    )
     normal_stiffness: Positive | None = Field(None, description="the stiffness per unit area in N/m3, a number above 0")
     preload: NotNegative | Literal["static"] | None = Field(
         None, description='the contact pressure at rest in Pa, a number of at least 0, or "static"'
@@ -216,6 +224,20 @@ class Joint(Table):
         None, description="the direction [x, y, z] whose projection on the surface is x of the pairs, three numbers, not all 0"
     )
     parameters: str | None = Field(None, min_length=1, description="the path of a CSV file of values for each contact point")
+    roughness_height: Positive | None = Field(None, description="the length in m over which the pressure grows, a number above 0")
+    roughness_pressure: Positive | None = Field(
+        None, description="the pressure in Pa at an approach of roughness_height, a number above 0"
+    )
+    exponent: float | None = Field(None, gt=1, le=1000, description="the power of the approach, a number above 1, at most 1000")
+    tangential_ratio: Positive | None = Field(None, description="the tangential over the normal stiffness, a number above 0")
+    slip_force: Positive | None = Field(None, description="the force in N at which all of the joint slips, a number above 0")
+    chi: float | None = Field(
+        None, gt=-1, le=0, description="the exponent of the sliders' distribution, a number above -1 and at most 0"
+    )
+    beta: NotNegative | None = Field(
+        None, description="the stiffness of the last slider over that of the others, a number of at least 0"
+    )
+    sliders: int | None = Field(None, ge=2, le=1000, description="the number of elements a pair, a whole number from 2 to 1000")
 
     @field_validator("surfaces")
     @classmethod
@@ -227,15 +249,18 @@ class Joint(Table):
     @model_validator(mode="after")
     def _complete(self):
         has_gap = self.gap != 0.0 or self.against == "plane"
-        needed = ["friction", "tangential_stiffness", "normal_stiffness"] + ["preload"] * (not has_gap)
-        if self.exactly_one("surfaces", "pairs") == "pairs":
-            given = sorted({*needed, *OF_SURFACES} & self.model_fields_set)
+        needed = [*NEEDED[self.law]] + ["preload"] * (not has_gap and self.law in LAWS_OF_KEY["preload"])
+        has_pairs = self.exactly_one("surfaces", "pairs") == "pairs"
+        if has_pairs:
+            given = sorted({*OF_FILE, *OF_SURFACES} & self.model_fields_set)
             if given:
                 raise ValueError(f"{given[0]} belongs to a joint of surfaces; a CSV file states it for each pair")
-            return self
-        for key in needed:
+        for key in NEEDED_WITH_PAIRS[self.law] if has_pairs else needed:
             if getattr(self, key) is None:
                 raise ValueError(f"{key} is missing: expected {type(self).model_fields[key].description}")
+        check_law(self)
+        if has_pairs:
+            return self
         if has_gap and self.preload and self.preload != "static":
             gap = f"gap = {self.gap:g}" if isinstance(self.gap, float) and self.gap else "a gap from the geometry"
             raise ValueError(f"{gap} with preload = {self.preload}: an open joint carries no preload; keep one")

@@ -9,6 +9,7 @@ import numpy as np
 from ..assembly.assemble import read_off
 from ..assembly.check import check_elements
 from ..assembly.matrices import GivenStructure, read_structure
+from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.accuracy import MOST_HARMONICS
 from ..library.settings import matrix_settings, mesh_settings, reduction_settings, response_settings
 from ..mesh.cut import cuts_through
@@ -154,8 +155,9 @@ def _joints(pairs: ContactPairs) -> list[str]:
         own = np.array([joint == name for joint in pairs.joint])
         N0, area = pairs.N0[own], pairs.area[own].sum()
         where = f" on {area:.6g} m2" if np.isfinite(area) else ""  # matrices come without areas
+        law = "" if pairs.laws[own][0] == ELASTIC_COULOMB else f', law "{pairs.laws[own][0]}"'
         lines.append(
-            f"joint      {name}: {own.sum()} pairs{where}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
+            f"joint      {name}: {own.sum()} pairs{where}{law}, normal preload {N0[N0 > 0].sum():.4g} N in all, "
             f"{np.count_nonzero(N0 < 0)} with a gap"
         )
     return lines

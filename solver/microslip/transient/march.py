@@ -37,17 +37,18 @@ class March:
         """Return the march of some of the points.  Local."""
         return March(self.model, self.omega[points], self.level[points], self.n_steps, self.scheme.rho)
 
-    def period(self, z: Motion, p: np.ndarray, ramp: np.ndarray | None = None) -> tuple[Motion, np.ndarray, Cycle]:
-        """Return motion and p (B, 3 n_pairs) after a period, and its record.  Local.
+    def period(self, z: Motion, contact: np.ndarray, ramp: np.ndarray | None = None) -> tuple[Motion, np.ndarray, Cycle]:
+        """Return motion and contact after a period, and its record.  Local.
 
-        ``ramp`` (n_steps,) multiplies the loads at the ends of the steps.
+        ``contact`` is p with what the law remembers, (B, n_pairs (3 + n_memory)); ``ramp`` (n_steps,) multiplies the loads at the
+        ends of the steps.
 
         Raises
         ------
         ConvergenceError : the contact problem of a step has no solution that Newton finds
         """
         model, B = self.model, len(self.level)
-        contact = StepContact(model, self.scheme)
+        step = StepContact(model, self.scheme)
         shape, m = (self.n_steps, B), len(model.modes.omega_n)
         cycle = Cycle(
             np.empty((*shape, m)),
@@ -58,18 +59,20 @@ class March:
         factor = np.ones(self.n_steps) if ramp is None else ramp
         before = 1.0 if ramp is None else 2.0 * ramp[0] - ramp[1]  # the factor at the beginning of the period
         q_load = before * self.level[:, None] * (model.modes.b @ self.f[-1])
-        guess = p
+        guess = p = model.forces(contact)
         for k in range(self.n_steps):
             f = factor[k] * self.f[k]
             q_before, q_load = q_load - p @ model.modes.R_phi, self.level[:, None] * (model.modes.b @ f)
             free = self.scheme.free(z, q_before, q_load)
             p_before = p
-            p, state = contact.solve(free.eta @ model.modes.R_phi.T + self.level[:, None] * (model.s @ f), p_before, guess)
+            du_free = free.eta @ model.modes.R_phi.T + self.level[:, None] * (model.s @ f)
+            contact, state = step.solve(du_free, contact, guess)
+            p = model.forces(contact)
             z = self.scheme.kicked(free, -(p @ model.modes.R_phi))
             guess = 2.0 * p - p_before
             cycle.eta[k], cycle.v[k], cycle.p[k] = z.eta, z.v, p
             np.maximum(cycle.state, state, out=cycle.state)
-        return z, p, cycle
+        return z, contact, cycle
 
 
 class StepContact:
@@ -93,34 +96,35 @@ class StepContact:
         R_phi = self.model.modes.R_phi
         return few @ self.model.G[rows] + self.flexibility.apply(few @ R_phi[rows]) @ R_phi.T
 
-    def solve(self, du_free: np.ndarray, p_before: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return p (B, 3 n_pairs) and states (B, n_pairs) at the end of the step.  Local."""
+    def solve(self, du_free: np.ndarray, before: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return p with the law's memory (B, n_pairs (3 + n_memory)) and states (B, n_pairs) at the end of the step.  Local."""
         self.scale = np.maximum(self.scale, np.abs(self.K_J * du_free).max(axis=1, initial=0.0))
-        p, new, L, state = self._law(du_free, p_before, guess)
+        p, after, new, L, state = self._law(du_free, before, guess)
         error = self._error(p, new)
         for _ in range(_NEWTON):
             wrong = np.flatnonzero(~(error <= _TOLERANCE * self.scale))
             if len(wrong) == 0:
-                return new, state
+                return after, state
             step = self._newton(p, new, L, wrong)
             for _ in range(_HALVINGS + 1):
-                trial, new_trial, L_trial, state_trial = self._law(du_free, p_before, p + step)
+                trial, after_trial, new_trial, L_trial, state_trial = self._law(du_free, before, p + step)
                 error_trial = self._error(trial, new_trial)
                 worse = ~(error_trial <= error) & (error > _TOLERANCE * self.scale)
                 if not worse.any():
                     break
                 step[worse] *= 0.5
-            p, new, L, state, error = trial, new_trial, L_trial, state_trial, error_trial
+            p, after, new, L, state, error = trial, after_trial, new_trial, L_trial, state_trial, error_trial
         raise ConvergenceError(
             f"contact forces of a time step not found within {_NEWTON} Newton iterations: "
             f"error {error.max():.2e} N; take more steps a period"
         )
 
-    def _law(self, du_free, p_before, p):
-        """Return p, the law's answer to it, its derivative and the states."""
-        shape = (len(p), self.model.n_pairs, 3)
-        new, L, state = self.model.law.step((du_free - self.apply(p)).reshape(shape), p_before.reshape(shape))
-        return p, new.reshape(p.shape), L, state
+    def _law(self, du_free, before, p):
+        """Return p, the law's answer to it, with its memory and alone, its derivative and the states."""
+        shape = (len(p), self.model.n_pairs, -1)
+        after, L, state = self.model.law.step((du_free - self.apply(p)).reshape(shape), before.reshape(shape))
+        after = after.reshape(before.shape)
+        return p, after, self.model.forces(after), L, state
 
     def _error(self, p, new) -> np.ndarray:
         return np.abs(new - p).max(axis=1, initial=0.0)

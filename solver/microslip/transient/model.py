@@ -29,6 +29,17 @@ class TransientModel:
     def n_pairs(self) -> int:
         return len(self.s) // 3
 
+    @property
+    def memory_scale(self) -> np.ndarray:
+        """What numbers of p and memory are over, in the root of an energy, (n_pairs (3 + n_memory),) [(N/m)^1/2]."""
+        root = np.sqrt(np.where(self.law.stiffness > 0.0, self.law.stiffness, 1.0))
+        return np.concatenate([root, np.repeat(root[:, :1], self.law.n_memory, axis=1)], axis=1).ravel()
+
+    def forces(self, contact: np.ndarray) -> np.ndarray:
+        """Return p (..., 3 n_pairs) of p with what the law remembers beside it, (..., n_pairs (3 + n_memory)) [N].  Local."""
+        by_pair = contact.reshape(*contact.shape[:-1], self.n_pairs, 3 + self.law.n_memory)
+        return by_pair[..., :3].reshape(*contact.shape[:-1], 3 * self.n_pairs)
+
     def loads(self, n_steps: int) -> np.ndarray:
         """Return the loads at unit level at the ends 1 ... ``n_steps`` of the steps of a period, (n_steps, n_loads).  Local."""
         return np.roll(synthesise(self.f, n_steps), -1, axis=1).T

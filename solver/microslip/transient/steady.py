@@ -22,7 +22,10 @@ RAMP = 20  # periods over which the load rises from rest
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a march begins, at t = 0: B motions and contact forces p = f_nl - K_J du, (B, 3 n_pairs) [N]."""
+    """Where a march begins, at t = 0: B motions, and contact forces p = f_nl - K_J du with what the law remembers beside them.
+
+    ``p`` is (B, n_pairs (3 + n_memory)) [N].
+    """
 
     z: Motion
     p: np.ndarray
@@ -45,7 +48,7 @@ class Found:
 def from_rest(model: TransientModel, n_points: int) -> Start:
     """Return rest, no traction.  Local."""
     zero = np.zeros((n_points, len(model.modes.omega_n)))
-    return Start(Motion(zero, zero, zero), np.zeros((n_points, 3 * model.n_pairs)))
+    return Start(Motion(zero, zero, zero), np.zeros((n_points, model.n_pairs * (3 + model.law.n_memory))))
 
 
 def from_harmonics(model: TransientModel, omega: np.ndarray, eta: np.ndarray, U: np.ndarray, n_steps: int) -> Start:
@@ -58,7 +61,7 @@ def from_harmonics(model: TransientModel, omega: np.ndarray, eta: np.ndarray, U:
     w = omega[:, None]
     z = Motion(eta[..., 0] + eta[..., 1::2].sum(axis=-1), w * (eta[..., 2::2] @ n), -(w**2) * (eta[..., 1::2] @ n**2))
     du = np.moveaxis(synthesise(U, n_steps), -1, 0)
-    p, before = np.zeros(du.shape[1:]), None
+    p, before = np.zeros((*du.shape[1:-1], 3 + model.law.n_memory)), None
     for k in range(_SETTLING * n_steps + 1):
         p, _, _ = model.law.step(du[k % n_steps], p)
         if k % n_steps == 0:
@@ -121,7 +124,7 @@ def steady_state(
     B = len(march.level)
     accelerations = [Acceleration(3 * len(march.model.modes.omega_n)) for _ in range(B)] if accelerated else None
     K_J = march.model.law.stiffness.ravel()
-    root = np.sqrt(np.where(K_J > 0.0, K_J, 1.0))  # p / root is an energy's root, as the scaled motion is
+    root = march.model.memory_scale  # p / root is an energy's root, as the scaled motion is
     found: list[tuple] = [()] * B
     best = np.full(B, np.inf)
     left, now = np.arange(B), start

@@ -1,0 +1,144 @@
+"""Elastic-Coulomb elements in parallel, in the place of each pair: what laws of populations share (docs/theory.md, section 3).
+
+A joint that slips little by little is many elements that each slip at once: asperities that carry a share of the pressure, or
+the sliders of an Iwan element.  What is exact of one of them, its path, its derivative, the cycle that repeats, is exact of all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..fourier.coefficients import synthesise
+from ..fourier.harmonics import Harmonics
+from .elastic_coulomb import ElasticCoulomb
+from .law import SLIP, STICK, ContactCycle
+
+_MOST_DERIVATIVES = 2**24  # numbers of dp/dU of elements that are held at a time
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """Elements of n pairs, ``size`` a pair, that share its motion: eq. (3.10).  Of their forces the tangential one counts.
+
+    Elements with a preload belong to the stuck pair.  Those with a gap have no part in it: all of their force is p.
+    """
+
+    elements: ElasticCoulomb  # (n size,), those of a pair side by side
+    size: int
+
+    @property
+    def n_pairs(self) -> int:
+        return self.elements.n_pairs // self.size
+
+    @cached_property
+    def has_gap(self) -> np.ndarray:
+        """Which elements are open at rest, (n, size) bool."""
+        return (self.elements.N0 < 0.0).reshape(-1, self.size)
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """Tangential stiffness of the elements, (n, size) [N/m]."""
+        return self.elements.k_t.reshape(-1, self.size)
+
+    def of_elements(self, values: np.ndarray) -> np.ndarray:
+        """Return what belongs to each element as (..., n, size)."""
+        return values.reshape(*values.shape[:-1], -1, self.size)
+
+    def take(self, indices) -> Bundle:
+        """Return the elements of some pairs: an index array, a mask or a slice.  Local."""
+        chosen = np.arange(self.n_pairs)[indices]
+        return replace(self, elements=self.elements.take((chosen[:, None] * self.size + np.arange(self.size)).ravel()))
+
+    def followed(self, path: bool) -> Bundle:
+        """Return elements that follow the path between samples, or know samples alone.  Local."""
+        return replace(self, elements=self.elements.followed(path))
+
+    # -- a cycle -----------------------------------------------------------------------------------------------
+
+    def cycle(self, U: np.ndarray, n_samples: int, tangents: bool, harmonics: Harmonics | None) -> ContactCycle:
+        """Return the tangential forces beyond the stuck springs under the periodic motion ``U`` (n, 3, N_H), with derivative.
+
+        Local.  docs/theory.md, eq. (3.10).  Rows z are zero.  A pair slips if all of its elements do that touch.
+        """
+        rows = U.shape[1] * U.shape[2]
+        step = max(1, _MOST_DERIVATIVES // (self.size * rows**2))
+        if not tangents or self.n_pairs <= step:
+            return self._cycle_of_part(U, n_samples, tangents, harmonics)
+        parts = [slice(i, i + step) for i in range(0, self.n_pairs, step)]
+        return _joined([self.take(part)._cycle_of_part(U[part], n_samples, tangents, harmonics) for part in parts])
+
+    def _cycle_of_part(self, U, n_samples, tangents, harmonics) -> ContactCycle:
+        n, _, N_H = U.shape
+        touching = np.flatnonzero(self._touch(U, n_samples, harmonics))
+        pair, elements = touching // self.size, self.elements.take(touching)
+        found = elements.cycle(U[pair], n_samples, tangents, harmonics)
+        springs = np.where(elements.N0 < 0.0, elements.k_t, 0.0)  # of the stuck element, which is no part of the stuck pair
+        first = np.searchsorted(pair, np.arange(n))  # every pair has an element that touches
+        p = np.zeros_like(U)
+        state, creeps = np.zeros(n, dtype=np.uint8), np.zeros(n, dtype=bool)
+        if n > 0:
+            p[:, :2] = np.add.reduceat(found.p[:, :2] + springs[:, None, None] * U[pair, :2], first)
+            state[np.logical_and.reduceat((found.state != STICK) | (elements.k_t == 0.0), first)] = SLIP
+            creeps = np.logical_or.reduceat(found.creeps, first)
+        active, start = np.unique(pair[found.active], return_index=True)
+        P = None
+        if found.P is not None:
+            P = np.add.reduceat(found.P, start) if len(active) else np.empty((0, 3 * N_H, 3 * N_H))
+            P[:, 2 * N_H :] = 0.0
+            of_gaps, i = np.bincount(pair, springs, n)[active], np.arange(2 * N_H)
+            P[:, i, i] += of_gaps[:, None]
+        return ContactCycle(p, state, active, P, creeps)
+
+    def _touch(self, U, n_samples, harmonics) -> np.ndarray:
+        """Return which elements touch at a sample, (n, size): of those with a gap; the others are taken to."""
+        if not self.has_gap.any():
+            return ~self.has_gap
+        closest = synthesise(U[:, 2], n_samples, harmonics).min(axis=1)[:, None]
+        return ~self.has_gap | (self.of_elements(self.elements.N0) > self.of_elements(self.elements.k_n) * closest)
+
+    # -- a step of time ----------------------------------------------------------------------------------------
+
+    @property
+    def n_memory(self) -> int:
+        """What a pair remembers: the tangential forces of its elements beyond their own stuck springs."""
+        return 2 * self.size
+
+    def step(self, du: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the tangential p after a step that ends at ``du`` (..., n, 3), its derivative, which pairs slip, the memory.
+
+        Local.  docs/theory.md, eq. (3.10).  Shapes (..., n, 2), (..., n, 2, 3), (..., n) and (..., n, n_memory), like ``memory``.
+        """
+        before = np.zeros((*memory.shape[:-2], self.elements.n_pairs, 3))
+        before[..., :2] = memory.reshape(*memory.shape[:-2], -1, 2)
+        p, L, state = self.elements.step(np.repeat(du, self.size, axis=-2), before)
+        shape = (*du.shape[:-1], self.size)
+        open_springs = np.where(self.has_gap, self.stiffness, 0.0).sum(axis=1)
+        force = p[..., :2].reshape(*shape, 2).sum(axis=-2) + open_springs[:, None] * du[..., :2]
+        derivative = L[..., :2, :].reshape(*shape, 2, 3).sum(axis=-3)
+        derivative[..., (0, 1), (0, 1)] += open_springs[:, None]
+        slips = ((state.reshape(shape) != STICK) | (self.stiffness == 0.0)).all(axis=-1)
+        return force, derivative, slips, p[..., :2].reshape(memory.shape)
+
+    # -- its limits --------------------------------------------------------------------------------------------
+
+    def slip_safety(self, amplitudes: np.ndarray, weakest: int) -> np.ndarray:
+        """Return the factor by which motions may grow while the ``weakest`` element of each pair surely sticks, (..., n)."""
+        return self.elements.take(slice(weakest, None, self.size)).slip_safety(amplitudes)
+
+    def slipping_share(self, amplitudes: np.ndarray, of_limit: float) -> np.ndarray:
+        """Return the share of the stuck tangential force that elements with a preload take away at most, (..., n).  Local."""
+        share = self.elements.slipping_share(np.repeat(amplitudes, self.size, axis=-2), of_limit)[..., 0]
+        carried = np.where(self.has_gap, 0.0, self.stiffness)
+        return (carried * self.of_elements(share)).sum(axis=-1) / carried.sum(axis=1)
+
+
+def _joined(found: list[ContactCycle]) -> ContactCycle:
+    """Return the cycles of pairs that follow each other as one."""
+    starts = np.cumsum([0, *(len(one.p) for one in found)])
+    p, state, creeps = (np.concatenate([getattr(one, name) for one in found]) for name in ("p", "state", "creeps"))
+    active = np.concatenate([one.active + start for one, start in zip(found, starts)])
+    P = None if found[0].P is None else np.concatenate([one.P for one in found if one.P is not None])
+    return ContactCycle(p, state, active, P, creeps)

@@ -1,0 +1,150 @@
+"""The four-parameter Iwan element of a lumped bolted joint (Segalman 2005): sliders whose strengths follow a power law.
+
+docs/theory.md, section 3, "Iwan's joint".  Each tangential direction is an element of its own; the normal one is a spring.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..fourier.harmonics import Harmonics
+from .bundle import Bundle
+from .elastic_coulomb import ElasticCoulomb
+from .law import SLIP, STICK, ContactCycle
+
+SLIDERS = 50  # of the power law, where a joint states no number
+WEAKEST = 1e-3  # strength over that of the strongest, below which all sliders are one
+
+
+@dataclass(frozen=True)
+class Iwan:
+    """The law of ``n`` pairs, arrays (n,); ValueError if one is out of range."""
+
+    F_S: np.ndarray  # force at which all of a pair slips [N], above 0
+    K_T: np.ndarray  # tangential stiffness while nothing slips [N/m], above 0
+    k_n: np.ndarray  # normal stiffness [N/m]
+    chi: np.ndarray  # exponent of the distribution, between -1 and 0 [-]: loss per cycle ~ force^(3 + chi)
+    beta: np.ndarray  # stiffness of the last slider over that of all others, at least 0 [-]
+    n_sliders: int = SLIDERS
+    sampled: bool = False  # sliders that know samples alone
+    bundle: Bundle = field(init=False, repr=False)
+
+    def __post_init__(self):
+        for name, least in (("F_S", 0.0), ("K_T", 0.0), ("k_n", None), ("chi", -1.0), ("beta", None)):
+            values = np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            if np.any(values < 0.0 if least is None else values <= least):
+                raise ValueError(f"{name} of pair {np.nanargmin(values)} is {np.nanmin(values):g}, too small")
+            object.__setattr__(self, name, values)
+        object.__setattr__(self, "bundle", self._sliders())
+
+    @property
+    def n_pairs(self) -> int:
+        return len(self.K_T)
+
+    @property
+    def order(self) -> int:
+        """The order in 1 / N_t at which the harmonics of a cycle converge: that of the sliders."""
+        return self.bundle.elements.order
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers of a pair that a step of time remembers beside p: the forces of its sliders."""
+        return self.bundle.n_memory
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """The springs K_J while nothing slips: K_T, K_T, k_n, (n, 3) [N/m]."""
+        return np.stack([self.K_T, self.K_T, self.k_n], axis=1)
+
+    @cached_property
+    def phi_max(self) -> np.ndarray:
+        """Displacement at which all of a pair slips, (n,) [m]: docs/theory.md, eq. (3.13)."""
+        return self.F_S * (1.0 + self.beta) / (self.K_T * (self.beta + (self.chi + 1.0) / (self.chi + 2.0)))
+
+    def take(self, indices) -> Iwan:
+        """Return the law of some pairs: an index array, a mask or a slice.  Local."""
+        return replace(self, **{name: getattr(self, name)[indices] for name in ("F_S", "K_T", "k_n", "chi", "beta")})
+
+    def followed(self, path: bool) -> Iwan:
+        """Return the law whose sliders follow the path between samples, or know samples alone.  Local."""
+        return replace(self, sampled=not path)
+
+    def _sliders(self) -> Bundle:
+        """Return the sliders of eq. (3.14): stiffness and strength of each interval of strengths are exact, and the last one."""
+        ends = np.concatenate([[0.0], WEAKEST ** np.linspace(1.0, 0.0, self.n_sliders)])
+        chi, weak = self.chi[:, None], (self.K_T / (1.0 + self.beta))[:, None]
+        k = np.column_stack([weak * np.diff(ends ** (chi + 1.0), axis=1), self.K_T - weak[:, 0]])
+        share = (chi + 1.0) / (chi + 2.0) * np.diff(ends ** (chi + 2.0), axis=1)
+        strength = self.phi_max[:, None] * np.column_stack([weak * share, k[:, -1]])
+        none = np.zeros(k.size)
+        separate = np.ones(k.size, dtype=bool)
+        elements = ElasticCoulomb(strength.ravel(), none + 1.0, k.ravel(), none, separate, sampled=self.sampled)
+        return Bundle(elements, k.shape[1])
+
+    # -- forces ------------------------------------------------------------------------------------------------
+
+    def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
+        """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.
+
+        Local.  docs/theory.md, eq. (3.10) with the sliders of this law; p_z is 0.
+        """
+        if self.n_pairs != len(U):
+            raise ValueError(f"harmonics of {len(U)} pairs with the law of {self.n_pairs}")
+        return self.bundle.cycle(U, n_samples, tangents, harmonics)
+
+    def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return p and memory after a step that ends at ``du`` (..., n, 3), d p / d du (..., n, 3, 3), and the states.
+
+        Local.  ``before`` and what comes after it are (..., n, 3 + n_memory).
+        """
+        force, derivative, slips, memory = self.bundle.step(du, before[..., 3:])
+        L = np.zeros((*du.shape, 3))
+        L[..., :2, :] = derivative
+        after = np.concatenate([force, np.zeros_like(force[..., :1]), memory], axis=-1)
+        return after, L, np.where(slips, SLIP, STICK).astype(np.uint8)
+
+    # -- its limits --------------------------------------------------------------------------------------------
+
+    def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the factor by which motions may grow while the weakest slider of each pair surely sticks, (..., n).  Local."""
+        return self.bundle.slip_safety(amplitudes, 0)
+
+    def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the share of the slip force that motions take up while nothing slips, (..., n).  Local."""
+        return self.K_T * np.hypot(amplitudes[..., 0], amplitudes[..., 1]) / self.F_S
+
+    def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
+        """Return the share of the stuck force that p takes away at most, (..., n, 3).  Local."""
+        share = self.bundle.slipping_share(amplitudes, of_limit)
+        return np.stack([share, share, np.zeros_like(share)], axis=-1)
+
+    def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
+        """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move: all, (n,).  Local."""
+        return np.ones(self.n_pairs, dtype=bool)
+
+
+# -- of the columns of pairs ---------------------------------------------------------------------------------------
+
+
+def of_columns(columns: Mapping[str, np.ndarray]) -> Iwan:
+    """Return the law of pairs with these columns, (n,) each; pairs from a CSV file slip at mu N0.  Local."""
+    F_S = np.where(np.isnan(columns["slip_force"]), columns["mu"] * columns["N0"], columns["slip_force"])
+    k_n, chi, beta = (columns[name] for name in ("k_n", "chi", "beta"))
+    return Iwan(F_S, columns["k_t"], k_n, chi, beta, n_sliders=int(columns["sliders"][0]))
+
+
+def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the columns of pairs from a joint's keys per area and their areas, (n,); they share its slip force.  Local."""
+    k_t, k_n = (keys[name] * area for name in ("tangential_stiffness", "normal_stiffness"))
+    slip_force = keys["slip_force"] * area / area.sum()
+    return {"mu": np.full_like(area, np.nan), "N0": np.full_like(area, np.nan), "k_t": k_t, "k_n": k_n, "slip_force": slip_force}
+
+
+def own(keys: Mapping[str, Any]) -> dict[str, float]:
+    """Return the columns beyond those of elastic-Coulomb friction, the same for all pairs of a joint.  Local."""
+    return {"slip_force": np.nan, "chi": keys["chi"], "beta": keys["beta"], "sliders": keys["sliders"] or SLIDERS}

@@ -1,0 +1,96 @@
+"""The contact laws by the name that a scene gives them, and the law of pairs that name several."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import iwan, rough
+from .elastic_coulomb import ElasticCoulomb
+from .law import Law
+from .several import as_one
+
+Columns = Mapping[str, np.ndarray]  # of pairs, (n,) each: those of ContactPairs, and what their laws have beside them
+Keys = Mapping[str, Any]  # of a joint, numbers or None
+
+ELASTIC_COULOMB = "elastic-coulomb"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What the other rooms know of a law by its name."""
+
+    of_columns: Callable[[Columns], Law]
+    own: Callable[[Keys], Mapping[str, float]]  # columns beside those of ContactPairs, the same for all pairs of a joint
+    on_area: Callable[[Keys, np.ndarray], Mapping[str, np.ndarray]]  # columns of a joint of surfaces, from its pairs' areas
+    per_point: tuple[str, ...]  # values that each contact point of surfaces may have of its own
+    above_0: tuple[str, ...] = ()  # columns of a file of pairs that it cannot do without
+
+
+def _elastic_coulomb(columns: Columns) -> ElasticCoulomb:
+    k_t, T0 = columns["k_t"], columns["T0"]
+    by_y = {name: columns[name] for name in ("k_ty", "mu_y") if name in columns}
+    by_y = {name: np.where(np.isnan(y), columns[of_x], y) for (name, y), of_x in zip(by_y.items(), ("k_t", "mu"))}
+    k_xy = np.stack([k_t, by_y.get("k_ty", k_t)], axis=1)
+    w0 = np.divide(-T0, k_xy, out=np.zeros_like(T0), where=k_xy > 0.0)
+    mu, N0, k_n, separate, apart = (columns[name] for name in ("mu", "N0", "k_n", "separate", "apart"))
+    return ElasticCoulomb(mu, N0, k_t, k_n, separate, w0, apart=apart, k_ty=by_y.get("k_ty"), mu_y=by_y.get("mu_y"))
+
+
+def _nothing_of_its_own(keys: Keys) -> dict[str, float]:
+    return {}
+
+
+def _by_direction(keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:
+    """Return what pairs of surfaces have of their own along y, where a joint states two numbers."""
+    stiffness, friction = keys.get("tangential_stiffness_y"), keys.get("friction_y")
+    columns = {} if stiffness is None else {"k_ty": stiffness * area}
+    return columns if friction is None else {**columns, "mu_y": np.full_like(area, friction)}
+
+
+LAWS: dict[str, Kind] = {
+    ELASTIC_COULOMB: Kind(
+        _elastic_coulomb,
+        _nothing_of_its_own,
+        _by_direction,
+        ("friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"),
+    ),
+    "rough": Kind(rough.of_columns, rough.own, rough.on_area, ("friction", "preload"), ("n0", "kt", "kn")),
+    "iwan": Kind(iwan.of_columns, iwan.own, iwan.on_area, ("tangential_stiffness", "normal_stiffness"), ("mu", "n0", "kt")),
+}
+
+
+def law_of(names: Sequence[str] | np.ndarray, columns: Columns) -> Law:
+    """Return the law of pairs, each of which names its own.  Local.
+
+    ``columns`` are those of all pairs; what a pair's law does not have is NaN there.
+    """
+    of_pairs = np.asarray(names, dtype=str)
+    sliders = np.nan_to_num(columns.get("sliders", np.zeros(len(of_pairs))))
+    parts = []
+    for law in [name for name in LAWS if name in of_pairs] or [ELASTIC_COULOMB]:
+        for n_sliders in np.unique(sliders[of_pairs == law]) if len(of_pairs) else (0.0,):
+            own = np.flatnonzero((of_pairs == law) & (sliders == n_sliders))
+            everything = slice(None) if len(own) == len(of_pairs) else own
+            part = {name: values[everything] for name, values in columns.items()}
+            parts.append((own, LAWS[law].of_columns(part)))
+    return as_one(parts)
+
+
+def columns_on_area(law: str, keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:
+    """Return what the pairs of a joint of surfaces have by their law, (n,) each; ``keys`` are per area.  Local."""
+    return {**columns_of_joint(law, keys, len(area)), **LAWS[law].on_area(keys, area)}
+
+
+def columns_of_joint(law: str, keys: Keys, n_pairs: int) -> dict[str, np.ndarray]:
+    """Return what all pairs of a joint have alike by their law, (n,) each.  Local."""
+    return {name: np.full(n_pairs, float(value)) for name, value in LAWS[law].own(keys).items()}
+
+
+def joined(parts: Sequence[tuple[int, Mapping[str, np.ndarray]]]) -> dict[str, np.ndarray]:
+    """Return columns that not every joint has as those of all, NaN where one has none, from the pairs of each.  Local."""
+    names = sorted({name for _, columns in parts for name in columns})
+    return {name: np.concatenate([columns.get(name, np.full(n, np.nan)) for n, columns in parts]) for name in names}

@@ -1,0 +1,227 @@
+"""Rough surfaces: normal stiffness that grows with the pressure, and slip that begins where asperities carry least.
+
+docs/theory.md, section 3, "Rough surfaces".  The normal force follows a power of the approach, or its limit, the exponential of
+Greenwood and Williamson (1966).  By the theorem of Ciavarella (1998) and Jaeger the tangential force is that of asperities that
+each follow elastic-Coulomb friction, with the tangential stiffness of Mindlin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..fourier.coefficients import analysis_matrix, synthesis_matrix
+from ..fourier.harmonics import Harmonics
+from .bundle import Bundle
+from .elastic_coulomb import ElasticCoulomb
+from .law import OPEN, SLIP, STICK, ContactCycle
+
+SLIDERS = 24  # asperities that carry a pair at rest, where a joint states no number
+MOST_FORCE = 16.0  # normal force over that at rest up to which further asperities come into contact
+_MOST = 200.0  # logarithm of the same, beyond which a guess of the solver is none, and its squares are no numbers
+MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential over normal stiffness at Poisson's ratio 0.3
+
+
+@dataclass(frozen=True)
+class Rough:
+    """The law of ``n`` pairs of rough surfaces, arrays (n,), about their rest; ValueError if they carry nothing there."""
+
+    mu: np.ndarray  # friction coefficient [-]
+    N0: np.ndarray  # normal preload [N], above 0
+    k_t: np.ndarray  # tangential stiffness at rest [N/m]
+    k_n: np.ndarray  # normal stiffness at rest [N/m], above 0
+    exponent: np.ndarray  # of the approach, above 1 [-]; infinite: the exponential
+    separate: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: each direction has its own limit
+    n_sliders: int = SLIDERS
+    sampled: bool = False  # asperities that know samples alone
+    bundle: Bundle = field(init=False, repr=False)
+
+    def __post_init__(self):
+        for name in ("mu", "N0", "k_t", "k_n", "exponent"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64))
+        object.__setattr__(self, "separate", np.array(np.broadcast_to(self.separate, self.N0.shape), dtype=bool))
+        for name, least in (("N0", 0.0), ("k_n", 0.0), ("exponent", 1.0)):
+            values = getattr(self, name)
+            if np.any(values <= least):
+                raise ValueError(f"{name} of pair {np.nanargmin(values)} is {np.nanmin(values):g}; above {least:g} is needed")
+        object.__setattr__(self, "bundle", self._asperities())
+
+    @property
+    def n_pairs(self) -> int:
+        return len(self.N0)
+
+    @property
+    def order(self) -> int:
+        """The order in 1 / N_t at which the harmonics of a cycle converge: that of the asperities."""
+        return self.bundle.elements.order
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers of a pair that a step of time remembers beside p: the forces of its asperities."""
+        return self.bundle.n_memory
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """The springs K_J at rest: k_t, k_t, k_n, (n, 3) [N/m]."""
+        return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
+
+    def take(self, indices) -> Rough:
+        """Return the law of some pairs: an index array, a mask or a slice.  Local."""
+        names = ("mu", "N0", "k_t", "k_n", "exponent", "separate")
+        return replace(self, **{name: getattr(self, name)[indices] for name in names})
+
+    def followed(self, path: bool) -> Rough:
+        """Return the law whose asperities follow the path between samples, or know samples alone.  Local."""
+        return replace(self, sampled=not path)
+
+    # -- normal force ------------------------------------------------------------------------------------------
+
+    def normal_force(self, du_z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the normal force [N] and the normal stiffness [N/m] at relative displacements (..., n).
+
+        Local.  docs/theory.md, eq. (3.11).  The surfaces part where a power of the approach is 0; the exponential has no end.
+        """
+        x, m = -self.k_n * du_z / self.N0, self.exponent
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            log = np.where(np.isinf(m), x, m * np.log1p(np.maximum(x / m, -1.0)))
+            log = np.minimum(log, _MOST)
+            N = self.N0 * np.exp(log)
+            stiffness = self.k_n * np.exp(np.where(np.isinf(m), log, log * (1.0 - 1.0 / m)))
+        return N, stiffness
+
+    def _asperities(self) -> Bundle:
+        """Return the elements of eq. (3.12), between tangents of the normal force."""
+        n, nu = self.n_sliders, tangents_at(self.n_sliders)
+        m = self.exponent[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.where(np.isinf(m), nu, nu ** (1.0 - 1.0 / m))  # over k_n
+            x = np.where(np.isinf(m), np.log(nu), m * (nu ** (1.0 / m) - 1.0))  # approach over N0 / k_n
+            at_0 = nu - np.where(nu > 0.0, slope * x, 0.0)  # the force of a tangent at rest, over N0
+        share, force = np.diff(slope, axis=1), np.diff(at_0, axis=1)
+        force[:, :n] = np.maximum(force[:, :n], 0.0)  # the last of them has next to nothing left
+        size = share.shape[1]
+        each = {name: np.repeat(getattr(self, name), size) for name in ("mu", "N0", "k_t", "k_n")}
+        elements = ElasticCoulomb(
+            each["mu"],
+            each["N0"] * force.ravel(),
+            each["k_t"] * share.ravel(),
+            each["k_n"] * share.ravel(),
+            np.repeat(self.separate, size),
+            sampled=self.sampled,
+        )
+        return Bundle(elements, size)
+
+    # -- forces ------------------------------------------------------------------------------------------------
+
+    def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
+        """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.
+
+        Local.  docs/theory.md, eq. (3.10) and eq. (3.11).  A pair that moves along z is active: no part of this law is linear.
+        """
+        n, _, N_H = U.shape
+        if self.n_pairs != n:
+            raise ValueError(f"harmonics of {n} pairs with the law of {self.n_pairs}")
+        tangential = self.bundle.cycle(U, n_samples, tangents, harmonics)
+        harmonics = harmonics or Harmonics.full(N_H)
+        E, F = synthesis_matrix(harmonics, n_samples), analysis_matrix(harmonics, n_samples)
+        du_z = U[:, 2] @ E.T
+        N, k = (values.T for values in self.normal_force(du_z.T))
+        p, state = tangential.p, tangential.state
+        presses = U[:, 2].any(axis=1)
+        p[presses, 2] = ((self.N0[:, None] - N - self.k_n[:, None] * du_z) @ F.T)[presses]
+        state[(N <= 0.0).any(axis=1)] = OPEN
+        active = np.union1d(tangential.active, np.flatnonzero(presses))
+        P = None
+        if tangential.P is not None:
+            P = np.zeros((len(active), 3 * N_H, 3 * N_H))
+            P[np.searchsorted(active, tangential.active)] = tangential.P
+            change = np.where(presses[:, None], k - self.k_n[:, None], 0.0)[active]
+            P[:, 2 * N_H :, 2 * N_H :] = np.matmul(F * change[:, None, :], E)
+        return ContactCycle(p, state, active, P, tangential.creeps)
+
+    def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return p and memory after a step that ends at ``du`` (..., n, 3), d p / d du (..., n, 3, 3), and the states.
+
+        Local.  docs/theory.md, eq. (3.10) and eq. (3.11).  ``before`` and what comes after it are (..., n, 3 + n_memory).
+        """
+        force, derivative, slips, memory = self.bundle.step(du, before[..., 3:])
+        N, k = self.normal_force(du[..., 2])
+        p_z = self.N0 - N - self.k_n * du[..., 2]
+        L = np.zeros((*du.shape, 3))
+        L[..., :2, :], L[..., 2, 2] = derivative, k - self.k_n
+        state = np.where(N <= 0.0, OPEN, np.where(slips, SLIP, STICK)).astype(np.uint8)
+        return np.concatenate([force, p_z[..., None], memory], axis=-1), L, state
+
+    # -- its limits --------------------------------------------------------------------------------------------
+
+    def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the factor by which motions may grow while p stays 0, (..., n): 0 where a pair moves along z.  Local."""
+        safety = self.bundle.slip_safety(amplitudes, self.n_sliders - 1)
+        return np.where(amplitudes[..., 2] > 0.0, 0.0, safety)
+
+    def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the share of friction limit or preload that motions take up at the stiffness of rest, (..., n).  Local."""
+        x, y, z = np.moveaxis(amplitudes, -1, 0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = np.stack([self.k_t * np.hypot(x, y) / (self.mu * self.N0), self.k_n * z / self.N0])
+        return np.nan_to_num(shares, nan=0.0, posinf=np.inf).max(axis=0)
+
+    def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
+        """Return the share of the force at the stiffness of rest that p takes away at most, (..., n, 3).  Local.
+
+        What stiffens is judged under that force, not under that motion, which it would not let happen.
+        """
+        z, m = amplitudes[..., 2], self.exponent
+        x = self.k_n * z / self.N0  # force of rest over the preload
+        parted, _ = self.normal_force(z)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            approach = np.where(np.isinf(m), np.log1p(x), m * np.expm1(np.log1p(x) / m))
+            stiffer = (1.0 + x) ** (1.0 - 1.0 / m)
+            normal = np.nan_to_num(np.maximum(1.0 - approach / x, 1.0 - (1.0 - parted / self.N0) / x), nan=0.0)
+        tangential = np.maximum(self.bundle.slipping_share(amplitudes, of_limit), 1.0 - 1.0 / stiffer)
+        return np.stack([tangential, tangential, normal], axis=-1)
+
+    def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
+        """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local."""
+        return ~moves[:, 2]
+
+
+def tangents_at(n: int) -> np.ndarray:
+    """Return the normal forces over that at rest where eq. (3.12) has its tangents: n + 1 up to 1, from 0, and 2 n above.  Local.
+
+    They lie close about rest, for the asperities that carry least there slip first; the n-th is at rest itself.
+    """
+    below, above = np.arange(n + 1) / n, np.arange(1, 2 * n + 1) / (2 * n)
+    return np.concatenate([below * (2.0 - below), 1.0 + (np.sqrt(MOST_FORCE) - 1.0) * above**2]) ** 2
+
+
+# -- of the columns of pairs ---------------------------------------------------------------------------------------
+
+
+def of_columns(columns: Mapping[str, np.ndarray]) -> Rough:
+    """Return the law of pairs with these columns, (n,) each.  Local."""
+    mu, N0, k_t, k_n, m, separate = (columns[name] for name in ("mu", "N0", "k_t", "k_n", "exponent", "separate"))
+    return Rough(mu, N0, k_t, k_n, m, separate, n_sliders=int(columns["sliders"][0]))
+
+
+def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the columns of pairs from a joint's keys per area and their areas, (n,).  Local.
+
+    docs/theory.md, eq. (3.11): at the pressure p of rest the normal stiffness per area is p / h of the exponential, and
+    m p / d of a power, with the approach d at which that carries p.
+    """
+    pressure, height, m = keys["preload"], keys["roughness_height"], keys["exponent"]
+    approach = height if m is None else height / m * (pressure / keys["roughness_pressure"]) ** (1.0 / m)
+    k_n = pressure / approach * area
+    ratio = MINDLIN if keys["tangential_ratio"] is None else keys["tangential_ratio"]
+    columns = {"mu": keys["friction"], "N0": pressure * area, "k_t": ratio * k_n, "k_n": k_n}
+    return {name: np.array(np.broadcast_to(values, area.shape), dtype=float) for name, values in columns.items()}
+
+
+def own(keys: Mapping[str, Any]) -> dict[str, float]:
+    """Return the columns beyond those of elastic-Coulomb friction, the same for all pairs of a joint.  Local."""
+    return {"exponent": keys["exponent"] or np.inf, "sliders": keys["sliders"] or SLIDERS}

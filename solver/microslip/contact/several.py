@@ -1,0 +1,114 @@
+"""Pairs of several laws as one: each part is asked for its own pairs, and the order of pairs stays what it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..fourier.harmonics import Harmonics
+from .law import ContactCycle, Law
+
+
+@dataclass(frozen=True)
+class Several:
+    """The law of pairs that have different ones, two parts or more; made by :func:`as_one`."""
+
+    parts: tuple[tuple[np.ndarray, Law], ...]  # which pairs, ascending, and their law; every pair belongs to one part
+
+    @property
+    def n_pairs(self) -> int:
+        return sum(len(own) for own, _ in self.parts)
+
+    @property
+    def order(self) -> int:
+        """The order in 1 / N_t at which the harmonics of a cycle converge: the lowest of the parts."""
+        return min(law.order for _, law in self.parts)
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers of a pair that a step of time remembers beside p: the most of the parts."""
+        return max(law.n_memory for _, law in self.parts)
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """The springs K_J of a pair that sticks, (n, 3) [N/m]."""
+        return self._together(lambda law, own: law.stiffness)
+
+    def take(self, indices) -> Law:
+        """Return the law of some pairs, an index array, a mask or a slice; that of their part where they share one.  Local."""
+        chosen = np.arange(self.n_pairs)[indices]
+        part_of, place = np.empty((2, self.n_pairs), dtype=np.intp)
+        for i, (own, _) in enumerate(self.parts):
+            part_of[own], place[own] = i, np.arange(len(own))
+        found = [(np.flatnonzero(part_of[chosen] == i), law) for i, (_, law) in enumerate(self.parts)]
+        return as_one([(own, law.take(place[chosen[own]])) for own, law in found])
+
+    def followed(self, path: bool) -> Several:
+        """Return the law that follows the path between samples, or one that knows samples alone.  Local."""
+        return Several(tuple((own, law.followed(path)) for own, law in self.parts))
+
+    def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
+        """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.  Local."""
+        if self.n_pairs != len(U):
+            raise ValueError(f"harmonics of {len(U)} pairs with the law of {self.n_pairs}")
+        found = [(own, law.cycle(U[own], n_samples, tangents, harmonics)) for own, law in self.parts]
+        p, state, creeps = np.zeros_like(U), np.zeros(len(U), dtype=np.uint8), np.zeros(len(U), dtype=bool)
+        for own, cycle in found:
+            p[own], state[own], creeps[own] = cycle.p, cycle.state, cycle.creeps
+        active = np.concatenate([own[cycle.active] for own, cycle in found])
+        order = np.argsort(active)
+        P = np.concatenate([cycle.P for _, cycle in found if cycle.P is not None])[order] if tangents else None
+        return ContactCycle(p, state, active[order], P, creeps)
+
+    def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return p and memory after a step of time, its derivative, and the states, as :class:`Law` has it.  Local."""
+        after, L = np.zeros_like(before), np.zeros((*du.shape, 3))
+        state = np.zeros(du.shape[:-1], dtype=np.uint8)
+        for own, law in self.parts:
+            used = 3 + law.n_memory
+            after[..., own, :used], L[..., own, :, :], state[..., own] = law.step(du[..., own, :], before[..., own, :used])
+        return after, L, state
+
+    def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the factor by which motions may grow while each pair is sure to stick, closed, (..., n).  Local."""
+        return self._of_each(lambda law, own: law.slip_safety(amplitudes[..., own, :]), amplitudes.shape[:-1])
+
+    def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
+        """Return the share of its limits that the motion of each pair takes up while it sticks, (..., n).  Local."""
+        return self._of_each(lambda law, own: law.utilisation(amplitudes[..., own, :]), amplitudes.shape[:-1])
+
+    def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
+        """Return the share of the stuck force that p takes away at most, (..., n, 3).  Local."""
+        shares = np.empty(amplitudes.shape)
+        for own, law in self.parts:
+            shares[..., own, :] = law.slipping_share(amplitudes[..., own, :], of_limit)
+        return shares
+
+    def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
+        """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local."""
+        return self._together(lambda law, own: law.keeps_half_wave_symmetry(moves[own]))
+
+    def _together(self, of: Callable[[Law, np.ndarray], np.ndarray]) -> np.ndarray:
+        """Return what is ``of`` each part, (n_own, ...), in the order of the pairs."""
+        own, found = self.parts[0][0], [of(law, own) for own, law in self.parts]
+        values = np.empty((self.n_pairs, *found[0].shape[1:]), dtype=found[0].dtype)
+        for (own, _), of_part in zip(self.parts, found):
+            values[own] = of_part
+        return values
+
+    def _of_each(self, of: Callable[[Law, np.ndarray], np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+        """Return numbers of the pairs, (..., n), from those ``of`` each part."""
+        values = np.empty(shape)
+        for own, law in self.parts:
+            values[..., own] = of(law, own)
+        return values
+
+
+def as_one(parts: Sequence[tuple[np.ndarray, Law]]) -> Law:
+    """Return the law of pairs from the laws of its parts; where one has them all, that.  Local."""
+    some = [(own, law) for own, law in parts if len(own) > 0]
+    if len(some) > 1:
+        return Several(tuple(some))
+    return some[0][1] if some else parts[0][1]

@@ -1,0 +1,78 @@
+"""Which keys of a joint belong to which contact law."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .schema import Joint
+
+ELASTIC_COULOMB, ROUGH, IWAN = "elastic-coulomb", "rough", "iwan"
+
+NEEDED = {  # of a joint of surfaces, beside the preload
+    ELASTIC_COULOMB: ("friction", "tangential_stiffness", "normal_stiffness"),
+    ROUGH: ("friction", "roughness_height"),
+    IWAN: ("slip_force", "tangential_stiffness", "normal_stiffness", "chi", "beta"),
+}
+NEEDED_WITH_PAIRS = {ELASTIC_COULOMB: (), ROUGH: (), IWAN: ("chi", "beta")}  # beside the columns of the file
+LAWS_OF_KEY = {  # of keys that not every law has
+    "friction": (ELASTIC_COULOMB, ROUGH),
+    "preload": (ELASTIC_COULOMB, ROUGH),
+    "gap": (ELASTIC_COULOMB,),
+    "plane_point": (ELASTIC_COULOMB,),
+    "friction_limit": (ELASTIC_COULOMB, ROUGH),
+    "tangential_stiffness": (ELASTIC_COULOMB, IWAN),
+    "normal_stiffness": (ELASTIC_COULOMB, IWAN),
+    "roughness_height": (ROUGH,),
+    "roughness_pressure": (ROUGH,),
+    "exponent": (ROUGH,),
+    "tangential_ratio": (ROUGH,),
+    "slip_force": (IWAN,),
+    "chi": (IWAN,),
+    "beta": (IWAN,),
+    "sliders": (ROUGH, IWAN),
+}
+OF_FILE = {"friction", "tangential_stiffness", "normal_stiffness", "roughness_height", "roughness_pressure"} | {
+    "tangential_ratio",
+    "slip_force",
+}  # keys whose place a CSV file of pairs takes
+OWN = ("roughness_height", "roughness_pressure", "exponent", "tangential_ratio", "slip_force", "chi", "beta", "sliders")
+
+
+def check_law(joint: Joint) -> None:
+    """Raise ValueError where a key belongs to another law, or a law does not take a value.  Local."""
+    for key, laws in LAWS_OF_KEY.items():
+        if key in joint.model_fields_set and joint.law not in laws:
+            raise ValueError(
+                f"{key} belongs to law = {' or '.join(map(_quoted, laws))}; this joint has law = {_quoted(joint.law)}"
+            )
+    for key in ("friction", "tangential_stiffness"):
+        if isinstance(getattr(joint, key), tuple):
+            _check_directions(joint, key)
+    if joint.law == ROUGH and joint.surfaces is not None:
+        _check_rough(joint)
+
+
+def _check_directions(joint: Joint, key: str) -> None:
+    """Raise ValueError where a joint states two numbers of a key that its law takes for both directions alike."""
+    if joint.law != ELASTIC_COULOMB:
+        raise ValueError(f"{key}: law = {_quoted(joint.law)} takes one number for both directions")
+    if joint.friction_limit != "separate":
+        raise ValueError(f'{key} = [x, y] needs friction_limit = "separate": a friction circle has one number for both')
+    if joint.parameters is not None:
+        raise ValueError(f"{key} = [x, y] with parameters, a file of values for each point: state one number")
+
+
+def _check_rough(joint: Joint) -> None:
+    """Raise ValueError where rough surfaces carry nothing at rest, or their power is half stated."""
+    if joint.preload == "static":
+        raise ValueError(f'preload = "static": statics do not know law = {_quoted(ROUGH)}; state it in Pa')
+    if joint.preload == 0.0:
+        raise ValueError(f"preload = 0: rough surfaces that carry nothing have no stiffness, law = {_quoted(ROUGH)} needs some")
+    if (joint.exponent is None) != (joint.roughness_pressure is None):
+        there, missing = ("exponent", "roughness_pressure")[:: 1 if joint.roughness_pressure is None else -1]
+        raise ValueError(f"{there} without {missing}: a power takes both, the exponential neither")
+
+
+def _quoted(word: str) -> str:
+    return f'"{word}"'

@@ -1,0 +1,163 @@
+"""The law of rough surfaces against closed forms: pressure, friction at constant pressure, no cycle that gains energy."""
+
+import numpy as np
+import pytest
+from scipy.special import iv
+
+from microslip.contact.energy import contact_work, pair_energy
+from microslip.contact.law import OPEN, SLIP, STICK
+from microslip.contact.rough import Rough, on_area, tangents_at
+
+MU, N0, K_T, K_N = 0.4, 2.0, 3.0, 5.0
+EXPONENTS = [np.inf, 2.0, 3.33, 1.4]
+
+
+def law(exponent=np.inf, n=1, **own):
+    one = np.ones(n)
+    return Rough(MU * one, N0 * one, K_T * one, K_N * one, exponent * one, **own)
+
+
+def along(motion, direction, n_steps=2000):
+    """Return the friction force (n_steps, n_paths) of a law stepped from rest along ``direction`` through ``motion``."""
+    of, du = law(), np.outer(motion, direction)
+    forces, before = [], np.zeros((1, 3 + of.n_memory))
+    for at in du:
+        before, _, _ = of.step(at[None], before)
+        forces.append(before[0, :2] + K_T * at[:2])
+    return np.array(forces)
+
+
+def steady_loop(of, du):
+    """Return forces (n_steps, n, 3) of closed paths ``du`` (n_steps, n, 3), at which the law has come to its cycle."""
+    before = np.zeros((du.shape[1], 3 + of.n_memory))
+    for _ in range(8):
+        forces = []
+        for at in du:
+            before, _, _ = of.step(at, before)
+            forces.append(before[:, :3] + of.stiffness * at)
+    return np.array(forces)
+
+
+@pytest.mark.parametrize("exponent", EXPONENTS)
+def test_pressure_grows_as_the_power_says_and_is_linear_about_rest(exponent):
+    u = np.linspace(-1.0, 0.3, 7)
+    N, k = law(exponent).normal_force(u)
+    expected = N0 * (np.exp(-K_N * u / N0) if np.isinf(exponent) else np.maximum(1.0 - K_N * u / N0 / exponent, 0.0) ** exponent)
+    assert np.allclose(N, expected, rtol=1e-13)
+    grows = 1.0 if np.isinf(exponent) else 1.0 - 1.0 / exponent
+    assert np.allclose(k, K_N * (N / N0) ** grows, rtol=1e-12)
+    h = 1e-6
+    slope = (law(exponent).normal_force(u - h)[0] - law(exponent).normal_force(u + h)[0]) / (2.0 * h)
+    assert np.allclose(k, slope, rtol=1e-6)
+
+
+def test_harmonics_of_the_exponential_are_bessel_functions():
+    amplitude, U = 0.5, np.zeros((1, 3, 11))
+    U[0, 2, 1] = amplitude
+    found = law().cycle(U, 64)
+    x, n = K_N * amplitude / N0, np.arange(1, 6)
+    assert found.p[0, 2, 0] == pytest.approx(N0 - N0 * iv(0, x), rel=1e-12)
+    cosines = -2.0 * N0 * (-1.0) ** n * iv(n, x) - np.where(n == 1, K_N * amplitude, 0.0)
+    assert np.allclose(found.p[0, 2, 1::2], cosines, rtol=1e-11)
+    assert np.abs(found.p[0, :2]).max() == 0.0 and np.abs(found.p[0, 2, 2::2]).max() < 1e-14
+    assert found.state.tolist() == [STICK] and found.active.tolist() == [0]
+    assert abs(contact_work(U, found.p)[0]) < 1e-12
+
+
+@pytest.mark.parametrize("exponent", EXPONENTS)
+def test_asperities_have_stiffness_and_force_of_rest_and_touch_the_pressure_at_their_ends(exponent):
+    of, n = law(exponent), law(exponent).n_sliders
+    elements = of.bundle.elements
+    assert elements.k_n[:n].sum() == pytest.approx(K_N, rel=1e-12) and elements.k_t[:n].sum() == pytest.approx(K_T, rel=1e-12)
+    assert elements.N0[:n].sum() == pytest.approx(N0, rel=1e-12)
+    share = tangents_at(n)[1:]
+    assert share[n - 1] == 1.0 and share[-1] == 16.0
+    end = N0 / K_N * (np.log(share) if np.isinf(exponent) else exponent * (share ** (1.0 / exponent) - 1.0))
+    carried = np.maximum(elements.N0 + elements.k_n * end[:, None], 0.0).sum(axis=1)
+    assert np.allclose(carried, N0 * share, rtol=1e-9)
+    fine = np.linspace(end[0], end[-1], 5000)
+    missing = of.normal_force(-fine)[0] - np.maximum(elements.N0 + elements.k_n * fine[:, None], 0.0).sum(axis=1)
+    assert -1e-9 < missing.min() and missing.max() < 5.0 * N0 / n**2
+
+
+@pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]])
+def test_friction_under_constant_pressure_follows_the_pressure_of_a_smaller_approach(direction):
+    """Ciavarella 1998: T(u) = mu (N(0) - N(u k_t / (mu k_n))); of the exponential mu N0 (1 - exp(-k_t u / (mu N0)))."""
+    u = np.linspace(0.0, 4.0 * MU * N0 / K_T, 300)
+    T = along(u, direction) @ direction[:2]
+    exact = MU * N0 * (1.0 - np.exp(-K_T * u / (MU * N0)))
+    assert 0.0 <= (T - exact).min() + 1e-12 and (T - exact).max() < 2.0 * MU * N0 / law().n_sliders ** 2
+
+
+def test_loss_a_cycle_under_constant_pressure_is_masings():
+    v = np.array([0.3, 1.0, 2.5])  # amplitudes over mu N0 / k_t
+    U = np.zeros((3, 3, 3))
+    U[:, 0, 1] = v * MU * N0 / K_T
+    found = law(n=3, n_sliders=96).cycle(U, 512)
+    unit = (MU * N0) ** 2 / K_T
+    exact = unit * (8.0 * (v - 1.0 + np.exp(-v)) - 4.0 * v * (1.0 - np.exp(-v)))
+    assert np.allclose(pair_energy(U, found.p), exact, rtol=2e-3)
+
+
+def test_gross_slip_is_at_the_friction_limit_of_the_pressure():
+    of, u_z = law(n_sliders=64), 0.2
+    before = np.zeros((1, 3 + of.n_memory))
+    after, L, state = of.step(np.array([[50.0, 0.0, u_z]]), before)
+    T = after[0, 0] + K_T * 50.0
+    assert T == pytest.approx(MU * N0 * np.exp(-K_N * u_z / N0), rel=1e-3) and state[0] == SLIP
+    assert L[0, 0, 0] == pytest.approx(-K_T, rel=1e-12)  # nothing holds
+    assert L[0, 0, 2] == pytest.approx(-MU * K_N * np.exp(-K_N * u_z / N0), rel=3e-2)
+
+
+def test_a_power_opens_and_the_exponential_does_not():
+    du = np.array([[0.0, 0.0, 3.0 * N0 / K_N]])
+    for exponent, expected in ((2.0, OPEN), (np.inf, STICK)):
+        of = law(exponent)
+        after, _, state = of.step(du, np.zeros((1, 3 + of.n_memory)))
+        N = N0 - after[0, 2] - K_N * du[0, 2]
+        assert (state[0] == expected or np.isinf(exponent)) and (N == pytest.approx(0.0, abs=1e-12)) == (exponent == 2.0)
+
+
+@pytest.mark.parametrize("exponent", [np.inf, 2.0])
+def test_no_closed_path_gains_energy_whichever_way_it_turns(exponent):
+    """A spring k_t(N) on the motion gains energy on one of the two ways round: here it is lost or kept on both."""
+    size, turn = (values.ravel() for values in np.meshgrid([0.01, 0.1, 0.4], [1.0, -1.0]))
+    phase = 2.0 * np.pi * np.arange(200)[:, None] / 200
+    du = size[:, None] * np.stack(np.broadcast_arrays(np.cos(phase), 0.3 * np.sin(3 * phase), turn * np.sin(2 * phase)), axis=-1)
+    forces = steady_loop(law(exponent, n=6), du)
+    d_du = du - np.roll(du, 1, axis=0)
+    work = (forces[..., :2] * d_du[..., :2]).sum(axis=(0, 2))  # with the force at the end of each step no loss is missed
+    assert np.all(work >= -1e-14) and np.all(work[size > 0.1] > 0.1)
+    spring = K_T * ((1.0 - forces[..., 2] / N0)[..., None] * du)[..., :2]  # T = k_t(N) u, of the exponential
+    of_springs = (0.5 * (spring + np.roll(spring, 1, axis=0)) * d_du[..., :2]).sum(axis=(0, 2))
+    assert np.all(of_springs[turn > 0.0] * of_springs[turn < 0.0] < 0.0)
+
+
+def test_sticks_until_the_asperity_that_carries_least_slips():
+    of = law()
+    weakest = of.bundle.elements.take([of.n_sliders - 1])
+    slips_at = MU * weakest.N0[0] / weakest.k_t[0]
+    assert of.slip_safety(np.array([[1.0, 0.0, 0.0]]))[0] == pytest.approx(slips_at)
+    assert of.slip_safety(np.array([[1.0, 0.0, 1e-9]]))[0] == 0.0
+    U = np.zeros((2, 3, 3))
+    U[:, 0, 1] = slips_at * np.array([0.99, 1.01])
+    found = law(n=2).cycle(U, 256)
+    assert found.active.tolist() == [1] and not found.p[0].any() and found.p[1].any()
+
+
+def test_what_per_area_keys_mean():
+    area = np.array([1e-4, 3e-4])
+    keys = {"preload": 5e6, "friction": 0.3, "roughness_height": 2e-6, "tangential_ratio": None}
+    exponential = on_area({**keys, "exponent": None, "roughness_pressure": None}, area)
+    assert np.allclose(exponential["N0"], 5e6 * area) and np.allclose(exponential["k_n"], 5e6 / 2e-6 * area)
+    assert np.allclose(exponential["k_t"], 1.4 / 1.7 * exponential["k_n"])
+    power = on_area({**keys, "exponent": 2.0, "roughness_pressure": 2e7, "tangential_ratio": 0.7}, area)
+    assert np.allclose(power["k_n"], 2.0 * 5e6 / (2e-6 * 0.5) * area)  # p = 20 MPa (d / 2 um)^2: 5 MPa at 1 um
+    assert np.allclose(power["k_t"], 0.7 * power["k_n"])
+
+
+def test_parameters_that_carry_nothing_are_refused():
+    with pytest.raises(ValueError, match="N0 of pair 0 is 0"):
+        Rough(*np.array([[0.3], [0.0], [1.0], [1.0], [2.0]]))
+    with pytest.raises(ValueError, match="exponent of pair 0 is 1"):
+        Rough(*np.array([[0.3], [1.0], [1.0], [1.0], [1.0]]))

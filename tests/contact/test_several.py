@@ -1,0 +1,227 @@
+"""Laws side by side in one scene, and what any law of the room owes the others: derivatives, order, steps like cycles."""
+
+import numpy as np
+import pytest
+
+from microslip.contact import bundle
+from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.contact.energy import pair_energy
+from microslip.contact.iwan import Iwan
+from microslip.contact.laws import LAWS, columns_of_joint, joined, law_of
+from microslip.contact.rough import Rough
+from microslip.contact.several import Several, as_one
+from microslip.fourier.coefficients import analyse, synthesise
+from microslip.fourier.harmonics import Harmonics
+
+N_H, SEPARATE = 7, 77
+
+
+def limits(n, seed):
+    """Return which pairs have separate limits; on a circle sliders creep, which plain marching takes long to come to the end of."""
+    return np.ones(n, dtype=bool) if seed == SEPARATE else np.random.default_rng(seed).random(n) < 0.5
+
+
+def elastic(n, seed=0, **own):
+    rng = np.random.default_rng(seed)
+    mu, N0, k_t, k_n = rng.uniform(0.2, 0.5, n), rng.uniform(0.5, 3.0, n), rng.uniform(2.0, 4.0, n), rng.uniform(2.0, 5.0, n)
+    return ElasticCoulomb(mu, N0, k_t, k_n, **{"separate": limits(n, seed), **own})
+
+
+def by_direction(n, seed=0):
+    rng = np.random.default_rng(seed + 9)
+    w0, other = 0.05 * rng.standard_normal((n, 2)), {"k_ty": rng.uniform(1.0, 6.0, n), "mu_y": rng.uniform(0.1, 0.6, n)}
+    return elastic(n, seed, separate=np.ones(n, dtype=bool), w0=w0, **other)
+
+
+def rough(n, seed=0):
+    rng = np.random.default_rng(seed + 1)
+    mu, N0, k_t, k_n = rng.uniform(0.2, 0.5, n), rng.uniform(1.0, 3.0, n), rng.uniform(2.0, 4.0, n), rng.uniform(2.0, 5.0, n)
+    return Rough(mu, N0, k_t, k_n, rng.choice([np.inf, 2.0, 3.3], n), limits(n, seed), n_sliders=8)
+
+
+def iwan(n, seed=0):
+    rng = np.random.default_rng(seed + 2)
+    return Iwan(*rng.uniform(1.0, 4.0, (3, n)), rng.uniform(-0.9, -0.1, n), rng.uniform(0.0, 1.0, n), n_sliders=12)
+
+
+def mixed(n, seed=0):
+    own = np.random.default_rng(seed).permutation(n)
+    parts = [np.sort(own[i::3]) for i in range(3)]
+    return as_one([(part, make(len(part), seed)) for part, make in zip(parts, (elastic, rough, iwan))])
+
+
+MAKERS = [by_direction, rough, iwan, mixed]
+
+
+def motions(n, size, seed=5):
+    return size * np.random.default_rng(seed).standard_normal((n, 3, N_H)) / np.arange(1, N_H + 1) ** 0.5
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_derivative_of_a_cycle_is_exact(make):
+    of, U = make(9), motions(9, 0.4)
+    found, d = of.cycle(U, 64), motions(9, 0.3, seed=8)
+    P = np.zeros((9, 3 * N_H, 3 * N_H))
+    P[found.active] = found.P
+    first = np.einsum("nij,nj->ni", P, d.reshape(9, -1))
+    steps = 1e-4 * 0.25 ** np.arange(4)
+    remains = np.array([np.abs((of.cycle(U + h * d, 64, False).p - found.p).reshape(9, -1) - h * first).max(1) for h in steps])
+    assert len(found.active) >= 8 and np.abs(first).max() > 0.1
+    assert np.all(remains[-1] < 1e-4 * steps[-1] * np.abs(first).max())
+    assert np.median(np.log(remains[0] / remains[2]) / np.log(16.0)) == pytest.approx(2.0, abs=0.2)
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_derivative_of_a_step_is_exact(make):
+    of, rng = make(40), np.random.default_rng(4)
+    before = np.zeros((40, 3 + of.n_memory))
+    for _ in range(3):
+        before, _, _ = of.step(0.4 * rng.standard_normal((40, 3)), before)
+    du, d = 0.4 * rng.standard_normal((2, 40, 3))
+    after, L, _ = of.step(du, before)
+    h = 1e-6
+    change = [of.step(du + sign * h * d, before)[0][:, :3] for sign in (1.0, -1.0)]
+    slope = (change[0] - change[1]) / (2.0 * h)
+    assert np.abs(slope - np.einsum("nij,nj->ni", L, d)).max() < 1e-6 and np.abs(slope).max() > 0.1
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_steps_through_the_samples_come_to_the_cycle_of_the_return_map(make):
+    of, U = make(6, SEPARATE).followed(False), motions(6, 0.3)
+    du, before = np.moveaxis(synthesise(U, 64), -1, 0), np.zeros((6, 3 + of.n_memory))
+    for _ in range(4):
+        forces = []
+        for at in du:
+            before, _, _ = of.step(at, before)
+            forces.append(before[:, :3])
+    marched = analyse(np.moveaxis(np.array(forces), 0, -1), Harmonics.full(N_H))
+    found = of.cycle(U, 64)
+    assert np.abs(marched - found.p).max() < 1e-12 * np.abs(found.p).max()
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_samples_converge_at_the_order_that_the_law_states(make):
+    for path in (True, False):
+        of, U = make(24).followed(path), motions(24, 0.3)
+        exact = of.cycle(U, 4096, False).p
+        sizes = [np.linalg.norm(of.cycle(U, N_t, False).p - exact) for N_t in (64, 256)]
+        assert np.log(sizes[0] / sizes[1]) / np.log(4.0) > of.order - 0.25
+        assert sizes[1] < (2e-3 if path else 3e-2) * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_every_cycle_loses_energy(make):
+    U = motions(60, 0.3, seed=11)
+    p = make(60).cycle(U, 256, False).p
+    assert pair_energy(U, p).min() > -1e-4 * np.abs(pair_energy(U, p)).max()
+
+
+@pytest.mark.parametrize("make", MAKERS)
+def test_limits_are_on_the_safe_side(make):
+    of, U = make(30), motions(30, 0.2, seed=2)
+    most = np.abs(U[..., 0]) + np.hypot(U[..., 1::2], U[..., 2::2]).sum(axis=-1)
+    safety = of.slip_safety(most)
+    sure = np.flatnonzero(np.isfinite(safety) & (safety > 0.0))
+    below = of.take(sure).cycle(0.999 * safety[sure, None, None] * U[sure], 64)
+    assert len(below.active) == 0
+    share = of.slipping_share(most, 1.0)
+    assert share.shape == (30, 3) and np.all((share >= 0.0) & (share <= 1.0))
+    assert of.utilisation(most).shape == (30,)
+
+
+def test_half_wave_symmetry_is_kept_where_it_is_said_to_be():
+    of, harmonics = mixed(12), Harmonics.odd_up_to(5)
+    U = np.zeros((12, 3, N_H))
+    U[:, :2, [1, 2, 5, 6]] = 0.3 * np.random.default_rng(1).standard_normal((12, 2, 4))
+    moves = np.tile([True, True, False], (12, 1))
+    assert of.keeps_half_wave_symmetry(moves).all()
+    even = of.cycle(U, 64, False).p[:, :, [0, 3, 4]]
+    assert np.abs(even).max() < 1e-8
+    assert harmonics.n_coefficients == 6 and of.cycle(U[:, :, 1:], 64, harmonics=Harmonics((1, 2, 3))).P is not None
+
+
+def test_several_laws_are_their_parts_bit_for_bit_in_the_order_of_the_pairs():
+    of, U = mixed(15), motions(15, 0.4)
+    assert isinstance(of, Several) and of.n_pairs == 15 and of.order == 2
+    found = of.cycle(U, 64)
+    before = np.zeros((15, 3 + of.n_memory))
+    after, L, state = of.step(U[..., 1], before)
+    seen = np.zeros(15, dtype=int)
+    for own, law in of.parts:
+        alone = law.cycle(U[own], 64)
+        seen[own] += 1
+        assert np.array_equal(found.p[own], alone.p) and np.array_equal(found.state[own], alone.state)
+        place = np.searchsorted(found.active, own[alone.active])
+        assert np.array_equal(found.active[place], own[alone.active]) and np.array_equal(found.P[place], alone.P)
+        assert np.array_equal(of.stiffness[own], law.stiffness)
+        stepped = law.step(U[own][..., 1], before[own, : 3 + law.n_memory])
+        assert np.array_equal(after[own, : 3 + law.n_memory], stepped[0])
+        assert np.array_equal(L[own], stepped[1]) and np.array_equal(state[own], stepped[2])
+    assert np.all(seen == 1) and np.all(np.diff(found.active) > 0)
+
+
+def test_pairs_taken_a_few_at_a_time_are_those_taken_together(monkeypatch):
+    of, U = rough(9), motions(9, 0.4)
+    together = of.cycle(U, 32)
+    monkeypatch.setattr(bundle, "_MOST_DERIVATIVES", 2 * of.bundle.size * (3 * N_H) ** 2)
+    apart = of.cycle(U, 32)
+    assert np.allclose(apart.p, together.p, rtol=0.0, atol=1e-13) and np.array_equal(apart.active, together.active)
+    assert np.allclose(apart.P, together.P, rtol=0.0, atol=1e-10) and np.array_equal(apart.state, together.state)
+
+
+def test_part_of_several_laws():
+    of, U = mixed(15), motions(15, 0.4)
+    whole = of.cycle(U, 32, False)
+    for chosen in (np.array([11, 3, 4]), slice(2, 9), np.arange(15) % 2 == 0):
+        assert np.allclose(of.take(chosen).cycle(U[chosen], 32, False).p, whole.p[chosen], rtol=0.0, atol=1e-14)
+    own, law = of.parts[1]
+    assert type(of.take(own)) is type(law)  # one law is itself again
+    assert of.take([]).n_pairs == 0 and of.take([]).cycle(np.zeros((0, 3, N_H)), 32).p.shape == (0, 3, N_H)
+
+
+def test_pairs_name_their_laws():
+    columns = {name: np.array(values) for name, values in {"mu": [0.3] * 4, "N0": [2.0] * 4, "k_t": [3.0] * 4}.items()}
+    columns |= {"k_n": np.full(4, 5.0), "separate": np.zeros(4, dtype=bool), "T0": np.zeros((4, 2))}
+    columns |= {"apart": np.zeros(4, dtype=bool)}
+    keys = {"exponent": None, "sliders": None, "chi": -0.5, "beta": 0.2}
+    own = joined([(1, {}), (2, columns_of_joint("rough", keys, 2)), (1, columns_of_joint("iwan", keys, 1))])
+    assert np.isnan(own["exponent"][[0, 3]]).all() and own["sliders"].tolist()[1:] == [24.0, 24.0, 50.0]
+    of = law_of(["elastic-coulomb", "rough", "rough", "iwan"], columns | own)
+    assert [type(law).__name__ for _, law in of.parts] == ["ElasticCoulomb", "Rough", "Iwan"]
+    assert of.parts[2][1].F_S.tolist() == [0.6]
+    alone = law_of(["elastic-coulomb"] * 4, columns)
+    assert type(alone) is ElasticCoulomb and alone.k_ty is None
+    assert law_of([], {name: values[:0] for name, values in columns.items()}).n_pairs == 0
+    assert tuple(LAWS) == ("elastic-coulomb", "rough", "iwan")
+
+
+# -- what y has of its own -----------------------------------------------------------------------------------------
+
+
+def test_directions_of_their_own_are_two_elements_under_one_pressure():
+    of, U = by_direction(20), motions(20, 0.3)
+    found = of.cycle(U, 128)
+    for axis, k, mu in ((0, of.k_t, of.mu), (1, of.k_ty, of.mu_y)):
+        w0 = np.zeros((20, 2))
+        w0[:, 0] = of.w0[:, axis]
+        alone = ElasticCoulomb(mu, of.N0, k, of.k_n, of.separate, w0)
+        turned = U.copy()
+        turned[:, 0], turned[:, 1] = U[:, axis], 0.0
+        assert np.allclose(found.p[:, axis], alone.cycle(turned, 128).p[:, 0], rtol=1e-10, atol=1e-12)
+    assert np.allclose(of.stiffness, np.column_stack([of.k_t, of.k_ty, of.k_n]))
+
+
+def test_the_same_number_twice_is_that_number():
+    plain = elastic(5, separate=np.ones(5, dtype=bool))
+    twice = ElasticCoulomb(plain.mu, plain.N0, plain.k_t, plain.k_n, plain.separate, k_ty=plain.k_t, mu_y=plain.mu)
+    assert twice.k_ty is None and twice.mu_y is None
+    U = motions(5, 0.3)
+    assert np.array_equal(twice.cycle(U, 64).P, plain.cycle(U, 64).P)
+
+
+def test_a_circle_takes_one_number():
+    one = np.ones(2)
+    with pytest.raises(ValueError, match="k_ty of pair 1 differs from x: that takes separate limits"):
+        ElasticCoulomb(one, one, one, one, np.array([True, False]), k_ty=2.0 * one)
+    with pytest.raises(ValueError, match="mu_y of pair 0 differs"):
+        ElasticCoulomb(one, one, one, one, one > 0, mu_y=0.0 * one)

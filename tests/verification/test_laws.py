@@ -1,0 +1,96 @@
+"""Scenes with rough surfaces and with an Iwan joint, from their files to the branch, against populations marched in time."""
+
+import numpy as np
+import pytest
+from matrix_scenes import asked, branches_of, write_matrix_scene
+from mpi4py import MPI
+from oracles import populations, scenes
+
+import microslip
+from microslip.error_estimate.components import total
+
+HERE = MPI.COMM_SELF
+H = 9
+LAWS = {
+    "exponential": ('law = "rough"', lambda mu, N0, k_t, k_n: populations.rough(mu, N0, k_t, k_n, np.inf)),
+    "power": ('law = "rough"\nexponent = 2.0', lambda mu, N0, k_t, k_n: populations.rough(mu, N0, k_t, k_n, 2.0)),
+    "iwan": ('law = "iwan"\nchi = -0.5\nbeta = 0.4', lambda mu, N0, k_t, k_n: populations.iwan(mu * N0, k_t, k_n, -0.5, 0.4)),
+}
+
+
+def damped_mass():
+    """The spatial mass with a plain damping matrix, so that a march needs few periods."""
+    system = {key: value for key, value in scenes.spatial_mass().items() if key not in ("zeta", "rayleigh")}
+    return system | {"C": 0.25 * np.eye(3)}
+
+
+def load(system, level):
+    """Return the load (3,) as a function of the phase of the excitation."""
+
+    def at(t):
+        return level * sum(
+            np.array(one["vector"]) * np.cos(one["harmonic"] * t + one.get("phase", 0.0)) for one in system["loads"]
+        )
+
+    return at
+
+
+@pytest.mark.parametrize("name, level", [("exponential", 0.25), ("exponential", 0.8), ("power", 0.8), ("iwan", 0.8)])
+def test_a_branch_meets_the_march_in_time(tmp_path, name, level):
+    system, omega = damped_mass(), 1.2
+    own, population = LAWS[name]
+    path = write_matrix_scene(tmp_path, system, [level], (0.9, 1.5), at=[omega], points=20, harmonics=H, samples=128)
+    path.write_text(path.read_text().replace('friction_limit = "circle"', own))
+    (branch,) = branches_of(path, HERE)
+    (point,) = asked(branch)
+    mu, N0, k_t, k_n = (float(system[key][0]) for key in ("mu", "N0", "k_t", "k_n"))
+    march = populations.steady_state(
+        system["M"], system["C"], system["K"], load(system, level), omega, population(mu, N0, k_t, k_n), 600, 14
+    )
+    wave = (point.response @ scenes.harmonic_basis(H, len(march))).T
+    assert np.abs(wave - march).max() < 8e-3 * np.abs(march).max()
+    assert point.energy[0] > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LAWS)
+def test_error_bars_hold_what_harmonics_and_samples_leave(tmp_path, name):
+    """The sum of the parts is close to the error itself; of the elements that stand for a population a bar knows nothing."""
+    at = [1.0, 1.15, 1.3, 1.5]
+    path = write_matrix_scene(
+        tmp_path, damped_mass(), [0.8], (0.95, 1.55), at=at, points=10, harmonics=3, samples=64, outputs=[0, 2]
+    )
+    path.write_text(path.read_text().replace('friction_limit = "circle"', LAWS[name][0]))
+    with microslip.build(microslip.read(path), HERE) as structure:
+        coarse = microslip.respond(structure).results.levels[0]
+        fine = microslip.respond(structure, harmonics=11, samples=256, error_bars=False).results.levels[0]
+    (U, bars), (exact, _) = (
+        ((level.response[..., 1] - 1j * level.response[..., 2])[level.asked > 0], level.error) for level in (coarse, fine)
+    )
+    true, parts = np.abs(U - exact), bars[coarse.asked > 0]
+    assert len(U) == len(exact) == len(at)
+    assert np.all(true < total(parts)) and 0.5 < np.median(true / parts.sum(axis=-1)) < 1.5
+
+
+@pytest.mark.parametrize("name, law", [("iwan", "chi = -0.5\nbeta = 0.4\nsliders = 400"), ("rough", "sliders = 300")])
+def test_a_constant_load_is_carried_as_closed_forms_say(tmp_path, name, law):
+    """K u + T(u) = f along x, K u + f_z(u) = f along z: one step of loading from rest."""
+    mu, N0, k_t, k_n = 0.4, 1.0, 1.5, 2.5
+    along_x, along_z = {"vector": [0.5, 0.0, 0.0], "harmonic": 0}, {"vector": [0.0, 0.0, 0.6], "harmonic": 0}
+    system = damped_mass() | {"K": np.diag([1.0, 1.0, 0.7])}
+    for load_case, dof in ((along_x, 0), (along_z, 2)):
+        path = write_matrix_scene(
+            tmp_path, system | {"loads": [load_case]}, [1.0], (0.8, 1.6), outputs=[dof], points=4, harmonics=0, samples=64
+        )
+        path.write_text(path.read_text().replace('friction_limit = "circle"', f'law = "{name}"\n{law}'))
+        (branch,) = branches_of(path, HERE)
+        u, force = branch.points[0].response[0, 0], load_case["vector"][dof]
+        if dof == 2:
+            carried = k_n * u if name == "iwan" else N0 - N0 * np.exp(-k_n * u / N0)
+        elif name == "rough":
+            carried = mu * N0 * (1.0 - np.exp(-k_t * u / (mu * N0)))
+        else:
+            phi_max = mu * N0 * 1.4 / (k_t * (0.4 + 0.5 / 1.5))
+            carried = k_t * u - k_t / 1.4 * 0.5 / phi_max**0.5 * u**1.5 / (0.5 * 1.5)
+            assert 0.0 < u < phi_max
+        assert system["K"][dof, dof] * u + carried == pytest.approx(force, rel=1e-4 if dof == 0 else 1e-7)
