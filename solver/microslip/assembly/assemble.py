@@ -18,6 +18,7 @@ from ..parallel.errors import CaseError, ResourceError
 from .blocks import BlockSum, NodePattern, expand, node_pattern
 from .check import check_elements
 from .maps import load_map, output_map, pair_map
+from .nodal_forces import nodal_forces
 from .numbering import number_dofs
 from .system import System
 
@@ -44,7 +45,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     """
     comm = dmesh.comm
     check_elements(dmesh, settings)
-    is_fixed, part, part_names, load_nodes, output_nodes = on_root(comm, read_off, mesh, pairs, settings)
+    is_fixed, part, part_names, loads, output_nodes = on_root(comm, read_off, mesh, pairs, settings)
     to_mesh = np.argsort(dmesh.rank_order)
     dof, row_ranges = number_dofs(dmesh, is_fixed[to_mesh])
     n_dof = int(row_ranges[-1])
@@ -60,7 +61,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
         M=M,
         C=None,
         R=pair_map(pairs, dof_of_mesh, n_dof),
-        loads=load_map(settings.loads, load_nodes, dof_of_mesh, n_dof),
+        loads=load_map(loads, dof_of_mesh, n_dof),
         outputs=output_map(settings.outputs, output_nodes, dof_of_mesh, n_dof),
         dof=dof_of_mesh,
         parts=np.repeat(part[to_mesh[first:last]], 3)[is_free.ravel()],
@@ -69,22 +70,19 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
 
 
 def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
-    """Return what only the whole mesh tells: fixed DOFs by node, parts and their names, nodes of loads and outputs."""
+    """Return what only the whole mesh tells: fixed DOFs by node, parts and their names, the loads on nodes, nodes of outputs."""
     is_fixed = np.zeros((len(mesh.points), 3), dtype=bool)
     for support in settings.supports:
         for axis in support.fix:
             is_fixed[mesh.node_groups[support.group], "xyz".index(axis)] = True
     part, part_names = connected_parts(mesh, settings.body_of)
     check_held(part, part_names, mesh, settings.supports, pairs)
-    load_nodes = [
-        find_node(mesh, position=load.position, node=load.node, group=load.group, where=f"[[loads]] {i}")
-        for i, load in enumerate(settings.loads, 1)
-    ]
+    loads = [nodal_forces(mesh, load, f"[[loads]] {i}") for i, load in enumerate(settings.loads, 1)]
     output_nodes = [
         find_node(mesh, position=output.position, node=output.node, where=f"[[outputs]] {output.name!r}")
         for output in settings.outputs
     ]
-    return is_fixed, part, part_names, load_nodes, output_nodes
+    return is_fixed, part, part_names, loads, output_nodes
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, Body]):

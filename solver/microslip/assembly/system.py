@@ -25,7 +25,7 @@ class System:
     M: PETSc.Mat  # (n_dof, n_dof) kg
     C: PETSc.Mat | None  # N s/m, where the user gives one; otherwise damping is modal
     R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement, du = R u
-    loads: sp.csc_matrix  # (n_dof, n_loads) load shapes, per unit level [N/N]
+    loads: sp.csc_matrix  # (n_dof, n_loads) real shapes of the loads, one or two each, per unit level [N/N]
     outputs: sp.csr_matrix  # (n_outputs, n_dof)
     dof: np.ndarray | None  # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed; None without a mesh
     parts: np.ndarray | None = None  # (n_dof_owned,) connected part of each owned row, for messages on free bodies

@@ -1,6 +1,6 @@
 """Shape functions, quadrature, element stiffness and mass of isotropic solids, element faces.  NumPy only."""
 
-from .faces import CELLS, RINGS, SAMPLES, face_nodal_areas, face_normals, part_integrals, pressure_forces
+from .faces import CELLS, RINGS, SAMPLES, face_nodal_areas, face_normals, face_points, part_integrals, pressure_forces
 from .kinds import FACE_KINDS, KINDS, Kind
 from .nearest import nearest_on_faces
 from .prestress import stress, stress_stiffness, thermal_forces
@@ -17,6 +17,7 @@ __all__ = [
     "Kind",
     "face_nodal_areas",
     "face_normals",
+    "face_points",
     "jacobian_minimum",
     "mass",
     "nearest_on_faces",

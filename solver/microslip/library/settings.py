@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import Any
+
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
 from ..mesh.settings import GEOMETRY, Body, Bolt, Force, GroundPlane, Joint, Load, MeshSettings, Output, Statics, Support
@@ -87,7 +90,7 @@ def has_error_bars(scene: Scene) -> bool:
 
 def loads(scene: Scene) -> tuple[Load, ...]:
     """Return the loads of a scene.  Local."""
-    return tuple(Load(**dict(load)) for load in scene.loads)
+    return tuple(map(partial(_load, scene), scene.loads))
 
 
 def outputs(scene: Scene) -> tuple[Output, ...]:
@@ -121,6 +124,14 @@ def _statics(scene: Scene) -> Statics | None:
         steps=statics.steps,
         stiffens=statics.stress_stiffening,
     )
+
+
+def _load(scene: Scene, load: schema.Load) -> Load:
+    """Return a load, with the axis that an engine order turns about and the file of its forces."""
+    kept: dict[str, Any] = {**dict(load), "forces": None if load.forces is None else scene.folder / load.forces}
+    if load.engine_order is not None:
+        kept |= {"axis": scene.model.axis, "axis_point": scene.model.axis_point}
+    return Load(**kept)
 
 
 def _body(body: schema.Body, material: schema.Material) -> Body:

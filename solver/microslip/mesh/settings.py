@@ -62,7 +62,10 @@ class Joint:
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """A force that every level multiplies, at nodes of a mesh or at a DOF of matrices."""
+    """What every level multiplies: a force at nodes of a mesh or at a DOF of matrices, a pressure, forces from a file.
+
+    A load whose phase varies over the structure is two real shapes, a quarter of a cycle apart: docs/theory.md, section 13.
+    """
 
     position: Vector | None = None  # m
     node: int | None = None
@@ -70,8 +73,20 @@ class Load:
     direction: Vector | None = None
     dof: int | None = None
     scale: float = 1.0  # of a load on a dof
+    pressure: float | None = None  # Pa, on a group of faces
+    travelling: Vector | None = None  # rad/m: how the phase of the pressure changes along x, y, z
+    engine_order: int | None = None  # how often it turns once about the axis
+    axis: Vector = (0.0, 0.0, 1.0)  # direction of that axis
+    axis_point: Vector = (0.0, 0.0, 0.0)  # m
+    forces: Path | None = None  # a CSV file of forces
     harmonic: int = 1
     phase: float = 0.0  # rad
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        """The phase of each of its real shapes [rad]: of the real part and, where there may be one, of the imaginary part."""
+        varies = self.travelling is not None or self.engine_order is not None or self.forces is not None
+        return (self.phase, self.phase + 0.5 * np.pi) if varies else (self.phase,)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -59,13 +59,14 @@ def projected_damping(C: PETSc.Mat, phi_owned: np.ndarray, comm: MPI.Comm) -> np
 
 
 def load_coefficients(loads: Sequence[Load], harmonics: Harmonics) -> np.ndarray:
-    """Return the Fourier coefficients of the loads at unit level, (n_loads, N_H): cos(n omega t + phase).  Local."""
-    f = np.zeros((len(loads), harmonics.n_coefficients))
-    for row, load in zip(f, loads):
-        if load.harmonic not in harmonics:
-            raise CaseError(f"[[loads]] acts in harmonic {load.harmonic}, which is not one of the harmonics {harmonics}")
-        cos_sin = np.array([np.cos(load.phase), -np.sin(load.phase)])
-        row[harmonics.columns(load.harmonic)] = cos_sin[:1] if load.harmonic == 0 else cos_sin
+    """Return the Fourier coefficients of the loads' shapes at unit level, (n_loads, N_H): cos(n omega t + phase).  Local."""
+    shapes = [(load.harmonic, phase) for load in loads for phase in load.phases]
+    f = np.zeros((len(shapes), harmonics.n_coefficients))
+    for row, (harmonic, phase) in zip(f, shapes):
+        if harmonic not in harmonics:
+            raise CaseError(f"[[loads]] acts in harmonic {harmonic}, which is not one of the harmonics {harmonics}")
+        cos_sin = np.array([np.cos(phase), -np.sin(phase)])
+        row[harmonics.columns(harmonic)] = cos_sin[:1] if harmonic == 0 else cos_sin
     return f
 
 

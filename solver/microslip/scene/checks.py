@@ -47,7 +47,11 @@ def _of_matrices(scene: Scene) -> list[str]:
         if joint.surfaces is not None:
             found.append(f"{where} surfaces: belongs to a mesh; with matrices, give pairs, the path of a CSV file")
     for where, entry in _numbered(scene, "loads", "outputs"):
-        if entry.dof is None:
+        if getattr(entry, "pressure", None) is not None:
+            found.append(
+                f"{where} pressure: a model given as matrices has no surfaces; state its forces on DOFs, forces = a CSV file"
+            )
+        elif entry.dof is None and getattr(entry, "forces", None) is None:
             found.append(f"{where}: a model given as matrices has no nodes; name a dof, a row of the matrices counted from 0")
     return found
 
@@ -117,15 +121,13 @@ def _harmonics(scene: Scene) -> list[str]:
 
 def _statics(scene: Scene) -> list[str]:
     """Preloads that nothing makes, a speed without an axis, temperatures without expansion."""
-    statics, found = scene.statics, []
+    statics, found = scene.statics, _axis(scene)
     for where, joint in _numbered(scene, "joints"):
         if joint.preload == "static" and statics is None:
             found.append(
                 f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa'
             )
     if statics is None:
-        if scene.model.axis is not None:
-            found.append("[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out")
         return found
     if statics.rotation_speed > 0.0 and scene.model.axis is None:
         found.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
@@ -154,6 +156,18 @@ def _same_bolts(statics: Statics) -> list[str]:
             f'[[statics.bolts]] {key} = "{one}" is used {n} times; each bolt needs its own' for one, n in counts.items() if n > 1
         ]
     return found
+
+
+def _axis(scene: Scene) -> list[str]:
+    """An axis about which nothing turns, or none for what does."""
+    turned = [where for where, load in _numbered(scene, "loads") if load.engine_order is not None]
+    if scene.model.axis is None:
+        return [
+            f"{where} engine_order: [model] axis is missing, the direction of the axis of rotation [x, y, z]" for where in turned
+        ]
+    if scene.statics is None and not turned:
+        return ["[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out"]
+    return []
 
 
 def _constant_loads(scene: Scene) -> list[str]:
@@ -196,6 +210,7 @@ def missing_files(scene: Scene) -> list[str]:
         for i, joint in enumerate(scene.joints, 1)
         for key in ("pairs", "parameters")
     ]
+    named += [(f"[[loads]] {i} forces", load.forces) for i, load in enumerate(scene.loads, 1)]
     return [found for where, file in named if file is not None and (found := _missing(where, file, scene.folder))]
 
 

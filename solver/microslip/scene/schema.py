@@ -29,6 +29,12 @@ def _not_zero(vector: tuple[float, float, float]) -> tuple[float, float, float]:
     return vector
 
 
+def _number_not_zero(value: float) -> float:
+    if value == 0.0:
+        raise ValueError("zero")
+    return value
+
+
 def _no_duplicates(values: tuple) -> tuple:
     if len(set(values)) < len(values):
         raise ValueError("an entry twice")
@@ -44,6 +50,7 @@ def _rising(limits: tuple[float, float]) -> tuple[float, float]:
 Name = Annotated[str, Field(pattern=r'^[^\s,"/\\\x00-\x1f](?:[^,"/\\\x00-\x1f]*[^\s,"/\\\x00-\x1f])?$')]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+NotZero = Annotated[float, AfterValidator(_number_not_zero)]
 Frequency = Annotated[float, Field(gt=0, le=HIGHEST_FREQUENCY)]
 Number = Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
 Vector = tuple[float, float, float]
@@ -256,7 +263,7 @@ class Statics(Table):
 
 
 class Load(Table):
-    """[[loads]]: level x direction, in one harmonic."""
+    """[[loads]]: level x direction, pressure or forces of a file, in one harmonic."""
 
     position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is loaded")
     node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
@@ -264,12 +271,31 @@ class Load(Table):
     dof: Number | None = Field(None, description="a DOF number of the matrices, a whole number of at least 0")
     direction: Direction | None = Field(None, description="three numbers [x, y, z], not all 0; each level multiplies them")
     scale: float = Field(1.0, description="a number that each level multiplies, for a load on a dof")
+    pressure: NotZero | None = Field(
+        None, description="the pressure in Pa on a group of faces, a number, not 0; above 0 it pushes into the body"
+    )
+    travelling: Direction | None = Field(
+        None, description="how the phase of the pressure changes along x, y, z, three numbers in rad/m, not all 0"
+    )
+    engine_order: int | None = Field(
+        None, ge=-10_000, le=10_000, description="how often the phase of the pressure turns about [model] axis, a whole number"
+    )
+    forces: str | None = Field(None, min_length=1, description="the path of a CSV file of forces, which each level multiplies")
     harmonic: int = Field(1, ge=0, le=10_000, description="the harmonic of the load, a whole number of at least 0")
     phase: float = Field(0.0, description="the phase in rad, a number")
 
     @model_validator(mode="after")
     def _place(self):
-        _check_place(self, self.exactly_one("position", "node", "group", "dof"))
+        if self.forces is not None:
+            _refuse_keys(self, "forces: the file holds places and values", *_PLACES, "direction", "scale", "pressure", *_PHASES)
+        elif self.pressure is not None:
+            _refuse_keys(self, "a pressure: it acts on a group of faces", "position", "node", "dof", "direction", "scale")
+            self.exactly_one("group")
+            if all(getattr(self, key) is not None for key in _PHASES):
+                raise ValueError("exactly one of travelling, engine_order may vary the phase, found both")
+        else:
+            _refuse_keys(self, "a force: it belongs to a pressure", *_PHASES)
+            _check_place(self, self.exactly_one("position", "node", "group", "dof"))
         return self
 
 
@@ -286,6 +312,17 @@ class Output(Table):
     def _place(self):
         _check_place(self, self.exactly_one("position", "node", "dof"))
         return self
+
+
+_PLACES = ("position", "node", "group", "dof")
+_PHASES = ("travelling", "engine_order")
+
+
+def _refuse_keys(entry: Load, why: str, *keys: str) -> None:
+    """Raise ValueError if one of the keys is given."""
+    for key in keys:
+        if key in entry.model_fields_set:
+            raise ValueError(f"{key} does not go with {why}")
 
 
 def _check_place(entry: Load | Output, key: str) -> None:

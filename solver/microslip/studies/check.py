@@ -18,7 +18,7 @@ from ..mesh.read import read_mesh
 from ..modes.limits import FEW, refuse_too_many
 from ..parallel.agree import on_root
 from ..reduction.methods import METHODS
-from ..scene.schema import DEFAULT_ACCURACY, Scene
+from ..scene.schema import DEFAULT_ACCURACY, Load, Scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -55,7 +55,7 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    is_fixed, _, part_names, load_nodes, output_nodes = read_off(mesh, pairs, mesh_settings(scene))
+    is_fixed, _, part_names, loads, output_nodes = read_off(mesh, pairs, mesh_settings(scene))
     n_dof = int((~is_fixed).sum())
     kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
     lines = [
@@ -66,7 +66,7 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed",
         *_joints(pairs),
         *(f"           {note}" for note in pairs.notes),
-        *(f"load {i}     {_at(mesh, load, nodes)}" for i, (load, nodes) in enumerate(zip(scene.loads, load_nodes), 1)),
+        *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, loads), 1)),
         *(f"output     {out.name}: {_at(mesh, out, nodes)}" for out, nodes in zip(scene.outputs, output_nodes)),
         *_solution(scene, n_dof, pairs.n_pairs),
     ]
@@ -86,10 +86,7 @@ def needs_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
         f"scene      {scene.path}: no fault found",
         f"matrices   {given.n_dof} DOF{massless}; entries: stiffness {given.K.nnz}, mass {given.M.nnz}{damping}",
         *_joints(given.pairs),
-        *(
-            f"load {i}     DOF {load.dof}, scale {load.scale:g}, harmonic {load.harmonic}"
-            for i, load in enumerate(scene.loads, 1)
-        ),
+        *(f"load {i}     {_load_on_dofs(load)}, harmonic {load.harmonic}" for i, load in enumerate(scene.loads, 1)),
         *(f"output     {output.name}: DOF {output.dof}" for output in scene.outputs),
         *_solution(scene, given.n_dof, given.pairs.n_pairs),
     ]
@@ -116,7 +113,10 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     if solver.modes or n_dof <= FEW:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
-    coordinates = METHODS[solver.method].coordinates(reduction_settings(scene), n_modes, n_dof, n_pairs, len(scene.loads))
+    settings = reduction_settings(scene)
+    coordinates = METHODS[solver.method].coordinates(
+        settings, n_modes, n_dof, n_pairs, sum(len(load.phases) for load in settings.loads)
+    )
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
     points = f"about {scene.response.points} points" if scene.harmonics else "one point, for all frequencies"
     if scene.harmonics and solver.accuracy is not None and response_settings(scene).chooses_steps:
@@ -143,6 +143,20 @@ def _joints(pairs: ContactPairs) -> list[str]:
             f"{np.count_nonzero(N0 < 0)} with a gap"
         )
     return lines
+
+
+def _load_on_dofs(load: Load) -> str:
+    """Say where a load on matrices acts."""
+    return f"DOF {load.dof}, scale {load.scale:g}" if load.forces is None else f"forces of {load.forces}"
+
+
+def _load_at(mesh: Mesh, load: Load, nodes: np.ndarray) -> str:
+    """Say where a load on a mesh acts."""
+    if load.forces is not None:
+        return f"forces on {len(np.unique(nodes))} nodes, from {load.forces}"
+    if load.pressure is not None:
+        return f"pressure of {load.pressure:g} Pa a unit of level on {load.group}, {len(np.unique(nodes))} nodes"
+    return _at(mesh, load, nodes)
 
 
 def _at(mesh: Mesh, entry, nodes: np.ndarray) -> str:
