@@ -6,7 +6,8 @@ import numpy as np
 from bar_scene import SCENE, write_bar
 
 import microslip
-from microslip.library.prepare import prepare
+from microslip.library.prepare import reduced
+from microslip.library.settings import reduction_settings
 from microslip.linear.joint_springs import joint_stiffness
 from microslip.modes.dense import gathered
 from microslip.parallel.agree import on_root
@@ -17,7 +18,7 @@ AXIS = 'mesh = "bar.msh"\naxis = [0.0, 0.0, 1.0]\naxis_point = [0.1, 0.0, 0.0]\n
 
 
 def scene_with(
-    comm, folder, *, loads=LOADS, outputs=OUTPUTS, damping="ratio = 0.01", axis=False, files=None, name="bar", **solver
+    comm, folder, *, loads=LOADS, outputs=OUTPUTS, damping="ratio = 0.01", axis=False, files=None, name="bar", points=10, **solver
 ):
     """Return the scene with other tables; ``files`` are written beside it.  Collective."""
 
@@ -28,6 +29,7 @@ def scene_with(
         text = path.read_text().replace(LOADS, loads).replace(OUTPUTS, outputs)
         if axis:
             text = text.replace('mesh = "bar.msh"\n', AXIS)
+        text = text.replace("points = 10", f"points = {points}")
         path = folder / f"{name}.toml"
         path.write_text(text)
         return path
@@ -42,6 +44,6 @@ def dense(structure):
     return K, M, np.diag(joint_stiffness(structure.pairs))
 
 
-def model_of(structure, scene=None):
-    """Return the reduced model of a structure.  Collective."""
-    return prepare(structure, scene, has_bars=False).model
+def reduced_model(structure, scene=None):
+    """Return the reduced model of a structure by the method of a scene, its own unless given.  Collective."""
+    return reduced(structure, reduction_settings(scene or structure.scene)).model

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bar_loads import model_of, scene_with
+from bar_loads import reduced_model, scene_with
 from box_meshes import KINDS, box, mesh_of
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
@@ -100,7 +100,7 @@ def test_forces_of_a_file_are_those_of_tables_with_phases(comm, shared_path):
     found = []
     for scene in (file, tables):
         with microslip.build(scene, comm) as structure:
-            model = model_of(structure)
+            model = reduced_model(structure)
             found.append(model.output_motion(1.0, 2e4, np.zeros((3 * model.n_pairs, model.N_H))))
     assert np.abs(found[1][:, 3:5]).max() > 0.0
     np.testing.assert_allclose(found[0], found[1], atol=1e-12 * np.abs(found[1]).max())
@@ -122,7 +122,7 @@ def test_forces_on_dofs_are_complex(comm, shared_path):
 
     scene = microslip.read(on_root(comm, write))
     with build(scene, comm, RunLog(comm, screen=False)) as structure:
-        model = model_of(structure)
+        model = reduced_model(structure)
         found = to_complex(model.output_motion(1.0, omega, np.zeros((3 * model.n_pairs, model.N_H))))
     Z = scenes.stuck_stiffness(system) - omega**2 * system["M"] + 1j * omega * scenes.damping_matrix(system)
     exact = np.linalg.solve(Z, values @ [1.0, 1j])

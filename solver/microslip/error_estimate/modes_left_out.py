@@ -38,6 +38,8 @@ class ModesLeftOut:
     of_outputs: np.ndarray  # (n_outputs, SAMPLES)
     of_loads: np.ndarray  # (n_loads, SAMPLES)
     direct: np.ndarray  # (n_outputs, n_loads) W between outputs and loads, exactly
+    residual: np.ndarray  # (n_outputs, n_loads) their static flexibility without the modes kept, exactly [m/N]
+    loss_factor: float  # of structural damping, at most; the static part has none
 
     def gains(self, n_omega: np.ndarray) -> np.ndarray:
         """Return the factor of W in E_n at the frequencies n omega, (n_harmonics,) [1/s2].  Local."""
@@ -63,6 +65,9 @@ class ModesLeftOut:
         straight[:n_out, :, first.start] = straight[n_out:, :, first.start + 1] = self.of_outputs
         through = _norms(straight, model) * _norms(pairs, model) + _norms(felt, model) * _norms(loads - pairs, model)
         known = (self.direct @ f[:, first]).T.ravel() * gain[list(harmonics.chosen).index(1)]
+        if self.loss_factor > 0.0:  # E_n then holds -i eta times the static flexibility, about W times the square of a frequency
+            known = np.abs(known) + self.loss_factor * np.abs(self.residual @ f[:, first]).T.ravel()
+            gain = gain + self.loss_factor * self.omega**2 * (harmonics.numbers > 0)
         return np.abs(known) + through @ gain
 
 
@@ -104,6 +109,8 @@ def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedMo
         rows[n_rows : n_rows + n_out],
         rows[n_rows + n_out :],
         W[-n_out:, :-n_out],
+        model.out_static - (family.o / family.omega_n**2) @ family.b,
+        float(family.loss_factor.max()),
     )
 
 

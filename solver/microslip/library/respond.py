@@ -31,7 +31,13 @@ TABLES: dict[str, type[schema.Table]] = {
     "continuation": schema.Continuation,
     "damping": schema.Damping,
 }
-INSTEAD_OF = {"frequencies": ("mode", "span"), "mode": ("frequencies",), "ratio": ("rayleigh",), "rayleigh": ("ratio",)}
+INSTEAD_OF = {
+    "frequencies": ("mode", "span"),
+    "mode": ("frequencies",),
+    "ratio": ("rayleigh", "ratios", "modes"),
+    "ratios": ("rayleigh", "ratio", "modes"),
+    "rayleigh": ("ratio", "ratios", "modes"),
+}
 
 OfJoints = ArrayLike | Mapping[str, ArrayLike]
 

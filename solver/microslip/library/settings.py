@@ -56,7 +56,7 @@ def reduction_settings(scene: Scene) -> ReductionSettings:
         insists=solver.accuracy is not None,
         harmonics=scene.harmonics,
         loads=loads(scene),
-        damping=None if damping is None else ModalDamping(ratio=damping.ratio, rayleigh=damping.rayleigh),
+        damping=None if damping is None else _damping(damping),
         band=band(scene),
         level=max(scene.response.levels),
         where=str(scene.path),
@@ -123,6 +123,16 @@ def _statics(scene: Scene) -> Statics | None:
         ),
         steps=statics.steps,
         stiffens=statics.stress_stiffening,
+    )
+
+
+def _damping(damping: schema.Damping) -> ModalDamping:
+    return ModalDamping(
+        ratio=damping.ratio,
+        rayleigh=damping.rayleigh,
+        ratios=damping.ratios or (),
+        of_modes=damping.modes or (),
+        structural=damping.structural or 0.0,
     )
 
 

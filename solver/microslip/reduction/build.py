@@ -29,11 +29,19 @@ _ROUNDING = 1e-9  # negative eigenvalue of phi^T C phi over the largest that cou
 
 def modal_damping(damping: ModalDamping, omega_n: np.ndarray) -> np.ndarray:
     """Return phi^T C phi, (n_phi,) [1/s]: 2 zeta omega_n, or alpha + beta omega_n^2 of C = alpha M + beta K_L.  Local."""
-    if damping.ratio is not None:
-        return 2.0 * damping.ratio * omega_n
-    assert damping.rayleigh is not None, "damping is stated in one of two ways"
+    if damping.rayleigh is None:
+        return 2.0 * damping.ratios_of(len(omega_n)) * omega_n
     alpha, beta = damping.rayleigh
     return alpha + beta * omega_n**2
+
+
+def structural_damping(K: PETSc.Mat, phi_owned: np.ndarray, eta: float, comm: MPI.Comm) -> np.ndarray:
+    """Return eta phi^T K phi [1/s2], K without the springs of the joints: diagonal where nothing couples the modes, else full.
+
+    Collective: one sum.  docs/theory.md, eq. (13.2).
+    """
+    modal = gram(comm, phi_owned, multiply(K, phi_owned))
+    return eta * _diagonal_if_possible(0.5 * (modal + modal.T))
 
 
 def projected_damping(C: PETSc.Mat, phi_owned: np.ndarray, comm: MPI.Comm) -> np.ndarray:
@@ -53,6 +61,11 @@ def projected_damping(C: PETSc.Mat, phi_owned: np.ndarray, comm: MPI.Comm) -> np
             f"[model] damping: z^T C z = {least:.3g} z^T M z 1/s for some motion z (of others up to {most:.3g}): "
             "the damping matrix feeds energy in, so that no vibration is steady; it must not be negative"
         )
+    return _diagonal_if_possible(modal)
+
+
+def _diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
+    """Return the diagonal (m,) of a symmetric matrix (m, m) that couples no modes; else itself.  Local."""
     size = np.sqrt(np.abs(np.diag(modal)))
     is_coupled = np.abs(modal - np.diag(np.diag(modal))) > _COUPLES * np.outer(size, size)
     return modal if is_coupled.any() else np.diag(modal).copy()
@@ -86,11 +99,15 @@ def reduce_structure(stuck: StuckStructure, settings: ReductionSettings) -> Redu
 
 
 def modal_family(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, damping: ModalDamping | None) -> ModalFamily:
-    """Return what pairs, loads and outputs see of modes, and their damping.  Collective: one sum, with the user's C another."""
+    """Return what pairs, loads and outputs see of modes, and their damping.  Collective: one sum, with the user's C or
+    structural damping another.
+    """
     participation = owned_product(seen_rows(system), phi_owned, system)
     R_phi, o, b_T = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
     C = projected_damping(system.C, phi_owned, system.comm) if damping is None else modal_damping(damping, omega_n)
-    return ModalFamily(omega_n, Damping(C), R_phi, b_T.T.copy(), o)
+    eta = 0.0 if damping is None else damping.structural
+    S = structural_damping(system.K, phi_owned, eta, system.comm) if eta > 0.0 else None
+    return ModalFamily(omega_n, Damping(C, S), R_phi, b_T.T.copy(), o)
 
 
 def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system: System) -> np.ndarray:

@@ -50,6 +50,8 @@ def _rising(limits: tuple[float, float]) -> tuple[float, float]:
 Name = Annotated[str, Field(pattern=r'^[^\s,"/\\\x00-\x1f](?:[^,"/\\\x00-\x1f]*[^\s,"/\\\x00-\x1f])?$')]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
+Ratio = Annotated[float, Field(ge=0, lt=1)]
+ModeNumber = Annotated[int, Field(ge=1, le=LARGEST_NUMBER)]
 NotZero = Annotated[float, AfterValidator(_number_not_zero)]
 Frequency = Annotated[float, Field(gt=0, le=HIGHEST_FREQUENCY)]
 Number = Annotated[int, Field(ge=0, le=LARGEST_NUMBER)]
@@ -336,17 +338,42 @@ def _check_place(entry: Load | Output, key: str) -> None:
         raise ValueError("scale belongs to a load on a dof; with a direction, state it there")
 
 
+def _each_mode_once(pairs: tuple[tuple[int, float], ...]) -> tuple[tuple[int, float], ...]:
+    _no_duplicates(tuple(mode for mode, _ in pairs))
+    return pairs
+
+
 class Damping(Table):
-    """[damping]: of every mode, or Rayleigh's."""
+    """[damping]: of every mode, of some by number, or Rayleigh's; structural damping beside it."""
 
     ratio: float | None = Field(None, ge=0, lt=1, description="the ratio to critical damping, a number of at least 0 and below 1")
     rayleigh: tuple[NotNegative, NotNegative] | None = Field(
         None, description="[alpha, beta] of C = alpha M + beta K in 1/s and s, two numbers of at least 0"
     )
+    ratios: Annotated[tuple[Ratio, ...], Field(min_length=1)] | None = Field(
+        None, description="the ratios of modes 1, 2, ..., a list of numbers of at least 0 and below 1"
+    )
+    modes: Annotated[tuple[tuple[ModeNumber, Ratio], ...], AfterValidator(_each_mode_once), Field(min_length=1)] | None = Field(
+        None, description="a list of [number of a mode, its ratio], each mode once, ratios of at least 0 and below 1"
+    )
+    structural: float | None = Field(
+        None, ge=0, le=1, description="the loss factor of the bodies, a number of at least 0 and at most 1"
+    )
 
     @model_validator(mode="after")
     def _one(self):
-        self.exactly_one("ratio", "rayleigh")
+        if self.rayleigh is not None:
+            for key in ("ratios", "modes"):
+                if getattr(self, key) is not None:
+                    raise ValueError(f"{key} goes with ratio, which all other modes have; rayleigh damps every mode already")
+        if self.ratios is not None and self.modes is not None:
+            raise ValueError("exactly one of ratios, modes is needed, found both")
+        if self.modes is not None and self.ratio is None:
+            raise ValueError(
+                f"ratio is missing, which the modes that are not named have: expected {Damping.model_fields['ratio'].description}"
+            )
+        if self.rayleigh is not None or (self.ratios is None and self.structural is None):
+            self.exactly_one("ratio", "rayleigh")
         return self
 
 

@@ -103,6 +103,11 @@ def by_what_is_asked(scene: Scene, asked: Asked):
     ------
     CaseError : values that no scene may hold
     """
+    if scene.damping is not None and scene.damping.structural:
+        raise CaseError(
+            f"{scene.path}: [damping] structural: a loss factor is defined for steady vibration alone, and has no equivalent in "
+            "time; verify the scene with ratio in its place, of about half the loss factor"
+        )
     solver, response = scene.solver, scene.response
     harmonics = scene.harmonics if asked.harmonics is None else asked.harmonics
     n_samples = solver.samples if asked.samples is None else asked.samples
