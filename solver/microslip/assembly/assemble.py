@@ -11,21 +11,20 @@ from petsc4py import PETSc
 from .. import elements
 from ..mesh.connected import check_held, connected_parts
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
-from ..mesh.locate import find_node
 from ..mesh.settings import Body, MeshSettings
 from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
-from .blocks import BlockSum, NodePattern, expand, node_pattern
+from .base_motion import with_base_motion
+from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .check import check_elements
-from .maps import load_map, output_map, pair_map
+from .maps import base_map, load_map, orders_of, output_map, pair_map
 from .nodal_forces import nodal_forces
 from .numbering import number_dofs
+from .output_rows import output_row
 from .system import System
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-_CHUNK_BYTES = 8e6  # of element stiffness matrices held at a time
 
 
 def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings) -> System:
@@ -45,7 +44,8 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     """
     comm = dmesh.comm
     check_elements(dmesh, settings)
-    is_fixed, part, part_names, loads, output_nodes = on_root(comm, read_off, mesh, pairs, settings)
+    is_fixed, part, part_names, loads, outputs = on_root(comm, read_off, mesh, pairs, settings)
+    loads = with_base_motion(loads, settings, dmesh)
     to_mesh = np.argsort(dmesh.rank_order)
     dof, row_ranges = number_dofs(dmesh, is_fixed[to_mesh])
     n_dof = int(row_ranges[-1])
@@ -62,15 +62,17 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
         C=None,
         R=pair_map(pairs, dof_of_mesh, n_dof),
         loads=load_map(loads, dof_of_mesh, n_dof),
-        outputs=output_map(settings.outputs, output_nodes, dof_of_mesh, n_dof),
+        outputs=output_map(outputs, dof_of_mesh, n_dof),
         dof=dof_of_mesh,
         parts=np.repeat(part[to_mesh[first:last]], 3)[is_free.ravel()],
         part_names=part_names,
+        output_orders=orders_of(settings.outputs),
+        output_base=base_map(settings.outputs, settings.loads) if any(one.absolute for one in settings.outputs) else None,
     )
 
 
 def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
-    """Return what only the whole mesh tells: fixed DOFs by node, parts and their names, the loads on nodes, nodes of outputs."""
+    """Return what only the whole mesh tells: fixed DOFs by node, parts and their names, loads and outputs on nodes."""
     is_fixed = np.zeros((len(mesh.points), 3), dtype=bool)
     for support in settings.supports:
         for axis in support.fix:
@@ -78,11 +80,8 @@ def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
     part, part_names = connected_parts(mesh, settings.body_of)
     check_held(part, part_names, mesh, settings.supports, pairs)
     loads = [nodal_forces(mesh, load, f"[[loads]] {i}") for i, load in enumerate(settings.loads, 1)]
-    output_nodes = [
-        find_node(mesh, position=output.position, node=output.node, where=f"[[outputs]] {output.name!r}")
-        for output in settings.outputs
-    ]
-    return is_fixed, part, part_names, loads, output_nodes
+    outputs = [output_row(mesh, output, settings) for output in settings.outputs]
+    return is_fixed, part, part_names, loads, outputs
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, Body]):
@@ -128,13 +127,6 @@ def _add_elements(block: LocalBlock, body: Body, pattern: NodePattern, K_sum: Bl
         K_sum.add(is_owned, positions, K.reshape(-1, n_nodes, 3, n_nodes, 3))
         M = elements.mass(block.kind, points, body.density, body.integration)
         M_sum.add(is_owned, positions, M.reshape(-1, n_nodes, 1, n_nodes, 1))
-
-
-def element_chunks(block: LocalBlock):
-    """Yield slices of a block's elements whose matrices take a bounded memory.  Local."""
-    n_chunk = max(1, int(_CHUNK_BYTES / (8 * (3 * block.nodes.shape[1]) ** 2)))
-    for start in range(0, len(block.nodes), n_chunk):
-        yield slice(start, start + n_chunk)
 
 
 def petsc_matrix(comm: MPI.Comm, n_owned: int, csr: tuple[np.ndarray, ...]):

@@ -8,9 +8,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..mesh.data import ContactPairs
-from ..mesh.settings import Output
+from ..mesh.settings import Load, Output
 from ..parallel.errors import CaseError
 from .nodal_forces import NodalForces
+from .output_rows import OutputRow
 
 
 def pair_map(pairs: ContactPairs, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
@@ -48,10 +49,26 @@ def load_map(loads: Sequence[NodalForces], dof: np.ndarray, n_dof: int) -> sp.cs
     return sp.vstack(columns).T.tocsc() if columns else sp.csc_matrix((n_dof, 0))
 
 
-def output_map(outputs: Sequence[Output], nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
+def output_map(outputs: Sequence[OutputRow], dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
     """Return one row per output, (n_outputs, n_dof); a fixed DOF gives zero.  Local."""
-    rows = [_row(np.array([output.direction]), own, dof, n_dof) for output, own in zip(outputs, nodes, strict=True)]
+    rows = [_row(output.values, output.nodes, dof, n_dof) for output in outputs]
     return sp.vstack(rows).tocsr() if rows else sp.csr_matrix((0, n_dof))
+
+
+def orders_of(outputs: Sequence[Output]) -> np.ndarray | None:
+    """Return how often each output is differentiated, (n_outputs,); None where none is.  Local."""
+    orders = np.array([output.order for output in outputs], dtype=int)
+    return orders if orders.any() else None
+
+
+def base_map(outputs: Sequence[Output], loads: Sequence[Load]) -> np.ndarray:
+    """Return the acceleration of the base along each absolute output under each shape of the loads, (n_outputs, n_loads) [m/s2].
+
+    Local.  docs/theory.md, eq. (13.5).
+    """
+    shapes = [load.base_acceleration or (0.0, 0.0, 0.0) for load in loads for _ in load.phases]
+    directions = [output.direction if output.absolute else (0.0, 0.0, 0.0) for output in outputs]
+    return np.array(directions, dtype=float) @ np.array(shapes, dtype=float).T
 
 
 def _row(values: np.ndarray, nodes: np.ndarray, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:

@@ -19,6 +19,7 @@ from ..mesh.settings import Load, Output
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.ownership import split_evenly
 from .force_file import forces_on_dofs
+from .maps import orders_of
 from .matrix_file import read_matrix
 from .pair_file import COLUMNS, GROUND, read_pairs
 from .settings import MatrixSettings, PairFile
@@ -74,13 +75,18 @@ def read_structure(settings: MatrixSettings) -> GivenStructure:
     named: dict[str, Sequence[Load | Output]] = {"loads": settings.loads, "outputs": settings.outputs}
     for table, entries in named.items():
         for i, entry in enumerate(entries, 1):
-            if getattr(entry, "forces", None) is None and (entry.dof is None or entry.dof >= n_dof):
+            if not _is_elsewhere(entry) and (entry.dof is None or entry.dof >= n_dof):
                 raise CaseError(f"{settings.where}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
     if K.nnz > _MOST_ENTRIES:
         raise ResourceError(
             f"{files['stiffness']}: [model] stiffness has {K.nnz} entries; this version reads {_MOST_ENTRIES} at most"
         )
     return GivenStructure(K, M, C, *_read_joints(settings.joints, n_dof), _load_map(settings.loads, n_dof))
+
+
+def _is_elsewhere(entry: Load | Output) -> bool:
+    """Return whether a load or an output is at no DOF of its own: forces of a file, the contact force of a joint."""
+    return getattr(entry, "forces", None) is not None or getattr(entry, "joint", None) is not None
 
 
 def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
@@ -162,6 +168,7 @@ def distribute_structure(given: GivenStructure | None, settings: MatrixSettings,
         dof=None,
         parts=part[first:last],
         part_names=names,
+        output_orders=orders_of(settings.outputs),
     ), pairs
 
 
@@ -176,9 +183,10 @@ def _pair_map(dofs: np.ndarray, n_dof: int) -> sp.csr_matrix:
 
 
 def _output_map(outputs: Sequence[Output], n_dof: int) -> sp.csr_matrix:
-    """Return one row an output.  Local."""
-    values = (np.ones(len(outputs)), (range(len(outputs)), [output.dof for output in outputs]))
-    return sp.csr_matrix(values, (len(outputs), n_dof))
+    """Return one row an output, an empty one of a contact force.  Local."""
+    at = [(i, output.dof) for i, output in enumerate(outputs) if output.dof is not None]
+    rows, dofs = np.array(at, dtype=int).reshape(-1, 2).T
+    return sp.csr_matrix((np.ones(len(at)), (rows, dofs)), (len(outputs), n_dof))
 
 
 def _connected(K: sp.csr_matrix) -> tuple[np.ndarray, tuple[str, ...]]:

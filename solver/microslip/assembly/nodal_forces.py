@@ -28,7 +28,7 @@ class NodalForces:
 
 
 def nodal_forces(mesh: Mesh, load: Load, where: str) -> NodalForces:
-    """Return the forces of a load, docs/theory.md, eq. (13.1).  Local, rank 0.
+    """Return the forces of a load, docs/theory.md, eq. (13.1); none of a base that accelerates: base_motion.py.  Local, rank 0.
 
     ``where`` names the load in messages.
 
@@ -36,6 +36,8 @@ def nodal_forces(mesh: Mesh, load: Load, where: str) -> NodalForces:
     ------
     MeshError, CaseError : a place without a node, a group that is no surface, a file at fault
     """
+    if load.base_acceleration is not None:
+        return NodalForces(np.zeros(0, dtype=int), (np.zeros((0, 3)),))
     if load.pressure is not None:
         return _of_pressure(mesh, load)
     if load.forces is not None:

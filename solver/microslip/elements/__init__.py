@@ -5,6 +5,7 @@ from .kinds import FACE_KINDS, KINDS, Kind
 from .nearest import nearest_on_faces
 from .prestress import stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
+from .recovery import nodal_stress, strain_of
 from .solid import jacobian_minimum, mass, stiffness
 
 __all__ = [
@@ -21,9 +22,11 @@ __all__ = [
     "jacobian_minimum",
     "mass",
     "nearest_on_faces",
+    "nodal_stress",
     "part_integrals",
     "pressure_forces",
     "stiffness",
+    "strain_of",
     "stress",
     "stress_stiffness",
     "thermal_forces",

@@ -61,14 +61,14 @@ class ModesLeftOut:
         gain, first = self.gains(omega * harmonics.numbers), harmonics.columns(1)
         loads, pairs = self.of_loads.T @ f, self.of_pairs.T @ p
         straight = np.zeros((len(felt), SAMPLES, model.N_H))
-        n_out = len(self.of_outputs)
-        straight[:n_out, :, first.start] = straight[n_out:, :, first.start + 1] = self.of_outputs
+        n_out, factors = len(self.of_outputs), np.broadcast_to(model.output_factors(omega), len(self.of_outputs))
+        straight[:n_out, :, first.start] = straight[n_out:, :, first.start + 1] = self.of_outputs * factors[:, None]
         through = _norms(straight, model) * _norms(pairs, model) + _norms(felt, model) * _norms(loads - pairs, model)
         known = (self.direct @ f[:, first]).T.ravel() * gain[list(harmonics.chosen).index(1)]
         if self.loss_factor > 0.0:  # E_n then holds -i eta times the static flexibility, about W times the square of a frequency
             known = np.abs(known) + self.loss_factor * np.abs(self.residual @ f[:, first]).T.ravel()
             gain = gain + self.loss_factor * self.omega**2 * (harmonics.numbers > 0)
-        return np.abs(known) + through @ gain
+        return np.tile(factors, 2) * np.abs(known) + through @ gain
 
 
 def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -96,6 +97,25 @@ def loads(scene: Scene) -> tuple[Load, ...]:
 def outputs(scene: Scene) -> tuple[Output, ...]:
     """Return the outputs of a scene.  Local."""
     return tuple(Output(**dict(output)) for output in scene.outputs)
+
+
+@dataclass(frozen=True)
+class Units:
+    """What the numbers of a scene's results count."""
+
+    outputs: tuple[str, ...]
+    level: str  # "1" where loads of several kinds share it
+
+    @property
+    def works(self) -> list[int]:
+        """The outputs whose amplitude times the level is a work."""
+        return [k for k, unit in enumerate(self.outputs) if unit == "m" and self.level == "N"]
+
+
+def units_of(scene: Scene) -> Units:
+    """Return the units of a scene's results.  Local."""
+    of_loads = {load.unit for load in loads(scene)}
+    return Units(tuple(output.unit for output in outputs(scene)), of_loads.pop() if len(of_loads) == 1 else "1")
 
 
 def band(scene: Scene) -> Band:

@@ -10,6 +10,7 @@ import numpy as np
 
 Vector = tuple[float, float, float]
 GEOMETRY = "geometry"  # the gap of a joint: what the mesh has
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2", "stress": "Pa", "strain": "1", "contact_force": "N"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +80,7 @@ class Load:
     axis: Vector = (0.0, 0.0, 1.0)  # direction of that axis
     axis_point: Vector = (0.0, 0.0, 0.0)  # m
     forces: Path | None = None  # a CSV file of forces
+    base_acceleration: Vector | None = None  # m/s2, of the supports
     harmonic: int = 1
     phase: float = 0.0  # rad
 
@@ -88,16 +90,37 @@ class Load:
         varies = self.travelling is not None or self.engine_order is not None or self.forces is not None
         return (self.phase, self.phase + 0.5 * np.pi) if varies else (self.phase,)
 
+    @property
+    def unit(self) -> str:
+        """What a level of this load counts; "1" where the load itself has a unit."""
+        if self.base_acceleration is not None:
+            return "m/s2"
+        return "1" if self.pressure is not None or self.forces is not None else "N"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """The displacement of a node along a direction, or of a DOF."""
+    """The displacement of a node along a direction, or of a DOF; its derivatives; stress, strain; a contact force."""
 
     name: str
     position: Vector | None = None  # m
     node: int | None = None
     direction: Vector | None = None
     dof: int | None = None
+    quantity: str = "displacement"  # a key of UNITS
+    component: str | None = None  # of stress and strain "xx", ..., "zx"; "normal" of a contact force
+    body: str | None = None  # whose stress
+    joint: str | None = None  # whose contact force
+    absolute: bool = False  # with the motion of the base
+
+    @property
+    def unit(self) -> str:
+        return UNITS[self.quantity]
+
+    @property
+    def order(self) -> int:
+        """How often it is the derivative of a displacement by time."""
+        return ("velocity", "acceleration").index(self.quantity) + 1 if self.quantity in ("velocity", "acceleration") else 0
 
 
 @dataclass(frozen=True, kw_only=True)

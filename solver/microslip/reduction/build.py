@@ -16,6 +16,7 @@ from ..parallel.errors import CaseError
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
+from ..receptance.observed import Observed
 from .settings import ModalDamping, ReductionSettings
 from .stuck import StuckStructure, seen_rows
 
@@ -94,8 +95,19 @@ def reduce_structure(stuck: StuckStructure, settings: ReductionSettings) -> Redu
         families=(modal_family(system, modes.omega_n, modes.phi_owned, settings.damping),),
         f=load_coefficients(settings.loads, harmonics),
         harmonics=harmonics,
+        observed=observed(system),
         **vars(stuck.statics),
     )
+
+
+def observed(system: System) -> Observed | None:
+    """Return what makes outputs of their rows; None where all are displacements.  Local."""
+    parts = system.output_orders, system.output_pairs, system.output_base
+    if all(part is None for part in parts):
+        return None
+    n_outputs, (n_rows, n_loads) = system.outputs.shape[0], (system.R.shape[0], system.loads.shape[1])
+    empty = np.zeros(n_outputs, dtype=int), np.zeros((n_outputs, n_rows)), np.zeros((n_outputs, n_loads))
+    return Observed(*(none if part is None else part for part, none in zip(parts, empty)))
 
 
 def modal_family(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, damping: ModalDamping | None) -> ModalFamily:

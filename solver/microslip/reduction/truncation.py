@@ -77,11 +77,12 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     of_load = {h: residual_norms(stuck, _load(system, model, h)[first:last])[:, 0] for h in loaded}
     of_output = residual_norms(stuck, system.outputs.T.tocsr()[first:last].toarray())
     for h in loaded:
-        error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks
+        peaks_u = peaks / model.output_factors(h * high)  # of the rows of the outputs, where velocities and the like count most
+        error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks_u
         direct = np.maximum(direct, error.max(axis=1))
         for omega in comm.bcast(resonances(model, law, omegas)) if model.n_pairs or family.damping.couples_modes else ():
             at = resonance(stuck, model, omega, h, settings)
-            error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks
+            error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks_u
             joint = np.maximum(joint, error.max(axis=1))
     direct[-1] = np.inf  # the first mode left out is not known
     return LeftOut(direct, joint)

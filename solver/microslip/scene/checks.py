@@ -19,6 +19,8 @@ def contradictions(scene: Scene) -> list[str]:
         *_same_names(scene),
         *_harmonics(scene),
         *_constant_loads(scene),
+        *_base(scene),
+        *_outputs(scene),
         *_statics(scene),
         *_bars(scene),
         *_mode(scene),
@@ -51,7 +53,15 @@ def _of_matrices(scene: Scene) -> list[str]:
             found.append(
                 f"{where} pressure: a model given as matrices has no surfaces; state its forces on DOFs, forces = a CSV file"
             )
-        elif entry.dof is None and getattr(entry, "forces", None) is None:
+        elif getattr(entry, "base_acceleration", None) is not None:
+            found.append(
+                f"{where} base_acceleration: a model given as matrices has no supports; state -M r as forces = a CSV file"
+            )
+        elif getattr(entry, "quantity", "") in ("stress", "strain"):
+            found.append(f'{where} quantity = "{entry.quantity}": a model given as matrices has no elements')
+        elif getattr(entry, "absolute", False):
+            found.append(f"{where} absolute: a model given as matrices has no base")
+        elif entry.dof is None and getattr(entry, "forces", None) is None and getattr(entry, "joint", None) is None:
             found.append(f"{where}: a model given as matrices has no nodes; name a dof, a row of the matrices counted from 0")
     return found
 
@@ -155,6 +165,37 @@ def _same_bolts(statics: Statics) -> list[str]:
         found += [
             f'[[statics.bolts]] {key} = "{one}" is used {n} times; each bolt needs its own' for one, n in counts.items() if n > 1
         ]
+    return found
+
+
+def _base(scene: Scene) -> list[str]:
+    """A base that accelerates and holds nothing, or outputs with its motion that have none."""
+    moving = [(where, load) for where, load in _numbered(scene, "loads") if load.base_acceleration is not None]
+    absolute = [(where, output) for where, output in _numbered(scene, "outputs") if output.absolute]
+    found = []
+    if moving and scene.model.mesh is not None and not scene.supports and not any(joint.against for joint in scene.joints):
+        found.append(f"{moving[0][0]} base_acceleration: there are no [[supports]], which are the base that moves")
+    for where, output in absolute if scene.model.mesh is not None else ():
+        if not moving:
+            found.append(f"{where} absolute: no load has a base_acceleration, and the base is at rest; leave it out")
+        elif output.quantity != "acceleration" and any(load.harmonic == 0 for _, load in moving):
+            found.append(
+                f"{where} absolute: under a constant base_acceleration (harmonic = 0) {output.quantity} grows without end; "
+                'ask for quantity = "acceleration", or for the motion relative to the base'
+            )
+    return found
+
+
+def _outputs(scene: Scene) -> list[str]:
+    """Outputs of bodies and joints that are not there."""
+    found = []
+    joints = [joint.name for joint in scene.joints]
+    for where, output in _numbered(scene, "outputs"):
+        for key, name, known in (("body", output.body, list(scene.bodies)), ("joint", output.joint, joints)):
+            if name is not None and name not in known:
+                near = nearest(name, known)
+                hint = f'; nearest is "{near}"' if near else ""
+                found.append(f'{where} {key} = "{name}": there is no such {key}{hint}')
     return found
 
 

@@ -21,6 +21,8 @@ Method = Literal[
 ]
 Axis = Literal["x", "y", "z"]
 OF_SURFACES = ("preload", "gap", "tolerance", "against", "plane_point", "plane_normal", "pairing", "tangent", "parameters")
+Quantity = Literal["displacement", "velocity", "acceleration", "stress", "strain", "contact_force"]
+Component = Literal["xx", "yy", "zz", "xy", "yz", "zx", "normal"]
 
 
 def _not_zero(vector: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -283,12 +285,19 @@ class Load(Table):
         None, ge=-10_000, le=10_000, description="how often the phase of the pressure turns about [model] axis, a whole number"
     )
     forces: str | None = Field(None, min_length=1, description="the path of a CSV file of forces, which each level multiplies")
+    base_acceleration: Direction | None = Field(
+        None,
+        description="the acceleration of the supports, three numbers [x, y, z], not all 0; each level in m/s2 multiplies them",
+    )
     harmonic: int = Field(1, ge=0, le=10_000, description="the harmonic of the load, a whole number of at least 0")
     phase: float = Field(0.0, description="the phase in rad, a number")
 
     @model_validator(mode="after")
     def _place(self):
-        if self.forces is not None:
+        if self.base_acceleration is not None:
+            others = (*_PLACES, "direction", "scale", "pressure", *_PHASES, "forces")
+            _refuse_keys(self, "base_acceleration, which moves all supports", *others)
+        elif self.forces is not None:
             _refuse_keys(self, "forces: the file holds places and values", *_PLACES, "direction", "scale", "pressure", *_PHASES)
         elif self.pressure is not None:
             _refuse_keys(self, "a pressure: it acts on a group of faces", "position", "node", "dof", "direction", "scale")
@@ -302,17 +311,42 @@ class Load(Table):
 
 
 class Output(Table):
-    """[[outputs]]: the displacement of one node along one direction."""
+    """[[outputs]]: the displacement of one node along one direction, or what follows from displacements and contact forces."""
 
     name: Name = Field(description="a name for tables and pictures, without comma, quote or slash")
     position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is meant")
     node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
     dof: Number | None = Field(None, description="a DOF number of the matrices, a whole number of at least 0")
     direction: Direction | None = Field(None, description="three numbers [x, y, z], not all 0")
+    quantity: Quantity = Field(
+        "displacement", description='"displacement", "velocity", "acceleration", "stress", "strain" or "contact_force"'
+    )
+    component: Component | None = Field(
+        None, description='"xx", "yy", "zz", "xy", "yz" or "zx" of stress and strain; "normal" of a contact force'
+    )
+    body: str | None = Field(None, min_length=1, description="the NAME of a table [bodies.NAME], whose stress or strain is meant")
+    joint: str | None = Field(None, min_length=1, description="the name of one of [[joints]], whose contact force is meant")
+    absolute: bool = Field(False, description="true or false: with the motion of the base, under base_acceleration")
 
     @model_validator(mode="after")
     def _place(self):
-        _check_place(self, self.exactly_one("position", "node", "dof"))
+        if self.quantity == "contact_force":
+            _refuse_keys(self, 'quantity = "contact_force": it belongs to a joint', "position", "node", "dof", "body", "absolute")
+            if self.joint is None:
+                raise ValueError(f"joint is missing: expected {Output.model_fields['joint'].description}")
+            self.exactly_one("direction", "component")
+            if self.component not in (None, "normal"):
+                raise ValueError(
+                    f'component = "{self.component}" belongs to stress and strain; of a contact force expected "normal"'
+                )
+        elif self.quantity in ("stress", "strain"):
+            _refuse_keys(self, f'quantity = "{self.quantity}"', "dof", "direction", "joint", "absolute")
+            self.exactly_one("position", "node")
+            if self.component in (None, "normal"):
+                raise ValueError(f'component is missing: expected "xx", "yy", "zz", "xy", "yz" or "zx" of {self.quantity}')
+        else:
+            _refuse_keys(self, f'quantity = "{self.quantity}"', "component", "body", "joint")
+            _check_place(self, self.exactly_one("position", "node", "dof"))
         return self
 
 
@@ -320,7 +354,7 @@ _PLACES = ("position", "node", "group", "dof")
 _PHASES = ("travelling", "engine_order")
 
 
-def _refuse_keys(entry: Load, why: str, *keys: str) -> None:
+def _refuse_keys(entry: Load | Output, why: str, *keys: str) -> None:
     """Raise ValueError if one of the keys is given."""
     for key in keys:
         if key in entry.model_fields_set:

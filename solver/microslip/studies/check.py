@@ -18,7 +18,7 @@ from ..mesh.read import read_mesh
 from ..modes.limits import FEW, refuse_too_many
 from ..parallel.agree import on_root
 from ..reduction.methods import METHODS
-from ..scene.schema import DEFAULT_ACCURACY, Load, Scene
+from ..scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -55,7 +55,7 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    is_fixed, _, part_names, loads, output_nodes = read_off(mesh, pairs, mesh_settings(scene))
+    is_fixed, _, part_names, loads, outputs = read_off(mesh, pairs, mesh_settings(scene))
     n_dof = int((~is_fixed).sum())
     kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
     lines = [
@@ -67,7 +67,7 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
         *_joints(pairs),
         *(f"           {note}" for note in pairs.notes),
         *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, loads), 1)),
-        *(f"output     {out.name}: {_at(mesh, out, nodes)}" for out, nodes in zip(scene.outputs, output_nodes)),
+        *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, outputs)),
         *_solution(scene, n_dof, pairs.n_pairs),
     ]
     return lines
@@ -87,7 +87,7 @@ def needs_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
         f"matrices   {given.n_dof} DOF{massless}; entries: stiffness {given.K.nnz}, mass {given.M.nnz}{damping}",
         *_joints(given.pairs),
         *(f"load {i}     {_load_on_dofs(load)}, harmonic {load.harmonic}" for i, load in enumerate(scene.loads, 1)),
-        *(f"output     {output.name}: DOF {output.dof}" for output in scene.outputs),
+        *(f"output     {output.name}: {_output_on(output, f'DOF {output.dof}')}" for output in scene.outputs),
         *_solution(scene, given.n_dof, given.pairs.n_pairs),
     ]
 
@@ -152,11 +152,28 @@ def _load_on_dofs(load: Load) -> str:
 
 def _load_at(mesh: Mesh, load: Load, nodes: np.ndarray) -> str:
     """Say where a load on a mesh acts."""
+    if load.base_acceleration is not None:
+        return f"acceleration of the supports along {place(load.base_acceleration)}"
     if load.forces is not None:
         return f"forces on {len(np.unique(nodes))} nodes, from {load.forces}"
     if load.pressure is not None:
         return f"pressure of {load.pressure:g} Pa a unit of level on {load.group}, {len(np.unique(nodes))} nodes"
     return _at(mesh, load, nodes)
+
+
+def _output_at(mesh: Mesh, output: Output, node: int) -> str:
+    """Say where an output on a mesh is, and what."""
+    return _output_on(output, "" if node < 0 else _at(mesh, output, np.array([node])))
+
+
+def _output_on(output: Output, where: str) -> str:
+    """Say what an output is at a place; a displacement is told by its place alone."""
+    if output.joint is not None:
+        along = "normal" if output.direction is None else f"along {place(output.direction)}"
+        return f"contact force of {output.joint}, {along}"
+    if output.quantity == "displacement":
+        return where
+    return f"{output.quantity}{f' {output.component}' if output.component else ''}, {where}"
 
 
 def _at(mesh: Mesh, entry, nodes: np.ndarray) -> str:
