@@ -9,7 +9,6 @@ from petsc4py import PETSc
 
 from microslip import elements
 from microslip.assembly import blocks as blocks_module
-from microslip.assembly import blocks as blocks_module
 from microslip.assembly.assemble import assemble
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute

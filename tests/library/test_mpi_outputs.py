@@ -216,7 +216,7 @@ def test_error_bars_hold_for_every_output(comm, shared_path):
     for name in coarse.outputs:
         a, b = coarse[name], fine[name]
         missed = np.abs(a.harmonic(1)[0, chosen] - b.harmonic(1)[0, exact])
-        assert (missed <= a.error[0, chosen]).all(), name
+        assert (missed <= a.error[0, chosen] + 1e-12 * a.amplitude.max()).all(), name
         assert (a.error[0, chosen] <= 0.1 * a.amplitude.max()).all(), name
     for response in (coarse, few):
         omega = 2.0 * np.pi * response["u"].frequency[0]
