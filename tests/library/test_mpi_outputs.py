@@ -84,6 +84,8 @@ def test_every_method_meets_a_direct_solution(comm, shared_path):
             np.testing.assert_allclose(found / scale, exact / scale, rtol=0.0, atol=1e-8, err_msg=method)
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1, 2)
 def test_contact_forces_and_loads_accelerate_the_bar(comm, shared_path):
     """Newton's law of the bar, which nothing but its joint holds, while pairs slip: without damping, in every harmonic."""
     forces = "".join(
@@ -179,6 +181,7 @@ def rod(comm, folder, tables):
     return microslip.read(on_root(comm, write))
 
 
+@pytest.mark.ranks(1, 2)
 def test_a_rod_under_pressure_and_on_a_moving_base(comm, shared_path):
     """Longitudinal waves, c^2 = E / rho: stress p cos(k x) / cos(k L) under a pressure p at the tip, tip / base = 1 / cos(k L)."""
     root = "position = [0.0, 0.0, 0.0]\n"
@@ -201,6 +204,8 @@ def test_a_rod_under_pressure_and_on_a_moving_base(comm, shared_path):
         assert found[1][1] == pytest.approx(base * k * np.tan(k * LENGTH), rel=2e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_error_bars_hold_for_every_output(comm, shared_path):
     """Of three harmonics against thirteen, with slip; those of a velocity are omega times those of the displacement."""
     scene = scene_with(comm, shared_path, outputs=OUTPUTS, samples=64, points=3, **COARSE)
@@ -225,6 +230,8 @@ def test_error_bars_hold_for_every_output(comm, shared_path):
         assert response["tau"].error[0] == pytest.approx(2.0 * 2.1e11 / 2.6 * response["gamma"].error[0], rel=1e-2)
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1, 2)
 def test_files_say_the_units(comm, shared_path, monkeypatch):
     monkeypatch.setattr("microslip.results.plots.draw_all", lambda *files: [])
     scene = scene_with(comm, shared_path, loads=BASE, outputs=ABSOLUTE + OUTPUTS, points=3, samples=64, **COARSE)
@@ -245,6 +252,8 @@ def test_files_say_the_units(comm, shared_path, monkeypatch):
         assert (shared_path / "response.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_time_integration_knows_them_too(program, comm, shared_path):
     """The first output an absolute velocity, or a contact force; where pairs slip."""
     for lines in (
