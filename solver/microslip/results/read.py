@@ -116,7 +116,7 @@ class _Reader:
 def _read(path: str, reader: _Reader, motion: bool) -> ResultFile:
     outputs = tuple(reader.texts("outputs/name"))
     units = tuple(reader.texts("outputs/unit")) if "outputs/unit" in reader else ()
-    level_unit = _attribute(reader.file, "level_unit") or "N"
+    level_unit = reader.texts("scene/level_unit")[0] if "scene/level_unit" in reader else "N"
     if units and len(units) != len(outputs):
         raise CaseError(f"{path}: {len(outputs)} outputs have {len(units)} units; the file is damaged or was edited")
     joint = _joint(reader)

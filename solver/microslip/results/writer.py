@@ -103,10 +103,10 @@ class ResultWriter:
 def _write_head(file: h5py.File, head: ResultFile) -> None:
     file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
     file.attrs["coefficients"] = "last axis: mean, cos 1, sin 1, ..., cos H, sin H"
-    file.attrs["level_unit"] = head.level_unit
     _texts(file, "outputs/name", head.outputs)
     units = [head.unit_of(k) for k in range(len(head.outputs))]
     _texts(file, "outputs/unit", units)
+    _texts(file, "scene/level_unit", head.level_unit)
     for name, text in (("text", head.scene_text), ("title", head.title), ("name", head.name), ("method", head.method)):
         _texts(file, f"scene/{name}", text)
     _texts(file, "versions/name", head.versions.keys())
