@@ -147,6 +147,27 @@ def test_the_bound_holds_what_modes_left_out_change(comm, shared_path, n_modes):
     assert 0.0 < np.abs(found - exact).max() <= bound * np.abs(exact).max()
 
 
+@pytest.mark.parametrize("n_modes", [6, 12])
+def test_error_bars_know_of_it(comm, shared_path, n_modes):
+    """About the resonance, where all pairs stick: what a few modes miss of all modes lies within the bar, and not far within."""
+    few, every = (
+        scene_with(comm, shared_path, damping="structural = 0.05", **(COARSE | {"modes": m}), name=f"{m}")
+        for m in (n_modes, N_DOF)
+    )
+    found = []
+    for scene in (few, every):
+        with microslip.build(scene, comm) as structure:
+            if not found:
+                at = [float(share * structure.modes.frequency[0]) for share in (0.95, 1.0, 1.05)]
+            found.append(microslip.respond(structure, levels=[1e-3], at=at, points=3))
+    a, b = (one["corner"] for one in found)
+    chosen = np.flatnonzero(found[0].results.levels[0].asked)
+    exact = np.flatnonzero(found[1].results.levels[0].asked)
+    missed = np.abs(a.harmonic(1)[0, chosen] - b.harmonic(1)[0, exact])
+    assert (missed > 0.0).all() and (missed <= a.error[0, chosen]).all()
+    assert (a.error[0, chosen] <= 0.1 * a.amplitude.max()).all()
+
+
 MISTAKES = {
     "ratios = []": r"\[damping\] ratios = .*expected the ratios of modes",
     "ratios = [0.1, 1.5]": r"\[damping\] ratios = ",
