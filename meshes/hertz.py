@@ -4,8 +4,8 @@
 
 Axes: z out of the flat surface at z = 0, the contact around the origin.  The cap fills 0 <= x <= size (a quarter), or
 -size <= x <= size (a half), and 0 <= y <= size; z = (x^2 + y^2) / 2 R is its lower side.  That of a roller, one element long, is
-z = x^2 / 2 R.  Elements are finest at the contact.  Surfaces: "cap" (the round side), "top", "middle_x", "middle_y", "end_x", "end_y";
-of the base "flat", "bottom", "base_x", "base_y".
+z = x^2 / 2 R.  Elements are finest at the contact.  Surfaces: "cap" (the round side), "top", "middle_x", "middle_y", "end_x",
+"end_y"; of the base "flat", "bottom", "base_x", "base_y".
 """
 
 from __future__ import annotations

@@ -33,6 +33,18 @@ def said(comm, shared_path, capfd):
     signal.signal(signal.SIGTERM, handler)
 
 
+TIE = '[[ties]]\nname = "glue"\nsurfaces = ["A", "B"]\n'
+POINT = """[[points]]
+name = "p"
+position = [0.3, 0.0, 0.0]
+group = "tip"
+[[outputs]]
+name = "p"
+point = "P"
+direction = [0.0, 0.0, 1.0]
+"""
+
+
 def number(lines, section, i):
     """Return the index of the i-th entry of a section of the file."""
     return lines.index(section) + 2 + i
@@ -73,6 +85,17 @@ def test_a_bad_mesh(said, mesh, change, messages):
         ('"lap_2"', '"clamp"', ["joint 'lap'", "have no partner within", "the worst is node"]),
         (SCENE[SCENE.index("[[supports]]") : SCENE.index("[[joints]]")], "", ["nothing holds body 'left'", "it can move freely"]),
         (SCENE[SCENE.index("[[joints]]") : SCENE.index("[[loads]]")], "", ["nothing holds body 'right'", "it can move freely"]),
+        (
+            "[damping]",
+            TIE.replace("A", "clamp").replace("B", "tip") + "[damping]",
+            ["tie 'glue': ", "lie farther than", "worst is node"],
+        ),
+        (
+            "[damping]",
+            TIE.replace("A", "lap_1").replace("B", "lap_2") + "[damping]",
+            ["of joint 'lap' are faces of", "cannot slip"],
+        ),
+        ("[damping]", POINT + "[damping]", ["[[outputs]] 2 (", 'point = "P": there is no such point; nearest is "p"']),
         ("modes = 5", "modes = 5000", ["[solver] modes = 5000: the structure has only", "degrees of freedom"]),
         ("[0.21, 0.0, 0.0]", "[26.0, 0.0, 0.0]", ["[[outputs]] 'tip' position", "from the nearest node"]),
     ],

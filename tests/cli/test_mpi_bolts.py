@@ -4,6 +4,7 @@ import pytest
 from blocks import box, join
 from msh import write_msh
 
+import microslip
 from microslip.parallel.agree import on_root
 from microslip.results.read import read_results
 
@@ -110,6 +111,18 @@ def test_forces_of_bolts_are_in_log_and_results(comm, folder, program):
     on_root(comm, check)
 
 
+def test_the_check_tells_and_finds_cuts(comm, folder, program):
+    def write():
+        (folder / "clamp.toml").write_text(SCENE)
+        (folder / "outer.toml").write_text(SCENE.replace('group = "cut"', 'group = "head_top"'))
+
+    on_root(comm, write)
+    status, said, _ = program("check", folder / "clamp.toml")
+    assert status == 0 and "bolt       M16: a cut of 0.0004 m2 with 9 nodes, across (0, 0, 1)" in said
+    status, _, error = program("check", folder / "outer.toml")
+    assert status == 2 and error.count("microslip: error: ") == 1 and "bolt 'M16': group 'head_top': 12 of 12 faces" in error
+
+
 @pytest.mark.parametrize(
     "old, new, status, says",
     [
@@ -133,3 +146,63 @@ def test_a_bolt_that_is_none_is_refused_once(comm, folder, program, old, new, st
     found, _, error = program("run", folder / "bad.toml", "--out", folder / "bad")
     assert found == status and says in error
     assert error.count("microslip: error: ") == 1 and "Traceback" not in error
+
+
+BAR = """
+[model]
+mesh = "bar.msh"
+[materials.steel]
+young = 2.0e11
+poisson = 0.0
+density = 8000.0
+expansion = 1.0e-5
+[bodies.bar]
+group = "bar"
+material = "steel"
+[[supports]]
+group = "ends"
+fix = ["x", "y", "z"]
+[statics]
+LOADED
+[[loads]]
+position = [0.1, 0.0, 0.0]
+direction = [0.0, 1.0, 0.0]
+[[outputs]]
+name = "middle"
+position = [0.1, 0.0, 0.0]
+direction = [0.0, 1.0, 0.0]
+[damping]
+ratio = 0.01
+[response]
+levels = [1.0]
+mode = 1
+span = [0.9, 1.1]
+[solver]
+modes = 4
+"""
+
+
+def test_a_tightened_bar_rings_like_one_that_is_colder(comm, folder):
+    """Between two walls E A alpha theta of cold and the same force of a bolt are the same stress, but where walls hinder the
+    cold bar from growing thin."""
+
+    def write():
+        half, cells = (0.1, 0.01, 0.01), (4, 1, 1)
+        halves = [box("hex20", half, cells, names={"x0": "ends", "x1": "cut"})]
+        halves.append(box("hex20", half, cells, (0.1, 0.0, 0.0), {"x1": "ends"}))
+        write_msh(str(folder / "bar.msh"), {"bar": join(halves)})
+        loads = {
+            "slack": '[[statics.bolts]]\ngroup = "cut"\nforce = 1e-3\n',
+            "tight": '[[statics.bolts]]\ngroup = "cut"\nforce = 2e4\n',
+            "cold": '[[statics.temperatures]]\ngroup = "bar"\ntemperature = -100.0\n',
+        }
+        for name, load in loads.items():
+            (folder / f"{name}.toml").write_text(BAR.replace("LOADED", load))
+
+    on_root(comm, write)
+    found = {}
+    for name in ("slack", "tight", "cold"):
+        with microslip.build(microslip.read(folder / f"{name}.toml"), comm) as structure:
+            found[name] = structure.modes.frequency
+    assert found["tight"] == pytest.approx(found["cold"], rel=2e-4)
+    assert (found["tight"] > 1.05 * found["slack"])[:2].all()

@@ -314,3 +314,16 @@ def test_bad_input(comm, shared_path, name):
     outputs, loads, says = MISTAKES[name]
     with pytest.raises(CaseError, match=says.replace("[", r"\[")):
         microslip.build(scene_with(comm, shared_path, outputs=outputs, loads=loads, name=name.replace(" ", "_")), comm)
+
+
+def test_a_joint_carries_the_mass_that_its_base_accelerates(comm, shared_path):
+    """A constant acceleration of the plate: the joint moves the bar, and the mass of a point that is tied to it."""
+    force = output("force", 'quantity = "contact_force"\njoint = "joint"\ndirection = [1.0, 0.0, 0.0]\n')
+    point = '[[points]]\nname = "rider"\nposition = [0.02, 0.005, 0.04]\ngroup = "bar_end"\nmass = 0.5\n'
+    loads = "[[loads]]\nbase_acceleration = [2.0, 0.0, 0.0]\nharmonic = 0\n"
+    for more, mass in (("", 0.0), (point, 0.5)):
+        scene = scene_with(comm, shared_path, loads=loads + more, outputs=force, divisions=(2, 1, 1), modes=12)
+        with microslip.build(scene, comm) as structure:
+            model = reduced_model(structure)
+            found = model.output_motion(3.0, 1000.0, np.zeros((3 * N_PAIRS, model.N_H)))
+        assert found[0, 0] == pytest.approx(6.0 * (7800.0 * 0.05 * 0.01 * 0.02 + mass), rel=1e-9)

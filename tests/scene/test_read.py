@@ -81,7 +81,11 @@ def test_windows_files_are_read(tmp_path):
         ("title", "titel", 'titel: unknown key; nearest is "title"'),
         ("title", "density = 1\ntitle", "density: unknown key; [materials.NAME] has a key of this name"),
         ("[damping]", "[zzz]", "[zzz]: unknown table; known: [model], [materials.NAME], [bodies.NAME], [[supports]], [[joints]]"),
-        ("points = 98", "tolerance = 1e-8", "[response] tolerance: unknown key; [[joints]] or [solver] has a key of this name"),
+        (
+            "points = 98",
+            "tolerance = 1e-8",
+            "[response] tolerance: unknown key; [[joints]], [[ties]] or [solver] has a key of this name",
+        ),
         ("points = 98", "zzz = 1", "[response] zzz: unknown key; known: levels, frequencies, mode, span, points, at, direction"),
         (
             '"adaptive-energy"',

@@ -9,14 +9,16 @@ import numpy as np
 from petsc4py import PETSc
 
 from .. import elements
-from ..mesh.connected import check_held, connected_parts
+from ..mesh.connected import check_held, connected_parts, loose_clusters
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
+from ..mesh.links import find_links, places_of
 from ..mesh.settings import Body, MeshSettings
 from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
 from .base_motion import with_base_motion
 from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .check import check_elements
+from .constraints import DIRECTIONS, check_supports, constrain, constrained
 from .maps import base_map, load_map, orders_of, output_map, pair_map
 from .nodal_forces import nodal_forces
 from .numbering import number_dofs
@@ -44,18 +46,21 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     """
     comm = dmesh.comm
     check_elements(dmesh, settings)
-    is_fixed, part, part_names, loads, outputs = on_root(comm, read_off, mesh, pairs, settings)
-    loads = with_base_motion(loads, settings, dmesh)
+    is_fixed, part, part_names, loads, outputs, links, loose = on_root(comm, read_off, mesh, pairs, settings)
+    loads = with_base_motion(loads, settings, dmesh, links)
     to_mesh = np.argsort(dmesh.rank_order)
-    dof, row_ranges = number_dofs(dmesh, is_fixed[to_mesh])
+    dof, row_ranges = number_dofs(dmesh, is_fixed[: len(to_mesh)][to_mesh])
     n_dof = int(row_ranges[-1])
     if n_dof == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
+    constraints = constrain(dmesh, links, is_fixed, loose) if links.joined else None
     K, M = _matrices(dmesh, dof, row_ranges, settings.bodies)
     dof_of_mesh = dof[dmesh.rank_order]
+    if constraints is not None:
+        dof_of_mesh, n_dof = constraints.dof, constraints.T.shape[0]
     first, last = dmesh.node_ranges[comm.rank : comm.rank + 2]
     is_free = dof[first:last] >= 0
-    return System(
+    system = System(
         comm=comm,
         K=K,
         M=M,
@@ -69,19 +74,29 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
         output_orders=orders_of(settings.outputs),
         output_base=base_map(settings.outputs, settings.loads) if any(one.absolute for one in settings.outputs) else None,
     )
+    return system if constraints is None else constrained(system, constraints, part)
 
 
 def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
-    """Return what only the whole mesh tells: fixed DOFs by node, parts and their names, loads and outputs on nodes."""
-    is_fixed = np.zeros((len(mesh.points), 3), dtype=bool)
-    for support in settings.supports:
-        for axis in support.fix:
-            is_fixed[mesh.node_groups[support.group], "xyz".index(axis)] = True
+    """Return what only the whole mesh tells.
+
+    Fixed DOFs by place (``mesh/ties.py``), parts and their names, loads and outputs on places, what follows what, and which
+    parts nothing but joints holds.
+    """
+    links = find_links(mesh, settings)
+    is_fixed = np.zeros((links.n_places, 3), dtype=bool)
+    for i, support in enumerate(settings.supports, 1):
+        places = places_of(mesh, links, support, f"[[supports]] {i}")
+        for direction in support.fix:
+            turns, axis = divmod(DIRECTIONS.index(direction), 3)
+            is_fixed[places + turns, axis] = True
+    check_supports(mesh, links, is_fixed)
     part, part_names = connected_parts(mesh, settings.body_of)
-    check_held(part, part_names, mesh, settings.supports, pairs)
-    loads = [nodal_forces(mesh, load, f"[[loads]] {i}") for i, load in enumerate(settings.loads, 1)]
-    outputs = [output_row(mesh, output, settings) for output in settings.outputs]
-    return is_fixed, part, part_names, loads, outputs
+    check_held(part, part_names, mesh, settings.supports, pairs, links)
+    loose = loose_clusters(part, len(part_names), mesh, settings.supports, links)
+    loads = [nodal_forces(mesh, load, f"[[loads]] {i}", links) for i, load in enumerate(settings.loads, 1)]
+    outputs = [output_row(mesh, output, settings, links) for output in settings.outputs]
+    return is_fixed, part, part_names, loads, outputs, links, loose
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, Body]):

@@ -8,21 +8,23 @@ import numpy as np
 
 from .. import elements
 from ..mesh.data import DistributedMesh
+from ..mesh.links import Links
 from ..mesh.settings import MeshSettings
 from .blocks import element_chunks
 from .nodal_forces import NodalForces
 
 
-def with_base_motion(loads: list[NodalForces], settings: MeshSettings, dmesh: DistributedMesh) -> list[NodalForces]:
-    """Return the loads with those of a base that accelerates, -M r a of eq. (13.4).
+def with_base_motion(loads: list[NodalForces], settings: MeshSettings, dmesh: DistributedMesh, links: Links) -> list[NodalForces]:
+    """Return the loads with those of a base that accelerates, -M r a of eq. (13.4), on the masses of points too.
 
     Collective on ``dmesh.comm`` where there is one: one gather.
     """
     if not any(load.base_acceleration is not None for load in settings.loads):
         return loads
-    mass = nodal_masses(dmesh, settings)
+    mass = np.concatenate([nodal_masses(dmesh, settings), [point.mass for point in links.points]])
     forces = [None if load.base_acceleration is None else -np.outer(mass, load.base_acceleration) for load in settings.loads]
-    nodes = np.arange(len(mass))
+    n_nodes = len(mass) - len(links.points)
+    nodes = np.concatenate([np.arange(n_nodes), [links.place_of(point.name) for point in links.points]]).astype(int)
     return [load if f is None else replace(load, nodes=nodes, shapes=(f,)) for load, f in zip(loads, forces)]
 
 

@@ -67,7 +67,7 @@ def base_map(outputs: Sequence[Output], loads: Sequence[Load]) -> np.ndarray:
     Local.  docs/theory.md, eq. (13.5).
     """
     shapes = [load.base_acceleration or (0.0, 0.0, 0.0) for load in loads for _ in load.phases]
-    directions = [output.direction if output.absolute else (0.0, 0.0, 0.0) for output in outputs]
+    directions = [(output.absolute and output.direction) or (0.0, 0.0, 0.0) for output in outputs]
     return np.array(directions, dtype=float) @ np.array(shapes, dtype=float).T
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import elements
 from ..mesh.data import Mesh
-from ..mesh.locate import find_node
+from ..mesh.links import Links, places_of
 from ..mesh.settings import Load
 from ..mesh.surface import outward_faces
 from .force_file import forces_on_nodes
@@ -23,11 +23,11 @@ from .force_file import forces_on_nodes
 class NodalForces:
     """What a load does at unit level, as real shapes; ``Load.phases`` are their phases."""
 
-    nodes: np.ndarray  # (n,) index into Mesh.points; a node may be there several times
+    nodes: np.ndarray  # (n,) index into Mesh.points, or the place of a point; a node may be there several times
     shapes: tuple[np.ndarray, ...]  # (n, 3) N each
 
 
-def nodal_forces(mesh: Mesh, load: Load, where: str) -> NodalForces:
+def nodal_forces(mesh: Mesh, load: Load, where: str, links: Links | None = None) -> NodalForces:
     """Return the forces of a load, docs/theory.md, eq. (13.1); none of a base that accelerates: base_motion.py.  Local, rank 0.
 
     ``where`` names the load in messages.
@@ -43,8 +43,9 @@ def nodal_forces(mesh: Mesh, load: Load, where: str) -> NodalForces:
     if load.forces is not None:
         nodes, forces = forces_on_nodes(load.forces, mesh.numbers)
         return NodalForces(nodes, (forces.real, forces.imag))
-    nodes = find_node(mesh, position=load.position, node=load.node, group=load.group, where=where)
-    return NodalForces(nodes, (np.tile(np.asarray(load.direction, dtype=float) / len(nodes), (len(nodes), 1)),))
+    nodes = places_of(mesh, links, load, where)
+    force = np.asarray(load.direction or load.moment, dtype=float)
+    return NodalForces(nodes, (np.tile(force / len(nodes), (len(nodes), 1)),))
 
 
 def _of_pressure(mesh: Mesh, load: Load) -> NodalForces:

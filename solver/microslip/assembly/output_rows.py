@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import elements
 from ..mesh.data import Mesh
-from ..mesh.locate import find_node
+from ..mesh.links import Links, places_of
 from ..mesh.settings import Body, MeshSettings, Output
 from ..parallel.errors import CaseError
 
@@ -23,7 +23,7 @@ class OutputRow:
     values: np.ndarray  # (n, 3) what a displacement of each node adds
 
 
-def output_row(mesh: Mesh, output: Output, settings: MeshSettings) -> OutputRow:
+def output_row(mesh: Mesh, output: Output, settings: MeshSettings, links: Links | None = None) -> OutputRow:
     """Return the row of an output; an empty one of a contact force, which is known with the pairs.  Local, rank 0.
 
     Raises
@@ -33,10 +33,10 @@ def output_row(mesh: Mesh, output: Output, settings: MeshSettings) -> OutputRow:
     where = f"[[outputs]] {output.name!r}"
     if output.joint is not None:
         return OutputRow(-1, np.zeros(0, dtype=int), np.zeros((0, 3)))
-    (node,) = find_node(mesh, position=output.position, node=output.node, where=where)
+    (node,) = places_of(mesh, links, output, where)
     if output.quantity in ("stress", "strain"):
         return _recovered(mesh, int(node), output, settings, where)
-    return OutputRow(int(node), np.array([node]), np.array([output.direction], dtype=float))
+    return OutputRow(int(node), np.array([node]), np.array([output.direction or output.rotation], dtype=float))
 
 
 def _recovered(mesh: Mesh, node: int, output: Output, settings: MeshSettings, where: str) -> OutputRow:

@@ -15,6 +15,7 @@ from ..mesh.surface import outward_faces
 from ..parallel.agree import on_root
 from .assemble import petsc_matrix
 from .blocks import BlockSum, element_chunks, expand, node_pattern
+from .constraints import Constraints, reduced
 from .system import System
 
 Seen = Callable[[LocalBlock, int, slice], np.ndarray]
@@ -38,13 +39,41 @@ def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSet
     for block in dmesh.blocks:
         for chunk in element_chunks(block):
             _add(total, block.nodes[chunk] - first, element_forces(block, chunk, settings.bodies[block.body], statics))
-    return total[by_rank(dmesh, system)[first:last] >= 0]
+    return on_rows(dmesh, system, total, None if system.constraints is None else _on_points(system.constraints, statics))
+
+
+def on_rows(dmesh: DistributedMesh, system: System, nodal: np.ndarray, on_points: np.ndarray | None = None) -> np.ndarray:
+    """Return this rank's rows (n_dof_owned,) of forces on its nodes, (n_owned_nodes, 3) [N], and T^T of them where some follow.
+
+    Collective.  ``on_points`` (n_points, 6) are forces and moments on the points of the constraints, none by default.
+    """
+    first, last = owned_nodes(dmesh)
+    constraints = system.constraints
+    if constraints is None:
+        return nodal[by_rank(dmesh, system)[first:last] >= 0]
+    of_nodes = constraints.dof[: len(dmesh.rank_order)][np.argsort(dmesh.rank_order)][first:last]
+    found = constraints.transposed(dmesh.comm, nodal[of_nodes >= 0])
+    return found if on_points is None else found + constraints.of_points(dmesh.comm, on_points.ravel())
+
+
+def _on_points(constraints: Constraints, statics: Statics) -> np.ndarray:
+    """Return the constant forces and moments on the points, (n_points, 6) [N, N m].  Local."""
+    names = [point.name for point in constraints.points]
+    on_points = np.zeros((len(names), 6))
+    for force in statics.forces:
+        if force.point is not None:
+            on_points[names.index(force.point), :3] += force.force
+    for row, point in zip(on_points, constraints.points, strict=True):
+        row[:3] += point.mass * (np.array(point.position) - np.array(statics.axis_point)) @ statics.spin
+    return on_points
 
 
 def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarray]:
     """Return nodes (n,) and the forces and pressures on them, (n, 3) [N].  Local, rank 0."""
     nodes, values = [np.empty(0, dtype=np.int64)], [np.empty((0, 3))]
     for i, one in enumerate(statics.forces, 1):
+        if one.point is not None:
+            continue
         own = find_node(mesh, position=one.position, node=one.node, group=one.group, where=f"[[statics.forces]] {i}")
         nodes.append(own)
         values.append(np.tile(np.array(one.force) / len(own), (len(own), 1)))
@@ -78,8 +107,9 @@ def stiffness_at_rest(
     """
     statics = settings.statics
     assert statics is not None, "a scene with [statics]"
-    dof, u_all = by_rank(dmesh, system), np.concatenate(dmesh.comm.allgather(u_owned))
-    u = np.where(dof >= 0, u_all[dof], 0.0)
+    constraints, to_mesh = system.constraints, np.argsort(dmesh.rank_order)
+    dof = by_rank(dmesh, system) if constraints is None else constraints.dof[to_mesh]
+    u = system.at_nodes(np.concatenate(dmesh.comm.allgather(u_owned)))[to_mesh]
     pattern = node_pattern(dmesh)
     total = BlockSum(pattern, 3)
     for i, block in enumerate(dmesh.blocks):
@@ -89,11 +119,24 @@ def stiffness_at_rest(
             moved = u[block.nodes[chunk]] if seen is None else u[block.nodes[chunk]] + seen(block, i, chunk)
             change = _stiffening(block, chunk, body, statics, moved)
             total.add(is_owned, positions, change)
-    change = petsc_matrix(dmesh.comm, len(u_owned), expand(pattern, total, dof, PETSc.IntType))
+    n_owned = len(u_owned) if constraints is None else int(np.diff(constraints.nodal_ranges)[dmesh.comm.rank])
+    change = petsc_matrix(dmesh.comm, n_owned, expand(pattern, total, dof, PETSc.IntType))
+    structure = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
+    if constraints is not None:
+        change = reduced(change, constraints, _softening(constraints, statics))
+        structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
     K = system.K.duplicate(copy=True)
-    K.axpy(1.0, change, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    K.axpy(1.0, change, structure=structure)
     change.destroy()
     return K
+
+
+def _softening(constraints: Constraints, statics: Statics) -> np.ndarray:
+    """Return - Omega^2 K_spin of the masses of points, (n_points, 6, 6) [N/m]."""
+    blocks = np.zeros((len(constraints.points), 6, 6))
+    for block, point in zip(blocks, constraints.points, strict=True):
+        block[:3, :3] = -point.mass * statics.spin
+    return blocks
 
 
 def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from ..mesh.settings import Bolt, MeshSettings
 from ..parallel.agree import on_root
 from ..parallel.errors import MeshError
 from .assemble import element_chunks
-from .prestress import by_rank, element_forces, owned_nodes
+from .prestress import element_forces, on_rows, owned_nodes
 from .system import System
 
 _ALONG = 1e-6  # of the normal: a support along less of it does not hold the cut
@@ -73,7 +73,7 @@ def pretension(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings
     mine = bolt[:, None] == np.arange(len(cuts))
     along = np.einsum("bai,ai->ab", F, n), np.einsum("ai,ai->a", load, n)[:, None]
     k, loaded = (comm.allreduce((mine * values).sum(axis=0)) for values in along)
-    F_owned = F[:, by_rank(dmesh, system)[first:last] >= 0].T
+    F_owned = np.column_stack([on_rows(dmesh, system, one) for one in F])
     return Bolts(statics.bolts, np.array([cut.area for cut in cuts]), overlap, F_owned, k, loaded)
 
 

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
+    from .constraints import Constraints
+
 
 @dataclass(frozen=True)
 class System:
@@ -27,13 +29,24 @@ class System:
     R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement, du = R u
     loads: sp.csc_matrix  # (n_dof, n_loads) real shapes of the loads, one or two each, per unit level [N/N]
     outputs: sp.csr_matrix  # (n_outputs, n_dof) rows o of the outputs, of displacements
-    dof: np.ndarray | None  # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed; None without a mesh
+    dof: np.ndarray | None  # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed or dependent; None without a mesh
     parts: np.ndarray | None = None  # (n_dof_owned,) connected part of each owned row, for messages on free bodies
     part_names: tuple[str, ...] = ()  # what to call each part: its bodies
     output_orders: np.ndarray | None = None  # (n_outputs,) derivatives of o u by time; None: all outputs are displacements
     output_pairs: np.ndarray | None = None  # (n_outputs, 3 n_pairs) what p adds to contact forces; None: nothing
     output_base: np.ndarray | None = None  # (n_outputs, n_loads) acceleration of the base along absolute outputs; None: none
+    constraints: Constraints | None = None  # what ties and points make follow; None where there are none
 
     @property
     def n_dof(self) -> int:
         return self.K.getSize()[0]
+
+    def at_nodes(self, u: np.ndarray) -> np.ndarray:
+        """Return the displacements of the nodes, (n_nodes, 3, ...), from those of all rows, (n_dof, ...).  Local.
+
+        Zero where fixed; what is dependent follows.
+        """
+        assert self.dof is not None, "a structure with a mesh"
+        if self.constraints is not None:
+            return self.constraints.at_nodes(u)
+        return np.concatenate([u, np.zeros((1, *u.shape[1:]))])[self.dof]  # row -1: what is fixed

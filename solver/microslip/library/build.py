@@ -97,6 +97,8 @@ def from_mesh(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, S
         shares = distribute(mesh, settings, comm)
     with log.stage("assembly"):
         system = assemble(shares, mesh, pairs, settings)
+    for note in system.constraints.notes if system.constraints is not None else ():
+        log.note(note)
     bolts = None
     if settings.statics is not None:
         system, pairs, bolts = brought_to_rest(system, shares, mesh, pairs, settings, log, str(scene.path))

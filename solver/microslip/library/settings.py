@@ -8,7 +8,21 @@ from typing import Any
 
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
-from ..mesh.settings import GEOMETRY, Body, Bolt, Force, GroundPlane, Joint, Load, MeshSettings, Output, Statics, Support
+from ..mesh.settings import (
+    GEOMETRY,
+    Body,
+    Bolt,
+    Force,
+    GroundPlane,
+    Joint,
+    Load,
+    MeshSettings,
+    Output,
+    Point,
+    Statics,
+    Support,
+    Tie,
+)
 from ..modes.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
@@ -25,8 +39,10 @@ def mesh_settings(scene: Scene) -> MeshSettings:
         stated=scene.model.mesh,
         scale=scene.model.scale,
         bodies={name: _body(body, scene.materials[body.material]) for name, body in scene.bodies.items()},
-        supports=tuple(Support(group=support.group, fix=support.fix) for support in scene.supports),
+        supports=tuple(Support(group=support.group, point=support.point, fix=support.fix) for support in scene.supports),
         joints=tuple(_joint(joint, scene) for joint in scene.joints),
+        ties=tuple(_tie(tie) for tie in scene.ties),
+        points=tuple(_point(point) for point in scene.points),
         loads=loads(scene),
         outputs=outputs(scene),
         statics=_statics(scene),
@@ -167,6 +183,23 @@ def _load(scene: Scene, load: schema.Load) -> Load:
 def _body(body: schema.Body, material: schema.Material) -> Body:
     kept = {**dict(material), "expansion": material.expansion or 0.0}
     return Body(group=body.group, integration=body.integration, incompatible_modes=body.incompatible_modes, **kept)
+
+
+def _tie(tie: schema.Tie) -> Tie:
+    return Tie(name=tie.name or " to ".join(tie.surfaces), surfaces=tie.surfaces, tolerance=tie.tolerance)
+
+
+def _point(point: schema.Point) -> Point:
+    return Point(
+        name=point.name,
+        position=point.position,
+        group=point.group,
+        rigid=point.connection == "rigid",
+        mass=point.mass,
+        inertia=(*(point.inertia or ()), *(0.0,) * 6)[:6],
+        stiffness=point.stiffness or (0.0, 0.0, 0.0),
+        rotational_stiffness=point.rotational_stiffness or (0.0, 0.0, 0.0),
+    )
 
 
 def _joint(joint: schema.Joint, scene: Scene) -> Joint:

@@ -143,10 +143,13 @@ def _how(comm: MPI.Comm, A: PETSc.Mat, weight: np.ndarray, Z_owned: np.ndarray, 
     if dof is None:
         moved = weight * np.max(np.abs(Z_owned), axis=1, initial=0.0)
         return f"most at {_name_of_row(_largest_row(comm, A, moved), system)}"
+    constraints = getattr(system, "constraints", None)
     row_start, row_end = A.getOwnershipRange()
     T_owned = np.zeros((len(weight), 3))  # translations of the part along x, y, z
     for axis in range(3):
         rows = dof[:, axis]
+        if constraints is not None:  # with those of the points, not their rotations
+            rows = np.concatenate([rows, constraints.free[len(dof) :: 2, axis]])
         T_owned[rows[(rows >= row_start) & (rows < row_end)] - row_start, axis] = 1.0
     size = np.sqrt(np.diag(gram(comm, T_owned, weight[:, None] * T_owned)))
     size[size == 0.0] = np.inf  # the supports fix the whole part along this axis
@@ -193,5 +196,8 @@ def _name_of_row(row: int, system: System | None) -> str:
     dof = getattr(system, "dof", None)
     if dof is None:
         return f"DOF {row}"
+    constraints = getattr(system, "constraints", None)
+    if constraints is not None:
+        return constraints.name_of_row(row)
     node, axis = np.argwhere(dof == row)[0]
     return f"node index {node}, direction {'xyz'[axis]}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,6 +12,9 @@ from scipy.sparse.csgraph import connected_components
 from ..parallel.errors import MeshError
 from .data import ContactPairs, Mesh, place
 from .settings import Support
+
+if TYPE_CHECKING:
+    from .links import Links
 
 
 def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -33,15 +37,50 @@ def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray,
     )
 
 
-def check_held(part: np.ndarray, names: tuple[str, ...], mesh: Mesh, supports: Iterable[Support], pairs: ContactPairs) -> None:
-    """Raise MeshError for a part that neither has a support nor is joined to a part that has one.  Local, rank 0."""
-    n_parts = len(names)
+def clusters_of(part: np.ndarray, n_parts: int, links: Links | None) -> np.ndarray:
+    """Return which parts ties and points make one, (n_parts,) the number of the cluster.  Local, rank 0."""
+    joined = links.joined if links is not None else ()
+    first, second = np.concatenate([np.zeros((2, 0), dtype=np.int64), *joined], axis=1)
+    return _components(part[first], part[second], n_parts)[1]
+
+
+def held_parts(part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links | None = None) -> np.ndarray:
+    """Return which parts a support or a spring to ground holds somewhere, (n_parts,) bool.  Local, rank 0."""
     held = np.zeros(n_parts, dtype=bool)
     for support in supports:
-        held[part[mesh.node_groups[support.group]]] = True
+        if support.group is not None:
+            held[part[mesh.node_groups[support.group]]] = True
+        elif links is not None and support.point is not None:
+            held[part[links.node_of(support.point)]] = True
+    if links is not None:
+        held[part[links.grounded]] = True
+    return held
+
+
+def loose_clusters(
+    part: np.ndarray, n_parts: int, mesh: Mesh, supports: Iterable[Support], links: Links
+) -> tuple[np.ndarray, ...]:
+    """Return the parts of each cluster that neither a support nor a spring to ground holds.  Local, rank 0."""
+    tied, held = clusters_of(part, n_parts, links), held_parts(part, n_parts, mesh, supports, links)
+    return tuple(np.flatnonzero(tied == i) for i in np.unique(tied) if not held[tied == i].any())
+
+
+def check_held(
+    part: np.ndarray,
+    names: tuple[str, ...],
+    mesh: Mesh,
+    supports: Iterable[Support],
+    pairs: ContactPairs,
+    links: Links | None = None,
+) -> None:
+    """Raise MeshError for a part that neither has a support nor is joined or tied to a part that has one.  Local, rank 0."""
+    n_parts = len(names)
+    held = held_parts(part, n_parts, mesh, supports, links)
     first, second = (_on_parts(side, part, n_parts) for side in pairs.sides(len(part)))
     part1, part2 = (first.T @ second).nonzero()
-    _, cluster = _components(part1, part2, n_parts)
+    tied = clusters_of(part, n_parts, links)
+    _, cluster = _components(np.r_[part1, np.arange(n_parts)], np.r_[part2, n_parts + tied], 2 * n_parts)
+    cluster = cluster[:n_parts]
     for side, other in ((first, second), (second, first)):
         held[side[np.diff(other.indptr) == 0].indices] = True
     is_held = np.isin(cluster, cluster[held])

@@ -177,7 +177,7 @@ def _mean_normal(vectors: np.ndarray, where: str) -> tuple[np.ndarray, float]:
     turn = np.degrees(np.arccos(np.clip(np.abs(vectors @ normal) / sizes, 0.0, 1.0))).max()
     if turn > MOST_TURN:
         raise MeshError(
-            f"{where}: a face turns {turn:.0f} degrees from the mean normal {place(normal)} of the cut (bound "
+            f"{where}: a face turns {turn:.0f} degrees from the mean normal {place(np.round(normal, 4) + 0.0)} of the cut (bound "
             f"{MOST_TURN:.0f}); a cut is roughly a plane across the shank"
         )
     return normal, float(np.linalg.norm(total)) / 2.0

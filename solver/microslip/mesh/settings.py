@@ -28,10 +28,38 @@ class Body:
 
 @dataclass(frozen=True, kw_only=True)
 class Support:
-    """A group of nodes that is held."""
+    """A group of nodes, or a point, that is held."""
 
+    group: str | None = None
+    point: str | None = None
+    fix: tuple[str, ...]  # of "x", "y", "z"; of a point "rx", "ry", "rz", too
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tie:
+    """Two surfaces glued: the nodes of the first follow the facets of the second."""
+
+    name: str
+    surfaces: tuple[str, str]  # groups
+    tolerance: float | None = None  # m, from node to facet; None: by the size of the facets
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A point connected to the nodes of a group, with three displacements and three small rotations."""
+
+    name: str
+    position: Vector  # m
     group: str
-    fix: tuple[str, ...]  # of "x", "y", "z"
+    rigid: bool = True  # the nodes follow the point as a rigid body; otherwise the point follows their weighted mean
+    mass: float = 0.0  # kg
+    inertia: tuple[float, ...] = (0.0,) * 6  # kg m2 about the point: xx, yy, zz, xy, yz, zx
+    stiffness: Vector = (0.0, 0.0, 0.0)  # N/m, springs to ground
+    rotational_stiffness: Vector = (0.0, 0.0, 0.0)  # N m/rad
+
+    @property
+    def is_sprung(self) -> bool:
+        return any(self.stiffness) or any(self.rotational_stiffness)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +99,9 @@ class Load:
     position: Vector | None = None  # m
     node: int | None = None
     group: str | None = None
+    point: str | None = None
     direction: Vector | None = None
+    moment: Vector | None = None  # at a point, in place of the direction
     dof: int | None = None
     scale: float = 1.0  # of a load on a dof
     pressure: float | None = None  # Pa, on a group of faces
@@ -100,12 +130,14 @@ class Load:
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """The displacement of a node along a direction, or of a DOF; its derivatives; stress, strain; a contact force."""
+    """The displacement of a node or point, or of a DOF; a rotation; derivatives of them; stress, strain; a contact force."""
 
     name: str
     position: Vector | None = None  # m
     node: int | None = None
+    point: str | None = None
     direction: Vector | None = None
+    rotation: Vector | None = None  # of a point about this direction, in place of a displacement
     dof: int | None = None
     quantity: str = "displacement"  # a key of UNITS
     component: str | None = None  # of stress and strain "xx", ..., "zx"; "normal" of a contact force
@@ -115,7 +147,7 @@ class Output:
 
     @property
     def unit(self) -> str:
-        return UNITS[self.quantity]
+        return UNITS[self.quantity] if self.rotation is None else UNITS[self.quantity].replace("m", "rad")
 
     @property
     def order(self) -> int:
@@ -130,6 +162,7 @@ class Force:
     position: Vector | None = None  # m
     node: int | None = None
     group: str | None = None
+    point: str | None = None
     force: Vector  # N, of all its nodes together
 
 
@@ -175,6 +208,8 @@ class MeshSettings:
     bodies: Mapping[str, Body]  # by name
     supports: tuple[Support, ...] = ()
     joints: tuple[Joint, ...] = ()
+    ties: tuple[Tie, ...] = ()
+    points: tuple[Point, ...] = ()
     loads: tuple[Load, ...] = ()
     outputs: tuple[Output, ...] = ()
     statics: Statics | None = None
@@ -186,9 +221,12 @@ class MeshSettings:
 
     @property
     def groups_on_bodies(self) -> list[tuple[str, str]]:
-        """The groups of supports, joints and loads, each after the key that names it."""
-        named = [(f"[[supports]] {i} group", support.group) for i, support in enumerate(self.supports, 1)]
+        """The groups of supports, joints, ties, points and loads, each after the key that names it."""
+        supports = [(i, support.group) for i, support in enumerate(self.supports, 1)]
+        named = [(f"[[supports]] {i} group", group) for i, group in supports if group is not None]
         named += [(f"[[joints]] {joint.name!r} surfaces", group) for joint in self.joints for group in joint.surfaces]
+        named += [(f"[[ties]] {tie.name!r} surfaces", group) for tie in self.ties for group in tie.surfaces]
+        named += [(f"[[points]] {point.name!r} group", point.group) for point in self.points]
         named += [(f"[[loads]] {i} group", load.group) for i, load in enumerate(self.loads, 1) if load.group is not None]
         if self.statics is not None:
             forces, pressures = self.statics.forces, self.statics.pressures

@@ -172,8 +172,9 @@ def _user_order(linearised: Linearised) -> np.ndarray:
     dof = linearised.system.dof
     if dof is None:
         return np.arange(row_start, row_end)
+    constraints = getattr(linearised.system, "constraints", None)
     number = np.empty(row_end - row_start, dtype=np.int64)
-    rows = dof.ravel()
+    rows = dof.ravel() if constraints is None else constraints.free.ravel()
     is_owned = (rows >= row_start) & (rows < row_end)
     number[rows[is_owned] - row_start] = np.flatnonzero(is_owned)
     return number

@@ -38,9 +38,7 @@ def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:
     gathered = system.comm.gather(owned, root=0)
     if gathered is None:
         return None
-    rows = np.concatenate(gathered)
-    rows = np.concatenate([rows, np.zeros((1, rows.shape[1]))])  # row -1: the fixed DOFs
-    return rows[system.dof]
+    return system.at_nodes(np.concatenate(gathered))
 
 
 def peak_displacement(system: System, reduction, branch) -> tuple[float, np.ndarray | None]:

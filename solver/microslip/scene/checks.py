@@ -22,6 +22,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_base(scene),
         *_outputs(scene),
         *_statics(scene),
+        *_points(scene),
         *_bars(scene),
         *_mode(scene),
         *sort(scene),
@@ -43,7 +44,13 @@ def _of_a_mesh(scene: Scene) -> list[str]:
 
 def _of_matrices(scene: Scene) -> list[str]:
     """What belongs to a mesh."""
-    held = (("[materials.NAME]", scene.materials), ("[bodies.NAME]", scene.bodies), ("[[supports]]", scene.supports))
+    held = (
+        ("[materials.NAME]", scene.materials),
+        ("[bodies.NAME]", scene.bodies),
+        ("[[supports]]", scene.supports),
+        ("[[ties]]", scene.ties),
+        ("[[points]]", scene.points),
+    )
     found = [f"{table}: belongs to a mesh; the matrices must hold it already" for table, entries in held if entries]
     for where, joint in _numbered(scene, "joints"):
         if joint.surfaces is not None:
@@ -113,8 +120,8 @@ def _same_groups(scene: Scene) -> list[str]:
 def _same_names(scene: Scene) -> list[str]:
     """Joints and outputs that share a name."""
     found = []
-    for table in ("joints", "outputs"):
-        counts = Counter(entry.name for entry in getattr(scene, table))
+    for table in ("joints", "outputs", "ties", "points"):
+        counts = Counter(entry.name for entry in getattr(scene, table) if entry.name is not None)
         found += [f'[[{table}]] name = "{name}" is used {n} times; each needs its own' for name, n in counts.items() if n > 1]
     return found
 
@@ -209,6 +216,35 @@ def _axis(scene: Scene) -> list[str]:
     if scene.statics is None and not turned:
         return ["[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out"]
     return []
+
+
+def _points(scene: Scene) -> list[str]:
+    """Points that are not there, that cannot be held, or whose inertia would have to turn with the structure."""
+    found, points = [], {point.name: point for point in scene.points}
+    used = [*_numbered(scene, "supports", "loads", "outputs")]
+    if scene.statics is not None:
+        used += [(f"[[statics.forces]] {i}", force) for i, force in enumerate(scene.statics.forces, 1)]
+    for where, entry in used:
+        if entry.point is not None and entry.point not in points and scene.model.mesh is not None:
+            near = nearest(entry.point, points)
+            hint = (
+                f'nearest is "{near}"' if near else f"known: {', '.join(points)}" if points else "there are no [[points]] at all"
+            )
+            found.append(f'{where} point = "{entry.point}": there is no such point; {hint}')
+    for where, support in _numbered(scene, "supports"):
+        if support.point in points and points[support.point].connection == "distributing":
+            found.append(
+                f'{where} point = "{support.point}": a distributing point follows its nodes and cannot be held; take '
+                'connection = "rigid", or give the point a stiffness'
+            )
+    if scene.statics is not None and scene.statics.rotation_speed > 0.0:
+        for where, point in _numbered(scene, "points"):
+            if point.inertia is not None:
+                found.append(
+                    f"{where} inertia: with [statics] rotation_speed the inertia of a point would turn, which is not modelled; "
+                    "leave it out, or mesh the body"
+                )
+    return found
 
 
 def _constant_loads(scene: Scene) -> list[str]:

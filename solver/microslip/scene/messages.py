@@ -11,10 +11,33 @@ from typing import Any
 from pydantic_core import ErrorDetails
 
 from ..parallel.words import listed, nearest
-from .schema import Body, Bolt, Force, Joint, Load, Material, Method, Output, Pressure, Scene, Support, Table, Temperature
+from .schema import (
+    Body,
+    Bolt,
+    Force,
+    Joint,
+    Load,
+    Material,
+    Method,
+    Output,
+    Point,
+    Pressure,
+    Scene,
+    Support,
+    Table,
+    Temperature,
+    Tie,
+)
 
 _NAMED: dict[str, type[Table]] = {"materials": Material, "bodies": Body}  # [materials.NAME]
-_LISTED: dict[str, type[Table]] = {"supports": Support, "joints": Joint, "loads": Load, "outputs": Output}  # [[loads]]
+_LISTED: dict[str, type[Table]] = {  # [[loads]]
+    "supports": Support,
+    "joints": Joint,
+    "ties": Tie,
+    "points": Point,
+    "loads": Load,
+    "outputs": Output,
+}
 _NESTED: dict[tuple[str, str], type[Table]] = {  # [[statics.forces]]
     ("statics", "forces"): Force,
     ("statics", "pressures"): Pressure,

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
 HIGHEST_FREQUENCY = 1e9  # Hz: beyond it a frequency is a slip of the pen
@@ -19,7 +20,7 @@ DEFAULT_INTERFACE_MODES = 40  # all there are where the joint has fewer
 Method = Literal[
     "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"
 ]
-Axis = Literal["x", "y", "z"]
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 OF_SURFACES = ("preload", "gap", "tolerance", "against", "plane_point", "plane_normal", "pairing", "tangent", "parameters")
 Quantity = Literal["displacement", "velocity", "acceleration", "stress", "strain", "contact_force"]
 Component = Literal["xx", "yy", "zz", "xy", "yz", "zx", "normal"]
@@ -119,12 +120,75 @@ class Body(Table):
 
 
 class Support(Table):
-    """[[supports]]: a group of nodes that is held."""
+    """[[supports]]: a group of nodes, or a point, that is held."""
 
-    group: str = Field(min_length=1, description="the name of a group in the mesh")
+    group: str | None = Field(None, min_length=1, description="the name of a group in the mesh")
+    point: str | None = Field(None, min_length=1, description="the name of one of the [[points]]")
     fix: Annotated[tuple[Axis, ...], AfterValidator(_no_duplicates)] = Field(
-        min_length=1, description='the fixed directions, a list of "x", "y" and "z", each at most once'
+        min_length=1,
+        description='the fixed directions, a list of "x", "y" and "z", of a point "rx", "ry" and "rz", too, each once',
     )
+
+    @model_validator(mode="after")
+    def _place(self):
+        if self.group is None and self.point is None:
+            raise ValueError(f"group is missing: expected {Support.model_fields['group'].description}")
+        self.exactly_one("group", "point")
+        turns = [axis for axis in self.fix if axis not in "xyz"]
+        if self.group is not None and turns:
+            raise ValueError(f'fix holds "{turns[0]}": the nodes of a group have no rotation; a point has')
+        return self
+
+
+class Tie(Table):
+    """[[ties]]: two surfaces glued."""
+
+    name: Name | None = Field(None, description="a name for messages, without comma, quote or slash")
+    surfaces: tuple[str, str] = Field(
+        description="the names of two different groups of faces; the nodes of the first follow the facets of the second"
+    )
+    tolerance: Positive | None = Field(
+        None, description="the farthest distance in m of a node of the first surface from the second, a number above 0"
+    )
+
+    @field_validator("surfaces")
+    @classmethod
+    def _two_surfaces(cls, surfaces):
+        if surfaces[0] == surfaces[1] or not all(surfaces):
+            raise ValueError("one surface twice")
+        return surfaces
+
+
+class Point(Table):
+    """[[points]]: a point connected to a group of nodes."""
+
+    name: Name = Field(description="a name that loads, supports and outputs use, without comma, quote or slash")
+    position: Vector = Field(description="three coordinates [x, y, z] in m")
+    group: str = Field(min_length=1, description="the name of a group in the mesh")
+    connection: Literal["rigid", "distributing"] = Field(
+        "rigid", description='"rigid": the nodes follow the point; or "distributing": it follows their mean'
+    )
+    mass: NotNegative = Field(0.0, description="the mass in kg, a number of at least 0")
+    inertia: tuple[NotNegative, NotNegative, NotNegative] | tuple[float, float, float, float, float, float] | None = Field(
+        None, description="the moments of inertia about the point in kg m2, [xx, yy, zz] or [xx, yy, zz, xy, yz, zx]"
+    )
+    stiffness: tuple[NotNegative, NotNegative, NotNegative] | None = Field(
+        None, description="the springs to ground along x, y and z in N/m, three numbers of at least 0"
+    )
+    rotational_stiffness: tuple[NotNegative, NotNegative, NotNegative] | None = Field(
+        None, description="the springs to ground about x, y and z in N m/rad, three numbers of at least 0"
+    )
+
+    @field_validator("inertia")
+    @classmethod
+    def _physical(cls, inertia):
+        if inertia is None:
+            return inertia
+        xx, yy, zz, xy, yz, zx = (*inertia, 0.0, 0.0, 0.0)[:6]
+        a, b, c = np.linalg.eigvalsh([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+        if a < -1e-9 * c:
+            raise ValueError("an inertia below 0 about some axis")
+        return inertia
 
 
 class Joint(Table):
@@ -212,11 +276,12 @@ class Force(Table):
     position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is loaded")
     node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
     group: str | None = Field(None, min_length=1, description="the name of a group in the mesh; its nodes share the force")
+    point: str | None = Field(None, min_length=1, description="the name of one of the [[points]]")
     force: Direction = Field(description="the force [x, y, z] in N, three numbers, not all 0")
 
     @model_validator(mode="after")
     def _place(self):
-        self.exactly_one("position", "node", "group")
+        self.exactly_one("position", "node", "group", *["point"] * (self.point is not None))
         return self
 
 
@@ -272,8 +337,12 @@ class Load(Table):
     position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is loaded")
     node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
     group: str | None = Field(None, min_length=1, description="the name of a group in the mesh; its nodes share the load")
+    point: str | None = Field(None, min_length=1, description="the name of one of the [[points]]")
     dof: Number | None = Field(None, description="a DOF number of the matrices, a whole number of at least 0")
     direction: Direction | None = Field(None, description="three numbers [x, y, z], not all 0; each level multiplies them")
+    moment: Direction | None = Field(
+        None, description="a moment [x, y, z] at a point in N m per N of the level, three numbers, not all 0"
+    )
     scale: float = Field(1.0, description="a number that each level multiplies, for a load on a dof")
     pressure: NotZero | None = Field(
         None, description="the pressure in Pa on a group of faces, a number, not 0; above 0 it pushes into the body"
@@ -295,18 +364,30 @@ class Load(Table):
     @model_validator(mode="after")
     def _place(self):
         if self.base_acceleration is not None:
-            others = (*_PLACES, "direction", "scale", "pressure", *_PHASES, "forces")
+            others = (*_PLACES, "direction", "moment", "scale", "pressure", *_PHASES, "forces")
             _refuse_keys(self, "base_acceleration, which moves all supports", *others)
         elif self.forces is not None:
-            _refuse_keys(self, "forces: the file holds places and values", *_PLACES, "direction", "scale", "pressure", *_PHASES)
+            _refuse_keys(
+                self, "forces: the file holds places and values", *_PLACES, "direction", "moment", "scale", "pressure", *_PHASES
+            )
         elif self.pressure is not None:
-            _refuse_keys(self, "a pressure: it acts on a group of faces", "position", "node", "dof", "direction", "scale")
+            _refuse_keys(
+                self,
+                "a pressure: it acts on a group of faces",
+                "position",
+                "node",
+                "point",
+                "dof",
+                "direction",
+                "moment",
+                "scale",
+            )
             self.exactly_one("group")
             if all(getattr(self, key) is not None for key in _PHASES):
                 raise ValueError("exactly one of travelling, engine_order may vary the phase, found both")
         else:
             _refuse_keys(self, "a force: it belongs to a pressure", *_PHASES)
-            _check_place(self, self.exactly_one("position", "node", "group", "dof"))
+            _check_place(self, self.exactly_one("position", "node", "group", "dof", *["point"] * (self.point is not None)))
         return self
 
 
@@ -316,8 +397,10 @@ class Output(Table):
     name: Name = Field(description="a name for tables and pictures, without comma, quote or slash")
     position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is meant")
     node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
+    point: str | None = Field(None, min_length=1, description="the name of one of the [[points]]")
     dof: Number | None = Field(None, description="a DOF number of the matrices, a whole number of at least 0")
     direction: Direction | None = Field(None, description="three numbers [x, y, z], not all 0")
+    rotation: Direction | None = Field(None, description="the axis [x, y, z] of a point's rotation in rad, not all 0")
     quantity: Quantity = Field(
         "displacement", description='"displacement", "velocity", "acceleration", "stress", "strain" or "contact_force"'
     )
@@ -331,7 +414,9 @@ class Output(Table):
     @model_validator(mode="after")
     def _place(self):
         if self.quantity == "contact_force":
-            _refuse_keys(self, 'quantity = "contact_force": it belongs to a joint', "position", "node", "dof", "body", "absolute")
+            _refuse_keys(
+                self, 'quantity = "contact_force": it belongs to a joint', *_PLACES_OF_OUTPUTS, "rotation", "body", "absolute"
+            )
             if self.joint is None:
                 raise ValueError(f"joint is missing: expected {Output.model_fields['joint'].description}")
             self.exactly_one("direction", "component")
@@ -340,17 +425,18 @@ class Output(Table):
                     f'component = "{self.component}" belongs to stress and strain; of a contact force expected "normal"'
                 )
         elif self.quantity in ("stress", "strain"):
-            _refuse_keys(self, f'quantity = "{self.quantity}"', "dof", "direction", "joint", "absolute")
+            _refuse_keys(self, f'quantity = "{self.quantity}"', "dof", "point", "direction", "rotation", "joint", "absolute")
             self.exactly_one("position", "node")
             if self.component in (None, "normal"):
                 raise ValueError(f'component is missing: expected "xx", "yy", "zz", "xy", "yz" or "zx" of {self.quantity}')
         else:
             _refuse_keys(self, f'quantity = "{self.quantity}"', "component", "body", "joint")
-            _check_place(self, self.exactly_one("position", "node", "dof"))
+            _check_place(self, self.exactly_one("position", "node", "dof", *["point"] * (self.point is not None)))
         return self
 
 
-_PLACES = ("position", "node", "group", "dof")
+_PLACES = ("position", "node", "group", "point", "dof")
+_PLACES_OF_OUTPUTS = ("position", "node", "point", "dof")
 _PHASES = ("travelling", "engine_order")
 
 
@@ -362,7 +448,15 @@ def _refuse_keys(entry: Load | Output, why: str, *keys: str) -> None:
 
 
 def _check_place(entry: Load | Output, key: str) -> None:
-    """Raise ValueError unless a node comes with a direction, and a dof without one."""
+    """Raise ValueError unless a node comes with a direction, a dof without one, and a point with that or its rotation."""
+    turn = "moment" if isinstance(entry, Load) else "rotation"
+    if getattr(entry, turn) is not None:
+        if key != "point":
+            raise ValueError(f"{turn} belongs to a point; nodes do not turn")
+        entry.exactly_one("direction", turn)
+        if "scale" in entry.model_fields_set:
+            raise ValueError("scale belongs to a load on a dof; with a moment, state it there")
+        return
     if key == "dof":
         if entry.direction is not None:
             raise ValueError("direction belongs to a node; a dof has its own")
@@ -503,6 +597,8 @@ class Scene(Table):
     bodies: dict[str, Body] = Field({}, description="tables [bodies.NAME] with group and material")
     supports: tuple[Support, ...] = Field((), description="tables, each headed [[supports]], with group and fix")
     joints: tuple[Joint, ...] = Field((), description="tables, each headed [[joints]], with name, surfaces, friction, ...")
+    ties: tuple[Tie, ...] = Field((), description="tables, each headed [[ties]], with surfaces")
+    points: tuple[Point, ...] = Field((), description="tables, each headed [[points]], with name, position and group")
     statics: Statics | None = Field(None, description="a table [statics]")
     loads: tuple[Load, ...] = Field(min_length=1, description="at least one table headed [[loads]], with position and direction")
     outputs: tuple[Output, ...] = Field(

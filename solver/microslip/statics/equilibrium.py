@@ -174,8 +174,8 @@ class _Contact:
     def _fallen(self, loading: _Loading, was: _State, share: float) -> _State | None:
         """Return the state of bodies that have fallen through their gaps, None where none is found.  Collective.
 
-        A body that hangs on its gaps alone moves freely until they close, so that no share of the load leads there.  The gaps open
-        from none in its place, under that share; then friction begins, from none.
+        A body that hangs on its gaps alone moves freely until they close, so that no share of the load leads there.  Instead the
+        gaps open from none, under that share; then friction begins, from none.
         """
         opened, step, gaps = 0.0, 1.0, np.minimum(self.pairs.N0, 0.0)
         start = share * loading.rising

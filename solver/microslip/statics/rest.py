@@ -11,6 +11,7 @@ from ..assembly.system import System
 from ..mesh.connected import connected_parts
 from ..mesh.data import ContactPairs, Mesh
 from ..parallel.agree import on_root
+from ..parallel.words import listed
 from .equilibrium import Rest
 
 
@@ -86,23 +87,43 @@ def _of_bodies(system: System, mesh: Mesh, rest: Rest, forces: np.ndarray, body_
     assert system.dof is not None, "a structure with a mesh"
     contact = -(system.R.T @ rest.force.ravel())
     part, part_names = connected_parts(mesh, body_of)
-    held = np.unique(part[(system.dof < 0).any(axis=1)])
+    if system.constraints is None:
+        held = np.unique(part[(system.dof < 0).any(axis=1)])
+        loose = tuple(np.array([i]) for i in range(len(part_names)) if i not in held)
+    else:
+        loose = system.constraints.loose
     lines = []
-    for i, name in enumerate(part_names):
-        if i in held:
-            continue
-        nodes = np.flatnonzero(part == i)
-        applied, pressed = (resultant(mesh.points[nodes], values[system.dof[nodes]]) for values in (forces, contact))
+    for own in loose:
+        nodes = np.flatnonzero(np.isin(part, own))
+        applied, pressed = (_resultant(system, mesh, nodes, values) for values in (forces, contact))
         size = max(applied.size, pressed.size) or 1.0
         reach = float(np.abs(mesh.points[nodes] - mesh.points[nodes].mean(axis=0)).max())
         left = np.linalg.norm(applied.force + pressed.force) / size
         turned = np.linalg.norm(applied.moment + pressed.moment) / (size * reach)
         shown = ", ".join(f"{value:.6g}" for value in applied.force)
         lines.append(
-            f"  {name}: loads of ({shown}) N, carried by its joints; what is left over is {left:.1e} of the forces, "
-            f"{turned:.1e} of their moments"
+            f"  {listed([part_names[i] for i in own])}: loads of ({shown}) N, carried by its joints; what is left over is "
+            f"{left:.1e} of the forces, {turned:.1e} of their moments"
         )
     return lines
+
+
+def _resultant(system: System, mesh: Mesh, nodes: np.ndarray, values: np.ndarray) -> Resultant:
+    """Return the resultant of forces on the system's rows, (n_dof,), over ``nodes`` and the points connected to them.  Local.
+
+    What a dependent node bears acts on what it follows, with the same resultant.
+    """
+    assert system.dof is not None, "a structure with a mesh"
+    values = np.append(values, 0.0)  # row -1: fixed or dependent
+    points, forces = mesh.points[nodes], values[system.dof[nodes]]
+    constraints = system.constraints
+    own = () if constraints is None else [i for i, node in enumerate(constraints.group_nodes) if node in nodes]
+    if constraints is None or not own:
+        return resultant(points, forces)
+    at = np.array([constraints.points[i].position for i in own])
+    of_points = values[constraints.free[len(mesh.points) :]].reshape(-1, 6)[list(own)]
+    found = resultant(np.concatenate([points, at]), np.concatenate([forces, of_points[:, :3]]))
+    return replace(found, moment=found.moment + of_points[:, 3:].sum(axis=0))
 
 
 def resultant(points: np.ndarray, forces: np.ndarray) -> Resultant:

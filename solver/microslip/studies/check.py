@@ -11,10 +11,12 @@ from ..assembly.check import check_elements
 from ..assembly.matrices import GivenStructure, read_structure
 from ..continuation.accuracy import MOST_HARMONICS
 from ..library.settings import matrix_settings, mesh_settings, reduction_settings, response_settings
+from ..mesh.cut import cuts_through
 from ..mesh.data import ContactPairs, Mesh, place
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
+from ..mesh.settings import MeshSettings
 from ..modes.limits import FEW, refuse_too_many
 from ..parallel.agree import on_root
 from ..reduction.methods import METHODS
@@ -55,21 +57,35 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    is_fixed, _, part_names, loads, outputs = read_off(mesh, pairs, mesh_settings(scene))
-    n_dof = int((~is_fixed).sum())
+    is_fixed, _, part_names, loads, outputs, links, _ = read_off(mesh, pairs, mesh_settings(scene))
+    n_dependent = int((~is_fixed.ravel()[links.dependent]).sum())
+    n_dof = int((~is_fixed).sum()) - n_dependent
+    following = f", {n_dependent} that follow ties or points" if n_dependent else ""
     kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
     lines = [
         f"scene      {scene.path}: no fault found",
         f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(part_names)} connected parts",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
         *(f"           {note}" for note in mesh.notes),
-        f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed",
+        f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
+        *(f"           {note}" for note in links.notes),
         *_joints(pairs),
         *(f"           {note}" for note in pairs.notes),
+        *_bolts(mesh, mesh_settings(scene)),
         *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, loads), 1)),
         *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, outputs)),
         *_solution(scene, n_dof, pairs.n_pairs),
     ]
+    return lines
+
+
+def _bolts(mesh: Mesh, settings: MeshSettings) -> list[str]:
+    """Return a line for each bolt.  Local, rank 0."""
+    bolts = () if settings.statics is None else settings.statics.bolts
+    lines = []
+    for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
+        across = place(np.round(cut.normal, 4) + 0.0)
+        lines.append(f"bolt       {bolt.name}: a cut of {cut.area:.4g} m2 with {len(cut.nodes)} nodes, across {across}")
     return lines
 
 
@@ -178,6 +194,8 @@ def _output_on(output: Output, where: str) -> str:
 
 def _at(mesh: Mesh, entry, nodes: np.ndarray) -> str:
     """Say where a load or an output lies."""
+    if entry.point is not None:
+        return f"point {entry.point}"
     if len(nodes) > 1:
         return f"shared by {len(nodes)} nodes of {entry.group}"
     text = f"node {mesh.numbers[nodes[0]]} at {place(mesh.points[nodes[0]])} m"

@@ -1,6 +1,6 @@
 """Round bodies on flat ones against Hertz, and pushed sideways against Cattaneo and Mindlin.
 
-    python jobs/bench/hertz.py [--cells 18] [--case sphere roller mindlin ...]
+    python jobs/bench/round_contact.py [--cells 18] [--case sphere roller mindlin ...]
 
 Each row is a scene of its own: a cap pressed by a force on a rigid plane, or on an elastic base of another mesh, as nodes or cells.
 Radius of contact and largest pressure come from the pairs at rest (the paraboloid with the closed pairs' force and its second moment,
@@ -71,8 +71,8 @@ frequencies = [100.0, 101.0]
 points = 2
 [solver]
 modes = 12
-harmonics = 9
-samples = 256
+harmonics = 7
+samples = 128
 """
 
 
@@ -143,8 +143,8 @@ def scene_of(case: Case, cells: int, folder: Path, levels=(1.0,), steps: int = 5
     return microslip.read(path), share
 
 
-def at_rest(case: Case, cells: int, folder: Path) -> str:
-    """Return a row: pairs, radius of contact and largest pressure over Hertz's."""
+def at_rest(case: Case, cells: int, folder: Path) -> tuple[str, float, float, float]:
+    """Return what is closed, and force, radius of contact and largest pressure over Hertz's."""
     scene, share = scene_of(case, cells, folder)
     with microslip.build(scene) as structure:
         pairs = structure.pairs
@@ -159,8 +159,7 @@ def at_rest(case: Case, cells: int, folder: Path) -> str:
     inner = r < 0.3 * CONTACT
     shape = np.sqrt(1.0 - (r[inner] / CONTACT) ** 2)
     p0 = N[inner].sum() / (pairs.area[inner] @ shape)
-    what = f"{case.shape} on {'an elastic base' if case.base else 'a plane'}, {case.kind}, {case.pairing}"
-    return f"| {what} | {(N > 0.0).sum()} of {pairs.n_pairs} | {force:.6f} | {radius / CONTACT:.4f} | {p0 / largest_pressure(case):.4f} |"
+    return f"{(N > 0.0).sum()} of {pairs.n_pairs}", force, radius / CONTACT, p0 / largest_pressure(case)
 
 
 def mindlin(case: Case, cells: int, folder: Path, shares=(0.4, 0.7, 0.9)) -> list[str]:
@@ -178,9 +177,8 @@ def mindlin(case: Case, cells: int, folder: Path, shares=(0.4, 0.7, 0.9)) -> lis
         slips = (level.state[0] == 1) & (N > 0.0)
         stick = np.sqrt(2.0 * pairs.area[(N > 0.0) & ~slips].sum() / np.pi)  # radius of a disc of that area
         loss = level.energy[0][N > 0.0].sum() / share
-        what = f"{'an elastic base' if case.base else 'a plane'}, {case.pairing}"
         rows.append(
-            f"| {what} | {q:g} | {stick / (CONTACT * (1.0 - q) ** (1 / 3)):.3f} | {loss / exact_loss(q, P, compliance):.3f} |"
+            f"| {in_words(case, cells)} | {q:g} | {stick / (CONTACT * (1.0 - q) ** (1 / 3)):.3f} | {loss / exact_loss(q, P, compliance):.3f} |"
         )
     return rows
 
@@ -193,6 +191,14 @@ def exact_loss(q: float, P: float, compliance: float) -> float:
 
     # each branch of the loop is the curve of first loading, twice as large both ways
     return 8.0 * (quad(displacement, 0.0, q)[0] - 0.5 * q * displacement(q)) * -MU * P
+
+
+def in_words(case: Case, cells: int) -> str:
+    """Say what presses on what, and how their meshes meet."""
+    if not case.base:
+        return f"{case.shape} on a rigid plane, nodes"
+    how = {"points": "cells", "projected": "nodes projected"}[case.pairing]
+    return f"{case.shape} on an elastic base, {'the same mesh' if case.base == cells else 'another mesh'}, {how}"
 
 
 def main():
@@ -209,7 +215,8 @@ def main():
         for shape in ("sphere", "roller"):
             for case in (Case(shape), Case(shape, "points", n), Case(shape, "points", other), Case(shape, "projected", other)):
                 if shape in given.case:
-                    print(at_rest(case, n, Path(folder)), flush=True)
+                    closed, force, radius, p0 = at_rest(case, n, Path(folder))
+                    print(f"| {in_words(case, n)} | {closed} | {force:.6f} | {radius:.4f} | {p0:.4f} |", flush=True)
         if "mindlin" in given.case:
             print(
                 "\n| contact | share of the limit | stick radius over Mindlin's | loss over Mindlin's |\n| --- | --- | --- | --- |"

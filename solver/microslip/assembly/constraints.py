@@ -1,0 +1,243 @@
+"""Exact elimination of what follows other things: u = T w, K' = T^T K T and so on (docs/theory.md, section 2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from petsc4py import PETSc
+
+from ..mesh.data import DistributedMesh, Mesh, place
+from ..mesh.links import Links
+from ..mesh.settings import Point
+from ..parallel.errors import CaseError, MeshError
+from .numbering import number_dofs
+from .system import System
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
+_NOTHING = 1e-9  # a weight below does not move a held direction
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """u = T w, eq. (2.5): rows of the DOFs of nodes that no support fixes, and then six of each point; the same on every rank.
+
+    Places are those of ``Links``: nodes in the order of ``Mesh.points``, then two for each point.
+    """
+
+    T: sp.csr_matrix  # (n_nodal + 6 n_points, n_dof)
+    dof: np.ndarray  # (n_places, 3) row of T, -1 where fixed
+    free: np.ndarray  # (n_places, 3) row of the system, -1 where fixed or dependent
+    nodal_ranges: np.ndarray  # (size + 1,) rank r has the nodes' rows nodal_ranges[r]:nodal_ranges[r + 1] of T
+    row_ranges: np.ndarray  # (size + 1,) and these rows of the system
+    points: tuple[Point, ...]
+    group_nodes: tuple[int, ...]  # a node of the group of each point
+    loose: tuple[np.ndarray, ...]  # the connected parts of each tied cluster that nothing but joints holds
+    notes: tuple[str, ...]  # what follows what, for the log
+
+    @property
+    def n_dof(self) -> int:
+        return int(self.row_ranges[-1])
+
+    @property
+    def n_nodal(self) -> int:
+        return int(self.nodal_ranges[-1])
+
+    def at_nodes(self, u: np.ndarray) -> np.ndarray:
+        """Return the displacements of the nodes, (n_nodes, 3, ...), from those of all rows, (n_dof, ...).  Local."""
+        rows = self.T[: self.n_nodal] @ u
+        rows = np.concatenate([rows, np.zeros((1, *rows.shape[1:]))])  # row -1: what is fixed
+        return rows[self.dof[: len(self.dof) - 2 * len(self.points)]]
+
+    def name_of_row(self, row: int) -> str:
+        """Return what to call a row of the system in a message.  Local."""
+        at, axis = np.argwhere(self.free == row)[0]
+        n_nodes = len(self.free) - 2 * len(self.points)
+        if at < n_nodes:
+            return f"node index {at}, direction {DIRECTIONS[axis]}"
+        return f"point {self.points[(at - n_nodes) // 2].name!r}, direction {DIRECTIONS[3 * ((at - n_nodes) % 2) + axis]}"
+
+    def transposed(self, comm: MPI.Comm, forces_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of T^T f for forces on its nodes' rows, (n_nodal_owned,) [N].  Collective."""
+        T = _distributed(self, comm)
+        f, found = T.createVecs(side="l"), T.createVecs(side="r")
+        f.setArray(forces_owned)
+        T.multTranspose(f, found)
+        values = found.getArray().copy()
+        for one in (f, found, T):
+            one.destroy()
+        return values
+
+    def of_points(self, comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of T^T of forces and moments on the points, (6 n_points,), the same on every rank.  Local."""
+        first, last = self.row_ranges[comm.rank : comm.rank + 2]
+        return (self.T[self.n_nodal :].T @ values)[first:last]
+
+
+def constrain(dmesh: DistributedMesh, links: Links, is_fixed: np.ndarray, loose: tuple[np.ndarray, ...]) -> Constraints:
+    """Return T and what its rows and columns are.  Local; the same on every rank.
+
+    ``is_fixed`` is (n_places, 3) bool.
+    """
+    n_nodes = links.n_nodes
+    to_mesh = np.argsort(dmesh.rank_order)
+    nodal, nodal_ranges = number_dofs(dmesh, is_fixed[:n_nodes][to_mesh])
+    n_nodal = int(nodal_ranges[-1])
+    of_points = n_nodal + np.arange(6 * len(links.points)).reshape(-1, 3)
+    dof = np.where(is_fixed, -1, np.concatenate([nodal[dmesh.rank_order], of_points]))
+    is_gone = is_fixed.copy()
+    is_gone.ravel()[links.dependent] = True
+    free, row_ranges = _number(dmesh, links, is_gone)
+    group_nodes = tuple(links.node_of(point.name) for point in links.points)
+    T = _transformation(links, dof.ravel(), free.ravel(), (n_nodal + of_points.size, int(row_ranges[-1])))
+    return Constraints(T, dof, free, nodal_ranges, row_ranges, links.points, group_nodes, loose, links.notes)
+
+
+def _number(dmesh: DistributedMesh, links: Links, is_gone: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of the places, (n_places, 3), and the row ranges: on each rank its nodes, then its points."""
+    n_nodes = links.n_nodes
+    owners = [np.searchsorted(dmesh.node_ranges, dmesh.rank_order[links.node_of(one.name)], "right") - 1 for one in links.points]
+    owner = np.concatenate([np.searchsorted(dmesh.node_ranges, dmesh.rank_order, "right") - 1, np.repeat(owners, 2)]).astype(int)
+    order = np.lexsort((np.concatenate([dmesh.rank_order, np.arange(n_nodes, links.n_places)]), owner))
+    before = np.concatenate([[0], np.cumsum(~is_gone[order].ravel())])
+    rows = np.where(is_gone[order], -1, before[:-1].reshape(-1, 3))
+    free = np.empty_like(rows)
+    free[order] = rows
+    ends = np.searchsorted(owner[order], np.arange(dmesh.comm.size), side="right")
+    return free, before[3 * np.concatenate([[0], ends])]
+
+
+def _transformation(links: Links, dof: np.ndarray, free: np.ndarray, shape: tuple[int, int]) -> sp.csr_matrix:
+    """Return T: ones for what is free, the weights of free ones for what is dependent, nothing for what is fixed."""
+    own = np.flatnonzero(free >= 0)
+    followed = links.weights.tocoo()
+    row, column = dof[links.dependent[followed.row]], free[followed.col]
+    kept = (row >= 0) & (column >= 0)
+    values = np.concatenate([np.ones(len(own)), followed.data[kept]])
+    places = (np.concatenate([dof[own], row[kept]]), np.concatenate([free[own], column[kept]]))
+    return sp.csr_matrix((values, places), shape)
+
+
+def check_supports(mesh: Mesh, links: Links, is_fixed: np.ndarray) -> None:
+    """Raise MeshError where a support fixes what follows something that moves.  Local, rank 0."""
+    fixed = is_fixed.ravel()
+    both = np.flatnonzero(fixed[links.dependent])
+    moving = abs(links.weights[both][:, ~fixed])
+    moved = both[(moving.max(axis=1).toarray().ravel() if moving.shape[1] else np.zeros(len(both))) > _NOTHING]
+    if len(moved) == 0:
+        return
+    at, axis = divmod(int(links.dependent[moved[0]]), 3)
+    if at >= links.n_nodes:
+        name = links.points[(at - links.n_nodes) // 2].name
+        raise MeshError(f"{mesh.path}: point {name!r} follows its nodes and cannot be held; let it be rigid, or give it springs")
+    raise MeshError(
+        f"{mesh.path}: {len(moved)} degrees of freedom have a support and follow a tie or a point that moves; the first is that "
+        f"of node {mesh.numbers[at]} at {place(mesh.points[at])} m along {'xyz'[axis]}; support what leads (the second surface "
+        "of the tie, the point), swap the surfaces of the tie, or take the node out of one group"
+    )
+
+
+def constrained(system: System, constraints: Constraints, part: np.ndarray) -> System:
+    """Return the system of what is free: K' = T^T K T, M' = T^T M T, R' = R T and so on, eq. (2.5).
+
+    Collective; destroys K and M of ``system``, whose maps have a column for each row of T.  ``part`` (n_nodes,) is that of each
+    node.
+
+    Raises
+    ------
+    CaseError : nothing can move, or a load moves nothing; on every rank
+    """
+    T, points = constraints.T, constraints.points
+    if constraints.n_dof == 0:
+        raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
+    loads = (T.T @ system.loads).tocsc()
+    for i in np.flatnonzero((np.diff(loads.indptr) == 0) & (np.diff(system.loads.indptr) > 0)):  # a shape may be none at all
+        raise CaseError(f"[[loads]] {i + 1} acts only on degrees of freedom that a support fixes; it moves nothing")
+    M = reduced(system.M, constraints, mass_blocks(points))
+    M.setOption(PETSc.Mat.Option.SPD, True)
+    return replace(
+        system,
+        K=reduced(system.K, constraints, stiffness_blocks(points)),
+        M=M,
+        R=_tidy(system.R @ T),
+        loads=loads,
+        outputs=_tidy(system.outputs @ T),
+        dof=constraints.free[: len(part)],
+        parts=_parts(constraints, part, system.comm.rank),
+        constraints=constraints,
+    )
+
+
+def _parts(constraints: Constraints, part: np.ndarray, rank: int) -> np.ndarray:
+    """Return the connected part of each owned row, that of a point being the part of its group."""
+    of_places = np.concatenate([part, np.repeat(part[list(constraints.group_nodes)], 2)])
+    place_, axis = np.nonzero(constraints.free >= 0)
+    rows = np.empty(constraints.n_dof, dtype=part.dtype)
+    rows[constraints.free[place_, axis]] = of_places[place_]
+    return rows[slice(*constraints.row_ranges[rank : rank + 2])]
+
+
+def _tidy(matrix: sp.spmatrix) -> sp.csr_matrix:
+    matrix = matrix.tocsr()
+    matrix.eliminate_zeros()
+    matrix.sort_indices()
+    return matrix
+
+
+def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray) -> PETSc.Mat:
+    """Return T^T A T plus what the points add, ``blocks`` (n_points, 6, 6); symmetric.  Collective; destroys ``matrix``."""
+    comm = matrix.comm.tompi4py()
+    T = _distributed(constraints, comm)
+    right = matrix.matMult(T)  # two products take a quarter of the time of PETSc's one, MatPtAP
+    matrix.destroy()
+    found = T.transposeMatMult(right)
+    for one in (T, right):
+        one.destroy()
+    added = added_by_points(constraints, blocks)
+    if added.nnz:
+        first, last = constraints.row_ranges[comm.rank : comm.rank + 2]
+        owned = added[first:last]
+        csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
+        more = PETSc.Mat().createAIJ(found.getSizes(), csr=csr, comm=comm)
+        found.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        more.destroy()
+    found.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    found.setOption(PETSc.Mat.Option.SYMMETRY_ETERNAL, True)
+    return found
+
+
+def added_by_points(constraints: Constraints, blocks: np.ndarray) -> sp.csr_matrix:
+    """Return T^T B T of blocks (n_points, 6, 6) on the points, (n_dof, n_dof).  Local; the same on every rank."""
+    P = constraints.T[constraints.n_nodal :]
+    added = (P.T @ sp.block_diag([*blocks, sp.csr_matrix((0, 0))], format="csr") @ P).tocsr()
+    added.sort_indices()
+    return added
+
+
+def stiffness_blocks(points: tuple[Point, ...]) -> np.ndarray:
+    """Return the springs to ground of the points, (n_points, 6, 6).  Local."""
+    return np.array([np.diag([*point.stiffness, *point.rotational_stiffness]) for point in points]).reshape(-1, 6, 6)
+
+
+def mass_blocks(points: tuple[Point, ...]) -> np.ndarray:
+    """Return the masses and inertias of the points, (n_points, 6, 6).  Local."""
+    blocks = np.zeros((len(points), 6, 6))
+    for block, point in zip(blocks, points, strict=True):
+        block[:3, :3] = point.mass * np.eye(3)
+        xx, yy, zz, xy, yz, zx = point.inertia
+        block[3:, 3:] = [[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]
+    return blocks
+
+
+def _distributed(constraints: Constraints, comm: MPI.Comm) -> PETSc.Mat:
+    """Return the nodes' rows of T as a PETSc matrix, split as K is before and after.  Collective."""
+    (first, last), (begin, end) = constraints.nodal_ranges[comm.rank :][:2], constraints.row_ranges[comm.rank :][:2]
+    owned = constraints.T[first:last]
+    owned.sort_indices()
+    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
+    return PETSc.Mat().createAIJ(((last - first, None), (end - begin, None)), csr=csr, comm=comm)

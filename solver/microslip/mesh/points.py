@@ -1,0 +1,86 @@
+"""Points connected to a group of nodes: rigidly, or so that they follow its weighted mean.
+
+Degrees of freedom are counted as in ``ties``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from .. import elements
+from ..parallel.errors import MeshError
+from .data import Mesh
+from .settings import Point
+from .surface import outward_faces
+from .ties import Follower, dofs_of
+
+_SLENDER = 1e-8  # a group's least over its largest second moment, below which its nodes lie on a line
+
+
+def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
+    """Return how the nodes of a group follow a point as a rigid body: docs/theory.md, eq. (2.7)."""
+    nodes = mesh.node_groups[point.group]
+    _second_moments(mesh, point, nodes, np.ones(len(nodes)) / len(nodes))
+    arms = mesh.points[nodes] - np.array(point.position)
+    blocks = np.concatenate([np.tile(np.eye(3), (len(nodes), 1, 1)), -_cross(arms)], axis=2).reshape(-1, 6)
+    columns = np.arange(3 * at, 3 * at + 6)
+    rows = np.repeat(np.arange(3 * len(nodes)), 6)
+    weights = sp.csr_matrix((blocks.ravel(), (rows, np.tile(columns, 3 * len(nodes)))), (3 * len(nodes), 3 * n_places))
+    weights.eliminate_zeros()
+    note = f"point {point.name!r}: {len(nodes)} nodes of {point.group!r} follow it as a rigid body"
+    return Follower(f"point {point.name!r}", dofs_of(nodes), weights, _star(nodes), note)
+
+
+def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
+    """Return how a point follows the weighted mean of its nodes: docs/theory.md, eq. (2.8)."""
+    nodes = mesh.node_groups[point.group]
+    share = _shares(mesh, point.group, nodes)
+    J, centre = _second_moments(mesh, point, nodes, share)
+    arms = mesh.points[nodes] - centre
+    turn = np.linalg.inv(J) @ (share[:, None, None] * _cross(arms))  # (n, 3, 3): theta = sum turn_i u_i
+    move = share[:, None, None] * np.eye(3) - _cross(np.array(point.position) - centre) @ turn
+    blocks = np.concatenate([move, turn], axis=1).transpose(1, 0, 2).reshape(6, -1)
+    rows = np.repeat(np.arange(6), 3 * len(nodes))
+    weights = sp.csr_matrix((blocks.ravel(), (rows, np.tile(dofs_of(nodes), 6))), (6, 3 * n_places))
+    weights.eliminate_zeros()
+    note = f"point {point.name!r} follows the mean of {len(nodes)} nodes of {point.group!r}"
+    return Follower(f"point {point.name!r}", np.arange(3 * at, 3 * at + 6), weights, _star(nodes), note)
+
+
+def _shares(mesh: Mesh, group: str, nodes: np.ndarray) -> np.ndarray:
+    """Return the nodes' shares, (n,): tributary areas where the group is made of outer faces, otherwise all alike."""
+    total = np.zeros(len(mesh.points))
+    try:
+        faces = outward_faces(mesh, group)
+    except MeshError:  # no faces
+        faces = {}
+    for kind, own in faces.items():
+        np.add.at(total, own, elements.face_nodal_areas(kind, mesh.points[own]))
+    share = total[nodes] if (total[nodes] > 0.0).all() else np.ones(len(nodes))
+    return share / share.sum()
+
+
+def _second_moments(mesh: Mesh, point: Point, nodes: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the second moments J (3, 3) [m2] of the nodes about their centre, and that; MeshError where they lie on a line."""
+    centre = share @ mesh.points[nodes]
+    arms = mesh.points[nodes] - centre
+    J = np.einsum("n,nij->ij", share, -_cross(arms) @ _cross(arms))
+    least, *_, most = np.linalg.eigvalsh(J)
+    if not least > _SLENDER * most:
+        raise MeshError(
+            f"{mesh.path}: point {point.name!r}: the {len(nodes)} nodes of {point.group!r} lie on a line, about which they and "
+            "the point could turn freely; connect it to a group of three nodes at least that do not"
+        )
+    return J, centre
+
+
+def _cross(r: np.ndarray) -> np.ndarray:
+    """Return the matrices [r] (..., 3, 3) with [r] v = r x v."""
+    x, y, z = np.moveaxis(np.asarray(r, dtype=float), -1, 0)
+    zero = np.zeros_like(x)
+    return np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), (0, 1), (-2, -1))
+
+
+def _star(nodes: np.ndarray) -> np.ndarray:
+    return np.stack([np.full(len(nodes), nodes[0]), nodes])

@@ -1,0 +1,510 @@
+"""Ties and points: exact fields, rigid motions, merged meshes, resultants, masses on springs; on any number of ranks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+from box_meshes import KINDS, box, joint, mesh_of, settings
+from mpi4py import MPI
+
+from microslip.assembly import assemble as assemble_module
+from microslip.assembly.assemble import assemble
+from microslip.assembly.prestress import stiffness_at_rest
+from microslip.linear.joint_springs import linearise
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.partition import distribute
+from microslip.mesh.settings import Point, Statics, Support, Tie
+from microslip.parallel.errors import CaseError, MeshError
+
+comm = MPI.COMM_WORLD
+YOUNG, DENSITY = 2.1e11, 7800.0
+GLUE = Tie(name="glue", surfaces=("high_bottom", "low_top"))
+
+
+def stack(low="hex20", high="hex20", n_low=(2, 2, 1), n_high=(2, 2, 1)):
+    """Return two unit boxes on each other, along z, nodes of their own."""
+    lower, upper = box(low, n_low), box(high, n_high, origin=(0.0, 0.0, 1.0))
+
+    def at(z, is_high=None):
+        def claim(x):
+            mine = np.abs(x[:, 2] - z) < 1e-9
+            return mine if is_high is None else mine & ((np.arange(len(x)) >= len(lower[0])) == is_high)
+
+        return claim
+
+    groups = {"base": at(0.0), "low_top": at(1.0, False), "high_bottom": at(1.0, True), "top": at(2.0)}
+    return mesh_of(("low", low, *lower), ("high", high, *upper), groups=groups)
+
+
+def tied(mesh, *ties, supports=(), points=(), joints=(), poisson=0.3, **more):
+    """Return the settings of a mesh whose groups of elements are its bodies."""
+    case = settings({block.group: block.group for block in mesh.elements}, supports, joints, **more)
+    bodies = {name: replace(body, poisson=poisson) for name, body in case.bodies.items()}
+    return replace(case, bodies=bodies, ties=ties, points=points)
+
+
+def system_of(mesh, case, comm=comm):
+    """Return the system as run.py makes it.  Collective."""
+    on_root = mesh if comm.rank == 0 else None
+    return assemble(distribute(on_root, case, comm), on_root, pair_contacts(mesh, case.joints), case)
+
+
+def gathered(system, name):
+    """Return K or M on every rank, dense."""
+    indptr, columns, values = getattr(system, name).getValuesCSR()
+    own = sp.csr_matrix((values, columns, indptr), (len(indptr) - 1, system.n_dof))
+    return sp.vstack(system.comm.allgather(own)).toarray()
+
+
+def frequencies(system, n):
+    found = scipy.linalg.eigh(gathered(system, "K"), gathered(system, "M"), eigvals_only=True)[:n]
+    return np.sign(found) * np.sqrt(np.abs(found)) / (2.0 * np.pi)
+
+
+def flexibility(system):
+    """Return outputs K^-1 loads."""
+    return system.outputs @ np.linalg.solve(gathered(system, "K"), system.loads.toarray())
+
+
+def rigid_motions(points):
+    """Return the six rigid motions of points, (6, n, 3)."""
+    turns = [np.cross(axis, points) for axis in np.eye(3)]
+    return np.concatenate([np.tile(np.eye(3)[:, None], (1, len(points), 1)), turns])
+
+
+def on_rows(system, field):
+    """Return a field (n_nodes, 3) on the nodes' own rows; rows of points stay zero."""
+    w = np.zeros(system.n_dof)
+    w[system.dof[system.dof >= 0]] = field[system.dof >= 0]
+    return w
+
+
+@pytest.fixture
+def loose(monkeypatch):
+    """Allow structures that nothing holds."""
+    monkeypatch.setattr(assemble_module, "check_held", lambda *_: None)
+
+
+MESHES = [
+    ("hex20", "hex20", (2, 2, 1), (3, 3, 1)),
+    ("hex8", "tet10", (2, 3, 2), (3, 2, 1)),
+    ("wedge15", "tet4", (2, 2, 1), (3, 3, 2)),
+]
+
+
+@pytest.mark.parametrize("low, high, n_low, n_high", MESHES)
+def test_linear_fields_are_in_the_space(low, high, n_low, n_high):
+    mesh = stack(low, high, n_low, n_high)
+    system = system_of(mesh, tied(mesh, GLUE, supports=[("base", "xyz")]))
+    assert system.n_dof == np.count_nonzero(system.dof >= 0)
+    shear = mesh.points[:, 2:] * np.array([0.3, -0.2, 0.7])  # zero on the base
+    assert system.at_nodes(on_rows(system, shear)) == pytest.approx(shear, abs=1e-14)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_matching_meshes_are_one(kind, loose):
+    """Frequencies of the tied structure are those of the mesh with common nodes, to rounding."""
+    mesh = stack(kind, kind)
+    one = mesh_of(("one", kind, *box(kind, (2, 2, 2), size=(1.0, 1.0, 2.0))))
+    found, wanted = (frequencies(system_of(own, tied(own, *ties)), 20) for own, ties in ((mesh, [GLUE]), (one, [])))
+    assert found[6:] == pytest.approx(wanted[6:], rel=1e-10)
+
+
+def curved(n_low, n_high, kind="hex8"):
+    """Return two concentric ring sectors about y that meet at radius 2 with different meshes: chords of one, arcs of the other."""
+    mesh = stack(kind, kind, n_low, n_high)
+    angle, radius = 1.2 * mesh.points[:, 0], 1.0 + mesh.points[:, 2]
+    mesh.points[:] = np.stack([-radius * np.cos(angle), mesh.points[:, 1], radius * np.sin(angle)], axis=1)
+    return mesh
+
+
+@pytest.mark.parametrize(
+    "mesh", [stack("hex20", "tet10", (2, 2, 1), (3, 2, 1)), curved((3, 2, 1), (5, 3, 1))], ids=["flat", "curved"]
+)
+def test_six_motions_are_free_and_no_more(mesh, loose):
+    system = system_of(mesh, tied(mesh, replace(GLUE, tolerance=0.1)))
+    K = gathered(system, "K")
+    motions = np.array([on_rows(system, motion) for motion in rigid_motions(mesh.points)])
+    for w, motion in zip(motions, rigid_motions(mesh.points), strict=True):
+        assert system.at_nodes(w) == pytest.approx(motion, abs=1e-12)
+    assert np.abs(K @ motions.T).max() <= 1e-12 * np.abs(K).max()
+    stretch = np.linalg.eigvalsh(K) / np.abs(K).max()
+    assert np.abs(stretch[:6]).max() < 1e-12 and stretch[6] > 1e-5
+
+
+def test_a_finer_surface_on_a_coarser_one_bears_uniform_traction_exactly():
+    """Nested meshes of linear elements pass the patch test; others do not (docs/validation.md)."""
+    for n_high, exact in (((4, 4, 1), True), ((3, 3, 1), False)):
+        mesh = stack("hex8", "hex8", (2, 2, 1), n_high)
+        case = tied(mesh, GLUE, supports=[("base", "z"), ("corner", "xy"), ("edge", "y")], poisson=0.0)
+        mesh.node_groups["corner"] = np.flatnonzero((mesh.points == 0.0).all(axis=1))
+        mesh.node_groups["edge"] = np.flatnonzero((mesh.points == [1.0, 0.0, 0.0]).all(axis=1))
+        system = system_of(mesh, case)
+        stretch = mesh.points * [0.0, 0.0, 1e-3]
+        residual = gathered(system, "K") @ on_rows(system, stretch)
+        inner = system.dof[mesh.node_groups["low_top"], 2]
+        size = 1e-3 * YOUNG / 4.0  # force on an inner node of the lower side
+        error = np.abs(residual[inner]).max() / size
+        assert error < 1e-10 if exact else 0.01 < error < 0.3
+
+
+def test_other_meshes_converge(loose):
+    one = mesh_of(("one", "hex20", *box("hex20", (3, 3, 6), size=(1.0, 1.0, 2.0))))
+    wanted = frequencies(system_of(one, tied(one)), 9)[6:]
+    errors = []
+    for n_low, n_high in (((1, 1, 1), (2, 2, 1)), ((2, 2, 2), (3, 3, 2))):
+        mesh = stack("hex20", "hex20", n_low, n_high)
+        errors.append(np.abs(frequencies(system_of(mesh, tied(mesh, GLUE)), 9)[6:] / wanted - 1.0).max())
+    assert errors[1] < 0.005 and errors[1] < 0.1 * errors[0]
+
+
+def test_a_chain_is_resolved():
+    """Of three boxes the middle one follows below and leads above."""
+    boxes = [box("hex8", (k, k, 1), origin=(0.0, 0.0, z)) for k, z in ((2, 0.0), (3, 1.0), (4, 2.0))]
+    starts = np.cumsum([0] + [len(points) for points, _ in boxes])
+
+    def of(i, z):
+        return lambda x: (x[:, 2] == z) & (np.arange(len(x)) >= starts[i]) & (np.arange(len(x)) < starts[i + 1])
+
+    groups = {
+        "base": of(0, 0.0),
+        "low_top": of(0, 1.0),
+        "mid_bottom": of(1, 1.0),
+        "mid_top": of(1, 2.0),
+        "high_bottom": of(2, 2.0),
+    }
+    side = {"side": lambda x: (x[:, 0] == 1.0) & (np.arange(len(x)) >= starts[1]) & (np.arange(len(x)) < starts[2])}
+    mesh = mesh_of(*((name, "hex8", *one) for name, one in zip(("low", "mid", "high"), boxes)), groups={**groups, **side})
+    shear = mesh.points[:, 2:] * np.array([0.3, -0.2, 0.7])
+    ties = [Tie(name="a", surfaces=("mid_bottom", "low_top")), Tie(name="b", surfaces=("high_bottom", "mid_top"))]
+    system = system_of(mesh, tied(mesh, *ties, supports=[("base", "xyz")]))
+    assert system.at_nodes(on_rows(system, shear)) == pytest.approx(shear, abs=1e-14)
+    point = Point(name="p", position=(1.0, 0.5, 1.5), group="side")
+    with pytest.raises(MeshError, match="follow two things, tie 'a' and point 'p'"):
+        system_of(mesh, tied(mesh, *ties, supports=[("base", "xyz")], points=(point,)))
+    ties, point = [Tie(name="a", surfaces=("low_top", "mid_bottom"))], replace(point, stiffness=(1.0, 1.0, 1.0))
+    system = system_of(mesh, tied(mesh, *ties, supports=[("high", "xyz")], points=(point,)))
+    motion = rigid_motions(mesh.points - point.position)[
+        4
+    ]  # the lower box follows the middle one's side, which follows the point
+    w = np.zeros(system.n_dof)
+    w[system.constraints.free[-1, 1]] = 1.0
+    moved = system.at_nodes(w)
+    side = mesh.node_groups["side"]
+    assert moved[side] == pytest.approx(motion[side], abs=1e-15)
+    edge = np.intersect1d(mesh.node_groups["low_top"], np.flatnonzero(mesh.points[:, 0] == 1.0))
+    assert moved[edge] == pytest.approx(motion[edge], abs=1e-12)
+
+
+# -- points ------------------------------------------------------------------------------------------------------------
+
+
+def column(n=(2, 2, 4), length=4.0, kind="hex20"):
+    """Return a column of unit section along z."""
+    groups = {"base": lambda x: x[:, 2] == 0.0, "end": lambda x: np.abs(x[:, 2] - length) < 1e-9}
+    return mesh_of(("bar", kind, *box(kind, n, size=(1.0, 1.0, length))), groups=groups)
+
+
+@pytest.mark.parametrize("freed", ["z", "rz"])
+def test_a_mass_on_a_bar(freed):
+    """Without contraction the static shape is linear, so that a mass far above the bar's has a third of that beside it."""
+    mesh, length = column(n=(4, 4, 4)), 4.0
+    mass, inertia = 1e4 * DENSITY * length, (1.0, 1.0, 1e4 * DENSITY * length)
+    point = Point(name="p", position=(0.5, 0.5, length), group="end", mass=mass, inertia=(*inertia, 0.0, 0.0, 0.0))
+    others = tuple(direction for direction in ("x", "y", "z", "rx", "ry", "rz") if direction != freed)
+    case = tied(mesh, supports=[("base", "xyz")], points=(point,), poisson=0.0)
+    case = replace(case, supports=(*case.supports, Support(point="p", fix=others)))
+    omega2 = (2.0 * np.pi * frequencies(system_of(mesh, case), 1)[0]) ** 2
+    if freed == "z":
+        assert omega2 == pytest.approx(YOUNG / length / (mass + DENSITY * length / 3.0), rel=1e-7)
+    else:  # Saint-Venant's torsion of a square, which its ends hinder a little
+        assert omega2 == pytest.approx(0.1406 * (YOUNG / 2.0) / length / mass, rel=0.1)
+        assert omega2 > 0.1406 * (YOUNG / 2.0) / length / mass
+
+
+def test_a_block_on_springs(loose):
+    """Far stiffer than its springs, it moves as a rigid body: six frequencies."""
+    mesh = column(n=(1, 1, 1), length=1.0)
+    k, kr = (1e5, 2e5, 3e5), (4e5, 5e5, 6e5)
+    point = Point(
+        name="p",
+        position=(0.5, 0.5, 0.5),
+        group="end",
+        mass=100.0,
+        stiffness=k,
+        rotational_stiffness=kr,
+        inertia=(10.0, 20.0, 30.0, 0, 0, 0),
+    )
+    found = (2.0 * np.pi * frequencies(system_of(mesh, tied(mesh, points=(point,))), 6)) ** 2
+    mass, J = DENSITY + 100.0, DENSITY / 6.0 + np.array([10.0, 20.0, 30.0])
+    assert found == pytest.approx(np.sort(np.concatenate([np.array(k) / mass, np.array(kr) / J])), rel=1e-4)
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_forces_and_moments_arrive(rigid):
+    """The reactions of the support balance a force and a moment on the point."""
+    mesh = column()
+    point = Point(name="p", position=(1.5, -0.5, 6.0), group="end", rigid=rigid)
+    F, moment = (1.0, 2.0, 3.0), (-2.0, 0.5, 4.0)
+    loads = [{"point": "p", "direction": F}, {"point": "p", "moment": moment}]
+    held, free_ = (
+        tied(mesh, supports=supports, points=(point,), loads=loads) for supports in ([("base", "xyz")], [("base", "x")])
+    )
+    system = system_of(mesh, held)
+    arms = mesh.points - np.array(point.position)
+    for column_, force, turn in zip(system.loads.toarray().T, (F, (0, 0, 0)), ((0, 0, 0), moment)):
+        work = []
+        for motion, of_point in zip(rigid_motions(arms), np.eye(6)):
+            w = on_rows(system, motion)
+            if rigid:
+                own = system.constraints.free[-2:].ravel()
+                w[own] = of_point
+            work.append(column_ @ w)
+        assert work == pytest.approx([*force, *turn], abs=1e-12)
+
+
+def test_a_distributing_point_adds_no_stiffness_and_sees_rigid_motions():
+    mesh = column()
+    point = Point(name="p", position=(1.5, -0.5, 6.0), group="end", rigid=False)
+    outputs = [{"name": f"u{i}", "point": "p", "direction": tuple(np.eye(3)[i])} for i in range(3)]
+    outputs += [{"name": f"r{i}", "point": "p", "rotation": tuple(np.eye(3)[i])} for i in range(3)]
+    plain = system_of(mesh, tied(mesh, supports=[("base", "xyz")]))
+    system = system_of(mesh, tied(mesh, supports=[("base", "xyz")], points=(point,), outputs=outputs))
+    np.testing.assert_array_equal(system.dof, plain.dof)
+    for name in ("K", "M"):
+        np.testing.assert_allclose(
+            gathered(system, name), gathered(plain, name), rtol=0, atol=1e-12 * abs(gathered(plain, name)).max()
+        )
+    for motion, seen in zip(rigid_motions(mesh.points - np.array(point.position)), np.eye(6)):
+        assert system.outputs @ on_rows(system, motion) == pytest.approx(seen, abs=1e-12)
+
+
+def test_a_spring_and_a_mass_on_a_distributing_point():
+    """Held by springs at the point alone: a load there finds their flexibility, and its mass is all on the nodes."""
+    mesh = column(n=(1, 1, 1), length=1.0)
+    point = Point(
+        name="p",
+        position=(0.5, 0.5, 1.0),
+        group="end",
+        rigid=False,
+        mass=50.0,
+        stiffness=(1e5,) * 3,
+        rotational_stiffness=(1e6,) * 3,
+    )
+    load, output = {"point": "p", "direction": (0.0, 0.0, 2.0)}, {"name": "u", "point": "p", "direction": (0.0, 0.0, 1.0)}
+    system = system_of(mesh, tied(mesh, points=(point,), loads=[load], outputs=[output]))
+    assert flexibility(system)[0, 0] == pytest.approx(2.0 / 1e5, rel=1e-9)
+    w = on_rows(system, rigid_motions(mesh.points)[0])
+    assert w @ gathered(system, "M") @ w == pytest.approx(DENSITY + 50.0, rel=1e-12)
+
+
+def test_a_point_is_held_in_some_directions():
+    """A rigid end that may slide but not turn: twelve E I / l^3 of a slender beam, shear apart."""
+    mesh = column(n=(1, 1, 10), length=20.0)
+    point = Point(name="p", position=(0.5, 0.5, 20.0), group="end")
+    load, output = {"point": "p", "direction": (1.0, 0.0, 0.0)}, {"name": "u", "point": "p", "direction": (1.0, 0.0, 0.0)}
+    case = tied(mesh, supports=[("base", "xyz")], points=(point,), loads=[load], outputs=[output], poisson=0.0)
+    free_end = flexibility(system_of(mesh, case))[0, 0]
+    case = replace(case, supports=(*case.supports, Support(point="p", fix=("ry", "rx"))))
+    guided = flexibility(system_of(mesh, case))[0, 0]
+    shear = 1.2 * 20.0 / (YOUNG / 2.0)
+    assert free_end == pytest.approx(20.0**3 * 12.0 / (3.0 * YOUNG) + shear, rel=2e-3)
+    assert guided == pytest.approx(20.0**3 / YOUNG + shear, rel=5e-3)  # both ends hinder
+    held = replace(case, supports=(*case.supports, Support(point="p", fix=("x",))))
+    with pytest.raises(CaseError, match=r"\[\[loads\]\] 1 acts only on degrees of freedom that a support fixes"):
+        system_of(mesh, held)
+
+
+# -- with the rest -----------------------------------------------------------------------------------------------------
+
+
+def test_ranks_agree():
+    mesh = stack("hex8", "tet10", (2, 2, 2), (3, 2, 1))
+    mesh.node_groups["high_side"] = np.flatnonzero((mesh.points[:, 0] == 1.0) & (mesh.points[:, 2] > 1.0))
+    points = (
+        Point(name="p", position=(0.5, 0.5, 2.5), group="top", mass=3.0, inertia=(1.0, 2.0, 3.0, 0.1, 0.2, 0.3)),
+        Point(name="q", position=(1.5, 0.5, 1.5), group="high_side", rigid=False, mass=10.0, stiffness=(1e9, 0.0, 0.0)),
+    )
+    loads = [
+        {"point": "p", "direction": (1.0, 2.0, 3.0)},
+        {"point": "q", "moment": (1.0, 0.0, 0.0)},
+        {"group": "high_bottom", "direction": (0, 0, 1.0)},
+    ]
+    outputs = [
+        {"name": "a", "point": "q", "rotation": (0, 0, 1.0)},
+        {"name": "b", "position": (0.5, 0.5, 1.0), "direction": (1.0, 0, 0)},
+    ]
+    case = tied(mesh, GLUE, supports=[("base", "xyz")], points=points, loads=loads, outputs=outputs)
+    several, alone = system_of(mesh, case), system_of(mesh, case, MPI.COMM_SELF)
+    assert several.n_dof == alone.n_dof
+    assert np.diff(several.K.getOwnershipRange())[0] == len(several.parts)
+    assert flexibility(several) == pytest.approx(flexibility(alone), rel=1e-9)
+    assert frequencies(several, 10) == pytest.approx(frequencies(alone, 10), rel=1e-9)
+    w = np.random.default_rng(1).normal(size=alone.n_dof)  # by place
+    order = [system.constraints.free[system.constraints.free >= 0] for system in (several, alone)]
+    fields = []
+    for system, rows in zip((several, alone), order):
+        own = np.empty(system.n_dof)
+        own[rows] = w
+        fields.append(system.at_nodes(own))
+    assert fields[0] == pytest.approx(fields[1], abs=1e-13)
+
+
+def test_contact_beside_a_tie_moves_with_it():
+    """Pairs at the rim of a joint whose nodes follow a tie: R T is the relative motion of the nodes as they follow."""
+    base, wall, block = box("hex8"), box("hex8", (1, 3, 3), origin=(1.0, 0.0, 1.0)), box("hex8", origin=(0.0, 0.0, 1.0))
+    n = np.cumsum([0, len(base[0]), len(wall[0]), len(block[0])])
+
+    def of(i, axis, value):
+        return lambda x: (x[:, axis] == value) & (np.arange(len(x)) >= n[i]) & (np.arange(len(x)) < n[i + 1])
+
+    groups = {
+        "base": of(0, 2, 0.0),
+        "lower_top": of(0, 2, 1.0),
+        "upper_bottom": of(2, 2, 1.0),
+        "block_side": of(2, 0, 1.0),
+        "wall_side": of(1, 0, 1.0),
+        "wall_end": of(1, 0, 2.0),
+    }
+    mesh = mesh_of(("low", "hex8", *base), ("wall", "hex8", *wall), ("block", "hex8", *block), groups=groups)
+    tie = Tie(name="side", surfaces=("block_side", "wall_side"))
+    case = tied(mesh, tie, supports=[("base", "xyz"), ("wall_end", "xyz")], joints=[joint()])
+    system, pairs = system_of(mesh, case), pair_contacts(mesh, case.joints)
+    w = np.random.default_rng(2).normal(size=system.n_dof)
+    u = system.at_nodes(w)
+    du = np.einsum("pij,pj->pi", pairs.frame, u[pairs.node1] - u[pairs.node2])
+    assert (system.R @ w).reshape(-1, 3) == pytest.approx(du, abs=1e-12)
+
+
+def test_what_turns_is_softened_across_the_axis():
+    """Without stress the change of the stiffness is - Omega^2 times the mass, that of the point among it."""
+    mesh = stack("hex8", "hex8", (2, 2, 1), (3, 3, 1))
+    point = Point(name="p", position=(0.5, 0.5, 2.5), group="top", mass=1000.0)
+    case = replace(tied(mesh, GLUE, supports=[("base", "z")], points=(point,)), statics=Statics(speed=20.0))
+    system = system_of(mesh, case)
+    first, last = system.K.getOwnershipRange()
+    shares = distribute(mesh if comm.rank == 0 else None, case, comm)
+    turning = replace(system, K=stiffness_at_rest(shares, case, system, np.zeros(last - first)))
+    change = gathered(turning, "K") - gathered(system, "K")
+    motions = np.array([on_rows(system, motion) for motion in rigid_motions(mesh.points)[:3]])
+    motions[:, system.constraints.free[-2]] = np.eye(3)
+    motions[2, system.dof[:, 2][system.dof[:, 2] >= 0]] = 0.0
+    motions[2, system.constraints.free[-2, 2]] = 1.0
+    mass = 2.0 * DENSITY + 1000.0
+    assert motions @ change @ motions.T == pytest.approx(-(20.0**2) * mass * np.diag([1.0, 1.0, 0.0]), abs=1e-3)
+
+
+# -- what is refused ---------------------------------------------------------------------------------------------------
+
+
+def refused(mesh, case, error, match):
+    with pytest.raises(error, match=match):
+        system_of(mesh, case)
+
+
+def test_nodes_far_from_the_facets():
+    mesh = stack("hex8", "hex8")
+    mesh.points[mesh.node_groups["high_bottom"][4], 2] += 0.2
+    says = (
+        r"tie 'glue': 1 of 9 nodes of 'high_bottom' lie farther than 0.025 m .* worst is node \d+ at \(0.5, 0.5, 1.2\) m, 0.2 m"
+    )
+    refused(mesh, tied(mesh, GLUE, supports=[("base", "xyz")]), MeshError, says)
+    system_of(mesh, tied(mesh, replace(GLUE, tolerance=0.3), supports=[("base", "xyz")]))
+
+
+def test_surfaces_that_share_nodes():
+    mesh = stack("hex8", "hex8")
+    mesh.node_groups["all"] = np.union1d(mesh.node_groups["low_top"], mesh.node_groups["high_bottom"])
+    case = tied(mesh, Tie(name="glue", surfaces=("high_bottom", "all")), supports=[("base", "xyz")])
+    refused(mesh, case, MeshError, "share 9 nodes .* they are one there already")
+
+
+def test_ties_in_a_ring_and_twice():
+    mesh = stack("hex8", "hex8")
+    back = Tie(name="back", surfaces=GLUE.surfaces[::-1])
+    refused(
+        mesh,
+        tied(mesh, GLUE, back, supports=[("base", "xyz")]),
+        MeshError,
+        "tie 'glue' and tie 'back' follow each other in a ring",
+    )
+    again = Tie(name="again", surfaces=GLUE.surfaces)
+    refused(
+        mesh,
+        tied(mesh, GLUE, again, supports=[("base", "xyz")]),
+        MeshError,
+        "9 nodes follow two things, tie 'glue' and tie 'again'",
+    )
+
+
+def test_a_joint_on_tied_faces():
+    mesh = stack("hex8", "hex8")
+    case = tied(mesh, GLUE, supports=[("base", "xyz")], joints=[joint(surfaces=("low_top", "high_bottom"))])
+    refused(
+        mesh,
+        case,
+        MeshError,
+        "4 faces of 'low_top' of joint 'joint' are faces of 'low_top' of tie 'glue', too: what is glued cannot slip",
+    )
+
+
+def test_supports_on_what_follows():
+    mesh = stack("hex8", "hex8")
+    mesh.node_groups["side"] = np.flatnonzero(mesh.points[:, 0] == 0.0)
+    mesh.node_groups["high_side"] = np.flatnonzero(
+        (mesh.points[:, 0] == 0.0) & np.isin(np.arange(len(mesh.points)), mesh.elements[1].nodes)
+    )
+    both = system_of(mesh, tied(mesh, GLUE, supports=[("base", "yz"), ("side", "x")]))  # what leads is held as well
+    assert both.at_nodes(np.ones(both.n_dof))[mesh.node_groups["side"], 0] == pytest.approx(0.0, abs=0.0)
+    case = tied(mesh, GLUE, supports=[("base", "xyz"), ("high_side", "x")])
+    refused(mesh, case, MeshError, r"3 degrees of freedom have a support and follow .* along x; support what leads")
+
+
+def test_a_point_that_follows_is_not_held():
+    mesh = column()
+    case = tied(mesh, supports=[("base", "xyz")], points=(Point(name="p", position=(0.5, 0.5, 4.0), group="end", rigid=False),))
+    case = replace(case, supports=(*case.supports, Support(point="p", fix=("x",))))
+    refused(mesh, case, MeshError, "point 'p' follows its nodes and cannot be held")
+
+
+def test_what_is_tied_moves_freely_together():
+    mesh = stack("hex8", "hex8", (2, 2, 1), (3, 3, 1))
+    point = Point(name="p", position=(0.5, 0.5, 2.5), group="top", mass=1.0)
+    case = tied(mesh, GLUE, supports=[("base", "z")], points=(point,))
+    says = r"body 'low' and body 'high' together move freely in 3 ways \(translation along x and y, a rotation\)"
+    with pytest.raises(CaseError, match=says):
+        linearise(system_of(mesh, case), pair_contacts(mesh, ()))
+
+
+def test_a_coarser_surface_that_follows_is_noted():
+    mesh = stack("hex8", "hex8", (3, 3, 1), (2, 2, 1))
+    base = [("base", "xyz")]
+    (note,) = system_of(mesh, tied(mesh, GLUE, supports=base)).constraints.notes
+    assert note.startswith("tie 'glue': 9 nodes of 'high_bottom' follow the facets of 'low_top', up to ") and "swapped" in note
+    (note,) = system_of(mesh, tied(mesh, Tie(name="a", surfaces=GLUE.surfaces[::-1]), supports=base)).constraints.notes
+    assert "swapped" not in note
+
+
+def test_groups_that_cannot_turn():
+    mesh = column()
+    mesh.node_groups["line"] = np.flatnonzero((mesh.points[:, 0] == 0.0) & (mesh.points[:, 2] == 4.0))
+    for rigid in (True, False):
+        point = Point(name="p", position=(0.0, 0.0, 5.0), group="line", rigid=rigid)
+        refused(
+            mesh,
+            tied(mesh, supports=[("base", "xyz")], points=(point,)),
+            MeshError,
+            "point 'p': the 5 nodes of 'line' lie on a line",
+        )
+
+
+def test_what_a_spring_holds_is_held_and_a_tie_holds_what_it_ties():
+    mesh = stack("hex8", "hex8")
+    free_ = tied(mesh, supports=[("base", "xyz")])
+    refused(mesh, free_, MeshError, "nothing holds body 'high'")
+    system_of(mesh, tied(mesh, GLUE, supports=[("base", "xyz")]))
+    point = Point(name="p", position=(0.5, 0.5, 2.0), group="top")
+    refused(mesh, tied(mesh, GLUE, points=(point,)), MeshError, "nothing holds body 'low'; body 'high'")
+    system_of(mesh, tied(mesh, GLUE, points=(replace(point, stiffness=(1.0, 1.0, 1.0)),)))
