@@ -57,7 +57,7 @@ class LevelLog:
         self.log.note(text, on_screen=not self.log.screen.interactive)
 
     def _name(self, number: int) -> str:
-        return f"level {number + 1} of {self.n_levels}: {self._levels[number]:g} {self.shown.level_unit}"
+        return f"level {number + 1} of {self.n_levels}: {self._levels[number]:g} {self.shown.level_unit}".removesuffix(" 1")
 
     def _of(self, level: str) -> str:
         """Return the first column of a line where levels come mixed."""
@@ -72,7 +72,7 @@ def summary(branch: Branch, shown: Shown) -> str:
     top = max(points, key=lambda point: abs(shown.of(point.response[0])))
     largest = shown.of(top.response[0])
     _, n_slip, n_open = counts(top.state)
-    per_newton = f" ({largest / level:.4e} {shown.unit}/{shown.level_unit})" if level else ""
+    per_newton = f" ({largest / level:.4e} {shown.unit}{shown.per_level})" if level else ""
     number = "one point" if shown.is_static else f"{len(points)} points"
     where = "at every frequency" if shown.is_static else f"at {top.omega / 2.0 / np.pi:.7g} Hz"
     return (

@@ -22,6 +22,11 @@ class Shown:
     unit: str = "m"  # of the output
     level_unit: str = "N"
 
+    @property
+    def per_level(self) -> str:
+        """What follows a unit that is per unit of the level."""
+        return "" if self.level_unit == "1" else f"/{self.level_unit}" if self.level_unit == "N" else f"/({self.level_unit})"
+
     def __str__(self) -> str:
         return f"{self.name}{'' if self.is_static else ' of harmonic 1'}"
 
