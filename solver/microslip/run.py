@@ -10,6 +10,7 @@ from .library.build import build
 from .library.files import write_shapes, writer_of
 from .library.follow import follow, in_turn, known_columns
 from .library.prepare import Prepared, prepare
+from .library.settings import units_of
 from .observe.level_log import LevelLog
 from .observe.log import RunLog
 from .observe.not_computed import not_computed
@@ -60,7 +61,8 @@ def run(
 
 def follow_logged(prepared: Prepared, folder: Path, options: tuple[str, ...], n_groups: int, log: RunLog) -> list[Branch]:
     """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
-    response, shown = prepared.response, shown_with(prepared.model.harmonics.highest)
+    response, units = prepared.response, units_of(prepared.scene)
+    shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
     writer = writer_of(prepared, folder, options)
     levels = LevelLog(log, response.sweep, len(response.settings.levels), shown)
     try:
@@ -69,7 +71,7 @@ def follow_logged(prepared: Prepared, folder: Path, options: tuple[str, ...], n_
             writer.put_in_order(branches)
     finally:
         writer.close()
-    log.note(audit_text(branches))
+    log.note(audit_text(branches, units.works))
     known = known_columns(response) if in_turn(response, n_groups) else None
     log.note("\n  ".join(["not computed, and why, or what it would change:", *not_computed(prepared, branches, known)]))
     return branches

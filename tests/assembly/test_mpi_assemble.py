@@ -8,7 +8,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from microslip import elements
-from microslip.assembly import assemble as assemble_module
 from microslip.assembly import blocks as blocks_module
 from microslip.assembly.assemble import assemble
 from microslip.mesh.pairing import pair_contacts
@@ -87,7 +86,7 @@ def test_equals_serial_assembly(kind):
 
 
 def test_small_pieces_give_the_same_matrices(monkeypatch):
-    monkeypatch.setattr(assemble_module, "_CHUNK_BYTES", 1e5)  # 3 elements at a time
+    monkeypatch.setattr(blocks_module, "_CHUNK_BYTES", 1e5)  # 3 elements at a time
     monkeypatch.setattr(blocks_module, "_CHUNK_NODES", 7)
     mesh, case = one_body("hex20"), settings({"block": "block"}, [("base", ["x", "z"])])
     assert_equal_matrices(system_of(mesh, case)[0], mesh, case)

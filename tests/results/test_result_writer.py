@@ -15,7 +15,7 @@ from microslip.results.read import read_results
 
 HEADER = (
     "level_N,point,frequency_Hz,output,amplitude_m,phase_rad,mean_m,sticking,slipping,open,unknowns,newton,"
-    "friction_J,damping_J,input_J,seconds,error_m,error_modes_m,error_harmonics_m,error_samples_m,error_pairs_m,error_solver_m,segment"
+    "friction_J,damping_J,input_J,seconds,error_m,error_modes_m,error_harmonics_m,error_samples_m,error_pairs_m,error_solver_m,segment,unit"
 )
 
 
@@ -149,7 +149,7 @@ def test_whoever_dies_while_writing_leaves_the_last_file(tmp_path, pairs, monkey
     os.replace(path, writer.path)
     writer.level_started(0, 9.0)
 
-    def dies(group, level):
+    def dies(group, level, unit):
         group.create_dataset("half", data=1.0)
         raise KeyboardInterrupt
 

@@ -15,17 +15,18 @@ from ..mesh.links import find_links, places_of
 from ..mesh.settings import Body, MeshSettings
 from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
-from .blocks import BlockSum, NodePattern, expand, node_pattern
+from .base_motion import with_base_motion
+from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .check import check_elements
 from .constraints import DIRECTIONS, check_supports, constrain, constrained
-from .maps import load_map, output_map, pair_map
+from .maps import base_map, load_map, orders_of, output_map, pair_map
+from .nodal_forces import nodal_forces
 from .numbering import number_dofs
+from .output_rows import output_row
 from .system import System
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-_CHUNK_BYTES = 8e6  # of element stiffness matrices held at a time
 
 
 def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings) -> System:
@@ -45,7 +46,8 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     """
     comm = dmesh.comm
     check_elements(dmesh, settings)
-    is_fixed, part, part_names, load_nodes, output_nodes, links, clusters = on_root(comm, read_off, mesh, pairs, settings)
+    is_fixed, part, part_names, loads, outputs, links, clusters = on_root(comm, read_off, mesh, pairs, settings)
+    loads = with_base_motion(loads, settings, dmesh, links)
     to_mesh = np.argsort(dmesh.rank_order)
     dof, row_ranges = number_dofs(dmesh, is_fixed[: len(to_mesh)][to_mesh])
     n_dof = int(row_ranges[-1])
@@ -64,11 +66,13 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
         M=M,
         C=None,
         R=pair_map(pairs, dof_of_mesh, n_dof),
-        loads=load_map(settings.loads, load_nodes, dof_of_mesh, n_dof),
-        outputs=output_map(settings.outputs, output_nodes, dof_of_mesh, n_dof),
+        loads=load_map(loads, dof_of_mesh, n_dof),
+        outputs=output_map(outputs, dof_of_mesh, n_dof),
         dof=dof_of_mesh,
         parts=np.repeat(part[to_mesh[first:last]], 3)[is_free.ravel()],
         part_names=part_names,
+        output_orders=orders_of(settings.outputs),
+        output_base=base_map(settings.outputs, settings.loads) if any(one.absolute for one in settings.outputs) else None,
     )
     return system if constraints is None else constrained(system, constraints, part)
 
@@ -76,7 +80,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
 def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
     """Return what only the whole mesh tells.
 
-    Fixed DOFs by place (``mesh/ties.py``), parts and their names, places of loads and outputs, what follows what, and which
+    Fixed DOFs by place (``mesh/ties.py``), parts and their names, loads and outputs on places, what follows what, and which
     parts nothing but joints holds.
     """
     links = find_links(mesh, settings)
@@ -90,9 +94,9 @@ def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
     part, part_names = connected_parts(mesh, settings.body_of)
     check_held(part, part_names, mesh, settings.supports, pairs, links)
     clusters = loose_clusters(part, len(part_names), mesh, settings.supports, links)
-    load_nodes = [places_of(mesh, links, load, f"[[loads]] {i}") for i, load in enumerate(settings.loads, 1)]
-    output_nodes = [places_of(mesh, links, output, f"[[outputs]] {output.name!r}") for output in settings.outputs]
-    return is_fixed, part, part_names, load_nodes, output_nodes, links, clusters
+    loads = [nodal_forces(mesh, load, f"[[loads]] {i}", links) for i, load in enumerate(settings.loads, 1)]
+    outputs = [output_row(mesh, output, settings, links) for output in settings.outputs]
+    return is_fixed, part, part_names, loads, outputs, links, clusters
 
 
 def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, bodies: Mapping[str, Body]):
@@ -138,13 +142,6 @@ def _add_elements(block: LocalBlock, body: Body, pattern: NodePattern, K_sum: Bl
         K_sum.add(is_owned, positions, K.reshape(-1, n_nodes, 3, n_nodes, 3))
         M = elements.mass(block.kind, points, body.density, body.integration)
         M_sum.add(is_owned, positions, M.reshape(-1, n_nodes, 1, n_nodes, 1))
-
-
-def element_chunks(block: LocalBlock):
-    """Yield slices of a block's elements whose matrices take a bounded memory.  Local."""
-    n_chunk = max(1, int(_CHUNK_BYTES / (8 * (3 * block.nodes.shape[1]) ** 2)))
-    for start in range(0, len(block.nodes), n_chunk):
-        yield slice(start, start + n_chunk)
 
 
 def petsc_matrix(comm: MPI.Comm, n_owned: int, csr: tuple[np.ndarray, ...]):

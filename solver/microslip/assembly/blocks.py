@@ -7,9 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from ..mesh.data import DistributedMesh
+from ..mesh.data import DistributedMesh, LocalBlock
 
+_CHUNK_BYTES = 8e6  # of element stiffness matrices held at a time
 _CHUNK_NODES = 500  # rows of nodes that are expanded at a time
+
+
+def element_chunks(block: LocalBlock):
+    """Yield slices of a block's elements whose matrices take a bounded memory.  Local."""
+    n_chunk = max(1, int(_CHUNK_BYTES / (8 * (3 * block.nodes.shape[1]) ** 2)))
+    for start in range(0, len(block.nodes), n_chunk):
+        yield slice(start, start + n_chunk)
 
 
 @dataclass(frozen=True)

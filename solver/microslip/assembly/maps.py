@@ -10,6 +10,8 @@ import scipy.sparse as sp
 from ..mesh.data import ContactPairs
 from ..mesh.settings import Load, Output
 from ..parallel.errors import CaseError
+from .nodal_forces import NodalForces
+from .output_rows import OutputRow
 
 
 def pair_map(pairs: ContactPairs, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
@@ -31,30 +33,47 @@ def pair_map(pairs: ContactPairs, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
     return R
 
 
-def load_map(loads: Sequence[Load], nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csc_matrix:
-    """Return one column per load, (n_dof, n_loads): its direction, shared equally by its nodes [N/N].  Local.
+def load_map(loads: Sequence[NodalForces], dof: np.ndarray, n_dof: int) -> sp.csc_matrix:
+    """Return one column per real shape of the loads, (n_dof, n_loads): the forces at unit level [N/N].  Local.
 
     Raises
     ------
     CaseError : a load acts on fixed DOFs only; the same on every rank
     """
-    columns = [_row(load.direction or load.moment, own, dof, n_dof) / len(own) for load, own in zip(loads, nodes, strict=True)]
-    for i, column in enumerate(columns, 1):
-        if column.count_nonzero() == 0:
+    columns = []
+    for i, load in enumerate(loads, 1):
+        own = [_row(shape, load.nodes, dof, n_dof) for shape in load.shapes]
+        if not any(column.count_nonzero() for column in own):
             raise CaseError(f"[[loads]] {i} acts only on degrees of freedom that a support fixes; it moves nothing")
+        columns += own
     return sp.vstack(columns).T.tocsc() if columns else sp.csc_matrix((n_dof, 0))
 
 
-def output_map(outputs: Sequence[Output], nodes: list[np.ndarray], dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
+def output_map(outputs: Sequence[OutputRow], dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
     """Return one row per output, (n_outputs, n_dof); a fixed DOF gives zero.  Local."""
-    rows = [_row(output.direction or output.rotation, own, dof, n_dof) for output, own in zip(outputs, nodes, strict=True)]
+    rows = [_row(output.values, output.nodes, dof, n_dof) for output in outputs]
     return sp.vstack(rows).tocsr() if rows else sp.csr_matrix((0, n_dof))
 
 
-def _row(direction, nodes: np.ndarray, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
-    """Return the sum over ``nodes`` of the displacement along ``direction`` as a row, (1, n_dof)."""
-    column = dof[nodes].ravel()
-    value = np.tile(np.asarray(direction, dtype=float), len(nodes))
+def orders_of(outputs: Sequence[Output]) -> np.ndarray | None:
+    """Return how often each output is differentiated, (n_outputs,); None where none is.  Local."""
+    orders = np.array([output.order for output in outputs], dtype=int)
+    return orders if orders.any() else None
+
+
+def base_map(outputs: Sequence[Output], loads: Sequence[Load]) -> np.ndarray:
+    """Return the acceleration of the base along each absolute output under each shape of the loads, (n_outputs, n_loads) [m/s2].
+
+    Local.  docs/theory.md, eq. (13.5).
+    """
+    shapes = [load.base_acceleration or (0.0, 0.0, 0.0) for load in loads for _ in load.phases]
+    directions = [(output.absolute and output.direction) or (0.0, 0.0, 0.0) for output in outputs]
+    return np.array(directions, dtype=float) @ np.array(shapes, dtype=float).T
+
+
+def _row(values: np.ndarray, nodes: np.ndarray, dof: np.ndarray, n_dof: int) -> sp.csr_matrix:
+    """Return the values (n, 3) of the DOFs of ``nodes`` (n,) as a row, (1, n_dof); those of a node named twice add up."""
+    column, value = dof[nodes].ravel(), np.asarray(values, dtype=float).ravel()
     free = column >= 0
     row = sp.csr_matrix((value[free], (np.zeros(np.count_nonzero(free), dtype=int), column[free])), (1, n_dof))
     row.eliminate_zeros()

@@ -19,6 +19,8 @@ from ..mesh.data import ContactPairs
 from ..mesh.settings import Load, Output
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.ownership import split_evenly
+from .force_file import forces_on_dofs
+from .maps import orders_of
 from .matrix_file import read_matrix
 from .pair_file import COLUMNS, GROUND, read_pairs
 from .settings import MatrixSettings, PairFile
@@ -40,6 +42,7 @@ class GivenStructure:
     C: sp.csr_matrix | None  # (n_dof, n_dof) N s/m
     pairs: ContactPairs
     dofs: np.ndarray  # (n_pairs, 6) x, y, z of body 1, x, y, z of body 2; -1 is ground
+    loads: sp.csc_matrix  # (n_dof, n_loads) real shapes of the loads, per unit level
 
     @property
     def n_dof(self) -> int:
@@ -73,13 +76,18 @@ def read_structure(settings: MatrixSettings) -> GivenStructure:
     named: dict[str, Sequence[Load | Output]] = {"loads": settings.loads, "outputs": settings.outputs}
     for table, entries in named.items():
         for i, entry in enumerate(entries, 1):
-            if entry.dof is None or entry.dof >= n_dof:
+            if not _is_elsewhere(entry) and (entry.dof is None or entry.dof >= n_dof):
                 raise CaseError(f"{settings.where}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
     if K.nnz > _MOST_ENTRIES:
         raise ResourceError(
             f"{files['stiffness']}: [model] stiffness has {K.nnz} entries; this version reads {_MOST_ENTRIES} at most"
         )
-    return GivenStructure(K, M, C, *_read_joints(settings.joints, n_dof))
+    return GivenStructure(K, M, C, *_read_joints(settings.joints, n_dof), _load_map(settings.loads, n_dof))
+
+
+def _is_elsewhere(entry: Load | Output) -> bool:
+    """Return whether a load or an output is at no DOF of its own: forces of a file, the contact force of a joint."""
+    return getattr(entry, "forces", None) is not None or getattr(entry, "joint", None) is not None
 
 
 def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
@@ -130,6 +138,16 @@ def _read_joints(joints: Sequence[PairFile], n_dof: int) -> tuple[ContactPairs, 
     return pairs, table[:, :6].astype(int)
 
 
+def _load_map(loads: Sequence[Load], n_dof: int) -> sp.csc_matrix:
+    """Return one column per real shape of the loads: a scale at a DOF, or the forces of a file."""
+    columns = []
+    for load in loads:
+        dofs, forces = ([load.dof], np.array([load.scale + 0j])) if load.forces is None else forces_on_dofs(load.forces, n_dof)
+        at = dofs, np.zeros(len(dofs), dtype=int)
+        columns += [sp.csc_matrix((part, at), (n_dof, 1)) for part in (forces.real, forces.imag)[: len(load.phases)]]
+    return sp.hstack(columns, format="csc") if columns else sp.csc_matrix((n_dof, 0))
+
+
 # -- on all ranks ----------------------------------------------------------------------------------------------
 
 
@@ -139,7 +157,7 @@ def distribute_structure(given: GivenStructure | None, settings: MatrixSettings,
     Collective on ``comm``.  ``given`` on rank 0, None elsewhere; a rank may get no row.
     """
     here = given is not None
-    pairs, dofs, has_damping = comm.bcast((given.pairs, given.dofs, given.C is not None) if here else None)
+    pairs, dofs, loads, has_damping = comm.bcast((given.pairs, given.dofs, given.loads, given.C is not None) if here else None)
     K, M = (_distribute(getattr(given, name, None), comm) for name in "KM")
     C = _distribute(given.C if here else None, comm) if has_damping else None
     part, names = comm.bcast(_connected(given.K) if here else None)
@@ -150,11 +168,12 @@ def distribute_structure(given: GivenStructure | None, settings: MatrixSettings,
         M=M,
         C=C,
         R=_pair_map(dofs, n_dof),
-        loads=_load_map(settings.loads, n_dof),
+        loads=loads,
         outputs=_output_map(settings.outputs, n_dof),
         dof=None,
         parts=part[first:last],
         part_names=names,
+        output_orders=orders_of(settings.outputs),
     ), pairs
 
 
@@ -168,16 +187,11 @@ def _pair_map(dofs: np.ndarray, n_dof: int) -> sp.csr_matrix:
     return R.tocsr()
 
 
-def _load_map(loads: Sequence[Load], n_dof: int) -> sp.csc_matrix:
-    """Return one column a load, its scale at its DOF.  Local."""
-    values = ([load.scale for load in loads], ([load.dof for load in loads], range(len(loads))))
-    return sp.csc_matrix(values, (n_dof, len(loads)), dtype=float)
-
-
 def _output_map(outputs: Sequence[Output], n_dof: int) -> sp.csr_matrix:
-    """Return one row an output.  Local."""
-    values = (np.ones(len(outputs)), (range(len(outputs)), [output.dof for output in outputs]))
-    return sp.csr_matrix(values, (len(outputs), n_dof))
+    """Return one row an output, an empty one of a contact force.  Local."""
+    at = [(i, output.dof) for i, output in enumerate(outputs) if output.dof is not None]
+    rows, dofs = np.array(at, dtype=int).reshape(-1, 2).T
+    return sp.csr_matrix((np.ones(len(at)), (rows, dofs)), (len(outputs), n_dof))
 
 
 def _connected(K: sp.csr_matrix) -> tuple[np.ndarray, tuple[str, ...]]:

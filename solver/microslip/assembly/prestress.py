@@ -13,8 +13,8 @@ from ..mesh.locate import find_node
 from ..mesh.settings import Body, MeshSettings, Statics
 from ..mesh.surface import outward_faces
 from ..parallel.agree import on_root
-from .assemble import element_chunks, petsc_matrix
-from .blocks import BlockSum, expand, node_pattern
+from .assemble import petsc_matrix
+from .blocks import BlockSum, element_chunks, expand, node_pattern
 from .constraints import Constraints, reduced
 from .system import System
 

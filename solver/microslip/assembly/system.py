@@ -27,11 +27,14 @@ class System:
     M: PETSc.Mat  # (n_dof, n_dof) kg
     C: PETSc.Mat | None  # N s/m, where the user gives one; otherwise damping is modal
     R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement, du = R u
-    loads: sp.csc_matrix  # (n_dof, n_loads) load shapes, per unit level [N/N]
-    outputs: sp.csr_matrix  # (n_outputs, n_dof)
+    loads: sp.csc_matrix  # (n_dof, n_loads) real shapes of the loads, one or two each, per unit level [N/N]
+    outputs: sp.csr_matrix  # (n_outputs, n_dof) rows o of the outputs, of displacements
     dof: np.ndarray | None  # (n_nodes, 3) row of each node of Mesh.points, -1 where fixed or dependent; None without a mesh
     parts: np.ndarray | None = None  # (n_dof_owned,) connected part of each owned row, for messages on free bodies
     part_names: tuple[str, ...] = ()  # what to call each part: its bodies
+    output_orders: np.ndarray | None = None  # (n_outputs,) derivatives of o u by time; None: all outputs are displacements
+    output_pairs: np.ndarray | None = None  # (n_outputs, 3 n_pairs) what p adds to contact forces; None: nothing
+    output_base: np.ndarray | None = None  # (n_outputs, n_loads) acceleration of the base along absolute outputs; None: none
     constraints: Constraints | None = None  # what ties and points make follow; None where there are none
 
     @property

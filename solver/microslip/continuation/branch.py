@@ -65,7 +65,7 @@ class Point:
     newton: Annotated[int, number("newton", "1", _NEWTON, "i8")]
     krylov: Annotated[int, Quantity("krylov", "", "1", "GMRES iterations", "i8")]
     friction: Annotated[float, number("friction_J", "J", "friction loss, a cycle")]
-    damping: Annotated[float, number("damping_J", "J", "viscous loss, a cycle")]
+    damping: Annotated[float, number("damping_J", "J", "loss by damping, viscous and structural, a cycle")]
     input: Annotated[float, number("input_J", "J", "work of the loads, a cycle")]
     seconds: Annotated[float, number("seconds", "s", "wall time of the point", digits=4)]
     harmonics: Annotated[int, Quantity("harmonics", "", "1", _HARMONICS, "i8")] = 0

@@ -94,12 +94,18 @@ def apparent_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> flo
 
 
 def damping_loss(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
-    """Return the viscous loss D of eq. (9.1) [J per cycle].  Local."""
-    losses = [
-        np.sum(share.harmonics.numbers**2 * (eta.conj() * share.family.damping.apply(eta)).real)
-        for share, eta in zip(model.shares, model.modal_motion(at.level, at.omega, p))
+    """Return the viscous loss D of eq. (9.1) and the structural one of eq. (13.3), together [J per cycle].  Local."""
+    of_shares = list(zip(model.shares, model.modal_motion(at.level, at.omega, p)))
+    viscous = [_real_product(share.harmonics.numbers**2, eta, share.family.damping.apply(eta)) for share, eta in of_shares]
+    structural = [
+        _real_product(share.harmonics.numbers, eta, share.family.damping.apply_structural(eta)) for share, eta in of_shares
     ]
-    return float(np.pi * at.omega * sum(losses))
+    return float(np.pi * at.omega * sum(viscous)) + float(np.pi * sum(structural))
+
+
+def _real_product(weights: np.ndarray, eta: np.ndarray, forces: np.ndarray) -> float:
+    """Return the sum of the harmonics' weights (n_harmonics,) times Re eta^H forces, (m, n_harmonics) both.  Local."""
+    return np.sum(weights * (eta.conj() * forces).real)
 
 
 def input_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:

@@ -1,10 +1,11 @@
 """Shape functions, quadrature, element stiffness and mass of isotropic solids, element faces.  NumPy only."""
 
-from .faces import CELLS, RINGS, SAMPLES, face_nodal_areas, face_normals, part_integrals, pressure_forces
+from .faces import CELLS, RINGS, SAMPLES, face_nodal_areas, face_normals, face_points, part_integrals, pressure_forces
 from .kinds import FACE_KINDS, KINDS, Kind
 from .nearest import nearest_on_faces
 from .prestress import stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
+from .recovery import nodal_stress, strain_of
 from .solid import jacobian_minimum, mass, stiffness
 
 __all__ = [
@@ -17,12 +18,15 @@ __all__ = [
     "Kind",
     "face_nodal_areas",
     "face_normals",
+    "face_points",
     "jacobian_minimum",
     "mass",
     "nearest_on_faces",
+    "nodal_stress",
     "part_integrals",
     "pressure_forces",
     "stiffness",
+    "strain_of",
     "stress",
     "stress_stiffness",
     "thermal_forces",

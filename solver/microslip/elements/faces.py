@@ -89,14 +89,22 @@ def part_integrals(kind: str, points: np.ndarray, corners: np.ndarray) -> np.nda
     return (size * rule.weights * np.linalg.det(slopes)) @ FACE_KINDS[kind].values(xi)
 
 
-def pressure_forces(kind: str, points: np.ndarray) -> np.ndarray:
-    """Return the nodal forces of a unit pressure that pushes on the faces, (n_faces, n, 3) [N/Pa], consistent with their shapes.
+def pressure_forces(kind: str, points: np.ndarray, pressure: np.ndarray | None = None) -> np.ndarray:
+    """Return the nodal forces of a pressure that pushes on the faces, (n_faces, n, 3) [N], consistent with their shapes.
 
-    Local.  Arguments as in ``face_normals``.  As loads they may be negative at corners.
+    Local.  Arguments as in ``face_normals``.  As loads they may be negative at corners.  ``pressure`` (n_faces, n_q) [Pa] is that
+    at the points of ``face_points``; a unit pressure without it.
     """
     rule = _RULES[kind]
     vectors = _area_vectors(points, FACE_KINDS[kind].derivatives(rule.points))
+    if pressure is not None:
+        vectors = vectors * pressure[:, :, None]
     return -np.einsum("q,qa,fqi->fai", rule.weights, FACE_KINDS[kind].values(rule.points), vectors)
+
+
+def face_points(kind: str, points: np.ndarray) -> np.ndarray:
+    """Return the quadrature points of the faces, (n_faces, n_q, 3) [m].  Local.  Arguments as in ``face_normals``."""
+    return FACE_KINDS[kind].values(_RULES[kind].points) @ points
 
 
 def _area_vectors(points: np.ndarray, slopes: np.ndarray) -> np.ndarray:

@@ -40,5 +40,6 @@ def better_model_of(stuck: StuckStructure, reduction: Reduction, settings: Reduc
     is_solved = reduction.leaves_out == "modes"
     model = reduction.model if is_solved else reduce_structure(stuck, settings)
     key = "modes left out", stuck.modes, settings.damping
-    left_out = stuck.once(key, lambda: sample_modes_left_out(stuck.linearised, stuck.modes, model))
+    eta = 0.0 if settings.damping is None else settings.damping.structural
+    left_out = stuck.once(key, lambda: sample_modes_left_out(stuck.linearised, stuck.modes, model, eta))
     return BetterModel(model, left_out, is_solved)

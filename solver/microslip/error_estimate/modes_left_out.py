@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from ..linear.dense import diagonal_owned, gram, multiply, summed
 from ..receptance.model import ReducedModel
 from ..reduction.build import owned_product
+from .structural_coupling import StructuralCoupling
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
@@ -38,6 +39,9 @@ class ModesLeftOut:
     of_outputs: np.ndarray  # (n_outputs, SAMPLES)
     of_loads: np.ndarray  # (n_loads, SAMPLES)
     direct: np.ndarray  # (n_outputs, n_loads) W between outputs and loads, exactly
+    residual: np.ndarray  # (n_outputs, n_loads) their static flexibility without the modes kept, exactly [m/N]
+    loss_factor: float  # of structural damping; the static part has none
+    coupling: StructuralCoupling | None  # of structural damping with a joint
 
     def gains(self, n_omega: np.ndarray) -> np.ndarray:
         """Return the factor of W in E_n at the frequencies n omega, (n_harmonics,) [1/s2].  Local."""
@@ -59,11 +63,16 @@ class ModesLeftOut:
         gain, first = self.gains(omega * harmonics.numbers), harmonics.columns(1)
         loads, pairs = self.of_loads.T @ f, self.of_pairs.T @ p
         straight = np.zeros((len(felt), SAMPLES, model.N_H))
-        n_out = len(self.of_outputs)
-        straight[:n_out, :, first.start] = straight[n_out:, :, first.start + 1] = self.of_outputs
+        n_out, factors = len(self.of_outputs), np.broadcast_to(model.output_factors(omega), len(self.of_outputs))
+        straight[:n_out, :, first.start] = straight[n_out:, :, first.start + 1] = self.of_outputs * factors[:, None]
         through = _norms(straight, model) * _norms(pairs, model) + _norms(felt, model) * _norms(loads - pairs, model)
         known = (self.direct @ f[:, first]).T.ravel() * gain[list(harmonics.chosen).index(1)]
-        return np.abs(known) + through @ gain
+        if self.loss_factor > 0.0:  # E_n then holds -i eta times the static flexibility, about W times the square of a frequency
+            known = np.abs(known) + self.loss_factor * np.abs(self.residual @ f[:, first]).T.ravel()
+            if self.coupling is not None:
+                known = known + self.coupling.changes(model, level, omega, p)
+            gain = gain + self.loss_factor * self.omega**2 * (harmonics.numbers > 0)
+        return np.tile(factors, 2) * np.abs(known) + through @ gain
 
 
 def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
@@ -73,10 +82,11 @@ def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
     return np.sqrt(np.concatenate([mean, cos + sin], axis=-1))
 
 
-def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedModel) -> ModesLeftOut | None:
+def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedModel, eta: float = 0.0) -> ModesLeftOut | None:
     """Return the samples for the modes beyond ``modes``; None where there are none.
 
-    Collective on the system's communicator: ``SAMPLES`` static solves.  docs/theory.md, eq. (11.3).
+    Collective on the system's communicator: ``SAMPLES`` static solves, with a loss factor ``eta`` as many more as modes.
+    docs/theory.md, eq. (11.3).
     """
     system, n_rows, n_out = linearised.system, linearised.system.R.shape[0], linearised.system.outputs.shape[0]
     if len(modes.omega_n) == 0 or len(modes.omega_n) == system.n_dof:
@@ -104,6 +114,21 @@ def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedMo
         rows[n_rows : n_rows + n_out],
         rows[n_rows + n_out :],
         W[-n_out:, :-n_out],
+        model.out_static - (family.o / family.omega_n**2) @ family.b,
+        eta,
+        structural_coupling(linearised, modes, everything, eta) if eta > 0.0 and n_rows > 0 else None,
+    )
+
+
+def structural_coupling(linearised: Linearised, modes: Modes, everything: sp.csr_matrix, eta: float) -> StructuralCoupling:
+    """Return how a loss factor couples the modes to those beyond.  Collective: as many static solves as modes."""
+    system, phi_owned = linearised.system, modes.phi_owned
+    d_owned = eta * (multiply(linearised.K_L, phi_owned) - multiply(system.K, phi_owned))  # eta R^T K_J R phi
+    Z_owned = beyond_modes(linearised, modes, d_owned)
+    n_rows, n_out = system.R.shape[0], system.outputs.shape[0]
+    seen = owned_product(everything, Z_owned, system)
+    return StructuralCoupling(
+        seen[:n_rows], seen[n_rows : n_rows + n_out], seen[n_rows + n_out :], gram(system.comm, d_owned, Z_owned)
     )
 
 

@@ -11,6 +11,7 @@ from ..assembly.matrices import distribute_structure, read_structure
 from ..assembly.prestress import constant_forces, stiffness_at_rest
 from ..assembly.pretension import pretension
 from ..assembly.system import System
+from ..linear.contact_outputs import with_contact_forces
 from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.pairing import pair_contacts
@@ -29,7 +30,7 @@ from ..statics.bolts import BoltsAtRest
 from ..statics.equilibrium import equilibrium
 from ..statics.flight import which_flies
 from ..statics.rest import at_rest, in_words
-from .settings import matrix_settings, mesh_settings, reduction_settings
+from .settings import matrix_settings, mesh_settings, outputs, reduction_settings
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -71,6 +72,7 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None)
     log = log or RunLog(comm, screen=False)
     mesh, system, pairs, bolts = (from_matrices if scene.model.mesh is None else from_mesh)(scene, comm, log)
     settings = reduction_settings(scene)
+    system = with_contact_forces(system, pairs, outputs(scene))
     log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
     refuse_too_many(settings.modes, system.n_dof, scene.path)
     check_size(settings, system)

@@ -17,12 +17,14 @@ from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
 from .build import Structure
 from .prepare import Prepared
+from .settings import units_of
 
 
 def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
     """Return what a result file says before its levels.  Local; with the user's node numbers on rank 0 only."""
     scene, mesh, curve = prepared.scene, prepared.structure.mesh, prepared.response.curve
     bolts = prepared.structure.bolts
+    units = units_of(scene)
     return ResultFile(
         path="",
         title=scene.title or scene.name,
@@ -36,6 +38,8 @@ def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
         joint=joint_of(prepared.pairs, None if mesh is None else mesh.numbers),
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         bolts=None if bolts is None else Bolts(bolts.names, **{name: getattr(bolts, name) for name in BOLT_UNITS}),
+        units=units.outputs,
+        level_unit=units.level,
     )
 
 

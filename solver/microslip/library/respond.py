@@ -32,7 +32,13 @@ TABLES: dict[str, type[schema.Table]] = {
     "continuation": schema.Continuation,
     "damping": schema.Damping,
 }
-INSTEAD_OF = {"frequencies": ("mode", "span"), "mode": ("frequencies",), "ratio": ("rayleigh",), "rayleigh": ("ratio",)}
+INSTEAD_OF = {
+    "frequencies": ("mode", "span"),
+    "mode": ("frequencies",),
+    "ratio": ("rayleigh", "ratios", "modes"),
+    "ratios": ("rayleigh", "ratio", "modes"),
+    "rayleigh": ("ratio", "ratios", "modes"),
+}
 LAWS_THAT_TAKE = {"friction": (ELASTIC_COULOMB, "rough"), "preload": (ELASTIC_COULOMB,)}  # with the same stuck structure
 
 OfJoints = ArrayLike | Mapping[str, ArrayLike]

@@ -38,6 +38,7 @@ class Curves:
     frequency: np.ndarray  # (n_levels, n) Hz
     coefficients: np.ndarray  # (n_levels, n, N_H) m: mean, cos 1, sin 1, ..., cos H, sin H
     error: np.ndarray | None  # (n_levels, n) m, the error bar of the amplitude; None where it was not estimated
+    unit: str = "m"  # of the output, in place of m where it is another; the levels' is that of the loads
 
     @property
     def amplitude(self) -> np.ndarray:
@@ -80,7 +81,9 @@ class Response:
         head = head_of(self.prepared)
         sizes = len(head.outputs), head.joint.n_pairs, self.prepared.model.recorded.n_coefficients
         levels = (
-            level_result(branch.level, branch.points, sizes, STOPPED if branch.failure else COMPLETE, branch.failure)
+            level_result(
+                branch.level, branch.points, sizes, STOPPED if branch.failure else COMPLETE, branch.failure, head.level_unit
+            )
             for branch in self.branches
         )
         return replace(head, levels=tuple(levels))
@@ -123,7 +126,14 @@ class Response:
             raise CaseError(f"there is no output {output!r}; there are {', '.join(self.outputs)}")
         k, (frequency, response, error) = self.outputs.index(output), map(self.array, ("frequency", "response", "error"))
         assert frequency is not None and response is not None, "every point has them"
-        return Curves(output, self.levels, frequency, response[:, :, k], None if error is None else total(error[:, :, k]))
+        return Curves(
+            output,
+            self.levels,
+            frequency,
+            response[:, :, k],
+            None if error is None else total(error[:, :, k]),
+            self.results.unit_of(k),
+        )
 
     # -- named axes ----------------------------------------------------------------------------------------------------
 

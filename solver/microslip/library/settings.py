@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
 from ..mesh.settings import (
@@ -76,7 +80,7 @@ def reduction_settings(scene: Scene) -> ReductionSettings:
         insists=solver.accuracy is not None,
         harmonics=scene.harmonics,
         loads=loads(scene),
-        damping=None if damping is None else ModalDamping(ratio=damping.ratio, rayleigh=damping.rayleigh),
+        damping=None if damping is None else _damping(damping),
         band=band(scene),
         level=max(scene.response.levels),
         where=str(scene.path),
@@ -110,12 +114,31 @@ def has_error_bars(scene: Scene) -> bool:
 
 def loads(scene: Scene) -> tuple[Load, ...]:
     """Return the loads of a scene.  Local."""
-    return tuple(Load(**dict(load)) for load in scene.loads)
+    return tuple(map(partial(_load, scene), scene.loads))
 
 
 def outputs(scene: Scene) -> tuple[Output, ...]:
     """Return the outputs of a scene.  Local."""
     return tuple(Output(**dict(output)) for output in scene.outputs)
+
+
+@dataclass(frozen=True)
+class Units:
+    """What the numbers of a scene's results count."""
+
+    outputs: tuple[str, ...]
+    level: str  # "1" where loads of several kinds share it
+
+    @property
+    def works(self) -> list[int]:
+        """The outputs whose amplitude times the level is a work."""
+        return [k for k, unit in enumerate(self.outputs) if unit == "m" and self.level == "N"]
+
+
+def units_of(scene: Scene) -> Units:
+    """Return the units of a scene's results.  Local."""
+    of_loads = {load.unit for load in loads(scene)}
+    return Units(tuple(output.unit for output in outputs(scene)), of_loads.pop() if len(of_loads) == 1 else "1")
 
 
 def band(scene: Scene) -> Band:
@@ -144,6 +167,24 @@ def _statics(scene: Scene) -> Statics | None:
         steps=statics.steps,
         stiffens=statics.stress_stiffening,
     )
+
+
+def _damping(damping: schema.Damping) -> ModalDamping:
+    return ModalDamping(
+        ratio=damping.ratio,
+        rayleigh=damping.rayleigh,
+        ratios=damping.ratios or (),
+        of_modes=damping.modes or (),
+        structural=damping.structural or 0.0,
+    )
+
+
+def _load(scene: Scene, load: schema.Load) -> Load:
+    """Return a load, with the axis that an engine order turns about and the file of its forces."""
+    kept: dict[str, Any] = {**dict(load), "forces": None if load.forces is None else scene.folder / load.forces}
+    if load.engine_order is not None:
+        kept |= {"axis": scene.model.axis, "axis_point": scene.model.axis_point}
+    return Load(**kept)
 
 
 def _body(body: schema.Body, material: schema.Material) -> Body:

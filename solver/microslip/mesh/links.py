@@ -70,7 +70,7 @@ def find_links(mesh: Mesh, settings: MeshSettings) -> Links:
     return Links(dependent[order], weights, settings.points, len(mesh.points), joined, notes)
 
 
-def places_of(mesh: Mesh, links: Links, entry, where: str) -> np.ndarray:
+def places_of(mesh: Mesh, links: Links | None, entry, where: str) -> np.ndarray:
     """Return the nodes, or the place of the point, that a support, a load or an output names, (n,).  Local, rank 0.
 
     Raises
@@ -78,6 +78,7 @@ def places_of(mesh: Mesh, links: Links, entry, where: str) -> np.ndarray:
     MeshError, CaseError : no such node
     """
     if entry.point is not None:
+        assert links is not None, "a scene with points"
         turns = getattr(entry, "moment", None) or getattr(entry, "rotation", None)
         return np.array([links.place_of(entry.point, turns=turns is not None)])
     keys = ("position", "node", "group")

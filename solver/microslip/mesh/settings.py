@@ -11,6 +11,7 @@ import numpy as np
 
 Vector = tuple[float, float, float]
 GEOMETRY = "geometry"  # the gap of a joint: what the mesh has
+UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2", "stress": "Pa", "strain": "1", "contact_force": "N"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +94,10 @@ class Joint:
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """A force that every level multiplies, at nodes of a mesh or at a DOF of matrices."""
+    """What every level multiplies: a force at nodes of a mesh or at a DOF of matrices, a pressure, forces from a file.
+
+    A load whose phase varies over the structure is two real shapes, a quarter of a cycle apart: docs/theory.md, section 13.
+    """
 
     position: Vector | None = None  # m
     node: int | None = None
@@ -103,13 +107,33 @@ class Load:
     moment: Vector | None = None  # at a point, in place of the direction
     dof: int | None = None
     scale: float = 1.0  # of a load on a dof
+    pressure: float | None = None  # Pa, on a group of faces
+    travelling: Vector | None = None  # rad/m: how the phase of the pressure changes along x, y, z
+    engine_order: int | None = None  # how often it turns once about the axis
+    axis: Vector = (0.0, 0.0, 1.0)  # direction of that axis
+    axis_point: Vector = (0.0, 0.0, 0.0)  # m
+    forces: Path | None = None  # a CSV file of forces
+    base_acceleration: Vector | None = None  # m/s2, of the supports
     harmonic: int = 1
     phase: float = 0.0  # rad
+
+    @property
+    def phases(self) -> tuple[float, ...]:
+        """The phase of each of its real shapes [rad]: of the real part and, where there may be one, of the imaginary part."""
+        varies = self.travelling is not None or self.engine_order is not None or self.forces is not None
+        return (self.phase, self.phase + 0.5 * np.pi) if varies else (self.phase,)
+
+    @property
+    def unit(self) -> str:
+        """What a level of this load counts; "1" where the load itself has a unit."""
+        if self.base_acceleration is not None:
+            return "m/s2"
+        return "1" if self.pressure is not None or self.forces is not None else "N"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """The displacement of a node or point along a direction, the rotation of a point, or the displacement of a DOF."""
+    """The displacement of a node or point, or of a DOF; a rotation; derivatives of them; stress, strain; a contact force."""
 
     name: str
     position: Vector | None = None  # m
@@ -118,6 +142,20 @@ class Output:
     direction: Vector | None = None
     rotation: Vector | None = None  # of a point about this direction, in place of a displacement
     dof: int | None = None
+    quantity: str = "displacement"  # a key of UNITS
+    component: str | None = None  # of stress and strain "xx", ..., "zx"; "normal" of a contact force
+    body: str | None = None  # whose stress
+    joint: str | None = None  # whose contact force
+    absolute: bool = False  # with the motion of the base
+
+    @property
+    def unit(self) -> str:
+        return UNITS[self.quantity] if self.rotation is None else UNITS[self.quantity].replace("m", "rad")
+
+    @property
+    def order(self) -> int:
+        """How often it is the derivative of a displacement by time."""
+        return ("velocity", "acceleration").index(self.quantity) + 1 if self.quantity in ("velocity", "acceleration") else 0
 
 
 @dataclass(frozen=True, kw_only=True)

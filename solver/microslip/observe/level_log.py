@@ -28,8 +28,9 @@ class LevelLog:
     def level_started(self, number: int, level: float, where: str) -> None:
         """Announce a level and its range."""
         self._levels[number], self._mixed = level, bool(where)
+        size = f"{self.shown.name}_{self.shown.unit}"
         columns = (
-            f"{'point':>7} {'frequency_Hz':>12} {self.shown.name + '_m':>12} {'slip':>5} {'open':>5} {'unknowns':>8} "
+            f"{'point':>7} {'frequency_Hz':>12} {size:>12} {'slip':>5} {'open':>5} {'unknowns':>8} "
             f"{'newton':>6} {'gmres':>5} {'seconds':>8}"
         )
         head = f"{self._name(number)}, {self.start:.6g} to {self.stop:.6g} Hz" + (f", on {where}" if where else "")
@@ -44,7 +45,7 @@ class LevelLog:
             f"{self._of(f'{self._levels[number]:.6g}')}{i:>7} {frequency:>12.8g} {size:>12.5e} {n_slip:>5} {n_open:>5} "
             f"{point.unknowns:>8} {point.newton:>6} {point.krylov:>5} {point.seconds:>8.4f}"
         )
-        self.log.screen.advance(self._name(number), frequency, size, n_slip + n_open, i + 1)
+        self.log.screen.advance(self._name(number), frequency, size, n_slip + n_open, i + 1, self.shown.unit)
 
     def level_finished(self, number: int, branch: Branch) -> None:
         """Sum up a level: its peak, or why it ended early."""
@@ -56,7 +57,7 @@ class LevelLog:
         self.log.note(text, on_screen=not self.log.screen.interactive)
 
     def _name(self, number: int) -> str:
-        return f"level {number + 1} of {self.n_levels}: {self._levels[number]:g} N"
+        return f"level {number + 1} of {self.n_levels}: {self._levels[number]:g} {self.shown.level_unit}".removesuffix(" 1")
 
     def _of(self, level: str) -> str:
         """Return the first column of a line where levels come mixed."""
@@ -71,11 +72,11 @@ def summary(branch: Branch, shown: Shown) -> str:
     top = max(points, key=lambda point: abs(shown.of(point.response[0])))
     largest = shown.of(top.response[0])
     _, n_slip, n_open = counts(top.state)
-    per_newton = f" ({largest / level:.4e} m/N)" if level else ""
+    per_newton = f" ({largest / level:.4e} {shown.unit}{shown.per_level})" if level else ""
     number = "one point" if shown.is_static else f"{len(points)} points"
     where = "at every frequency" if shown.is_static else f"at {top.omega / 2.0 / np.pi:.7g} Hz"
     return (
-        f"{number} in {sum(point.seconds for point in points):.3g} s; {shown.largest} {largest:.4e} m{per_newton} "
+        f"{number} in {sum(point.seconds for point in points):.3g} s; {shown.largest} {largest:.4e} {shown.unit}{per_newton} "
         f"{where}, {n_slip} of {len(top.state)} pairs slip, {n_open} open"
     )
 

@@ -45,6 +45,11 @@ def not_computed(prepared: Prepared, branches: list[Branch], known: np.ndarray |
         lines.append(f"even harmonics at {_newtons(odd)}: by the symmetry of the scene they vanish")
     if scene.damping is not None:
         lines.append("damping matrix: [damping] gives that of each mode")
+        named = max([len(scene.damping.ratios or ()), *(mode for mode, _ in scene.damping.modes or ())])
+        if named > len(omega_n):
+            lines.append(
+                f"damping of modes {len(omega_n) + 1} to {named}: {len(omega_n)} modes are kept, of the others their statics"
+            )
     if not scene.solver.error_bars:
         lines.append("error bars: [solver] asks for none")
     elif is_static:

@@ -66,7 +66,7 @@ class Screen:
         if not self._bars:
             self.clear()
 
-    def advance(self, name: str, frequency: float, amplitude: float, n_moving: int, n_points: int) -> None:
+    def advance(self, name: str, frequency: float, amplitude: float, n_moving: int, n_points: int, unit: str = "m") -> None:
         """Move a bar to a converged point."""
         if name not in self._bars:
             return
@@ -75,7 +75,7 @@ class Screen:
         self._moving.update(
             task,
             completed=min(max(share, 0.0), 1.0),
-            at=f"{frequency:.5g} Hz  {amplitude:.3e} m  {n_moving} slip  {n_points} points",
+            at=f"{frequency:.5g} Hz  {amplitude:.3e} {unit}  {n_moving} slip  {n_points} points",
         )
 
     def clear(self) -> None:

@@ -16,9 +16,16 @@ from ..fourier.amplitudes import to_complex, to_real
 
 @dataclass(frozen=True, eq=False)
 class Damping:
-    """phi^T C phi of M-normalised modes [1/s]."""
+    """phi^T C phi of M-normalised modes [1/s], and of structural damping eta phi^T K phi [1/s2]."""
 
     C: np.ndarray  # (m,) 2 zeta omega_n of modal damping, or the full, symmetric (m, m)
+    S: np.ndarray | None = None  # of the same shape; None: no structural damping
+
+    def __post_init__(self):
+        if self.S is not None and self.S.ndim != self.C.ndim:
+            for name in ("C", "S"):
+                values = getattr(self, name)
+                object.__setattr__(self, name, values if values.ndim == 2 else np.diag(values))
 
     @property
     def couples_modes(self) -> bool:
@@ -34,13 +41,26 @@ class Damping:
         """2 zeta omega_n, (m,) [1/s]."""
         return np.diag(self.C) if self.couples_modes else self.C
 
+    @property
+    def structural_diagonal(self) -> np.ndarray:
+        """eta omega_n^2 where all stiffness is that of the bodies, (m,) [1/s2]."""
+        if self.S is None:
+            return np.zeros(len(self.C))
+        return np.diag(self.S) if self.couples_modes else self.S
+
     def plus(self, sigma: float) -> Damping:
         """Return it with sigma M [1/s] added to the damping matrix, docs/theory.md, eq. (7.3)."""
-        return Damping(self.C + (sigma * np.eye(len(self.C)) if self.couples_modes else sigma))
+        return Damping(self.C + (sigma * np.eye(len(self.C)) if self.couples_modes else sigma), self.S)
 
     def apply(self, eta: np.ndarray) -> np.ndarray:
         """Return phi^T C phi eta, (m, n) both."""
         return self.C @ eta if self.couples_modes else self.C[:, None] * eta
+
+    def apply_structural(self, eta: np.ndarray) -> np.ndarray:
+        """Return the structural damping times eta, (m, n) both."""
+        if self.S is None:
+            return np.zeros_like(eta)
+        return self.S @ eta if self.couples_modes else self.S[:, None] * eta
 
     def apply_to_rows(self, v: np.ndarray) -> np.ndarray:
         """Return the same of modal velocities in rows, (..., m) both."""
@@ -95,7 +115,7 @@ class Flexibility:
 class DynamicFlexibility(Flexibility):
     """c_n = D_n^-1 - Omega^-2 [s2] at one frequency, D_n = Omega^2 - (n omega)^2 + i n omega phi^T C phi.
 
-    docs/theory.md, eq. (4.1).
+    docs/theory.md, eq. (4.1).  Structural damping adds i eta phi^T K phi to D_n of the harmonics above the mean, eq. (13.2).
 
     Parameters
     ----------
@@ -108,13 +128,18 @@ class DynamicFlexibility(Flexibility):
         self.damping, self.n, self.n_omega, self.squares = damping, n, n * omega, omega_n**2
         if damping.couples_modes:
             stiffness = np.diag(self.squares) - self.n_omega[:, None, None] ** 2 * np.eye(len(omega_n))
-            self.inverse = np.linalg.inv(stiffness + 1j * self.n_omega[:, None, None] * damping.C)
+            resistance = 1j * self.n_omega[:, None, None] * damping.C
+            if damping.S is not None:
+                resistance = resistance + 1j * (n > 0)[:, None, None] * damping.S
+            self.inverse = np.linalg.inv(stiffness + resistance)
             super().__init__(self.inverse - np.diag(1.0 / self.squares))
         else:
-            w2, i_C = self.squares[:, None], 1j * damping.C[:, None]
-            self.D = w2 - self.n_omega**2 + i_C * self.n_omega
+            w2, resistance = self.squares[:, None], 1j * damping.C[:, None] * self.n_omega
+            if damping.S is not None:
+                resistance = resistance + 1j * damping.S[:, None] * (n > 0)
+            self.D = w2 - self.n_omega**2 + resistance
             # 1 / D - 1 / w2 without cancellation far below the mode
-            super().__init__((self.n_omega**2 - i_C * self.n_omega) / (w2 * self.D))
+            super().__init__((self.n_omega**2 - resistance) / (w2 * self.D))
 
     def rate(self, d_omega: float = 1.0, d_sigma: float = 0.0) -> Flexibility:
         """Return the rate of c_n while omega changes at ``d_omega`` and a damping sigma M, 0 here, at ``d_sigma``."""

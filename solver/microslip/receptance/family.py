@@ -29,8 +29,18 @@ class ModalFamily:
 
     @property
     def zeta(self) -> np.ndarray:
-        """Damping ratios, (m,) [-]; of a full damping its diagonal."""
+        """Damping ratios at resonance, (m,) [-]; of a full damping its diagonal, of structural damping half the loss factor."""
+        return self.viscous_ratio if self.damping.S is None else self.viscous_ratio + 0.5 * self.loss_factor
+
+    @property
+    def viscous_ratio(self) -> np.ndarray:
+        """Ratios of viscous damping, (m,) [-]."""
         return self.damping.diagonal / (2.0 * self.omega_n)
+
+    @property
+    def loss_factor(self) -> np.ndarray:
+        """Loss factors of structural damping, (m,) [-]."""
+        return self.damping.structural_diagonal / self.omega_n**2
 
     def with_damping(self, sigma: float) -> ModalFamily:
         """Return the same modes with sigma M [1/s] added to the damping matrix.  Local."""

@@ -23,6 +23,7 @@ from ..fourier.harmonics import Harmonics
 from ..parallel.errors import CaseError
 from .damping import DynamicFlexibility, Flexibility
 from .family import ModalFamily, Share, shared_out
+from .observed import Observed
 from .static_columns import StaticColumns
 
 
@@ -44,6 +45,7 @@ class ReducedModel:
     f: np.ndarray  # (n_loads, N_H) Fourier coefficients of the loads at unit level
     harmonics: Harmonics  # those of every motion and force, in whose order coefficients run
     H_recorded: int = 1  # results have the harmonics 0 to this one at least
+    observed: Observed | None = None  # what makes outputs of their rows; None: they are displacements
 
     @property
     def n_pairs(self) -> int:
@@ -138,10 +140,11 @@ class ReducedModel:
         return next((k, s.harmonics.chosen.index(n)) for k, s in enumerate(self.shares) if n in s.harmonics)
 
     def output_receptance(self, omega: float, n: int) -> np.ndarray:
-        """Return A_n between the outputs and the pairs, (n_outputs, 3 n_pairs), complex [m/N].  Local."""
+        """Return A_n between the outputs and the pairs, (n_outputs, 3 n_pairs), complex [unit of the output/N].  Local."""
         k, i = self.index_of(n)
         family = self.shares[k].family
-        return self.out_R + self.flexibilities(omega)[k].between(family.o, i, family.R_phi)
+        A = self.out_R + self.flexibilities(omega)[k].between(family.o, i, family.R_phi)
+        return A if self.observed is None else self.observed.of_forces(A, n * omega)
 
     # -- motions under the loads at a level and contact forces p (3 n_pairs, N_H), all replicated -------------------
 
@@ -163,9 +166,14 @@ class ReducedModel:
         return self._moved(lambda family: family.R_phi[self.owned_rows], rates, self.modal_forces(level))
 
     def output_motion(self, level: float, omega: float, p: np.ndarray) -> np.ndarray:
-        """Return the coefficients of the outputs, (n_outputs, N_H) [m].  Local."""
+        """Return the coefficients of the outputs, (n_outputs, N_H), in their units.  Local."""
         dynamic = self._moved(lambda family: family.o, self.flexibilities(omega), self.modal_forces(level, p))
-        return self.out_static @ (level * self.f) - self.out_R @ p + dynamic
+        u = self.out_static @ (level * self.f) - self.out_R @ p + dynamic
+        return u if self.observed is None else self.observed.motion(u, p, level * self.f, self.harmonics, omega)
+
+    def output_factors(self, n_omega: float) -> np.ndarray | float:
+        """Return what the rows of the outputs are multiplied by at n omega, in size: 1 of displacements, (n_outputs,).  Local."""
+        return 1.0 if self.observed is None else self.observed.factors(n_omega)
 
     def load_motion(self, level: float, omega: float, p: np.ndarray) -> np.ndarray:
         """Return the coefficients of f^T u, the motion along each load, (n_loads, N_H) [m].  Local."""

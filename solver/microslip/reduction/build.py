@@ -16,6 +16,7 @@ from ..parallel.errors import CaseError
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
+from ..receptance.observed import Observed
 from .settings import ModalDamping, ReductionSettings
 from .stuck import StuckStructure, seen_rows
 
@@ -29,11 +30,19 @@ _ROUNDING = 1e-9  # negative eigenvalue of phi^T C phi over the largest that cou
 
 def modal_damping(damping: ModalDamping, omega_n: np.ndarray) -> np.ndarray:
     """Return phi^T C phi, (n_phi,) [1/s]: 2 zeta omega_n, or alpha + beta omega_n^2 of C = alpha M + beta K_L.  Local."""
-    if damping.ratio is not None:
-        return 2.0 * damping.ratio * omega_n
-    assert damping.rayleigh is not None, "damping is stated in one of two ways"
+    if damping.rayleigh is None:
+        return 2.0 * damping.ratios_of(len(omega_n)) * omega_n
     alpha, beta = damping.rayleigh
     return alpha + beta * omega_n**2
+
+
+def structural_damping(K: PETSc.Mat, phi_owned: np.ndarray, eta: float, comm: MPI.Comm) -> np.ndarray:
+    """Return eta phi^T K phi [1/s2], K without the springs of the joints: diagonal where nothing couples the modes, else full.
+
+    Collective: one sum.  docs/theory.md, eq. (13.2).
+    """
+    modal = gram(comm, phi_owned, multiply(K, phi_owned))
+    return eta * _diagonal_if_possible(0.5 * (modal + modal.T))
 
 
 def projected_damping(C: PETSc.Mat, phi_owned: np.ndarray, comm: MPI.Comm) -> np.ndarray:
@@ -53,19 +62,25 @@ def projected_damping(C: PETSc.Mat, phi_owned: np.ndarray, comm: MPI.Comm) -> np
             f"[model] damping: z^T C z = {least:.3g} z^T M z 1/s for some motion z (of others up to {most:.3g}): "
             "the damping matrix feeds energy in, so that no vibration is steady; it must not be negative"
         )
+    return _diagonal_if_possible(modal)
+
+
+def _diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
+    """Return the diagonal (m,) of a symmetric matrix (m, m) that couples no modes; else itself.  Local."""
     size = np.sqrt(np.abs(np.diag(modal)))
     is_coupled = np.abs(modal - np.diag(np.diag(modal))) > _COUPLES * np.outer(size, size)
     return modal if is_coupled.any() else np.diag(modal).copy()
 
 
 def load_coefficients(loads: Sequence[Load], harmonics: Harmonics) -> np.ndarray:
-    """Return the Fourier coefficients of the loads at unit level, (n_loads, N_H): cos(n omega t + phase).  Local."""
-    f = np.zeros((len(loads), harmonics.n_coefficients))
-    for row, load in zip(f, loads):
-        if load.harmonic not in harmonics:
-            raise CaseError(f"[[loads]] acts in harmonic {load.harmonic}, which is not one of the harmonics {harmonics}")
-        cos_sin = np.array([np.cos(load.phase), -np.sin(load.phase)])
-        row[harmonics.columns(load.harmonic)] = cos_sin[:1] if load.harmonic == 0 else cos_sin
+    """Return the Fourier coefficients of the loads' shapes at unit level, (n_loads, N_H): cos(n omega t + phase).  Local."""
+    shapes = [(load.harmonic, phase) for load in loads for phase in load.phases]
+    f = np.zeros((len(shapes), harmonics.n_coefficients))
+    for row, (harmonic, phase) in zip(f, shapes):
+        if harmonic not in harmonics:
+            raise CaseError(f"[[loads]] acts in harmonic {harmonic}, which is not one of the harmonics {harmonics}")
+        cos_sin = np.array([np.cos(phase), -np.sin(phase)])
+        row[harmonics.columns(harmonic)] = cos_sin[:1] if harmonic == 0 else cos_sin
     return f
 
 
@@ -80,16 +95,31 @@ def reduce_structure(stuck: StuckStructure, settings: ReductionSettings) -> Redu
         families=(modal_family(system, modes.omega_n, modes.phi_owned, settings.damping),),
         f=load_coefficients(settings.loads, harmonics),
         harmonics=harmonics,
+        observed=observed(system),
         **vars(stuck.statics),
     )
 
 
+def observed(system: System) -> Observed | None:
+    """Return what makes outputs of their rows; None where all are displacements.  Local."""
+    parts = system.output_orders, system.output_pairs, system.output_base
+    if all(part is None for part in parts):
+        return None
+    n_outputs, (n_rows, n_loads) = system.outputs.shape[0], (system.R.shape[0], system.loads.shape[1])
+    empty = np.zeros(n_outputs, dtype=int), np.zeros((n_outputs, n_rows)), np.zeros((n_outputs, n_loads))
+    return Observed(*(none if part is None else part for part, none in zip(parts, empty)))
+
+
 def modal_family(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, damping: ModalDamping | None) -> ModalFamily:
-    """Return what pairs, loads and outputs see of modes, and their damping.  Collective: one sum, with the user's C another."""
+    """Return what pairs, loads and outputs see of modes, and their damping.  Collective: one sum, with the user's C or
+    structural damping another.
+    """
     participation = owned_product(seen_rows(system), phi_owned, system)
     R_phi, o, b_T = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
     C = projected_damping(system.C, phi_owned, system.comm) if damping is None else modal_damping(damping, omega_n)
-    return ModalFamily(omega_n, Damping(C), R_phi, b_T.T.copy(), o)
+    eta = 0.0 if damping is None else damping.structural
+    S = structural_damping(system.K, phi_owned, eta, system.comm) if eta > 0.0 else None
+    return ModalFamily(omega_n, Damping(C, S), R_phi, b_T.T.copy(), o)
 
 
 def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system: System) -> np.ndarray:

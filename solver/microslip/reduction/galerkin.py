@@ -26,7 +26,7 @@ from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
 from ..receptance.model import ReducedModel
 from ..receptance.static_columns import StaticColumns
-from .build import load_coefficients, modal_family
+from .build import load_coefficients, modal_family, observed
 from .reduction import Reduction
 from .selection import AllPairs
 from .settings import ReductionSettings
@@ -118,6 +118,7 @@ def model_of_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, s
         load_static=(b.T * flexibility) @ b,
         f=load_coefficients(settings.loads, harmonics),
         harmonics=harmonics,
+        observed=observed(system),
     )
 
 

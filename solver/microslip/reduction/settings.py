@@ -4,16 +4,33 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..mesh.settings import Load
 from ..modes.band import Band
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModalDamping:
-    """Of every mode of the stuck structure the same ratio, or Rayleigh's alpha M + beta K_L."""
+    """Of the modes of the stuck structure their ratios, or Rayleigh's alpha M + beta K_L; of the bodies a loss factor beside it.
 
-    ratio: float | None = None
+    Without ``ratio`` the modes beyond the list of ``ratios`` have the last of it.
+    """
+
+    ratio: float | None = None  # of all modes that have none of their own
     rayleigh: tuple[float, float] | None = None  # 1/s, s
+    ratios: tuple[float, ...] = ()  # of modes 1, 2, ...
+    of_modes: tuple[tuple[int, float], ...] = ()  # number of a mode from 1, its ratio
+    structural: float = 0.0  # loss factor eta of K, without the springs of the joints
+
+    def ratios_of(self, n_modes: int) -> np.ndarray:
+        """Return the damping ratios of modes 1 to ``n_modes``, (n_modes,) [-]."""
+        last = self.ratios[-1] if self.ratios else 0.0
+        found = np.full(n_modes, last if self.ratio is None else self.ratio)
+        found[: len(self.ratios)] = self.ratios[:n_modes]
+        for mode, ratio in self.of_modes:
+            found[mode - 1 : mode] = ratio
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,7 +51,7 @@ class Resonance:
 
     omega: float
     p: np.ndarray  # of R^T p
-    drag: np.ndarray  # of n omega C u: a full damping matrix couples the modes left out to the motion
+    drag: np.ndarray  # of n omega C u, or eta K u: a full damping matrix couples the modes left out to the motion
     pairs: np.ndarray  # (n, n_outputs) of the motion of the pairs that an output feels
     drag_adjoint: np.ndarray  # (n, n_outputs)
 
@@ -77,11 +77,12 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     of_load = {h: residual_norms(stuck, _load(system, model, h)[first:last])[:, 0] for h in loaded}
     of_output = residual_norms(stuck, system.outputs.T.tocsr()[first:last].toarray())
     for h in loaded:
-        error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks
+        peaks_u = peaks / model.output_factors(h * high)  # of the rows of the outputs, where velocities and the like count most
+        error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks_u
         direct = np.maximum(direct, error.max(axis=1))
         for omega in comm.bcast(resonances(model, law, omegas)) if model.n_pairs or family.damping.couples_modes else ():
-            at = resonance(stuck, model, omega, h, settings.level)
-            error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks
+            at = resonance(stuck, model, omega, h, settings)
+            error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks_u
             joint = np.maximum(joint, error.max(axis=1))
     direct[-1] = np.inf  # the first mode left out is not known
     return LeftOut(direct, joint)
@@ -119,9 +120,11 @@ def gains(family: ModalFamily, n_omega: float) -> np.ndarray:
 
     omega_k^2 |c_k| = |s^2 - 2i zeta s| / |1 - s^2 + 2i zeta s| with s = n omega / omega_k: below the first mode left out its
     parts are largest for that mode or for the most damped one; above, the height of the least damped resonance counts.
+    Structural damping adds the loss factor to 2 zeta s.
     """
     first, zeta = np.append(family.omega_n[1:], np.inf), _of_left_out(family.zeta, np.minimum)
-    s, damped = n_omega / first, 2.0 * n_omega * _of_left_out(family.zeta / family.omega_n, np.maximum)
+    s, damped = n_omega / first, 2.0 * n_omega * _of_left_out(family.viscous_ratio / family.omega_n, np.maximum)
+    damped = damped + _of_left_out(family.loss_factor, np.maximum)
     with np.errstate(divide="ignore", invalid="ignore"):
         below = np.hypot(s**2, damped) / np.abs(1.0 - s**2 + 2j * zeta * s)
         at_resonance = 1.1 * np.sqrt(1.0 + 4.0 * zeta**2) / (2.0 * zeta) + damped
@@ -168,10 +171,11 @@ def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]
     return [float(omega) for omega in np.union1d(omegas[highest], omegas[-1:])]
 
 
-def resonance(stuck: StuckStructure, model: ReducedModel, omega: float, h: int, level: float) -> Resonance:
+def resonance(stuck: StuckStructure, model: ReducedModel, omega: float, h: int, settings: ReductionSettings) -> Resonance:
     """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective: static solves."""
     system, law, n_out = stuck.linearised.system, stuck.pairs.law, model.n_outputs
     first, last = system.K.getOwnershipRange()
+    level, eta = settings.level, 0.0 if settings.damping is None else settings.damping.structural
     family, (c,), i = model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
     U = to_complex(model.linear_motion_of_all(level, omega))
     U_adjoint = model.out_R.T + c.between(family.R_phi, i, family.o)  # (3 n_pairs, n_outputs)
@@ -183,7 +187,7 @@ def resonance(stuck: StuckStructure, model: ReducedModel, omega: float, h: int, 
     if family.damping.couples_modes:
         z = c.whole(np.column_stack([level * family.b @ to_complex(model.f)[:, i], family.o.T]), i)
         u_owned = stuck.modes.phi_owned @ np.concatenate([z.real, z.imag], axis=1)
-        Cu_owned = h * omega * multiply(system.C, u_owned)
+        Cu_owned = h * omega * multiply(system.C, u_owned) if system.C is not None else eta * multiply(system.K, u_owned)
         drags = residual_norms(stuck, Cu_owned[:, : n_out + 1] + 1j * Cu_owned[:, n_out + 1 :])
     return Resonance(omega, norms[:, 0], drags[:, 0], norms[:, 1:], drags[:, 1:])
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..continuation.branch import Branch
@@ -25,17 +27,22 @@ def closure(work: np.ndarray, damping: np.ndarray, friction: np.ndarray, most_wo
     return np.divide(gap, scale, out=np.zeros_like(gap), where=gap > 0.0)
 
 
-def energy_closure(branch: Branch) -> np.ndarray:
-    """Return the closure of the energy balance at each point of a branch, (n_points,) [-].  Local, on rank 0."""
+def energy_closure(branch: Branch, works: Sequence[int] | None = None) -> np.ndarray:
+    """Return the closure of the energy balance at each point of a branch, (n_points,) [-].  Local, on rank 0.
+
+    ``works`` are the outputs whose amplitude times the level is a work; all unless given.
+    """
     work, damping, friction = (
         np.array([getattr(point, name) for point in branch.points], dtype=float) for name in ("input", "damping", "friction")
     )
-    largest = np.array([amplitude(point.response).max(initial=0.0) for point in branch.points])
+    largest = np.array(
+        [amplitude(point.response[slice(None) if works is None else works]).max(initial=0.0) for point in branch.points]
+    )
     return closure(work, damping, friction, np.pi * branch.level * largest)
 
 
-def audit_text(branches: list[Branch]) -> str:
-    """Return the audit of all levels as a small table for the log.  Local, on rank 0."""
+def audit_text(branches: list[Branch], works: Sequence[int] | None = None) -> str:
+    """Return the audit of all levels as a small table for the log; ``works`` as above.  Local, on rank 0."""
     bounds = sorted({branch.closes_to for branch in branches}) or [BOUND]
     said = " to ".join(f"{bound:.0e}" for bound in {bounds[0], bounds[-1]})
     lines = [
@@ -46,7 +53,7 @@ def audit_text(branches: list[Branch]) -> str:
         if not branch.points:
             lines.append(f"  {branch.level:>10.6g} {'no point':>15}")
             continue
-        closures = energy_closure(branch)
+        closures = energy_closure(branch, works)
         worst = branch.points[int(np.argmax(closures))]
         top = max(branch.points, key=lambda point: amplitude(point.response[0]))
         lines.append(

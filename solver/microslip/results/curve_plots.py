@@ -51,7 +51,8 @@ def draw_response(results: ResultFile, out_dir: str) -> list[str]:
         handles = _level_handles(drawn, results.linear is not None, peaks=True)
         if any(level.error is not None for level in results.levels):
             handles.append(Patch(facecolor=FAINT, alpha=_BAND, lw=0.0, label="error bar"))
-        says = "response, harmonic 1: amplitude, and amplitude per newton of load"
+        unit_of_load = "newton of load" if results.level_unit == "N" else "unit of the level"
+        says = f"response, harmonic 1: amplitude, and amplitude per {unit_of_load}"
         page = Page(results, says, WIDTH, 0.35 + 2.35 * n_rows, handles)
         axes = page.grid(n_rows, 2).subplots(sharex=True, squeeze=False)
         for (k, name), row in zip(outputs, axes):
@@ -68,20 +69,21 @@ def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> None:
     """Draw output k into two axes."""
     curves = [amplitude(level.response[:, k]) for level, _ in drawn]
     per_newton = [a / abs(level.level) if level.level else np.full_like(a, np.nan) for a, (level, _) in zip(curves, drawn)]
-    for ax, values, unit in ((row[0], curves, "m"), (row[1], per_newton, "m/N")):
-        linear = [amplitude(results.linear.response[:, k])] if results.linear and unit == "m/N" else []
+    own, per_level = results.unit_of(k), {"N": "/N", "1": ""}.get(results.level_unit, f"/({results.level_unit})")
+    for ax, values, unit, is_linear in ((row[0], curves, own, False), (row[1], per_newton, own + per_level, True)):
+        linear = [amplitude(results.linear.response[:, k])] if results.linear and is_linear else []
         factor, unit_name = with_prefix(_joined([*values, *linear]), unit)
         if results.linear and linear:
             ax.plot(results.linear.frequency, factor * linear[0], zorder=1.5, **LINEAR)
         for a, (level, colour) in zip(values, drawn):
-            share = 1.0 / abs(level.level or 1.0) if unit == "m/N" else 1.0
+            share = 1.0 / abs(level.level or 1.0) if is_linear else 1.0
             _band(ax, level, k, factor * a, factor * share, colour)
             _curve(ax, level, factor * a, colour)
             top = peak(level.response, k)
             if top is not None:
                 ax.plot(level.frequency[top], factor * a[top], "o", ms=4.0, mfc="white", mec=colour, mew=1.1, zorder=4)
         ax.set_ylabel(f"{plain(name, 24) + ', ' if name else ''}amplitude [{unit_name}]")
-        _choose_scale(ax, [factor * a for a in (*values, *linear)], compare=unit == "m")
+        _choose_scale(ax, [factor * a for a in (*values, *linear)], compare=not is_linear)
 
 
 def draw_states(results: ResultFile, out_dir: str) -> list[str]:
@@ -145,9 +147,9 @@ def _draw_closure(ax, results: ResultFile) -> None:
     """Draw the closure of all levels."""
     ax.set_yscale("log")
     drawn = [(level, colour) for level, colour in _with_colours(results) if len(level.frequency)]
-    lowest = BOUND
+    lowest, works = BOUND, [k for k in range(len(results.outputs)) if (results.unit_of(k), results.level_unit) == ("m", "N")]
     for level, colour in drawn:
-        most_work = np.pi * level.level * amplitude(level.response).max(axis=1, initial=0.0)
+        most_work = np.pi * level.level * amplitude(level.response[:, works]).max(axis=1, initial=0.0)
         gap = np.maximum(closure(level.input, level.damping, level.friction, most_work), 1e-16)
         _curve(ax, level, gap, colour)
         lowest = min(lowest, gap.min(initial=lowest))
@@ -155,7 +157,10 @@ def _draw_closure(ax, results: ResultFile) -> None:
     ax.set_ylim(0.3 * lowest, max(ax.get_ylim()[1], 10.0 * BOUND))
     ax.set_title("closure, all levels", loc="left")
     if len(drawn) > 1:
-        named = [Line2D([], [], color=colour, lw=1.5, label=f"{level.level:g} N") for level, colour in some(drawn, 7)]
+        named = [
+            Line2D([], [], color=colour, lw=1.5, label=f"{level.level:g} {level.unit}".removesuffix(" 1"))
+            for level, colour in some(drawn, 7)
+        ]
         ax.legend(
             handles=named, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=len(named), borderaxespad=0.2, columnspacing=1.2
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,9 +16,16 @@ class Shown:
     """What is told of an output where there is room for one number."""
 
     name: str
-    of: Callable[[np.ndarray], np.ndarray]  # of its coefficients, (..., N_H) m
+    of: Callable[[np.ndarray], np.ndarray]  # of its coefficients, (..., N_H)
     largest: str  # what its largest on a curve is called
     is_static: bool = False  # the same at every frequency: one point stands for all
+    unit: str = "m"  # of the output
+    level_unit: str = "N"
+
+    @property
+    def per_level(self) -> str:
+        """What follows a unit that is per unit of the level."""
+        return "" if self.level_unit == "1" else f"/{self.level_unit}" if self.level_unit == "N" else f"/({self.level_unit})"
 
     def __str__(self) -> str:
         return f"{self.name}{'' if self.is_static else ' of harmonic 1'}"
@@ -28,9 +35,9 @@ AMPLITUDE = Shown("amplitude", amplitude, "peak")  # of harmonic 1
 MEAN = Shown("mean", lambda coefficients: coefficients[..., 0], "displacement", is_static=True)
 
 
-def shown_with(harmonics: int) -> Shown:
+def shown_with(harmonics: int, unit: str = "m", level_unit: str = "N") -> Shown:
     """Return what is told of a response with so many harmonics: the mean where there are none above it.  Local."""
-    return AMPLITUDE if harmonics else MEAN
+    return replace(AMPLITUDE if harmonics else MEAN, unit=unit, level_unit=level_unit)
 
 
 def counts(state: np.ndarray) -> np.ndarray:

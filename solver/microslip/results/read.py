@@ -116,9 +116,14 @@ class _Reader:
 
 def _read(path: str, reader: _Reader, motion: bool) -> ResultFile:
     outputs = tuple(reader.texts("outputs/name"))
+    units = tuple(reader.texts("outputs/unit")) if "outputs/unit" in reader else ()
+    level_unit = reader.texts("scene/level_unit")[0] if "scene/level_unit" in reader else "N"
+    if units and len(units) != len(outputs):
+        raise CaseError(f"{path}: {len(outputs)} outputs have {len(units)} units; the file is damaged or was edited")
     joint = _joint(reader)
     levels = tuple(
-        _level(reader, f"levels/{name}", len(outputs), joint.n_pairs, motion) for name in sorted(reader.group("levels"))
+        _level(reader, f"levels/{name}", len(outputs), joint.n_pairs, motion, level_unit)
+        for name in sorted(reader.group("levels"))
     )
     title, name, method, text = (reader.texts(f"scene/{item}")[0] for item in ("title", "name", "method", "text"))
     versions = dict(zip(reader.texts("versions/name"), reader.texts("versions/version")))
@@ -136,6 +141,8 @@ def _read(path: str, reader: _Reader, motion: bool) -> ResultFile:
         _linear(reader, len(outputs)),
         levels,
         _bolts(reader),
+        units,
+        level_unit,
     )
 
 
@@ -184,7 +191,7 @@ def _of_joint(reader: _Reader, kept: Quantity, shape: tuple[int, ...]) -> np.nda
     return reader.array(name, kept.kind, shape)
 
 
-def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bool) -> LevelResult:
+def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bool, unit: str) -> LevelResult:
     n, _, N_H = reader.array(f"{group}/response", "f8", (None, n_outputs, None)).shape
     if N_H < 3 or N_H % 2 == 0:
         raise CaseError(f"{reader.path}: dataset '{group}/response' has {N_H} coefficients, not 2 H + 1")
@@ -197,7 +204,7 @@ def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bo
         if values is not None and values.dtype.kind == "f" and not np.isfinite(values).all():
             raise CaseError(f"{reader.path}: {name} of '{group}' is not finite everywhere; the file is damaged or was edited")
     status, failure = (_attribute(attributes, name) for name in ("status", "failure"))
-    return LevelResult(float(attributes.attrs["level_N"]), status, failure, arrays)
+    return LevelResult(float(attributes.attrs["level_N"]), status, failure, arrays, unit)
 
 
 def _quantity(reader: _Reader, group: str, kept: Quantity, n: int, lengths: dict[str, int]) -> np.ndarray | None:

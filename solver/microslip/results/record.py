@@ -41,6 +41,7 @@ class LevelResult:
     status: str  # COMPLETE, STOPPED, RUNNING
     failure: str  # why the curve ends early; "" otherwise
     arrays: dict[str, np.ndarray | None]
+    unit: str = "N"  # of the level
 
     def __getattr__(self, name: str) -> Any:
         try:
@@ -123,6 +124,12 @@ class ResultFile:
     linear: LinearCurve | None
     levels: tuple[LevelResult, ...] = field(default_factory=tuple)
     bolts: Bolts | None = None
+    units: tuple[str, ...] = ()  # of the outputs; none given: m
+    level_unit: str = "N"
+
+    def unit_of(self, output: int) -> str:
+        """Return the unit of an output."""
+        return self.units[output] if self.units else "m"
 
 
 def joint_of(pairs: ContactPairs, node_numbers: np.ndarray | None = None) -> Joint:
@@ -143,10 +150,15 @@ def _numbers(nodes: np.ndarray, node_numbers: np.ndarray | None) -> np.ndarray:
 
 
 def level_result(
-    level: float, points: list[Point], sizes: tuple[int, int, int], status: str = COMPLETE, failure: str | None = None
+    level: float,
+    points: list[Point],
+    sizes: tuple[int, int, int],
+    status: str = COMPLETE,
+    failure: str | None = None,
+    unit: str = "N",
 ) -> LevelResult:
     """Return the record of a level's points; ``sizes`` = (n_outputs, n_pairs, N_H).  Local, on rank 0."""
     n_outputs, n_pairs, N_H = sizes
     N_H = max([N_H, *(point.response.shape[-1] for point in points)])  # points may have more harmonics than others
     lengths = axis_lengths(n_outputs, n_pairs, N_H)
-    return LevelResult(level, status, failure or "", {kept.name: kept.array(points, lengths) for kept in QUANTITIES})
+    return LevelResult(level, status, failure or "", {kept.name: kept.array(points, lengths) for kept in QUANTITIES}, unit)

@@ -34,12 +34,12 @@ def draw_static_response(results: ResultFile, out_dir: str) -> list[str]:
         for ax, (k, name) in zip(axes, outputs):
             values = np.array([level.response[0, k, 0] for level in levels])
             linear = results.linear.response[0, k, 0] * np.array([0.0, loads.max()]) if results.linear else np.zeros(2)
-            factor, unit = with_prefix(np.concatenate([values, linear]), "m")
+            factor, unit = with_prefix(np.concatenate([values, linear]), results.unit_of(k))
             if results.linear:
                 ax.plot([0.0, loads.max()], factor * linear, **LINEAR)
             ax.plot(loads, factor * values, "o-", color=INK, lw=1.2, ms=3.5)
             ax.set_ylabel(f"{plain(name, 24)} [{unit}]")
-        axes[-1].set_xlabel("load level [N]")
+        axes[-1].set_xlabel(f"load level [{results.level_unit}]")
         number = f"_{first // _ROWS + 1:02d}" if len(results.outputs) > _ROWS else ""
         files.append(page.save(f"{out_dir}/response{number}.png"))
     return files
@@ -60,5 +60,5 @@ def draw_static_states(results: ResultFile, out_dir: str) -> list[str]:
         ax.plot([level.level for level in levels], number, ls=style, marker="o", ms=3.5, lw=1.5, color=colour)
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_ylabel("pairs")
-    ax.set_xlabel("load level [N]")
+    ax.set_xlabel(f"load level [{results.level_unit}]")
     return [page.save(f"{out_dir}/states.png")]

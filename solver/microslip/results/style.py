@@ -62,14 +62,19 @@ def level_colours(n: int) -> np.ndarray:
     return matplotlib.colormaps[_LEVELS](np.linspace(0.0, 0.8, n) if n > 1 else [0.25])
 
 
+_HIGHEST = {"J": 3, "N": 3, "Pa": 9}  # powers of ten of the largest prefix; none for other units
+
+
 def with_prefix(values, unit: str) -> tuple[float, str]:
     """Return a factor and the unit with the prefix that suits the largest of ``values``."""
     sizes = np.abs(values)
     largest = float(sizes[np.isfinite(sizes)].max(initial=0.0))
     if largest == 0.0:
         return 1.0, unit
-    exponent = min(max(3 * math.floor(math.log10(largest) / 3.0 + 1e-9), -15), 3 if unit.startswith("J") else 0)
-    prefix = {3: "k", 0: "", -3: "m", -6: "\u00b5", -9: "n", -12: "p", -15: "f"}[exponent]
+    exponent = min(max(3 * math.floor(math.log10(largest) / 3.0 + 1e-9), -15), _HIGHEST.get(unit.split("/")[0], 0))
+    if unit == "1" or unit.startswith("1/"):
+        return 10.0**-exponent, f"10$^{{{exponent}}}${unit[1:]}" if exponent else unit
+    prefix = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "\u00b5", -9: "n", -12: "p", -15: "f"}[exponent]
     return 10.0**-exponent, prefix + unit
 
 
@@ -82,7 +87,7 @@ def plain(text: str, most: int = 60) -> str:
 
 def level_name(level: LevelResult, short: bool = False) -> str:
     """Return a level for a legend or, ``short``, a small panel, with where or that it stopped if it did."""
-    name = f"{level.level:g} N"
+    name = f"{level.level:g} {level.unit}".removesuffix(" 1")
     if len(level.frequency) == 0:
         return name + ", no point"
     if level.status != STOPPED:

@@ -16,6 +16,7 @@ COLUMNS = (
     *_FIRST.columns,
     Column("output", "name of the output"),
     *(column for quantity in _REST for column in quantity.columns),
+    Column("unit", "unit of the output: that of its amplitude, mean and error bar, whatever their columns are called"),
 )
 NAME = "frf.csv"
 
@@ -28,9 +29,9 @@ class ResponseTable:
     CaseError, ResourceError : the file cannot be written
     """
 
-    def __init__(self, folder: str, outputs: tuple[str, ...]):
+    def __init__(self, folder: str, outputs: tuple[str, ...], units: tuple[str, ...]):
         self.path = os.path.join(folder, NAME)
-        self.outputs = outputs
+        self.outputs, self.units = outputs, units
         with said_of(self.path):
             self._begin(self.path)
 
@@ -46,7 +47,7 @@ class ResponseTable:
         with said_of(self.path):
             for k, name in enumerate(self.outputs):
                 cells = [cell for quantity in _REST for cell in quantity.cells(point, k)]
-                self._rows.writerow([f"{level:.13g}", i, *_FIRST.cells(point, k), name, *cells])
+                self._rows.writerow([f"{level:.13g}", i, *_FIRST.cells(point, k), name, *cells, self.units[k]])
             self._file.flush()
 
     def put_in_order(self, branches: list[Branch]) -> None:

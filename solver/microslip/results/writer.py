@@ -43,13 +43,14 @@ class ResultWriter:
         self.comm, self.folder = comm, folder
         self.path = os.path.join(folder, NAME)
         self._sizes = (len(head.outputs), head.joint.n_pairs, N_H)
+        self._units, self._level_unit = [head.unit_of(k) for k in range(len(head.outputs))], head.level_unit
         self._at_work: dict[int, Branch] = {}  # by the number of the level
         self._table = on_root(comm, self._create, head, share=False)
 
     def _create(self, head: ResultFile) -> ResponseTable:
         """Create both files, without levels."""
         make_folder(self.folder)
-        table = ResponseTable(self.folder, head.outputs)
+        table = ResponseTable(self.folder, head.outputs, tuple(self._units))
         with written_whole(self.path) as beside, h5py.File(beside, "w") as file:
             _write_head(file, head)
             _write_joint(file.create_group("joint"), head.joint)
@@ -84,14 +85,14 @@ class ResultWriter:
 
     def _save(self, number: int, branch: Branch, status: str) -> None:
         """Replace results.h5 by itself with a level added."""
-        found = level_result(branch.level, branch.points, self._sizes, status, branch.failure)
+        found = level_result(branch.level, branch.points, self._sizes, status, branch.failure, self._level_unit)
         name = f"levels/{number:04d}"
         with written_whole(self.path) as beside:
             shutil.copyfile(self.path, beside)
             with h5py.File(beside, "r+") as file:
                 if name in file:
                     del file[name]
-                _write_level(file.create_group(name), found)
+                _write_level(file.create_group(name), found, common(self._units))
 
     def close(self) -> None:
         """Close frf.csv; results.h5 is closed between the levels.  Local, so that an error of one rank may pass through."""
@@ -103,6 +104,9 @@ def _write_head(file: h5py.File, head: ResultFile) -> None:
     file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
     file.attrs["coefficients"] = "last axis: mean, cos 1, sin 1, ..., cos H, sin H"
     _texts(file, "outputs/name", head.outputs)
+    units = [head.unit_of(k) for k in range(len(head.outputs))]
+    _texts(file, "outputs/unit", units)
+    _texts(file, "scene/level_unit", head.level_unit)
     for name, text in (("text", head.scene_text), ("title", head.title), ("name", head.name), ("method", head.method)):
         _texts(file, f"scene/{name}", text)
     _texts(file, "versions/name", head.versions.keys())
@@ -111,7 +115,12 @@ def _write_head(file: h5py.File, head: ResultFile) -> None:
     _array(file, "modes/frequency_Hz", head.mode_frequency, "Hz")
     if head.linear is not None:
         _array(file, "linear/frequency_Hz", head.linear.frequency, "Hz")
-        _array(file, "linear/response_per_N", head.linear.response, "m/N")
+        _array(file, "linear/response_per_N", head.linear.response, f"{common(units)}/{head.level_unit}")
+
+
+def common(units: list[str]) -> str:
+    """Return the unit that all outputs have, or where it is said.  Local."""
+    return units[0] if len(set(units)) == 1 else "that of outputs/unit"
 
 
 def _write_joint(group: h5py.Group, joint: Joint) -> None:
@@ -133,20 +142,21 @@ def _write_bolts(group: h5py.Group, bolts: Bolts) -> None:
         _array(group, name, getattr(bolts, name), unit)
 
 
-def _write_level(group: h5py.Group, level: LevelResult) -> None:
+def _write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:
+    """Write a level; ``unit`` is that of the outputs."""
     group.attrs["level_N"], group.attrs["status"], group.attrs["failure"] = level.level, level.status, _clean(level.failure)
     for kept in sorted(QUANTITIES, key=lambda kept: (kept.kind != TEXT, kept.is_motion)):  # the large ones last
-        _write_quantity(group, kept, level.arrays[kept.name])
+        _write_quantity(group, kept, level.arrays[kept.name], unit if "outputs" in kept.axes else kept.unit)
 
 
-def _write_quantity(group: h5py.Group, kept: Quantity, values: np.ndarray | None) -> None:
+def _write_quantity(group: h5py.Group, kept: Quantity, values: np.ndarray | None, unit: str) -> None:
     """Write the quantity of a level, with its unit and the names along its axes; nothing where it was not computed."""
     if values is None:
         return
     if kept.kind == TEXT:
         _texts(group, kept.dataset, values)
         return
-    _array(group, kept.dataset, values, kept.unit)
+    _array(group, kept.dataset, values, unit)
     for axis in LABELS.keys() & set(kept.axes):
         group[kept.dataset].attrs[axis] = ", ".join(LABELS[axis])
 

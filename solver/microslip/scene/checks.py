@@ -20,6 +20,8 @@ def contradictions(scene: Scene) -> list[str]:
         *_same_names(scene),
         *_harmonics(scene),
         *_constant_loads(scene),
+        *_base(scene),
+        *_outputs(scene),
         *_statics(scene),
         *_points(scene),
         *_bars(scene),
@@ -55,7 +57,19 @@ def _of_matrices(scene: Scene) -> list[str]:
         if joint.surfaces is not None:
             found.append(f"{where} surfaces: belongs to a mesh; with matrices, give pairs, the path of a CSV file")
     for where, entry in _numbered(scene, "loads", "outputs"):
-        if entry.dof is None:
+        if getattr(entry, "pressure", None) is not None:
+            found.append(
+                f"{where} pressure: a model given as matrices has no surfaces; state its forces on DOFs, forces = a CSV file"
+            )
+        elif getattr(entry, "base_acceleration", None) is not None:
+            found.append(
+                f"{where} base_acceleration: a model given as matrices has no supports; state -M r as forces = a CSV file"
+            )
+        elif getattr(entry, "quantity", "") in ("stress", "strain"):
+            found.append(f'{where} quantity = "{entry.quantity}": a model given as matrices has no elements')
+        elif getattr(entry, "absolute", False):
+            found.append(f"{where} absolute: a model given as matrices has no base")
+        elif entry.dof is None and getattr(entry, "forces", None) is None and getattr(entry, "joint", None) is None:
             found.append(f"{where}: a model given as matrices has no nodes; name a dof, a row of the matrices counted from 0")
     return found
 
@@ -125,7 +139,7 @@ def _harmonics(scene: Scene) -> list[str]:
 
 def _statics(scene: Scene) -> list[str]:
     """Preloads that nothing makes, a speed without an axis, temperatures without expansion."""
-    statics, found = scene.statics, []
+    statics, found = scene.statics, _axis(scene)
     for where, joint in _numbered(scene, "joints"):
         if joint.preload == "static" and statics is None:
             found.append(
@@ -134,8 +148,6 @@ def _statics(scene: Scene) -> list[str]:
         if joint.law != ELASTIC_COULOMB and statics is not None:
             found.append(f'{where} law = "{joint.law}": [statics] knows joints with law = "{ELASTIC_COULOMB}" alone')
     if statics is None:
-        if scene.model.axis is not None:
-            found.append("[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out")
         return found
     if statics.rotation_speed > 0.0 and scene.model.axis is None:
         found.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
@@ -164,6 +176,49 @@ def _same_bolts(statics: Statics) -> list[str]:
             f'[[statics.bolts]] {key} = "{one}" is used {n} times; each bolt needs its own' for one, n in counts.items() if n > 1
         ]
     return found
+
+
+def _base(scene: Scene) -> list[str]:
+    """A base that accelerates and holds nothing, or outputs with its motion that have none."""
+    moving = [(where, load) for where, load in _numbered(scene, "loads") if load.base_acceleration is not None]
+    absolute = [(where, output) for where, output in _numbered(scene, "outputs") if output.absolute]
+    found = []
+    if moving and scene.model.mesh is not None and not scene.supports and not any(joint.against for joint in scene.joints):
+        found.append(f"{moving[0][0]} base_acceleration: there are no [[supports]], which are the base that moves")
+    for where, output in absolute if scene.model.mesh is not None else ():
+        if not moving:
+            found.append(f"{where} absolute: no load has a base_acceleration, and the base is at rest; leave it out")
+        elif output.quantity != "acceleration" and any(load.harmonic == 0 for _, load in moving):
+            found.append(
+                f"{where} absolute: under a constant base_acceleration (harmonic = 0) {output.quantity} grows without end; "
+                'ask for quantity = "acceleration", or for the motion relative to the base'
+            )
+    return found
+
+
+def _outputs(scene: Scene) -> list[str]:
+    """Outputs of bodies and joints that are not there."""
+    found = []
+    joints = [joint.name for joint in scene.joints]
+    for where, output in _numbered(scene, "outputs"):
+        for key, name, known in (("body", output.body, list(scene.bodies)), ("joint", output.joint, joints)):
+            if name is not None and name not in known:
+                near = nearest(name, known)
+                hint = f'; nearest is "{near}"' if near else ""
+                found.append(f'{where} {key} = "{name}": there is no such {key}{hint}')
+    return found
+
+
+def _axis(scene: Scene) -> list[str]:
+    """An axis about which nothing turns, or none for what does."""
+    turned = [where for where, load in _numbered(scene, "loads") if load.engine_order is not None]
+    if scene.model.axis is None:
+        return [
+            f"{where} engine_order: [model] axis is missing, the direction of the axis of rotation [x, y, z]" for where in turned
+        ]
+    if scene.statics is None and not turned:
+        return ["[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out"]
+    return []
 
 
 def _points(scene: Scene) -> list[str]:
@@ -235,6 +290,7 @@ def missing_files(scene: Scene) -> list[str]:
         for i, joint in enumerate(scene.joints, 1)
         for key in ("pairs", "parameters")
     ]
+    named += [(f"[[loads]] {i} forces", load.forces) for i, load in enumerate(scene.loads, 1)]
     return [found for where, file in named if file is not None and (found := _missing(where, file, scene.folder))]
 
 

@@ -21,7 +21,7 @@ from ..mesh.settings import MeshSettings
 from ..modes.limits import FEW, refuse_too_many
 from ..parallel.agree import on_root
 from ..reduction.methods import METHODS
-from ..scene.schema import DEFAULT_ACCURACY, Scene
+from ..scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -58,7 +58,7 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    is_fixed, _, part_names, load_nodes, output_nodes, links, _ = read_off(mesh, pairs, mesh_settings(scene))
+    is_fixed, _, part_names, loads, outputs, links, _ = read_off(mesh, pairs, mesh_settings(scene))
     n_dependent = int((~is_fixed.ravel()[links.dependent]).sum())
     n_dof = int((~is_fixed).sum()) - n_dependent
     following = f", {n_dependent} that follow ties or points" if n_dependent else ""
@@ -73,8 +73,8 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
         *_joints(pairs),
         *(f"           {note}" for note in pairs.notes),
         *_bolts(mesh, mesh_settings(scene)),
-        *(f"load {i}     {_at(mesh, load, nodes)}" for i, (load, nodes) in enumerate(zip(scene.loads, load_nodes), 1)),
-        *(f"output     {out.name}: {_at(mesh, out, nodes)}" for out, nodes in zip(scene.outputs, output_nodes)),
+        *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, loads), 1)),
+        *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, outputs)),
         *_solution(scene, n_dof, pairs.n_pairs),
     ]
     return lines
@@ -103,11 +103,8 @@ def needs_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
         f"scene      {scene.path}: no fault found",
         f"matrices   {given.n_dof} DOF{massless}; entries: stiffness {given.K.nnz}, mass {given.M.nnz}{damping}",
         *_joints(given.pairs),
-        *(
-            f"load {i}     DOF {load.dof}, scale {load.scale:g}, harmonic {load.harmonic}"
-            for i, load in enumerate(scene.loads, 1)
-        ),
-        *(f"output     {output.name}: DOF {output.dof}" for output in scene.outputs),
+        *(f"load {i}     {_load_on_dofs(load)}, harmonic {load.harmonic}" for i, load in enumerate(scene.loads, 1)),
+        *(f"output     {output.name}: {_output_on(output, f'DOF {output.dof}')}" for output in scene.outputs),
         *_solution(scene, given.n_dof, given.pairs.n_pairs),
     ]
 
@@ -133,7 +130,10 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
     if solver.modes or n_dof <= FEW:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
-    coordinates = METHODS[solver.method].coordinates(reduction_settings(scene), n_modes, n_dof, n_pairs, len(scene.loads))
+    settings = reduction_settings(scene)
+    coordinates = METHODS[solver.method].coordinates(
+        settings, n_modes, n_dof, n_pairs, sum(len(load.phases) for load in settings.loads)
+    )
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
     points = f"about {scene.response.points} points" if scene.harmonics else "one point, for all frequencies"
     if scene.harmonics and solver.accuracy is not None and response_settings(scene).chooses_steps:
@@ -161,6 +161,37 @@ def _joints(pairs: ContactPairs) -> list[str]:
             f"{np.count_nonzero(N0 < 0)} with a gap"
         )
     return lines
+
+
+def _load_on_dofs(load: Load) -> str:
+    """Say where a load on matrices acts."""
+    return f"DOF {load.dof}, scale {load.scale:g}" if load.forces is None else f"forces of {load.forces}"
+
+
+def _load_at(mesh: Mesh, load: Load, nodes: np.ndarray) -> str:
+    """Say where a load on a mesh acts."""
+    if load.base_acceleration is not None:
+        return f"acceleration of the supports along {place(load.base_acceleration)}"
+    if load.forces is not None:
+        return f"forces on {len(np.unique(nodes))} nodes, from {load.forces}"
+    if load.pressure is not None:
+        return f"pressure of {load.pressure:g} Pa a unit of level on {load.group}, {len(np.unique(nodes))} nodes"
+    return _at(mesh, load, nodes)
+
+
+def _output_at(mesh: Mesh, output: Output, node: int) -> str:
+    """Say where an output on a mesh is, and what."""
+    return _output_on(output, "" if node < 0 else _at(mesh, output, np.array([node])))
+
+
+def _output_on(output: Output, where: str) -> str:
+    """Say what an output is at a place; a displacement is told by its place alone."""
+    if output.joint is not None:
+        along = "normal" if output.direction is None else f"along {place(output.direction)}"
+        return f"contact force of {output.joint}, {along}"
+    if output.quantity == "displacement":
+        return where
+    return f"{output.quantity}{f' {output.component}' if output.component else ''}, {where}"
 
 
 def _at(mesh: Mesh, entry, nodes: np.ndarray) -> str:

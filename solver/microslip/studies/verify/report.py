@@ -101,8 +101,10 @@ def numbers(check: Check) -> dict:
     )
 
 
-def write_verification(checks: Sequence[Check], branches: Sequence[Branch], scene: Titled, folder: str, settings: str) -> str:
-    """Write verify.csv and verify.png; return the table and what it says.  Local.
+def write_verification(
+    checks: Sequence[Check], branches: Sequence[Branch], scene: Titled, folder: str, settings: str, unit: str = "m"
+) -> str:
+    """Write verify.csv and verify.png; return the table and what it says; ``unit`` is that of the first output.  Local.
 
     Raises
     ------
@@ -117,7 +119,7 @@ def write_verification(checks: Sequence[Check], branches: Sequence[Branch], scen
             {key: f"{value:.9g}" if isinstance(value, float) else value for key, value in entry.items()} for entry in records
         )
     with matplotlib.rc_context(RC):
-        draw_verification(checks, branches, scene, f"{folder}/verify.png", settings)
+        draw_verification(checks, branches, scene, f"{folder}/verify.png", settings, unit)
     return table(records) + "\n" + verdict(checks)
 
 
@@ -158,7 +160,9 @@ def _cell(name: str, value) -> str:
     return str(value)
 
 
-def draw_verification(checks: Sequence[Check], branches: Sequence[Branch], scene: Titled, path: str, settings: str) -> None:
+def draw_verification(
+    checks: Sequence[Check], branches: Sequence[Branch], scene: Titled, path: str, settings: str, of_output: str = "m"
+) -> None:
     """Draw the curves with the marched points, and below, at each peak, the loop of the pair that dissipates most."""
     loops = some([check for check in checks if check.loop is not None], _MOST_LOOPS)
     branches = [branch for branch in branches if branch.points]
@@ -174,7 +178,7 @@ def draw_verification(checks: Sequence[Check], branches: Sequence[Branch], scene
     page = Page(scene, says, WIDTH, 2.9 + 2.1 * rows, handles)
     grid = page.grid(1 + rows, columns, height_ratios=[2.7] + [2.0] * rows)
     curve = page.figure.add_subplot(grid[0, :])
-    factor, unit = with_prefix([amplitude(point.response[0]) for branch in branches for point in branch.points], "m")
+    factor, unit = with_prefix([amplitude(point.response[0]) for branch in branches for point in branch.points], of_output)
     for branch in branches:
         for segment in segments(np.array([point.segment for point in branch.points])):
             points = branch.points[segment]

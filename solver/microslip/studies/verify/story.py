@@ -16,12 +16,13 @@ from ...fourier.coefficients import amplitude, cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
 from ...library.build import Structure, build
 from ...library.prepare import prepare
+from ...library.settings import units_of
 from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
 from ...receptance.model import ReducedModel
-from ...transient.march import March
+from ...transient.march import Cycle, March
 from ...transient.model import TransientModel, transient_model
 from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
 from ..check import resolution
@@ -83,7 +84,7 @@ def verify(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
         with log.stage("time integration"):
             chosen = on_root(comm, chosen_points, branches, asked.at)
             checks = integrate(transient, response.model, chosen, asked, comm)
-        log.note(on_root(comm, write_verification, checks, branches, scene, str(folder), settings))
+        log.note(on_root(comm, write_verification, checks, branches, scene, str(folder), settings, units_of(scene).outputs[0]))
         log.note(f"results in {folder}")
         structure.close()
     failed = [
@@ -103,6 +104,11 @@ def by_what_is_asked(scene: Scene, asked: Asked):
     ------
     CaseError : values that no scene may hold
     """
+    if scene.damping is not None and scene.damping.structural:
+        raise CaseError(
+            f"{scene.path}: [damping] structural: a loss factor is defined for steady vibration alone, and has no equivalent in "
+            "time; verify the scene with ratio in its place, of about half the loss factor"
+        )
     solver, response = scene.solver, scene.response
     harmonics = scene.harmonics if asked.harmonics is None else asked.harmonics
     n_samples = solver.samples if asked.samples is None else asked.samples
@@ -206,8 +212,7 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
         for n_steps in (asked.steps // 2, asked.steps):
             founds.append(steady_state(March(transient, omega, level, n_steps), start, TOLERANCE, most, not asked.from_rest))
             start = founds[-1].start
-            output = samples(transient, level, founds[-1].cycle)[1]
-            responses.append(coefficients(output, (n_steps - 1) // 2)[:, 0])
+            responses.append(responses_of(transient, model, omega, level, founds[-1].cycle)[:, 0])
     except ConvergenceError as problem:
         if len(chosen) == 1:
             return [failed_check(chosen[0], str(problem))]
@@ -230,6 +235,18 @@ def checks_of(transient: TransientModel, model: ReducedModel, chosen: list[Chose
         )
         for i, one in enumerate(chosen)
     ]
+
+
+def responses_of(
+    transient: TransientModel, model: ReducedModel, omega: np.ndarray, level: np.ndarray, cycle: Cycle
+) -> np.ndarray:
+    """Return the coefficients of the outputs of some points, (B, n_outputs, N_H), of all harmonics that the steps resolve."""
+    harmonics = Harmonics.up_to((len(cycle.eta) - 1) // 2)
+    rows = coefficients(samples(transient, level, cycle)[1], harmonics.highest)
+    if model.observed is None:
+        return rows
+    p, f = coefficients(cycle.p, harmonics.highest), model.harmonics.carry(model.f, harmonics)
+    return np.array([model.observed.motion(rows[i], p[i], level[i] * f, harmonics, omega[i]) for i in range(len(level))])
 
 
 def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen], n_steps: int) -> Start:

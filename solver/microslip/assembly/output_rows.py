@@ -1,0 +1,76 @@
+"""Outputs as rows over the nodes: a displacement along a direction, or a component of stress or strain at a node."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import elements
+from ..mesh.data import Mesh
+from ..mesh.links import Links, places_of
+from ..mesh.settings import Body, MeshSettings, Output
+from ..parallel.errors import CaseError
+
+
+@dataclass(frozen=True)
+class OutputRow:
+    """One output as a sum over nodes."""
+
+    at: int  # the node where it is, index into Mesh.points; -1 of one that has no node
+    nodes: np.ndarray  # (n,) index into Mesh.points; a node may be there several times
+    values: np.ndarray  # (n, 3) what a displacement of each node adds
+
+
+def output_row(mesh: Mesh, output: Output, settings: MeshSettings, links: Links | None = None) -> OutputRow:
+    """Return the row of an output; an empty one of a contact force, which is known with the pairs.  Local, rank 0.
+
+    Raises
+    ------
+    MeshError, CaseError : no such node, or a stress at a node where it jumps
+    """
+    where = f"[[outputs]] {output.name!r}"
+    if output.joint is not None:
+        return OutputRow(-1, np.zeros(0, dtype=int), np.zeros((0, 3)))
+    (node,) = places_of(mesh, links, output, where)
+    if output.quantity in ("stress", "strain"):
+        return _recovered(mesh, int(node), output, settings, where)
+    return OutputRow(int(node), np.array([node]), np.array([output.direction or output.rotation], dtype=float))
+
+
+def _recovered(mesh: Mesh, node: int, output: Output, settings: MeshSettings, where: str) -> OutputRow:
+    """Return the mean of what the elements around a node say of a component there, docs/theory.md, eq. (13.6)."""
+    around = _elements_around(mesh, node, output, settings.bodies, settings.body_of, where)
+    i, j = ("xyz".index(axis) for axis in output.component or "")
+    nodes, values = [], []
+    for kind, own, body in around:
+        rows = elements.nodal_stress(kind, mesh.points[own], body.young, body.poisson, body.integration, body.incompatible_modes)[
+            int(np.flatnonzero(own == node)[0])
+        ]
+        if output.quantity == "strain":
+            rows = elements.strain_of(rows, body.young, body.poisson)
+        nodes.append(own)
+        values.append(rows[i, j] / len(around))
+    return OutputRow(node, np.concatenate(nodes), np.concatenate(values))
+
+
+def _elements_around(
+    mesh: Mesh, node: int, output: Output, bodies: Mapping[str, Body], body_of: Mapping[str, str], where: str
+) -> list[tuple[str, np.ndarray, Body]]:
+    """Return kind, nodes and body of the elements that share a node, of the body that the output names where it does."""
+    found = []
+    for block in mesh.elements:
+        name = body_of[block.group]
+        if output.body in (None, name):
+            found += [(name, block.kind, own) for own in block.nodes[(block.nodes == node).any(axis=1)]]
+    names = list(dict.fromkeys(name for name, _, _ in found))
+    materials = {(bodies[name].young, bodies[name].poisson) for name in names}
+    if not found:
+        raise CaseError(f"{where} body = {output.body!r}: node {mesh.numbers[node]} is not one of its nodes")
+    if len(materials) > 1:
+        raise CaseError(
+            f"{where}: node {mesh.numbers[node]} belongs to the bodies {', '.join(names)}, of different materials, between which "
+            f"{output.quantity} jumps; name one of them, body = ..."
+        )
+    return [(kind, own, bodies[name]) for name, kind, own in found]
