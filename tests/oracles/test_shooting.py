@@ -1,0 +1,94 @@
+"""Steady states by shooting (shooting.py) against exact solutions, the other oracles and plain time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from . import exact, path, scenes, shooting, time_integration
+
+
+def system_of(name):
+    system = scenes.SCENES[name]()
+    for load in system["loads"]:
+        load.setdefault("phase", 0.0)
+    return system
+
+
+@pytest.mark.parametrize("omega", [1.12, 1.2, 1.3])
+def test_the_jenkins_mass_is_exact_to_second_order(omega):
+    point = shooting.Point(system_of("jenkins"), 0.8, omega)
+    a = exact.jenkins_steady_state(omega, 0.8, m=1.0, c=0.02, k=1.0, k_t=1.0, muN=1.0).harmonics(1)
+    errors, x = [], np.zeros(4)
+    for N in (256, 1024):
+        found = point.steady(x, N)
+        x = found.x
+        assert found.distance < 1e-9
+        errors.append(abs(found.amplitude - (a[1] - 1j * a[2])) / np.hypot(*a[1:3]))
+    assert errors[1] < 5e-5 and errors[0] / errors[1] > 8.0
+
+
+@pytest.mark.parametrize("name", ["spatial", "chain"])
+def test_circles_varying_normal_force_and_lift_off_as_another_march_from_rest(name):
+    system = system_of(name)
+    level, omega, states = max(system["levels"].values())
+    march = time_integration.steady_state(system, omega, level, n_steps=128, tolerance=1e-5, scheme="exponential")
+    point, (u, v, T) = shooting.Point(system, level, omega), march.restart
+    u_lin = point.respond(scenes.force_coefficients(system, level, 2))
+    y, dy = u - u_lin[:, 0] - u_lin[:, 1::2].sum(axis=1), v - omega * u_lin[:, 2::2] @ [1, 2]
+    p_t = T - system["k_t"][:, None] * (system["R"] @ u).reshape(-1, 3)[:, :2]
+    found, other = point.steady(np.concatenate([y, dy, p_t.ravel()]), 512), system["output"] @ march.u_hat
+    assert abs(found.amplitude - (other[1] - 1j * other[2])) < 3e-3 * np.hypot(*other[1:3])
+    assert found.mean == pytest.approx(other[0], abs=3e-3 * np.hypot(*other[1:3]))
+    assert 2 in states and np.array_equal(found.moved, np.array(states) > 0)
+
+
+def test_what_sticks_is_linear_to_rounding():
+    system = system_of("chain")
+    point = shooting.Point(system, 1e-3, 560.0)
+    found = point.steady(np.zeros(18 + 4), 64)
+    assert found.amplitude == pytest.approx(point.out_lin[1] - 1j * point.out_lin[2], rel=1e-12) and not found.moved.any()
+
+
+@pytest.mark.parametrize("separate", [False, True])
+def test_sliders_under_a_given_motion_as_the_law_of_path(separate):
+    """They differ in how fast slip turns, by the second order of the step; not at all with separate limits."""
+    rng, m = np.random.default_rng(7), 12
+    U = rng.normal(size=(m, 3, 7)) * [[[1.0], [1.0], [0.4]]]
+    system = scenes.make_system(
+        "pairs",
+        np.eye(3 * m),
+        np.eye(3 * m),
+        [[3 * i, 3 * i + 1, 3 * i + 2, -1, -1, -1] for i in range(m)],
+        mu=rng.uniform(0.2, 0.8, m),
+        N0=rng.uniform(0.3, 3.0, m),
+        k_t=rng.uniform(0.5, 2.0, m),
+        k_n=rng.uniform(0.5, 2.0, m),
+        separate=separate,
+        zeta=0.01,
+        loads=[{"vector": np.ones(3 * m), "harmonic": 1, "phase": 0.0}],
+        output=np.eye(3 * m)[0],
+        omega=(0.0, 1.0),
+        levels={},
+    )
+    point, k_t, differences = shooting.Point(system, 1.0, 0.5), system["k_t"], []
+    for N in (64, 256):
+        du = np.moveaxis(U @ scenes.harmonic_basis(3, N), -1, 0)
+        cycle = path.steady(du, system["N0"] - system["k_n"] * du[:, :, 2], k_t, system["mu"], system["separate"])
+        assert (cycle.change < 1e-10).all()
+        differences.append(
+            np.abs(point.sliders(du.reshape(N, -1)).reshape(m, 2) - cycle.T[0] + k_t[:, None] * du[0, :, :2]).max()
+        )
+    assert differences[1] < (1e-12 if separate else 5e-3) and (separate or differences[0] > 8.0 * differences[1])
+
+
+def test_a_creeping_slider_needs_no_time():
+    """What plain time reaches after many periods is where Newton's method is at once."""
+    system = system_of("spatial")
+    level, omega, _ = max(system["levels"].values())
+    point = shooting.Point(system, level, omega)
+    found = point.steady(np.zeros(8), 256)
+    x = np.zeros(8)
+    for _ in range(400):
+        x = point.period(x, 256)[0][0]
+    assert np.abs((x - found.x) / point.scale).max() < 1e-7

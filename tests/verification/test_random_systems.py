@@ -1,0 +1,54 @@
+"""Error bars of a few random structures against time integration; tests/verification/random_systems.py runs any number of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from oracles import shooting
+from verification import random_systems
+from verification.random_structures import draw, kinds
+
+SYSTEMS = (0, 3, 7, 9)
+
+
+@pytest.fixture(scope="module")
+def judged():
+    """Points of four structures by the settings that a scene has by itself, in which a pair slips or opens."""
+    found = [random_systems.solve(1, number, 6, {}) for number in SYSTEMS]
+    assert not [failure for one in found for failure in one.failures]
+    return [one for one in random_systems.judge(found, steps=1024) if any(one.state)]
+
+
+def test_there_is_something_to_judge(judged):
+    found = {kind for one in judged for kind in one.kinds}
+    assert len(judged) >= 40 and {"circle", "separate", "varying normal force", "gap", "opens", "creeps"} <= found
+    assert all(one.is_steady for one in judged) and max(one.own for one in judged) < 1e-3
+
+
+def test_bars_hold_as_often_as_they_say(judged):
+    assert np.mean([one.holds for one in judged]) >= 0.95
+    assert all(one.holds for one in judged if one.error > 1e-2 and "beside a fold" not in one.kinds)
+
+
+def test_bars_ten_times_as_short_would_not(judged):
+    """The bars are not so long that they hold whatever the error."""
+    assert np.mean([replace(one, bar=0.1 * one.bar).holds for one in judged]) < 0.8
+
+
+def test_a_wrong_point_is_found_out():
+    """An amplitude a part in a hundred off lies beyond its bar where more harmonics have made that short."""
+    found = random_systems.solve(1, 7, 3, {"harmonics": 15, "samples": 512})
+    wrong = replace(found, amplitudes=[1.01 * amplitude for amplitude in found.amplitudes])
+    assert np.mean([one.holds for one in random_systems.judge([wrong], steps=512)]) < 0.2
+
+
+def test_the_same_numbers_draw_the_same_structure():
+    a, b = draw(2, 5), draw(2, 5)
+    assert np.array_equal(a["K"], b["K"]) and a["levels"] == b["levels"] and kinds(a) == kinds(b)
+    assert not np.array_equal(draw(2, 6)["mu"], a["mu"])
+
+
+def test_time_integration_leaves_the_motion_of_a_stuck_structure_alone():
+    system = draw(1, 3)
+    point = shooting.Point(system, 1e-6, 0.5)
+    assert not point.steady(np.zeros(2 * point.n + 2 * point.m), 64).moved.any()
