@@ -219,7 +219,7 @@ def straight_step(T, e, closing, closing_new, mu):
     if limit <= 1e-14 * end:
         return [end * ex, end * ey]
     mean = (end - limit) / log(end / limit) if abs(end - limit) > 1e-6 * end else 0.5 * (end + limit)
-    half = 0.5 * atan2(Ty * ex - Tx * ey, Tx * ex + Ty * ey)  # psi / 2, also where T points straight back
+    half = atan2(Ty * ex - Tx * ey, limit + Tx * ex + Ty * ey)  # psi / 2
     psi = 2.0 * atan(tan(half) * exp(-length / mean))
     return [end * (ex * cos(psi) - ey * sin(psi)), end * (ey * cos(psi) + ex * sin(psi))]
 
