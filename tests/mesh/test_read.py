@@ -287,3 +287,45 @@ def test_quadratic_kinds_have_mid_sides_between_their_ends():
         points, elements = box(kind)
         mid = elements[:, -len(edges) :]
         np.testing.assert_allclose(points[elements[:, edges]].mean(axis=2), points[mid])
+
+
+@pytest.mark.parametrize("how", [("gmsh22", False), ("gmsh22", True), ("gmsh", False), ("gmsh", True), ("vtu", True)], ids=str)
+def test_numbers_at_the_nodes_come_along(tmp_path, how):
+    """Of views with one number a node; vectors are left."""
+    file_format, binary = how
+    written = meshio_box("hex8")
+    heat = np.sin(np.arange(len(written.points))) * 1e7
+    written.point_data |= {"heat": heat, "flow": np.ones((len(heat), 3))}
+    path = tmp_path / ("box.vtu" if file_format == "vtu" else "box.msh")
+    if file_format == "vtu":
+        written.point_data.pop("gmsh:dim_tags")
+        part = [np.full(len(block.data), 7) for block in written.cells]
+        vtu = meshio.Mesh(written.points, written.cells, cell_data={"part": part}, point_data=written.point_data)
+        meshio.write(path, vtu)
+        mesh = read_mesh(settings({"block": "part=7"}, file=path))
+    else:
+        meshio.write(path, written, file_format=file_format, binary=binary)
+        mesh = read_mesh(settings_of(path))
+    assert set(mesh.fields) == {"heat"}
+    np.testing.assert_array_equal(mesh.fields["heat"], heat[mesh.numbers - 1])
+
+
+@pytest.mark.parametrize(
+    "old, new, says",
+    [
+        ("$NodeData\n", "$NodeData\nx\n", "damaged"),
+        ("\n1\n24\n", "\n1\n25\n", r"\$NodeData 'heat' ends early: it announces 25 nodes and holds 24"),
+        ("\n24 ", "\n99 ", r"\$NodeData 'heat' names node 99, which the file does not hold"),
+    ],
+)
+def test_damaged_numbers_at_the_nodes(tmp_path, old, new, says):
+    written = meshio_box("hex8")
+    written.point_data["heat"] = np.arange(float(len(written.points)))
+    path = tmp_path / "box.msh"
+    meshio.write(path, written, file_format="gmsh22", binary=False)
+    text = path.read_text()
+    at = text.index("$NodeData")
+    assert old in text[at:]
+    path.write_text(text[:at] + text[at:].replace(old, new))
+    with pytest.raises(MeshError, match=says):
+        read_mesh(settings_of(path))

@@ -1,5 +1,7 @@
 """Values for each contact point from a CSV file: by node, by place, and what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from box_meshes import box, joint, mesh_of
@@ -76,3 +78,30 @@ def test_rows_that_belong_nowhere(tmp_path):
         paired(tmp_path, "x,y,z,friction\n0,0,3,0.1\n")
     with pytest.raises(CaseError, match="takes its gap from the mesh"):
         paired(tmp_path, "x,y,z,gap\n0,0,1,0\n", gap=GEOMETRY, preload=0.0)
+
+
+def with_field(name="mu", values=None):
+    mesh = two_boxes()
+    return replace(mesh, fields={name: 0.1 + 0.2 * mesh.points[:, 0] if values is None else values})
+
+
+def test_a_field_of_the_mesh_is_interpolated():
+    mesh = with_field()
+    for pairing in ("nodes", "points"):
+        pairs = pair_contacts(mesh, [joint(fields={"friction": "mu"}, pairing=pairing)])
+        assert pairs.mu == pytest.approx(0.1 + 0.2 * pairs.position[:, 0])
+
+
+@pytest.mark.parametrize(
+    "mesh, says",
+    [
+        (with_field("mu_1"), "friction = 'mu': there is no such field in the mesh; .*it has: mu_1"),
+        (two_boxes(), "it has no field of one number a node at all"),
+        (with_field(values=np.full(48, np.nan)), r"has no value at 12 nodes of the joint, the first is \d+"),
+        (with_field(values=np.full(48, -0.1)), r"'mu' is -0.1 at \(.*\) m; it must be at least 0"),
+    ],
+    ids=["misspelled", "none", "without values", "negative"],
+)
+def test_fields_that_do_not_fit(mesh, says):
+    with pytest.raises(MeshError, match=says):
+        pair_contacts(mesh, [joint(fields={"friction": "mu"})])

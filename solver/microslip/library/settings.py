@@ -212,7 +212,7 @@ def _point(point: schema.Point) -> Point:
 def _joint(joint: schema.Joint, scene: Scene) -> Joint:
     """Return a joint of surfaces; the scene has been checked to state all of it."""
     assert joint.surfaces is not None, "a scene with a mesh has joints of surfaces"
-    kept = ("name", "surfaces", "tolerance", "pairing", "tangent", "law")
+    kept = ("name", "surfaces", "tolerance", "pairing", "tangent", "law", "fields")
     plane = None
     if joint.plane_point is not None and joint.plane_normal is not None:
         plane = GroundPlane(point=joint.plane_point, normal=joint.plane_normal)

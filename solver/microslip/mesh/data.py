@@ -51,6 +51,7 @@ class Mesh:
     faces: tuple[FaceBlock, ...]
     node_groups: dict[str, np.ndarray]  # every named group, of any dimension: its node indices, sorted
     notes: tuple[str, ...] = ()  # what was left out or assumed, for the log
+    fields: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_nodes,) each: numbers at the nodes; NaN: none
 
     @property
     def diagonal(self) -> float:

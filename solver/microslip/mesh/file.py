@@ -64,6 +64,7 @@ class FileMesh:
     cells: tuple[Cells, ...]
     groups: dict[str, Group]
     notes: tuple[str, ...] = ()
+    fields: dict[str, np.ndarray] = field(default_factory=dict)  # (n_points,) each: numbers at the nodes; NaN where it has none
 
 
 def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 
@@ -58,7 +59,55 @@ def read_msh(path: str) -> FileMesh:
             physical = _entities_4(_cursor(_section(content, "Entities", is_binary), is_binary, order, "Entities"))
         numbers, points = _nodes_4(_cursor(_section(content, "Nodes", is_binary), is_binary, order, "Nodes"))
         blocks = _elements_4(_cursor(_section(content, "Elements", is_binary), is_binary, order, "Elements"), physical)
-    return _compose(points, numbers, blocks, names)
+    found = _compose(points, numbers, blocks, names)
+    return replace(found, fields=_fields(content, found.numbers, is_binary, order))
+
+
+def _fields(content: bytes, numbers: np.ndarray, is_binary: bool, order: str) -> dict[str, np.ndarray]:
+    """Return the views of one number a node, $NodeData, (n_points,) each; the last one of a name counts."""
+    fields, at = {}, content.find(b"$NodeData")
+    while at >= 0:
+        section = _section(content[at:], "NodeData", False)
+        name, n, header = _field_header(section)
+        if name is not None:
+            if is_binary:  # what looks like its end may be part of a number
+                start = content.find(b"\n", at) + 1 + header
+                kind = np.dtype([("node", order + "i4"), ("value", order + "f8")])
+                rows = np.frombuffer(content[start : start + n * kind.itemsize], dtype=kind)
+                nodes, values = rows["node"].astype(np.int64), rows["value"].astype(float)
+            else:
+                table = _numbers(section[header:], "NodeData")
+                nodes, values = table[: 2 * n : 2].astype(np.int64), table[1 : 2 * n : 2]
+            if len(values) < n:
+                raise MeshError(
+                    f"$NodeData {name!r} ends early: it announces {n} nodes and holds {len(values)}; the file is damaged"
+                )
+            index, unknown = index_of(numbers, nodes)
+            if len(unknown):
+                raise MeshError(f"$NodeData {name!r} names node {unknown[0]}, which the file does not hold")
+            fields[name] = np.full(len(numbers), np.nan)
+            fields[name][index] = values
+        at = content.find(b"$NodeData", at + 1)
+    return fields
+
+
+def _field_header(section: bytes) -> tuple[str | None, int, int]:
+    """Return the name of a view, its nodes and the length of its header; no name of vectors and tensors."""
+    lines, at = [], 0
+
+    def line() -> str:
+        nonlocal at
+        end = section.find(b"\n", at)
+        if end < 0:
+            raise MeshError("the file is damaged: $NodeData has no header of texts, times and counts")
+        text, at = section[at:end].decode(errors="replace").strip(), end + 1
+        return text
+
+    lines = [[line() for _ in range(int(line()))] for _ in range(3)]  # texts, real and whole numbers
+    whole = [int(word) for word in lines[2]]
+    if len(whole) < 3 or whole[2] < 0 or not lines[0]:
+        raise MeshError("the file is damaged: $NodeData does not say how many nodes it holds")
+    return lines[0][0].strip('"') if whole[1] == 1 else None, whole[2], at
 
 
 def _format(content: bytes) -> tuple[str, bool, str]:

@@ -116,6 +116,7 @@ def _compose(path: str, file: FileMesh, settings: MeshSettings) -> Mesh:
         tuple(faces),
         node_groups,
         tuple(notes),
+        {name: values[used] for name, values in file.fields.items()},
     )
     _check_groups_on_bodies(mesh, settings)
     return mesh

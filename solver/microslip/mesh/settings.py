@@ -88,6 +88,7 @@ class Joint:
     tolerance: float | None = None  # m, between nodes of a pair or the surfaces; None: by the size of the mesh
     tangent: Vector | None = None  # whose projection is x of the pairs; None: a model axis
     parameters: Path | None = None  # a file of values for each contact point
+    fields: Mapping[str, str] = field(default_factory=dict)  # names of values: fields of the mesh that have them
     law: str = "elastic-coulomb"  # of contact/laws.py
     keys: Mapping[str, Any] = field(default_factory=dict)  # of the law, beside those above
 

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from ..contact.laws import LAWS
 from ..parallel.csv_table import read_table
 from ..parallel.errors import CaseError, MeshError
+from ..parallel.words import nearest
 from .contact_points import ContactPoints
 from .data import Mesh, place
 from .settings import GEOMETRY, Joint
@@ -43,7 +44,37 @@ def values_of(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray
     stated = {name: getattr(joint, name) for name in COLUMNS}
     stated["gap"] = 0.0 if joint.gap == GEOMETRY else joint.gap
     values = Values(**{name: np.full(points.n_points, float(value)) for name, value in stated.items()})
+    if joint.fields:
+        values = replace(values, **{name: _of_field(mesh, joint, points, name) for name in joint.fields})
+        _check_open(f"{mesh.path}: joint {joint.name!r} fields", points, values)
     return values if joint.parameters is None else _from_file(mesh, joint, points, node1, values)
+
+
+def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: str) -> np.ndarray:
+    """Return a value that a field of the mesh has, as the first surface interpolates it."""
+    field, where = joint.fields[name], f"{mesh.path}: joint {joint.name!r} fields: {name}"
+    if name not in LAWS[joint.law].per_point:
+        raise CaseError(f'{where} is no value of law = "{joint.law}", which takes {", ".join(LAWS[joint.law].per_point)}')
+    if name == "gap" and joint.gap == GEOMETRY:
+        raise CaseError(f'{where}: the joint takes its gap from the mesh, gap = "geometry"; state one of them')
+    if field not in mesh.fields:
+        near = nearest(field, mesh.fields)
+        held = f"it has: {', '.join(mesh.fields)}" if mesh.fields else "it has no field of one number a node at all"
+        raise MeshError(
+            f"{where} = {field!r}: there is no such field in the mesh; " + (f"nearest is {near!r}; " if near else "") + held
+        )
+    nodes = np.unique(points.side1.indices)
+    missing = nodes[np.isnan(mesh.fields[field][nodes])]
+    if len(missing):
+        raise MeshError(
+            f"{where} = {field!r} has no value at {len(missing)} nodes of the joint, the first is {mesh.numbers[missing[0]]}"
+        )
+    found = points.side1 @ np.nan_to_num(mesh.fields[field])
+    above = name.endswith("stiffness") or (name == "preload" and "n0" in LAWS[joint.law].above_0)
+    if found.min() < 0.0 or (above and found.min() == 0.0):
+        at = place(points.position[np.argmin(found)])
+        raise MeshError(f"{where} = {field!r} is {found.min():g} at {at} m; it must be {'above 0' if above else 'at least 0'}")
+    return found
 
 
 def _from_file(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray, values: Values) -> Values:
@@ -66,13 +97,18 @@ def _from_file(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarra
         changed[name] = getattr(values, name).copy()
         changed[name][pairs] = table[name][rows]
     found = replace(values, **changed)
+    _check_open(joint.parameters, points, found)
+    return found
+
+
+def _check_open(where, points: ContactPoints, found: Values) -> None:
+    """Raise CaseError for a point with a gap and a preload."""
     both = np.flatnonzero((found.gap > 0.0) & (found.preload > 0.0))
     if len(both):
         raise CaseError(
-            f"{joint.parameters}: the point at {place(points.position[both[0]])} m has a gap of {found.gap[both[0]]:g} m and "
+            f"{where}: the point at {place(points.position[both[0]])} m has a gap of {found.gap[both[0]]:g} m and "
             f"a preload of {found.preload[both[0]]:g} Pa ({len(both)} in all): an open point carries none; keep one of them"
         )
-    return found
 
 
 def _check_law(joint: Joint, table: dict, given: list[str], lines: list[int]) -> None:

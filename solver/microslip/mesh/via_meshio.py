@@ -73,7 +73,17 @@ def read_other(path: str, ending: str) -> FileMesh:
         groups.setdefault(name, Group()).add_nodes(np.asarray(nodes, dtype=np.int64))
     _group_by_values(mesh, cells, groups)
     notes = () if has_numbers else ("node and element numbers are positions in the file, from 1",)
-    return FileMesh(points, node_numbers, tuple(cells), groups, notes)
+    return FileMesh(points, node_numbers, tuple(cells), groups, notes, _fields(mesh))
+
+
+def _fields(mesh) -> dict[str, np.ndarray]:
+    """Return the arrays of one real number a point."""
+    arrays = {name: np.asarray(values) for name, values in mesh.point_data.items()}
+    return {
+        name: values.reshape(-1).astype(float)
+        for name, values in arrays.items()
+        if values.dtype.kind == "f" and values.size == len(values)
+    }
 
 
 def load_meshio():

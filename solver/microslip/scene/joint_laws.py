@@ -59,8 +59,9 @@ def _check_directions(joint: Joint, key: str) -> None:
         raise ValueError(f"{key}: law = {_quoted(joint.law)} takes one number for both directions")
     if joint.friction_limit != "separate":
         raise ValueError(f'{key} = [x, y] needs friction_limit = "separate": a friction circle has one number for both')
-    if joint.parameters is not None:
-        raise ValueError(f"{key} = [x, y] with parameters, a file of values for each point: state one number")
+    if joint.parameters is not None or joint.fields:
+        given = "parameters, a file" if joint.parameters is not None else "fields, a table"
+        raise ValueError(f"{key} = [x, y] with {given} of values for each point: state one number")
 
 
 def _check_rough(joint: Joint) -> None:

@@ -22,7 +22,19 @@ Method = Literal[
     "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"
 ]
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
-OF_SURFACES = ("preload", "gap", "tolerance", "against", "plane_point", "plane_normal", "pairing", "tangent", "parameters")
+OfPoints = Literal["friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"]
+OF_SURFACES = (
+    "preload",
+    "gap",
+    "tolerance",
+    "against",
+    "plane_point",
+    "plane_normal",
+    "pairing",
+    "tangent",
+    "parameters",
+    "fields",
+)
 Quantity = Literal["displacement", "velocity", "acceleration", "stress", "strain", "contact_force"]
 Component = Literal["xx", "yy", "zz", "xy", "yz", "zx", "normal"]
 
@@ -235,6 +247,10 @@ class Joint(Table):
         None, description="the direction [x, y, z] whose projection on the surface is x of the pairs, three numbers, not all 0"
     )
     parameters: str | None = Field(None, min_length=1, description="the path of a CSV file of values for each contact point")
+    fields: dict[OfPoints, str] = Field(
+        {},
+        description='a table of names of fields of the mesh, as { friction = "mu" }, for friction, preload, gap or a stiffness',
+    )
     roughness_height: Positive | None = Field(None, description="the length in m over which the pressure grows, a number above 0")
     roughness_pressure: Positive | None = Field(
         None, description="the pressure in Pa at an approach of roughness_height, a number above 0"
