@@ -21,6 +21,7 @@ sys.path.insert(0, os.path.abspath(MESHES))
 
 import blocks
 import picture
+from bolted_lap import BoltedLap, bolted_lap
 from fan_sector import SIZES, Shape, fan_sector
 from lap_joint import LapJoint, lap_joint
 from msh import write_msh
@@ -233,6 +234,72 @@ def test_lap_joint(kind):
     assert np.all(bodies["beam_1"].points[bodies["beam_1"].face_nodes("clamp"), 0] == 0.0)
 
 
+# Bolted lap
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex20"])
+def test_bolted_lap_volumes(kind):
+    s = BoltedLap(kind=kind)
+    bodies = bolted_lap(s)
+
+    def disc(diameter, around):
+        """Return the area that straight elements, or curved ones nearly, have of a disc."""
+        sides = 4 * around
+        return diameter**2 / 4.0 * (sides / 2.0 * np.sin(2.0 * np.pi / sides) if kind == "hex8" else np.pi)
+
+    shank, head = disc(s.shank, s.bolt_around), disc(s.head, s.bolt_around)
+    expected = {
+        "plate_1": s.thickness * (s.length * s.width - s.bolts * disc(s.hole, s.around_1)),
+        "plate_2": s.thickness * (s.length * s.width - s.bolts * disc(s.hole, s.around_2)),
+        "bolts": s.bolts * (2.0 * s.thickness * shank + 2.0 * s.head_height * head),
+    }
+    for name, body in bodies.items():
+        assert blocks.volumes(body).sum() == pytest.approx(expected[name], rel=1e-9 if kind == "hex8" else 1e-4)
+        assert blocks.jacobian_minimum(body).min() > 0.0 and blocks.aspect_ratios(body).max() < 10.0
+        assert n_parts(body) == (s.bolts if name == "bolts" else 1)
+        assert len(cKDTree(body.points).query_pairs(1e-6)) == 0
+
+
+def test_bolted_lap_surfaces():
+    s = BoltedLap()
+    bodies = bolted_lap(s)
+    bolts, holes = bodies["bolts"], s.length - (np.arange(s.bolts)[::-1] + 0.5) * s.pitch
+
+    def from_axis(points):
+        return np.hypot(points[:, :1] - holes, points[:, 1:2] - 0.5 * s.width).min(axis=1)
+
+    for name, z in (("heads", s.thickness), ("nuts", -s.thickness)):
+        ring = bolts.points[bolts.face_nodes(name)]
+        assert np.allclose(ring[:, 2], z)  # on the plates, and beyond the holes
+        assert np.allclose([from_axis(ring).min(), from_axis(ring).max()], [0.5 * s.hole, 0.5 * s.head])
+    skin = {tuple(sorted(face)) for face in blocks.skin(bolts)[0]}
+    for i, x in enumerate(holes, 1):
+        (cut,) = bolts.faces[f"cut_{i}"]
+        assert not skin & {tuple(sorted(face)) for face in cut}  # between elements that share their nodes
+        points = bolts.points[np.unique(cut)]
+        assert np.allclose(points[:, 2], 0.0) and np.allclose(points[:, :2].mean(axis=0), [x, 0.5 * s.width])
+        assert np.hypot(*(points[:, :2] - [x, 0.5 * s.width]).T).max() == pytest.approx(0.5 * s.shank)
+    inside = bolts.points[(from_axis(bolts.points) < 0.5 * s.hole - 1e-9) & (np.abs(bolts.points[:, 2]) < s.thickness - 1e-9)]
+    assert from_axis(inside).max() == pytest.approx(0.5 * s.shank)  # clear of the holes
+    for plate, name, x in (("plate_1", "clamp", 0.0), ("plate_2", "tip", 2.0 * s.length - s.bolts * s.pitch)):
+        assert np.allclose(bodies[plate].points[bodies[plate].face_nodes(name), 0], x)
+
+
+@pytest.mark.parametrize("matching", [0, 1, 2])
+def test_bolted_lap_nodes_coincide_where_asked(matching):
+    bodies = bolted_lap(BoltedLap(matching=matching))
+    first, second = (bodies[f"plate_{i}"].points[bodies[f"plate_{i}"].face_nodes(f"lap_{i}")] for i in (1, 2))
+    distance = cKDTree(second).query(first)[0]
+    assert (distance.max() < 1e-9 and len(first) == len(second)) if matching else np.median(distance) > 1e-4
+
+
+def test_bolted_lap_parameters_that_cannot_be_meshed_are_refused():
+    with pytest.raises(ValueError, match="shorter than a plate"):
+        bolted_lap(BoltedLap(bolts=6))
+    with pytest.raises(ValueError, match="diameters"):
+        bolted_lap(BoltedLap(head=0.025))
+
+
 # Blocks of any kind
 
 
@@ -318,6 +385,7 @@ def test_command_lines_run_from_any_folder(tmp_path):
     done = run("fan_sector.py", "--size", "small", "--out", "fan.msh", "--twist", "20")
     assert done.returncode == 0 and "46 pairs" in done.stdout, done.stderr
     assert run("lap_joint.py", "--out", "lap.msh").returncode == 0
+    assert "in all: 3551 nodes" in run("bolted_lap.py", "--out", "bolted.msh").stdout
     refused = run("fan_sector.py", "--out", "bad.msh", "--n-blades", "60")
     assert refused.returncode == 2 and "inside out" in refused.stderr and "Traceback" not in refused.stderr
     picture.draw(str(tmp_path / "lap.msh"), str(tmp_path / "lap.png"), dpi=40)

@@ -110,6 +110,15 @@ def test_pictures_do_without_the_large_arrays(tmp_path, pairs, pages):
     assert len(draw_all(path, str(tmp_path))) == 6
 
 
+@pytest.mark.parametrize("bound", [1e-6, 3e-3])
+def test_energy_draws_the_bound_of_the_balance_that_the_run_goes_by(tmp_path, pairs, pages, bound):
+    found = branch(8.0, pairs)
+    found.closes_to = bound
+    draw_only(curve_plots.draw_energy, write(tmp_path, [found], pairs))
+    (line,) = [line for line in pages["energy.png"].figure.axes[-1].lines if line.get_linestyle() == "--"]
+    assert line.get_ydata() == [bound, bound]
+
+
 def test_response_shows_each_level_its_peak_and_the_linear_curve(tmp_path, pairs, pages):
     found = [branch(level, pairs) for level in (1.0, 8.0)]
     draw_only(curve_plots.draw_response, write(tmp_path, found, pairs))

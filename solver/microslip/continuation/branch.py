@@ -77,6 +77,7 @@ class Point:
 
 
 QUANTITIES = declared(Point)
+CLOSES_TO = 1e-6  # closure of the energy balance beyond which a point deserves a second look
 
 
 @dataclass
@@ -87,7 +88,7 @@ class Branch:
     points: list[Point] = field(default_factory=list)
     failure: str | None = None  # why the branch ends early; None if it is complete
     is_linear: bool = False  # no pair leaves sticking: the linear response at this level, nothing was solved
-    closes_to: float = 1e-6  # of the energy balance, what the tolerance of its points asks for
+    closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
     odd: bool = False  # solved in odd harmonics alone, by the symmetry of the scene
     broken: str | None = None  # why its first segment ends early, where a second one completes it
 

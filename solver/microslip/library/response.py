@@ -81,10 +81,7 @@ class Response:
         head = head_of(self.prepared)
         sizes = len(head.outputs), head.joint.n_pairs, self.prepared.model.recorded.n_coefficients
         levels = (
-            level_result(
-                branch.level, branch.points, sizes, STOPPED if branch.failure else COMPLETE, branch.failure, head.level_unit
-            )
-            for branch in self.branches
+            level_result(branch, sizes, STOPPED if branch.failure else COMPLETE, head.level_unit) for branch in self.branches
         )
         return replace(head, levels=tuple(levels))
 

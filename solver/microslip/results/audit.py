@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..continuation.branch import Branch
+from ..continuation.branch import CLOSES_TO, Branch
 from ..fourier.coefficients import amplitude
 
-BOUND = 1e-6  # closure beyond which a point deserves a second look
 _NOTHING = 1e-10  # of pi F a, the most work that a load F can do per cycle at amplitude a
 
 
@@ -43,7 +42,7 @@ def energy_closure(branch: Branch, works: Sequence[int] | None = None) -> np.nda
 
 def audit_text(branches: list[Branch], works: Sequence[int] | None = None) -> str:
     """Return the audit of all levels as a small table for the log; ``works`` as above.  Local, on rank 0."""
-    bounds = sorted({branch.closes_to for branch in branches}) or [BOUND]
+    bounds = sorted({branch.closes_to for branch in branches}) or [CLOSES_TO]
     said = " to ".join(f"{bound:.0e}" for bound in {bounds[0], bounds[-1]})
     lines = [
         f"energy balance, input = damping + friction [J per cycle]; to close within {said}",

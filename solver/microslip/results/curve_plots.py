@@ -6,9 +6,10 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from ..continuation.branch import CLOSES_TO
 from ..error_estimate.components import PARTS, total
 from ..fourier.coefficients import amplitude
-from .audit import BOUND, closure
+from .audit import closure
 from .measures import counts, peak, segments
 from .record import STOPPED, LevelResult, ResultFile
 from .style import (
@@ -147,14 +148,16 @@ def _draw_closure(ax, results: ResultFile) -> None:
     """Draw the closure of all levels."""
     ax.set_yscale("log")
     drawn = [(level, colour) for level, colour in _with_colours(results) if len(level.frequency)]
-    lowest, works = BOUND, [k for k in range(len(results.outputs)) if (results.unit_of(k), results.level_unit) == ("m", "N")]
+    works = [k for k in range(len(results.outputs)) if (results.unit_of(k), results.level_unit) == ("m", "N")]
+    bound = max((level.closes_to for level, _ in drawn), default=CLOSES_TO)
+    lowest = bound
     for level, colour in drawn:
         most_work = np.pi * level.level * amplitude(level.response[:, works]).max(axis=1, initial=0.0)
         gap = np.maximum(closure(level.input, level.damping, level.friction, most_work), 1e-16)
         _curve(ax, level, gap, colour)
         lowest = min(lowest, gap.min(initial=lowest))
-    ax.axhline(BOUND, color=FAINT, lw=0.8, ls="--")
-    ax.set_ylim(0.3 * lowest, max(ax.get_ylim()[1], 10.0 * BOUND))
+    ax.axhline(bound, color=FAINT, lw=0.8, ls="--")
+    ax.set_ylim(0.3 * lowest, max(ax.get_ylim()[1], 10.0 * bound))
     ax.set_title("closure, all levels", loc="left")
     if len(drawn) > 1:
         named = [

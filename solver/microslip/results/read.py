@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from ..contact.laws import ELASTIC_COULOMB
-from ..continuation.branch import QUANTITIES
+from ..continuation.branch import CLOSES_TO, QUANTITIES
 from ..continuation.quantities import TEXT, Quantity, axis_lengths
 from ..parallel.errors import CaseError
 from .record import BOLT_UNITS, JOINT_QUANTITIES, Bolts, Joint, LevelResult, LinearCurve, ResultFile
@@ -204,7 +204,8 @@ def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bo
         if values is not None and values.dtype.kind == "f" and not np.isfinite(values).all():
             raise CaseError(f"{reader.path}: {name} of '{group}' is not finite everywhere; the file is damaged or was edited")
     status, failure = (_attribute(attributes, name) for name in ("status", "failure"))
-    return LevelResult(float(attributes.attrs["level_N"]), status, failure, arrays, unit)
+    closes_to = float(attributes.attrs.get("closes_to", CLOSES_TO))  # older files do not have it
+    return LevelResult(float(attributes.attrs["level_N"]), status, failure, arrays, unit, closes_to)
 
 
 def _quantity(reader: _Reader, group: str, kept: Quantity, n: int, lengths: dict[str, int]) -> np.ndarray | None:

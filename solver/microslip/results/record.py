@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from ..contact.laws import ELASTIC_COULOMB
-from ..continuation.branch import QUANTITIES, Point
+from ..continuation.branch import CLOSES_TO, QUANTITIES, Branch
 from ..continuation.quantities import Quantity, axis_lengths, declared
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ class LevelResult:
     failure: str  # why the curve ends early; "" otherwise
     arrays: dict[str, np.ndarray | None]
     unit: str = "N"  # of the level
+    closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
 
     def __getattr__(self, name: str) -> Any:
         try:
@@ -149,16 +150,10 @@ def _numbers(nodes: np.ndarray, node_numbers: np.ndarray | None) -> np.ndarray:
     return np.full(len(nodes), -1) if node_numbers is None else np.where(nodes < 0, -1, node_numbers[nodes])
 
 
-def level_result(
-    level: float,
-    points: list[Point],
-    sizes: tuple[int, int, int],
-    status: str = COMPLETE,
-    failure: str | None = None,
-    unit: str = "N",
-) -> LevelResult:
+def level_result(branch: Branch, sizes: tuple[int, int, int], status: str, unit: str = "N") -> LevelResult:
     """Return the record of a level's points; ``sizes`` = (n_outputs, n_pairs, N_H).  Local, on rank 0."""
     n_outputs, n_pairs, N_H = sizes
-    N_H = max([N_H, *(point.response.shape[-1] for point in points)])  # points may have more harmonics than others
+    N_H = max([N_H, *(point.response.shape[-1] for point in branch.points)])  # points may have more harmonics than others
     lengths = axis_lengths(n_outputs, n_pairs, N_H)
-    return LevelResult(level, status, failure or "", {kept.name: kept.array(points, lengths) for kept in QUANTITIES}, unit)
+    arrays = {kept.name: kept.array(branch.points, lengths) for kept in QUANTITIES}
+    return LevelResult(branch.level, status, branch.failure or "", arrays, unit, branch.closes_to)

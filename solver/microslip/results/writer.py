@@ -85,7 +85,7 @@ class ResultWriter:
 
     def _save(self, number: int, branch: Branch, status: str) -> None:
         """Replace results.h5 by itself with a level added."""
-        found = level_result(branch.level, branch.points, self._sizes, status, branch.failure, self._level_unit)
+        found = level_result(branch, self._sizes, status, self._level_unit)
         name = f"levels/{number:04d}"
         with written_whole(self.path) as beside:
             shutil.copyfile(self.path, beside)
@@ -145,6 +145,7 @@ def _write_bolts(group: h5py.Group, bolts: Bolts) -> None:
 def _write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:
     """Write a level; ``unit`` is that of the outputs."""
     group.attrs["level_N"], group.attrs["status"], group.attrs["failure"] = level.level, level.status, _clean(level.failure)
+    group.attrs["closes_to"] = level.closes_to
     for kept in sorted(QUANTITIES, key=lambda kept: (kept.kind != TEXT, kept.is_motion)):  # the large ones last
         _write_quantity(group, kept, level.arrays[kept.name], unit if "outputs" in kept.axes else kept.unit)
 

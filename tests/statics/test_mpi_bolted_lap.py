@@ -1,0 +1,48 @@
+"""The scene jobs/bolted_lap.toml on a coarse mesh: bolts, ties and plates that do not match hold each other; any number of ranks."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import microslip
+from microslip.parallel.agree import on_root
+
+ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "meshes"))
+
+from bolted_lap import BoltedLap, bolted_lap
+from msh import write_msh
+
+COARSE = BoltedLap(
+    around_1=2, around_2=3, radial_1=2, radial_2=1, through_1=1, along_1=3, along_2=4, bolt_around=3, bolt_through=1
+)
+FORCE = 6000.0  # N, of each bolt
+
+
+def put(folder: Path) -> Path:
+    """Copy the scene and make its mesh, in folders beside each other as those of the project."""
+    for name in ("jobs", "meshes"):
+        (folder / name).mkdir()
+    write_msh(str(folder / "meshes" / "bolted_lap.msh"), bolted_lap(COARSE))
+    scene = folder / "jobs" / "bolted_lap.toml"
+    scene.write_text((ROOT / "jobs" / scene.name).read_text(encoding="utf-8"), encoding="utf-8")
+    return scene
+
+
+def test_the_bolts_press_the_plates_together(comm, shared_path):
+    scene = on_root(comm, put, shared_path)
+    with microslip.build(microslip.read(scene), comm) as structure:
+        pairs, bolts = structure.pairs, structure.bolts
+        N = np.maximum(pairs.N0, 0.0)
+    assert bolts.names == ("bolt 1", "bolt 2", "bolt 3") and np.allclose(bolts.force, FORCE, rtol=1e-9)
+    assert N.sum() == pytest.approx(3.0 * FORCE, rel=1e-9)  # nothing else crosses the lap
+    # each bolt around its own hole, the pressure falling outwards
+    holes = COARSE.length - (np.arange(3)[::-1] + 0.5) * COARSE.pitch
+    for x in holes:
+        near = np.abs(pairs.position[:, 0] - x) < 0.5 * COARSE.pitch
+        assert N[near].sum() == pytest.approx(FORCE, rel=0.03)
+        radius, pressure = np.hypot(*(pairs.position[near, :2] - [x, 0.5 * COARSE.width]).T), N[near] / pairs.area[near]
+        inner, outer = pressure[radius < 0.6 * COARSE.head], pressure[radius > COARSE.head]
+        assert len(inner) and len(outer) and inner.min() > 2.0 * outer.max()
