@@ -1,14 +1,16 @@
 """Draw a mesh file: the bodies, and the surfaces in contact with their pairs of nodes.
 
     python meshes/picture.py meshes/fan_small.msh --out docs/img/fan_small.png
+    python meshes/picture.py meshes/bolted_lap.msh --surfaces lap_1 lap_2 --out docs/img/bolted_lap.png
 
-Contact is what the file shows: nodes of two bodies that coincide.
+Contact is what the file shows, nodes of two bodies that coincide, or the surfaces that are named.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Sequence
 
 import matplotlib
 
@@ -49,10 +51,27 @@ def contact_nodes(bodies: dict[str, Body]) -> np.ndarray:
     return np.unique(pairs[body_of[pairs[:, 0]] != body_of[pairs[:, 1]]])
 
 
-def draw(path: str, out: str, dpi: int = 100) -> None:
+def surface_nodes(path: str, names: Sequence[str]) -> np.ndarray:
+    """Return the nodes of named surfaces of a Gmsh file, (n,).  Local.
+
+    Raises
+    ------
+    ValueError: a name that no surface has.
+    """
+    mesh = meshio.read(path)
+    tags = {name: int(tag) for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}
+    missing = [name for name in names if name not in tags]
+    if missing:
+        raise ValueError(f"{path} has no surface {missing[0]!r}; its surfaces: {', '.join(sorted(tags))}")
+    wanted = [tags[name] for name in names]
+    of_cells = zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True)
+    return np.unique(np.concatenate([cells.data[np.isin(own, wanted)].ravel() for cells, own in of_cells if cells.dim == 2]))
+
+
+def draw(path: str, out: str, dpi: int = 100, surfaces: Sequence[str] = ()) -> None:
     """Write the picture: the whole mesh, a side view, the joint from its front, the contact faces.  Local."""
     bodies = read_bodies(path)
-    contact = contact_nodes(bodies)
+    contact = surface_nodes(path, surfaces) if surfaces else contact_nodes(bodies)
     points = next(iter(bodies.values())).points
     x, _, z = np.ptp(points, axis=0)
     figure = plt.figure(figsize=(11.0, 6.6))
@@ -63,7 +82,7 @@ def draw(path: str, out: str, dpi: int = 100) -> None:
         whole, side, joint, surface = places[:, 0], places[:, 1], places[0, 2], places[1, 2]
     else:
         places = figure.add_gridspec(
-            3, 2, height_ratios=(1.1, 0.4, 1.3), left=0.07, right=0.98, top=0.9, bottom=0.08, hspace=0.35
+            3, 2, height_ratios=(1.4, 0.35, 1.2), left=0.07, right=0.98, top=0.93, bottom=0.08, hspace=0.45
         )
         whole, side, joint, surface = places[0, :], places[1, :], places[2, 0], places[2, 1]
     _whole(figure.add_subplot(whole), bodies)
@@ -72,8 +91,8 @@ def draw(path: str, out: str, dpi: int = 100) -> None:
     _surface(figure.add_subplot(surface), bodies, contact)
     n_elements = sum(len(body.elements) for body in bodies.values())
     n_nodes = len(np.unique(np.concatenate([body.elements.ravel() for body in bodies.values()])))
-    name, n_pairs = os.path.basename(path), len(contact) // 2
-    figure.suptitle(f"{name}: {n_nodes} nodes, {n_elements} elements, {n_pairs} contact pairs")
+    joint = f"contact of {' and '.join(surfaces)}" if surfaces else f"{len(contact) // 2} contact pairs"
+    figure.suptitle(f"{os.path.basename(path)}: {n_nodes} nodes, {n_elements} elements, {joint}")
     figure.savefig(out, dpi=dpi)
     plt.close(figure)
 
@@ -112,7 +131,8 @@ def _joint(axes, bodies: dict[str, Body], contact: np.ndarray) -> None:
 
 def _surface(axes, bodies: dict[str, Body], contact: np.ndarray) -> None:
     """Draw the contact faces of the first body with their nodes, and the normal of each face."""
-    view = _view(62.0, -25.0)
+    x, y, _ = np.ptp(next(iter(bodies.values())).points[contact], axis=0)
+    view = _view(62.0, -25.0 if x < 2.0 * y else -80.0)  # the long side to the right
     name, body = next(iter(bodies.items()))
     faces = [faces[np.isin(faces, contact).all(axis=1)] for faces in skin(body)]
     outlines = [outline for part in faces for outline in _outlines(body, part)]
@@ -201,8 +221,12 @@ def main(arguments=None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("mesh", help="Gmsh file with physical volumes")
     parser.add_argument("--out", required=True, help="picture to write, .png, .svg or .pdf")
+    parser.add_argument("--surfaces", nargs="+", default=(), help="names of the surfaces in contact, where nodes do not coincide")
     given = parser.parse_args(arguments)
-    draw(given.mesh, given.out)
+    try:
+        draw(given.mesh, given.out, surfaces=given.surfaces)
+    except ValueError as problem:
+        parser.exit(2, f"{parser.prog}: {problem}\n")
 
 
 if __name__ == "__main__":

@@ -389,4 +389,11 @@ def test_command_lines_run_from_any_folder(tmp_path):
     refused = run("fan_sector.py", "--out", "bad.msh", "--n-blades", "60")
     assert refused.returncode == 2 and "inside out" in refused.stderr and "Traceback" not in refused.stderr
     picture.draw(str(tmp_path / "lap.msh"), str(tmp_path / "lap.png"), dpi=40)
-    assert (tmp_path / "lap.png").stat().st_size > 5000
+    picture.draw(str(tmp_path / "bolted.msh"), str(tmp_path / "bolted.png"), dpi=40, surfaces=["lap_1", "lap_2"])
+    assert all((tmp_path / f"{name}.png").stat().st_size > 5000 for name in ("lap", "bolted"))
+
+
+def test_picture_of_surfaces_that_a_file_does_not_have(tmp_path):
+    write_msh(str(tmp_path / "lap.msh"), lap_joint(LapJoint(kind="tet4")))
+    with pytest.raises(ValueError, match="no surface 'lap_3'; its surfaces: clamp, lap_1, lap_2, tip"):
+        picture.surface_nodes(str(tmp_path / "lap.msh"), ["lap_1", "lap_3"])

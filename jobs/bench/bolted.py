@@ -1,6 +1,6 @@
 """What unlike meshes and computed preload change in a bolted lap: jobs/bolted_lap.toml beside others of the same joint.
 
-    python jobs/bench/bolted_lap.py [--levels 0.2 1 4]
+    python jobs/bench/bolted.py [--levels 0.2 1 4]
 
 Makes the meshes.  Prints a table: contact points, how many are closed at rest, the largest pressure, the frequency of the mode
 with what is closed stuck, and at each level the peak per newton and its frequency.
@@ -41,6 +41,7 @@ def cases(folder: Path) -> dict[str, microslip.Scene]:
         "the scene: points of the coarser side": scene(0),
         "points of the finer side": scene(0, surfaces=("lap_2", "lap_1")),
         "both meshed as plate 1, nodes": scene(1),
+        "both meshed as plate 1, points": scene(1, pairing="points"),
         "both meshed as plate 2, nodes": scene(2),
         "both meshed as plate 2, points": scene(2, pairing="points"),
         "the scene, uniform 16.4 MPa": without_statics(scene(0), preload=UNIFORM),
