@@ -38,12 +38,12 @@ def cases(folder: Path) -> dict[str, microslip.Scene]:
         return changed(whole, {"model": {"mesh": str(paths[matching])}}, {"lap": lap})
 
     return {
-        "the scene: points of the coarser side": scene(0),
-        "points of the finer side": scene(0, surfaces=("lap_2", "lap_1")),
+        "the scene: meshes differ, cells of plate 1": scene(0),
+        "both meshed as plate 1, cells": scene(1, pairing="points"),
         "both meshed as plate 1, nodes": scene(1),
-        "both meshed as plate 1, points": scene(1, pairing="points"),
+        "meshes differ, cells of plate 2": scene(0, surfaces=("lap_2", "lap_1")),
+        "both meshed as plate 2, cells": scene(2, pairing="points"),
         "both meshed as plate 2, nodes": scene(2),
-        "both meshed as plate 2, points": scene(2, pairing="points"),
         "the scene, uniform 16.4 MPa": without_statics(scene(0), preload=UNIFORM),
     }
 
