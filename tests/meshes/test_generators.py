@@ -21,7 +21,9 @@ sys.path.insert(0, os.path.abspath(MESHES))
 
 import blocks
 import picture
+from block_on_ground import BlockOnGround, block_on_ground
 from bolted_lap import BoltedLap, bolted_lap
+from damper import Damper, damper
 from fan_sector import SIZES, Shape, fan_sector
 from lap_joint import LapJoint, lap_joint
 from msh import write_msh
@@ -300,6 +302,53 @@ def test_bolted_lap_parameters_that_cannot_be_meshed_are_refused():
         bolted_lap(BoltedLap(head=0.025))
 
 
+# Block on the ground
+
+
+@pytest.mark.parametrize("kind", ["hex20", "hex8"])
+def test_block_on_ground(kind):
+    given = BlockOnGround(kind=kind)
+    body = block_on_ground(given)["block"]
+    volume = given.width * (given.length * given.height + given.mast * given.mast_height)
+    assert n_parts(body) == 1 and blocks.jacobian_minimum(body).min() > 0.0
+    assert blocks.volumes(body).sum() == pytest.approx(volume, rel=1e-12)
+    foot, shoulders = (body.points[body.face_nodes(name)] for name in ("foot", "shoulders"))
+    assert np.allclose(np.ptp(foot, axis=0), [given.length, given.width, 0.0]) and np.allclose(foot[:, 2], 0.0)
+    assert np.allclose(shoulders[:, 2], given.height) and np.abs(shoulders[:, 0]).min() == pytest.approx(0.5 * given.mast)
+    assert np.allclose(body.points[body.face_nodes("mast_top"), 2], given.height + given.mast_height)
+    with pytest.raises(ValueError, match="thinner than the block is long"):
+        block_on_ground(BlockOnGround(kind=kind, mast=0.2))
+
+
+# Two blades and a damper
+
+
+def test_damper_is_a_wedge_under_the_roof_of_its_platforms():
+    given = Damper()
+    bodies = damper(given)
+    for body in bodies.values():
+        assert n_parts(body) == 1 and blocks.jacobian_minimum(body).min() > 0.0
+    top, bottom = 0.5 * given.damper_top, 0.5 * given.damper_bottom
+    section = (top + bottom) * (bottom - top) * given.slope
+    assert blocks.volumes(bodies["damper"]).sum() == pytest.approx(section * given.damper_length, rel=1e-12)
+    left, right = bodies["left"], bodies["right"]
+    mirror = left.points * [-1.0, 1.0, 1.0]
+    assert cKDTree(right.points).query(mirror)[0].max() < 1e-12
+    assert blocks.volumes(left).sum() == pytest.approx(blocks.volumes(right).sum(), rel=1e-12)
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        under = bodies[side].points[bodies[side].face_nodes(f"{side}_platform")]
+        flank = bodies["damper"].points[bodies["damper"].face_nodes(f"damper_{side}")]
+        for points in (under, flank):  # both on z = ridge - slope |x|
+            assert np.allclose(points[:, 2], given.ridge_radius - given.slope * sign * points[:, 0], atol=1e-12)
+        assert (np.ptp(flank, axis=0) < np.ptp(under, axis=0)).all()  # the flank has a partner all over
+        assert np.abs(under[:, 0]).min() == pytest.approx(0.5 * given.gap)
+        radial = [sign * np.sin(np.pi / given.n_blades), np.cos(np.pi / given.n_blades)]
+        root = bodies[side].points[bodies[side].face_nodes(f"{side}_root")][:, [0, 2]]
+        assert root @ radial == pytest.approx(given.root_radius)
+    with pytest.raises(ValueError, match="must increase"):
+        damper(Damper(damper_bottom=0.03))
+
+
 # Blocks of any kind
 
 
@@ -386,6 +435,8 @@ def test_command_lines_run_from_any_folder(tmp_path):
     assert done.returncode == 0 and "46 pairs" in done.stdout, done.stderr
     assert run("lap_joint.py", "--out", "lap.msh").returncode == 0
     assert "in all: 3551 nodes" in run("bolted_lap.py", "--out", "bolted.msh").stdout
+    for script in ("lap_joint.py", "damper.py", "block_on_ground.py"):
+        assert run(script, "--out", script.split("_")[0] + ".msh").returncode == 0
     refused = run("fan_sector.py", "--out", "bad.msh", "--n-blades", "60")
     assert refused.returncode == 2 and "inside out" in refused.stderr and "Traceback" not in refused.stderr
     picture.draw(str(tmp_path / "lap.msh"), str(tmp_path / "lap.png"), dpi=40)

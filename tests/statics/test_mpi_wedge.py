@@ -1,0 +1,132 @@
+"""A wedge between two platforms that centrifugal force alone presses on: forces on its flanks, and when it flies off."""
+
+import numpy as np
+import pytest
+from damper import Damper, damper
+from msh import write_msh
+
+import microslip
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError, ConvergenceError
+
+GIVEN = Damper(
+    kind="hex8", n_chord=3, n_shank=2, n_thick=1, n_platform=2, n_height=1, n_aerofoil=2, n_damper=2, n_flank=1, n_length=2
+)
+DENSITY, SPEED, FRICTION = 7850.0, 500.0, 0.3
+JOINT = """
+[[joints]]
+name = "{side}"
+surfaces = ["damper_{side}", "{side}_platform"]
+friction = {friction}
+tangential_stiffness = 5.0e12
+normal_stiffness = 1.0e13
+preload = "static"
+[[supports]]
+group = "{side}_root"
+fix = ["x", "y", "z"]
+[bodies.{side}]
+group = "{side}"
+material = "steel"
+"""
+SCENE = """
+[model]
+mesh = "wedge.msh"
+axis = [0.0, 1.0, 0.0]
+axis_point = [0.0, 0.0, {height}]
+[materials.steel]
+young = 2.1e11
+poisson = 0.3
+density = 7850.0
+[bodies.damper]
+group = "damper"
+material = "steel"
+[statics]
+rotation_speed = {speed}
+stress_stiffening = false
+[[statics.pressures]]
+group = "outer_undersides"
+pressure = {pressure}
+[[loads]]
+group = "left_tip"
+direction = [1.0, 0.0, 0.0]
+[[outputs]]
+name = "tip"
+position = [-0.02, 0.0, 0.41]
+direction = [1.0, 0.0, 0.0]
+[damping]
+ratio = 0.01
+[response]
+levels = [1.0]
+mode = 1
+span = [0.9, 1.1]
+[solver]
+modes = 4
+"""
+GUIDE = '[[supports]]\ngroup = "damper_end"\nfix = ["y"]\n'  # without friction nothing else holds the damper along the axis
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    path = comm.bcast(tmp_path_factory.mktemp("wedge"))
+    on_root(comm, lambda: write_msh(str(path / "wedge.msh"), damper(GIVEN)))
+    return path
+
+
+def scene_of(comm, folder, name, friction=FRICTION, speed=SPEED, pressure=1e6, height=0.0, more=""):
+    """Return a scene of the two blades and their damper.  Collective."""
+
+    def write():
+        joints = "".join(JOINT.format(side=side, friction=friction) for side in ("left", "right"))
+        path = folder / f"{name}.toml"
+        path.write_text(SCENE.format(speed=speed, pressure=pressure, height=height) + joints + more)
+        return path
+
+    return microslip.read(on_root(comm, write))
+
+
+def pull():
+    """Return the centrifugal force of the trapezoid, N: the density times the integral of width times z, times speed squared."""
+    z_top, z_bottom = (GIVEN.ridge_radius - 0.5 * GIVEN.slope * width for width in (GIVEN.damper_top, GIVEN.damper_bottom))
+    z, weight = np.polynomial.legendre.leggauss(2)
+    z = 0.5 * (z_top + z_bottom + z * (z_top - z_bottom))
+    moment = 0.5 * (z_top - z_bottom) * weight @ (2.0 * (GIVEN.ridge_radius - z) / GIVEN.slope * z)
+    return DENSITY * GIVEN.damper_length * moment * SPEED**2
+
+
+def flanks(comm, scene):
+    """Return the normal force of each flank (2,), and all that the damper gives to the platforms (3,), N."""
+    with microslip.build(scene, comm) as structure:
+        pairs = structure.pairs
+        N = np.maximum(pairs.N0, 0.0)
+        left = np.array(pairs.joint) == "left"
+        total = np.einsum("pji,pj->i", pairs.frame, np.column_stack([pairs.T0, -N]))
+    return np.array([N[left].sum(), N[~left].sum()]), total
+
+
+def test_without_friction_each_flank_bears_its_half_through_the_wedge_angle(comm, folder):
+    normal, total = flanks(comm, scene_of(comm, folder, "smooth", friction=0.0, more=GUIDE))
+    assert normal == pytest.approx(0.5 * pull() / np.cos(np.radians(GIVEN.flank_angle)), rel=1e-9)
+    assert total == pytest.approx([0.0, 0.0, pull()], rel=1e-9, abs=1e-9 * pull())
+
+
+def test_friction_takes_its_share_of_the_pull(comm, folder):
+    """The platforms stretch and let the wedge climb: friction bears with the normal forces, up to mu times them."""
+    normal, total = flanks(comm, scene_of(comm, folder, "rough"))
+    angle = np.radians(GIVEN.flank_angle)
+    least = 0.5 * pull() / (np.cos(angle) + FRICTION * np.sin(angle))
+    assert normal[0] == pytest.approx(normal[1], rel=1e-6)
+    assert 0.999999 * least <= normal[0] < 0.97 * 0.5 * pull() / np.cos(angle)
+    assert total == pytest.approx([0.0, 0.0, pull()], rel=1e-9, abs=1e-9 * pull())
+
+
+def test_a_damper_that_is_pulled_inwards_flies_off(comm, folder):
+    """With the axis beyond the tips the pull is inwards, and nothing is under the damper."""
+    with pytest.raises(ConvergenceError, match=r"no equilibrium beyond .*body 'damper' moves along \(0, 0, -1\)") as found:
+        flanks(comm, scene_of(comm, folder, "away", height=0.6, pressure=1.0))
+    assert found.value.exit_status == 3
+
+
+def test_a_damper_without_pull_is_not_held(comm, folder):
+    """Only the platforms move, apart from each other: nothing presses the damper on, and open pairs hold nothing."""
+    with pytest.raises((CaseError, ConvergenceError), match="body 'damper' moves"):
+        flanks(comm, scene_of(comm, folder, "slow", speed=0.0, pressure=1e4))
