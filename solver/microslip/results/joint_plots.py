@@ -70,8 +70,9 @@ def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
         return rgba
 
     def says(level: LevelResult, at: int) -> str:
-        factor, prefix = with_prefix(level.energy[at].sum(), "J")
-        return f"{factor * level.energy[at].sum():.3g} {prefix}"
+        loss = level.energy[at][level.state[at] != STICK].sum()
+        factor, prefix = with_prefix(loss, "J")
+        return f"{factor * loss:.3g} {prefix}" if loss > 0.0 else "no loss"
 
     what = "friction loss per cycle" + (" and area" if per_area else " of each pair") + " at the peak of each level"
     bar = (
@@ -137,7 +138,7 @@ class Layout:
     widths: np.ndarray  # (patch_columns,) of the columns of patches
     heights: np.ndarray  # of the rows of patches
 
-    LEFT, BELOW, TITLE, GAP, LABEL = 0.48, 0.38, 0.20, 0.14, 0.15
+    LEFT, BELOW, TITLE, GAP, LABEL = 0.48, 0.38, 0.20, 0.20, 0.15
 
     @property
     def block(self) -> tuple[float, float]:
