@@ -1,8 +1,8 @@
 """Contact of two surfaces of any meshes: a point for each cell of the first, both sides averaged over what the second covers.
 
-A face of the first surface has a few cells.  Each is laid in its plane and cut with the facets of the second surface that face it,
-and what the two meshes interpolate is averaged over the parts that they share.  Both averages keep rigid and linear motions, and a
-uniform pressure loads each face as its shape functions ask: it crosses a flat joint of any two meshes unchanged.
+A face of the first surface has a few cells.  Each is laid in its plane and cut with the facets of the second surface that
+face it, and what the two meshes interpolate is averaged over the parts that they share.  Both averages keep rigid and linear
+motions, and a uniform pressure loads each face as its shape functions ask: it crosses a flat joint of any two meshes unchanged.
 """
 
 from __future__ import annotations
