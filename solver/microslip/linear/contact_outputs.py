@@ -22,7 +22,7 @@ def with_contact_forces(system: System, pairs: ContactPairs, outputs: Sequence[O
     """
     if all(output.joint is None for output in outputs):
         return system
-    c = np.array([_on_pairs(pairs, output) for output in outputs]).reshape(len(outputs), -1)
+    c = np.array([_on_pairs(pairs, output) for output in outputs]).reshape(len(outputs), 3 * pairs.n_pairs)
     of_springs = sp.csr_matrix(c * joint_stiffness(pairs)) @ system.R
     return replace(system, outputs=sp.csr_matrix(system.outputs + of_springs), output_pairs=c)
 

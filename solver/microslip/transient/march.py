@@ -121,8 +121,9 @@ class StepContact:
 
     def _law(self, du_free, before, p):
         """Return p, the law's answer to it, with its memory and alone, its derivative and the states."""
-        shape = (len(p), self.model.n_pairs, -1)
-        after, L, state = self.model.law.step((du_free - self.apply(p)).reshape(shape), before.reshape(shape))
+        n_pairs, n_kept = self.model.n_pairs, 3 + self.model.law.n_memory
+        du = (du_free - self.apply(p)).reshape(len(p), n_pairs, 3)
+        after, L, state = self.model.law.step(du, before.reshape(len(p), n_pairs, n_kept))
         after = after.reshape(before.shape)
         return p, after, self.model.forces(after), L, state
 
