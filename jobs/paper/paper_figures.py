@@ -19,11 +19,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 from paper_runs import ARC, EPSILON, EQUAL, Level, Run, Study, errors, peak_error
 
+from microslip.continuation.branch import Branch
 from microslip.fourier.coefficients import amplitude
 from microslip.reduction.expand import node_fields
 from microslip.results.curve_plots import draw_response, draw_rom_size, draw_states
 from microslip.results.joint_plots import draw_energy_map, draw_slip_map
-from microslip.results.record import LinearCurve, ResultFile, joint_of, level_result
+from microslip.results.record import COMPLETE, LinearCurve, ResultFile, joint_of, level_result
 from microslip.results.style import FAINT, INK, LINEAR, RC, WIDTH, Page, level_colours, panels, with_prefix
 
 BY_SLIP = "adaptive, \u0394p \u2260 0"
@@ -109,7 +110,7 @@ def as_results(study: Study, which: str) -> ResultFile:
         mode_frequency=model.omega_n / (2.0 * np.pi),
         joint=joint_of(structure.pairs, None if structure.mesh is None else structure.mesh.numbers),
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
-        levels=tuple(level_result(run.level, run.points, sizes) for run in runs),
+        levels=tuple(level_result(Branch(run.level, run.points), sizes, COMPLETE) for run in runs),
     )
 
 
