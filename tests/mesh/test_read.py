@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from box_meshes import EDGES, KINDS, box, joint, settings
 
+from microslip.formats.via_meshio import load_meshio
 from microslip.mesh.read import read_mesh
-from microslip.mesh.via_meshio import load_meshio
 from microslip.parallel.errors import CaseError, MeshError
 
 meshio = load_meshio()

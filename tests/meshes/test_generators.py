@@ -12,7 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from microslip.mesh.msh import read_msh
+from microslip.formats.msh import read_msh
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.read import read_mesh
 

@@ -9,10 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from ..mesh.data import DistributedMesh, Mesh, place
+from ..mesh.data import DistributedMesh, Mesh
 from ..mesh.links import Links
 from ..mesh.settings import Point
 from ..parallel.errors import CaseError, MeshError
+from ..parallel.words import place
 from .numbering import number_dofs
 from .system import System
 

@@ -8,10 +8,11 @@ import numpy as np
 
 from .. import elements
 from ..mesh.cut import Cut, cuts_through
-from ..mesh.data import DistributedMesh, LocalBlock, Mesh, place
+from ..mesh.data import DistributedMesh, LocalBlock, Mesh
 from ..mesh.settings import Bolt, MeshSettings
 from ..parallel.agree import on_root
 from ..parallel.errors import MeshError
+from ..parallel.words import place
 from .assemble import element_chunks
 from .prestress import element_forces, on_rows, owned_nodes
 from .system import System

@@ -11,6 +11,7 @@ from ..assembly.matrices import distribute_structure, read_structure
 from ..assembly.prestress import constant_forces, stiffness_at_rest
 from ..assembly.pretension import pretension
 from ..assembly.system import System
+from ..formats.model import FileModel
 from ..linear.contact_outputs import with_contact_forces
 from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
@@ -30,6 +31,7 @@ from ..statics.bolts import BoltsAtRest
 from ..statics.equilibrium import equilibrium
 from ..statics.flight import which_flies
 from ..statics.rest import at_rest, in_words
+from .complete import read_completed
 from .settings import matrix_settings, mesh_settings, outputs, reduction_settings
 
 if TYPE_CHECKING:
@@ -70,7 +72,14 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None)
     """
     comm = comm or everyone()
     log = log or RunLog(comm, screen=False)
-    mesh, system, pairs, bolts = (from_matrices if scene.model.mesh is None else from_mesh)(scene, comm, log)
+    if scene.model.mesh is None:
+        mesh, system, pairs, bolts = from_matrices(scene, comm, log)
+    else:
+        with log.stage("model file"):
+            file, scene, notes = read_completed(scene, comm)
+        for note in notes:
+            log.note(note)
+        mesh, system, pairs, bolts = from_mesh(scene, file, comm, log)
     settings = reduction_settings(scene)
     system = with_contact_forces(system, pairs, outputs(scene))
     log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
@@ -85,11 +94,13 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None)
     return Structure(linearised, pairs, statics, modes, scene, mesh, bolts)
 
 
-def from_mesh(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs, BoltsAtRest | None]:
-    """Return mesh (on rank 0), matrices, pairs and bolts of a scene with a mesh.  Collective."""
+def from_mesh(
+    scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog
+) -> tuple[Mesh | None, System, ContactPairs, BoltsAtRest | None]:
+    """Return mesh (on rank 0), matrices, pairs and bolts of a scene with a mesh, whose file rank 0 has read.  Collective."""
     settings = mesh_settings(scene)
     with log.stage("mesh and contact pairs"):
-        mesh = on_root(comm, read_mesh, settings, share=False)
+        mesh = on_root(comm, read_mesh, settings, file, share=False)
         pairs = on_root(comm, pair_contacts, mesh, settings.joints)
     for note in (*on_root(comm, lambda: mesh.notes), *pairs.notes):
         log.note(note)

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
+from ..formats.units import UNITS
 from ..mesh.settings import (
     GEOMETRY,
     Body,
@@ -38,7 +39,7 @@ def mesh_settings(scene: Scene) -> MeshSettings:
     return MeshSettings(
         file=scene.folder / scene.model.mesh,
         stated=scene.model.mesh,
-        scale=scene.model.scale,
+        scale=scene.model.scale if scene.model.units is None else UNITS[scene.model.units].length,
         bodies={name: _body(body, scene.materials[body.material]) for name, body in scene.bodies.items()},
         supports=tuple(Support(group=support.group, point=support.point, fix=support.fix) for support in scene.supports),
         joints=tuple(_joint(joint, scene) for joint in scene.joints),

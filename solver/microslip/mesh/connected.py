@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ..parallel.errors import MeshError
-from .data import ContactPairs, Mesh, place
+from ..parallel.words import place
+from .data import ContactPairs, Mesh
 from .settings import Support
 
 if TYPE_CHECKING:

@@ -8,7 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..parallel.errors import MeshError
-from .data import Mesh, place
+from ..parallel.words import place
+from .data import Mesh
 from .settings import Joint
 
 MOST_TILT = 20.0  # degrees between the normals of the two sides

@@ -11,7 +11,8 @@ from scipy.sparse.csgraph import connected_components
 
 from .. import elements
 from ..parallel.errors import MeshError
-from .data import Mesh, place
+from ..parallel.words import place
+from .data import Mesh
 from .settings import Bolt
 
 MOST_TURN = 45.0  # degrees of a face of the cut from its mean normal

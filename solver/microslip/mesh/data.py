@@ -16,11 +16,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def place(point) -> str:
-    """Return a point as messages show it."""
-    return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"
-
-
 @dataclass(frozen=True)
 class ElementBlock:
     """Elements of one kind and one physical group, nodes in VTK order."""

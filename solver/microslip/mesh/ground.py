@@ -7,8 +7,9 @@ import scipy.sparse as sp
 
 from .. import elements
 from ..parallel.errors import MeshError
+from ..parallel.words import place
 from .contact_points import ContactPoints
-from .data import Mesh, on_nodes, place
+from .data import Mesh, on_nodes
 from .overlap import cells_of
 from .settings import GroundPlane, Joint
 from .surface import Surface

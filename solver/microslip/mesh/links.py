@@ -10,7 +10,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from ..parallel.errors import MeshError
-from .data import Mesh, place
+from ..parallel.words import place
+from .data import Mesh
 from .locate import find_node
 from .points import of_distributing, of_rigid
 from .settings import MeshSettings, Point

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..parallel.errors import CaseError, MeshError
-from .data import Mesh, place
+from ..parallel.words import place
+from .data import Mesh
 
 FAR = 0.1  # of the mesh's diagonal: a position this far from every node is a mistake
 

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ..parallel.errors import MeshError
+from ..parallel.words import place
 from .contact_points import ContactPoints, check_opposite
-from .data import Mesh, on_nodes, place
+from .data import Mesh, on_nodes
 from .settings import Joint
 from .surface import Surface
 

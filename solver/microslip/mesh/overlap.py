@@ -16,8 +16,9 @@ from scipy.spatial import cKDTree
 
 from .. import elements
 from ..parallel.errors import MeshError
+from ..parallel.words import place
 from .contact_points import ContactPoints, check_opposite
-from .data import Mesh, place
+from .data import Mesh
 from .settings import GEOMETRY, Joint
 from .surface import Surface, on_mesh
 

@@ -10,8 +10,9 @@ import scipy.sparse as sp
 from ..contact.laws import columns_on_area
 from ..contact.laws import joined as joined_columns
 from ..parallel.errors import MeshError
+from ..parallel.words import place
 from .contact_points import ContactPoints, heaviest
-from .data import ContactPairs, Mesh, place
+from .data import ContactPairs, Mesh
 from .ground import grounded
 from .matching import NotMatching, matching_nodes
 from .overlap import overlapping_faces

@@ -6,8 +6,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..parallel.errors import MeshError
+from ..parallel.words import place
 from .contact_points import ContactPoints, check_opposite
-from .data import Mesh, on_nodes, place
+from .data import Mesh, on_nodes
 from .overlap import COVERED, reach_of
 from .projection import project_on_surface
 from .settings import Joint

@@ -6,14 +6,12 @@ import os
 
 import numpy as np
 
-from ..parallel.errors import CaseError, MeshError
+from ..formats.model import KINDS, FileModel, Group
+from ..formats.read import read_model
+from ..parallel.errors import MeshError
 from ..parallel.words import nearest
-from .data import ElementBlock, FaceBlock, Mesh, place
-from .file import KINDS, FileMesh, Group
-from .inp import read_inp
-from .msh import read_msh
+from .data import ElementBlock, FaceBlock, Mesh
 from .settings import MeshSettings
-from .via_meshio import FORMATS, read_other
 
 SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15")
 _ADVICE = {
@@ -22,8 +20,10 @@ _ADVICE = {
 }
 
 
-def read_mesh(settings: MeshSettings) -> Mesh:
+def read_mesh(settings: MeshSettings, file: FileModel | None = None) -> Mesh:
     """Read, check and scale a mesh.  Local; call it on rank 0 only, through ``on_root``.
+
+    ``file`` is what ``read_model`` made of the settings' file, where that is known already.
 
     Volume elements that belong to a named group but to no body are left out, with a note in ``Mesh.notes``.
 
@@ -32,47 +32,15 @@ def read_mesh(settings: MeshSettings) -> Mesh:
     MeshError, CaseError: one message that names the file and the cause.
     """
     path = os.path.normpath(settings.file)
-    file = _read_file(path)
+    file = read_model(path) if file is None else file
     try:
-        _check_points(file)
         _check_groups(file, settings)
         return _compose(path, file, settings)
     except MeshError as problem:
         raise type(problem)(f"{path}: {problem}") from None
 
 
-def _read_file(path: str) -> FileMesh:
-    ending = os.path.splitext(path)[1].lower()
-    own_readers = {".msh": read_msh, ".inp": read_inp}
-    if ending not in own_readers and ending not in FORMATS:
-        known = ", ".join([*own_readers, *FORMATS])
-        raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not known; known are {known}")
-    if not os.path.isfile(path):
-        raise CaseError(f"[model] mesh: there is no file {path}")
-    try:
-        return read_other(path, ending) if ending in FORMATS else own_readers[ending](path)
-    except (MeshError, OSError) as problem:
-        raise MeshError(f"{path}: {problem}") from None
-    except (ValueError, IndexError, ArithmeticError) as problem:
-        raise MeshError(f"{path}: the file is damaged, or not a mesh in the format of its ending ({problem})") from None
-
-
-def _check_points(file: FileMesh) -> None:
-    """Raise MeshError unless every coordinate is finite and every cell's nodes exist."""
-    bad = np.flatnonzero(~np.isfinite(file.points).all(axis=1))
-    if len(bad):
-        raise MeshError(
-            f"{len(bad)} of {len(file.points)} nodes have a coordinate that is not a finite number, "
-            f"the first is node {file.numbers[bad[0]]} at {place(file.points[bad[0]])}"
-        )
-    for cells in file.cells:
-        outside = (cells.nodes < 0) | (cells.nodes >= len(file.points))
-        if outside.any():
-            number = cells.numbers[np.argmax(outside.any(axis=1))]
-            raise MeshError(f"{cells.kind} element {number} names a node that the file does not hold")
-
-
-def _check_groups(file: FileMesh, settings: MeshSettings) -> None:
+def _check_groups(file: FileModel, settings: MeshSettings) -> None:
     """Raise MeshError unless every group that is named exists."""
     of_bodies = [(f"[bodies.{name}] group", body.group) for name, body in settings.bodies.items()]
     for key, group in of_bodies + settings.groups_on_bodies:
@@ -89,7 +57,7 @@ def _existing(word: str, names: list[str]) -> str:
     return (f"; nearest is {near!r}" if near else "") + f"; it has: {shown}"
 
 
-def _compose(path: str, file: FileMesh, settings: MeshSettings) -> Mesh:
+def _compose(path: str, file: FileModel, settings: MeshSettings) -> Mesh:
     """Keep the elements of the bodies and the nodes they use."""
     notes = list(file.notes)
     elements = []
@@ -122,7 +90,7 @@ def _compose(path: str, file: FileMesh, settings: MeshSettings) -> Mesh:
     return mesh
 
 
-def _check_kinds(body: str, group: str, file: FileMesh) -> None:
+def _check_kinds(body: str, group: str, file: FileModel) -> None:
     """Raise MeshError unless the group holds volume elements, all of kinds this program has."""
     counts: dict[str, int] = {}
     for block, rows in file.groups[group].cells.items():
@@ -140,7 +108,7 @@ def _check_kinds(body: str, group: str, file: FileMesh) -> None:
             )
 
 
-def _elements_of_kind(kind: str, file: FileMesh, settings: MeshSettings, notes: list[str]) -> list[ElementBlock]:
+def _elements_of_kind(kind: str, file: FileModel, settings: MeshSettings, notes: list[str]) -> list[ElementBlock]:
     """Return the elements of one kind, a block per body; an element stored twice counts once."""
     blocks = [i for i, cells in enumerate(file.cells) if cells.kind == kind and len(cells.nodes)]
     if not blocks:
@@ -183,7 +151,7 @@ def _rows(group: Group, start: dict[int, int]) -> np.ndarray:
     return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64)
 
 
-def _note_left_out(kind, numbers, same, body, file: FileMesh, start, notes: list[str]) -> None:
+def _note_left_out(kind, numbers, same, body, file: FileModel, start, notes: list[str]) -> None:
     """Note elements of groups that are no body; raise MeshError for elements in no group at all."""
     left_out = body < 0
     if not left_out.any():
@@ -205,7 +173,7 @@ def _note_left_out(kind, numbers, same, body, file: FileMesh, start, notes: list
     )
 
 
-def _faces(name: str, group: Group, file: FileMesh, used: np.ndarray, new: np.ndarray) -> list[FaceBlock]:
+def _faces(name: str, group: Group, file: FileModel, used: np.ndarray, new: np.ndarray) -> list[FaceBlock]:
     """Return the named faces of a group that lie on elements of bodies."""
     found = []
     for block, rows in group.cells.items():
@@ -218,7 +186,7 @@ def _faces(name: str, group: Group, file: FileMesh, used: np.ndarray, new: np.nd
     return found
 
 
-def _group_nodes(group: Group, file: FileMesh, used: np.ndarray) -> np.ndarray:
+def _group_nodes(group: Group, file: FileModel, used: np.ndarray) -> np.ndarray:
     named = np.zeros(len(used), dtype=bool)
     named[group.nodes] = True
     for block, rows in group.cells.items():

@@ -13,7 +13,8 @@ import scipy.sparse as sp
 
 from .. import elements
 from ..parallel.errors import MeshError
-from .data import Mesh, place
+from ..parallel.words import place
+from .data import Mesh
 from .projection import Projection, project_on_surface
 from .settings import MeshSettings, Tie
 from .surface import outward_faces

@@ -10,9 +10,9 @@ from scipy.spatial import cKDTree
 from ..contact.laws import LAWS
 from ..parallel.csv_table import read_table
 from ..parallel.errors import CaseError, MeshError
-from ..parallel.words import nearest
+from ..parallel.words import nearest, place
 from .contact_points import ContactPoints
-from .data import Mesh, place
+from .data import Mesh
 from .settings import GEOMETRY, Joint
 
 FAR = 0.1  # of the extent of a joint's points: a row this far from all of them is a mistake

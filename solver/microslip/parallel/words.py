@@ -1,4 +1,4 @@
-"""Lists and near misses of words in messages."""
+"""Lists, near misses and points in messages."""
 
 from __future__ import annotations
 
@@ -20,3 +20,8 @@ def listed(words: Iterable[str], last: str = "and") -> str:
     """Return "a, b and c".  Local."""
     *first, end = words
     return f"{', '.join(first)} {last} {end}" if first else end
+
+
+def place(point: Iterable[float]) -> str:
+    """Return a point as messages show it.  Local."""
+    return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"

@@ -33,7 +33,9 @@ def contradictions(scene: Scene) -> list[str]:
 
 def _of_a_mesh(scene: Scene) -> list[str]:
     """What is missing beside a mesh, and what belongs to matrices."""
-    found = [] if scene.bodies else [f"[bodies] is missing: expected {Scene.model_fields['bodies'].description}"]
+    found = (
+        [] if scene.bodies or scene.awaits_file else [f"[bodies] is missing: expected {Scene.model_fields['bodies'].description}"]
+    )
     for where, joint in _numbered(scene, "joints"):
         if joint.pairs is not None:
             found.append(f"{where} pairs: belongs to a model given as matrices; with a mesh, name two surfaces")
@@ -94,7 +96,9 @@ def _damping(scene: Scene) -> list[str]:
 
 def _materials(scene: Scene) -> list[str]:
     """Bodies whose material is not there."""
-    found = []
+    found: list[str] = []
+    if scene.awaits_file:
+        return found
     for name, body in scene.bodies.items():
         if body.material not in scene.materials:
             near = nearest(body.material, scene.materials)
@@ -159,6 +163,8 @@ def _statics(scene: Scene) -> list[str]:
     body_of = {body.group: body for body in scene.bodies.values()}
     for i, warm in enumerate(statics.temperatures, 1):
         where = f'[[statics.temperatures]] {i} group = "{warm.group}"'
+        if scene.awaits_file:
+            continue
         if warm.group not in body_of:
             near = nearest(warm.group, body_of)
             found.append(f"{where}: no body has this group" + (f'; nearest is "{near}"' if near else ""))
@@ -183,7 +189,8 @@ def _base(scene: Scene) -> list[str]:
     moving = [(where, load) for where, load in _numbered(scene, "loads") if load.base_acceleration is not None]
     absolute = [(where, output) for where, output in _numbered(scene, "outputs") if output.absolute]
     found = []
-    if moving and scene.model.mesh is not None and not scene.supports and not any(joint.against for joint in scene.joints):
+    has_base = scene.supports or scene.awaits_file
+    if moving and scene.model.mesh is not None and not has_base and not any(joint.against for joint in scene.joints):
         found.append(f"{moving[0][0]} base_acceleration: there are no [[supports]], which are the base that moves")
     for where, output in absolute if scene.model.mesh is not None else ():
         if not moving:
@@ -202,7 +209,7 @@ def _outputs(scene: Scene) -> list[str]:
     joints = [joint.name for joint in scene.joints]
     for where, output in _numbered(scene, "outputs"):
         for key, name, known in (("body", output.body, list(scene.bodies)), ("joint", output.joint, joints)):
-            if name is not None and name not in known:
+            if name is not None and name not in known and not (key == "body" and scene.awaits_file):
                 near = nearest(name, known)
                 hint = f'; nearest is "{near}"' if near else ""
                 found.append(f'{where} {key} = "{name}": there is no such {key}{hint}')
@@ -228,7 +235,7 @@ def _points(scene: Scene) -> list[str]:
     if scene.statics is not None:
         used += [(f"[[statics.forces]] {i}", force) for i, force in enumerate(scene.statics.forces, 1)]
     for where, entry in used:
-        if entry.point is not None and entry.point not in points and scene.model.mesh is not None:
+        if entry.point is not None and entry.point not in points and scene.model.mesh is not None and not scene.awaits_file:
             near = nearest(entry.point, points)
             hint = (
                 f'nearest is "{near}"' if near else f"known: {', '.join(points)}" if points else "there are no [[points]] at all"

@@ -62,13 +62,27 @@ def changed(
     for name, keys in tables.items():
         raw[name] = {key: value for key, value in {**(raw.get(name) or {}), **keys}.items() if value is not None}
     raw["joints"] = tuple({**joint, **(joints or {}).get(joint["name"], {})} for joint in raw.get("joints", ()))
-    return scene_of(raw, scene.path)
+    raw = _frozen(raw)
+    return _checked(scene.path, raw, as_toml(raw), scene.is_complete)
 
 
-def _checked(path: Path, raw: Mapping[str, Any], text: str) -> Scene:
+def completed(scene: Scene, tables: Mapping[str, Any]) -> Scene:
+    """Return a scene with some of its tables in place of its own, and nothing more to come from its model file.  Local.
+
+    It keeps the text of the scene's file.
+
+    Raises
+    ------
+    CaseError : as :func:`read_scene`
+    """
+    raw = {**scene.model_dump(exclude_unset=True), **_frozen(dict(tables))}
+    return _checked(scene.path, raw, scene.text, is_complete=True)
+
+
+def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = False) -> Scene:
     """Return the scene of tables and the text that they are of."""
     try:
-        scene = Scene.model_validate(raw, context={"path": path.absolute(), "text": text})
+        scene = Scene.model_validate(raw, context={"path": path.absolute(), "text": text, "is_complete": is_complete})
     except ValidationError as problem:
         _refuse(path, in_words(problem.errors(include_url=False), raw))
         raise AssertionError("a scene was refused without a reason") from problem

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, field_validator, model_validator
 
+from ..parallel.words import listed
 from .joint_laws import LAWS_OF_KEY, NEEDED, NEEDED_WITH_PAIRS, OF_FILE, check_law
 
+WHOLE_MODELS = (".inp",)  # endings of files that may state more than a mesh
 HIGHEST_FREQUENCY = 1e9  # Hz: beyond it a frequency is a slip of the pen
 LARGEST_NUMBER = 2**62  # of nodes and DOFs
 DEFAULT_ACCURACY = 1e-3
@@ -35,8 +37,17 @@ OF_SURFACES = (
     "parameters",
     "fields",
 )
+Units = Literal["m-kg-s", "mm-t-s", "mm-kg-s", "mm-kg-ms", "in-lbf-s"]
+UNITS: tuple[str, ...] = get_args(Units)
+Taken = Literal["materials", "bodies", "supports", "ties", "points", "masses", "springs", "equations"]
+TAKEN: tuple[Taken, ...] = get_args(Taken)
 Quantity = Literal["displacement", "velocity", "acceleration", "stress", "strain", "contact_force"]
 Component = Literal["xx", "yy", "zz", "xy", "yz", "zx", "normal"]
+
+
+def _listed(words: tuple[str, ...], last: str = "or") -> str:
+    """Return '"a", "b" or "c"'."""
+    return listed([f'"{word}"' for word in words], last)
 
 
 def _not_zero(vector: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -94,6 +105,13 @@ class Model(Table):
 
     mesh: str | None = Field(None, min_length=1, description="the path of the mesh file, relative to the scene's folder")
     scale: Positive = Field(1.0, description="metres per unit of the mesh, a number above 0")
+    units: Units | None = Field(None, description=f"the units of the model file, {_listed(UNITS)}")
+    take: Annotated[tuple[Taken, ...], AfterValidator(_no_duplicates)] = Field(
+        TAKEN, description=f"what is taken over from the model file, a list of {_listed(TAKEN, 'and')}, each once"
+    )
+    ignore: Annotated[tuple[str, ...], AfterValidator(_no_duplicates)] = Field(
+        (), description='what the model file holds and is to be left out, a list of its words as "*CONTACT PAIR", each once'
+    )
     stiffness: str | None = Field(None, min_length=1, description="the path of the stiffness matrix")
     mass: str | None = Field(None, min_length=1, description="the path of the mass matrix")
     damping: str | None = Field(None, min_length=1, description="the path of the damping matrix")
@@ -106,10 +124,13 @@ class Model(Table):
             for key in ("mass", "damping"):
                 if getattr(self, key) is not None:
                     raise ValueError(f"{key} belongs to a model given as matrices; this one has a mesh")
+            if self.units is not None and "scale" in self.model_fields_set:
+                raise ValueError("scale belongs to a mesh without units; units states the length already")
         elif self.mass is None:
             raise ValueError("mass is missing: a model given as matrices needs stiffness and mass")
-        elif "scale" in self.model_fields_set:
-            raise ValueError("scale belongs to a mesh; matrices are taken in SI units")
+        for key in ("scale", "units", "take", "ignore"):
+            if self.mesh is None and key in self.model_fields_set:
+                raise ValueError(f"{key} belongs to a mesh; matrices are taken in SI units, as they are")
         return self
 
 
@@ -653,15 +674,27 @@ class Scene(Table):
 
     _path: Path = PrivateAttr(default=Path("scene.toml"))
     _text: str = PrivateAttr(default="")
+    _is_complete: bool = PrivateAttr(default=False)
 
     def model_post_init(self, context: Any, /) -> None:
-        """Take the file's path and text from the validation's context."""
+        """Take the file's path and text, and whether the model file has been read, from the validation's context."""
         if context:
-            self._path, self._text = context["path"], context["text"]
+            self._path, self._text, self._is_complete = context["path"], context["text"], context["is_complete"]
 
     def chooses(self, key: str) -> bool:
         """Tell whether the program chooses harmonics, samples or tolerance at each point, by the accuracy asked for."""
         return self.solver.accuracy is not None and key not in self.solver.model_fields_set
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all that its model file states has been taken over."""
+        return self._is_complete
+
+    @property
+    def awaits_file(self) -> bool:
+        """Whether the model file may still add materials, bodies, supports and points to the scene."""
+        file = self.model.mesh
+        return not self.is_complete and file is not None and Path(file).suffix.lower() in WHOLE_MODELS
 
     @property
     def harmonics(self) -> int:

@@ -11,15 +11,17 @@ from ..assembly.check import check_elements
 from ..assembly.matrices import GivenStructure, read_structure
 from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.accuracy import MOST_HARMONICS
+from ..library.complete import read_completed
 from ..library.settings import matrix_settings, mesh_settings, reduction_settings, response_settings
 from ..mesh.cut import cuts_through
-from ..mesh.data import ContactPairs, Mesh, place
+from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
 from ..mesh.settings import MeshSettings
 from ..modes.limits import FEW, refuse_too_many
 from ..parallel.agree import on_root
+from ..parallel.words import place
 from ..reduction.methods import METHODS
 from ..scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
 
@@ -42,16 +44,17 @@ def check(scene: Scene, comm: MPI.Comm) -> None:
     if scene.model.mesh is None:
         lines = on_root(comm, lambda: needs_of_matrices(scene, read_structure(matrix_settings(scene))))
     else:
+        file, scene, notes = read_completed(scene, comm)
         settings = mesh_settings(scene)
-        mesh = on_root(comm, read_mesh, settings, share=False)
+        mesh = on_root(comm, read_mesh, settings, file, share=False)
         pairs = on_root(comm, pair_contacts, mesh, settings.joints)
         check_elements(distribute(mesh, settings, comm), settings)
-        lines = on_root(comm, needs, scene, mesh, pairs)
+        lines = on_root(comm, needs, scene, mesh, pairs, notes)
     if comm.rank == 0:
         print("\n".join(lines))
 
 
-def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
+def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...] = ()) -> list[str]:
     """Return lines that say what the scene holds and what a run will need.  Local, on rank 0.
 
     Raises
@@ -67,7 +70,7 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs) -> list[str]:
         f"scene      {scene.path}: no fault found",
         f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(part_names)} connected parts",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
-        *(f"           {note}" for note in mesh.notes),
+        *(f"           {note}" for note in (*of_file, *mesh.notes)),
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
         *_joints(pairs),

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..parallel.errors import MeshError
-from .file import KINDS, Cells, FileMesh, Group, index_of, names_of_tags
+from .model import KINDS, Cells, FileModel, Group, index_of, names_of_tags
 
 # Gmsh's element types; where its order of mid-side nodes is not VTK's, the permutation to VTK's.
 _TYPES = {
@@ -39,7 +39,7 @@ _TO_VTK = {
 }
 
 
-def read_msh(path: str) -> FileMesh:
+def read_msh(path: str) -> FileModel:
     """Read a Gmsh file.  Local.
 
     Raises
@@ -355,7 +355,7 @@ def _kind(gmsh_type: int) -> tuple[str, int]:
     return kind, KINDS[kind][1]
 
 
-def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names: dict) -> FileMesh:
+def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names: dict) -> FileModel:
     """Join the blocks of like elements and group them by their physical tags."""
     if len(np.unique(numbers)) != len(numbers):
         twice = np.sort(numbers)[:-1][np.diff(np.sort(numbers)) == 0][0]
@@ -378,4 +378,4 @@ def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names
                 name = names[KINDS[kind][0], int(tag)]
                 groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(start, start + len(own)))
             start += len(own)
-    return FileMesh(points, numbers, tuple(cells), groups)
+    return FileModel(points, numbers, tuple(cells), groups)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 import re
 
 import numpy as np
 
 from ..parallel.errors import MeshError
-from .file import KINDS, Cells, FileMesh, Group, names_of_tags
+from .model import KINDS, Cells, FileModel, Group, names_of_tags
 
 # Formats that can refer to other files through HDF5 (.xdmf, .h5, .med, .cgns, .e) are left out on purpose.
 FORMATS = {".vtu": "vtu", ".vtk": "vtk", ".bdf": "nastran", ".nas": "nastran", ".fem": "nastran"}
@@ -38,7 +39,7 @@ _REFERENCES = ("nastran:ref", "gmsh:physical", "cell_tags")  # the format's own 
 _MOST_VALUES = 1000  # an integer array with more values numbers its cells, it does not group them
 
 
-def read_other(path: str, ending: str) -> FileMesh:
+def read_other(path: str) -> FileModel:
     """Read a file through meshio.  Local.
 
     Groups are the format's named sets, its references ("3"), and further integer arrays on cells or points
@@ -49,8 +50,9 @@ def read_other(path: str, ending: str) -> FileMesh:
     ------
     MeshError without the file's name: whatever meshio did not like.
     """
-    text = _nastran_text(path) if FORMATS[ending] == "nastran" else None
-    mesh = _read_quietly(path if text is None else io.StringIO(text), FORMATS[ending])
+    file_format = FORMATS[os.path.splitext(path)[1].lower()]
+    text = _nastran_text(path) if file_format == "nastran" else None
+    mesh = _read_quietly(path if text is None else io.StringIO(text), file_format)
     points = np.asarray(mesh.points, dtype=float)
     if points.shape[1:] != (3,):
         raise MeshError(f"the points have {points.shape[-1]} coordinates, not 3")
@@ -73,7 +75,7 @@ def read_other(path: str, ending: str) -> FileMesh:
         groups.setdefault(name, Group()).add_nodes(np.asarray(nodes, dtype=np.int64))
     _group_by_values(mesh, cells, groups)
     notes = () if has_numbers else ("node and element numbers are positions in the file, from 1",)
-    return FileMesh(points, node_numbers, tuple(cells), groups, notes, _fields(mesh))
+    return FileModel(points, node_numbers, tuple(cells), groups, notes, _fields(mesh))
 
 
 def _fields(mesh) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..parallel.errors import MeshError
-from .file import KINDS, Cells, FileMesh, Group, index_of
+from .model import KINDS, Cells, FileModel, Group, index_of
 
 # Faces S1, S2, ... of the solid elements by their corners (Abaqus and CalculiX agree).
 _FACES = {
@@ -56,7 +56,7 @@ class _Content:
         self.sets[kind_of_set][key] = np.union1d(known, numbers)
 
 
-def read_inp(path: str) -> FileMesh:
+def read_inp(path: str) -> FileModel:
     """Read an Abaqus or CalculiX input file without parts, or with one part.  Local.
 
     Raises
@@ -214,7 +214,7 @@ def _take_surface(content: _Content, parameters: dict, lines: list[str]) -> None
         content.surfaces.setdefault(key, []).append((elements, int(face[1])))
 
 
-def _compose(content: _Content) -> FileMesh:
+def _compose(content: _Content) -> FileModel:
     """Turn numbers of the file into positions, and surfaces into cells."""
     table = np.concatenate(content.nodes)
     numbers, points = table[:, 0].astype(np.int64), table[:, 1:]
@@ -244,7 +244,7 @@ def _compose(content: _Content) -> FileMesh:
     for name, faces in content.surfaces.items():
         _add_surface(cells, groups.setdefault(name, Group()), faces)
     notes = tuple(f"{n} lines of *ELEMENT, TYPE={word} are not read" for word, n in content.skipped.items())
-    return FileMesh(points, numbers, tuple(cells), groups, notes)
+    return FileModel(points, numbers, tuple(cells), groups, notes)
 
 
 def _add_surface(cells: list[Cells], group: Group, parts: list[tuple[np.ndarray, int]]) -> None:

@@ -1,0 +1,201 @@
+"""What a model file holds, before the scene says what is used of it: the common form of all readers.
+
+A reader takes over what it understands, in the file's own units, and reports everything else as a ``Finding``: what it does
+not understand is never left out in silence.  ``library/complete.py`` makes a scene of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+Vector = tuple[float, float, float]
+NO_NODES = np.empty(0, dtype=np.int64)
+
+# Every kind a file may hold, as this program calls it: dimension and number of nodes.
+KINDS = {
+    "point": (0, 1),
+    "line2": (1, 2),
+    "line3": (1, 3),
+    "tri3": (2, 3),
+    "tri6": (2, 6),
+    "quad4": (2, 4),
+    "quad8": (2, 8),
+    "quad9": (2, 9),
+    "tet4": (3, 4),
+    "tet10": (3, 10),
+    "hex8": (3, 8),
+    "hex20": (3, 20),
+    "hex27": (3, 27),
+    "wedge6": (3, 6),
+    "wedge15": (3, 15),
+    "wedge18": (3, 18),
+    "pyramid5": (3, 5),
+    "pyramid13": (3, 13),
+    "pyramid14": (3, 14),
+}
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of one kind, nodes in VTK order."""
+
+    kind: str  # a key of KINDS, or the reader's own word for a kind that is not among them
+    nodes: np.ndarray  # (n_cells, n_nodes) index into FileModel.points
+    numbers: np.ndarray  # (n_cells,) numbers of the file
+
+
+@dataclass
+class Group:
+    """A named set; a node may be named by itself or as a corner of a cell."""
+
+    nodes: np.ndarray = field(default_factory=lambda: NO_NODES)  # named nodes, index into FileModel.points
+    cells: dict[int, np.ndarray] = field(default_factory=dict)  # block of FileModel.cells: its named rows
+
+    def add_nodes(self, nodes: np.ndarray) -> None:
+        self.nodes = np.union1d(self.nodes, nodes)
+
+    def add_cells(self, block: int, rows: np.ndarray) -> None:
+        self.cells[block] = np.union1d(self.cells.get(block, NO_NODES), rows).astype(np.int64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileMaterial:
+    """A linear, isotropic material in units of the file; None: the file does not say."""
+
+    young: float | None = None
+    poisson: float | None = None
+    density: float | None = None
+    expansion: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileBody:
+    """A group of volume elements and what they are made of."""
+
+    group: str
+    material: str  # a key of FileModel.materials
+    integration: str = "full"  # "full", "reduced", "reduced-both"
+    incompatible_modes: bool = True  # in 8-node hexahedra
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileSupport:
+    """A group of nodes, or a point, that is held in model axes; in others it is among the ``Equations``."""
+
+    group: str | None = None
+    point: str | None = None
+    fix: tuple[str, ...]  # of "x", "y", "z"; of a point "rx", "ry", "rz", too
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileTie:
+    """Two groups of faces glued: the nodes of the first follow the facets of the second."""
+
+    surfaces: tuple[str, str]
+    name: str | None = None
+    tolerance: float | None = None  # length
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilePoint:
+    """A point with six degrees of freedom, connected to a group of nodes."""
+
+    name: str
+    position: Vector
+    group: str
+    connection: str = "rigid"  # or "distributing"
+    mass: float = 0.0
+    inertia: tuple[float, ...] | None = None  # about the point: xx, yy, zz and maybe xy, yz, zx
+    stiffness: Vector | None = None  # force a length, springs to ground
+    rotational_stiffness: Vector | None = None  # moment a radian
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileMass:
+    """A point mass at each node of a group."""
+
+    group: str
+    mass: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileSpring:
+    """A spring along a direction: of each node of one group to ground, or between the single nodes of two groups."""
+
+    groups: tuple[str, ...]
+    direction: Vector | None = None  # None: along the line between the two nodes
+    stiffness: float  # force a length
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Linear equations between displacements, sum of coefficient times displacement = 0; in each one term follows the others."""
+
+    equation: np.ndarray  # (n_terms,) number of the equation, from 0, rising
+    nodes: np.ndarray  # (n_terms,) index into FileModel.points
+    axes: np.ndarray  # (n_terms,) 0, 1, 2: x, y, z
+    coefficients: np.ndarray  # (n_terms,)
+    where: tuple[str, ...]  # where each equation stands in the file, for messages: "*EQUATION, line 12"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileBolt:
+    """A cut through a shank, to be tightened."""
+
+    name: str
+    group: str  # faces of the cut
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something of the file that is not taken over."""
+
+    word: str  # as the user would name it, and waive it in [model] ignore: "*CONTACT PAIR", "CELAS2", "CONM1"
+    where: str  # "line 12", "bolts.inc, line 3"
+    effect: str  # what it does, in the file's program: "two surfaces in contact", "output alone"
+    changes: bool  # whether leaving it out changes the answer
+    part: str = ""  # what of the model it belongs to, "materials", "supports", ...: without effect where that is not taken over
+    surfaces: tuple[str, ...] = ()  # the groups that it connects: a joint or tie of the scene between them takes its place
+
+
+@dataclass(frozen=True)
+class FileModel:
+    """Points, cells and groups of a file in its own units, and what else it says of the structure.  Rank 0 only."""
+
+    points: np.ndarray  # (n_points, 3) length
+    numbers: np.ndarray  # (n_points,) node numbers of the file
+    cells: tuple[Cells, ...]
+    groups: dict[str, Group]
+    notes: tuple[str, ...] = ()
+    fields: dict[str, np.ndarray] = field(default_factory=dict)  # (n_points,) each: numbers at the nodes; NaN where it has none
+    materials: Mapping[str, FileMaterial] = field(default_factory=dict)  # by name
+    bodies: Mapping[str, FileBody] = field(default_factory=dict)  # by name
+    supports: tuple[FileSupport, ...] = ()
+    ties: tuple[FileTie, ...] = ()
+    connected: tuple[FilePoint, ...] = ()  # points with six degrees of freedom
+    masses: tuple[FileMass, ...] = ()
+    springs: tuple[FileSpring, ...] = ()
+    equations: Equations | None = None
+    bolts: tuple[FileBolt, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    facts: tuple[str, ...] = ()  # what `microslip check` lists beside this: the file's title, parts, instances, systems
+
+
+def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:
+    """Name groups that have a dimension and a tag only: by the tag, with the dimension where the tag is not unique."""
+    tags = [tag for _, tag in keys]
+    word = ("point", "curve", "surface", "volume")
+    return {(dim, tag): str(tag) if tags.count(tag) == 1 else f"{word[dim]} {tag}" for dim, tag in sorted(keys)}
+
+
+def index_of(numbers: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the positions of ``wanted`` in ``numbers`` and the numbers that are not there.  Local."""
+    if len(numbers) == 0:
+        return np.zeros(np.shape(wanted), dtype=np.int64), np.unique(wanted)
+    order = np.argsort(numbers, kind="stable")
+    found = np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(numbers) - 1)
+    index = order[found]
+    return index, np.unique(np.asarray(wanted)[numbers[index] != wanted])

@@ -1,0 +1,54 @@
+"""Read a model file of any format, by the ending of its name."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from ..parallel.errors import CaseError, MeshError
+from ..parallel.words import place
+from .inp import read_inp
+from .model import FileModel
+from .msh import read_msh
+from .via_meshio import FORMATS, read_other
+
+READERS = {".msh": read_msh, ".inp": read_inp, **dict.fromkeys(FORMATS, read_other)}
+
+
+def read_model(path: str | os.PathLike[str]) -> FileModel:
+    """Return what a model file holds, its points and cells checked.  Local; call it on rank 0 only.
+
+    Raises
+    ------
+    MeshError, CaseError : one message that names the file and the cause
+    """
+    path = os.path.normpath(path)
+    ending = os.path.splitext(path)[1].lower()
+    if ending not in READERS:
+        raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not known; known are {', '.join(READERS)}")
+    if not os.path.isfile(path):
+        raise CaseError(f"[model] mesh: there is no file {path}")
+    try:
+        model = READERS[ending](path)
+        _check_points(model)
+    except (MeshError, OSError) as problem:
+        raise MeshError(f"{path}: {problem}") from None
+    except (ValueError, IndexError, ArithmeticError) as problem:
+        raise MeshError(f"{path}: the file is damaged, or not a mesh in the format of its ending ({problem})") from None
+    return model
+
+
+def _check_points(file: FileModel) -> None:
+    """Raise MeshError unless every coordinate is finite and every cell's nodes exist."""
+    bad = np.flatnonzero(~np.isfinite(file.points).all(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"{len(bad)} of {len(file.points)} nodes have a coordinate that is not a finite number, "
+            f"the first is node {file.numbers[bad[0]]} at {place(file.points[bad[0]])}"
+        )
+    for cells in file.cells:
+        outside = (cells.nodes < 0) | (cells.nodes >= len(file.points))
+        if outside.any():
+            number = cells.numbers[np.argmax(outside.any(axis=1))]
+            raise MeshError(f"{cells.kind} element {number} names a node that the file does not hold")

@@ -1,0 +1,48 @@
+"""Consistent units of model files, and what their quantities are in SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Units:
+    """A consistent set of units: force is mass times length over time squared."""
+
+    length: float  # m
+    mass: float  # kg
+    time: float = 1.0  # s
+
+    @property
+    def stress(self) -> float:
+        """Pa"""
+        return self.mass / self.length / self.time**2
+
+    @property
+    def density(self) -> float:
+        """kg/m3"""
+        return self.mass / self.length**3
+
+    @property
+    def stiffness(self) -> float:
+        """N/m"""
+        return self.mass / self.time**2
+
+    @property
+    def inertia(self) -> float:
+        """kg m2; times 1/s2 it is a rotational stiffness [N m/rad]"""
+        return self.mass * self.length**2
+
+    @property
+    def rotational_stiffness(self) -> float:
+        """N m/rad"""
+        return self.inertia / self.time**2
+
+
+UNITS = {
+    "m-kg-s": Units(1.0, 1.0),
+    "mm-t-s": Units(1e-3, 1e3),
+    "mm-kg-s": Units(1e-3, 1.0),
+    "mm-kg-ms": Units(1e-3, 1.0, 1e-3),
+    "in-lbf-s": Units(0.0254, 4.4482216152605 / 0.0254),  # lbf s2/in
+}

@@ -1,0 +1,202 @@
+"""A scene completed by its model file: materials, bodies, supports and more that the file states and the scene does not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any
+
+from ..formats.model import FileModel, Finding
+from ..formats.read import read_model
+from ..formats.units import UNITS, Units
+from ..parallel.agree import on_root
+from ..parallel.errors import CaseError
+from ..parallel.words import listed, nearest
+from ..scene.read import completed
+from ..scene.schema import Scene
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+Tables = dict[str, Any]  # of a scene, as its file would state them
+
+
+def read_completed(scene: Scene, comm: MPI.Comm) -> tuple[FileModel | None, Scene, tuple[str, ...]]:
+    """Return the model file of a scene, on rank 0 alone, the scene completed by it, and notes for the log.
+
+    Collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, MeshError : as ``read_model`` and :func:`complete`, on every rank
+    """
+    assert scene.model.mesh is not None, "a scene with a mesh"
+    model = on_root(comm, read_model, scene.folder / scene.model.mesh, share=False)
+    return model, *on_root(comm, complete, scene, model)
+
+
+def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
+    """Return the scene with what the model file adds to it, checked again, and notes for the log.  Local, rank 0.
+
+    What the scene states stands: its bodies take the place of the file's, and so do its supports, and a material of the same
+    name; everything else is added to it. ``[model] take`` says what of the file is taken over; what is stated there is added
+    to the scene's own in any case.
+
+    Raises
+    ------
+    CaseError : the file holds what would change the answer and is not taken over; or what is taken over makes no scene
+    """
+    if scene.is_complete:
+        return scene, ()
+    taken = _taken(scene, model)
+    notes = _refuse_findings(scene, model.findings, taken)
+    units = UNITS[scene.model.units or "m-kg-s"]
+    tables = {name: value for name, value in scene.model_dump(exclude_unset=True).items() if value}
+    for part, of_file in _TABLES.items():
+        entries = of_file(model, units, scene) if part in taken else ()
+        if entries:
+            _refuse_unknown_units(scene, part)
+            tables[part] = _joined(entries, tables.get(part))
+            notes.append(f"{len(entries)} {part} taken over from {scene.model.mesh}: {_named(entries)}")
+    used = {body["material"] for body in tables.get("bodies", {}).values()}
+    tables["materials"] = {name: entry for name, entry in tables.get("materials", {}).items() if name in used}
+    _refuse_incomplete(scene, tables["materials"])
+    return completed(scene, tables), tuple(notes)
+
+
+def _joined(of_file: Any, of_scene: Any) -> Any:
+    """Return the entries of both, those of the scene where a name is in both."""
+    return {**of_file, **(of_scene or {})} if isinstance(of_file, dict) else (*of_file, *(of_scene or ()))
+
+
+def _named(entries: Any) -> str:
+    """Return the names of some entries, or what they act on."""
+    names = list(entries) if isinstance(entries, dict) else [one.get("name") or one.get("group") or "" for one in entries]
+    return ", ".join(names[:10]) + (f", ... ({len(names)} in all)" if len(names) > 10 else "")
+
+
+def _taken(scene: Scene, model: FileModel) -> set[str]:
+    """Return the parts of the file's model that are taken over."""
+    is_stated = "take" in scene.model.model_fields_set
+    own = {"bodies": scene.bodies, "supports": scene.supports}
+    return {part for part in scene.model.take if is_stated or not own.get(part)}
+
+
+def _refuse_findings(scene: Scene, findings: tuple[Finding, ...], taken: set[str]) -> list[str]:
+    """Return notes on what is left out.
+
+    Raises
+    ------
+    CaseError : some of it changes the answer and the scene does not say that it may be left out; words that waive nothing
+    """
+    ignored = {_bare(word): word for word in scene.model.ignore}
+    held = {_bare(finding.word) for finding in findings}
+    for bare, word in ignored.items():
+        if bare not in held:
+            near = nearest(word, [finding.word for finding in findings])
+            hint = f'; nearest is "{near}"' if near else ""
+            raise CaseError(f'{scene.path}: [model] ignore: {scene.model.mesh} holds no "{word}" that is left out{hint}')
+    between = _joined_surfaces(scene)
+    wrong = [
+        finding
+        for finding in findings
+        if finding.changes
+        and _bare(finding.word) not in ignored
+        and finding.part in {"", *taken}
+        and not (finding.surfaces and frozenset(finding.surfaces) in between)
+    ]
+    if wrong:
+        lines = [f"{one.where}: {one.word}: {one.effect}" for one in wrong[:20]]
+        more = [f"... and {len(wrong) - 20} more"] if len(wrong) > 20 else []
+        words = listed([f'"{word}"' for word in dict.fromkeys(one.word for one in wrong)], "and")
+        raise CaseError(
+            "\n  ".join(
+                [
+                    f"{scene.folder / (scene.model.mesh or '')}: {len(wrong)} entries are not modelled and would change the "
+                    f"answer; state what they mean in the scene, or leave them out on purpose: [model] ignore takes {words}",
+                    *lines,
+                    *more,
+                ]
+            )
+        )
+    return [f"{one.where}: {one.word} is left out: {one.effect}" for one in findings if one not in wrong]
+
+
+def _bare(word: str) -> str:
+    return "".join(word.upper().lstrip("*").split())
+
+
+def _refuse_unknown_units(scene: Scene, part: str) -> None:
+    """Raise CaseError where quantities of a file with a length unit of its own are taken over."""
+    if part not in ("ties", "supports", "bodies", "equations") and scene.model.units is None and scene.model.scale != 1.0:
+        raise CaseError(
+            f"{scene.path}: [model] scale tells the length of {scene.model.mesh} alone, and its {part} have units, too; state "
+            f"units = {listed([repr(name) for name in UNITS], 'or')} in place of scale, or state {part} in the scene and leave "
+            "them out of [model] take"
+        )
+
+
+def _refuse_incomplete(scene: Scene, materials: Mapping[str, Tables]) -> None:
+    """Raise CaseError for a material that the file states in part."""
+    for name, entry in materials.items():
+        missing = [key for key in ("young", "poisson", "density") if entry.get(key) is None]
+        if missing:
+            raise CaseError(
+                f"{scene.path}: material {name!r} of {scene.model.mesh} has no {listed(missing)}; state [materials.{name}] in "
+                "the scene"
+            )
+
+
+def _joined_surfaces(scene: Scene) -> list[frozenset[str]]:
+    """Return the surfaces that the scene itself joins or ties."""
+    surfaces = [joint.surfaces for joint in scene.joints] + [tie.surfaces for tie in scene.ties]
+    return [frozenset(names) for names in surfaces if names is not None]
+
+
+def _stated(entry: Any, **factors: float) -> Tables:
+    """Return a dataclass as a table without what is None, some values times a factor."""
+    table = {field.name: getattr(entry, field.name) for field in fields(entry) if getattr(entry, field.name) is not None}
+    for key, factor in factors.items():
+        if key in table:
+            value = table[key]
+            table[key] = tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
+    return table
+
+
+def _materials(model: FileModel, units: Units, scene: Scene) -> Tables:
+    return {name: _stated(one, young=units.stress, density=units.density) for name, one in model.materials.items()}
+
+
+def _bodies(model: FileModel, units: Units, scene: Scene) -> Tables:
+    return {name: _stated(one) for name, one in model.bodies.items()}
+
+
+def _supports(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
+    return tuple(map(_stated, model.supports))
+
+
+def _ties(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
+    """Return the ties between surfaces that the scene does not join itself."""
+    between = _joined_surfaces(scene)
+    return tuple(_stated(one, tolerance=units.length) for one in model.ties if frozenset(one.surfaces) not in between)
+
+
+def _points(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
+    factors = {
+        "position": units.length,
+        "mass": units.mass,
+        "inertia": units.inertia,
+        "stiffness": units.stiffness,
+        "rotational_stiffness": units.rotational_stiffness,
+    }
+    return tuple(_stated(one, **factors) for one in model.connected)
+
+
+# how each part of a model file becomes the table of its name in the scene
+_TABLES: dict[str, Callable[[FileModel, Units, Scene], Any]] = {
+    "materials": _materials,
+    "bodies": _bodies,
+    "supports": _supports,
+    "ties": _ties,
+    "points": _points,
+}

@@ -1,0 +1,128 @@
+"""A scene completed by its model file: what the scene states stands, what changes the answer is never left out in silence."""
+
+import numpy as np
+import pytest
+
+from microslip.formats.model import FileBody, FileMaterial, FileModel, FilePoint, FileSupport, FileTie, Finding
+from microslip.library.complete import complete
+from microslip.library.settings import mesh_settings
+from microslip.parallel.errors import CaseError
+from microslip.scene.read import changed, scene_of
+
+STEEL = FileMaterial(young=210000.0, poisson=0.3, density=7.85e-9)
+CONTACT = Finding(
+    word="*CONTACT PAIR", where="line 7", effect="two surfaces in contact", changes=True, surfaces=("upper", "lower")
+)
+OUTPUT = Finding(word="*NODE PRINT", where="line 9", effect="output alone", changes=False)
+
+
+def model(**more):
+    """Return a model file that states everything, in mm, t and s."""
+    stated = {
+        "materials": {"STEEL": STEEL},
+        "bodies": {"beam": FileBody(group="beam", material="STEEL", integration="reduced")},
+        "supports": (FileSupport(group="root", fix=("x", "y", "z")),),
+        "ties": (FileTie(surfaces=("pad", "beam_top"), tolerance=0.1),),
+        "connected": (FilePoint(name="ref", position=(1.0, 2.0, 3.0), group="tip", mass=2e-3, inertia=(4e-3, 5e-3, 6e-3)),),
+    }
+    return FileModel(np.zeros((0, 3)), np.zeros(0, dtype=int), (), {}, **{**stated, **more})
+
+
+def scene(path, of_model=None, **more):
+    """Return a scene that leaves everything to its model file."""
+    path.mkdir(exist_ok=True)
+    (path / "job.inp").write_text("")
+    tables = {
+        "model": {"mesh": "job.inp", "units": "mm-t-s", **(of_model or {})},
+        "loads": ({"position": (0.0, 0.0, 0.0), "direction": (0.0, 0.0, 1.0)},),
+        "outputs": ({"name": "tip", "position": (0.0, 0.0, 0.0), "direction": (0.0, 0.0, 1.0)},),
+        "damping": {"ratio": 0.01},
+        "response": {"levels": (1.0,), "frequencies": (1.0, 2.0)},
+    }
+    return scene_of({**tables, **more}, path / "scene.toml")
+
+
+def test_everything_is_taken_over_in_si_units(tmp_path):
+    found, notes = complete(scene(tmp_path), model())
+    settings = mesh_settings(found)
+    assert settings.scale == 1e-3
+    assert settings.bodies["beam"].young == pytest.approx(2.1e11)
+    assert settings.bodies["beam"].density == pytest.approx(7850.0)
+    assert (settings.bodies["beam"].integration, settings.supports[0].group) == ("reduced", "root")
+    assert settings.ties[0].tolerance == pytest.approx(1e-4)
+    point = settings.points[0]
+    assert point.position == pytest.approx((1e-3, 2e-3, 3e-3))
+    assert point.mass == pytest.approx(2.0) and point.inertia[:3] == pytest.approx((4e-6, 5e-6, 6e-6))
+    assert "1 bodies taken over from job.inp: beam" in notes
+
+
+def test_what_the_scene_states_stands(tmp_path):
+    own = {"young": 7e10, "poisson": 0.33, "density": 2700.0}
+    stated = scene(
+        tmp_path,
+        materials={"STEEL": own, "unused": own},
+        bodies={"half": {"group": "upper_half", "material": "STEEL"}},
+        supports=({"group": "other_root", "fix": ("x",)},),
+    )
+    found, _ = complete(stated, model())
+    assert list(found.bodies) == ["half"] and list(found.materials) == ["STEEL"]
+    assert found.materials["STEEL"].young == 7e10
+    assert [support.group for support in found.supports] == ["other_root"]
+    assert len(found.ties) == 1
+
+
+def test_take_adds_to_what_the_scene_states_and_leaves_the_rest(tmp_path):
+    own = ({"group": "other_root", "fix": ("x",)},)
+    found, _ = complete(scene(tmp_path, {"take": ("materials", "bodies", "supports")}, supports=own), model())
+    assert [support.group for support in found.supports] == ["root", "other_root"]
+    assert found.ties == () and found.points == ()
+
+
+def test_a_joint_takes_the_place_of_a_tie_or_a_contact_between_its_surfaces(tmp_path):
+    keys = {"name": "j", "friction": 0.3, "tangential_stiffness": 1e12, "normal_stiffness": 1e12, "preload": 1e6}
+    tied = scene(tmp_path, joints=({**keys, "surfaces": ("beam_top", "pad")},))
+    assert complete(tied, model())[0].ties == ()
+    in_contact = scene(tmp_path, joints=({**keys, "surfaces": ("lower", "upper")},))
+    assert complete(in_contact, model(findings=(CONTACT,)))[0].joints
+
+
+def test_what_changes_the_answer_is_refused_unless_the_scene_waives_it_by_name(tmp_path):
+    with pytest.raises(CaseError, match=r"(?s)job.inp: 1 entries .*\[model\] ignore takes .\*CONTACT PAIR..*line 7.*in contact"):
+        complete(scene(tmp_path), model(findings=(CONTACT, OUTPUT)))
+    found, notes = complete(scene(tmp_path, {"ignore": ("contact pair",)}), model(findings=(CONTACT, OUTPUT)))
+    assert found.ties and [note for note in notes if "left out" in note] == [
+        "line 7: *CONTACT PAIR is left out: two surfaces in contact",
+        "line 9: *NODE PRINT is left out: output alone",
+    ]
+    with pytest.raises(CaseError, match=r'holds no "\*CONTACT PAIRS" that is left out; nearest is "\*CONTACT PAIR"'):
+        complete(scene(tmp_path, {"ignore": ("*CONTACT PAIRS",)}), model(findings=(CONTACT,)))
+
+
+def test_a_finding_of_a_part_that_is_not_taken_over_has_no_effect(tmp_path):
+    moved = Finding(word="*BOUNDARY", where="line 3", effect="a displacement other than 0", changes=True, part="supports")
+    own = ({"group": "other_root", "fix": ("x",)},)
+    complete(scene(tmp_path, supports=own), model(findings=(moved,)))
+    with pytest.raises(CaseError, match="a displacement other than 0"):
+        complete(scene(tmp_path), model(findings=(moved,)))
+
+
+def test_materials_in_part_and_unknown_units_are_refused(tmp_path):
+    light = model(materials={"STEEL": FileMaterial(young=1.0, poisson=0.3)})
+    with pytest.raises(CaseError, match=r"material 'STEEL' of job.inp has no density; state \[materials.STEEL\]"):
+        complete(scene(tmp_path), light)
+    scaled = scene_of(
+        {**scene(tmp_path).model_dump(exclude_unset=True), "model": {"mesh": "job.inp", "scale": 1e-3}}, tmp_path / "s"
+    )
+    with pytest.raises(CaseError, match="state units = 'm-kg-s'"):
+        complete(scaled, model())
+
+
+def test_a_completed_scene_is_not_completed_again(tmp_path):
+    found, _ = complete(scene(tmp_path), model())
+    again, notes = complete(changed(found, {"solver": {"harmonics": 5}}), model())
+    assert len(again.ties) == 1 and notes == () and again.solver.harmonics == 5
+
+
+def test_bodies_are_missing_where_neither_scene_nor_file_has_any(tmp_path):
+    with pytest.raises(CaseError, match=r"\[bodies\] is missing"):
+        complete(scene(tmp_path), model(bodies={}))
