@@ -11,14 +11,14 @@ from petsc4py import PETSc
 from .. import elements
 from ..mesh.connected import check_held, connected_parts, loose_clusters
 from ..mesh.data import ContactPairs, DistributedMesh, LocalBlock, Mesh
-from ..mesh.links import find_links, places_of
+from ..mesh.links import find_links, fixed_places
 from ..mesh.settings import Body, MeshSettings
 from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
 from .base_motion import with_base_motion
 from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .check import check_elements
-from .constraints import DIRECTIONS, check_supports, constrain, constrained
+from .constraints import check_supports, constrain, constrained
 from .maps import base_map, load_map, orders_of, output_map, pair_map
 from .nodal_forces import nodal_forces
 from .numbering import number_dofs
@@ -53,7 +53,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     n_dof = int(row_ranges[-1])
     if n_dof == 0:
         raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
-    constraints = constrain(dmesh, links, is_fixed, *clusters) if links.joined else None
+    constraints = constrain(dmesh, links, is_fixed, *clusters) if not links.is_empty else None
     K, M = _matrices(dmesh, dof, row_ranges, settings.bodies)
     dof_of_mesh = dof[dmesh.rank_order]
     if constraints is not None:
@@ -84,12 +84,7 @@ def read_off(mesh: Mesh, pairs: ContactPairs, settings: MeshSettings) -> tuple:
     parts nothing but joints holds.
     """
     links = find_links(mesh, settings)
-    is_fixed = np.zeros((links.n_places, 3), dtype=bool)
-    for i, support in enumerate(settings.supports, 1):
-        places = places_of(mesh, links, support, f"[[supports]] {i}")
-        for direction in support.fix:
-            turns, axis = divmod(DIRECTIONS.index(direction), 3)
-            is_fixed[places + turns, axis] = True
+    is_fixed = fixed_places(mesh, settings, links)
     check_supports(mesh, links, is_fixed)
     part, part_names = connected_parts(mesh, settings.body_of)
     check_held(part, part_names, mesh, settings.supports, pairs, links)

@@ -22,10 +22,19 @@ def with_base_motion(loads: list[NodalForces], settings: MeshSettings, dmesh: Di
     if not any(load.base_acceleration is not None for load in settings.loads):
         return loads
     mass = np.concatenate([nodal_masses(dmesh, settings), [point.mass for point in links.points]])
-    forces = [None if load.base_acceleration is None else -np.outer(mass, load.base_acceleration) for load in settings.loads]
-    n_nodes = len(mass) - len(links.points)
-    nodes = np.concatenate([np.arange(n_nodes), [links.place_of(point.name) for point in links.points]]).astype(int)
-    return [load if f is None else replace(load, nodes=nodes, shapes=(f,)) for load, f in zip(loads, forces)]
+    at = np.concatenate([np.arange(links.n_nodes), [links.place_of(point.name) for point in links.points]]).astype(int)
+    found = []
+    for load, own in zip(loads, settings.loads):
+        if own.base_acceleration is None:
+            found.append(load)
+            continue
+        nodes, forces = at, -np.outer(mass, own.base_acceleration)
+        if links.attached is not None:
+            acceleration = np.tile(own.base_acceleration, (len(links.attached.mass), 1))
+            nodes = np.concatenate([at, np.arange(links.n_places)])
+            forces = np.concatenate([forces, -links.attached.forces(acceleration)])
+        found.append(replace(load, nodes=nodes, shapes=(forces,)))
+    return found
 
 
 def nodal_masses(dmesh: DistributedMesh, settings: MeshSettings) -> np.ndarray:

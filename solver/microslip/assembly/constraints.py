@@ -9,8 +9,9 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from ..mesh.attached import Attached
 from ..mesh.data import DistributedMesh, Mesh
-from ..mesh.links import Links
+from ..mesh.links import DIRECTIONS, Links
 from ..mesh.settings import Point
 from ..parallel.errors import CaseError, MeshError
 from ..parallel.words import place
@@ -20,7 +21,6 @@ from .system import System
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 _NOTHING = 1e-9  # a weight below does not move a held direction
 
 
@@ -41,6 +41,7 @@ class Constraints:
     clusters: np.ndarray  # (n_parts,) which connected parts are tied into one, numbered from 0
     loose: tuple[np.ndarray, ...]  # the connected parts of each of these that nothing but joints holds
     notes: tuple[str, ...]  # what follows what, for the log
+    attached: Attached | None = None  # masses and springs
 
     @property
     def n_dof(self) -> int:
@@ -75,6 +76,18 @@ class Constraints:
             one.destroy()
         return values
 
+    @property
+    def at_places(self) -> sp.csr_matrix:
+        """The displacements of all places, (3 n_places, n_dof): rows of T, and none where a support holds."""
+        dof = self.dof.ravel()
+        own = np.flatnonzero(dof >= 0)
+        return sp.csr_matrix((np.ones(len(own)), (own, dof[own])), (len(dof), self.T.shape[0])) @ self.T
+
+    def of_places(self, comm: MPI.Comm, forces: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of T^T of forces on all places, (n_places, 3) [N], the same on every rank.  Local."""
+        first, last = self.row_ranges[comm.rank : comm.rank + 2]
+        return (self.at_places.T @ forces.ravel())[first:last]
+
     def of_points(self, comm: MPI.Comm, values: np.ndarray) -> np.ndarray:
         """Return this rank's rows of T^T of forces and moments on the points, (6 n_points,), the same on every rank.  Local."""
         first, last = self.row_ranges[comm.rank : comm.rank + 2]
@@ -99,7 +112,9 @@ def constrain(
     free, row_ranges = _number(dmesh, links, is_gone)
     group_nodes = tuple(links.node_of(point.name) for point in links.points)
     T = _transformation(links, dof.ravel(), free.ravel(), (n_nodal + of_points.size, int(row_ranges[-1])))
-    return Constraints(T, dof, free, nodal_ranges, row_ranges, links.points, group_nodes, clusters, loose, links.notes)
+    return Constraints(
+        T, dof, free, nodal_ranges, row_ranges, links.points, group_nodes, clusters, loose, links.notes, links.attached
+    )
 
 
 def _number(dmesh: DistributedMesh, links: Links, is_gone: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -162,11 +177,12 @@ def constrained(system: System, constraints: Constraints, part: np.ndarray) -> S
     loads = (T.T @ system.loads).tocsc()
     for i in np.flatnonzero((np.diff(loads.indptr) == 0) & (np.diff(system.loads.indptr) > 0)):  # a shape may be none at all
         raise CaseError(f"[[loads]] {i + 1} acts only on degrees of freedom that a support fixes; it moves nothing")
-    M = reduced(system.M, constraints, mass_blocks(points))
+    attached = constraints.attached
+    M = reduced(system.M, constraints, mass_blocks(points), None if attached is None else attached.M)
     M.setOption(PETSc.Mat.Option.SPD, True)
     return replace(
         system,
-        K=reduced(system.K, constraints, stiffness_blocks(points)),
+        K=reduced(system.K, constraints, stiffness_blocks(points), None if attached is None else attached.K),
         M=M,
         R=_tidy(system.R @ T),
         loads=loads,
@@ -193,8 +209,11 @@ def _tidy(matrix: sp.spmatrix) -> sp.csr_matrix:
     return matrix
 
 
-def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray) -> PETSc.Mat:
-    """Return T^T A T plus what the points add, ``blocks`` (n_points, 6, 6); symmetric.  Collective; destroys ``matrix``."""
+def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_places: sp.csr_matrix | None = None) -> PETSc.Mat:
+    """Return T^T A T plus what points, masses and springs add; symmetric.  Collective; destroys ``matrix``.
+
+    ``blocks`` (n_points, 6, 6) are those of the points, ``on_places`` (3 n_places, 3 n_places) those of the others.
+    """
     comm = matrix.comm.tompi4py()
     T = _distributed(constraints, comm)
     right = matrix.matMult(T)  # two products take a quarter of the time of PETSc's one, MatPtAP
@@ -203,6 +222,8 @@ def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray) -> 
     for one in (T, right):
         one.destroy()
     added = added_by_points(constraints, blocks)
+    if on_places is not None:
+        added = _tidy(added + constraints.at_places.T @ on_places @ constraints.at_places)
     if added.nnz:
         first, last = constraints.row_ranges[comm.rank : comm.rank + 2]
         owned = added[first:last]

@@ -39,7 +39,14 @@ def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSet
     for block in dmesh.blocks:
         for chunk in element_chunks(block):
             _add(total, block.nodes[chunk] - first, element_forces(block, chunk, settings.bodies[block.body], statics))
-    return on_rows(dmesh, system, total, None if system.constraints is None else _on_points(system.constraints, statics))
+    constraints = system.constraints
+    if constraints is None:
+        return on_rows(dmesh, system, total)
+    found = on_rows(dmesh, system, total, _on_points(constraints, statics))
+    if constraints.attached is not None:
+        outward = (constraints.attached.points - np.array(statics.axis_point)) @ statics.spin
+        found = found + constraints.of_places(dmesh.comm, constraints.attached.forces(outward))
+    return found
 
 
 def on_rows(dmesh: DistributedMesh, system: System, nodal: np.ndarray, on_points: np.ndarray | None = None) -> np.ndarray:
@@ -123,7 +130,9 @@ def stiffness_at_rest(
     change = petsc_matrix(dmesh.comm, n_owned, expand(pattern, total, dof, PETSc.IntType))
     structure = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
     if constraints is not None:
-        change = reduced(change, constraints, _softening(constraints, statics))
+        attached = constraints.attached
+        more = None if attached is None else attached.softening(statics.spin)
+        change = reduced(change, constraints, _softening(constraints, statics), more)
         structure = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
     K = system.K.duplicate(copy=True)
     K.axpy(1.0, change, structure=structure)

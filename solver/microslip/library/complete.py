@@ -71,8 +71,12 @@ def _joined(of_file: Any, of_scene: Any) -> Any:
 
 def _named(entries: Any) -> str:
     """Return the names of some entries, or what they act on."""
-    names = list(entries) if isinstance(entries, dict) else [one.get("name") or one.get("group") or "" for one in entries]
+    names = list(entries) if isinstance(entries, dict) else [_name(one) for one in entries]
     return ", ".join(names[:10]) + (f", ... ({len(names)} in all)" if len(names) > 10 else "")
+
+
+def _name(entry: Tables) -> str:
+    return entry.get("name") or entry.get("group") or " to ".join(entry.get("surfaces") or entry.get("groups") or ())
 
 
 def _taken(scene: Scene, model: FileModel) -> set[str]:
@@ -192,6 +196,14 @@ def _points(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
     return tuple(_stated(one, **factors) for one in model.connected)
 
 
+def _masses(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
+    return tuple(_stated(one, mass=units.mass) for one in model.masses)
+
+
+def _springs(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
+    return tuple(_stated(one, stiffness=units.stiffness) for one in model.springs)
+
+
 # how each part of a model file becomes the table of its name in the scene
 _TABLES: dict[str, Callable[[FileModel, Units, Scene], Any]] = {
     "materials": _materials,
@@ -199,4 +211,6 @@ _TABLES: dict[str, Callable[[FileModel, Units, Scene], Any]] = {
     "supports": _supports,
     "ties": _ties,
     "points": _points,
+    "masses": _masses,
+    "springs": _springs,
 }

@@ -40,7 +40,7 @@ def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray,
 
 def clusters_of(part: np.ndarray, n_parts: int, links: Links | None) -> np.ndarray:
     """Return which parts ties and points make one, (n_parts,) the number of the cluster.  Local, rank 0."""
-    joined = links.joined if links is not None else ()
+    joined = (*links.joined, *links.more_joined) if links is not None else ()
     first, second = np.concatenate([np.zeros((2, 0), dtype=np.int64), *joined], axis=1)
     return _components(part[first], part[second], n_parts)[1]
 

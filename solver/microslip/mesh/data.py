@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from ..contact.law import Law
 from ..contact.laws import ELASTIC_COULOMB, law_of
+from ..formats.model import Equations
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -35,6 +36,15 @@ class FaceBlock:
     nodes: np.ndarray  # (n_faces, n_nodes_of_kind)
 
 
+@dataclass(frozen=True, eq=False)
+class Outside:
+    """Nodes that belong to no element of a body, and that masses, springs or equations name."""
+
+    points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # (n, 3) m
+    numbers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (n,) of the user's file
+    groups: Mapping[str, np.ndarray] = field(default_factory=dict)  # the named groups that they are in: positions in points
+
+
 @dataclass(frozen=True)
 class Mesh:
     """The whole mesh, in metres.  Rank 0 only."""
@@ -47,6 +57,8 @@ class Mesh:
     node_groups: dict[str, np.ndarray]  # every named group, of any dimension: its node indices, sorted
     notes: tuple[str, ...] = ()  # what was left out or assumed, for the log
     fields: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_nodes,) each: numbers at the nodes; NaN: none
+    outside: Outside = field(default_factory=Outside)
+    equations: Equations | None = None  # between nodes, and n_nodes + k for node k of ``outside``
 
     @property
     def diagonal(self) -> float:

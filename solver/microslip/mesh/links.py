@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -11,11 +11,15 @@ from scipy.sparse.csgraph import connected_components
 
 from ..parallel.errors import MeshError
 from ..parallel.words import place
+from .attached import Attached, attach
 from .data import Mesh
+from .equations import solve_equations, translations
 from .locate import find_node
 from .points import of_distributing, of_rigid
 from .settings import MeshSettings, Point
 from .ties import Follower, check_joints, of_tie
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +32,9 @@ class Links:
     n_nodes: int
     joined: tuple[np.ndarray, ...]  # (2, n) nodes that hang together, for each tie and point
     notes: tuple[str, ...]  # what was tied, for the log
+    attached: Attached | None = None  # masses and springs
+    more_joined: tuple[np.ndarray, ...] = ()  # (2, n) nodes that hang together by equations and springs
+    more_grounded: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # nodes that these hold
 
     @property
     def n_places(self) -> int:
@@ -44,17 +51,106 @@ class Links:
 
     @property
     def grounded(self) -> np.ndarray:
-        """A node of the group of each point that springs hold, (n,)."""
-        return np.array([self.node_of(point.name) for point in self.points if point.is_sprung], dtype=np.int64)
+        """Nodes that springs or equations hold, and one of the group of each point that springs hold, (n,)."""
+        of_points = [self.node_of(point.name) for point in self.points if point.is_sprung]
+        return np.concatenate([np.array(of_points, dtype=np.int64), self.more_grounded])
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing follows anything and nothing is attached."""
+        return not self.joined and self.attached is None
 
 
 def find_links(mesh: Mesh, settings: MeshSettings) -> Links:
-    """Return what the ties and points of a scene make follow.  Local, rank 0.
+    """Return what the ties, points and equations of a scene make follow, and its masses and springs.  Local, rank 0.
 
     Raises
     ------
-    MeshError : nodes too far from the facets, what follows two things or itself, groups that cannot turn, joints on tied faces
+    MeshError : nodes too far from the facets, what follows two things or itself, groups that cannot turn, joints on tied faces,
+        nodes outside the elements that nothing leads
     """
+    links = _ties_and_points(mesh, settings)
+    if mesh.equations is None and not settings.attached:
+        return links
+    n_outside, n_dof = len(mesh.outside.points), 3 * links.n_places
+    is_fixed = np.concatenate([fixed_places(mesh, settings, links).ravel(), _fixed_outside(mesh, settings).ravel()])
+    dependent, weights = links.dependent, _widened(links.weights, n_dof + 3 * n_outside)
+    more_joined, holding, notes = np.zeros((2, 0), dtype=np.int64), np.zeros(0, dtype=np.int64), links.notes
+    if mesh.equations is not None:
+        solved = solve_equations(mesh, links.n_places, is_fixed, dependent, weights)
+        weights = sp.vstack([_onward(solved.dependent, solved.weights, weights), solved.weights]).tocsr()
+        dependent = np.concatenate([dependent, solved.dependent])
+        more_joined, holding = solved.joined // 3, solved.grounded // 3
+        notes += (f"{len(mesh.equations.where)} equations of the file: {len(solved.dependent)} degrees of freedom follow",)
+    outside = _outside(mesh, dependent, weights, is_fixed, n_dof)
+    leads = ~is_fixed
+    leads[dependent] = False
+    inside = np.flatnonzero(dependent < n_dof)
+    inside = inside[np.argsort(dependent[inside])]
+    attached = attach(mesh, settings, links.n_places, outside, leads[n_dof:])
+    held = attached.holding(translations(links.n_nodes, links.n_places, n_dof)) // 3
+    return replace(
+        links,
+        dependent=dependent[inside],
+        weights=weights[inside][:, :n_dof],
+        notes=notes,
+        attached=attached,
+        more_joined=(_on_nodes(links, more_joined), _on_nodes(links, attached.joined // 3)),
+        more_grounded=_on_nodes(links, np.tile(np.concatenate([holding, held]), (2, 1)))[0],
+    )
+
+
+def fixed_places(mesh: Mesh, settings: MeshSettings, links: Links) -> np.ndarray:
+    """Return which directions of the places supports hold, (n_places, 3) bool.  Local, rank 0."""
+    is_fixed = np.zeros((links.n_places, 3), dtype=bool)
+    for i, support in enumerate(settings.supports, 1):
+        if support.group is not None and support.group in mesh.outside.groups and not len(mesh.node_groups[support.group]):
+            continue
+        places = places_of(mesh, links, support, f"[[supports]] {i}")
+        for direction in support.fix:
+            turns, axis = divmod(DIRECTIONS.index(direction), 3)
+            is_fixed[places + turns, axis] = True
+    return is_fixed
+
+
+def _fixed_outside(mesh: Mesh, settings: MeshSettings) -> np.ndarray:
+    """Return which directions of the nodes outside the elements supports hold, (n_outside, 3) bool."""
+    is_fixed = np.zeros((len(mesh.outside.points), 3), dtype=bool)
+    for support in settings.supports:
+        nodes = mesh.outside.groups.get(support.group or "", np.zeros(0, dtype=np.int64))
+        for direction in support.fix:
+            is_fixed[nodes, "xyz".index(direction)] = True
+    return is_fixed
+
+
+def _outside(mesh: Mesh, dependent: np.ndarray, weights: sp.csr_matrix, is_fixed: np.ndarray, n_dof: int) -> sp.csr_matrix:
+    """Return how the degrees of freedom outside the elements follow, (3 n_outside, n_dof); held ones do not move."""
+    own = np.flatnonzero(dependent >= n_dof)
+    rows = sp.csr_matrix((np.ones(len(own)), (dependent[own] - n_dof, own)), (len(is_fixed) - n_dof, len(dependent)))
+    return (rows @ weights)[:, :n_dof].tocsr()
+
+
+def _widened(weights: sp.csr_matrix, n_dof: int) -> sp.csr_matrix:
+    return sp.csr_matrix((weights.data, weights.indices, weights.indptr), (weights.shape[0], n_dof))
+
+
+def _on_nodes(links: Links, places: np.ndarray) -> np.ndarray:
+    """Return pairs of nodes for pairs of places, a node of its group for a point; those outside the elements are left out."""
+    nodes = np.concatenate([np.arange(links.n_nodes), np.repeat([links.node_of(one.name) for one in links.points], 2)])
+    inside = (places < links.n_places).all(axis=0)
+    return nodes.astype(np.int64)[places[:, inside]]
+
+
+def _onward(dependent: np.ndarray, weights: sp.csr_matrix, rows: sp.csr_matrix) -> sp.csr_matrix:
+    """Return rows of weights with what became dependent replaced by what it follows."""
+    n_dof, m = rows.shape[1], len(dependent)
+    stays = np.ones(n_dof)
+    stays[dependent] = 0.0
+    return (rows @ (sp.diags(stays) + sp.csr_matrix((np.ones(m), (dependent, np.arange(m))), (n_dof, m)) @ weights)).tocsr()
+
+
+def _ties_and_points(mesh: Mesh, settings: MeshSettings) -> Links:
+    """Return what follows by ties and points alone."""
     n_places = len(mesh.points) + 2 * len(settings.points)
     if not settings.ties and not settings.points:
         return Links(np.zeros(0, dtype=np.int64), sp.csr_matrix((0, 3 * n_places)), (), len(mesh.points), (), ())
@@ -119,11 +215,7 @@ def _independent(mesh: Mesh, followers: Sequence[Follower], dependent: np.ndarra
             f"{mesh.path}: {' and '.join(whats)} follow each other in a ring, at node {mesh.numbers[node]} "
             f"{place(mesh.points[node])} m among others; leave one of them out, or swap its surfaces"
         )
-    n_dof, m = weights.shape[1], len(dependent)
-    stays = np.ones(n_dof)
-    stays[dependent] = 0.0
-    onward = sp.diags(stays) + sp.csr_matrix((np.ones(m), (dependent, np.arange(m))), (n_dof, m)) @ weights
     while weights[:, dependent].nnz:
-        weights = weights @ onward
+        weights = _onward(dependent, weights, weights)
         weights.eliminate_zeros()
     return weights

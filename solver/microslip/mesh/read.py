@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 import numpy as np
 
-from ..formats.model import KINDS, FileModel, Group
+from ..formats.model import KINDS, Equations, FileModel, Group
 from ..formats.read import read_model
 from ..parallel.errors import MeshError
 from ..parallel.words import nearest
-from .data import ElementBlock, FaceBlock, Mesh
+from .data import ElementBlock, FaceBlock, Mesh, Outside
 from .settings import MeshSettings
 
 SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15")
@@ -43,7 +44,7 @@ def read_mesh(settings: MeshSettings, file: FileModel | None = None) -> Mesh:
 def _check_groups(file: FileModel, settings: MeshSettings) -> None:
     """Raise MeshError unless every group that is named exists."""
     of_bodies = [(f"[bodies.{name}] group", body.group) for name, body in settings.bodies.items()]
-    for key, group in of_bodies + settings.groups_on_bodies:
+    for key, group in of_bodies + settings.groups_on_bodies + settings.attached:
         if group not in file.groups:
             hint = _existing(group, list(file.groups))
             raise MeshError(f"{key} = {group!r}: there is no such group in the mesh{hint}")
@@ -74,8 +75,10 @@ def _compose(path: str, file: FileModel, settings: MeshSettings) -> Mesh:
     for name, group in file.groups.items():
         faces += _faces(name, group, file, used, new)
         node_groups[name] = new[_group_nodes(group, file, used)]
-    if not used.all():
-        notes.append(f"{np.count_nonzero(~used)} nodes that no element of a body uses are left out")
+    outside = _outside(file, settings, used)
+    n_left_out = np.count_nonzero(~used) - len(outside)
+    if n_left_out:
+        notes.append(f"{n_left_out} nodes that no element of a body uses are left out")
     mesh = Mesh(
         path,
         file.points[used] * float(settings.scale),
@@ -85,9 +88,39 @@ def _compose(path: str, file: FileModel, settings: MeshSettings) -> Mesh:
         node_groups,
         tuple(notes),
         {name: values[used] for name, values in file.fields.items()},
+        _outside_nodes(file, float(settings.scale), outside),
+        _equations(file, settings, new, outside),
     )
     _check_groups_on_bodies(mesh, settings)
     return mesh
+
+
+def _outside(file: FileModel, settings: MeshSettings, used: np.ndarray) -> np.ndarray:
+    """Return the nodes that no element of a body uses and that masses, springs or equations name, rising."""
+    named = np.zeros(len(used), dtype=bool)
+    if file.equations is not None and settings.has_equations:
+        named[file.equations.nodes] = True
+    for _, group in settings.attached:
+        named[_all_nodes(file.groups[group], file)] = True
+    return np.flatnonzero(named & ~used)
+
+
+def _outside_nodes(file: FileModel, scale: float, outside: np.ndarray) -> Outside:
+    groups = {}
+    for name, group in file.groups.items() if len(outside) else ():
+        own = np.flatnonzero(np.isin(outside, _all_nodes(group, file)))
+        if len(own):
+            groups[name] = own
+    return Outside(file.points[outside] * scale, file.numbers[outside], groups)
+
+
+def _equations(file: FileModel, settings: MeshSettings, new: np.ndarray, outside: np.ndarray) -> Equations | None:
+    """Return the file's equations between the nodes that are kept."""
+    if file.equations is None or not settings.has_equations:
+        return None
+    kept = new.copy()
+    kept[outside] = new[-1] + 1 + np.arange(len(outside))  # new[-1] + 1 nodes are used
+    return replace(file.equations, nodes=kept[file.equations.nodes])
 
 
 def _check_kinds(body: str, group: str, file: FileModel) -> None:
@@ -187,15 +220,20 @@ def _faces(name: str, group: Group, file: FileModel, used: np.ndarray, new: np.n
 
 
 def _group_nodes(group: Group, file: FileModel, used: np.ndarray) -> np.ndarray:
-    named = np.zeros(len(used), dtype=bool)
+    nodes = _all_nodes(group, file)
+    return nodes[used[nodes]]
+
+
+def _all_nodes(group: Group, file: FileModel) -> np.ndarray:
+    named = np.zeros(len(file.points), dtype=bool)
     named[group.nodes] = True
     for block, rows in group.cells.items():
         named[file.cells[block].nodes[rows]] = True
-    return np.flatnonzero(named & used)
+    return np.flatnonzero(named)
 
 
 def _check_groups_on_bodies(mesh: Mesh, settings: MeshSettings) -> None:
     """Raise MeshError for a support, surface or load group without a node on a body."""
     for key, group in settings.groups_on_bodies:
-        if len(mesh.node_groups[group]) == 0:
+        if len(mesh.node_groups[group]) == 0 and group not in mesh.outside.groups:
             raise MeshError(f"{key} = {group!r}: no node of this group belongs to an element of a body")

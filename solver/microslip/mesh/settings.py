@@ -64,6 +64,23 @@ class Point:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Mass:
+    """A point mass at each node of a group."""
+
+    group: str
+    mass: float  # kg
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spring:
+    """A spring along a direction: of each node of a group to ground, or between the single nodes of two groups."""
+
+    groups: tuple[str, ...]
+    direction: Vector | None = None  # None: along the line between the two nodes
+    stiffness: float  # N/m
+
+
+@dataclass(frozen=True, kw_only=True)
 class GroundPlane:
     """The surface of rigid ground."""
 
@@ -214,9 +231,18 @@ class MeshSettings:
     joints: tuple[Joint, ...] = ()
     ties: tuple[Tie, ...] = ()
     points: tuple[Point, ...] = ()
+    masses: tuple[Mass, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    has_equations: bool = False  # those of the file hold
     loads: tuple[Load, ...] = ()
     outputs: tuple[Output, ...] = ()
     statics: Statics | None = None
+
+    @property
+    def attached(self) -> list[tuple[str, str]]:
+        """The groups of masses and springs, each after the key that names it; their nodes may belong to no element."""
+        named = [(f"[[masses]] {i} group", mass.group) for i, mass in enumerate(self.masses, 1)]
+        return named + [(f"[[springs]] {i} groups", group) for i, one in enumerate(self.springs, 1) for group in one.groups]
 
     @property
     def body_of(self) -> dict[str, str]:

@@ -53,6 +53,8 @@ def _of_matrices(scene: Scene) -> list[str]:
         ("[[supports]]", scene.supports),
         ("[[ties]]", scene.ties),
         ("[[points]]", scene.points),
+        ("[[masses]]", scene.masses),
+        ("[[springs]]", scene.springs),
     )
     found = [f"{table}: belongs to a mesh; the matrices must hold it already" for table, entries in held if entries]
     for where, joint in _numbered(scene, "joints"):

@@ -228,6 +228,32 @@ class Point(Table):
         return inertia
 
 
+class Mass(Table):
+    """[[masses]]: a point mass at each node of a group."""
+
+    group: str = Field(min_length=1, description="the name of a group in the mesh")
+    mass: NotNegative = Field(description="the mass in kg of each of its nodes, a number of at least 0")
+
+
+class Spring(Table):
+    """[[springs]]: nodes on springs to ground, or two nodes joined by one."""
+
+    groups: Annotated[tuple[str, ...], AfterValidator(_no_duplicates), Field(min_length=1, max_length=2)] = Field(
+        description="the name of a group whose nodes have springs to ground, or of two groups of one node each, in a list"
+    )
+    direction: Direction | None = Field(
+        None,
+        description="the direction [x, y, z] in which it acts, three numbers, not all 0; between two nodes by default their line",
+    )
+    stiffness: NotNegative = Field(description="the stiffness in N/m, a number of at least 0")
+
+    @model_validator(mode="after")
+    def _directed(self):
+        if len(self.groups) == 1 and self.direction is None:
+            raise ValueError(f"direction is missing: expected {Spring.model_fields['direction'].description}")
+        return self
+
+
 class Joint(Table):
     """[[joints]]: two surfaces in contact, one on rigid ground, or pairs of DOFs."""
 
@@ -662,6 +688,8 @@ class Scene(Table):
     joints: tuple[Joint, ...] = Field((), description="tables, each headed [[joints]], with name, surfaces, friction, ...")
     ties: tuple[Tie, ...] = Field((), description="tables, each headed [[ties]], with surfaces")
     points: tuple[Point, ...] = Field((), description="tables, each headed [[points]], with name, position and group")
+    masses: tuple[Mass, ...] = Field((), description="tables, each headed [[masses]], with group and mass")
+    springs: tuple[Spring, ...] = Field((), description="tables, each headed [[springs]], with groups, direction and stiffness")
     statics: Statics | None = Field(None, description="a table [statics]")
     loads: tuple[Load, ...] = Field(min_length=1, description="at least one table headed [[loads]], with position and direction")
     outputs: tuple[Output, ...] = Field(

@@ -1,0 +1,143 @@
+"""Point masses and springs: what they move with, by places as in ``ties``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..parallel.errors import MeshError
+from ..parallel.words import place
+from .data import Mesh
+from .settings import MeshSettings, Spring
+
+
+@dataclass(frozen=True, eq=False)
+class Attached:
+    """Point masses and springs of a structure, eq. (2.10); ``n_dof`` counts three for each place."""
+
+    points: np.ndarray  # (n_masses, 3) m
+    mass: np.ndarray  # (n_masses,) kg
+    motion: sp.csr_matrix  # (3 n_masses, n_dof): displacements of the masses
+    stretch: sp.csr_matrix  # (n_springs, n_dof): how far each spring is stretched
+    stiffness: np.ndarray  # (n_springs,) N/m
+
+    @property
+    def M(self) -> sp.csr_matrix:
+        """What the masses add to M, (n_dof, n_dof) [kg]."""
+        return (self.motion.T @ sp.diags(np.repeat(self.mass, 3)) @ self.motion).tocsr()
+
+    @property
+    def K(self) -> sp.csr_matrix:
+        """What the springs add to K, (n_dof, n_dof) [N/m]."""
+        return (self.stretch.T @ sp.diags(self.stiffness) @ self.stretch).tocsr()
+
+    def forces(self, acceleration: np.ndarray) -> np.ndarray:
+        """Return mass times ``acceleration`` (n_masses, 3) [m/s2] on the places, (n_places, 3) [N]."""
+        return (self.motion.T @ (self.mass[:, None] * acceleration).ravel()).reshape(-1, 3)
+
+    def softening(self, spin: np.ndarray) -> sp.csr_matrix:
+        """Return - Omega^2 K_spin of the masses, (n_dof, n_dof) [N/m]; ``spin`` (3, 3) [1/s2]."""
+        return -(self.motion.T @ sp.kron(sp.diags(self.mass), spin) @ self.motion).tocsr()
+
+    def holding(self, translations: np.ndarray) -> np.ndarray:
+        """Return the degrees of freedom of springs that a motion (n_dof, 3) of the whole stretches, (n,): they hold."""
+        is_stretched = abs(self.stretch @ translations).max(axis=1, initial=0.0) > 1e-6
+        return np.unique(self.stretch[np.flatnonzero(is_stretched)].indices)
+
+    @property
+    def joined(self) -> np.ndarray:
+        """The degrees of freedom that each spring makes hang together, (2, n)."""
+        counts = np.diff(self.stretch.indptr)
+        first = self.stretch.indices[self.stretch.indptr[:-1][counts > 0]]
+        return np.stack([np.repeat(first, counts[counts > 0]), self.stretch.indices])
+
+
+def attach(mesh: Mesh, settings: MeshSettings, n_places: int, outside: sp.csr_matrix, loose: np.ndarray) -> Attached:
+    """Return the masses and springs of a scene, docs/theory.md, eq. (2.10).  Local, rank 0.
+
+    ``outside`` (3 n_outside, 3 n_places) is how nodes outside the elements follow; those ``loose`` (3 n_outside,) bool follow
+    nothing and are not held.
+
+    Raises
+    ------
+    MeshError : a spring between groups of several nodes, or between two that lie on each other, without a direction; a mass or
+        a spring on what is loose
+    """
+    motion = sp.vstack([sp.identity(3 * n_places, format="csr"), outside]).tocsr()
+    is_loose = np.concatenate([np.zeros(3 * n_places, dtype=bool), loose])
+    masses = [(_nodes(mesh, one.group, n_places), one.mass) for one in settings.masses]
+    nodes = np.concatenate([np.zeros(0, dtype=np.int64), *(own for own, _ in masses)])
+    springs = [_ends(mesh, spring, i, n_places) for i, spring in enumerate(settings.springs, 1)]
+    ends = np.concatenate([np.zeros((0, 2), dtype=np.int64), *(own for own, _ in springs)])
+    along = np.concatenate([np.zeros((0, 3)), *(direction for _, direction in springs)])
+    for what, at, used in (
+        ("[[masses]]", nodes, np.ones((len(nodes), 3))),
+        ("[[springs]]", ends[:, 0], along),
+        ("[[springs]]", ends[:, 1], along),
+    ):
+        _check_led(mesh, what, at, used, is_loose, n_places)
+    return Attached(
+        _position(mesh, nodes, n_places),
+        np.concatenate([np.zeros(0), *(np.full(len(own), mass) for own, mass in masses)]),
+        motion[(3 * nodes[:, None] + np.arange(3)).ravel()],
+        (_along(ends[:, 0], along, motion) - _along(ends[:, 1], along, motion)).tocsr(),
+        np.concatenate([np.zeros(0), *(np.full(len(own), one.stiffness) for (own, _), one in zip(springs, settings.springs))]),
+    )
+
+
+def _check_led(mesh: Mesh, what: str, nodes: np.ndarray, used: np.ndarray, is_loose: np.ndarray, n_places: int) -> None:
+    """Raise MeshError for nodes outside the elements that a mass or a spring moves in a direction in which nothing leads them."""
+    at = 3 * nodes[:, None] + np.arange(3)
+    wrong = (nodes[:, None] >= 0) & (used != 0.0) & is_loose[at]
+    if wrong.any():
+        node = nodes[wrong.any(axis=1)][0] - n_places
+        raise MeshError(
+            f"{mesh.path}: {what}: node {mesh.outside.numbers[node]} at {place(mesh.outside.points[node])} m belongs to no "
+            "element of a body and is free to move; support it, or connect it by equations"
+        )
+
+
+def _nodes(mesh: Mesh, group: str, n_places: int) -> np.ndarray:
+    """Return the places of a group's nodes, those outside the elements after all others."""
+    outside = mesh.outside.groups.get(group, np.zeros(0, dtype=np.int64))
+    return np.concatenate([mesh.node_groups.get(group, np.zeros(0, dtype=np.int64)), n_places + outside])
+
+
+def _position(mesh: Mesh, nodes: np.ndarray, n_places: int) -> np.ndarray:
+    is_outside = nodes >= n_places
+    points = np.zeros((len(nodes), 3))
+    points[~is_outside] = mesh.points[nodes[~is_outside]]
+    points[is_outside] = mesh.outside.points[nodes[is_outside] - n_places]
+    return points
+
+
+def _ends(mesh: Mesh, spring: Spring, number: int, n_places: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return both ends of each spring, (n, 2), the second -1 on ground, and the directions, (n, 3)."""
+    where = f"{mesh.path}: [[springs]] {number}"
+    first, *other = (_nodes(mesh, group, n_places) for group in spring.groups)
+    if other:
+        for group, nodes in zip(spring.groups, (first, other[0]), strict=True):
+            if len(nodes) != 1:
+                raise MeshError(f"{where} groups: {group!r} holds {len(nodes)} nodes; a spring has one at each end")
+    ends = np.stack([first, other[0] if other else np.full(len(first), -1)], axis=1)
+    if spring.direction is not None:
+        direction = np.asarray(spring.direction, dtype=float)
+    else:
+        direction = np.diff(_position(mesh, ends[0][::-1], n_places), axis=0)[0]
+        if not np.linalg.norm(direction) > 1e-12 * mesh.diagonal:
+            raise MeshError(
+                f"{where}: its two nodes lie on each other, at {place(_position(mesh, first, n_places)[0])} m; state direction"
+            )
+    return ends, np.tile(direction / np.linalg.norm(direction), (len(ends), 1))
+
+
+def _along(nodes: np.ndarray, directions: np.ndarray, motion: sp.csr_matrix) -> sp.csr_matrix:
+    """Return the displacements of nodes along directions, (n, n_dof); none on ground, -1."""
+    own = np.flatnonzero(nodes >= 0)
+    rows, columns = np.repeat(own, 3), (3 * nodes[own][:, None] + np.arange(3)).ravel()
+    pick = sp.csr_matrix((directions[own].ravel(), (rows, columns)), (len(nodes), motion.shape[0]))
+    found = (pick @ motion).tocsr()
+    found.eliminate_zeros()
+    return found

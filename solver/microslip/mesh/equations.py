@@ -1,0 +1,115 @@
+"""Linear equations between displacements, as model files state them: one term of each follows the others.
+
+Degrees of freedom are counted by places as in ``ties``; those of nodes outside the elements come after all places.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..formats.model import Equations
+from .data import Mesh
+
+_NOTHING = 1e-10  # of the largest coefficient of an equation: what elimination leaves of a term that is not there
+_UNBALANCED = 1e-6  # a translation by 1 that leaves more of an equation does not fulfil it
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Degrees of freedom that equations make follow others, those outside the elements among them."""
+
+    dependent: np.ndarray  # (m,) rising
+    weights: sp.csr_matrix  # (m, n_dof) of independent ones alone
+    grounded: np.ndarray  # (n,) degrees of freedom of equations that a rigid motion does not fulfil: they hold
+    joined: np.ndarray  # (2, n) degrees of freedom that hang together
+
+
+def solve_equations(mesh: Mesh, n_places: int, is_fixed: np.ndarray, dependent: np.ndarray, weights: sp.csr_matrix) -> Solved:
+    """Return what follows what by the equations of a mesh, docs/theory.md, eq. (2.9).  Local, rank 0.
+
+    Degrees of freedom outside the elements follow wherever they can; otherwise the first term of an equation does, as in the
+    programs that write them.  ``is_fixed`` (3 (n_places + n_outside),) bool are held by supports; ``dependent`` with
+    ``weights`` (m, 3 (n_places + n_outside)) follow already.  An equation that others imply is passed over.
+    """
+    equations = mesh.equations
+    assert equations is not None, "a mesh with equations"
+    n_dof = len(is_fixed)
+    rows: dict[int, dict[int, float]] = {}
+    known = {
+        int(dof): (weights.indices[a:b], weights.data[a:b])
+        for dof, a, b in zip(dependent, weights.indptr, weights.indptr[1:], strict=False)
+    }
+    is_outside = np.arange(n_dof) >= 3 * n_places
+    order = []
+    for terms in _terms(mesh, equations, n_places):
+        left = _substituted(terms, is_fixed, known, rows)
+        size = max((abs(value) for value in terms.values()), default=0.0)
+        left = {dof: value for dof, value in left.items() if abs(value) > _NOTHING * size}
+        if not left:
+            continue  # it follows from the others
+        pivot = next((dof for dof in left if is_outside[dof]), next(iter(left)))
+        value = left.pop(pivot)
+        rows[pivot] = {dof: -other / value for dof, other in left.items()}
+        order.append(pivot)
+    for pivot in reversed(order):  # what became dependent later is put into the earlier rows
+        rows[pivot] = _substituted(rows[pivot], is_fixed, known, rows)
+    return _solved(mesh, n_places, rows, n_dof)
+
+
+def _terms(mesh: Mesh, equations: Equations, n_places: int):
+    """Yield the terms of each equation, coefficients by degree of freedom."""
+    n_nodes = len(mesh.points)
+    nodes = np.where(equations.nodes < n_nodes, equations.nodes, equations.nodes - n_nodes + n_places)
+    bounds = np.searchsorted(equations.equation, np.arange(len(equations.where) + 1))
+    for first, last in zip(bounds, bounds[1:], strict=False):
+        terms: dict[int, float] = {}
+        for dof, value in zip(
+            3 * nodes[first:last] + equations.axes[first:last], equations.coefficients[first:last], strict=True
+        ):
+            terms[int(dof)] = terms.get(int(dof), 0.0) + float(value)
+        yield terms
+
+
+def _substituted(terms, is_fixed, known, rows) -> dict[int, float]:
+    """Return terms of independent degrees of freedom alone; those that are held are 0."""
+    found: dict[int, float] = {}
+    waiting = list(terms.items())[::-1]
+    while waiting:
+        dof, value = waiting.pop()
+        if is_fixed[dof]:
+            continue
+        if dof in rows:
+            waiting += [(other, value * weight) for other, weight in rows[dof].items()]
+        elif dof in known:
+            waiting += [(int(other), value * weight) for other, weight in zip(*known[dof], strict=True)]
+        else:
+            found[dof] = found.get(dof, 0.0) + value
+    return found
+
+
+def _solved(mesh: Mesh, n_places: int, rows: dict[int, dict[int, float]], n_dof: int) -> Solved:
+    dependent = np.array(sorted(rows), dtype=np.int64)
+    counts = [len(rows[int(dof)]) for dof in dependent]
+    columns = np.array([other for dof in dependent for other in rows[int(dof)]], dtype=np.int64)
+    values = np.array([value for dof in dependent for value in rows[int(dof)].values()])
+    weights = sp.csr_matrix((values, columns, np.concatenate([[0], np.cumsum(counts)])), (len(dependent), n_dof))
+    joined = np.stack([np.repeat(dependent, counts), columns])
+    return Solved(dependent, weights, _holding(mesh, n_places, dependent, weights), joined)
+
+
+def _holding(mesh: Mesh, n_places: int, dependent: np.ndarray, weights: sp.csr_matrix) -> np.ndarray:
+    """Return the degrees of freedom whose equation some translation of the whole does not fulfil."""
+    motion = translations(len(mesh.points), n_places, weights.shape[1])
+    return dependent[abs(motion[dependent] - weights @ motion).max(axis=1, initial=0.0) > _UNBALANCED]
+
+
+def translations(n_nodes: int, n_places: int, n_dof: int) -> np.ndarray:
+    """Return the three translations of the whole, (n_dof, 3): points move, and do not turn.  Local."""
+    motion = np.tile(np.eye(3), (n_dof // 3, 1))
+    is_turn = np.zeros(n_dof // 3, dtype=bool)
+    is_turn[n_nodes + 1 : n_places : 2] = True
+    motion[np.repeat(is_turn, 3)] = 0.0
+    return motion

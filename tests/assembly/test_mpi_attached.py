@@ -1,0 +1,178 @@
+"""Point masses, springs and equations of a model file: exact matrices, merged and turned meshes; on any number of ranks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+from box_meshes import box, mesh_of, settings
+from mpi4py import MPI
+
+from microslip.assembly.assemble import assemble
+from microslip.assembly.prestress import constant_forces, stiffness_at_rest
+from microslip.formats.model import Equations
+from microslip.mesh.data import Outside
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.partition import distribute
+from microslip.mesh.settings import Load, Mass, Spring, Statics
+from microslip.parallel.errors import MeshError
+
+comm = MPI.COMM_WORLD
+SUPPORTED = [("base", "xyz")]
+
+
+def block(turn=None, **more):
+    """Return a box of steel on its base, turned about the origin."""
+    turn = np.eye(3) if turn is None else turn
+    points, nodes = box("hex20", (1, 1, 2))
+    groups = {"base": lambda x: np.abs(x @ turn[:, 2]) < 1e-9, "top": lambda x: np.abs(x @ turn[:, 2] - 1.0) < 1e-9}
+    groups |= {"corner": lambda x: np.linalg.norm(x @ turn - [1.0, 1.0, 1.0], axis=1) < 1e-9}
+    groups |= {"other": lambda x: np.linalg.norm(x @ turn - [0.0, 0.0, 1.0], axis=1) < 1e-9}
+    return replace(mesh_of(("block", "hex20", points @ turn.T, nodes), groups=groups), **more)
+
+
+def case_of(supports=SUPPORTED, **more):
+    return replace(settings({"block": "block"}, supports), has_equations=True, **more)
+
+
+def system_of(mesh, case):
+    on_root = mesh if comm.rank == 0 else None
+    shares = distribute(on_root, case, comm)
+    return assemble(shares, on_root, pair_contacts(mesh, case.joints), case), shares
+
+
+def gathered(system, matrix):
+    indptr, columns, values = matrix.getValuesCSR()
+    own = sp.csr_matrix((values, columns, indptr), (len(indptr) - 1, system.n_dof))
+    return sp.vstack(system.comm.allgather(own)).toarray()
+
+
+def dense(mesh, case):
+    """Return K, M and the rows of the nodes."""
+    system, _ = system_of(mesh, case)
+    return gathered(system, system.K), gathered(system, system.M), system.dof
+
+
+def equations(*rows):
+    """Return equations of (node, axis, coefficient) terms."""
+    terms = [(i, *term) for i, row in enumerate(rows) for term in row]
+    number, node, axis, value = (np.array(column) for column in zip(*terms, strict=True))
+    return Equations(number, node, axis, value.astype(float), tuple(f"equation {i}" for i in range(len(rows))))
+
+
+def test_masses_and_springs_add_exactly_their_entries():
+    mesh = block()
+    K0, M0, dof0 = dense(mesh, case_of())
+    masses = (Mass(group="corner", mass=5.0),)
+    springs = (
+        Spring(groups=("top",), direction=(0.0, 0.0, 2.0), stiffness=3e6),
+        Spring(groups=("corner", "other"), stiffness=7e6),
+    )
+    K, M, dof = dense(mesh, case_of(masses=masses, springs=springs))
+    np.testing.assert_array_equal(dof, dof0)
+    corner, other = mesh.node_groups["corner"][0], mesh.node_groups["other"][0]
+    expected = np.zeros(len(K0))
+    expected[dof[corner]] = 5.0
+    np.testing.assert_allclose(M - M0, np.diag(expected), atol=1e-12 * M0.max())
+    z = np.zeros((len(K0), len(mesh.node_groups["top"])))
+    z[dof[mesh.node_groups["top"], 2], np.arange(z.shape[1])] = 1.0
+    line = np.zeros(len(K0))
+    line[dof[corner, :2]], line[dof[other, :2]] = np.sqrt(0.5), -np.sqrt(0.5)
+    np.testing.assert_allclose(K - K0, 3e6 * z @ z.T + 7e6 * np.outer(line, line), atol=1e-12 * K0.max())
+
+
+def test_equations_merge_what_they_equate():
+    """Two boxes on each other, their meeting nodes equated, are one box of two."""
+    lower, upper = box("hex20", (1, 1, 1)), box("hex20", (1, 1, 1), origin=(0.0, 0.0, 1.0))
+    groups = {"base": lambda x: x[:, 2] < 1e-9}
+    mesh = mesh_of(("low", "hex20", *lower), ("high", "hex20", *upper), groups=groups)
+    n = len(lower[0])
+    meeting = [(i, n + int(np.argmin(np.linalg.norm(upper[0] - x, axis=1)))) for i, x in enumerate(lower[0]) if x[2] == 1.0]
+    rows = [[(high, axis, 2.0), (low, axis, -2.0)] for low, high in meeting for axis in range(3)]
+    chained = [*rows, [(meeting[0][1], 0, 1.0), (meeting[0][0], 0, -1.0)]]  # one of them twice
+    case = replace(settings({"low": "low", "high": "high"}, SUPPORTED), has_equations=True)
+    K, M, dof = dense(replace(mesh, equations=equations(*chained)), case)
+    whole = mesh_of(("one", "hex20", *box("hex20", (1, 1, 2), (1.0, 1.0, 2.0))), groups=groups)
+    K1, M1, _ = dense(whole, settings({"one": "one"}, SUPPORTED))
+    assert K.shape == K1.shape and (dof[[high for _, high in meeting]] == -1).all()
+    found, expected = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K1, M1)))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_supports_in_turned_axes_are_equations():
+    """A turned box whose base slides in its own plane has the frequencies of one that was not turned."""
+    axis = np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)
+    cross = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    turn = scipy.linalg.expm(0.7 * cross)
+    mesh = block(turn)
+    rows = [[(node, k, turn[k, 2]) for k in range(3)] for node in mesh.node_groups["base"]]
+    K, M, _ = dense(replace(mesh, equations=equations(*rows)), case_of(()))
+    K1, M1, _ = dense(block(), case_of([("base", "z")]))
+    assert K.shape == K1.shape
+    found, expected = (scipy.linalg.eigh(a, b, eigvals_only=True) for a, b in ((K, M), (K1, M1)))
+    np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8 * expected.max())
+
+
+def test_a_node_outside_the_elements_leads_a_face_and_carries_mass_and_spring():
+    """All nodes of the top move along z with a node that no element has: its mass is theirs, and so is its spring."""
+    mesh = block()
+    top, n = mesh.node_groups["top"], len(mesh.points)
+    outside = Outside(np.array([[0.5, 0.5, 3.0]]), np.array([9999]), {"reference": np.array([0])})
+    rows = [[(node, 2, 1.0), (n, 2, -1.0)] for node in top]
+    held = {**mesh.node_groups, "reference": np.zeros(0, dtype=int)}
+    mesh = replace(mesh, outside=outside, equations=equations(*rows), node_groups=held)
+    masses = (Mass(group="reference", mass=4.0),)
+    springs = (Spring(groups=("reference",), direction=(0.0, 0.0, 1.0), stiffness=2e9),)
+    case = case_of([*SUPPORTED, ("reference", "xy")])
+    K0, M0, dof = dense(mesh, case)
+    K, M, _ = dense(mesh, replace(case, masses=masses, springs=springs))
+    leading = dof[top, 2][dof[top, 2] >= 0]
+    assert len(leading) == 1
+    unit = np.zeros((len(K), len(K)))
+    unit[leading[0], leading[0]] = 1.0
+    np.testing.assert_allclose(M - M0, 4.0 * unit, atol=1e-12 * M0.max())
+    np.testing.assert_allclose(K - K0, 2e9 * unit, atol=1e-12 * K0.max())
+    with pytest.raises(MeshError, match=r"\[\[masses\]\]: node 9999 .* belongs to no element of a body and is free to move"):
+        dense(mesh, replace(case_of(), masses=masses))
+
+
+def test_masses_turn_and_accelerate_with_the_structure():
+    """The weight of a mass in rotation and under a base acceleration, and its softening, are those of a point in space."""
+    mesh = block()
+    statics = Statics(speed=100.0, axis=(0.0, 0.0, 1.0), axis_point=(-1.0, 0.0, 0.0))
+    accelerated = (Load(base_acceleration=(1.0, 2.0, 3.0)),)
+    masses = (Mass(group="corner", mass=5.0),)
+    plain = case_of(statics=statics, loads=accelerated, masses=(Mass(group="corner", mass=0.0),))
+    found = []
+    for case in (plain, replace(plain, masses=masses)):
+        system, shares = system_of(mesh, case)
+        on_root = mesh if comm.rank == 0 else None
+        f = np.concatenate(comm.allgather(constant_forces(shares, on_root, case, system)))
+        K = stiffness_at_rest(shares, case, system, np.zeros(system.K.getLocalSize()[0]))
+        found.append((f, gathered(system, K), system.loads.toarray()[:, 0], system.dof))
+    (f0, K0, load0, dof), (f, K, load, _) = found
+    rows = dof[mesh.node_groups["corner"][0]]
+    expected = np.zeros(len(f))
+    expected[rows] = 5.0 * 1e4 * np.array([2.0, 1.0, 0.0])
+    np.testing.assert_allclose(f - f0, expected, atol=1e-9 * abs(f0).max())
+    change = np.zeros_like(K)
+    change[rows[:2], rows[:2]] = -5.0 * 1e4
+    np.testing.assert_allclose(K - K0, change, atol=1e-12 * K0.max())
+    weight = np.zeros(len(f))
+    weight[rows] = -5.0 * np.array([1.0, 2.0, 3.0])
+    np.testing.assert_allclose(load - load0, weight, atol=1e-12 * abs(load0).max())
+
+
+def test_springs_between_groups_of_several_nodes_are_refused():
+    with pytest.raises(MeshError, match=r"\[\[springs\]\] 1 groups: 'top' holds 8 nodes; a spring has one at each end"):
+        dense(block(), case_of(springs=(Spring(groups=("top", "corner"), stiffness=1.0),)))
+
+
+def test_springs_and_equations_that_resist_a_translation_hold_a_body():
+    mesh = block()
+    sprung = tuple(Spring(groups=("base",), direction=tuple(axis), stiffness=1e9) for axis in np.eye(3))
+    K, _, _ = dense(mesh, case_of((), springs=sprung))
+    assert np.linalg.eigvalsh(K)[0] > 0.0
+    with pytest.raises(MeshError, match="nothing holds body 'block'"):
+        dense(mesh, case_of((), springs=(Spring(groups=("corner", "other"), stiffness=1e9),)))
