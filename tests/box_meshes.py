@@ -9,17 +9,19 @@ import numpy as np
 from microslip.mesh.data import ElementBlock, Mesh
 from microslip.mesh.settings import Body, Joint, Load, MeshSettings, Output, Support
 
-KINDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15")
-# A hexahedron of corners 0 to 7 as six tetrahedra or two wedges; neighbours fit.
+KINDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13")
+# A hexahedron of corners 0 to 7 as six tetrahedra, two wedges, or six pyramids about its centre, 8; neighbours fit.
 _SPLIT = {
     "hex": [[0, 1, 2, 3, 4, 5, 6, 7]],
     "wedge": [[0, 1, 2, 4, 5, 6], [0, 2, 3, 4, 6, 7]],
+    "pyramid": [[3, 7, 4, 0, 8], [5, 6, 2, 1, 8], [4, 5, 1, 0, 8], [2, 6, 7, 3, 8], [1, 2, 3, 0, 8], [7, 6, 5, 4, 8]],
     "tet": [[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6]],
 }
 EDGES = {
     "tet10": [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
     "hex20": [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)],
     "wedge15": [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
+    "pyramid13": [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)],
 }
 
 
@@ -32,6 +34,9 @@ def box(kind: str, n=(2, 2, 2), size=(1.0, 1.0, 1.0), origin=(0.0, 0.0, 0.0)) ->
     corners = ((a, a, a), (b, a, a), (b, b, a), (a, b, a), (a, a, b), (b, a, b), (b, b, b), (a, b, b))
     hexes = np.stack([index[corner].ravel() for corner in corners], axis=1)
     family = kind.rstrip("0123456789")
+    if family == "pyramid":
+        hexes = np.hstack([hexes, len(points) + np.arange(len(hexes))[:, None]])
+        points = np.concatenate([points, points[hexes[:, :8]].mean(axis=1)])
     elements = hexes[:, _SPLIT[family]].reshape(-1, len(_SPLIT[family][0]))
     return add_mid_sides(points, elements, EDGES[kind]) if kind in EDGES else (points, elements)
 

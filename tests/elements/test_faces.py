@@ -76,7 +76,7 @@ def test_faces_of_an_element_enclose_its_volume(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_normals_look_out_of_curved_elements(kind):
-    points, nodes = box(kind, (2, 2, 3), (1.0, 1.5, 4.0))
+    points, nodes = box(kind, (3, 3, 6), (1.0, 1.5, 4.0))
     x = bent(points)[nodes]
     centre = x.mean(axis=1, keepdims=True)
     for face_kind, local in elements.KINDS[kind].faces:

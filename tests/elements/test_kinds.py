@@ -13,17 +13,20 @@ N_NODES = {
     "hex20": 20,
     "wedge6": 6,
     "wedge15": 15,
+    "pyramid5": 5,
+    "pyramid13": 13,
     "tri3": 3,
     "tri6": 6,
     "quad4": 4,
     "quad8": 8,
 }
-QUADRATIC = ("tet10", "hex20", "wedge15", "tri6", "quad8")
+QUADRATIC = ("tet10", "hex20", "wedge15", "pyramid13", "tri6", "quad8")
 # The mid-side nodes that VTK's documentation of its quadratic cells places between these corners.
 MID_SIDES = {
     "tet10": [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
     "hex20": [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)],
     "wedge15": [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
+    "pyramid13": [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)],
 }
 
 
@@ -79,3 +82,17 @@ def test_faces_close_the_element_and_look_outward(kind):
         assert normal @ (nodes[corners].mean(axis=0) - nodes.mean(axis=0)) > 0.0
         edges += zip(corners, np.roll(corners, -1))
     assert sorted(edges) == sorted((b, a) for a, b in edges)  # every edge once in each direction
+
+
+@pytest.mark.parametrize("kind", ["pyramid5", "pyramid13"])
+def test_pyramids_fit_to_their_neighbours(kind):
+    """On each face of a pyramid its functions are those of the face's kind, and all others are 0 there."""
+    pyramid = KINDS[kind]
+    for face_kind, local in pyramid.faces:
+        face = FACE_KINDS[face_kind]
+        at = some_points(face_kind)
+        linear = FACE_KINDS[face_kind.replace("8", "4").replace("6", "3")]
+        found = pyramid.values(linear.values(at) @ pyramid.nodes[local[: face.n_corners]])
+        expected = np.zeros_like(found)
+        expected[:, local] = face.values(at)
+        assert found == pytest.approx(expected, abs=1e-13)

@@ -21,6 +21,12 @@ def on_wedge(exponent):
     return on_simplex(exponent[:2]) * on_cube(exponent[2:])
 
 
+def on_pyramid(exponent):
+    """The base x^a y^b shrinks as 1 - z."""
+    a, b, c = exponent
+    return on_cube((a, b)) * factorial(c) * factorial(a + b + 2) / factorial(a + b + c + 3)
+
+
 RULES = {
     "triangle 3": (quadrature.triangle(3), 2, on_simplex),
     "triangle 6": (quadrature.triangle(6), 4, on_simplex),
@@ -31,6 +37,8 @@ RULES = {
     "cube 2": (quadrature.cube(2), 3, on_cube),
     "cube 3": (quadrature.cube(3), 5, on_cube),
     "square 3": (quadrature.square(3), 5, on_cube),
+    "pyramid 2": (quadrature.pyramid(2), 3, on_pyramid),
+    "pyramid 3": (quadrature.pyramid(3), 5, on_pyramid),
     "wedge 18": (quadrature.tensor(quadrature.triangle(6), quadrature.gauss_line(3)), 4, on_wedge),
 }
 
@@ -50,7 +58,7 @@ def test_a_rule_is_exact_to_its_degree_and_no_further(name):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_has_rules_for_every_integration(kind):
-    volume = {"hex": 8.0, "tet": 1.0 / 6.0, "wedge": 1.0}[kind.rstrip("0123456789")]
+    volume = {"hex": 8.0, "tet": 1.0 / 6.0, "wedge": 1.0, "pyramid": 4.0 / 3.0}[kind.rstrip("0123456789")]
     for integration in INTEGRATIONS:
         for rule in quadrature.rules(kind, integration):
             assert rule.weights.sum() == pytest.approx(volume, rel=1e-14)
@@ -58,5 +66,5 @@ def test_every_kind_has_rules_for_every_integration(kind):
 
 @pytest.mark.parametrize("kind, integration", [("hex27", "full"), ("hex8", "selective")])
 def test_unknown_names_are_errors_that_list_the_known_ones(kind, integration):
-    with pytest.raises(ValueError, match="wedge15 and full, reduced, reduced-both"):
+    with pytest.raises(ValueError, match="pyramid13 and full, reduced, reduced-both"):
         quadrature.rules(kind, integration)

@@ -9,7 +9,16 @@ from microslip import elements
 from microslip.elements import solid
 
 YOUNG, POISSON, DENSITY = 2.0e11, 0.3, 7800.0
-MASS_RANK = {"hex8": 8, "hex20": 8, "tet4": 1, "tet10": 4, "wedge6": 6, "wedge15": 9}  # by the points of K
+MASS_RANK = {
+    "hex8": 8,
+    "hex20": 8,
+    "tet4": 1,
+    "tet10": 4,
+    "wedge6": 6,
+    "wedge15": 9,
+    "pyramid5": 5,
+    "pyramid13": 13,
+}  # by the points of K
 WITH_MODES = [(kind, True) for kind in KINDS] + [("hex8", False)]  # kind, incompatible_modes: hex8 alone has any
 
 
@@ -65,10 +74,17 @@ def test_mass_and_its_moments_are_those_of_the_body(kind, integration):
     reference = elements.KINDS[kind].nodes * [1.0, 2.0, 3.0]
     M = elements.mass(kind, reference[None], DENSITY, integration)[0]
     family = kind.rstrip("0123456789")
-    volume = {"hex": 8.0, "tet": 1.0 / 6.0, "wedge": 1.0}[family] * 6.0
-    centre = {"hex": [0.0, 0.0, 0.0], "tet": [0.25, 0.25, 0.25], "wedge": [1.0 / 3.0, 1.0 / 3.0, 0.0]}[family]
+    volume = {"hex": 8.0, "tet": 1.0 / 6.0, "wedge": 1.0, "pyramid": 4.0 / 3.0}[family] * 6.0
+    centre = {
+        "hex": [0.0, 0.0, 0.0],
+        "tet": [0.25, 0.25, 0.25],
+        "wedge": [1.0 / 3.0, 1.0 / 3.0, 0.0],
+        "pyramid": [0.0, 0.0, 0.25],
+    }[family]
     centre = np.array(centre) * [1.0, 2.0, 3.0]
-    squares = {"hex": [1.0 / 3.0] * 3, "tet": [0.1] * 3, "wedge": [1.0 / 6.0, 1.0 / 6.0, 1.0 / 3.0]}[family]
+    squares = {"hex": [1.0 / 3.0] * 3, "tet": [0.1] * 3, "wedge": [1.0 / 6.0, 1.0 / 6.0, 1.0 / 3.0], "pyramid": [0.2, 0.2, 0.1]}[
+        family
+    ]
     assert M.sum() == pytest.approx(DENSITY * volume, rel=1e-14)
     assert M.sum(axis=0) @ reference == pytest.approx(DENSITY * volume * centre, rel=1e-13, abs=1e-9)
     if (kind, integration) != ("tet4", "reduced-both"):  # one point knows no second moment: the price of C3D4
@@ -88,7 +104,7 @@ def test_stiffness_turns_with_the_element(kind, incompatible_modes):
 @pytest.mark.parametrize("integration", elements.INTEGRATIONS)
 @pytest.mark.parametrize("kind, incompatible_modes", WITH_MODES)
 def test_patch_of_distorted_elements_carries_constant_strain(kind, integration, incompatible_modes):
-    points, nodes = box(kind.replace("20", "8").replace("10", "4").replace("15", "6"))
+    points, nodes = box(kind.replace("20", "8").replace("10", "4").replace("15", "6").replace("13", "5"))
     inside = ((points > 0.0) & (points < 1.0)).all(axis=1)
     points[inside] += [0.11, -0.07, 0.09]
     on_faces = np.count_nonzero((points > 0.0) & (points < 1.0), axis=1) == 2

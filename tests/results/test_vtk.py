@@ -8,7 +8,8 @@ from box_meshes import KINDS, box, mesh_of
 from microslip.parallel.errors import CaseError
 from microslip.results.vtk import peak_fields, write_fields, write_modes
 
-CELL_TYPES = {"tet4": 10, "hex8": 12, "wedge6": 13, "tet10": 24, "hex20": 25, "wedge15": 26}  # vtkCellType.h
+# vtkCellType.h
+CELL_TYPES = {"tet4": 10, "hex8": 12, "wedge6": 13, "pyramid5": 14, "tet10": 24, "hex20": 25, "wedge15": 26, "pyramid13": 27}
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,8 @@
 """Element and face kinds: nodes, shape functions and faces.
 
-Node order is the one that VTK, meshio and Abaqus share. Shape functions are polynomials: each kind lists the monomials
-that span them, and the condition N_a(x_b) = delta_ab at the nodes gives the coefficients.
+Node order is the one that VTK, meshio and Abaqus share. Shape functions are polynomials, in pyramids divided by powers of the
+distance from the apex: each kind lists the monomials that span them, and the condition N_a(x_b) = delta_ab at the nodes gives
+the coefficients.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ class Kind:
     coefficients: np.ndarray = field(init=False)  # (n_nodes, n_nodes) N_a = sum_k monomial_k coefficients[k, a]
 
     def __post_init__(self):
-        vandermonde = np.prod(self.nodes[:, None, :] ** self.exponents, axis=-1)
+        vandermonde = self._monomials(self.nodes)
         # All coefficients are multiples of 1/8: rounding to them takes the inversion's round-off away.
         object.__setattr__(self, "coefficients", np.round(8.0 * np.linalg.inv(vandermonde)) / 8.0)
 
@@ -34,7 +35,10 @@ class Kind:
 
     def values(self, xi: np.ndarray) -> np.ndarray:
         """Return N_a at the points xi (n_points, n_dim): (n_points, n_nodes)."""
-        return _monomials_at(xi, self.exponents) @ self.coefficients
+        return self._monomials(xi) @ self.coefficients
+
+    def _monomials(self, xi: np.ndarray) -> np.ndarray:
+        return _monomials_at(xi, self.exponents)
 
     def derivatives(self, xi: np.ndarray) -> np.ndarray:
         """Return dN_a / dxi_r at the points xi (n_points, n_dim): (n_points, n_dim, n_nodes)."""
@@ -57,6 +61,37 @@ class Kind:
             if factor.any():
                 curved[:, r, s] = (factor * _monomials_at(xi, lowered)) @ self.coefficients
         return curved
+
+
+@dataclass(frozen=True, eq=False)
+class Pyramid(Kind):
+    """Shape functions spanned by monomials over powers of 1 - zeta, on the pyramid of base [-1, 1]^2 and apex (0, 0, 1).
+
+    On each face they are those of the face's kind, so that pyramids fit to hexahedra, wedges and tetrahedra (Bedrosian 1992).
+    At the apex the derivatives are those on the axis.
+    """
+
+    poles: tuple[int, ...] = ()  # (n_nodes,) powers of 1 / (1 - zeta)
+
+    def _monomials(self, xi: np.ndarray) -> np.ndarray:
+        return _monomials_at(xi, self.exponents) * _from_apex(xi) ** -np.array(self.poles, dtype=float)
+
+    def derivatives(self, xi: np.ndarray) -> np.ndarray:
+        """Return dN_a / dxi_r at the points xi (n_points, 3): (n_points, 3, n_nodes)."""
+        pole, distance, slopes = np.array(self.poles, dtype=float), _from_apex(xi), []
+        for r, exponent in enumerate(self.exponents.T):
+            lowered = self.exponents.copy()
+            lowered[:, r] = np.maximum(exponent - 1, 0)
+            slope = exponent * _monomials_at(xi, lowered) * distance**-pole
+            if r == 2:
+                slope = slope + pole * _monomials_at(xi, self.exponents) * distance ** -(pole + 1.0)
+            slopes.append(slope @ self.coefficients)
+        return np.stack(slopes, axis=1)
+
+
+def _from_apex(xi: np.ndarray) -> np.ndarray:
+    """Return 1 - zeta, (n_points, 1), a little more than 0 at the apex, where it divides zeros."""
+    return np.maximum(1.0 - xi[:, 2:], 1e-100)
 
 
 def _monomials_at(xi: np.ndarray, exponents: np.ndarray) -> np.ndarray:
@@ -101,6 +136,8 @@ _HEXAHEDRON = [(x, y, z) for z in (-1, 1) for x, y in _SQUARE]
 _HEXAHEDRON_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
 _TETRAHEDRON = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
 _TETRAHEDRON_EDGES = [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)]
+_PYRAMID = [*((x, y, 0) for x, y in _SQUARE), (0, 0, 1)]
+_PYRAMID_EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)]
 _WEDGE = [(x, y, z) for z in (-1, 1) for x, y in _TRIANGLE]
 _WEDGE_EDGES = [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
 
@@ -191,6 +228,34 @@ KINDS = {
                 _face("quad8", 1, 2, 5, 4, 7, 14, 10, 13),
                 _face("quad8", 2, 0, 3, 5, 8, 12, 11, 14),
             ),
+        ),
+        Pyramid(
+            "pyramid5",
+            _with_mid_sides(_PYRAMID, []),
+            np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)]),
+            5,
+            (
+                _face("quad4", 0, 3, 2, 1),
+                _face("tri3", 0, 1, 4),
+                _face("tri3", 1, 2, 4),
+                _face("tri3", 2, 3, 4),
+                _face("tri3", 3, 0, 4),
+            ),
+            poles=(0, 0, 0, 0, 1),
+        ),
+        Pyramid(
+            "pyramid13",
+            _with_mid_sides(_PYRAMID, _PYRAMID_EDGES),
+            np.array([*_monomials(3, lambda x, y, z: x + y + z <= 2), (1, 1, 0), (2, 1, 0), (1, 2, 0)]),
+            5,
+            (
+                _face("quad8", 0, 3, 2, 1, 8, 7, 6, 5),
+                _face("tri6", 0, 1, 4, 5, 10, 9),
+                _face("tri6", 1, 2, 4, 6, 11, 10),
+                _face("tri6", 2, 3, 4, 7, 12, 11),
+                _face("tri6", 3, 0, 4, 8, 9, 12),
+            ),
+            poles=(0,) * 10 + (1, 1, 1),
         ),
     )
 }

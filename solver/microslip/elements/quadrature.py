@@ -1,7 +1,7 @@
 """Quadrature rules on the reference elements, and which of them a kind uses for stiffness and for mass.
 
 Reference domains: [-1, 1] in every direction of squares and hexahedra; the unit triangle and tetrahedron; wedges are
-the unit triangle times [-1, 1].
+the unit triangle times [-1, 1]; pyramids have the base [-1, 1]^2 and the apex (0, 0, 1).
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
+from scipy.special import roots_jacobi
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +98,17 @@ def tetrahedron(n: int) -> Rule:
     )
 
 
+def pyramid(n: int) -> Rule:
+    """Return a rule of n^3 points on the pyramid: a cube with one face drawn to the apex, Gauss-Jacobi along the axis.
+
+    Exact for monomials x^a y^b z^c / (1 - z)^d with d <= a + b, a and b to degree 2 n - 1 and a + b - d + c to it, too.
+    """
+    x, weights = roots_jacobi(n, 2.0, 0.0)
+    z, across = (1.0 + x) / 2.0, square(n)
+    points = np.column_stack([np.kron(1.0 - z, across.points[:, 0]), np.kron(1.0 - z, across.points[:, 1]), np.repeat(z, n * n)])
+    return Rule(points, np.kron(weights / 8.0, across.weights))
+
+
 INTEGRATIONS = {
     "full": "all the rank of the stiffness; the mass exact in straight tetrahedra, prisms and parallelepipeds, positive definite",
     "reduced": "hex20: stiffness 2x2x2, mass by Irons' 14 points (Ansys SOLID186); other kinds as full",
@@ -112,6 +124,8 @@ _RULES = {
     "tet10": [(tetrahedron(4), tetrahedron(14))] * 2 + [(tetrahedron(4), tetrahedron(4))],
     "wedge6": [(tensor(triangle(3), gauss_line(2)),) * 2] * 3,
     "wedge15": [(_WEDGE9, tensor(triangle(6), gauss_line(3)))] * 2 + [(_WEDGE9, _WEDGE9)],
+    "pyramid5": [(pyramid(2), pyramid(2))] * 3,
+    "pyramid13": [(pyramid(3), pyramid(3))] * 3,
 }
 
 

@@ -8,7 +8,7 @@ from .kinds import KINDS
 from .prestress import stress
 from .quadrature import rules
 
-_CORNERS = {"hex": "hex8", "tet": "tet4", "wedge": "wedge6"}  # the kind whose functions are fitted
+_CORNERS = {"hex": "hex8", "tet": "tet4", "wedge": "wedge6", "pyramid": "pyramid5"}  # the kind whose functions are fitted
 
 
 def nodal_stress(

@@ -89,10 +89,11 @@ def _fields(mesh) -> dict[str, np.ndarray]:
 
 
 def load_meshio():
-    """Return meshio, completed: version 5.3 knows the nodes of a quadratic wedge, but not that it is a solid."""
+    """Return meshio, completed: version 5.3 knows the nodes of quadratic wedges and pyramids, but not that they are solids."""
     import meshio
 
-    meshio._mesh.topological_dimension.setdefault("wedge15", 3)
+    for kind in ("wedge15", "pyramid13"):
+        meshio._mesh.topological_dimension.setdefault(kind, 3)
     return meshio
 
 

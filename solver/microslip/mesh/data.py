@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class ElementBlock:
     """Elements of one kind and one physical group, nodes in VTK order."""
 
-    kind: str  # "tet4" "tet10" "hex8" "hex20" "wedge6" "wedge15"
+    kind: str  # a key of elements.KINDS
     group: str  # name of the physical group
     nodes: np.ndarray  # (n_elements, n_nodes_of_kind) index into Mesh.points
     numbers: np.ndarray  # (n_elements,) element numbers of the user's file

@@ -14,10 +14,11 @@ from ..parallel.words import nearest
 from .data import ElementBlock, FaceBlock, Mesh, Outside
 from .settings import MeshSettings
 
-SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15")
+SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13")
 _ADVICE = {
     "hex27": "; in Gmsh set Mesh.SecondOrderIncomplete = 1 for hex20",
     "wedge18": "; in Gmsh set Mesh.SecondOrderIncomplete = 1 for wedge15",
+    "pyramid14": "; in Gmsh set Mesh.SecondOrderIncomplete = 1 for pyramid13",
 }
 
 

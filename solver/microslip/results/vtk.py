@@ -14,7 +14,7 @@ from ..mesh.data import Mesh
 from ..parallel.files import written_whole
 
 VERSION = (2, 1)
-CELL_TYPE = {"tet4": 10, "hex8": 12, "wedge6": 13, "tet10": 24, "hex20": 25, "wedge15": 26}
+CELL_TYPE = {"tet4": 10, "hex8": 12, "wedge6": 13, "pyramid5": 14, "tet10": 24, "hex20": 25, "wedge15": 26, "pyramid13": 27}
 
 
 def write_modes(path: str, mesh: Mesh, omega_n: np.ndarray, fields: np.ndarray) -> None:
