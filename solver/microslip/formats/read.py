@@ -8,12 +8,13 @@ import numpy as np
 
 from ..parallel.errors import CaseError, MeshError
 from ..parallel.words import place
+from .ansys import read_cdb
 from .inp import read_inp
 from .model import FileModel
 from .msh import read_msh
 from .via_meshio import FORMATS, read_other
 
-READERS = {".msh": read_msh, ".inp": read_inp, **dict.fromkeys(FORMATS, read_other)}
+READERS = {".msh": read_msh, ".inp": read_inp, ".cdb": read_cdb, **dict.fromkeys(FORMATS, read_other)}
 
 
 def read_model(path: str | os.PathLike[str]) -> FileModel:

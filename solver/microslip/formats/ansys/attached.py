@@ -1,0 +1,83 @@
+"""Point masses, springs and rigid regions of an archive, with groups for their nodes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import FileMass, FilePoint, FileSpring, Finding, Group, index_of
+from .content import Content
+
+
+def attached(archive: Any, content: Content, numbers: np.ndarray, points: np.ndarray, groups: dict[str, Group]):
+    """Return point masses (MASS21) and springs (COMBIN14), with groups for their nodes.  Local."""
+    constants = {int(n): list(values) for n, values in zip(archive.rlblock_num, archive.rlblock, strict=True)}
+    constants |= content.constants
+    start, flat = np.asarray(archive._elem_off[:-1]), np.asarray(archive._elem)
+    masses, springs = [], []
+    for row, number in zip(start, archive.enum, strict=True):
+        own_type = content.types.get(int(flat[row + 1]), 0)
+        if own_type not in (14, 21):
+            continue
+        values, keys = constants.get(int(flat[row + 2]), []), content.keys.get(int(flat[row + 1]), {})
+        where = f"element {number}"
+        if own_type == 21:
+            masses += _mass(content, where, values, keys, int(flat[row + 10]), numbers, groups)
+        else:
+            springs += _spring(content, where, values, keys, flat[row + 10 : row + 12], numbers, groups)
+    return tuple(masses), tuple(springs)
+
+
+def _mass(content, where, values, keys, node, numbers, groups) -> list[FileMass]:
+    """Return the mass of a MASS21; its rotary inertia has nothing to act on at the node of a solid."""
+    if keys.get(3, 0) in (0, 2) and len(values) >= 1 and len(set(values[:3])) == 1 or (keys.get(3, 0) == 2 and values):
+        name = f"MASS21 {where}"
+        groups.setdefault(name, Group()).add_nodes(known_nodes(numbers, np.array([node])))
+        if keys.get(3, 0) == 0 and any(values[3:6]):
+            effect = "the rotary inertia of a point mass"
+            content.findings.append(Finding(word="MASS21", where=where, effect=effect, changes=True, part="masses"))
+        return [FileMass(group=name, mass=float(values[0]))]
+    effect = "a point mass whose KEYOPT(3) or real constants differ by direction, or lack"
+    content.findings.append(Finding(word="MASS21", where=where, effect=effect, changes=True, part="masses"))
+    return []
+
+
+def _spring(content, where, values, keys, nodes, numbers, groups) -> list[FileSpring]:
+    """Return a COMBIN14 along its line, or along x, y or z."""
+    kind = keys.get(2, 0)
+    if keys.get(1, 0) or kind > 3 or keys.get(3, 0) or not values:
+        effect = "a spring that is not linear, or turns, or has no constants"
+        content.findings.append(Finding(word="COMBIN14", where=where, effect=effect, changes=True, part="springs"))
+        return []
+    if any(values[1:3]):
+        effect = "the damper beside a spring"
+        content.findings.append(Finding(word="COMBIN14", where=where, effect=effect, changes=True, part="springs"))
+    names = []
+    for node in nodes:
+        if node > 0:
+            names.append(f"COMBIN14 {where} node {node}")
+            groups.setdefault(names[-1], Group()).add_nodes(known_nodes(numbers, np.array([node])))
+    direction = None if kind == 0 else (float(kind == 1), float(kind == 2), float(kind == 3))
+    return [FileSpring(groups=tuple(names), direction=direction, stiffness=float(values[0]))]
+
+
+def rigid_regions(content: Content, numbers: np.ndarray, points: np.ndarray, groups: dict[str, Group]) -> tuple[FilePoint, ...]:
+    """Return the rigid regions of CERIG.  Local."""
+    made = []
+    for where, leader, followers in content.constraints.rigid:
+        name = f"CERIG node {leader}"
+        index, missing = index_of(numbers, np.array([leader]))
+        if len(missing):
+            raise MeshError(f"{where}: CERIG: there is no node {leader}")
+        groups.setdefault(name, Group()).add_nodes(np.setdiff1d(known_nodes(numbers, np.array(followers)), index))
+        x, y, z = map(float, points[index[0]])
+        made.append(FilePoint(name=name, position=(x, y, z), group=name))
+    return tuple(made)
+
+
+def known_nodes(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return the positions of the nodes that are there.  Local."""
+    index, missing = index_of(numbers, wanted)
+    return index[~np.isin(wanted, missing)]

@@ -1,0 +1,192 @@
+"""What an archive says of displacements: D, CE, CP and CERIG, and nodal axes that are turned."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import Equations, FileSupport, Finding, Group, index_of
+from .commands import Command
+
+_AXES = {"UX": 0, "UY": 1, "UZ": 2}
+_TURNS = ("ROTX", "ROTY", "ROTZ")
+_NAMES = "xyz"
+
+
+@dataclass
+class Constraints:
+    """What has been gathered so far; nodes are numbers of the file."""
+
+    held: dict[int, set[int]] = field(default_factory=dict)  # axis: nodes
+    equations: list[tuple[str, list[tuple[int, int, float]]]] = field(default_factory=list)  # where, terms
+    coupled: dict[str, tuple[str, str, list[int]]] = field(default_factory=dict)  # set: where, label, nodes
+    rigid: list[tuple[str, int, list[int]]] = field(default_factory=list)  # where, leading node, those that follow
+    findings: list[Finding] = field(default_factory=list)
+    is_open: bool = False  # lines with terms of the last equation may follow
+
+    def left_out(self, command: Command, effect: str, part: str = "") -> None:
+        self.findings.append(Finding(word=command.word, where=command.where, effect=effect, changes=True, part=part))
+
+
+def take_support(found: Constraints, command: Command, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> None:
+    """Take a D command: a node, ALL or a component; a label or ALL; a value that must be 0."""
+    nodes, label = _nodes(command.field(0), all_nodes, components), command.field(1).upper()
+    if nodes is None:
+        found.left_out(command, f"a support of {command.field(0)!r}, which is no node and no component", "supports")
+        return
+    labels = ["UX", "UY", "UZ"] if label in ("ALL", "") else [label, *(one.upper() for one in command.fields[6:11] if one)]
+    value = command.field(2)
+    if value and command.number(2) != 0.0:
+        found.left_out(command, f"a displacement {label} = {value} other than 0", "supports")
+        return
+    for one in labels:
+        if one in _AXES:
+            found.held.setdefault(_AXES[one], set()).update(nodes.tolist())
+        elif one not in _TURNS:
+            found.left_out(command, f"a support of {one}, which is no displacement", "supports")
+
+
+def take_equation(found: Constraints, command: Command) -> None:
+    """Take a CE command, as typed or as CDWRITE writes it: DEFI, then NODE with up to two terms a line."""
+    if command.field(0).upper().startswith("R5"):
+        _take_written(found, command)
+        return
+    if command.number(1) != 0.0:
+        found.left_out(command, "an equation whose constant is not 0", "equations")
+    else:
+        _add_equation(found, command, command.where, command.fields[2:])
+
+
+def _take_written(found: Constraints, command: Command) -> None:
+    if command.field(1).upper() == "DEFI":
+        if command.number(4) != 0.0:
+            found.left_out(command, "an equation whose constant is not 0", "equations")
+            found.is_open = False
+        else:
+            found.equations.append((f"{command.word}, {command.where}", []))
+            found.is_open = True
+    elif found.is_open:
+        _extend(found, command, found.equations[-1][1], command.fields[2:])
+
+
+def _add_equation(found: Constraints, command: Command, where: str, fields: tuple[str, ...]) -> None:
+    terms: list[tuple[int, int, float]] = []
+    if _extend(found, command, terms, fields):
+        found.equations.append((f"{command.word}, {where}", terms))
+
+
+def _extend(found: Constraints, command: Command, terms: list[tuple[int, int, float]], fields: tuple[str, ...]) -> bool:
+    """Add the terms of fields (node, label, coefficient); report what is no displacement."""
+    own = Command(command.word, fields, command.line)
+    for i in range(0, len(fields) - 2, 3):
+        if not fields[i]:
+            break
+        label = fields[i + 1].upper()
+        if label not in _AXES:
+            found.left_out(command, f"an equation with {label}, which is no displacement", "equations")
+            return False
+        terms.append((int(own.number(i)), _AXES[label], own.number(i + 2)))
+    return True
+
+
+def take_coupling(found: Constraints, command: Command) -> None:
+    """Take a CP command as it is typed: a set, a label, nodes."""
+    if command.field(0).upper().startswith("R5"):
+        found.left_out(
+            command, "coupled nodes as CDWRITE writes them, which is not documented; write them as CE (CPTOCE)", "equations"
+        )
+        return
+    label = command.field(1).upper()
+    if label not in (*_AXES, "ALL"):
+        found.left_out(command, f"coupled nodes in {label}, which is no displacement", "equations")
+        return
+    _, _, nodes = found.coupled.setdefault(command.field(0), (command.where, label, []))
+    nodes.extend(int(Command(command.word, (word,), command.line).number(0)) for word in command.fields[2:] if word)
+
+
+def take_rigid(found: Constraints, command: Command, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> None:
+    """Take a CERIG command: nodes that follow one as a rigid body, in all directions."""
+    label = command.field(2).upper()
+    followers = _nodes(command.field(1), all_nodes, components)
+    if label not in ("", "ALL", "UXYZ") or followers is None:
+        found.left_out(command, f"a rigid region of {command.field(1)!r} in {label or 'ALL'}", "points")
+        return
+    found.rigid.append((command.where, int(command.number(0)), [int(node) for node in followers]))
+
+
+def _nodes(word: str, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> np.ndarray | None:
+    if word.upper() == "ALL":
+        return all_nodes
+    if word.upper() in components:
+        return components[word.upper()]
+    try:
+        return np.array([int(float(word))])
+    except ValueError:
+        return None
+
+
+def supports(found: Constraints, numbers: np.ndarray, angles: np.ndarray, groups: dict[str, Group]) -> tuple[FileSupport, ...]:
+    """Return supports by groups "D x", "D xy", ... of the nodes that they hold; those in turned axes become equations.  Local."""
+    held = np.zeros((len(numbers), 3), dtype=bool)
+    for axis, nodes in found.held.items():
+        index, missing = index_of(numbers, np.array(sorted(nodes), dtype=np.int64))
+        held[index[~np.isin(sorted(nodes), missing)], axis] = True
+    is_turned = angles.any(axis=1) & held.any(axis=1) & ~held.all(axis=1)
+    for i in np.flatnonzero(is_turned):
+        rows = turned_axes(angles[i])
+        for axis in np.flatnonzero(held[i]):
+            terms = [(int(numbers[i]), k, float(rows[axis, k])) for k in range(3)]
+            found.equations.append((f"D, node {numbers[i]} in turned axes", terms))
+    held[is_turned] = False
+    made = []
+    for pattern in np.unique(held, axis=0):
+        fix = tuple(name for name, is_held in zip(_NAMES, pattern, strict=True) if is_held)
+        if fix:
+            name = f"D {''.join(fix)}"
+            groups.setdefault(name, Group()).add_nodes(np.flatnonzero((held == pattern).all(axis=1)))
+            made.append(FileSupport(group=name, fix=fix))
+    return tuple(made)
+
+
+def turned_axes(angles: np.ndarray) -> np.ndarray:
+    """Return the nodal axes, (3, 3) rows, of the angles THXY, THYZ, THZX in degrees: about z, then x, then y.  Local."""
+    z, x, y = np.radians(angles)
+    about_z = np.array([[np.cos(z), np.sin(z), 0.0], [-np.sin(z), np.cos(z), 0.0], [0.0, 0.0, 1.0]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(x), np.sin(x)], [0.0, -np.sin(x), np.cos(x)]])
+    about_y = np.array([[np.cos(y), 0.0, -np.sin(y)], [0.0, 1.0, 0.0], [np.sin(y), 0.0, np.cos(y)]])
+    return about_y @ about_x @ about_z
+
+
+def equations(found: Constraints, numbers: np.ndarray, angles: np.ndarray) -> Equations | None:
+    """Return the equations and couplings in model axes, None without any.  Local.
+
+    Raises
+    ------
+    MeshError : a node that is not there
+    """
+    rows = list(found.equations)
+    for where, label, followers in found.coupled.values():
+        for axis in range(3) if label == "ALL" else [_AXES[label]] if label in _AXES else []:
+            rows += [(f"CP, {where}", [(node, axis, 1.0), (followers[0], axis, -1.0)]) for node in followers[1:]]
+    rows = [row for row in rows if row[1]]
+    if not rows:
+        return None
+    terms = [(i, *term) for i, (_, own) in enumerate(rows) for term in own]
+    equation, nodes, axes, values = (np.array(column) for column in zip(*terms, strict=True))
+    index, missing = index_of(numbers, nodes)
+    if len(missing):
+        where = rows[int(equation[np.argmax(nodes == missing[0])])][0]
+        raise MeshError(f"{where}: there is no node {missing[0]}")
+    parts = [(equation, index, axes, values)]
+    is_turned = angles[index].any(axis=1) & np.array([not where.startswith("D, ") for where, _ in rows])[equation]
+    if is_turned.any():
+        stays = ~is_turned
+        parts = [(equation[stays], index[stays], axes[stays], values[stays])]
+        for i in np.flatnonzero(is_turned):
+            row = turned_axes(angles[index[i]])[axes[i]]
+            parts.append((np.full(3, equation[i]), np.full(3, index[i]), np.arange(3), values[i] * row))
+    equation, index, axes, values = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.argsort(equation, kind="stable")
+    return Equations(equation[order], index[order], axes[order], values[order].astype(float), tuple(where for where, _ in rows))

@@ -1,0 +1,123 @@
+"""What the commands of an archive say: types, materials, constants, constraints, and what is not followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..model import Finding
+from . import constraints as between
+from .commands import Command, commands
+
+_PROPERTIES = {"EX": "young", "NUXY": "poisson", "PRXY": "poisson", "DENS": "density", "ALPX": "expansion"}
+_OTHER_AXES = ("EY", "EZ", "GXY", "GYZ", "GXZ", "NUYZ", "NUXZ", "PRYZ", "PRXZ", "ALPY", "ALPZ")
+# what sets up the program, selects, solves or prints; and loads, which are counted
+_HARMLESS = set(
+    "FINISH DOF *IF *ELSE *ELSEIF *ENDIF *SET *DIM *GET *DO *ENDDO NUMOFF EXTOPT TYPE MAT REAL ESYS SECNUM SHPP N EN NBLOCK "
+    "EBLOCK CMBLOCK CM CMGRP CMSEL ALLSEL ESEL NSEL RLBLOCK ETBLOCK MPTEMP CSYS DSYS LOCAL TREF TUNIF BFUNIF TOFFST ANTYPE "
+    "MODOPT MXPAND MODCONTROL QRDOPT EQSLV HROPT HROUT HARFRQ KUSE TIME NCNV CRPLIM AUTOTS NSUBST DELTIM KBC OUTRES OUTPR "
+    "NROPT CNVTOL LNSRCH NEQIT PRED NLGEOM SSTIF RESCONTROL ERESX SOLVE SAVE ALPHAD BETAD DMPRAT DMPSTR MDAMP IRLF CGLOC "
+    "LSWRITE CDREAD CDOPT PSTRES WPSTYL SECDATA SECTYPE SECBLOCK SECCONTROL SECOFFSET SECJOINT SECLOCK SECSTOP SFBEAM "
+    "TBDATA TBTEMP TBPT ".split()
+)
+_LOADS = set("F SF SFE BF BFE ACEL OMEGA DOMEGA CGOMEGA DCGOMG CMACEL CMOMEGA".split())
+_EFFECTS = {
+    "TB": "a material that is not linear and isotropic, or a friction coefficient",
+    "CYCLIC": "cyclic symmetry",
+    "EALIVE": "elements that are born",
+    "EKILL": "elements that die",
+    "PSMESH": "a bolt's pretension section; state [[statics.bolts]]",
+    "SLOAD": "a bolt's load; state [[statics.bolts]]",
+    "INISTATE": "stress before any load",
+    "/INPUT": "a further file",
+    "USE": "a macro that the file does not hold",
+    "*USE": "a macro that the file does not hold",
+}
+
+
+@dataclass
+class Content:
+    """What the commands say, before it is put together."""
+
+    types: dict[int, int] = field(default_factory=dict)  # ET: number of a type, and of its element
+    keys: dict[int, dict[int, int]] = field(default_factory=dict)  # KEYOPT
+    materials: dict[int, dict[str, float]] = field(default_factory=dict)
+    constants: dict[int, list[float]] = field(default_factory=dict)  # R, RMORE
+    constraints: between.Constraints = field(default_factory=between.Constraints)
+    findings: list[Finding] = field(default_factory=list)
+    loads: dict[str, int] = field(default_factory=dict)
+    title: str = ""
+
+
+def gather(path: str, numbers: np.ndarray, components: dict[str, np.ndarray]) -> Content:
+    """Return what the commands of a file say.  Local."""
+    content = Content()
+    last_real = 0
+    for command in commands(path):
+        word = command.word
+        if word == "ET":
+            content.types[int(command.number(0))] = int("".join(c for c in command.field(1) if c.isdigit()) or 0)
+        elif word in ("KEYOP", "KEYOPT"):
+            content.keys.setdefault(int(command.number(0)), {})[int(command.number(1))] = int(command.number(2))
+        elif word in ("MP", "MPDATA"):
+            _take_property(content, command)
+        elif word in ("R", "RMORE"):
+            last_real = int(command.number(0)) if word == "R" else last_real
+            values = [command.number(i) for i in range(1 if word == "R" else 0, len(command.fields))]
+            content.constants.setdefault(last_real, []).extend(values)
+        elif word == "D":
+            between.take_support(content.constraints, command, numbers, components)
+        elif word == "CE":
+            between.take_equation(content.constraints, command)
+        elif word == "CP":
+            between.take_coupling(content.constraints, command)
+        elif word == "CERIG":
+            between.take_rigid(content.constraints, command, numbers, components)
+        elif word == "/TITLE":
+            content.title = ",".join(command.fields).strip()
+        else:
+            _pass_over(content, command)
+    return content
+
+
+def _take_property(content: Content, command: Command) -> None:
+    """Take MP (label, material, value) or MPDATA (R5.0, 1, label, material, position, value)."""
+    i = 2 if command.word == "MPDATA" and command.field(0).upper().startswith("R5") else 0
+    label, number = command.field(i).upper(), int(command.number(i + 1))
+    value, position = command.number(i + 3 if command.word == "MPDATA" else i + 2), command.number(i + 2)
+    known = content.materials.setdefault(number, {})
+    where, part = command.where, "materials"
+    if label == "REFT" or (label in _PROPERTIES and command.word == "MPDATA" and position > 1):
+        changes = label in _PROPERTIES and known.get(_PROPERTIES[label], value) != value
+        effect = f"{label} of material {number} at further temperatures"
+        content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=changes, part=part))
+    elif label in _PROPERTIES:
+        known[_PROPERTIES[label]] = value
+    elif label in _OTHER_AXES and known.get("young") != value:
+        effect = f"{label} of material {number}: it is not isotropic"
+        content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=True, part=part))
+    elif label in ("DMPR", "BETD", "ALPD", "DMPS"):
+        effect = f"damping of material {number}; state [damping]"
+        content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=False, part=part))
+
+
+def _pass_over(content: Content, command: Command) -> None:
+    """Report a command that is not followed, once for each line that changes something."""
+    word = command.word
+    if word in _LOADS:
+        content.loads[word] = content.loads.get(word, 0) + 1
+    elif word in _HARMLESS or "=" in word or (word.startswith("/") and word != "/INPUT"):
+        return
+    else:
+        effect = _EFFECTS.get(word, "not known to this program")
+        part = "materials" if word == "TB" else ""
+        content.findings.append(Finding(word=word, where=command.where, effect=effect, changes=True, part=part))
+
+
+def findings_of_loads(content: Content) -> tuple[Finding, ...]:
+    """Return a finding for each kind of load, which changes nothing: the scene has its own.  Local."""
+    return tuple(
+        Finding(word=word, where=f"{n} commands", effect="loads of the file are not taken over; state [[loads]]", changes=False)
+        for word, n in content.loads.items()
+    )

@@ -1,0 +1,79 @@
+"""The elements of an archive: solids as bodies, surfaces as groups of faces, others as findings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..model import Cells, FileBody, Finding, Group
+from .content import Content
+from .shapes import faces, solids, tetrahedra
+from .types import EFFECTS, Solid, solid_of
+
+
+def cells_and_bodies(archive: Any, content: Content, numbers: np.ndarray, groups: dict[str, Group]):
+    """Return the cells, and the bodies: solids by material and type; fill groups of solids and contact surfaces.  Local."""
+    start, flat = np.asarray(archive._elem_off[:-1]), np.asarray(archive._elem)
+    n_nodes = np.diff(archive._elem_off) - 10
+    material, kind, real = (flat[start + i] for i in range(3))
+    elements = np.asarray(archive.enum, dtype=np.int64)
+    for number, element_type in archive.ekey:
+        content.types.setdefault(int(number), int(element_type))
+    cells: list[Cells] = []
+    bodies: dict[str, FileBody] = {}
+    for number in np.unique(kind):
+        own_type = content.types.get(int(number), 0)
+        solid = solid_of(own_type, content.keys.get(int(number), {}))
+        rows_of_type = kind == number
+        if not isinstance(solid, Solid):
+            _report_type(content, int(number), own_type, solid, int(rows_of_type.sum()))
+            if own_type in (154, 173, 174):
+                for one in np.unique(real[rows_of_type]):
+                    own = rows_of_type & (real == one)
+                    name = f"{'SURF' if own_type == 154 else 'CONTA'}{own_type} real {one}"
+                    _add_cells(groups, name, cells, faces(_rows(flat, start, n_nodes, own, 8), elements[own], numbers))
+            continue
+        if solid.differs:
+            content.findings.append(Finding(word=f"SOLID{own_type}", where=f"ET {number}", effect=solid.differs, changes=False))
+        for one in np.unique(material[rows_of_type]):
+            own = rows_of_type & (material == one)
+            name = f"material {one}" if (kind[material == one] == number).all() else f"material {one} type {number}"
+            rows = _rows(flat, start, n_nodes, own, solid.n_nodes)
+            _add_cells(groups, name, cells, (tetrahedra if solid.n_nodes == 10 else solids)(rows, elements[own], numbers))
+            bodies[name] = FileBody(
+                group=name, material=f"material {one}", integration=solid.integration, incompatible_modes=solid.incompatible_modes
+            )
+    return cells, bodies
+
+
+def _rows(flat: np.ndarray, start: np.ndarray, n_nodes: np.ndarray, own: np.ndarray, width: int) -> np.ndarray:
+    """Return the nodes of some elements, (n, width), 0 where an element has fewer."""
+    at = start[own][:, None] + 10 + np.arange(width)
+    is_there = np.arange(width) < n_nodes[own][:, None]
+    return np.where(is_there, flat[np.minimum(at, len(flat) - 1)], 0)
+
+
+def _add_cells(groups: dict[str, Group], name: str, cells: list[Cells], made: list[Cells]) -> None:
+    for one in made:
+        cells.append(one)
+        groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(len(one.nodes)))
+
+
+def add_elements(group: Group, cells: list[Cells], elements: np.ndarray) -> None:
+    """Add elements to a group by their numbers.  Local."""
+    for block, own in enumerate(cells):
+        rows = np.flatnonzero(np.isin(own.numbers, elements))
+        if len(rows):
+            group.add_cells(block, rows)
+
+
+def _report_type(content: Content, number: int, own_type: int, why: str | None, n: int) -> None:
+    """Report elements that are no solids here."""
+    if own_type in (14, 21):
+        return  # springs and masses: _attached
+    effect, changes = EFFECTS.get(own_type, ("not known to this program", True))
+    if why is not None:
+        effect, changes = f"{why}, which is not made here", True
+    word = f"element type {own_type}" if own_type else "element without ET"
+    content.findings.append(Finding(word=word, where=f"{n} elements of ET {number}", effect=effect, changes=changes))

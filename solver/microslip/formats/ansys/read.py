@@ -1,0 +1,94 @@
+"""Read an Ansys archive: mapdl-archive reads its blocks, the commands between them say what they mean."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import FileMaterial, FileModel, Group
+from . import constraints as between
+from .attached import attached, known_nodes, rigid_regions
+from .commands import commands
+from .content import findings_of_loads, gather
+from .elements import add_elements, cells_and_bodies
+
+_LEAST_BYTES = 8  # of a node or an element in an archive
+
+
+def read_cdb(path: str) -> FileModel:
+    """Return what an archive of CDWRITE holds: solids by material and type, components, supports, equations.  Local.
+
+    Raises
+    ------
+    MeshError without the file's name: damaged, or shapes that are no solids here
+    """
+    _check_counts(path)
+    archive = _archive(path)
+    if archive.nnum is None or not len(archive.nnum) or not archive.n_elem:
+        raise MeshError("its NBLOCK or EBLOCK is empty or damaged")
+    numbers, points = np.asarray(archive.nnum, dtype=np.int64), np.asarray(archive.nodes, dtype=float)[:, :3]
+    _refuse_doubles(numbers)
+    components = {name.upper(): np.asarray(nodes, dtype=np.int64) for name, nodes in archive.node_components.items()}
+    content = gather(path, numbers, components)
+    for number, keys in archive.key_option.items():
+        content.keys.setdefault(int(number), {}).update({int(key): int(value) for key, value in keys})
+    groups: dict[str, Group] = {}
+    cells, bodies = cells_and_bodies(archive, content, numbers, groups)
+    for name, own in archive.element_components.items():
+        add_elements(groups.setdefault(name, Group()), cells, np.asarray(own))
+    for name, own in archive.node_components.items():
+        groups.setdefault(name, Group()).add_nodes(known_nodes(numbers, np.asarray(own)))
+    angles = np.zeros((len(numbers), 3)) if archive.node_angles is None else np.asarray(archive.node_angles, dtype=float)
+    supports = between.supports(content.constraints, numbers, angles, groups)
+    masses, springs = attached(archive, content, numbers, points, groups)
+    findings = [*content.findings, *content.constraints.findings]
+    return FileModel(
+        points,
+        numbers,
+        tuple(cells),
+        groups,
+        materials={f"material {number}": FileMaterial(**known) for number, known in content.materials.items()},
+        bodies=bodies,
+        supports=supports,
+        connected=rigid_regions(content, numbers, points, groups),
+        masses=masses,
+        springs=springs,
+        equations=between.equations(content.constraints, numbers, angles),
+        findings=tuple(findings) + findings_of_loads(content),
+        facts=(f"title: {content.title}",) if content.title else (),
+    )
+
+
+def _archive(path: str) -> Any:
+    try:
+        import mapdl_archive
+    except ImportError:
+        raise MeshError("Ansys archives are read by mapdl-archive; install it: pip install mapdl-archive") from None
+    try:
+        return mapdl_archive.Archive(path, parse_vtk=False)
+    except (RuntimeError, ValueError, IndexError, OverflowError, MemoryError) as problem:
+        raise MeshError(
+            f"it cannot be read as an Ansys archive; it is truncated, damaged or another format ({problem})"
+        ) from None
+
+
+def _check_counts(path: str) -> None:
+    """Raise MeshError where a block lacks, or counts more than the file can hold, before anything is allocated by it."""
+    size, lacking = os.path.getsize(path), {"NBLOCK", "EBLOCK"}
+    for command in commands(path):
+        lacking.discard(command.word)
+        if command.word in ("NBLOCK", "EBLOCK", "CMBLOCK") and command.fields:
+            count = command.fields[-1] if command.word != "CMBLOCK" else command.field(2)
+            if count.isdigit() and int(count) * _LEAST_BYTES > size:
+                raise MeshError(f"{command.where}: {command.word} counts {count}, more than a file of {size} bytes holds")
+    if lacking:
+        raise MeshError("the file holds no NBLOCK and EBLOCK that this program reads")
+
+
+def _refuse_doubles(numbers: np.ndarray) -> None:
+    unique, counts = np.unique(numbers, return_counts=True)
+    if (counts > 1).any():
+        raise MeshError(f"NBLOCK gives node number {unique[counts > 1][0]} more than once")

@@ -1,0 +1,90 @@
+"""The shapes of Ansys solids: hexahedra whose nodes fall together are prisms, pyramids and tetrahedra (equal node numbers)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import Cells, index_of
+
+# corners I J K L M N O P and mid-sides Q R S T U V W X Y Z A B; which of them fall together, and which are kept
+_WHOLE = {
+    "hex": ((), tuple(range(8)), tuple(range(8, 20))),
+    "wedge": (((2, 3), (6, 7)), (0, 1, 2, 4, 5, 6), (8, 9, 11, 12, 13, 15, 16, 17, 18)),
+    "pyramid": (((4, 5), (4, 6), (4, 7)), (0, 1, 2, 3, 4), (8, 9, 10, 11, 16, 17, 18, 19)),
+    "tet": (((2, 3), (4, 5), (4, 6), (4, 7)), (0, 1, 2, 4), (8, 9, 11, 16, 17, 18)),
+}
+_N_PAIRS = {"hex": 0, "wedge": 2, "pyramid": 6, "tet": 7}  # equal pairs among eight corners
+
+
+def solids(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
+    """Return the cells of solids of 8 or 20 nodes, by their shape.  Local.
+
+    Parameters
+    ----------
+    rows : (n, 8 or 20) node numbers; 0 for mid-side nodes that are left out
+    elements : (n,) element numbers, for messages and cells
+    numbers : (n_points,) node numbers of the file
+
+    Raises
+    ------
+    MeshError : a shape that is none of the four, some mid-side nodes left out, a node that is not there
+    """
+    corners, is_linear = rows[:, :8], ~(rows[:, 8:] > 0).any(axis=1)
+    n_equal = sum((corners[:, i] == corners[:, j]).astype(int) for i in range(8) for j in range(i))
+    found, is_known = [], np.zeros(len(rows), dtype=bool)
+    for family, (equal, kept, middles) in _WHOLE.items():
+        own = (n_equal == _N_PAIRS[family]) & ~is_known
+        for i, j in equal:
+            own &= corners[:, i] == corners[:, j]
+        is_known |= own
+        found += _by_order(family, rows, own, is_linear, list(kept), list(middles), elements, numbers)
+    if not is_known.all():
+        raise MeshError(
+            f"element {elements[~is_known][0]}: its nodes fall together in a way that is no hexahedron, prism, pyramid or "
+            "tetrahedron"
+        )
+    return found
+
+
+def tetrahedra(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
+    """Return the cells of SOLID187 and its like, (n, 10), whose nodes are in the order of this program.  Local."""
+    is_linear = ~(rows[:, 4:] > 0).any(axis=1)
+    every = np.ones(len(rows), dtype=bool)
+    return _by_order("tet", rows, every, is_linear, [0, 1, 2, 3], [4, 5, 6, 7, 8, 9], elements, numbers)
+
+
+def _by_order(family, rows, own, is_linear, kept, middles, elements, numbers) -> list[Cells]:
+    """Return the cells of one shape: those without any mid-side node, and those with all."""
+    found = []
+    for mine, nodes in ((own & is_linear, kept), (own & ~is_linear, kept + middles)):
+        if mine.any():
+            found.append(_cells(f"{family}{len(nodes)}", rows[mine][:, nodes], elements[mine], numbers))
+    return found
+
+
+def faces(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
+    """Return the cells of surface elements of up to 8 nodes (I J K L and mid-sides; K = L: a triangle).  Local."""
+    found = []
+    is_quadratic = (rows[:, 4:8] > 0).all(axis=1) if rows.shape[1] >= 8 else np.zeros(len(rows), dtype=bool)
+    is_triangle = rows[:, 2] == rows[:, 3]
+    for kind, own, kept in (
+        ("quad8", is_quadratic & ~is_triangle, [0, 1, 2, 3, 4, 5, 6, 7]),
+        ("tri6", is_quadratic & is_triangle, [0, 1, 2, 4, 5, 7]),
+        ("quad4", ~is_quadratic & ~is_triangle, [0, 1, 2, 3]),
+        ("tri3", ~is_quadratic & is_triangle, [0, 1, 2]),
+    ):
+        if own.any():
+            found.append(_cells(kind, rows[own][:, kept], elements[own], numbers))
+    return found
+
+
+def _cells(kind: str, nodes: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> Cells:
+    dropped = (nodes <= 0).any(axis=1)
+    if dropped.any():
+        raise MeshError(f"element {elements[dropped][0]}: a mid-side node is left out; mesh it with all of them, or with none")
+    index, missing = index_of(numbers, nodes)
+    if len(missing):
+        own = elements[np.isin(nodes, missing).any(axis=1)][0]
+        raise MeshError(f"element {own} names node {missing[0]}, which the file does not hold")
+    return Cells(kind, index, elements)

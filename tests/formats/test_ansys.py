@@ -1,0 +1,170 @@
+"""Ansys archives: every shape of element, what the commands say, the files of mapdl-archive, and what is damaged."""
+
+import numpy as np
+import pytest
+from plain_model import cdb, plain, tables
+
+from microslip import elements
+from microslip.formats.read import read_model
+from microslip.library.complete import complete
+from microslip.mesh.read import read_mesh
+from microslip.parallel.errors import CaseError, MeshError
+from microslip.scene.read import scene_of
+
+mapdl_archive = pytest.importorskip("mapdl_archive")
+
+
+def written(folder, model=None, *more, text=None):
+    path = folder / "model.cdb"
+    path.write_text(cdb(model or plain(), more) if text is None else text)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13", "tet10"])
+def test_solids_keep_their_shape_nodes_and_numbers(tmp_path, kind):
+    model = plain(kind)
+    found = read_model(written(tmp_path, model))
+    np.testing.assert_array_equal(found.numbers, model.numbers)
+    np.testing.assert_allclose(found.points, model.points, atol=1e-15)
+    for cells, expected in zip(found.cells, model.elements, strict=True):
+        assert cells.kind == kind
+        np.testing.assert_array_equal(cells.nodes, expected)
+        assert (elements.jacobian_minimum(kind, found.points[cells.nodes]) > 0.0).all()
+    for name, nodes in model.sets.items():
+        np.testing.assert_array_equal(found.groups[name].nodes, nodes)
+    assert found.facts == ("title: bar on a plate",)
+
+
+def test_linear_and_quadratic_elements_of_one_type_are_kept_apart(tmp_path):
+    model = plain("hex20")
+    lines = cdb(model).splitlines()
+    first = next(i for i, line in enumerate(lines) if line == "(19i9)") + 1
+    lines[first + 1] = lines[first + 1].replace(lines[first + 1][9:18], f"{0:9d}")
+    with pytest.raises(MeshError, match="element 1: a mid-side node is left out"):
+        read_model(written(tmp_path, text="\n".join(lines)))
+
+
+def test_what_the_commands_say_becomes_the_scene(tmp_path):
+    more = ("MP,ALPX,1,1.2e-5", "F,150,FX,3.0", "TREF,20.0")
+    written(tmp_path, plain(), *more)
+    scene, notes = complete(scene_of(tables("model.cdb"), tmp_path / "s.toml"), read_model(tmp_path / "model.cdb"))
+    assert {name: (body.group, body.material) for name, body in scene.bodies.items()} == {
+        "material 1": ("material 1", "material 1"),
+        "material 2": ("material 2", "material 2"),
+    }
+    assert scene.materials["material 1"].model_dump() == {"young": 2.1e11, "poisson": 0.3, "density": 7800.0, "expansion": 1.2e-5}
+    assert [(support.group, support.fix) for support in scene.supports] == [("D xyz", ("x", "y", "z"))]
+    assert any("F is left out: loads of the file" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    "command, says",
+    [
+        ("TB,FRIC,1,1,1", "TB: a material that is not linear"),
+        ("D,102,UX,0.001", "D: a displacement UX = 0.001 other than 0"),
+        ("CE,1,0.5,102,UX,1.0,103,UX,-1.0", "CE: an equation whose constant is not 0"),
+        ("CP,R5.0,DEFI,UX,1,2", "CP: coupled nodes as CDWRITE writes them"),
+        ("PSMESH,1,bolt", "PSMESH: a bolt's pretension section"),
+        ("CYCLIC,24", "CYCLIC: cyclic symmetry"),
+        ("WOBBLE,1", "WOBBLE: not known to this program"),
+        ("MP,EY,1,1.0e9", "MP: EY of material 1: it is not isotropic"),
+    ],
+)
+def test_what_changes_the_answer_is_refused_until_it_is_waived(tmp_path, command, says):
+    path = written(tmp_path, plain(), command)
+    with pytest.raises(CaseError, match=f"(?s)1 entries are not modelled.*line [0-9]+: {says}"):
+        complete(scene_of(tables("model.cdb"), tmp_path / "s.toml"), read_model(path))
+    word = command.split(",")[0]
+    complete(scene_of(tables("model.cdb", ignore=(word,)), tmp_path / "s.toml"), read_model(path))
+
+
+def test_equations_couplings_rigid_regions_masses_and_springs(tmp_path):
+    model = plain()
+    a, b, c = map(int, model.numbers[:3])
+    more = (
+        "CE,R5.0,DEFI,       3,       1,  0.00000000    ",
+        f"CE,R5.0,NODE,{a:8d},UX  ,  1.00000000    ,{b:8d},UX  , -0.50000000    ",
+        f"CE,R5.0,NODE,{c:8d},UZ  , -0.50000000    ",
+        f"CP,2,UY,{a},{b},{c}",
+        f"CERIG,{a},BAR_BOTTOM",
+        "ET,7,21",
+        "KEYOPT,7,3,2",
+        "R,9,0.25",
+    )
+    found = read_model(written(tmp_path, model, *more))
+    rows = list(zip(found.equations.equation, found.equations.nodes, found.equations.axes, found.equations.coefficients))
+    assert rows == [
+        (0, 0, 0, 1.0),
+        (0, 1, 0, -0.5),
+        (0, 2, 2, -0.5),
+        (1, 1, 1, 1.0),
+        (1, 0, 1, -1.0),
+        (2, 2, 1, 1.0),
+        (2, 0, 1, -1.0),
+    ]
+    (point,) = found.connected
+    assert point.position == pytest.approx(tuple(model.points[0]))
+    assert set(found.groups[point.group].nodes) == set(model.sets["BAR_BOTTOM"]) - {0}
+
+
+def test_point_masses_and_springs_are_elements(tmp_path):
+    model = plain()
+    a, b = map(int, model.numbers[:2])
+    lines = cdb(model, ("ET,7,21", "KEYOPT,7,3,2", "ET,8,14", "R,9,0.25", "R,10,4.0e5")).splitlines()
+    end = lines.index(f"{-1:9d}")
+    rows = [[1, 7, 9, 1, 0, 0, 0, 0, 1, 0, 901, a], [1, 8, 10, 1, 0, 0, 0, 0, 2, 0, 902, a, b]]
+    lines[end:end] = ["".join(f"{value:9d}" for value in row) for row in rows]
+    found = read_model(written(tmp_path, text="\n".join(lines).replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,8,8")))
+    assert [(found.groups[mass.group].nodes.tolist(), mass.mass) for mass in found.masses] == [([0], 0.25)]
+    (spring,) = found.springs
+    assert spring.stiffness == 4e5 and spring.direction is None
+    assert [found.groups[name].nodes.tolist() for name in spring.groups] == [[0], [1]]
+
+
+def test_supports_in_turned_nodal_axes_become_equations(tmp_path):
+    model = plain()
+    lines = cdb(model).splitlines()
+    node = model.numbers[model.sets["PLATE_BASE"][0]]
+    i = next(i for i, line in enumerate(lines) if line.startswith(f"{node:9d}{0:9d}"))
+    lines[i] += f"{30.0:21.13E}"
+    lines = [line for line in lines if not (line.startswith(f"D,{node},") and "UX" not in line)]
+    found = read_model(written(tmp_path, text="\n".join(lines)))
+    assert found.equations.coefficients == pytest.approx([np.cos(np.pi / 6), np.sin(np.pi / 6), 0.0], abs=1e-12)
+    assert model.sets["PLATE_BASE"][0] not in found.groups["D xyz"].nodes
+
+
+@pytest.mark.parametrize("file, volume", [("hexarchivefile", 5.0), ("tetarchivefile", None), ("sector_archive_file", None)])
+def test_files_of_mapdl_archive_are_read(file, volume):
+    found = read_model(getattr(mapdl_archive.examples, file))
+    inside = 0.0
+    for cells in found.cells:
+        assert (elements.jacobian_minimum(cells.kind, found.points[cells.nodes]) > 0.0).all()
+        inside += elements.mass(cells.kind, found.points[cells.nodes], 1.0).sum()
+    assert volume is None or inside == pytest.approx(volume)
+
+
+def test_a_mesh_of_an_archive_has_faces_by_its_components(tmp_path):
+    scene, _ = complete(scene_of(tables("model.cdb"), written(tmp_path).parent / "s.toml"), read_model(tmp_path / "model.cdb"))
+    from microslip.library.settings import mesh_settings
+    from microslip.mesh.pairing import pair_contacts
+
+    settings = mesh_settings(scene)
+    assert pair_contacts(read_mesh(settings), settings.joints).n_pairs == 8
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        (lambda text: text.replace("NBLOCK,6,SOLID,1132,32", "NBLOCK,6,SOLID,1132,2000000000"), "NBLOCK counts 2000000000, more"),
+        (lambda text: text.replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,6,900000000"), "EBLOCK counts 900000000, more"),
+        (lambda text: text[: text.index("EBLOCK")], "holds no NBLOCK and EBLOCK"),
+        (lambda text: text.replace(f"{102:9d}{0:9d}", f"{101:9d}{0:9d}"), "node number 101 more than once"),
+        (lambda text: text.replace(f"{1132:9d}{0:9d}", f"{1134:9d}{0:9d}"), "names node 1132, which the file does not hold"),
+        (lambda text: "", "holds no NBLOCK and EBLOCK"),
+        (lambda text: "\x00\x01" * 500, "holds no NBLOCK and EBLOCK"),
+    ],
+)
+def test_damaged_archives_are_refused_with_one_message(tmp_path, change, says):
+    text = change(cdb(plain()))
+    with pytest.raises(CaseError, match=f"model.cdb: .*{says}"):
+        read_model(written(tmp_path, text=text))

@@ -1,0 +1,59 @@
+"""Every model file that states materials, bodies and supports gives the response of the same model as a mesh with a scene."""
+
+import meshio
+import numpy as np
+import pytest
+from mpi4py import MPI
+from plain_model import DENSITY, POISSON, SCENE, YOUNG, cdb, plain, tables
+
+import microslip
+from microslip.parallel.agree import on_root
+from microslip.scene.read import scene_of
+
+comm = MPI.COMM_WORLD
+WRITERS = {".cdb": cdb}
+
+
+def response_of(scene):
+    structure = microslip.build(scene, comm)
+    response = microslip.respond(structure)
+    return structure.modes.omega_n.copy(), response["corner"].frequency, response["corner"].amplitude
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder that all ranks share."""
+    return comm.bcast(tmp_path_factory.mktemp("formats"))
+
+
+@pytest.fixture(scope="module")
+def expected(folder):
+    """The response of the model as a plain mesh."""
+    model = plain()
+
+    def write():
+        cells = [("hexahedron", block) for block in model.elements] + [("vertex", own[:, None]) for own in model.sets.values()]
+        names = {name: np.array([k, 0 if k > 2 else 3]) for k, name in enumerate(["bar", "plate", *model.sets], 1)}
+        tags = [np.full(len(block), k) for k, (_, block) in enumerate(cells, 1)]
+        data = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        mesh = meshio.Mesh(model.points, cells, cell_data=data, field_data=names)
+        meshio.write(folder / "plain.msh", mesh, file_format="gmsh22", binary=False)
+
+    on_root(comm, write)
+    steel = {"young": YOUNG, "poisson": POISSON, "density": DENSITY}
+    stated = {
+        "model": {"mesh": "plain.msh"},
+        "materials": {"steel": steel},
+        "bodies": {name: {"group": name, "material": "steel"} for name in ("bar", "plate")},
+        "supports": ({"group": "PLATE_BASE", "fix": ("x", "y", "z")},),
+    }
+    return response_of(scene_of({**stated, **SCENE}, folder / "plain.toml"))
+
+
+@pytest.mark.parametrize("ending", WRITERS)
+def test_a_model_file_alone_gives_the_response_of_mesh_and_scene(expected, folder, ending):
+    on_root(comm, lambda: (folder / f"model{ending}").write_text(WRITERS[ending](plain())))
+    omega, frequency, amplitude = response_of(scene_of(tables(f"model{ending}"), folder / f"model{ending}.toml"))
+    np.testing.assert_allclose(omega, expected[0], rtol=1e-8)
+    np.testing.assert_allclose(frequency, expected[1], rtol=1e-8)
+    np.testing.assert_allclose(amplitude, expected[2], rtol=1e-6)

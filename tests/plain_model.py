@@ -1,0 +1,102 @@
+"""One small model, a bar on a plate, for the files of every program: a writer a format, and the scene that all of them share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from box_meshes import box
+
+YOUNG, POISSON, DENSITY = 2.1e11, 0.3, 7800.0
+OFFSET = 100  # node numbers begin after it, with a hole in the middle
+SCENE = {
+    "joints": (
+        {
+            "name": "joint",
+            "surfaces": ("BAR_BOTTOM", "PLATE_TOP"),
+            "friction": 0.3,
+            "tangential_stiffness": 1e12,
+            "normal_stiffness": 2e12,
+            "preload": 2e7,
+        },
+    ),
+    "loads": ({"position": (0.05, 0.01, 0.025), "direction": (1.0, 0.3, 0.2)},),
+    "outputs": ({"name": "corner", "position": (0.0, 0.0, 0.025), "direction": (1.0, 0.0, 0.0)},),
+    "damping": {"ratio": 0.01},
+    "response": {"levels": (30.0,), "mode": 1, "span": (0.95, 1.02), "points": 6},
+    "solver": {"modes": 6, "error_bars": False},
+}
+
+
+@dataclass(frozen=True)
+class Plain:
+    """Two bodies of one material, "bar" and "plate", and sets of nodes."""
+
+    points: np.ndarray  # (n, 3) m
+    kinds: tuple[str, str]
+    elements: tuple[np.ndarray, np.ndarray]  # of bar and plate
+    sets: dict[str, np.ndarray]  # positions in points
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """Node numbers, with a hole."""
+        n = np.arange(len(self.points))
+        return OFFSET + 1 + n + 1000 * (n > len(n) // 2)
+
+
+def plain(kind: str = "hex8", plate: str | None = None) -> Plain:
+    """Return the model: a bar of 0.05 x 0.01 x 0.02 m on a plate of 0.005 m."""
+    plate = plate or kind
+    upper, bar = box(kind, (3, 1, 1), (0.05, 0.01, 0.02), (0.0, 0.0, 0.005))
+    lower, ground = box(plate, (3, 1, 1), (0.05, 0.01, 0.005))
+    points, is_upper = np.concatenate([upper, lower]), np.arange(len(upper) + len(lower)) < len(upper)
+    z = points[:, 2]
+    sets = {
+        "BAR_BOTTOM": np.flatnonzero(is_upper & np.isclose(z, 0.005)),
+        "PLATE_TOP": np.flatnonzero(~is_upper & np.isclose(z, 0.005)),
+        "PLATE_BASE": np.flatnonzero(~is_upper & np.isclose(z, 0.0)),
+    }
+    return Plain(points, (kind, plate), (bar, ground + len(upper)), sets)
+
+
+def tables(file: str, **model) -> dict:
+    """Return the scene of a model file that states materials, bodies and supports itself."""
+    return {"model": {"mesh": file, **model}, **SCENE}
+
+
+def cdb(model: Plain, more: tuple[str, ...] = ()) -> str:
+    """Return an Ansys archive; ``more`` are further commands before the end."""
+    lines = ["/COM,written for a test", "/PREP7", "/TITLE,bar on a plate"]
+    of_kind = {"hex8": 185, "hex20": 186, "tet10": 187, "wedge6": 185, "wedge15": 186, "pyramid5": 185, "pyramid13": 186}
+    for i, kind in enumerate(model.kinds, 1):
+        lines += [f"ET,{i},{of_kind[kind]}", f"KEYOP,{i},2,{ {'hex8': 2, 'hex20': 1}.get(kind, 0) }"]
+    lines += [f"NBLOCK,6,SOLID,{model.numbers[-1]},{len(model.points)}", "(3i9,6e21.13e3)"]
+    for number, (x, y, z) in zip(model.numbers, model.points):
+        lines.append(f"{number:9d}{0:9d}{0:9d}{x:21.13E}{y:21.13E}{z:21.13E}")
+    lines.append("N,R5.3,LOC,       -1,")
+    rows = [(i, _of_ansys(kind, nodes)) for i, (kind, block) in enumerate(zip(model.kinds, model.elements), 1) for nodes in block]
+    lines += [f"EBLOCK,19,SOLID,{len(rows)},{len(rows)}", "(19i9)"]
+    for number, (i, nodes) in enumerate(rows, 1):
+        fields = [i, i, 1, 1, 0, 0, 0, 0, len(nodes), 0, number, *model.numbers[list(nodes)]]
+        lines += ["".join(f"{value:9d}" for value in part) for part in (fields[:19], fields[19:]) if part]
+    lines.append(f"{-1:9d}")
+    for name, nodes in model.sets.items():
+        lines += [f"CMBLOCK,{name:8s},NODE,{len(nodes):8d}", "(8i10)"]
+        lines += ["".join(f"{value:10d}" for value in model.numbers[nodes[k : k + 8]]) for k in range(0, len(nodes), 8)]
+    for i in (1, 2):
+        lines += ["MPTEMP,R5.0, 1, 1,  0.00000000    ,", f"MPDATA,R5.0, 1,EX  , {i}, 1, {YOUNG:.9E},"]
+        lines += [f"MPDATA,R5.0, 1,NUXY, {i}, 1, {POISSON},", f"MPDATA,R5.0, 1,DENS, {i}, 1, {DENSITY},"]
+    lines += [f"D,{number},{label},0.0,0.0" for number in model.numbers[model.sets["PLATE_BASE"]] for label in ("UX", "UY", "UZ")]
+    return "\n".join([*lines, *more, "FINISH", ""])
+
+
+_ANSYS = {  # this program's order of nodes in Ansys' hexahedra that are drawn together
+    "wedge6": [0, 1, 2, 2, 3, 4, 5, 5],
+    "wedge15": [0, 1, 2, 2, 3, 4, 5, 5, 6, 7, 2, 8, 9, 10, 5, 11, 12, 13, 14, 14],
+    "pyramid5": [0, 1, 2, 3, 4, 4, 4, 4],
+    "pyramid13": [0, 1, 2, 3, 4, 4, 4, 4, 5, 6, 7, 8, 4, 4, 4, 4, 9, 10, 11, 12],
+}
+
+
+def _of_ansys(kind: str, nodes: np.ndarray) -> np.ndarray:
+    return nodes[_ANSYS[kind]] if kind in _ANSYS else nodes
