@@ -100,3 +100,34 @@ _ANSYS = {  # this program's order of nodes in Ansys' hexahedra that are drawn t
 
 def _of_ansys(kind: str, nodes: np.ndarray) -> np.ndarray:
     return nodes[_ANSYS[kind]] if kind in _ANSYS else nodes
+
+
+def bdf(model: Plain, more: tuple[str, ...] = (), case: tuple[str, ...] = ()) -> str:
+    """Return Nastran bulk data with its case control; ``more`` are further cards, ``case`` further lines before them."""
+    lines = ["SOL 103", "CEND", "SPC = 1", *case]
+    for i, nodes in enumerate(model.sets.values(), 1):
+        numbers = [str(number) for number in model.numbers[nodes]]
+        rows = [",".join(numbers[k : k + 6]) for k in range(0, len(numbers), 6)]
+        lines += [f"SET {i} = {rows[0]}{',' if len(rows) > 1 else ''}"]
+        lines += [row + ("," if row is not rows[-1] else "") for row in rows[1:]]
+    lines.append("BEGIN BULK")
+    lines += [f"GRID*,{n},,{x:.9E},{y:.9E}\n*,{z:.9E}" for n, (x, y, z) in zip(model.numbers, model.points)]
+    number = 0
+    for i, (kind, block) in enumerate(zip(model.kinds, model.elements), 1):
+        card = {"hex": "CHEXA", "wedge": "CPENTA", "tet": "CTETRA", "pyramid": "CPYRAM"}[kind.rstrip("0123456789")]
+        for nodes in block:
+            number += 1
+            fields = [number, i, *model.numbers[nodes[_NASTRAN.get(kind, range(len(nodes)))]]]
+            rows = [fields[k : k + 8] for k in range(0, len(fields), 8)]
+            lines += [",".join(map(str, [card if k == 0 else "", *row])) for k, row in enumerate(rows)]
+    for i in (1, 2):
+        lines += [f"PSOLID,{i},{i}", f"MAT1,{i},{YOUNG:.6E},,{POISSON},{DENSITY}".replace("E+", "+")]
+    held = ["SPC1,1,123", *map(str, model.numbers[model.sets["PLATE_BASE"]])]
+    lines += [",".join(held[:7]), *(",".join(["", *held[k : k + 8]]) for k in range(7, len(held), 8))]
+    return "\n".join([*lines, *more, "ENDDATA", ""])
+
+
+_NASTRAN = {  # Nastran's mid-sides of vertical edges come before those of the top
+    "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
+    "wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
+}

@@ -4,14 +4,15 @@ import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
-from plain_model import DENSITY, POISSON, SCENE, YOUNG, cdb, plain, tables
+from plain_model import DENSITY, POISSON, SCENE, YOUNG, bdf, cdb, plain, tables
 
 import microslip
 from microslip.parallel.agree import on_root
 from microslip.scene.read import scene_of
 
 comm = MPI.COMM_WORLD
-WRITERS = {".cdb": cdb}
+WRITERS = {".cdb": cdb, ".bdf": bdf}
+SURFACES = {".bdf": ("SET 1", "SET 2")}  # where names of sets are numbers
 
 
 def response_of(scene):
@@ -53,7 +54,10 @@ def expected(folder):
 @pytest.mark.parametrize("ending", WRITERS)
 def test_a_model_file_alone_gives_the_response_of_mesh_and_scene(expected, folder, ending):
     on_root(comm, lambda: (folder / f"model{ending}").write_text(WRITERS[ending](plain())))
-    omega, frequency, amplitude = response_of(scene_of(tables(f"model{ending}"), folder / f"model{ending}.toml"))
+    stated = tables(f"model{ending}")
+    if ending in SURFACES:
+        stated["joints"] = ({**stated["joints"][0], "surfaces": SURFACES[ending]},)
+    omega, frequency, amplitude = response_of(scene_of(stated, folder / f"model{ending}.toml"))
     np.testing.assert_allclose(omega, expected[0], rtol=1e-8)
     np.testing.assert_allclose(frequency, expected[1], rtol=1e-8)
     np.testing.assert_allclose(amplitude, expected[2], rtol=1e-6)

@@ -251,7 +251,7 @@ def test_bad_files_of_other_formats(tmp_path, name, text, capsys):
 
 
 def test_unknown_ending_and_missing_file(tmp_path):
-    with pytest.raises(CaseError, match=r"the ending '.stl' is not known; known are .msh, .inp, .vtu"):
+    with pytest.raises(CaseError, match=r"the ending '.stl' is not known; known are .msh, .inp, .cdb"):
         read_text(tmp_path, "", "box.stl")
     with pytest.raises(CaseError, match="there is no file"):
         read_mesh(settings({"block": "block"}, file=tmp_path / "none.msh"))

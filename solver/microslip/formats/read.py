@@ -12,9 +12,16 @@ from .ansys import read_cdb
 from .inp import read_inp
 from .model import FileModel
 from .msh import read_msh
+from .nastran import read_bdf
 from .via_meshio import FORMATS, read_other
 
-READERS = {".msh": read_msh, ".inp": read_inp, ".cdb": read_cdb, **dict.fromkeys(FORMATS, read_other)}
+READERS = {
+    ".msh": read_msh,
+    ".inp": read_inp,
+    ".cdb": read_cdb,
+    **dict.fromkeys((".bdf", ".nas", ".dat"), read_bdf),
+    **dict.fromkeys(FORMATS, read_other),
+}
 
 
 def read_model(path: str | os.PathLike[str]) -> FileModel:

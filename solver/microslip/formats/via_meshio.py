@@ -13,7 +13,7 @@ from ..parallel.errors import MeshError
 from .model import KINDS, Cells, FileModel, Group, names_of_tags
 
 # Formats that can refer to other files through HDF5 (.xdmf, .h5, .med, .cgns, .e) are left out on purpose.
-FORMATS = {".vtu": "vtu", ".vtk": "vtk", ".bdf": "nastran", ".nas": "nastran", ".fem": "nastran"}
+FORMATS = {".vtu": "vtu", ".vtk": "vtk", ".fem": "nastran"}
 _KINDS = {
     "vertex": "point",
     "line": "line2",

@@ -1,0 +1,101 @@
+"""Rigid and distributing elements, point masses and springs of bulk data."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..model import FileMass, FilePoint, FileSpring
+from .content import Content, mass_factor
+from .supports import axes_of
+
+
+def connections(content: Content) -> tuple[tuple[FilePoint, ...], tuple[FileMass, ...], tuple[FileSpring, ...], dict[int, str]]:
+    """Return connected points, masses, springs, and the name of the point of each grid point that is one.  Local."""
+    points: dict[int, FilePoint] = {}
+    for number, element in content.cards.rigid_elements.items():
+        if element.type == "RBE2":
+            _rigid(content, number, element, points)
+        elif element.type == "RBE3":
+            _distributing(content, number, element, points)
+    masses = _masses(content, points)
+    springs = [one for number, element in content.cards.elements.items() for one in _spring(content, number, element)]
+    names = {node: point.name for node, point in points.items()}
+    return tuple(points.values()), tuple(masses), tuple(springs), names
+
+
+def _rigid(content: Content, number: int, element: Any, points: dict[int, FilePoint]) -> None:
+    """Take an RBE2 whose grid points follow in all three displacements; rotations of solids' nodes are none."""
+    if not {"1", "2", "3"} <= set(str(element.cm)):
+        content.left_out("RBE2", number, f"a rigid element in {element.cm} alone", "points")
+    elif int(element.gn) in points:
+        content.left_out("RBE2", number, f"grid point {element.gn} leads another element already", "points")
+    else:
+        _add_point(content, f"RBE2 {number}", int(element.gn), element.Gmi, "rigid", points)
+
+
+def _distributing(content: Content, number: int, element: Any, points: dict[int, FilePoint]) -> None:
+    """Take an RBE3 whose grid points all count alike in their displacements."""
+    is_plain = len(set(element.weights)) == 1 and all(str(components) == "123" for components in element.comps)
+    if not is_plain or int(element.refgrid) in points:
+        content.left_out("RBE3", number, "a mean with weights or components that differ", "points")
+        return
+    nodes = [node for own in element.Gijs for node in own]
+    _add_point(content, f"RBE3 {number}", int(element.refgrid), nodes, "distributing", points)
+    effect = "weights that are all alike; where its points make faces, these weigh by their areas here"
+    content.left_out("RBE3", number, effect, "points", changes=False)
+
+
+def _add_point(content: Content, name: str, leader: int, nodes: list, connection: str, points: dict[int, FilePoint]) -> None:
+    at = content.nodes_of([leader], name)[0]
+    group = content.group(name, np.setdiff1d(content.nodes_of(map(int, nodes), name), [at]))
+    x, y, z = map(float, content.points[at])
+    points[leader] = FilePoint(name=name, position=(x, y, z), group=group, connection=connection)
+
+
+def _masses(content: Content, points: dict[int, FilePoint]) -> list[FileMass]:
+    """Return the CONM2 on nodes of elements; those on connected points become theirs, with their inertia."""
+    factor, found = mass_factor(content), []
+    for number, one in content.cards.masses.items():
+        if one.type != "CONM2":
+            continue
+        node, is_central = int(one.nid), not np.any(one.X)
+        inertia = np.asarray(one.I, dtype=float) * factor  # I11, I21, I22, I31, I32, I33
+        if not is_central or one.cid > 0:
+            content.left_out("CONM2", number, "a mass beside its grid point, or in axes of its own", "masses")
+        elif node in points:
+            point = points[node]
+            xx, xy, yy, zx, yz, zz = inertia
+            tensor = (xx, yy, zz, -xy, -yz, -zx) if inertia.any() else None
+            points[node] = replace(point, mass=point.mass + float(one.mass) * factor, inertia=tensor or point.inertia)
+        else:
+            if inertia.any():
+                content.left_out("CONM2", number, "the rotary inertia of a point mass at the node of a solid", "masses")
+            group = content.group(f"CONM2 {number}", content.nodes_of([node], f"CONM2 {number}"))
+            found.append(FileMass(group=group, mass=float(one.mass) * factor))
+    return found
+
+
+def _spring(content: Content, number: int, element: Any) -> list[FileSpring]:
+    """Return a CELAS1 or CELAS2 between equal displacements of two grid points, or of one and ground."""
+    if element.type not in ("CELAS1", "CELAS2"):
+        return []
+    stiffness = element.k if element.type == "CELAS2" else getattr(content.cards.properties.get(element.pid), "k", None)
+    ends = [(int(n), int(c)) for n, c in zip(element.nodes, (element.c1, element.c2), strict=True) if n]
+    directions = {c for _, c in ends}
+    if stiffness is None or len(directions) != 1 or not directions <= {1, 2, 3}:
+        content.left_out(element.type, number, "a spring between displacements that differ, or on rotations", "springs")
+        return []
+    axis, groups, rows = directions.pop() - 1, [], []
+    for node, _ in ends:
+        at = content.nodes_of([node], f"{element.type} {number}")
+        groups.append(content.group(f"{element.type} {number} node {node}", at))
+        axes = axes_of(content, node, content.points[at[0]])
+        rows.append(np.eye(3)[axis] if axes is None else axes[axis])
+    if len(rows) == 2 and not np.allclose(rows[0], rows[1]):
+        content.left_out(element.type, number, "a spring between displacements in different axes", "springs")
+        return []
+    x, y, z = map(float, rows[0])
+    return [FileSpring(groups=tuple(groups), direction=(x, y, z), stiffness=float(stiffness))]

@@ -1,0 +1,208 @@
+"""Read Nastran bulk data: pyNastran reads its cards, the structure that they make is put together here."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+from typing import Any
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import KINDS, Cells, FileBody, FileMaterial, FileModel, Finding, Group, index_of, names_of_tags
+from .cards import EFFECTS, HARMLESS, PARTS, SHELLS
+from .connections import connections
+from .content import Content, mass_factor
+from .supports import equations, supports
+
+# references of cards to others that need not be followed
+_OTHER_REFERENCES = "elements nodes_with_elements properties masses materials loads constraints aero sets optimization".split()
+_SOLIDS = {"CTETRA": "tet", "CPENTA": "wedge", "CHEXA": "hex", "CPYRAM": "pyramid"}
+_ORDER = {  # Nastran writes the mid-sides of vertical edges before those of the top
+    "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
+    "wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
+}
+
+
+def read_bdf(path: str) -> FileModel:
+    """Return what bulk data holds: solids by property, sets, supports, rigid elements, masses, springs, equations.  Local.
+
+    Groups are the properties by their numbers ("7"), and the sets of the case control ("SET 5").
+
+    Raises
+    ------
+    MeshError without the file's name: damaged, includes that are not there or leave its folder
+    """
+    _check_includes(path, os.path.dirname(os.path.abspath(path)), ())
+    cards = _cards(path)
+    if not cards.nodes or not cards.elements:
+        raise MeshError("the file holds no grid points and elements that this program reads")
+    numbers = np.array(sorted(cards.nodes), dtype=np.int64)
+    content = Content(cards, numbers, np.array([cards.nodes[number].get_position() for number in numbers], dtype=float))
+    cells, bodies = _cells_and_bodies(content)
+    _sets(content)
+    connected, masses, springs, of_rigid = connections(content)
+    held = supports(content, {point.name for point in connected}, of_rigid)
+    _report(content)
+    return FileModel(
+        content.points,
+        numbers,
+        tuple(cells),
+        content.groups,
+        materials=_materials(content),
+        bodies=bodies,
+        supports=held.supports,
+        connected=connected,
+        masses=masses,
+        springs=springs,
+        equations=equations(content, held.turned),
+        findings=tuple(content.findings),
+    )
+
+
+def _cards(path: str) -> Any:
+    """Return pyNastran's reading of a file."""
+    try:
+        from pyNastran.bdf.bdf import BDF
+    except ImportError:
+        raise MeshError("Nastran bulk data is read by pyNastran; install it: pip install pyNastran") from None
+    source, is_whole = _source(path)
+    cards = BDF(debug=None)
+    cards.disable_cards(("DEFUSET",))
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+            cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
+            only = {f"xref_{name}": False for name in _OTHER_REFERENCES}
+            cards.cross_reference(xref=True, **only)
+    except (KeyboardInterrupt, MemoryError):
+        raise
+    except BaseException as problem:  # pyNastran raises errors of many kinds, and some exit
+        text = " ".join(str(problem).split()) or type(problem).__name__
+        raise MeshError(
+            f"it cannot be read as Nastran bulk data; it is truncated, damaged or another format ({text[:200]})"
+        ) from None
+    return cards
+
+
+def _source(path: str) -> tuple[Any, bool]:
+    """Return what pyNastran reads, and whether it has an executive and a case control.
+
+    Gmsh writes bulk data alone, with or without its first line, and meshio ends the names of quadratic elements with a stroke.
+    """
+    with open(path, encoding="utf-8", errors="replace") as file:
+        text = file.read()
+    if not text.strip():
+        raise MeshError("the file is empty")
+    is_whole = re.search(r"^\s*CEND", text, re.MULTILINE | re.IGNORECASE) is not None
+    if is_whole or re.search(r"^\s*INCLUDE", text, re.MULTILINE | re.IGNORECASE):
+        return path, is_whole
+    text = re.sub(r"^\s*BEGIN\s+BULK.*$", "", text, flags=re.MULTILINE | re.IGNORECASE)
+    text = re.sub(r"^(CHEXA|CTETRA|CPENTA)_", r"\1 ", text, flags=re.MULTILINE)
+    return io.StringIO(re.sub(r"^CPYRA_", "CPYRAM", text, flags=re.MULTILINE)), False
+
+
+def _check_includes(path: str, folder: str, chain: tuple[str, ...]) -> None:
+    """Raise MeshError for an include that is not there, leaves the folder of the file or includes itself."""
+    with open(path, encoding="utf-8", errors="replace") as file:
+        lines = [(number, line) for number, line in enumerate(file, 1) if line.lstrip()[:7].upper() == "INCLUDE"]
+    for number, line in lines:
+        name = line.strip()[7:].split("$")[0].strip().strip("'\"")
+        inner = os.path.normpath(os.path.join(folder, name))
+        where = f"{os.path.basename(path)}, line {number}: INCLUDE '{name}'"
+        if os.path.isabs(name) or not os.path.realpath(inner).startswith(os.path.realpath(folder) + os.sep):
+            raise MeshError(f"{where} leaves the folder of the file; copy it there")
+        if not os.path.isfile(inner):
+            raise MeshError(f"{where}: there is no such file")
+        if inner in (*chain, os.path.abspath(path)):
+            raise MeshError(f"{where}: a file that includes itself")
+        _check_includes(inner, folder, (*chain, os.path.abspath(path)))
+
+
+def _cells_and_bodies(content: Content) -> tuple[list[Cells], dict[str, FileBody]]:
+    """Return cells by kind and property, and the bodies: the solids of each property."""
+    rows: dict[tuple[str, int], list[tuple[int, list[int]]]] = {}
+    for number, element in content.cards.elements.items():
+        kind = _kind(element)
+        if kind is not None:
+            nodes = list(element.nodes)[: KINDS[kind][1]]
+            if any(not node for node in nodes):
+                raise MeshError(f"{element.type} {number}: a mid-side node is left out; mesh it with all of them, or with none")
+            rows.setdefault((kind, int(element.pid)), []).append((number, nodes))
+    keys = {(KINDS[kind][0], pid) for kind, pid in rows}
+    names, cells, bodies = names_of_tags(keys), [], {}
+    for (kind, pid), own in sorted(rows.items()):
+        elements = np.array([number for number, _ in own], dtype=np.int64)
+        wanted = np.array([row for _, row in own], dtype=np.int64)
+        index, missing = index_of(content.numbers, wanted)
+        if len(missing):
+            element = elements[np.isin(wanted, missing).any(axis=1)][0]
+            raise MeshError(f"element {element} names grid point {missing[0]}, which the file does not hold")
+        cells.append(Cells(kind, index[:, _ORDER[kind]] if kind in _ORDER else index, elements))
+        name = names[KINDS[kind][0], pid]
+        content.groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(len(elements)))
+        if KINDS[kind][0] == 3 and (known := content.cards.properties.get(pid)) is not None:
+            bodies[f"PSOLID {pid}"] = FileBody(group=name, material=f"MAT1 {known.mid}")
+    return cells, bodies
+
+
+def _kind(element: Any) -> str | None:
+    """Return the kind of a solid or of a face; None for what is neither."""
+    if element.type in SHELLS:
+        kind = SHELLS[element.type]
+        given = [node for node in element.nodes if node]
+        return {"quad8": "quad4", "tri6": "tri3"}.get(kind, kind) if len(given) < KINDS[kind][1] else kind
+    if element.type not in _SOLIDS:
+        return None
+    family, n = _SOLIDS[element.type], len([node for node in element.nodes if node])
+    linear = {"tet": 4, "wedge": 6, "hex": 8, "pyramid": 5}[family]
+    quadratic = {"tet": 10, "wedge": 15, "hex": 20, "pyramid": 13}[family]
+    return f"{family}{linear if n == linear else quadratic}"
+
+
+def _sets(content: Content) -> None:
+    """Make groups of the sets of grid points in the case control and in bulk data."""
+    deck = content.cards.case_control_deck
+    known = set(content.numbers.tolist())
+    for subcase in deck.subcases.values() if deck is not None else ():
+        for name, (value, *_) in subcase.params.items():
+            if name.startswith("SET ") and isinstance(value, list):
+                own = [number for number in value if isinstance(number, int) and number in known]
+                if own:
+                    content.group(name, content.nodes_of(own, name))
+    for number, one in content.cards.sets.items():
+        own = [node for node in getattr(one, "ids", ()) if node in known]
+        if own:
+            content.group(f"SET1 {number}", content.nodes_of(own, f"SET1 {number}"))
+
+
+def _materials(content: Content) -> dict[str, FileMaterial]:
+    """Return the isotropic materials; Nastran's defaults tie E, G and nu together."""
+    found = {}
+    for number, one in content.cards.materials.items():
+        if one.type == "MAT1":
+            density = float(one.rho) * mass_factor(content)
+            found[f"MAT1 {number}"] = FileMaterial(
+                young=float(one.e), poisson=float(one.nu), density=density or None, expansion=float(one.a) if one.a else None
+            )
+    return found
+
+
+def _report(content: Content) -> None:
+    """Report the cards that are not taken over."""
+    cards = content.cards
+    for word, n in sorted(cards.card_count.items()):
+        if word in HARMLESS or word in SHELLS or re.match(r"P(SHELL|COMP|LPLANE)", word):
+            continue
+        effect = EFFECTS.get(word, "not known to this program")
+        finding = Finding(word=word, where=f"{n} cards", effect=effect, changes=True, part=PARTS.get(word, ""))
+        content.findings.append(finding)
+    stiff = {pid for pid, one in cards.properties.items() if one.type in ("PSHELL", "PCOMP", "PCOMPG")}
+    shells = [number for number, one in cards.elements.items() if one.type in SHELLS and one.pid in stiff]
+    if shells:
+        effect = "shells with a stiffness of their own; as groups of faces they are there"
+        content.findings.append(Finding(word="PSHELL", where=f"{len(shells)} elements", effect=effect, changes=True))
+    if any(one.type == "PSOLID" and (one.integ is not None or one.isop is not None) for one in cards.properties.values()):
+        effect = "the quadrature that a PSOLID asks for; [bodies.NAME] integration states it"
+        content.findings.append(Finding(word="PSOLID", where="fields 5 and 7", effect=effect, changes=False, part="bodies"))

@@ -1,0 +1,145 @@
+"""Nastran bulk data: every solid, what the cards say, what changes the answer, and what is damaged."""
+
+import numpy as np
+import pytest
+from plain_model import bdf, plain, tables
+
+from microslip import elements
+from microslip.formats.read import read_model
+from microslip.library.complete import complete
+from microslip.parallel.errors import CaseError
+from microslip.scene.read import scene_of
+
+pytest.importorskip("pyNastran")
+SURFACES = {"surfaces": ("SET 1", "SET 2")}
+
+
+def written(folder, model=None, *more, case=(), text=None):
+    path = folder / "model.bdf"
+    path.write_text(bdf(model or plain(), more, case) if text is None else text)
+    return path
+
+
+def scene(folder, **model):
+    """Return the scene of the model, whose sets have numbers here."""
+    found = tables("model.bdf", **model)
+    return scene_of({**found, "joints": ({**found["joints"][0], **SURFACES},)}, folder / "s.toml")
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13", "tet4", "tet10"])
+def test_solids_keep_their_nodes_and_numbers(tmp_path, kind):
+    model = plain(kind)
+    found = read_model(written(tmp_path, model))
+    np.testing.assert_array_equal(found.numbers, model.numbers)
+    np.testing.assert_allclose(found.points, model.points, atol=1e-11)
+    for cells, expected in zip(found.cells, model.elements, strict=True):
+        assert cells.kind == kind
+        np.testing.assert_array_equal(cells.nodes, expected)
+        assert (elements.jacobian_minimum(kind, found.points[cells.nodes]) > 0.0).all()
+    for i, nodes in enumerate(model.sets.values(), 1):
+        np.testing.assert_array_equal(found.groups[f"SET {i}"].nodes, nodes)
+
+
+def test_what_the_cards_say_becomes_the_scene(tmp_path):
+    written(tmp_path, plain(), "FORCE,5,101,0,1.0,0.0,0.0,1.0", "EIGRL,7,,,5")
+    found, notes = complete(scene(tmp_path), read_model(tmp_path / "model.bdf"))
+    assert {name: (body.group, body.material) for name, body in found.bodies.items()} == {
+        "PSOLID 1": ("1", "MAT1 1"),
+        "PSOLID 2": ("2", "MAT1 2"),
+    }
+    steel = found.materials["MAT1 1"]
+    assert (steel.young, steel.poisson, steel.density) == pytest.approx((2.1e11, 0.3, 7800.0))
+    assert [(support.group, support.fix) for support in found.supports] == [("SPC xyz", ("x", "y", "z"))]
+
+
+def test_mass_is_in_the_units_of_wtmass(tmp_path):
+    found = read_model(written(tmp_path, plain(), "PARAM,WTMASS,0.5", "CONM2,900,101,,3.0"))
+    assert found.materials["MAT1 1"].density == pytest.approx(3900.0)
+    assert [(found.groups[mass.group].nodes.tolist(), mass.mass) for mass in found.masses] == [([0], 1.5)]
+
+
+def test_rigid_elements_springs_and_equations(tmp_path):
+    model = plain()
+    a, b, c = map(int, model.numbers[:3])
+    tip = int(model.numbers[-1])
+    more = (
+        "GRID,5000,,0.1,0.0,0.03",
+        f"RBE2,901,5000,123456,{a},{b},{c}",
+        "CONM2,902,5000,,2.0",
+        ",1.0,0.1,2.0,0.2,0.3,3.0",
+        "SPC1,1,4,5000",
+        f"CELAS2,903,4.0+5,{tip},2,{a},2",
+        f"MPC,7,{tip},1,1.0,{a},1,-1.0",
+    )
+    found = read_model(written(tmp_path, model, *more, case=("MPC = 7",)))
+    (point,) = found.connected
+    assert point.position == pytest.approx((0.1, 0.0, 0.03)) and point.mass == 2.0
+    assert point.inertia == pytest.approx((1.0, 2.0, 3.0, -0.1, -0.3, -0.2))
+    assert found.groups[point.group].nodes.tolist() == [0, 1, 2]
+    assert ("RBE2 901", ("rx",)) in [(support.point, support.fix) for support in found.supports]
+    (spring,) = found.springs
+    assert spring.stiffness == 4e5 and spring.direction == (0.0, 1.0, 0.0)
+    assert found.equations.coefficients.tolist() == [1.0, -1.0] and found.equations.axes.tolist() == [0, 0]
+
+
+def test_cylindrical_systems_place_and_hold_grid_points(tmp_path):
+    """Field CP places, field CD holds: a support in r and theta of a cylindrical system."""
+    model = plain()
+    more = ("CORD2C,6,,0.0,0.0,0.0,0.0,0.0,1.0", ",1.0,0.0,0.0", "GRID,6000,6,2.0,30.0,0.5,6", "SPC1,1,1,6000")
+    extra = (f"CTETRA,950,1,6000,{model.numbers[0]},{model.numbers[1]},{model.numbers[2]}",)
+    found = read_model(written(tmp_path, model, *more, *extra))
+    at = int(np.flatnonzero(found.numbers == 6000)[0])
+    assert found.points[at] == pytest.approx((np.sqrt(3.0), 1.0, 0.5))
+    assert found.equations.nodes.tolist() == [at] * 3
+    assert found.equations.coefficients == pytest.approx((np.cos(np.pi / 6), 0.5, 0.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    "card, says",
+    [
+        ("CBAR,990,4,101,102,0.0,0.0,1.0", "CBAR: a bar"),
+        ("SPC,1,101,1,0.01", "SPC: a displacement of 0.01 other than 0"),
+        ("CONM2,990,101,,1.0,0.1,0.0,0.0", "CONM2: a mass beside its grid point"),
+        ("RBE2,990,101,1,102", "RBE2: a rigid element in 1 alone"),
+        ("CELAS2,990,1.0,101,1,102,2", "CELAS2: a spring between displacements that differ"),
+        ("CELAS2,990,1.0,101,4,102,4", "CELAS2: a spring between displacements that differ"),
+        ("FOOBAR,1,2,3", "FOOBAR: not known to this program"),
+    ],
+)
+def test_what_changes_the_answer_is_refused_until_it_is_waived(tmp_path, card, says):
+    path = written(tmp_path, plain(), card)
+    with pytest.raises(CaseError, match=f"(?s)1 entries are not modelled.*{says}"):
+        complete(scene(tmp_path), read_model(path))
+    complete(scene(tmp_path, ignore=(card.split(",")[0],)), read_model(path))
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        (lambda text: text.replace("GRID*,101,", "GRID*,102,"), "102"),
+        (lambda text: text.replace("CHEXA,1,1,101,", "CHEXA,1,1,77777,"), "names grid point 77777, which the file does not hold"),
+        (lambda text: text.replace("GRID*,103,,", "GRID*,103,,abc"), "GRID"),
+        (lambda text: text[: text.index("CHEXA")], "holds no grid points and elements"),
+        (lambda text: text.replace("SPC1,1,123,", "SPC1,1,123,88888,"), "SPC1 names grid point 88888"),
+        (lambda text: text + "INCLUDE '../other.bdf'\n", "INCLUDE '../other.bdf' leaves the folder"),
+        (lambda text: text + "INCLUDE 'none.bdf'\n", "INCLUDE 'none.bdf': there is no such file"),
+        (lambda text: text + "INCLUDE 'model.bdf'\n", "INCLUDE 'model.bdf': a file that includes itself"),
+        (lambda text: "", "the file is empty"),
+        (lambda text: "\x00\x01" * 500, "holds no grid points and elements"),
+    ],
+)
+def test_damaged_files_are_refused_with_one_message(tmp_path, capfd, change, says):
+    text = change(bdf(plain()))
+    with pytest.raises(CaseError, match=f"(?s)model.bdf: .*{says}"):
+        read_model(written(tmp_path, text=text))
+    said = capfd.readouterr()
+    assert said.out == said.err == ""
+
+
+def test_included_files_are_read(tmp_path):
+    text = bdf(plain())
+    at = text.index("GRID*,110")
+    (tmp_path / "more.inc").write_text(text[at : text.index("CHEXA")])
+    whole = read_model(written(tmp_path, text=text))
+    parts = read_model(written(tmp_path, text=text[:at] + "INCLUDE 'more.inc'\n" + text[text.index("CHEXA") :]))
+    np.testing.assert_array_equal(parts.points, whole.points)
