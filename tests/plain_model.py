@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import h5py
 import numpy as np
+import scipy.io
 from box_meshes import box
 
 YOUNG, POISSON, DENSITY = 2.1e11, 0.3, 7800.0
@@ -131,3 +133,73 @@ _NASTRAN = {  # Nastran's mid-sides of vertical edges come before those of the t
     "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
     "wedge15": [*range(9), 12, 13, 14, 9, 10, 11],
 }
+
+
+def unv(model: Plain) -> str:
+    """Return a universal file: nodes, elements, groups of elements and of nodes."""
+    lines = ["    -1", "  2411"]
+    for number, point in zip(model.numbers, model.points):
+        lines += [f"{number:10d}{1:10d}{1:10d}{11:10d}", "".join(f"{x:25.16E}" for x in point).replace("E", "D")]
+    lines += ["    -1", "    -1", "  2412"]
+    descriptors = {"tet4": 111, "tet10": 118, "wedge6": 112, "wedge15": 113, "hex8": 115, "hex20": 116, "pyramid5": 101}
+    number, of_body = 0, []
+    for kind, block in zip(model.kinds, model.elements):
+        of_body.append([])
+        for nodes in block:
+            number += 1
+            of_body[-1].append((8, number))
+            own = model.numbers[nodes[np.argsort(_ROUND[kind])] if kind in _ROUND else nodes]
+            lines.append("".join(f"{value:10d}" for value in (number, descriptors[kind], 1, 1, 7, len(own))))
+            lines += ["".join(f"{value:10d}" for value in own[k : k + 8]) for k in range(0, len(own), 8)]
+    lines += ["    -1", "    -1", "  2467"]
+    sets = [(name, [(7, value) for value in model.numbers[nodes]]) for name, nodes in model.sets.items()]
+    for i, (name, entries) in enumerate([("bar", of_body[0]), ("plate", of_body[1]), *sets], 1):
+        lines += ["".join(f"{value:10d}" for value in (i, 0, 0, 0, 0, 0, 0, len(entries))), name]
+        rows = ["".join(f"{value:10d}" for value in (code, tag, 0, 0)) for code, tag in entries]
+        lines += ["".join(rows[k : k + 2]) for k in range(0, len(rows), 2)]
+    return "\n".join([*lines, "    -1", ""])
+
+
+_ROUND = {  # places of I-deas' nodes, which go round a face, in this program's order
+    "tet10": [0, 2, 4, 9, 1, 3, 5, 6, 7, 8],
+    "wedge15": [0, 2, 4, 9, 11, 13, 1, 3, 5, 10, 12, 14, 6, 7, 8],
+    "hex20": [0, 2, 4, 6, 12, 14, 16, 18, 1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11],
+}
+
+
+def exodus(model: Plain, path, hdf5: bool = False) -> None:
+    """Write an Exodus file, of classic NetCDF or of HDF5."""
+    words = {"hex": "HEX", "tet": "TETRA", "wedge": "WEDGE", "pyramid": "PYRAMID"}
+    arrays = {f"coord{axis}": model.points[:, k] for k, axis in enumerate("xyz")}
+    arrays["node_num_map"] = model.numbers.astype(np.int32)
+    arrays["elem_num_map"] = np.arange(1, sum(map(len, model.elements)) + 1, dtype=np.int32)
+    arrays["eb_names"] = _letters(["bar", "plate"])
+    arrays["ns_names"] = _letters(list(model.sets))
+    for i, (kind, block) in enumerate(zip(model.kinds, model.elements), 1):
+        arrays[f"connect{i}"] = (block[:, _NASTRAN.get(kind, range(block.shape[1]))] + 1).astype(np.int32)
+    for i, nodes in enumerate(model.sets.values(), 1):
+        arrays[f"node_ns{i}"] = (nodes + 1).astype(np.int32)
+    kinds = {f"connect{i}": f"{words[kind.rstrip('0123456789')]}{kind[-1]}" for i, kind in enumerate(model.kinds, 1)}
+    if model.kinds[0].startswith("hex"):
+        arrays["elem_ss1"], arrays["side_ss1"] = np.array([1, 2, 3], dtype=np.int32), np.array([5, 5, 5], dtype=np.int32)
+    if hdf5:
+        with h5py.File(path, "w") as file:
+            for name, array in arrays.items():
+                file[name] = array
+                if name in kinds:
+                    file[name].attrs["elem_type"] = np.bytes_(kinds[name])
+        return
+    with scipy.io.netcdf_file(path, "w") as file:
+        for name, array in arrays.items():
+            for k, size in enumerate(array.shape):
+                file.createDimension(f"{name}_{k}", size)
+            one = file.createVariable(
+                name, array.dtype.char if array.dtype.kind != "S" else "c", [f"{name}_{k}" for k in range(array.ndim)]
+            )
+            one[:] = array
+            if name in kinds:
+                one.elem_type = kinds[name]
+
+
+def _letters(names: list[str]) -> np.ndarray:
+    return np.array([list(name.ljust(33, "\0")) for name in names], dtype="S1")

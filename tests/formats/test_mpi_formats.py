@@ -4,15 +4,28 @@ import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
-from plain_model import DENSITY, POISSON, SCENE, YOUNG, bdf, cdb, plain, tables
+from plain_model import DENSITY, POISSON, SCENE, YOUNG, bdf, cdb, exodus, plain, tables, unv
 
 import microslip
 from microslip.parallel.agree import on_root
 from microslip.scene.read import scene_of
 
 comm = MPI.COMM_WORLD
-WRITERS = {".cdb": cdb, ".bdf": bdf}
+STEEL = {"young": YOUNG, "poisson": POISSON, "density": DENSITY}
+WRITERS = {
+    ".cdb": lambda path: path.write_text(cdb(plain())),
+    ".bdf": lambda path: path.write_text(bdf(plain())),
+    ".unv": lambda path: path.write_text(unv(plain())),
+    ".exo": lambda path: exodus(plain(), path),
+    ".e": lambda path: exodus(plain(), path, hdf5=True),
+}
 SURFACES = {".bdf": ("SET 1", "SET 2")}  # where names of sets are numbers
+MESH_ALONE = (".unv", ".exo", ".e")  # the scene states the rest
+BY_SCENE = {
+    "materials": {"steel": STEEL},
+    "bodies": {name: {"group": name, "material": "steel"} for name in ("bar", "plate")},
+    "supports": ({"group": "PLATE_BASE", "fix": ("x", "y", "z")},),
+}
 
 
 def response_of(scene):
@@ -41,20 +54,13 @@ def expected(folder):
         meshio.write(folder / "plain.msh", mesh, file_format="gmsh22", binary=False)
 
     on_root(comm, write)
-    steel = {"young": YOUNG, "poisson": POISSON, "density": DENSITY}
-    stated = {
-        "model": {"mesh": "plain.msh"},
-        "materials": {"steel": steel},
-        "bodies": {name: {"group": name, "material": "steel"} for name in ("bar", "plate")},
-        "supports": ({"group": "PLATE_BASE", "fix": ("x", "y", "z")},),
-    }
-    return response_of(scene_of({**stated, **SCENE}, folder / "plain.toml"))
+    return response_of(scene_of({"model": {"mesh": "plain.msh"}, **BY_SCENE, **SCENE}, folder / "plain.toml"))
 
 
 @pytest.mark.parametrize("ending", WRITERS)
-def test_a_model_file_alone_gives_the_response_of_mesh_and_scene(expected, folder, ending):
-    on_root(comm, lambda: (folder / f"model{ending}").write_text(WRITERS[ending](plain())))
-    stated = tables(f"model{ending}")
+def test_a_model_file_gives_the_response_of_mesh_and_scene(expected, folder, ending):
+    on_root(comm, lambda: (WRITERS[ending](folder / f"model{ending}"), None)[1])
+    stated = {**tables(f"model{ending}"), **(BY_SCENE if ending in MESH_ALONE else {})}
     if ending in SURFACES:
         stated["joints"] = ({**stated["joints"][0], "surfaces": SURFACES[ending]},)
     omega, frequency, amplitude = response_of(scene_of(stated, folder / f"model{ending}.toml"))

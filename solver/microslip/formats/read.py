@@ -9,10 +9,12 @@ import numpy as np
 from ..parallel.errors import CaseError, MeshError
 from ..parallel.words import place
 from .ansys import read_cdb
+from .exodus import read_exodus
 from .inp import read_inp
 from .model import FileModel
 from .msh import read_msh
 from .nastran import read_bdf
+from .unv import read_unv
 from .via_meshio import FORMATS, read_other
 
 READERS = {
@@ -20,6 +22,8 @@ READERS = {
     ".inp": read_inp,
     ".cdb": read_cdb,
     **dict.fromkeys((".bdf", ".nas", ".dat"), read_bdf),
+    **dict.fromkeys((".e", ".exo", ".ex2"), read_exodus),
+    ".unv": read_unv,
     **dict.fromkeys(FORMATS, read_other),
 }
 

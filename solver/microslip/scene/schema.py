@@ -14,7 +14,17 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, 
 from ..parallel.words import listed
 from .joint_laws import LAWS_OF_KEY, NEEDED, NEEDED_WITH_PAIRS, OF_FILE, check_law
 
-WHOLE_MODELS = (".inp", ".cdb", ".bdf", ".nas", ".dat")  # endings of files that may state more than a mesh
+WHOLE_MODELS = (
+    ".inp",
+    ".cdb",
+    ".bdf",
+    ".nas",
+    ".dat",
+    ".e",
+    ".exo",
+    ".ex2",
+    ".unv",
+)  # endings of files that may state more than a mesh
 HIGHEST_FREQUENCY = 1e9  # Hz: beyond it a frequency is a slip of the pen
 LARGEST_NUMBER = 2**62  # of nodes and DOFs
 DEFAULT_ACCURACY = 1e-3

@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import re
+import warnings
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,8 @@ def _cards(path: str) -> Any:
     cards = BDF(debug=None)
     cards.disable_cards(("DEFUSET",))
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
             only = {f"xref_{name}": False for name in _OTHER_REFERENCES}
             cards.cross_reference(xref=True, **only)

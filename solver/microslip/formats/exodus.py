@@ -1,0 +1,203 @@
+"""Read Exodus II files: element blocks, node sets and side sets with their names, numbers of nodes and elements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.io
+
+from .. import elements
+from ..parallel.errors import MeshError
+from .model import KINDS, Cells, FileModel, Finding, Group
+
+_KINDS = {
+    ("TET", 4): "tet4",
+    ("TET", 10): "tet10",
+    ("HEX", 8): "hex8",
+    ("HEX", 20): "hex20",
+    ("HEX", 27): "hex27",
+    ("WED", 6): "wedge6",
+    ("WED", 15): "wedge15",
+    ("PYR", 5): "pyramid5",
+    ("PYR", 13): "pyramid13",
+    ("TRI", 3): "tri3",
+    ("TRI", 6): "tri6",
+    ("QUA", 4): "quad4",
+    ("QUA", 8): "quad8",
+    ("SHE", 4): "quad4",
+    ("SHE", 8): "quad8",
+}
+# Exodus writes the mid-sides of vertical edges before those of the top
+_ORDER = {"hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15], "wedge15": [*range(9), 12, 13, 14, 9, 10, 11]}
+# sides 1, 2, ... by their corners
+_SIDES = {
+    "hex": ((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (0, 3, 7, 4), (0, 1, 2, 3), (4, 5, 6, 7)),
+    "tet": ((0, 1, 3), (1, 2, 3), (0, 2, 3), (0, 1, 2)),
+    "wedge": ((0, 1, 3, 4), (1, 2, 4, 5), (0, 2, 3, 5), (0, 1, 2), (3, 4, 5)),
+    "pyramid": ((0, 1, 4), (1, 2, 4), (2, 3, 4), (0, 3, 4), (0, 1, 2, 3)),
+}
+_MOST_BYTES = 2**33  # of one variable
+
+
+def read_exodus(path: str) -> FileModel:
+    """Read an Exodus file, of classic NetCDF or of HDF5.  Local.
+
+    Groups are the element blocks, node sets and side sets by their names, or "block 1", "node set 1", "side set 1".
+
+    Raises
+    ------
+    MeshError without the file's name: damaged, no Exodus file, or HDF5 that refers to other files
+    """
+    with ExitStack() as stack:
+        variable = _opened(path, stack)
+        points = _points(variable)
+        numbers = _numbers(variable("node_num_map"), len(points))
+        cells, groups, findings = _blocks(variable)
+        _node_sets(variable, groups, len(points))
+        _side_sets(variable, cells, groups)
+    return FileModel(points, numbers, tuple(cells), groups, findings=tuple(findings))
+
+
+def _opened(path: str, stack: ExitStack) -> Callable[[str], Any]:
+    """Return what gives a variable by its name, None where there is none, with its attributes."""
+    with open(path, "rb") as file:
+        head = file.read(8)
+    if head[:3] == b"CDF":
+        try:
+            netcdf = stack.enter_context(scipy.io.netcdf_file(path, mmap=False))
+        except (TypeError, ValueError, OSError) as problem:
+            raise MeshError(f"it is truncated, damaged or no NetCDF file ({problem})") from None
+        return lambda name: netcdf.variables.get(name)
+    if head != b"\x89HDF\r\n\x1a\n":
+        raise MeshError("it is no NetCDF file, classic or of HDF5; Exodus files are")
+    try:
+        hdf = stack.enter_context(h5py.File(path, "r"))
+    except OSError as problem:
+        raise MeshError(f"it is truncated or damaged ({problem})") from None
+    return lambda name: _dataset(hdf, name)
+
+
+def _dataset(hdf: h5py.File, name: str) -> Any:
+    """Return a data set of the file itself; MeshError where it lies elsewhere or is too large."""
+    link = hdf.get(name, getlink=True)
+    if link is None:
+        return None
+    if not isinstance(link, h5py.HardLink):
+        raise MeshError(f"{name} is a link to another place; only files that hold their data are read")
+    found = hdf[name]
+    if not isinstance(found, h5py.Dataset) or found.is_virtual or found.external:
+        raise MeshError(f"{name} lies in another file; only files that hold their data are read")
+    if found.size * found.dtype.itemsize > _MOST_BYTES:
+        raise MeshError(f"{name} has {found.size} values, more than this program reads")
+    return found
+
+
+def _array(variable: Any) -> np.ndarray:
+    return np.asarray(variable[...] if isinstance(variable, h5py.Dataset) else variable[:])
+
+
+def _attribute(variable: Any, name: str) -> str:
+    value = variable.attrs.get(name, b"") if isinstance(variable, h5py.Dataset) else getattr(variable, name, b"")
+    value = value.tobytes() if isinstance(value, np.ndarray) else value
+    return value.decode(errors="replace").strip("\x00 ") if isinstance(value, bytes) else str(value)
+
+
+def _points(variable: Callable[[str], Any]) -> np.ndarray:
+    single = [variable(f"coord{axis}") for axis in "xyz"]
+    if variable("coord") is not None:
+        points = _array(variable("coord")).T
+    elif all(one is not None for one in single):
+        points = np.stack([_array(one) for one in single], axis=1)
+    else:
+        raise MeshError("it holds no coordinates in three dimensions (coordx, coordy, coordz)")
+    return np.asarray(points, dtype=float)
+
+
+def _numbers(variable: Any, n: int) -> np.ndarray:
+    numbers = np.arange(1, n + 1) if variable is None else _array(variable).astype(np.int64)
+    if len(numbers) != n or len(np.unique(numbers)) != n:
+        raise MeshError(f"{len(np.unique(numbers))} different numbers for {n} nodes or elements; the file is damaged")
+    return numbers
+
+
+def _names(variable: Any, n: int, kind: str) -> list[str]:
+    """Return the names of blocks or sets, by their places where they have none."""
+    rows = _array(variable) if variable is not None else np.zeros((0, 1), dtype="S1")
+    texts = [b"".join(bytes(letter) for letter in row).split(b"\x00")[0].decode(errors="replace").strip() for row in rows]
+    return [texts[i] if i < len(texts) and texts[i] else f"{kind} {i + 1}" for i in range(n)]
+
+
+def _counted(variable: Callable[[str], Any], stem: str) -> list[Any]:
+    """Return the variables stem1, stem2, ..."""
+    found: list[Any] = []
+    while (one := variable(f"{stem}{len(found) + 1}")) is not None:
+        found.append(one)
+    return found
+
+
+def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Group], list[Finding]]:
+    blocks = _counted(variable, "connect")
+    shapes = [one.shape for one in blocks]
+    elements_ = _numbers(variable("elem_num_map"), sum(shape[0] for shape in shapes))
+    names = _names(variable("eb_names"), len(blocks), "block")
+    cells: list[Cells] = []
+    groups: dict[str, Group] = {}
+    findings, first = [], 0
+    for name, block, (n, n_nodes) in zip(names, blocks, shapes, strict=True):
+        word = _attribute(block, "elem_type").upper()
+        kind = _KINDS.get((word[:3], n_nodes), word.lower() or "unknown")
+        nodes = _array(block).astype(np.int64) - 1
+        cells.append(Cells(kind, nodes[:, _ORDER[kind]] if kind in _ORDER else nodes, elements_[first : first + n]))
+        if kind not in KINDS:
+            effect = f"{n} elements of a kind that is no solid here"
+            findings.append(Finding(word=word or "elements", where=f"block {name!r}", effect=effect, changes=True))
+        groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(n))
+        first += n
+    return cells, groups, findings
+
+
+def _node_sets(variable: Callable[[str], Any], groups: dict[str, Group], n_points: int) -> None:
+    sets = _counted(variable, "node_ns")
+    for name, one in zip(_names(variable("ns_names"), len(sets), "node set"), sets, strict=True):
+        nodes = _array(one).astype(np.int64) - 1
+        if ((nodes < 0) | (nodes >= n_points)).any():
+            raise MeshError(f"node set {name!r} names a node that the file does not hold")
+        groups.setdefault(name, Group()).add_nodes(nodes)
+
+
+def _side_sets(variable: Callable[[str], Any], cells: list[Cells], groups: dict[str, Group]) -> None:
+    """Add the sides of side sets as cells of their own."""
+    sets, sides = _counted(variable, "elem_ss"), _counted(variable, "side_ss")
+    start = np.cumsum([0] + [len(one.nodes) for one in cells])
+    n_blocks = len(cells)
+    for name, at, side in zip(_names(variable("ss_names"), len(sets), "side set"), sets, sides, strict=True):
+        element, number = _array(at).astype(np.int64) - 1, _array(side).astype(np.int64)
+        if len(element) != len(number) or ((element < 0) | (element >= start[-1])).any():
+            raise MeshError(f"side set {name!r} names an element that the file does not hold")
+        group = groups.setdefault(name, Group())
+        for block in range(n_blocks):
+            own = (element >= start[block]) & (element < start[block + 1])
+            for one in np.unique(number[own]):
+                rows = element[own & (number == one)] - start[block]
+                made = _side(cells[block], int(one), rows, name)
+                if made is not None:
+                    cells.append(made)
+                    group.add_cells(len(cells) - 1, np.arange(len(rows)))
+
+
+def _side(block: Cells, number: int, rows: np.ndarray, name: str) -> Cells | None:
+    """Return side ``number`` of some elements as cells; None of what is no solid here."""
+    family = block.kind.rstrip("0123456789")
+    if family not in _SIDES or block.kind not in elements.KINDS:
+        return None
+    if not 1 <= number <= len(_SIDES[family]):
+        raise MeshError(f"side set {name!r} names side {number} of a {family}")
+    corners = set(_SIDES[family][number - 1])
+    for kind, local in elements.KINDS[block.kind].faces:
+        if set(local[: len(corners)].tolist()) == corners and len(corners) == (3 if kind.startswith("tri") else 4):
+            return Cells(kind, block.nodes[rows][:, local], block.numbers[rows])
+    raise AssertionError("a side that is no face of its element")

@@ -1,0 +1,191 @@
+"""Read I-deas universal files: nodes (data sets 2411, 781, 15), elements (2412, 780), groups (2467, 2477, 2452, 2435, ...)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..parallel.errors import MeshError
+from .model import KINDS, Cells, FileModel, Finding, Group, index_of
+
+_KINDS = {
+    111: "tet4",
+    118: "tet10",
+    112: "wedge6",
+    113: "wedge15",
+    115: "hex8",
+    116: "hex20",
+    101: "pyramid5",
+    91: "tri3",
+    41: "tri3",
+    92: "tri6",
+    42: "tri6",
+    94: "quad4",
+    44: "quad4",
+    95: "quad8",
+    45: "quad8",
+}
+_BEAMS = (11, 21, 22, 23, 24, 31, 32)  # their records have a line more
+# I-deas goes round a face corner by corner, mid-sides between; here corners come first
+_ORDER = {
+    "tri6": [0, 2, 4, 1, 3, 5],
+    "quad8": [0, 2, 4, 6, 1, 3, 5, 7],
+    "tet10": [0, 2, 4, 9, 1, 3, 5, 6, 7, 8],
+    "wedge15": [0, 2, 4, 9, 11, 13, 1, 3, 5, 10, 12, 14, 6, 7, 8],
+    "hex20": [0, 2, 4, 6, 12, 14, 16, 18, 1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11],
+}
+_GROUPS = (2429, 2430, 2432, 2435, 2452, 2467, 2477)
+_NODES, _ELEMENTS = 7, 8  # codes of what a group holds
+_HARMLESS = (151, 164, 2400, 2420, 55, 58, 2414, 18, 2448)
+_EFFECTS = {773: "materials", 1710: "materials", 789: "properties", 2437: "properties", 755: "supports", 791: "supports"}
+
+
+def read_unv(path: str) -> FileModel:
+    """Read a universal file.  Local.
+
+    Groups have their names; elements without any group are in one of their physical property, "property 1".
+
+    Raises
+    ------
+    MeshError without the file's name: truncated, damaged, or no nodes and elements
+    """
+    points: dict[int, tuple[float, ...]] = {}
+    rows: dict[str, list[tuple[int, int, list[int]]]] = {}
+    named: list[tuple[str, list[int], list[int]]] = []
+    findings: list[Finding] = []
+    for number, line, lines in _data_sets(path):
+        if number in (2411, 781):
+            _take_nodes(points, lines, line)
+        elif number == 15:
+            _take_old_nodes(points, lines, line)
+        elif number in (2412, 780):
+            _take_elements(rows, findings, lines, line)
+        elif number in _GROUPS:
+            named += _groups(lines, line)
+        elif number not in _HARMLESS:
+            effect = f"{_EFFECTS.get(number, 'what this program does not know')}; state them in the scene"
+            findings.append(
+                Finding(word=f"data set {number}", where=f"line {line}", effect=effect, changes=number not in _EFFECTS)
+            )
+    if not points or not rows:
+        raise MeshError("the file holds no nodes (2411) and elements (2412) that this program reads")
+    return _composed(points, rows, named, findings)
+
+
+def _data_sets(path: str) -> Iterator[tuple[int, int, list[str]]]:
+    """Yield number, first line and lines of every data set."""
+    with open(path, encoding="utf-8", errors="replace") as file:
+        lines = [line.rstrip("\r\n") for line in file]
+    marks = [i for i, line in enumerate(lines) if line.strip() == "-1"]
+    if len(marks) % 2:
+        raise MeshError("a data set does not end; the file is truncated")
+    for first, last in zip(marks[::2], marks[1::2], strict=True):
+        if last - first < 2:
+            continue
+        word = lines[first + 1].split()
+        if not word or not word[0].rstrip("b").isdigit():
+            raise MeshError(f"line {first + 2}: {lines[first + 1][:40]!r} where the number of a data set is due")
+        yield int(word[0].rstrip("b")), first + 2, lines[first + 2 : last]
+
+
+def _values(line: str, where: int, kind=int) -> list:
+    try:
+        return [kind(word.replace("D", "E").replace("d", "e")) for word in line.split()]
+    except ValueError:
+        raise MeshError(f"line {where}: {line[:60]!r} where numbers are due") from None
+
+
+def _take_nodes(points: dict, lines: list[str], line: int) -> None:
+    for i in range(0, len(lines) - 1, 2):
+        head, at = _values(lines[i], line + i + 1), _values(lines[i + 1], line + i + 2, float)
+        _add_point(points, head[:1], at, line + i + 1)
+
+
+def _take_old_nodes(points: dict, lines: list[str], line: int) -> None:
+    for i, text in enumerate(lines):
+        words = text.split()
+        _add_point(
+            points, _values(" ".join(words[:1]), line + i + 1), _values(" ".join(words[4:]), line + i + 1, float), line + i + 1
+        )
+
+
+def _add_point(points: dict, head: list[int], at: list[float], where: int) -> None:
+    if len(head) < 1 or len(at) != 3:
+        raise MeshError(f"line {where}: a node needs a number and three coordinates; the file is damaged or truncated")
+    if head[0] in points:
+        raise MeshError(f"line {where}: node number {head[0]} is given more than once")
+    points[head[0]] = tuple(at)
+
+
+def _take_elements(rows: dict, findings: list[Finding], lines: list[str], line: int) -> None:
+    """Take elements by kind: number, physical property, nodes."""
+    i, others = 0, dict[int, int]()
+    while i < len(lines):
+        head = _values(lines[i], line + i + 1)
+        if len(head) < 6:
+            raise MeshError(f"line {line + i + 1}: an element needs six numbers; the file is damaged or truncated")
+        number, descriptor, prop, n_nodes = head[0], head[1], head[2], head[5]
+        first = i + (2 if descriptor in _BEAMS else 1)
+        i, nodes = first, list[int]()
+        while len(nodes) < n_nodes and i < len(lines):
+            nodes += _values(lines[i], line + i + 1)
+            i += 1
+        if len(nodes) != n_nodes:
+            raise MeshError(f"line {line + first + 1}: element {number} needs {n_nodes} nodes; the file is damaged or truncated")
+        kind = _KINDS.get(descriptor)
+        if kind is None:
+            others[descriptor] = others.get(descriptor, 0) + 1
+        elif n_nodes != KINDS[kind][1]:
+            raise MeshError(f"line {line + first}: element {number} of kind {kind} has {n_nodes} nodes")
+        else:
+            rows.setdefault(kind, []).append((number, prop, nodes))
+    for descriptor, n in others.items():
+        effect = "elements that are no solids and no faces here"
+        word = f"element descriptor {descriptor}"
+        findings.append(Finding(word=word, where=f"{n} elements", effect=effect, changes=descriptor not in (136, 137, 138, 139)))
+
+
+def _groups(lines: list[str], line: int) -> Iterator[tuple[str, list[int], list[int]]]:
+    """Yield name, node numbers and element numbers of every group."""
+    i = 0
+    while i + 1 < len(lines):
+        head = _values(lines[i], line + i + 1)
+        count = head[7] if len(head) > 7 else 0
+        name, i = lines[i + 1].strip() or f"group {head[0]}", i + 2
+        entries: list[int] = []
+        while len(entries) < 4 * count and i < len(lines):
+            entries += _values(lines[i], line + i + 1)
+            i += 1
+        if len(entries) < 4 * count:
+            raise MeshError(f"line {line + i}: group {name!r} needs {count} entries; the file is truncated")
+        pairs = [(entries[k], entries[k + 1]) for k in range(0, 4 * count, 4)]
+        yield name, [tag for code, tag in pairs if code == _NODES], [tag for code, tag in pairs if code == _ELEMENTS]
+
+
+def _composed(points: dict, rows: dict, named: list, findings: list[Finding]) -> FileModel:
+    numbers = np.array(list(points), dtype=np.int64)
+    cells: list[Cells] = []
+    groups: dict[str, Group] = {}
+    for kind, own in rows.items():
+        wanted = np.array([nodes for _, _, nodes in own], dtype=np.int64)
+        index, missing = index_of(numbers, wanted)
+        if len(missing):
+            element = own[int(np.argmax(np.isin(wanted, missing).any(axis=1)))][0]
+            raise MeshError(f"element {element} names node {missing[0]}, which the file does not hold")
+        index = index[:, _ORDER[kind]] if kind in _ORDER else index
+        cells.append(Cells(kind, index, np.array([number for number, _, _ in own], dtype=np.int64)))
+        properties = np.array([prop for _, prop, _ in own])
+        for one in np.unique(properties):
+            groups.setdefault(f"property {one}", Group()).add_cells(len(cells) - 1, np.flatnonzero(properties == one))
+    for name, nodes, elements in named:
+        group = groups.setdefault(name, Group())
+        index, missing = index_of(numbers, np.array(nodes, dtype=np.int64))
+        if len(missing):
+            raise MeshError(f"group {name!r} names node {missing[0]}, which the file does not hold")
+        group.add_nodes(index)
+        for block, one in enumerate(cells):
+            found = np.flatnonzero(np.isin(one.numbers, elements))
+            if len(found):
+                group.add_cells(block, found)
+    return FileModel(np.array(list(points.values())), numbers, tuple(cells), groups, findings=tuple(findings))

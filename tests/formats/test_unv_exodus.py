@@ -1,0 +1,105 @@
+"""Universal and Exodus files: every solid, groups and sides, and what is damaged or refers to other files."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from plain_model import exodus, plain, unv
+
+from microslip import elements
+from microslip.formats.read import read_model
+from microslip.parallel.errors import CaseError
+
+DATA = Path(__file__).parents[1] / "data"
+
+
+def check(found, model):
+    np.testing.assert_array_equal(found.numbers, model.numbers)
+    np.testing.assert_allclose(found.points, model.points, atol=1e-15)
+    solids = [cells for cells in found.cells if cells.kind in elements.KINDS]
+    rows = np.concatenate([cells.nodes for cells in solids])
+    np.testing.assert_array_equal(rows, np.concatenate(model.elements))
+    assert all((elements.jacobian_minimum(cells.kind, found.points[cells.nodes]) > 0.0).all() for cells in solids)
+    for name, nodes in model.sets.items():
+        np.testing.assert_array_equal(found.groups[name].nodes, nodes)
+    assert {"bar", "plate"} <= set(found.groups)
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "tet4", "tet10"])
+def test_universal_files_keep_nodes_numbers_and_groups(tmp_path, kind):
+    (tmp_path / "model.unv").write_text(unv(plain(kind)))
+    check(read_model(tmp_path / "model.unv"), plain(kind))
+
+
+def test_a_universal_file_of_gmsh_is_the_unit_cube():
+    found = read_model(DATA / "gmsh_hex20.unv")
+    (solid,) = (cells for cells in found.cells if cells.kind == "hex20")
+    assert elements.mass("hex20", found.points[solid.nodes], 1.0).sum() == pytest.approx(1.0, rel=1e-12)
+    assert {"face", "solid"} <= set(found.groups)
+
+
+@pytest.mark.parametrize("hdf5", [False, True])
+@pytest.mark.parametrize("kind", ["hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13", "tet4", "tet10"])
+def test_exodus_files_keep_nodes_numbers_and_sets(tmp_path, kind, hdf5):
+    exodus(plain(kind), tmp_path / "model.e", hdf5)
+    found = read_model(tmp_path / "model.e")
+    check(found, plain(kind))
+    if kind == "hex8":
+        assert set(
+            np.concatenate([found.cells[i].nodes[rows] for i, rows in found.groups["side set 1"].cells.items()]).ravel()
+        ) == set(plain(kind).sets["BAR_BOTTOM"])
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        (lambda text: text[: len(text) // 2], "a data set does not end; the file is truncated"),
+        (
+            lambda text: text.replace("       102         1         1        11", "       101         1         1        11"),
+            "number 101 is given",
+        ),
+        (lambda text: text.replace(" 5.0000000000000000D-02", " fifty"), "where numbers are due"),
+        (
+            lambda text: text.replace("         1       115         1         1         7         8", "         1       115"),
+            "six numbers",
+        ),
+        (lambda text: text.replace("         8\n", "         9\n", 1), "element 1"),
+        (lambda text: "", "holds no nodes"),
+        (lambda text: "nonsense\n", "holds no nodes"),
+    ],
+)
+def test_damaged_universal_files_are_refused(tmp_path, change, says):
+    (tmp_path / "model.unv").write_text(change(unv(plain())))
+    with pytest.raises(CaseError, match=f"model.unv: .*{says}"):
+        read_model(tmp_path / "model.unv")
+
+
+def test_exodus_files_that_refer_to_others_or_are_damaged_are_refused(tmp_path):
+    path = tmp_path / "model.e"
+    exodus(plain(), tmp_path / "other.e", hdf5=True)
+    exodus(plain(), path, hdf5=True)
+    with h5py.File(path, "a") as file:
+        del file["coordx"]
+        file["coordx"] = h5py.ExternalLink("other.e", "coordx")
+    with pytest.raises(CaseError, match="coordx is a link to another place"):
+        read_model(path)
+    with h5py.File(path, "a") as file:
+        del file["coordx"]
+        file.create_dataset("coordx", (4,), dtype="f8", external=[(str(tmp_path / "raw"), 0, 32)])
+    with pytest.raises(CaseError, match="coordx lies in another file"):
+        read_model(path)
+    with h5py.File(path, "a") as file:
+        del file["coordx"]
+        file.create_dataset("coordx", (10**12,), dtype="f8", chunks=(1000,))
+    with pytest.raises(CaseError, match="coordx has 1000000000000 values"):
+        read_model(path)
+    path.write_bytes(path.read_bytes()[:500])
+    with pytest.raises(CaseError, match="truncated or damaged"):
+        read_model(path)
+    path.write_bytes(b"CDF\x01" + b"\xff" * 60)
+    with pytest.raises(CaseError, match="model.e: "):
+        read_model(path)
+    path.write_bytes(b"something else")
+    with pytest.raises(CaseError, match="no NetCDF file"):
+        read_model(path)
