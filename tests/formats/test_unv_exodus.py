@@ -59,7 +59,7 @@ def test_exodus_files_keep_nodes_numbers_and_sets(tmp_path, kind, hdf5):
             lambda text: text.replace("       102         1         1        11", "       101         1         1        11"),
             "number 101 is given",
         ),
-        (lambda text: text.replace(" 5.0000000000000000D-02", " fifty"), "where numbers are due"),
+        (lambda text: text.replace("D-02", "X-02", 1), "where numbers are due"),
         (
             lambda text: text.replace("         1       115         1         1         7         8", "         1       115"),
             "six numbers",
