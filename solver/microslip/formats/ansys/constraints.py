@@ -16,7 +16,7 @@ _NAMES = "xyz"
 
 
 @dataclass
-class Constraints:
+class Restraints:
     """What has been gathered so far; nodes are numbers of the file."""
 
     held: dict[int, set[int]] = field(default_factory=dict)  # axis: nodes
@@ -30,7 +30,7 @@ class Constraints:
         self.findings.append(Finding(word=command.word, where=command.where, effect=effect, changes=True, part=part))
 
 
-def take_support(found: Constraints, command: Command, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> None:
+def take_support(found: Restraints, command: Command, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> None:
     """Take a D command: a node, ALL or a component; a label or ALL; a value that must be 0."""
     nodes, label = _nodes(command.field(0), all_nodes, components), command.field(1).upper()
     if nodes is None:
@@ -48,7 +48,7 @@ def take_support(found: Constraints, command: Command, all_nodes: np.ndarray, co
             found.left_out(command, f"a support of {one}, which is no displacement", "supports")
 
 
-def take_equation(found: Constraints, command: Command) -> None:
+def take_equation(found: Restraints, command: Command) -> None:
     """Take a CE command, as typed or as CDWRITE writes it: DEFI, then NODE with up to two terms a line."""
     if command.field(0).upper().startswith("R5"):
         _take_written(found, command)
@@ -59,7 +59,7 @@ def take_equation(found: Constraints, command: Command) -> None:
         _add_equation(found, command, command.where, command.fields[2:])
 
 
-def _take_written(found: Constraints, command: Command) -> None:
+def _take_written(found: Restraints, command: Command) -> None:
     if command.field(1).upper() == "DEFI":
         if command.number(4) != 0.0:
             found.left_out(command, "an equation whose constant is not 0", "equations")
@@ -71,13 +71,13 @@ def _take_written(found: Constraints, command: Command) -> None:
         _extend(found, command, found.equations[-1][1], command.fields[2:])
 
 
-def _add_equation(found: Constraints, command: Command, where: str, fields: tuple[str, ...]) -> None:
+def _add_equation(found: Restraints, command: Command, where: str, fields: tuple[str, ...]) -> None:
     terms: list[tuple[int, int, float]] = []
     if _extend(found, command, terms, fields):
         found.equations.append((f"{command.word}, {where}", terms))
 
 
-def _extend(found: Constraints, command: Command, terms: list[tuple[int, int, float]], fields: tuple[str, ...]) -> bool:
+def _extend(found: Restraints, command: Command, terms: list[tuple[int, int, float]], fields: tuple[str, ...]) -> bool:
     """Add the terms of fields (node, label, coefficient); report what is no displacement."""
     own = Command(command.word, fields, command.line)
     for i in range(0, len(fields) - 2, 3):
@@ -91,7 +91,7 @@ def _extend(found: Constraints, command: Command, terms: list[tuple[int, int, fl
     return True
 
 
-def take_coupling(found: Constraints, command: Command) -> None:
+def take_coupling(found: Restraints, command: Command) -> None:
     """Take a CP command as it is typed: a set, a label, nodes."""
     if command.field(0).upper().startswith("R5"):
         found.left_out(
@@ -106,7 +106,7 @@ def take_coupling(found: Constraints, command: Command) -> None:
     nodes.extend(int(Command(command.word, (word,), command.line).number(0)) for word in command.fields[2:] if word)
 
 
-def take_rigid(found: Constraints, command: Command, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> None:
+def take_rigid(found: Restraints, command: Command, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> None:
     """Take a CERIG command: nodes that follow one as a rigid body, in all directions."""
     label = command.field(2).upper()
     followers = _nodes(command.field(1), all_nodes, components)
@@ -127,7 +127,7 @@ def _nodes(word: str, all_nodes: np.ndarray, components: dict[str, np.ndarray]) 
         return None
 
 
-def supports(found: Constraints, numbers: np.ndarray, angles: np.ndarray, groups: dict[str, Group]) -> tuple[FileSupport, ...]:
+def supports(found: Restraints, numbers: np.ndarray, angles: np.ndarray, groups: dict[str, Group]) -> tuple[FileSupport, ...]:
     """Return supports by groups "D x", "D xy", ... of the nodes that they hold; those in turned axes become equations.  Local."""
     held = np.zeros((len(numbers), 3), dtype=bool)
     for axis, nodes in found.held.items():
@@ -159,7 +159,7 @@ def turned_axes(angles: np.ndarray) -> np.ndarray:
     return about_y @ about_x @ about_z
 
 
-def equations(found: Constraints, numbers: np.ndarray, angles: np.ndarray) -> Equations | None:
+def equations(found: Restraints, numbers: np.ndarray, angles: np.ndarray) -> Equations | None:
     """Return the equations and couplings in model axes, None without any.  Local.
 
     Raises

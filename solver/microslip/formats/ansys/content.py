@@ -44,7 +44,7 @@ class Content:
     keys: dict[int, dict[int, int]] = field(default_factory=dict)  # KEYOPT
     materials: dict[int, dict[str, float]] = field(default_factory=dict)
     constants: dict[int, list[float]] = field(default_factory=dict)  # R, RMORE
-    constraints: between.Constraints = field(default_factory=between.Constraints)
+    constraints: between.Restraints = field(default_factory=between.Restraints)
     findings: list[Finding] = field(default_factory=list)
     loads: dict[str, int] = field(default_factory=dict)
     title: str = ""
