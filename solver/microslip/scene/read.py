@@ -84,9 +84,7 @@ def completed(scene: Scene, tables: Mapping[str, Any]) -> Scene:
     return _checked(scene.path, raw, scene.text, True, scene.settings)
 
 
-def _checked(
-    path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = False, settings: tuple[str, ...] = ()
-) -> Scene:
+def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = False, settings: tuple[str, ...] = ()) -> Scene:
     """Return the scene of tables and the text that they are of."""
     said = " ".join([str(path), *(f"--set {setting}" for setting in settings)])
     try:

@@ -716,7 +716,7 @@ class Scene(Table):
     _settings: tuple[str, ...] = PrivateAttr(default=())
 
     def model_post_init(self, context: Any, /) -> None:
-        """Take the file's path and text, whether the model file has been read, and what was set, from the validation's context."""
+        """Take path and text, whether the model file has been read, and what was set, from the validation's context."""
         if context:
             self._path, self._text, self._is_complete = context["path"], context["text"], context["is_complete"]
             self._settings = context["settings"]
