@@ -80,7 +80,7 @@ def _solve(command: Command, comm) -> int:
     from .scene.read import read_scene
 
     refuse_too_many(command.groups, comm.size)
-    scene, *more = (on_root(comm, read_scene, file) for file in (command.file, *command.more))
+    scene, *more = (on_root(comm, read_scene, file, command.settings) for file in (command.file, *command.more))
     with suppress(ImportError):  # what is missing is named with the rest, below
         initialise(list(command.petsc))
     require(comm, faults())

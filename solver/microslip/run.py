@@ -38,7 +38,7 @@ def run(
     CaseError, ResourceError : on every rank, before anything is solved or as soon as it is known
     ConvergenceError : a level ended early, after everything that converged was written and drawn; on every rank
     """
-    facts = {"scene": str(scene.path), "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
+    facts = {"scene": scene.source, "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "run.log"), screen=screen, facts=facts) as log:
         structure = build(scene, comm, log)
         with log.stage("reduction"):

@@ -91,6 +91,12 @@ def test_the_doctor_names_what_is_missing_and_what_brings_it(monkeypatch):
     assert "h5py: missing" in doctor.faults()
 
 
+def test_a_package_of_which_only_a_part_is_there_is_refused(monkeypatch):
+    modules = __import__("sys").modules
+    monkeypatch.setitem(modules, "h5py", type(modules[__name__])("h5py"))
+    assert "h5py: only a part of it is there: sudo apt-get install python3-h5py-mpi python3-h5py" in doctor.faults("h5py")
+
+
 def test_complex_numbers_are_refused(monkeypatch):
     monkeypatch.setattr(doctor, "_is_real", lambda PETSc: False)
     assert "petsc4py: built with complex numbers, real ones are needed: sudo apt-get" in doctor.faults("petsc4py")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-PLAIN, JUMPS = 40, 40  # periods marched one by one, and jumps beyond them
+PLAIN, JUMPS = 12, 40  # periods marched one by one, and jumps beyond them
 REPEATS = 1e-14  # change of T in a period, over the pair's forces, of a cycle that repeats
 
 
@@ -25,9 +25,7 @@ def line_step(T, q, N_i, N_j, mu, separate):
     begin = np.where((L_i <= 0.0) & (L_j > 0.0), crossing, 0.0)[:, None]
     end = np.where((L_j <= 0.0) & (L_i > 0.0), crossing, 1.0)[:, None]
     T_a, chord = np.where(L_i[:, None] > 0.0, T, 0.0), (end - begin) * q
-    T_b, sigma = (
-        np.where(separate[:, None], *pair) for pair in zip(_in_line(T_a, chord, L_i, L_j), _on_circle(T_a, chord, L_i, L_j))
-    )
+    T_b, sigma = _slid(T_a, chord, L_i, L_j, separate)
     never = ((L_i <= 0.0) & (L_j <= 0.0))[:, None]
     T_j = np.where((L_j > 0.0)[:, None], T_b, 0.0)
     # p from its value before the step: at the begin of contact, where slip sets in, at the end of contact, after the step
@@ -35,6 +33,16 @@ def line_step(T, q, N_i, N_j, mu, separate):
     onset = begin + sigma * (end - begin)
     area = 0.5 * (begin * p_a + (end - onset) * (p_a + p_b) + (1.0 - end) * (p_b + p_j)) + (onset - begin) * p_a - 0.5 * p_j
     return T_j, np.where(never, 0.0, area), np.abs(p_j).max(axis=1)
+
+
+def _slid(T, q, L_i, L_j, separate):
+    """Return T at the end of contact and the share of the way at which slip sets in, by the limit that each pair has."""
+    if separate.all():
+        return _in_line(T, q, L_i, L_j)
+    if not separate.any():
+        return _on_circle(T, q, L_i, L_j)
+    by_limit = zip(_in_line(T, q, L_i, L_j), _on_circle(T, q, L_i, L_j))
+    return tuple(np.where(separate[:, None], *pair) for pair in by_limit)
 
 
 def _in_line(T, q, L_i, L_j):
@@ -56,7 +64,7 @@ def _on_circle(T, q, L_i, L_j):
     a, at_limit = (q**2).sum(axis=1) - dL**2, 1e-12 * L_i**2
     with np.errstate(all="ignore"):
         S = np.sqrt(np.maximum(b**2 - a * c, 0.0))
-        onset = np.clip(np.where(b > 0.0, -c / (b + S), (S - b) / a), 0.0, 1.0)
+        onset = np.minimum(np.maximum(np.where(b > 0.0, -c / (b + S), (S - b) / a), 0.0), 1.0)
     onset = np.where((c >= -at_limit) & ((c > at_limit) | (b > 0.0) | (a <= 0.0)), 0.0, onset)
     onset = np.where(slips, onset, 1.0)
     start, rest = T + onset[:, None] * q, (1.0 - onset)[:, None] * q
@@ -117,6 +125,8 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
         rate = (c * d).sum(axis=1) / np.maximum((c * c).sum(axis=1), 1e-300)
         rate = np.where((two.slip > 1e-13 * size[creeps]) & (rate > 0.0) & (rate < 1.0), rate, 0.0)
         T, slowest = two.T[0] + d * (rate / (1.0 - rate))[:, None], np.maximum(rate, slowest)
+        if np.all(two.change <= 1e-15 * size[creeps]):  # rounding alone
+            break
     if len(creeps):
         last = period(T, creeps)
         for name in ("T", "area"):

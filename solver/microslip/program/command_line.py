@@ -13,6 +13,7 @@ from ..parallel.petsc import PREFIXES
 from ..parallel.words import listed, nearest
 
 _SOLVE = ("run", "compare", "verify", "trade")  # commands that PETSc options are for
+_SCENE = (*_SOLVE, "check")  # commands that read a scene
 _KEYS = ("methods", "knobs", "meshes", "seconds", "at", "levels", "harmonics", "samples", "steps", "from_rest")
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
@@ -33,6 +34,7 @@ class Command:
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
     methods: tuple[str, ...] = ()  # to compare; empty: all of them
     more: tuple[str, ...] = ()  # further scenes to run
+    settings: tuple[str, ...] = ()  # KEY=VALUE, in place of what the scene says
     groups: int = 1  # of ranks, at work side by side
     at: tuple[float, ...] = ()  # Hz, to verify; empty: around each peak
     harmonics: int | None = None  # to verify; None: those of the scene
@@ -86,6 +88,7 @@ def parse(arguments: list[str]) -> Command:
         petsc_options(petsc),
         more=more,
         groups=getattr(given, "groups", 1),
+        settings=tuple(getattr(given, "settings", ())),
         **{name: getattr(given, name) for name in _KEYS if hasattr(given, name)},
     )
 
@@ -118,11 +121,25 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
             command.add_argument("file", metavar=file)
         if out is not None:
             command.add_argument("--out", metavar="DIR", type=Path, help=f"folder for what is written (default: {out})")
+        if name in _SCENE:
+            _add_settings(command)
         if name in _OPTIONS:
             _OPTIONS[name](command)
         command.usage = command.format_usage().removeprefix("usage: ").strip() + after
         commands[name] = command
     return parser, commands
+
+
+def _add_settings(command: _Parser) -> None:
+    """Add the option of all commands that read a scene."""
+    command.add_argument(
+        "--set",
+        metavar="KEY=VALUE",
+        dest="settings",
+        action="append",
+        default=[],
+        help="a key of the scene with another value, as joints.dovetail.friction=0.2; may be given several times",
+    )
 
 
 def _add_run(command: _Parser) -> None:

@@ -120,6 +120,8 @@ def _mumps() -> str:
 
 def _h5py() -> str:
     module = importlib.import_module("h5py")
+    if not hasattr(module, "File"):  # Debian 13's parallel part without the package that chooses it
+        raise Unusable("only a part of it is there")
     return f"{module.__version__}, HDF5 {module.version.hdf5_version}"
 
 
@@ -181,7 +183,7 @@ PARTS = (
     Part("meshio", _module("meshio"), _pip("meshio")),
     Part("pymetis", lambda: _distribution("pymetis"), _pip("pymetis")),
     Part("shapely", lambda: _distribution("shapely"), _pip("shapely")),
-    Part("h5py", _h5py, _debian("python3-h5py-mpi")),
+    Part("h5py", _h5py, _debian("python3-h5py-mpi python3-h5py")),
     Part("mpi4py", _mpi, _debian("python3-mpi4py")),
     Part("mpirun", _mpirun, _debian("openmpi-bin")),
     Part("petsc4py", _petsc, _debian("python3-petsc4py-real")),

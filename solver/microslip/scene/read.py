@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +14,17 @@ from ..parallel.errors import CaseError
 from .checks import absent, contradictions, missing_files
 from .messages import in_words
 from .not_yet import not_yet
+from .overrides import overridden
 from .schema import Scene
 from .text import as_toml
 
 _LARGEST_FILE = 10_000_000  # bytes
 
 
-def read_scene(path: str | Path) -> Scene:
+def read_scene(path: str | Path, settings: Sequence[str] = ()) -> Scene:
     """Return the scene of a TOML file, checked in itself; the mesh is not opened.
 
-    Local.
+    Local.  ``settings``, texts KEY=VALUE, take the place of keys of the file (:func:`.overrides.overridden`).
 
     Raises
     ------
@@ -31,7 +32,11 @@ def read_scene(path: str | Path) -> Scene:
     """
     path = Path(path)
     text = _text(path)
-    return _checked(path, _tables(path, text), text)
+    tables = _tables(path, text)
+    if not settings:
+        return _checked(path, tables, text)
+    raw = _frozen(overridden(tables, settings))
+    return _checked(path, raw, as_toml(raw), settings=tuple(settings))
 
 
 def scene_of(tables: Mapping[str, Any], path: str | Path = "scene.toml") -> Scene:
@@ -76,27 +81,29 @@ def completed(scene: Scene, tables: Mapping[str, Any]) -> Scene:
     CaseError : as :func:`read_scene`
     """
     raw = {**scene.model_dump(exclude_unset=True), **_frozen(dict(tables))}
-    return _checked(scene.path, raw, scene.text, is_complete=True)
+    return _checked(scene.path, raw, scene.text, True, scene.settings)
 
 
-def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = False) -> Scene:
+def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = False, settings: tuple[str, ...] = ()) -> Scene:
     """Return the scene of tables and the text that they are of."""
+    said = " ".join([str(path), *(f"--set {setting}" for setting in settings)])
     try:
-        scene = Scene.model_validate(raw, context={"path": path.absolute(), "text": text, "is_complete": is_complete})
+        context = {"path": path.absolute(), "text": text, "is_complete": is_complete, "settings": settings}
+        scene = Scene.model_validate(raw, context=context)
     except ValidationError as problem:
-        _refuse(path, in_words(problem.errors(include_url=False), raw))
+        _refuse(said, in_words(problem.errors(include_url=False), raw))
         raise AssertionError("a scene was refused without a reason") from problem
     for problems in (not_yet, contradictions, missing_files):
-        _refuse(path, problems(scene))
+        _refuse(said, problems(scene))
     return scene
 
 
-def _refuse(path: Path, problems: list[str]) -> None:
-    """Raise CaseError with all problems, if there are any."""
+def _refuse(said: str, problems: list[str]) -> None:
+    """Raise CaseError with all problems of the scene that is said, if there are any."""
     if len(problems) == 1:
-        raise CaseError(f"{path}: {problems[0]}") from None
+        raise CaseError(f"{said}: {problems[0]}") from None
     if problems:
-        raise CaseError("\n  ".join([f"{path}: {len(problems)} mistakes", *problems])) from None
+        raise CaseError("\n  ".join([f"{said}: {len(problems)} mistakes", *problems])) from None
 
 
 def _text(path: Path) -> str:

@@ -713,11 +713,13 @@ class Scene(Table):
     _path: Path = PrivateAttr(default=Path("scene.toml"))
     _text: str = PrivateAttr(default="")
     _is_complete: bool = PrivateAttr(default=False)
+    _settings: tuple[str, ...] = PrivateAttr(default=())
 
     def model_post_init(self, context: Any, /) -> None:
-        """Take the file's path and text, and whether the model file has been read, from the validation's context."""
+        """Take path and text, whether the model file has been read, and what was set, from the validation's context."""
         if context:
             self._path, self._text, self._is_complete = context["path"], context["text"], context["is_complete"]
+            self._settings = context["settings"]
 
     def chooses(self, key: str) -> bool:
         """Tell whether the program chooses harmonics, samples or tolerance at each point, by the accuracy asked for."""
@@ -757,5 +759,15 @@ class Scene(Table):
 
     @property
     def text(self) -> str:
-        """The file's text."""
+        """The file's text, or where the command line set keys, that of a file with them."""
         return self._text
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """What the command line set, as KEY=VALUE."""
+        return self._settings
+
+    @property
+    def source(self) -> str:
+        """The scene file and what the command line set in it, for logs."""
+        return " ".join([str(self._path), *(f"--set {setting}" for setting in self.settings)])

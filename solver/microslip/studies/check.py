@@ -67,7 +67,7 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...
     following = f", {n_dependent} that follow ties or points" if n_dependent else ""
     kinds = ", ".join(f"{len(block.nodes)} {block.kind} in {block.group}" for block in mesh.elements)
     lines = [
-        f"scene      {scene.path}: no fault found",
+        f"scene      {scene.source}: no fault found",
         f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(part_names)} connected parts",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
         *(f"           {note}" for note in (*of_file, *mesh.notes)),
@@ -103,7 +103,7 @@ def needs_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
     massless = f"; {given.n_massless} DOF without mass" if given.n_massless else ""
     damping = "" if given.C is None else f", damping {given.C.nnz}"
     return [
-        f"scene      {scene.path}: no fault found",
+        f"scene      {scene.source}: no fault found",
         f"matrices   {given.n_dof} DOF{massless}; entries: stiffness {given.K.nnz}, mass {given.M.nnz}{damping}",
         *_joints(given.pairs),
         *(f"load {i}     {_load_on_dofs(load)}, harmonic {load.harmonic}" for i, load in enumerate(scene.loads, 1)),

@@ -40,7 +40,7 @@ def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...]
     ConvergenceError : a method ended early, after everything was written; on every rank
     """
     methods = known_methods(methods)
-    facts = {"scene": str(scene.path), "methods": ", ".join(methods), "PETSc options": " ".join(options) or "none", **versions()}
+    facts = {"scene": scene.source, "methods": ", ".join(methods), "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "compare.log"), facts=facts) as log:
         structure = build(by_method(scene, "receptance"), comm, log)
         if structure.pairs.n_pairs == 0:

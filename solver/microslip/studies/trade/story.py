@@ -70,7 +70,7 @@ def trade(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked | None = None
     """
     asked = asked or Asked()
     check_asked(scene, asked)
-    facts = {"scene": str(scene.path), "PETSc options": " ".join(options) or "none", **versions()}
+    facts = {"scene": scene.source, "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "trade.log"), facts=facts) as log:
         study = measured(scene, comm, asked, log)
         log.note(on_root(comm, write_trade, study, scene, str(folder)))

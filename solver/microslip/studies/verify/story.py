@@ -65,7 +65,7 @@ def verify(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
     scene = by_what_is_asked(scene, asked)
     settings = f"{scene.solver.method}, {resolution(scene)}"
     facts = {
-        "scene": str(scene.path),
+        "scene": scene.source,
         "harmonic balance": settings,
         "time integration": f"generalised-alpha, {asked.steps} steps a period",
         "PETSc options": " ".join(options) or "none",

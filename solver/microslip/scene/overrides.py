@@ -1,0 +1,90 @@
+"""Keys of a scene that the command line sets: ``--set joints.dovetail.friction=0.2``."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ..parallel.errors import CaseError
+from ..parallel.words import listed, nearest
+
+_WORD = re.compile(r"[A-Za-z_][\w./-]*")  # what a shell leaves of a text in quotes
+
+
+def overridden(tables: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
+    """Return a scene's tables with the keys set that ``settings`` name, each a text KEY=VALUE; the later one holds.  Local.
+
+    Words of KEY are tables, then the key; an entry of a list is named by its ``name``, or by its number from 1.  Whether
+    there is such a key, and what it takes, is for the schema to say.
+
+    Raises
+    ------
+    CaseError : no KEY=VALUE, or no such entry of a list
+    """
+    tables = dict(tables)
+    for text in settings:
+        words, value = _parsed(text)
+        tables = _placed(tables, words, value, f"--set {text}")
+    return tables
+
+
+def _parsed(text: str) -> tuple[list[str], Any]:
+    """Return the words of the key and the value, which is TOML's; quotes may be left out around a single word."""
+    key, _, value = text.partition("=")
+    plain = value.strip()
+    if _WORD.fullmatch(plain) and plain not in ("true", "false", "inf", "nan"):
+        value = f'"{plain}"'
+    try:
+        keys: Any = tomllib.loads(f"{key} = 0")
+        words = []
+        while isinstance(keys, dict) and len(keys) == 1:
+            ((word, keys),) = keys.items()
+            words.append(word)
+        values = tomllib.loads(f"value = {value}")
+    except tomllib.TOMLDecodeError:
+        words, values = [], {}
+    if not words or keys != 0 or list(values) != ["value"]:
+        raise CaseError(
+            f"--set {text}: expected KEY=VALUE with a value as in a scene file, as --set joints.dovetail.friction=0.2 "
+            "or --set 'response.levels=[5.0, 10.0]'"
+        )
+    return words, values["value"]
+
+
+def _placed(table: Mapping[str, Any], words: list[str], value: Any, where: str) -> dict[str, Any]:
+    """Return a table with a value at the place that ``words`` lead to; tables that are missing on the way are made."""
+    first, *rest = words
+    if not rest:
+        return {**table, first: value}
+    inner = table.get(first, {})
+    if isinstance(inner, tuple):
+        number, rest = _entry(first, inner, rest, where)
+        inner = tuple(_placed(entry, rest, value, where) if i == number else entry for i, entry in enumerate(inner))
+        return {**table, first: inner}
+    if not isinstance(inner, Mapping):
+        raise CaseError(f"{where}: {first} is a key and no table")
+    return {**table, first: _placed(inner, rest, value, where)}
+
+
+def _entry(table: str, entries: tuple, words: list[str], where: str) -> tuple[int, list[str]]:
+    """Return the index of the entry that the first of ``words`` names, and the words after it."""
+    word, *rest = words
+    names = [entry.get("name") if isinstance(entry, Mapping) else None for entry in entries]
+    if not all(isinstance(entry, Mapping) for entry in entries):
+        raise CaseError(f"{where}: {table} is a key and no table")
+    if not rest:
+        raise CaseError(f"{where}: of which [[{table}]]? Name it, as in {table}.{_words_for(names)[0]}.{word}")
+    if word in names:
+        return names.index(word), rest
+    if word.isdecimal() and 1 <= int(word) <= len(entries):
+        return int(word) - 1, rest
+    near = nearest(word, [name for name in names if isinstance(name, str)])
+    hint = f'; nearest is "{near}"' if near else f"; there {'is' if len(names) == 1 else 'are'} {listed(_words_for(names))}"
+    raise CaseError(f'{where}: there is no [[{table}]] "{word}"{hint}')
+
+
+def _words_for(names: list) -> list[str]:
+    """Return how each entry of a list of tables is named in a key: by its name, or by its number from 1."""
+    return [name if isinstance(name, str) and name else str(number) for number, name in enumerate(names, 1)]

@@ -1,0 +1,102 @@
+"""The scripts for clusters, run as a scheduler would: its variables set, from the folder that a job is sent from."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from matrix_scenes import write_matrix_scene
+from oracles import scenes
+from processes import LIMIT, MPIRUN, environment, wait_for
+from sources import ROOT
+
+from microslip.scene.read import read_scene
+
+SLURM, PBS = ROOT / "jobs" / "slurm.sh", ROOT / "jobs" / "pbs.sh"
+SAY = 'echo "$@" > said'  # in place of mpirun
+
+
+def job(folder, script, scene="scene.toml", values="", task=None, launcher=SAY):
+    """Return the process of a job: ``script`` with the scheduler's variables, an environment ``env`` and ``launcher``."""
+    commands = {"mpirun": launcher, "microslip": f'exec {sys.executable} -m microslip "$@"'}
+    (folder / "env" / "bin").mkdir(parents=True, exist_ok=True)
+    (folder / "env" / "bin" / "activate").write_text(f"PATH={folder}/env/bin:$PATH\n")
+    for name, command in commands.items():
+        (folder / "env" / "bin" / name).write_text(f"#!/bin/bash\n{command}\n")
+        (folder / "env" / "bin" / name).chmod(0o755)
+    if script == SLURM:
+        arguments, own = [scene, values][: 2 if values else 1 if scene else 0], {"SLURM_ARRAY_TASK_ID": task}
+    else:
+        arguments, own = [], {"PBS_O_WORKDIR": folder, "PBS_ARRAY_INDEX": task, "scene": scene, "values": values or None}
+    variables = environment() | {name: str(value) for name, value in own.items() if value is not None}
+    command = ["bash", str(script), *arguments]
+    where = folder if script == SLURM else folder.parent
+    return subprocess.Popen(command, cwd=where, env=variables, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+
+def ended(process):
+    """Return status and output of a job."""
+    said = process.communicate(timeout=LIMIT)[0]
+    return process.returncode, said
+
+
+@pytest.mark.parametrize("script", [SLURM, PBS], ids=["slurm", "pbs"])
+def test_what_is_launched(tmp_path, script):
+    (tmp_path / "values.txt").write_text("joints.a.friction=0.1\njoints.a.friction=0.2 response.levels=[1.0,2.0]\n")
+    assert ended(job(tmp_path, script, "jobs/fan.toml")) == (0, "")
+    assert (tmp_path / "said").read_text() == "microslip run jobs/fan.toml\n"
+    assert ended(job(tmp_path, script, "jobs/fan.toml", "values.txt", task=2)) == (0, "")
+    assert (tmp_path / "said").read_text() == (
+        "microslip run jobs/fan.toml --set=joints.a.friction=0.2 --set=response.levels=[1.0,2.0] --out results/fan_2\n"
+    )
+    assert ended(job(tmp_path, script, launcher="exit 3")) == (3, "")
+
+
+@pytest.mark.parametrize("script", [SLURM, PBS], ids=["slurm", "pbs"])
+def test_what_is_missing_is_said_and_nothing_is_launched(tmp_path, script):
+    (tmp_path / "values.txt").write_text("joints.a.friction=0.1\n")
+    for asked, message in (
+        ({"scene": ""}, "the scene is missing"),
+        ({"task": 1}, "an array needs values"),
+        ({"values": "values.txt", "task": 2}, "there is no line 2 of values in values.txt"),
+        ({"values": "nowhere.txt", "task": 1}, "nowhere.txt"),
+    ):
+        status, said = ended(job(tmp_path, script, **asked))
+        assert status != 0 and message in said and not (tmp_path / "said").exists()
+
+
+@pytest.mark.parametrize("script", [SLURM, PBS], ids=["slurm", "pbs"])
+def test_a_signal_to_the_script_reaches_the_run_whose_status_it_ends_with(tmp_path, script):
+    launcher = "trap 'kill $!; echo told > told; exit 5' TERM\nsleep 60 > /dev/null 2>&1 &\necho begun > begun\nwait"
+    process = job(tmp_path, script, launcher=launcher)
+    wait_for(tmp_path / "begun")
+    process.send_signal(signal.SIGTERM)
+    assert ended(process) == (5, "") and (tmp_path / "told").exists()
+
+
+def test_a_task_of_an_array_on_two_ranks(tmp_path):
+    write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02], (1.0, 1.6), outputs=[0], points=5)
+    (tmp_path / "values.txt").write_text("response.levels=[0.01]\nresponse.levels=[0.03] solver.harmonics=5\n")
+    status, said = ended(job(tmp_path, SLURM, values="values.txt", task=2, launcher=f'{MPIRUN} --oversubscribe -n 2 "$@"'))
+    assert status == 0, said
+    assert os.listdir(tmp_path / "results") == ["scene_2"]
+    out = tmp_path / "results" / "scene_2"
+    assert set(np.loadtxt(out / "frf.csv", delimiter=",", skiprows=1, usecols=0)) == {0.03}
+    assert "scene.toml --set response.levels=[0.03] --set solver.harmonics=5\n" in (out / "run.log").read_text()
+
+
+def test_the_values_that_come_along_fit_the_demo():
+    lines = (ROOT / "jobs" / "values.txt").read_text().splitlines()
+    assert len(lines) == 4
+    for line in lines:
+        read_scene(ROOT / "jobs" / "fan_small.toml", line.split())
+
+
+@pytest.mark.skipif(shutil.which("shellcheck") is None, reason="needs shellcheck")
+def test_shellcheck_finds_nothing():
+    files = [*(ROOT / "jobs").glob("*.sh"), ROOT / ".ci" / "run", ROOT / ".ci" / "packages"]
+    found = subprocess.run(["shellcheck", "--exclude=SC1091", *map(str, files)], capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stdout

@@ -1,0 +1,82 @@
+"""Keys of a scene that the command line sets: they arrive as if the file said so, and every mistake gives one message."""
+
+import pytest
+from scene_files import write_scene
+
+from microslip.parallel.errors import CaseError
+from microslip.scene.read import read_scene
+
+
+def said(folder, *settings):
+    """Return the message for the scene with keys set, without the file's name."""
+    path = write_scene(folder)
+    with pytest.raises(CaseError) as found:
+        read_scene(path, settings)
+    return str(found.value).removeprefix(f"{path} ")
+
+
+def test_values_arrive_where_they_are_set_and_nothing_else_changes(tmp_path):
+    path = write_scene(tmp_path)
+    settings = (
+        "joints.dovetail.friction=0.2",
+        "response.levels=[5.0, 10.0]",
+        "solver.method=receptance",
+        "loads.1.phase = 0.5",
+        'title="Fan, 0.2"',
+        "materials.titanium.poisson=0.3",
+        "solver.between_samples=return-map",
+    )
+    plain, scene = read_scene(path), read_scene(path, settings)
+    assert (scene.joints[0].friction, scene.response.levels, scene.solver.method) == (0.2, (5.0, 10.0), "receptance")
+    assert (scene.loads[0].phase, scene.title, scene.materials["titanium"].poisson) == (0.5, "Fan, 0.2", 0.3)
+    assert scene.solver.between_samples == "return-map"
+    back = (
+        "joints.dovetail.friction=0.3",
+        "response.levels=[1.0, 3.0, 5.0, 8.0]",
+        "solver.method=adaptive-energy",
+        "loads.1.phase=0.0",
+        f'title="{plain.title}"',
+        "materials.titanium.poisson=0.33",
+        "solver.between_samples=path",
+    )
+    again = read_scene(path, (*settings, *back)).model_dump()
+    assert again == {**plain.model_dump(), "solver": again["solver"]}
+
+
+def test_a_table_that_the_file_lacks_is_made(tmp_path):
+    path = write_scene(tmp_path)
+    assert read_scene(path).continuation is None
+    assert read_scene(path, ("continuation.ds_min=1e-5",)).continuation.ds_min == 1e-5
+
+
+def test_what_is_set_is_said_and_the_text_reads_as_the_scene(tmp_path):
+    path = write_scene(tmp_path)
+    scene = read_scene(path, ("joints.dovetail.friction=0.2", "solver.modes=8"))
+    assert scene.source == f"{path} --set joints.dovetail.friction=0.2 --set solver.modes=8"
+    assert read_scene(path).source == str(path)
+    (tmp_path / "again.toml").write_text(scene.text)
+    assert read_scene(tmp_path / "again.toml").model_dump() == scene.model_dump()
+
+
+@pytest.mark.parametrize(
+    "setting, message",
+    [
+        ("solver.modes", "expected KEY=VALUE with a value as in a scene file"),
+        ("=3", "expected KEY=VALUE"),
+        ("solver.modes=", "expected KEY=VALUE"),
+        ("response.levels=[5.0", "expected KEY=VALUE"),
+        ("solver.modes=8\nx=1", "expected KEY=VALUE"),
+        ("solver.mods=8", '[solver] mods: unknown key; nearest is "modes"'),
+        ("solvr.modes=8", "[solvr]: unknown table; nearest is [solver]"),
+        ("solver.modes=0.5", "[solver] modes = 0.5: expected"),
+        ("solver.method=receptanse", '[solver] method = "receptanse": expected'),
+        ("joints.dovetale.friction=0.2", 'there is no [[joints]] "dovetale"; nearest is "dovetail"'),
+        ("loads.2.phase=0.2", 'there is no [[loads]] "2"; there is 1'),
+        ("joints.friction=0.2", "of which [[joints]]? Name it, as in joints.dovetail.friction"),
+        ("title.length=3", "title is a key and no table"),
+        ("response.levels.1=3.0", "levels is a key and no table"),
+    ],
+)
+def test_a_mistake_is_said_with_what_was_set(tmp_path, setting, message):
+    text = said(tmp_path, setting)
+    assert text.startswith(f"--set {setting}: ") and message in text
