@@ -1,6 +1,7 @@
-"""A structure given as matrices by the user: K, M and optionally C, pairs by DOF numbers, loads and outputs by DOF.
+"""A structure given as matrices by the user: K, M and optionally C; pairs, loads and outputs by rows, or by nodes.
 
-DOF numbers count from 0 and are the rows of the matrices.
+DOF numbers count from 0 and are the rows of the matrices.  Which rows belong to which nodes is told by the matrices' own files,
+or by tables beside them: matrix_places.py.
 """
 
 from __future__ import annotations
@@ -15,13 +16,16 @@ import scipy.sparse.csgraph
 from petsc4py import PETSc
 
 from ..contact.laws import columns_of_joint, joined
-from ..mesh.data import ContactPairs
-from ..mesh.settings import Load, Output
+from ..formats.matrices.read import read_matrix
+from ..mesh.data import ContactPairs, Mesh
+from ..mesh.pairing import join_pairs, pair_contacts
+from ..mesh.settings import Joint, Load, Output
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.ownership import split_evenly
 from .force_file import forces_on_dofs
 from .maps import orders_of
-from .matrix_file import read_matrix
+from .matrix_checks import said_of
+from .matrix_places import Places, aligned, names_nodes, read_places
 from .pair_file import COLUMNS, GROUND, read_pairs
 from .settings import MatrixSettings, PairFile
 from .system import System
@@ -41,8 +45,11 @@ class GivenStructure:
     M: sp.csr_matrix  # (n_dof, n_dof) kg
     C: sp.csr_matrix | None  # (n_dof, n_dof) N s/m
     pairs: ContactPairs
-    dofs: np.ndarray  # (n_pairs, 6) x, y, z of body 1, x, y, z of body 2; -1 is ground
+    R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement of the pairs
     loads: sp.csc_matrix  # (n_dof, n_loads) real shapes of the loads, per unit level
+    outputs: sp.csr_matrix  # (n_outputs, n_dof)
+    places: Places | None = None  # nodes, where rows belong to some
+    notes: tuple[str, ...] = ()  # what the files say of themselves, for the log
 
     @property
     def n_dof(self) -> int:
@@ -51,6 +58,11 @@ class GivenStructure:
     @property
     def n_massless(self) -> int:
         return int(np.count_nonzero(self.M.diagonal() == 0.0))
+
+    @property
+    def mesh(self) -> Mesh | None:
+        """The nodes, with elements where [model] nodes is a mesh file; None where rows belong to none."""
+        return None if self.places is None else self.places.mesh
 
 
 def read_structure(settings: MatrixSettings) -> GivenStructure:
@@ -64,7 +76,12 @@ def read_structure(settings: MatrixSettings) -> GivenStructure:
     ResourceError : not enough memory
     """
     files = settings.files
-    matrices = {key: read_matrix(file, f"[model] {key}", _SYMBOLS[key]) for key, file in files.items()}
+    found = {
+        key: read_matrix(files[key], f"[model] {key}", symbol, settings.names.get(key))
+        for key, symbol in _SYMBOLS.items()
+        if key in files
+    }
+    matrices, dofs = aligned(found, dict(files))
     K, M, C = (matrices.get(key) for key in _SYMBOLS)
     n_dof = K.shape[0]
     for key, matrix in matrices.items():
@@ -73,16 +90,36 @@ def read_structure(settings: MatrixSettings) -> GivenStructure:
                 f"{files[key]}: [model] {key} is {matrix.shape[0]} x {matrix.shape[1]}, but the stiffness {n_dof} x {n_dof}"
             )
     _check_mass(M, C, f"{files['mass']}: [model] mass")
-    named: dict[str, Sequence[Load | Output]] = {"loads": settings.loads, "outputs": settings.outputs}
-    for table, entries in named.items():
-        for i, entry in enumerate(entries, 1):
-            if not _is_elsewhere(entry) and (entry.dof is None or entry.dof >= n_dof):
-                raise CaseError(f"{settings.where}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
     if K.nnz > _MOST_ENTRIES:
         raise ResourceError(
             f"{files['stiffness']}: [model] stiffness has {K.nnz} entries; this version reads {_MOST_ENTRIES} at most"
         )
-    return GivenStructure(K, M, C, *_read_joints(settings.joints, n_dof), _load_map(settings.loads, n_dof))
+    places = read_places(settings, dofs, n_dof)
+    _check_dofs(settings, n_dof, places)
+    notes = tuple(note for each in found.values() for note in each.notes)
+    notes += () if places is None else places.mesh.notes
+    notes += tuple(said_of(K, M, {key: each.skew for key, each in found.items()}, places))
+    pairs, R = _read_joints(settings, n_dof, places)
+    loads, outputs = _load_map(settings.loads, n_dof, places), _output_map(settings.outputs, n_dof, places)
+    return GivenStructure(K, M, C, pairs, R, loads, outputs, places, notes + pairs.notes)
+
+
+def _check_dofs(settings: MatrixSettings, n_dof: int, places: Places | None) -> None:
+    """Raise CaseError for loads and outputs on rows that are not there, and on nodes that nobody tells of."""
+    named: dict[str, Sequence[Load | Output]] = {"loads": settings.loads, "outputs": settings.outputs}
+    for table, entries in named.items():
+        for i, entry in enumerate(entries, 1):
+            if _is_elsewhere(entry) or (entry.dof is None and places is not None):
+                continue
+            if entry.dof is None:
+                raise CaseError(
+                    f"{settings.where}: [[{table}]] {i}: the files of the matrices tell no nodes; state [model] dofs, or name "
+                    "a dof"
+                )
+            if entry.dof >= n_dof:
+                raise CaseError(f"{settings.where}: [[{table}]] {i} dof = {entry.dof}: the matrices have DOFs 0 to {n_dof - 1}")
+    if places is None and any(isinstance(joint, Joint) for joint in settings.joints):
+        raise CaseError(f"{settings.where}: [[joints]] node_pairs: the files of the matrices tell no nodes; state [model] dofs")
 
 
 def _is_elsewhere(entry: Load | Output) -> bool:
@@ -107,8 +144,21 @@ def _check_mass(M: sp.csr_matrix, C: sp.csr_matrix | None, where: str) -> None:
                 )
 
 
-def _read_joints(joints: Sequence[PairFile], n_dof: int) -> tuple[ContactPairs, np.ndarray]:
-    """Return the pairs of all joints and their DOFs, (n_pairs, 6)."""
+def _read_joints(settings: MatrixSettings, n_dof: int, places: Places | None) -> tuple[ContactPairs, sp.csr_matrix]:
+    """Return the pairs of all joints and their R, (3 n_pairs, n_dof): those by DOFs first."""
+    by_dof = [joint for joint in settings.joints if isinstance(joint, PairFile)]
+    by_node = [joint for joint in settings.joints if isinstance(joint, Joint)]
+    pairs, dofs = _pairs_of_dofs(by_dof, n_dof)
+    R = _pair_map(dofs, n_dof)
+    if not by_node:
+        return pairs, R
+    assert places is not None, "checked with the scene's joints"
+    of_nodes = pair_contacts(places.mesh, by_node)
+    return join_pairs(pairs, of_nodes), sp.vstack([R, places.pair_map(of_nodes)]).tocsr()
+
+
+def _pairs_of_dofs(joints: Sequence[PairFile], n_dof: int) -> tuple[ContactPairs, np.ndarray]:
+    """Return the pairs of joints by DOFs, and those, (n_pairs, 6): x, y, z of body 1, x, y, z of body 2; -1 is ground."""
     tables, names, separate, laws, own = [np.empty((0, len(COLUMNS)))], [], [], [], []
     for joint in joints:
         table = read_pairs(joint.file, n_dof, joint.law)
@@ -138,14 +188,31 @@ def _read_joints(joints: Sequence[PairFile], n_dof: int) -> tuple[ContactPairs, 
     return pairs, table[:, :6].astype(int)
 
 
-def _load_map(loads: Sequence[Load], n_dof: int) -> sp.csc_matrix:
-    """Return one column per real shape of the loads: a scale at a DOF, or the forces of a file."""
+def _load_map(loads: Sequence[Load], n_dof: int, places: Places | None) -> sp.csc_matrix:
+    """Return one column per real shape of the loads: a scale at a DOF, a force on nodes, or the forces of a file."""
     columns = []
-    for load in loads:
+    for i, load in enumerate(loads, 1):
+        on_nodes = load.dof is None if load.forces is None else places is not None and names_nodes(load.forces)
+        if on_nodes and places is not None:
+            columns.append(places.of_load(load, f"[[loads]] {i}").T.tocsc())
+            continue
         dofs, forces = ([load.dof], np.array([load.scale + 0j])) if load.forces is None else forces_on_dofs(load.forces, n_dof)
         at = dofs, np.zeros(len(dofs), dtype=int)
         columns += [sp.csc_matrix((part, at), (n_dof, 1)) for part in (forces.real, forces.imag)[: len(load.phases)]]
     return sp.hstack(columns, format="csc") if columns else sp.csc_matrix((n_dof, 0))
+
+
+def _output_map(outputs: Sequence[Output], n_dof: int, places: Places | None) -> sp.csr_matrix:
+    """Return one row an output, an empty one of a contact force.  Local."""
+    rows = []
+    for i, output in enumerate(outputs, 1):
+        if output.dof is not None:
+            rows.append(sp.csr_matrix(([1.0], ([0], [output.dof])), (1, n_dof)))
+        elif output.joint is not None or places is None:
+            rows.append(sp.csr_matrix((1, n_dof)))
+        else:
+            rows.append(places.of_output(output, f"[[outputs]] {i} ({output.name!r})"))
+    return sp.vstack(rows).tocsr() if rows else sp.csr_matrix((0, n_dof))
 
 
 # -- on all ranks ----------------------------------------------------------------------------------------------
@@ -157,24 +224,35 @@ def distribute_structure(given: GivenStructure | None, settings: MatrixSettings,
     Collective on ``comm``.  ``given`` on rank 0, None elsewhere; a rank may get no row.
     """
     here = given is not None
-    pairs, dofs, loads, has_damping = comm.bcast((given.pairs, given.dofs, given.loads, given.C is not None) if here else None)
+    small = None
+    if given is not None:
+        small = given.pairs, given.R, given.loads, given.outputs, _nodes_of(given), given.C is not None
+    pairs, R, loads, outputs, dof, has_damping = comm.bcast(small)
     K, M = (_distribute(getattr(given, name, None), comm) for name in "KM")
     C = _distribute(given.C if here else None, comm) if has_damping else None
     part, names = comm.bcast(_connected(given.K) if here else None)
-    n_dof, (first, last) = K.getSize()[0], K.getOwnershipRange()
+    first, last = K.getOwnershipRange()
     return System(
         comm=comm,
         K=K,
         M=M,
         C=C,
-        R=_pair_map(dofs, n_dof),
+        R=R,
         loads=loads,
-        outputs=_output_map(settings.outputs, n_dof),
-        dof=None,
+        outputs=outputs,
+        dof=dof,
         parts=part[first:last],
         part_names=names,
         output_orders=orders_of(settings.outputs),
     ), pairs
+
+
+def _nodes_of(given: GivenStructure) -> np.ndarray | None:
+    """Return the rows of the nodes of a mesh that fields can be drawn on, (n_nodes, 3); None where there is none."""
+    places = given.places
+    if places is None or not places.mesh.elements or places.expand.shape[0] > given.n_dof:
+        return None
+    return places.dof
 
 
 def _pair_map(dofs: np.ndarray, n_dof: int) -> sp.csr_matrix:
@@ -185,13 +263,6 @@ def _pair_map(dofs: np.ndarray, n_dof: int) -> sp.csr_matrix:
         is_free = own != GROUND
         R = R + sp.csr_matrix((np.full(is_free.sum(), sign), (rows[is_free], own[is_free])), R.shape)
     return R.tocsr()
-
-
-def _output_map(outputs: Sequence[Output], n_dof: int) -> sp.csr_matrix:
-    """Return one row an output, an empty one of a contact force.  Local."""
-    at = [(i, output.dof) for i, output in enumerate(outputs) if output.dof is not None]
-    rows, dofs = np.array(at, dtype=int).reshape(-1, 2).T
-    return sp.csr_matrix((np.ones(len(at)), (rows, dofs)), (len(outputs), n_dof))
 
 
 def _connected(K: sp.csr_matrix) -> tuple[np.ndarray, tuple[str, ...]]:

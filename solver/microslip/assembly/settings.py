@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ..mesh.settings import Load, Output
+from ..mesh.settings import Joint, Load, Output
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,8 +25,12 @@ class PairFile:
 class MatrixSettings:
     """A structure given as matrices; DOFs count from 0."""
 
-    files: Mapping[str, Path]  # of "stiffness", "mass" and, where there is one, "damping"
-    joints: tuple[PairFile, ...] = ()
+    files: Mapping[str, Path]  # of "stiffness", "mass" and, where there is one, "damping", "recovery"
+    names: Mapping[str, str] = field(default_factory=dict)  # of matrices in files of several, where they are stated
+    dofs: Path | None = None  # node and direction of each row
+    nodes: Path | None = None  # where the nodes are: a table or a mesh
+    recovery_dofs: Path | None = None  # node and direction of each row of the recovery matrix
+    joints: tuple[PairFile | Joint, ...] = ()  # by DOFs; by nodes
     loads: tuple[Load, ...] = ()
     outputs: tuple[Output, ...] = ()
     where: str = ""  # the scene file, for messages

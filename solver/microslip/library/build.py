@@ -43,7 +43,7 @@ class Structure(StuckStructure):
     """The stuck structure of a scene."""
 
     scene: Scene
-    mesh: Mesh | None  # rank 0 only; None of a scene given as matrices
+    mesh: Mesh | None  # rank 0 only; None of a scene given as matrices whose rows belong to no nodes
     bolts: BoltsAtRest | None = None
 
     @property
@@ -147,10 +147,12 @@ def brought_to_rest(
     return replace(system, K=K), at_rest(pairs, rest), rest.bolts
 
 
-def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[None, System, ContactPairs, None]:
-    """Return matrices and pairs of a scene given as matrices.  Collective."""
+def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs, None]:
+    """Return nodes (on rank 0, where there are any), matrices and pairs of a scene given as matrices.  Collective."""
     settings = matrix_settings(scene)
     with log.stage("matrices and contact pairs"):
         given = on_root(comm, read_structure, settings, share=False)
         system, pairs = distribute_structure(given, settings, comm)
-    return None, system, pairs, None
+    for note in on_root(comm, lambda: given.notes):
+        log.note(note)
+    return (None if given is None else given.mesh), system, pairs, None

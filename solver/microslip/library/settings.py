@@ -30,6 +30,8 @@ from ..modes.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
 from ..scene.joint_laws import OWN
+from ..scene.matrix_names import KEYS as KEYS_OF_MATRICES
+from ..scene.matrix_names import split_name
 from ..scene.schema import DEFAULT_ACCURACY, Scene
 
 KEYS = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # of [solver], for each part of the accuracy
@@ -58,19 +60,14 @@ def mesh_settings(scene: Scene) -> MeshSettings:
 
 def matrix_settings(scene: Scene) -> MatrixSettings:
     """Return the structure of a scene given as matrices.  Local."""
-    files = {key: getattr(scene.model, key) for key in ("stiffness", "mass", "damping")}
+    stated = {key: file for key in KEYS_OF_MATRICES if (file := getattr(scene.model, key)) is not None}
+    split = {key: split_name(file, scene.folder) for key, file in stated.items()}
+    beside = {key: getattr(scene.model, key) for key in ("dofs", "nodes", "recovery_dofs")}
     return MatrixSettings(
-        files={key: scene.folder / file for key, file in files.items() if file is not None},
-        joints=tuple(
-            PairFile(
-                name=joint.name,
-                file=scene.folder / (joint.pairs or ""),
-                separate=joint.friction_limit == "separate",
-                law=joint.law,
-                keys=_keys_of_law(joint),
-            )
-            for joint in scene.joints
-        ),
+        files={key: scene.folder / file for key, (file, _) in split.items()},
+        names={key: name for key, (_, name) in split.items() if name is not None},
+        joints=tuple(_joint(joint, scene) if joint.pairs is None else _pair_file(joint, scene) for joint in scene.joints),
+        **{key: None if file is None else scene.folder / file for key, file in beside.items()},
         loads=loads(scene),
         outputs=outputs(scene),
         where=str(scene.path),
@@ -215,15 +212,27 @@ def _point(point: schema.Point) -> Point:
     )
 
 
+def _pair_file(joint: schema.Joint, scene: Scene) -> PairFile:
+    return PairFile(
+        name=joint.name,
+        file=scene.folder / (joint.pairs or ""),
+        separate=joint.friction_limit == "separate",
+        law=joint.law,
+        keys=_keys_of_law(joint),
+    )
+
+
 def _joint(joint: schema.Joint, scene: Scene) -> Joint:
-    """Return a joint of surfaces; the scene has been checked to state all of it."""
-    assert joint.surfaces is not None, "a scene with a mesh has joints of surfaces"
-    kept = ("name", "surfaces", "tolerance", "pairing", "tangent", "law", "fields")
+    """Return a joint of surfaces or of node pairs; the scene has been checked to state all of it."""
+    assert joint.pairs is None, "pairs of DOFs are a PairFile"
+    kept = ("name", "tolerance", "pairing", "tangent", "law", "fields")
     plane = None
     if joint.plane_point is not None and joint.plane_normal is not None:
         plane = GroundPlane(point=joint.plane_point, normal=joint.plane_normal)
     return Joint(
         plane=plane,
+        surfaces=joint.surfaces or (joint.node_pairs or "",),
+        node_pairs=None if joint.node_pairs is None else scene.folder / joint.node_pairs,
         gap=joint.gap if plane is None else GEOMETRY,
         preload=0.0 if isinstance(joint.preload, str) else joint.preload or 0.0,
         separate=joint.friction_limit == "separate",

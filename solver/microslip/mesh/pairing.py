@@ -14,6 +14,7 @@ from ..parallel.words import place
 from .contact_points import ContactPoints, heaviest
 from .data import ContactPairs, Mesh
 from .ground import grounded
+from .listed import listed_nodes
 from .matching import NotMatching, matching_nodes
 from .overlap import overlapping_faces
 from .projected import projected_nodes
@@ -49,6 +50,25 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
     return ContactPairs(joint=names, faces=tuple(faces), notes=tuple(notes), **joined)
 
 
+def join_pairs(first: ContactPairs, second: ContactPairs) -> ContactPairs:
+    """Return the pairs of both, those of joints by DOFs first; weights of nodes are left to the maps made of them.  Local."""
+    if first.n_pairs == 0:
+        return second
+    shared = {"joint", "faces", "notes", "own", "weights1", "weights2"}
+    columns = {
+        name: np.concatenate([getattr(first, name), getattr(second, name)])
+        for name in ContactPairs.__dataclass_fields__
+        if name not in shared
+    }
+    return ContactPairs(
+        joint=first.joint + second.joint,
+        faces=tuple(faces + first.n_pairs for faces in second.faces),
+        notes=first.notes + second.notes,
+        own=joined_columns([(first.n_pairs, first.own), (second.n_pairs, second.own)]),
+        **columns,
+    )
+
+
 def _no_pairs() -> ContactPairs:
     none, nodes = np.zeros(0), np.zeros(0, dtype=np.int64)
     return ContactPairs(
@@ -66,7 +86,10 @@ def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
     Raises
     ------
     MeshError : surfaces that do not meet, face away or share nodes
+    CaseError : a file of node pairs is at fault
     """
+    if joint.node_pairs is not None:
+        return listed_nodes(mesh, joint)
     first = surface_of(mesh, joint.surfaces[0])
     if len(joint.surfaces) == 1:
         return grounded(mesh, joint, first)

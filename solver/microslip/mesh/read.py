@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from ..formats.read import read_model
 from ..parallel.errors import MeshError
 from ..parallel.words import nearest
 from .data import ElementBlock, FaceBlock, Mesh, Outside
-from .settings import MeshSettings
+from .settings import Body, MeshSettings
 
 SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13")
+_EVERYTHING = "all elements of the file"
 _ADVICE = {
     "hex27": "; in Gmsh set Mesh.SecondOrderIncomplete = 1 for hex20",
     "wedge18": "; in Gmsh set Mesh.SecondOrderIncomplete = 1 for wedge15",
@@ -38,6 +40,28 @@ def read_mesh(settings: MeshSettings, file: FileModel | None = None) -> Mesh:
     try:
         _check_groups(file, settings)
         return _compose(path, file, settings)
+    except MeshError as problem:
+        raise type(problem)(f"{path}: {problem}") from None
+
+
+def read_whole(path: Path) -> Mesh:
+    """Return a mesh file whole, in its own unit: every solid element belongs to one body that no scene names.  Local.
+
+    Raises
+    ------
+    MeshError, CaseError : the file is at fault, or has no solid elements
+    """
+    file = read_model(path)
+    everything = Group()
+    for i, cells in enumerate(file.cells):
+        if KINDS.get(cells.kind, (0, 0))[0] == 3:
+            everything.add_cells(i, np.arange(len(cells.nodes)))
+    if not everything.cells:
+        raise MeshError(f"{path}: the file has no solid elements")
+    file = replace(file, groups={**file.groups, _EVERYTHING: everything}, equations=None)
+    body = Body(group=_EVERYTHING, young=1.0, poisson=0.0, density=1.0)
+    try:
+        return _compose(str(path), file, MeshSettings(file=path, bodies={_EVERYTHING: body}))
     except MeshError as problem:
         raise type(problem)(f"{path}: {problem}") from None
 

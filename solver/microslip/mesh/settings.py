@@ -106,6 +106,7 @@ class Joint:
     tangent: Vector | None = None  # whose projection is x of the pairs; None: a model axis
     parameters: Path | None = None  # a file of values for each contact point
     fields: Mapping[str, str] = field(default_factory=dict)  # names of values: fields of the mesh that have them
+    node_pairs: Path | None = None  # a file that lists the pairs, in place of surfaces
     law: str = "elastic-coulomb"  # of contact/laws.py
     keys: Mapping[str, Any] = field(default_factory=dict)  # of the law, beside those above
 

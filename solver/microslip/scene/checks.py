@@ -8,6 +8,7 @@ from typing import Any
 
 from ..parallel.words import nearest
 from .joint_laws import ELASTIC_COULOMB
+from .matrix_names import KEYS, may_know_nodes, split_name
 from .schema import Scene, Statics
 
 
@@ -39,6 +40,8 @@ def _of_a_mesh(scene: Scene) -> list[str]:
     for where, joint in _numbered(scene, "joints"):
         if joint.pairs is not None:
             found.append(f"{where} pairs: belongs to a model given as matrices; with a mesh, name two surfaces")
+        if joint.node_pairs is not None:
+            found.append(f"{where} node_pairs: belongs to a model given as matrices; with a mesh, name two surfaces")
     for where, entry in _numbered(scene, "loads", "outputs"):
         if entry.dof is not None:
             found.append(f"{where} dof: belongs to a model given as matrices; with a mesh, name a position or a node")
@@ -57,9 +60,13 @@ def _of_matrices(scene: Scene) -> list[str]:
         ("[[springs]]", scene.springs),
     )
     found = [f"{table}: belongs to a mesh; the matrices must hold it already" for table, entries in held if entries]
+    knows_nodes = may_know_nodes(scene.model, scene.folder)
+    has_mesh = scene.model.nodes is not None and not scene.model.nodes.lower().endswith(".csv")
     for where, joint in _numbered(scene, "joints"):
-        if joint.surfaces is not None:
+        if joint.surfaces is not None and not (knows_nodes and has_mesh):
             found.append(f"{where} surfaces: belongs to a mesh; with matrices, give pairs, the path of a CSV file")
+        if joint.node_pairs is not None and not knows_nodes:
+            found.append(f"{where} node_pairs: the matrices tell no nodes; state [model] dofs, node and direction of each row")
     for where, entry in _numbered(scene, "loads", "outputs"):
         if getattr(entry, "pressure", None) is not None:
             found.append(
@@ -73,9 +80,14 @@ def _of_matrices(scene: Scene) -> list[str]:
             found.append(f'{where} quantity = "{entry.quantity}": a model given as matrices has no elements')
         elif getattr(entry, "absolute", False):
             found.append(f"{where} absolute: a model given as matrices has no base")
-        elif entry.dof is None and getattr(entry, "forces", None) is None and getattr(entry, "joint", None) is None:
+        elif entry.point is not None or (not knows_nodes and _is_nowhere(entry)):
             found.append(f"{where}: a model given as matrices has no nodes; name a dof, a row of the matrices counted from 0")
     return found
+
+
+def _is_nowhere(entry: Any) -> bool:
+    """Return whether a load or an output is at no DOF, and neither forces of a file nor the contact force of a joint."""
+    return entry.dof is None and getattr(entry, "forces", None) is None and getattr(entry, "joint", None) is None
 
 
 def _numbered(scene: Scene, *tables: str) -> list[tuple[str, Any]]:
@@ -293,11 +305,13 @@ def _mode(scene: Scene) -> list[str]:
 def missing_files(scene: Scene) -> list[str]:
     """Return which of the scene's files are not there, a text each.  Local."""
     model = scene.model
-    named = [(f"[model] {key}", getattr(model, key)) for key in ("mesh", "stiffness", "mass", "damping")]
+    named = [(f"[model] {key}", getattr(model, key)) for key in ("mesh", "dofs", "nodes", "recovery_dofs")]
+    given = [(key, getattr(model, key)) for key in KEYS if getattr(model, key) is not None]
+    named += [(f"[model] {key}", split_name(file, scene.folder)[0]) for key, file in given]
     named += [
         (f'[[joints]] {i} ("{joint.name}") {key}', getattr(joint, key))
         for i, joint in enumerate(scene.joints, 1)
-        for key in ("pairs", "parameters")
+        for key in ("pairs", "node_pairs", "parameters")
     ]
     named += [(f"[[loads]] {i} forces", load.forces) for i, load in enumerate(scene.loads, 1)]
     return [found for where, file in named if file is not None and (found := _missing(where, file, scene.folder))]

@@ -49,7 +49,7 @@ def check_law(joint: Joint) -> None:
     for key in ("friction", "tangential_stiffness"):
         if isinstance(getattr(joint, key), tuple):
             _check_directions(joint, key)
-    if joint.law == ROUGH and joint.surfaces is not None:
+    if joint.law == ROUGH and joint.pairs is None:
         _check_rough(joint)
 
 

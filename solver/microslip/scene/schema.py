@@ -125,19 +125,29 @@ class Model(Table):
     stiffness: str | None = Field(None, min_length=1, description="the path of the stiffness matrix")
     mass: str | None = Field(None, min_length=1, description="the path of the mass matrix")
     damping: str | None = Field(None, min_length=1, description="the path of the damping matrix")
+    dofs: str | None = Field(None, min_length=1, description="the path of a CSV file with node and direction of each row")
+    nodes: str | None = Field(
+        None, min_length=1, description="the path of a CSV file with node,x,y,z in m, or of a mesh file in metres"
+    )
+    recovery: str | None = Field(None, min_length=1, description="the path of the recovery matrix of a superelement")
+    recovery_dofs: str | None = Field(
+        None, min_length=1, description="the path of a CSV file with node and direction of each row of the recovery matrix"
+    )
     axis: Direction | None = Field(None, description="the direction of the axis of rotation, three numbers [x, y, z], not all 0")
     axis_point: Vector = Field((0.0, 0.0, 0.0), description="a point of the axis of rotation, three coordinates [x, y, z] in m")
 
     @model_validator(mode="after")
     def _mesh_or_matrices(self):
         if self.exactly_one("mesh", "stiffness") == "mesh":
-            for key in ("mass", "damping"):
+            for key in ("mass", "damping", "dofs", "nodes", "recovery", "recovery_dofs"):
                 if getattr(self, key) is not None:
                     raise ValueError(f"{key} belongs to a model given as matrices; this one has a mesh")
             if self.units is not None and "scale" in self.model_fields_set:
                 raise ValueError("scale belongs to a mesh without units; units states the length already")
         elif self.mass is None:
             raise ValueError("mass is missing: a model given as matrices needs stiffness and mass")
+        elif self.recovery is None and self.recovery_dofs is not None:
+            raise ValueError("recovery_dofs names the rows of a recovery matrix, and recovery is missing")
         for key in ("scale", "units", "take", "ignore"):
             if self.mesh is None and key in self.model_fields_set:
                 raise ValueError(f"{key} belongs to a mesh; matrices are taken in SI units, as they are")
@@ -282,6 +292,11 @@ class Joint(Table):
         "auto", description='"nodes" that match, "points" or "projected" nodes of any meshes, or "auto"'
     )
     pairs: str | None = Field(None, min_length=1, description="the path of a CSV file of contact pairs")
+    node_pairs: str | None = Field(
+        None,
+        min_length=1,
+        description="the path of a CSV file of pairs of nodes with normals and areas, of a model given as matrices",
+    )
     law: Literal["elastic-coulomb", "rough", "iwan"] = Field(
         "elastic-coulomb", description='the contact law, "elastic-coulomb", "rough" or "iwan"'
     )
@@ -334,7 +349,8 @@ class Joint(Table):
     def _complete(self):
         has_gap = self.gap != 0.0 or self.against == "plane"
         needed = [*NEEDED[self.law]] + ["preload"] * (not has_gap and self.law in LAWS_OF_KEY["preload"])
-        has_pairs = self.exactly_one("surfaces", "pairs") == "pairs"
+        kind = self.exactly_one("surfaces", "pairs", *["node_pairs"] * (self.node_pairs is not None))
+        has_pairs = kind == "pairs"
         if has_pairs:
             given = sorted({*OF_FILE, *OF_SURFACES} & self.model_fields_set)
             if given:
@@ -348,8 +364,19 @@ class Joint(Table):
         if has_gap and self.preload and self.preload != "static":
             gap = f"gap = {self.gap:g}" if isinstance(self.gap, float) and self.gap else "a gap from the geometry"
             raise ValueError(f"{gap} with preload = {self.preload}: an open joint carries no preload; keep one")
-        self._grounded()
+        if kind == "node_pairs":
+            self._of_nodes()
+        else:
+            self._grounded()
         return self
+
+    def _of_nodes(self) -> None:
+        """Raise ValueError for keys that find pairs, or that need a mesh: a file lists them."""
+        for key in ("against", "plane_point", "plane_normal", "pairing", "tolerance", "fields"):
+            if key in self.model_fields_set:
+                raise ValueError(f"{key} belongs to a joint of surfaces; node_pairs lists the pairs")
+        if self.gap == "geometry" or self.preload == "static":
+            raise ValueError("a joint of node_pairs states gap and preload as numbers, or in a file, parameters")
 
     def _grounded(self) -> None:
         """Raise ValueError unless one surface comes with ground and two without, and a plane with its place."""

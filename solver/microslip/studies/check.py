@@ -105,9 +105,10 @@ def needs_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
     return [
         f"scene      {scene.source}: no fault found",
         f"matrices   {given.n_dof} DOF{massless}; entries: stiffness {given.K.nnz}, mass {given.M.nnz}{damping}",
+        *(f"           {note}" for note in given.notes),
         *_joints(given.pairs),
         *(f"load {i}     {_load_on_dofs(load)}, harmonic {load.harmonic}" for i, load in enumerate(scene.loads, 1)),
-        *(f"output     {output.name}: {_output_on(output, f'DOF {output.dof}')}" for output in scene.outputs),
+        *(f"output     {output.name}: {_output_on(output, _place_of(output))}" for output in scene.outputs),
         *_solution(scene, given.n_dof, given.pairs.n_pairs),
     ]
 
@@ -168,7 +169,18 @@ def _joints(pairs: ContactPairs) -> list[str]:
 
 def _load_on_dofs(load: Load) -> str:
     """Say where a load on matrices acts."""
-    return f"DOF {load.dof}, scale {load.scale:g}" if load.forces is None else f"forces of {load.forces}"
+    if load.forces is not None:
+        return f"forces of {load.forces}"
+    return f"DOF {load.dof}, scale {load.scale:g}" if load.dof is not None else _place_of(load)
+
+
+def _place_of(entry: Load | Output) -> str:
+    """Say where a load or an output on matrices is meant to be."""
+    if entry.dof is not None:
+        return f"DOF {entry.dof}"
+    group = getattr(entry, "group", None)
+    at = f"the nodes of {group}" if group else f"node {entry.node}" if entry.node is not None else f"{entry.position} m"
+    return f"{at} along {entry.direction}"
 
 
 def _load_at(mesh: Mesh, load: Load, nodes: np.ndarray) -> str:

@@ -5,7 +5,7 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 
-from microslip.assembly.matrix_file import read_matrix
+from microslip.formats.matrices.read import read_matrix
 from microslip.parallel.errors import CaseError, ResourceError
 
 K = np.array([[4.0, -1.0, 0.0], [-1.0, 3.0, 0.5], [0.0, 0.5, 2.0e6]])
@@ -34,7 +34,7 @@ def message(path):
 @pytest.mark.parametrize("ending", ["mtx", "mat", "npz"])
 @pytest.mark.parametrize("form", [np.array, sp.csr_matrix, sp.csc_matrix, sp.coo_matrix])
 def test_every_format_holds_the_same_matrix(tmp_path, ending, form):
-    found = read_matrix(save(tmp_path / f"K.{ending}", form(K)), "[model] stiffness", "K")
+    found = read_matrix(save(tmp_path / f"K.{ending}", form(K)), "[model] stiffness", "K").matrix
     assert found.dtype == float and sp.isspmatrix_csr(found)
     np.testing.assert_array_equal(found.toarray(), K)
 
@@ -42,7 +42,7 @@ def test_every_format_holds_the_same_matrix(tmp_path, ending, form):
 @pytest.mark.parametrize("ending", ["mat", "npz"])
 def test_of_several_variables_the_one_named_like_the_matrix_is_taken(tmp_path, ending):
     path = save(tmp_path / f"model.{ending}", 7.0 * K, K=K)
-    np.testing.assert_array_equal(read_matrix(path, "[model] stiffness", "K").toarray(), K)
+    np.testing.assert_array_equal(read_matrix(path, "[model] stiffness", "K").matrix.toarray(), K)
     with pytest.raises(CaseError, match="one variable, or with one named M; this one has K, value"):
         read_matrix(path, "[model] mass", "M")
 
@@ -50,12 +50,12 @@ def test_of_several_variables_the_one_named_like_the_matrix_is_taken(tmp_path, e
 def test_entries_that_a_file_repeats_are_added_and_whole_numbers_will_do(tmp_path):
     path = tmp_path / "K.MTX"
     path.write_text("%%MatrixMarket matrix coordinate integer symmetric\n% a comment\n2 2 3\n1 1 2\n1 1 3\n2 1 -1\n")
-    np.testing.assert_array_equal(read_matrix(path, "[model] stiffness", "K").toarray(), [[5.0, -1.0], [-1.0, 0.0]])
+    np.testing.assert_array_equal(read_matrix(path, "[model] stiffness", "K").matrix.toarray(), [[5.0, -1.0], [-1.0, 0.0]])
 
 
 def test_what_rounding_left_of_symmetry_is_evened_out(tmp_path):
     noisy = K * (1.0 + 1e-12 * np.random.default_rng(1).standard_normal(K.shape))
-    found = read_matrix(save(tmp_path / "K.npz", noisy), "[model] stiffness", "K").toarray()
+    found = read_matrix(save(tmp_path / "K.npz", noisy), "[model] stiffness", "K").matrix.toarray()
     np.testing.assert_array_equal(found, found.T)
     np.testing.assert_allclose(found, K, rtol=1e-11)
 

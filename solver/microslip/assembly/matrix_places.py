@@ -1,0 +1,241 @@
+"""Nodes and directions of a structure given as matrices: what lets loads, outputs and joints name nodes in place of rows.
+
+A superelement has rows q of its own and a recovery matrix, u = T q: both are places, those of q first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..formats.matrices.file_matrix import DIRECTIONS, DofMap, FileMatrix
+from ..formats.matrices.read import read_any
+from ..formats.model import index_of
+from ..mesh.data import ContactPairs, Mesh
+from ..mesh.locate import find_node
+from ..mesh.nodes import nodes_alone, read_nodes
+from ..mesh.settings import Load, Output
+from ..parallel.csv_table import numbered_rows, read_table
+from ..parallel.errors import CaseError
+from .force_file import forces_on_nodes
+from .maps import pair_map
+from .settings import MatrixSettings
+
+
+@dataclass(frozen=True)
+class Places:
+    """The nodes that are known, and where their displacements are.  Rank 0 only."""
+
+    mesh: Mesh  # nodes and their places (NaN where nobody told them); with elements and groups where it is a mesh file
+    dof: np.ndarray  # (n_nodes, 3) place of each displacement, -1 where there is none
+    expand: sp.csr_matrix  # (n_places, n_dof) displacements of all places from the rows: 1, and below it T
+
+    def name_of(self, row: int) -> str:
+        """Return the node that a row belongs to, or the row's number."""
+        node = np.flatnonzero((self.dof == row).any(axis=1))
+        return f"node {self.mesh.numbers[node[0]]}" if len(node) else f"DOF {row}"
+
+    def on_rows(self, row: sp.spmatrix) -> sp.csr_matrix:
+        """Return what acts on places (n, n_places) as what acts on the rows of the matrices, (n, n_dof)."""
+        return (row @ self.expand).tocsr()
+
+    def pair_map(self, pairs: ContactPairs, names: tuple[str, str] = ("node1", "node2")) -> sp.csr_matrix:
+        """Return R of pairs of nodes, (3 n_pairs, n_dof).
+
+        Raises
+        ------
+        CaseError : a node of a pair that the matrices do not move
+        """
+        for weights in pairs.sides(len(self.dof)):
+            used = np.unique(weights.indices)
+            lost = used[(self.dof[used] < 0).all(axis=1)]
+            if len(lost):
+                raise CaseError(
+                    f"{self.mesh.path}: joint {pairs.joint[0]!r}: node {self.mesh.numbers[lost[0]]} has no row in the matrices "
+                    f"({len(lost)} such nodes); what is held is ground, and what was condensed needs [model] recovery"
+                )
+        return self.on_rows(pair_map(pairs, self.dof, self.expand.shape[0]))
+
+    def of_load(self, load: Load, where: str) -> sp.csr_matrix:
+        """Return the real shapes of a load on nodes, (1 or 2, n_dof)."""
+        if load.forces is not None:
+            nodes, forces = forces_on_nodes(load.forces, self.mesh.numbers)
+            rows = [self._row(nodes, part, where, load.forces) for part in (forces.real, forces.imag)]
+            return sp.vstack(rows).tocsr()
+        nodes = self._nodes(load, where)
+        shares = np.tile(np.array(load.direction, dtype=float) / len(nodes), (len(nodes), 1))
+        return self._row(nodes, shares, where)
+
+    def of_output(self, output: Output, where: str) -> sp.csr_matrix:
+        """Return the row of an output at a node, (1, n_dof)."""
+        return self._row(self._nodes(output, where)[:1], np.array([output.direction], dtype=float), where)
+
+    def _nodes(self, entry: Load | Output, where: str) -> np.ndarray:
+        """Return the nodes that a load or an output names, index into ``mesh.points``."""
+        group = getattr(entry, "group", None)
+        if entry.position is not None and not np.isfinite(self.mesh.points).all():
+            raise CaseError(f"{where} position: nobody tells where the nodes are; state [model] nodes, or name a node")
+        if group is not None and group not in self.mesh.node_groups:
+            known = ", ".join(self.mesh.node_groups) or "none; [model] nodes = a mesh file brings them"
+            raise CaseError(f"{where} group = {group!r}: there is no such group; known: {known}")
+        if entry.node is not None and entry.node not in self.mesh.numbers:
+            low, high = self.mesh.numbers.min(), self.mesh.numbers.max()
+            raise CaseError(f"{where} node = {entry.node}: the model has no such node; node numbers run from {low} to {high}")
+        return find_node(self.mesh, position=entry.position, node=entry.node, group=group, where=where)
+
+    def _row(self, nodes: np.ndarray, values: np.ndarray, where: str, file: Path | None = None) -> sp.csr_matrix:
+        """Return values (n, 3) on nodes as a row over the matrices' rows; CaseError where none of them is there."""
+        column, value = self.dof[nodes].ravel(), values.ravel()
+        kept = (column >= 0) & (value != 0.0)
+        if value.any() and not kept.any():
+            along = next(DIRECTIONS[i % 3] for i in np.flatnonzero(value))
+            at = f"node {self.mesh.numbers[nodes[0]]}" if len(nodes) == 1 else f"its {len(nodes)} nodes"
+            raise CaseError(
+                f"{where}{f' {file}' if file else ''}: the matrices have no row for {at} along {along}, or not any more"
+            )
+        places = np.zeros(kept.sum(), dtype=int), column[kept]
+        return self.on_rows(sp.csr_matrix((value[kept], places), (1, self.expand.shape[0])))
+
+
+def read_places(settings: MatrixSettings, given: DofMap | None, n_dof: int) -> Places | None:
+    """Return the places of a structure; None where nobody tells nodes and directions.  Local, rank 0.
+
+    ``given`` is what the stiffness's own file says of its rows.
+
+    Raises
+    ------
+    CaseError, MeshError : a file is at fault, or does not fit the matrices
+    """
+    own = dofs_of_rows(settings.dofs, given, n_dof, "dofs")
+    recovery, recovered = _recovery(settings, n_dof)
+    if own is None and recovered is None:
+        if settings.nodes is not None:
+            raise CaseError(
+                f"{settings.where}: [model] nodes: nobody tells which rows belong to which nodes; state [model] dofs, or give "
+                "the matrices in a format that says so"
+            )
+        return None
+    expand = sp.identity(n_dof, format="csr")
+    nobody = DofMap(np.zeros(n_dof, dtype=np.int64), np.zeros(n_dof, dtype=np.int64))
+    maps = [nobody if own is None else own]
+    if recovery is not None:
+        expand = sp.vstack([expand, recovery]).tocsr()
+        maps.append(recovered)  # type: ignore[arg-type]
+    nodes, directions = (np.concatenate([getattr(each, name) for each in maps]) for name in ("nodes", "directions"))
+    mesh = _mesh(settings, nodes)
+    return Places(mesh, _table(mesh, nodes, directions), expand)
+
+
+def dofs_of_rows(path: Path | None, given: DofMap | None, n_rows: int, key: str) -> DofMap | None:
+    """Return node and direction of each row: of the CSV file, or as the matrix's own file has it.  Local.
+
+    Raises
+    ------
+    CaseError : the file is at fault, or both tell
+    """
+    if path is None:
+        return None if given is None else _once(given, "the matrix's own file")
+    if given is not None:
+        raise CaseError(f"{path}: [model] {key}: the matrix's own file says which node and direction its rows are; leave it out")
+    columns, lines = read_table(path, ("node", "direction"), what="row")
+    table = np.column_stack([columns["node"], columns["direction"]])
+    wrong = np.flatnonzero((table % 1.0).any(axis=1) | (table[:, 1] < 0) | (table[:, 1] > 6))
+    if len(wrong):
+        raise CaseError(
+            f"{path}, line {lines[wrong[0]]}: a node number and a direction from 1 (x) to 6 (rotation about z) are needed; "
+            "0, 0 for a row of no node"
+        )
+    if len(table) != n_rows:
+        raise CaseError(f"{path}: [model] {key} has {len(table)} rows, and the matrix has {n_rows}")
+    return _once(DofMap(*table.T.astype(np.int64)), str(path))
+
+
+def _once(dofs: DofMap, where: str) -> DofMap:
+    """Return the map; CaseError where two rows are the same direction of a node."""
+    counted = np.flatnonzero((dofs.nodes > 0) & (dofs.directions > 0))
+    keys = dofs.keys()[counted]
+    order = np.argsort(keys, kind="stable")
+    twice = np.flatnonzero(np.diff(keys[order]) == 0)
+    if len(twice):
+        first, second = counted[order[twice[0] : twice[0] + 2]]
+        raise CaseError(f"{where}: rows {first} and {second}, counted from 0, are both {dofs.name(first)}")
+    return dofs
+
+
+def _recovery(settings: MatrixSettings, n_dof: int) -> tuple[sp.csr_matrix | None, DofMap | None]:
+    """Return the recovery matrix T (n_recovered, n_dof) with node and direction of its rows, where there is one."""
+    path = settings.files.get("recovery")
+    if path is None:
+        return None, None
+    where = f"{path}: [model] recovery"
+    found: FileMatrix = read_any(path, "[model] recovery", "T", settings.names.get("recovery"), is_square=False)
+    matrix = sp.csr_matrix(found.matrix).astype(float)
+    if matrix.shape[1] != n_dof:
+        raise CaseError(f"{where} is {matrix.shape[0]} x {matrix.shape[1]}: u = T q needs a column for each of {n_dof} rows")
+    if not np.isfinite(matrix.data).all():
+        raise CaseError(f"{where} has an entry that is not a finite number")
+    own = None if found.is_triangle else found.dofs
+    dofs = dofs_of_rows(settings.recovery_dofs, own, matrix.shape[0], "recovery_dofs")
+    if dofs is None:
+        raise CaseError(f"{where}: which node and direction its rows are is not told; state [model] recovery_dofs")
+    return matrix, dofs
+
+
+def _mesh(settings: MatrixSettings, nodes: np.ndarray) -> Mesh:
+    """Return the nodes that rows belong to, with what is known of their places."""
+    named = np.unique(nodes[nodes > 0])
+    if settings.nodes is None:
+        return nodes_alone(settings.files["stiffness"], named)
+    mesh = read_nodes(settings.nodes)
+    _, unknown = index_of(mesh.numbers, named)
+    if not len(unknown) or mesh.elements:
+        return mesh
+    apart = np.full((len(unknown), 3), np.nan)
+    note = f"{len(unknown)} nodes of the matrices have no place, the first is node {unknown[0]}"
+    return replace(
+        mesh, points=np.concatenate([mesh.points, apart]), numbers=np.concatenate([mesh.numbers, unknown]), notes=(note,)
+    )
+
+
+def _table(mesh: Mesh, nodes: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Return the place of each displacement of the mesh's nodes, (n_nodes, 3); of several, the first."""
+    table = np.full((len(mesh.numbers), 3), -1, dtype=np.int64)
+    moves = np.flatnonzero((nodes > 0) & (directions >= 1) & (directions <= 3))[::-1]
+    index, unknown = index_of(mesh.numbers, nodes[moves])
+    known = ~np.isin(nodes[moves], unknown)
+    table[index[known], directions[moves[known]] - 1] = moves[known]
+    return table
+
+
+def names_nodes(path: Path) -> bool:
+    """Return whether the header of a file of forces names nodes, not DOFs.  Local."""
+    rows = numbered_rows(path)
+    return bool(rows) and "node" in [cell.lower() for cell in rows[0][1]]
+
+
+def aligned(matrices: dict[str, FileMatrix], files: dict[str, Path]) -> tuple[dict[str, sp.csr_matrix], DofMap | None]:
+    """Return the matrices with their rows in one order, where their files say what they are, and what they are.  Local.
+
+    Rows that one matrix has and another does not are empty there.
+
+    Raises
+    ------
+    CaseError : matrices of different size, without nodes and directions in both
+    """
+    mapped = {key: found for key, found in matrices.items() if found.dofs is not None}
+    own = next((found.dofs for found in mapped.values()), None)
+    if len(mapped) < len(matrices) or len(mapped) < 2:
+        return {key: found.matrix for key, found in matrices.items()}, own
+    keys = {key: _once(found.dofs, str(files[key])).keys() for key, found in mapped.items() if found.dofs is not None}
+    everything = np.concatenate([keys["stiffness"], np.setdiff1d(np.concatenate(list(keys.values())), keys["stiffness"])])
+    order = np.argsort(everything)
+    placed = {}
+    for key, found in mapped.items():
+        rows = order[np.searchsorted(everything, keys[key], sorter=order)]
+        entries = found.matrix.tocoo()
+        shape = (len(everything), len(everything))
+        placed[key] = sp.csr_matrix((entries.data, (rows[entries.row], rows[entries.col])), shape)
+    return placed, DofMap(everything // 8, everything % 8)

@@ -1,0 +1,1 @@
+"""Matrices of other programs, a file a format; read.py knows them all."""

@@ -1,0 +1,88 @@
+"""Abaqus, *MATRIX GENERATE and *MATRIX OUTPUT: job_STIF1.mtx, by nodes and degrees of freedom, or by rows."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from .file_matrix import DofMap, FileMatrix, Wanted, from_coordinates
+from .text import table_of
+
+_HELD = 1e36  # on the diagonal of what a *BOUNDARY holds
+_OWN_NAME = re.compile(r"_(STIF|MASS|DMPV|DMPS|X\d+)\d+\.mtx$", re.IGNORECASE)
+
+
+def is_abaqus(wanted: Wanted, head: bytes) -> bool:
+    """Return whether a file .mtx is of Abaqus: by its lines of five numbers, by its keyword, by its name.  Local."""
+    if head.startswith(b"%%"):
+        return False
+    lines = [line for line in head.splitlines() if line.strip()]
+    is_labelled = bool(lines) and len(lines[0].replace(b",", b" ").split()) == 5
+    return is_labelled or head.lstrip().startswith(b"*") or _OWN_NAME.search(wanted.path.name) is not None
+
+
+def read_abaqus(wanted: Wanted) -> FileMatrix:
+    """Return the matrix of lines node, dof, node, dof, value (MATRIX INPUT, LABELS) or row, column, value (COORDINATE).
+
+    Local.  What a boundary condition holds, 1e36 on the diagonal, is left out; negative numbers are nodes that Abaqus made.
+
+    Raises
+    ------
+    CaseError : the file is at fault
+    """
+    with open(wanted.path, "rb") as file:
+        position, line = 0, file.readline(4096)
+        while line.startswith((b"*", b"%")) or (line and not line.strip()):
+            position, line = file.tell(), file.readline(4096)
+        n_columns = len(line.replace(b",", b" ").split())
+        if n_columns not in (3, 5):
+            raise wanted.error("its lines are neither node, dof, node, dof, value nor row, column, value")
+        file.seek(position)
+        table = table_of(file, n_columns, wanted)
+    if (table[:, :-1] % 1.0).any() or not np.isfinite(table[:, :-1]).all():
+        raise wanted.error("nodes and degrees of freedom must be whole numbers")
+    return (_labelled if n_columns == 5 else _numbered)(table, wanted)
+
+
+def _labelled(table: np.ndarray, wanted: Wanted) -> FileMatrix:
+    places = table[:, :4].astype(np.int64)
+    wrong = (places[:, [1, 3]] < 0) | (places[:, [1, 3]] > 7)
+    if wrong.any():
+        raise wanted.error(f"it has a degree of freedom {places[:, [1, 3]][wrong][0]}; 1 to 6 are known")
+    first, second = (8 * places[:, i] + places[:, i + 1] for i in (0, 2))
+    keys, at = np.unique(np.concatenate([first, second]), return_inverse=True)
+    rows, columns = at[: len(first)], at[len(first) :]
+    dofs = DofMap(keys // 8, keys % 8)
+    n, values = len(keys), table[:, 4]
+    is_held = np.zeros(n, dtype=bool)
+    is_held[rows[(rows == columns) & (values >= _HELD)]] = True
+    matrix = from_coordinates(rows, columns, values, (n, n), wanted)
+    notes = []
+    if is_held.any():
+        free = np.flatnonzero(~is_held)
+        matrix, dofs = matrix[free][:, free], dofs[free]
+        notes.append(f"{wanted.path.name}: {is_held.sum()} DOFs are held by boundary conditions and left out")
+    if (dofs.nodes < 0).any():
+        notes.append(f"{wanted.path.name}: {(dofs.nodes < 0).sum()} DOFs belong to nodes that Abaqus made for itself")
+    return FileMatrix(matrix, dofs, is_triangle=_is_triangle(matrix), notes=tuple(notes))
+
+
+def _numbered(table: np.ndarray, wanted: Wanted) -> FileMatrix:
+    if len(table) and table[:, :2].min() < 1:
+        raise wanted.error("rows and columns must be whole numbers from 1")
+    n = int(table[:, :2].max()) if len(table) else 0
+    wanted.check_rows(n)
+    rows, columns = table[:, :2].T.astype(np.int64) - 1
+    matrix = from_coordinates(rows, columns, table[:, 2], (n, n), wanted)
+    return FileMatrix(matrix, is_triangle=_is_triangle(matrix))
+
+
+def _is_triangle(matrix) -> bool:
+    """Return whether all entries lie on one side of the diagonal: Abaqus writes one triangle of what is symmetric."""
+    entries = matrix.tocoo()
+    below, above = (entries.row > entries.col).any(), (entries.row < entries.col).any()
+    if not (below and above):
+        return True
+    pattern = (matrix != 0).astype(np.int8)
+    return bool((pattern.multiply(pattern.T)).nnz == (matrix.diagonal() != 0).sum())

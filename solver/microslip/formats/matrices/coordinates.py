@@ -1,0 +1,47 @@
+"""CalculiX, *FREQUENCY, SOLVER=MATRIXSTORAGE: job.sti and job.mas of one triangle, and their rows in job.dof."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...parallel.errors import CaseError
+from .file_matrix import DofMap, FileMatrix, Wanted, from_coordinates
+from .text import table_of
+
+
+def read_calculix(wanted: Wanted) -> FileMatrix:
+    """Return the matrix of lines row, column, value, from 1; with nodes and directions where the file .dof lies beside it.
+
+    Local.
+
+    Raises
+    ------
+    CaseError : a file is at fault
+    """
+    with open(wanted.path, "rb") as file:
+        table = table_of(file, 3, wanted)
+    n, dofs = int(table[:, :2].max()) if len(table) else 0, _dofs(wanted)
+    wanted.check_rows(n)
+    if dofs is not None:
+        if n > len(dofs.nodes):
+            raise CaseError(f"{wanted.path.with_suffix('.dof')} names {len(dofs.nodes)} rows; {wanted.where} has {n}")
+        n = len(dofs.nodes)
+    if len(table) and (table[:, :2].min() < 1 or (table[:, :2] % 1.0).any()):
+        raise wanted.error("rows and columns must be whole numbers from 1")
+    rows, columns = table[:, :2].T.astype(np.int64) - 1
+    note = () if dofs is not None else (f"{wanted.path.name}: no {wanted.path.stem}.dof beside it; rows without nodes",)
+    return FileMatrix(from_coordinates(rows, columns, table[:, 2], (n, n), wanted), dofs, is_triangle=True, notes=note)
+
+
+def _dofs(wanted: Wanted) -> DofMap | None:
+    """Return node and direction of each row, lines as 12.3; None where there is no such file."""
+    path = wanted.path.with_suffix(".dof")
+    if not path.is_file():
+        return None
+    words = path.read_bytes().split()
+    parts = [word.partition(b".") for word in words]
+    if not all(node.isdigit() and direction.isdigit() and len(direction) == 1 for node, _, direction in parts):
+        wrong = next(word for word in words if not all(part.isdigit() for part in word.split(b".")) or word.count(b".") != 1)
+        raise CaseError(f"{path}: '{wrong[:20].decode('latin-1')}' is not a node and its direction, as 12.3")
+    nodes, directions = (np.array([int(part[i]) for part in parts], dtype=np.int64) for i in (0, 2))
+    return DofMap(nodes, directions)

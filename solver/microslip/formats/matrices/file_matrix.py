@@ -1,0 +1,130 @@
+"""The common form of all readers of matrices, and what each of them is told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...parallel.errors import CaseError, ResourceError
+
+DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")  # 1 to 6 of DofMap
+SCALAR = 0  # direction of a DOF that belongs to no axis: a mode of a superelement, a scalar point
+_MOST_BYTES = 2**40  # of any machine that this program runs on
+_ROWS_OF_ANY_FILE = 10**7  # whose empty rows cost less than a hundred megabytes
+
+# What programs call the matrices, in the order in which they are taken.
+NAMES = {
+    "K": ("K", "KAA", "KAAX", "KGG", "KGGX", "KLL", "KXX", "STIFFNESS", "STIF"),
+    "M": ("M", "MAA", "MAAX", "MGG", "MGGX", "MLL", "MXX", "MASS"),
+    "C": ("C", "BAA", "BAAX", "BGG", "BGGX", "B", "BXX", "DAMPING", "DAMP"),
+    "T": ("T", "RECOVERY"),
+}
+
+
+@dataclass(frozen=True)
+class DofMap:
+    """Node and direction of each row; a row of a node number of 0 or below belongs to none that the user has numbered."""
+
+    nodes: np.ndarray  # (n,) numbers of the user's model
+    directions: np.ndarray  # (n,) 1 to 6: x, y, z, rotations about them; 0: of no axis
+
+    def keys(self) -> np.ndarray:
+        """Return a number for each DOF that no other has, (n,)."""
+        return self.nodes.astype(np.int64) * 8 + self.directions
+
+    def __getitem__(self, rows: np.ndarray) -> DofMap:
+        return DofMap(self.nodes[rows], self.directions[rows])
+
+    def name(self, row: int) -> str:
+        direction = self.directions[row]
+        return f"node {self.nodes[row]}" + (f" {DIRECTIONS[direction - 1]}" if direction > 0 else "")
+
+
+@dataclass(frozen=True)
+class FileMatrix:
+    """A matrix as a file holds it."""
+
+    matrix: sp.spmatrix | np.ndarray  # (n_rows, n_columns)
+    dofs: DofMap | None = None  # of the rows; of the columns too where the matrix is square
+    is_triangle: bool = False  # entries of one triangle stand for both
+    skew: float = 0.0  # largest |A - A^T| as it was read, over the largest entry
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Which matrix of a file is meant, and how messages name it."""
+
+    path: Path
+    symbol: str  # K, M, C or T
+    where: str = field(default="")  # file and key
+    name: str | None = None  # that the user stated
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+        return self.path.stat().st_size
+
+    def error(self, text: str) -> CaseError:
+        """Return the error of a file that is not what it should be."""
+        return CaseError(f"{self.where} cannot be read as a matrix: {text}")
+
+    def choose(self, names: Sequence[str]) -> str:
+        """Return which of a file's names is meant: the one stated, the only one, or what programs call this matrix.
+
+        Raises
+        ------
+        CaseError : none of them
+        """
+        known = ", ".join(sorted(names)) or "none"
+        if self.name is not None:
+            if self.name not in names:
+                raise CaseError(f"{self.where} has no matrix of this name; it has {known}")
+            return self.name
+        if len(names) == 1:
+            return names[0]
+        for usual in NAMES[self.symbol]:
+            for name in (usual, usual.lower(), usual.capitalize()):
+                if name in names:
+                    return name
+        raise CaseError(f"{self.where} needs a file with one variable, or with one named {self.symbol}; this one has {known}")
+
+    def check_entries(self, n_entries: int, least_bytes: float) -> None:
+        """Raise unless the file is large enough for what its header says is in it.
+
+        Raises
+        ------
+        CaseError, ResourceError : it is not; the latter where no memory would do
+        """
+        if n_entries < 0:
+            raise self.error(f"its header asks for {n_entries} entries")
+        if n_entries * least_bytes > self.size:
+            asked = f"its header asks for {n_entries} entries, and the file has {self.size} bytes"
+            if 8 * n_entries > _MOST_BYTES:
+                raise ResourceError(f"{self.where}: not enough memory to read it: {asked}")
+            raise self.error(f"it is truncated: {asked}")
+
+    def check_rows(self, n_rows: int) -> None:
+        """Raise CaseError for a number of rows that a file of this size cannot fill."""
+        if not 0 <= n_rows <= max(self.size, _ROWS_OF_ANY_FILE):
+            raise self.error(f"its header asks for {n_rows} rows, and the file has {self.size} bytes")
+
+
+def from_coordinates(
+    rows: np.ndarray, columns: np.ndarray, values: np.ndarray, shape: tuple[int, int], wanted: Wanted
+) -> sp.csr_matrix:
+    """Return the matrix of entries, rows and columns from 0; entries of one place add up.  Local.
+
+    Raises
+    ------
+    CaseError : a row or a column that the matrix does not have
+    """
+    for places, name, n in ((rows, "row", shape[0]), (columns, "column", shape[1])):
+        if len(places) and (places.max() >= n or places.min() < 0):
+            raise wanted.error(f"{name} index exceeds matrix dimensions ({places.max() + 1} of {n})")
+    kind = np.int32 if max(*shape, len(values)) < 2**31 else np.int64
+    return sp.csr_matrix((values, (rows.astype(kind), columns.astype(kind))), shape)

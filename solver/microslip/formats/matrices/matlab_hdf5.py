@@ -1,0 +1,86 @@
+"""MATLAB's .mat of version 7.3, an HDF5 file.  Links to other files, foreign storage and objects are refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from .file_matrix import FileMatrix, Wanted
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_MOST_DEFLATED = 1040
+_OWN = ("#refs#", "#subsystem#")
+
+
+def is_hdf5(head: bytes) -> bool:
+    """Return whether a file begins as one of HDF5, with MATLAB's 512 bytes before it or without.  Local."""
+    return head.startswith(_SIGNATURE) or head[512:520] == _SIGNATURE
+
+
+def read_hdf5(wanted: Wanted) -> FileMatrix:
+    """Return the matrix of a file, or of several variables the one that is wanted.  Local.
+
+    Raises
+    ------
+    CaseError : the file is at fault, or needs h5py
+    """
+    try:
+        import h5py
+    except ImportError:
+        raise wanted.error("a .mat of version 7.3 needs h5py; save it with -v7, or install h5py") from None
+    with h5py.File(wanted.path, "r", locking=False) as file:
+        name = wanted.choose([name for name in file if name not in _OWN])
+        item = _inside(file, name, wanted)
+        if "MATLAB_object_decode" in item.attrs:
+            raise wanted.error(f"its variable {name} is an object; a matrix of numbers is needed")
+        if isinstance(item, h5py.Group):
+            return FileMatrix(_sparse(item, name, wanted))
+        return FileMatrix(_array(item, name, wanted).T)
+
+
+def _inside(group, name: str, wanted: Wanted):
+    """Return an item that lies in this file; CaseError for a link to another one, or into nothing."""
+    import h5py
+
+    link = group.get(name, getlink=True)
+    if not isinstance(link, h5py.HardLink):
+        raise wanted.error(f"{name} is a link to {getattr(link, 'filename', 'another place')}; links are not followed")
+    item = group[name]
+    if isinstance(item, h5py.Dataset):
+        if item.external or item.is_virtual:
+            raise wanted.error(f"the numbers of {name} lie in another file; they are not read")
+        if item.nbytes > _MOST_DEFLATED * max(item.id.get_storage_size(), 1):
+            raise wanted.error(f"{name} claims {item.nbytes} bytes, and the file has {item.id.get_storage_size()} of it")
+    return item
+
+
+def _array(item, name: str, wanted: Wanted) -> np.ndarray:
+    """Return the numbers of a dataset."""
+    import h5py
+
+    if isinstance(item, h5py.Group):
+        raise wanted.error(f"its variable {name} is a structure; a matrix of numbers is needed")
+    if item.dtype.names == ("real", "imag"):
+        values = item[()]
+        return values["real"] + 1j * values["imag"]
+    if item.dtype.kind not in "biuf":
+        raise wanted.error(f"its variable {name} is of the class {item.dtype}; a matrix of numbers is needed")
+    return np.asarray(item[()])
+
+
+def _sparse(group, name: str, wanted: Wanted) -> sp.csc_matrix:
+    """Return a sparse matrix: columns compressed, the number of rows an attribute."""
+    if "MATLAB_sparse" not in group.attrs:
+        raise wanted.error(f"its variable {name} is a structure; a matrix of numbers is needed")
+    n_rows = int(group.attrs["MATLAB_sparse"])
+    wanted.check_rows(n_rows)
+    parts = {part: _array(_inside(group, part, wanted), part, wanted).ravel() for part in ("data", "ir", "jc") if part in group}
+    if "jc" not in parts or len(parts) not in (1, 3):
+        raise wanted.error(f"its sparse variable {name} lacks data, ir or jc")
+    data, rows = parts.get("data", np.empty(0)), parts.get("ir", np.empty(0, dtype=np.int64))
+    starts = parts["jc"].astype(np.int64)
+    if starts[0] != 0 or (np.diff(starts) < 0).any() or not starts[-1] == len(rows) == len(data):
+        raise wanted.error(f"the columns of its sparse variable {name} do not have the entries that they say")
+    if len(rows) and rows.astype(np.int64).max() >= n_rows:
+        raise wanted.error("row index exceeds matrix dimensions")
+    return sp.csc_matrix((data, rows.astype(np.int64), starts), (n_rows, len(starts) - 1))

@@ -1,0 +1,50 @@
+"""Archives of NumPy, .npz: of scipy.sparse.save_npz or numpy.savez.  Objects are never unpickled."""
+
+from __future__ import annotations
+
+import zipfile
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...parallel.errors import CaseError
+from .file_matrix import FileMatrix, Wanted
+
+_MOST_DEFLATED = 1040  # bytes that one byte of an archive can stand for
+
+
+def read_npz(wanted: Wanted) -> FileMatrix:
+    """Return the matrix of an archive, or of several the one that is wanted.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file is at fault, or larger than memory
+    """
+    if not zipfile.is_zipfile(wanted.path):
+        raise CaseError(f"{wanted.where} is not a file of scipy.sparse.save_npz or numpy.savez")
+    _check_claims(wanted)
+    with np.load(wanted.path, allow_pickle=False) as arrays:
+        if "format" not in arrays:  # of scipy.sparse.save_npz
+            return FileMatrix(arrays[wanted.choose(arrays.files)])
+        shape = arrays["shape"]
+        if shape.dtype.kind not in "iu" or shape.shape != (2,):
+            raise wanted.error("its shape is not two whole numbers")
+        wanted.check_rows(int(shape.max(initial=0)))
+    matrix = sp.load_npz(wanted.path)
+    if matrix.format in ("csr", "csc", "bsr"):
+        matrix.check_format(full_check=True)
+    return FileMatrix(matrix)
+
+
+def _check_claims(wanted: Wanted) -> None:
+    """Raise unless the arrays are as large as their headers say."""
+    with zipfile.ZipFile(wanted.path) as archive:
+        for member in archive.infolist():
+            if member.file_size > _MOST_DEFLATED * wanted.size:
+                raise wanted.error(f"{member.filename} claims {member.file_size} bytes in a file of {wanted.size}")
+            with archive.open(member) as file:
+                version = np.lib.format.read_magic(file)
+                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+                shape, _, kind = read(file)
+            if not kind.hasobject and int(np.prod(shape, dtype=object)) * kind.itemsize > member.file_size:
+                raise wanted.error(f"{member.filename} is truncated: its header asks for an array of shape {shape}")

@@ -1,0 +1,58 @@
+"""PETSc's binary files of matrices: AIJ and dense, indices of 32 or 64 bits, real numbers of 64."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...parallel.errors import CaseError
+from .file_matrix import FileMatrix, Wanted
+
+_MATRIX = 1211216  # first number of a file that holds one
+_DENSE = -1
+
+
+def is_petsc(head: bytes) -> bool:
+    """Return whether a file begins as a matrix of PETSc does.  Local."""
+    return _MATRIX in (int.from_bytes(head[:4], "big"), int.from_bytes(head[:8], "big"))
+
+
+def read_petsc(wanted: Wanted) -> FileMatrix:
+    """Return the first matrix of a file.  Local.
+
+    Raises
+    ------
+    CaseError : the file is at fault
+    """
+    data = np.memmap(wanted.path, dtype=np.uint8, mode="r") if wanted.size else np.empty(0, dtype=np.uint8)
+    if not is_petsc(bytes(data[:8])):
+        raise CaseError(f"{wanted.where} is not a matrix of PETSc")
+    index = np.dtype(">i4" if int.from_bytes(bytes(data[:4]), "big") == _MATRIX else ">i8")
+    if len(data) < 4 * index.itemsize:
+        raise wanted.error("it is truncated")
+    _, n_rows, n_columns, n = (int(number) for number in data[: 4 * index.itemsize].view(index))
+    start = 4 * index.itemsize
+    if n == _DENSE:
+        wanted.check_entries(n_rows * n_columns, 8.0)
+        _check_length(wanted, start + 8 * n_rows * n_columns)
+        return FileMatrix(_part(data, start, n_rows * n_columns, np.dtype(">f8")).astype(float).reshape(n_rows, n_columns))
+    wanted.check_entries(n, index.itemsize + 8.0)
+    wanted.check_entries(n_rows, index.itemsize)
+    wanted.check_rows(n_columns)
+    _check_length(wanted, start + index.itemsize * (n_rows + n) + 8 * n)
+    counts = _part(data, start, n_rows, index).astype(np.int64)
+    columns = _part(data, start + index.itemsize * n_rows, n, index).astype(np.int64)
+    values = _part(data, start + index.itemsize * (n_rows + n), n, np.dtype(">f8")).astype(float)
+    if (counts < 0).any() or counts.sum() != n or n and (columns.min() < 0 or columns.max() >= n_columns):
+        raise wanted.error("its rows do not have the entries that its header says")
+    return FileMatrix(sp.csr_matrix((values, columns, np.concatenate([[0], np.cumsum(counts)])), (n_rows, n_columns)))
+
+
+def _part(data: np.ndarray, start: int, n: int, kind: np.dtype) -> np.ndarray:
+    return data[start : start + n * kind.itemsize].view(kind)
+
+
+def _check_length(wanted: Wanted, needed: int) -> None:
+    """Raise CaseError where a file is shorter than what it holds, or much longer: complex numbers take twice the room."""
+    if wanted.size < needed:
+        raise wanted.error(f"it is truncated: {needed} bytes are needed, and it has {wanted.size}")

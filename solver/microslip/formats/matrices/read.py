@@ -1,0 +1,171 @@
+"""Read a matrix that another program wrote, whatever its format.  Local; no MPI, no PETSc."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from ...parallel.errors import CaseError, ResourceError
+from .abaqus import is_abaqus, read_abaqus
+from .ansys_full import read_full
+from .coordinates import read_calculix
+from .dmig import read_dmig
+from .file_matrix import FileMatrix, Wanted
+from .harwell_boeing import read_harwell_boeing
+from .matlab import read_mat
+from .matrix_market import read_matrix_market
+from .numpy_archive import read_npz
+from .op2 import read_op2
+from .op4 import read_op4
+from .petsc_binary import read_petsc
+
+_SYMMETRY = 1e-8  # of the largest entry: what a text file may lose
+
+
+def _read_mtx(wanted: Wanted) -> FileMatrix:
+    """Return the matrix of a file .mtx: Matrix Market's, or one of Abaqus."""
+    with open(wanted.path, "rb") as file:
+        head = file.read(4096)
+    return (read_abaqus if is_abaqus(wanted, head) else read_matrix_market)(wanted)
+
+
+def _refuse_sub(wanted: Wanted) -> FileMatrix:
+    raise CaseError(
+        f"{wanted.where}: a .sub of Ansys is not read; write its matrices with APDL: *DMAT,K,D,IMPORT,SUB,file.sub,STIFF and "
+        "*EXPORT,K,MMF,K.mtx, the same for MASS, and the DOFs of its rows into a CSV file, [model] dofs"
+    )
+
+
+READERS: dict[str, Callable[[Wanted], FileMatrix]] = {
+    ".mtx": _read_mtx,
+    ".npz": read_npz,
+    ".mat": read_mat,
+    ".sti": read_calculix,
+    ".mas": read_calculix,
+    ".op4": read_op4,
+    ".op2": read_op2,
+    ".pch": read_dmig,
+    ".dmig": read_dmig,
+    ".bdf": read_dmig,
+    ".full": read_full,
+    ".sub": _refuse_sub,
+    ".rb": read_harwell_boeing,
+    ".rsa": read_harwell_boeing,
+    ".rua": read_harwell_boeing,
+    ".hb": read_harwell_boeing,
+    ".petsc": read_petsc,
+    ".bin": read_petsc,
+}
+ENDINGS = tuple(ending for ending in READERS if ending != ".sub")
+
+
+def read_matrix(path: Path, key: str, symbol: str, name: str | None = None) -> FileMatrix:
+    """Return a real symmetric matrix (n, n), as CSR with both triangles.
+
+    Local.
+
+    Parameters
+    ----------
+    key : of the scene, for messages
+    symbol : K, M or C, what the variable is called in a file of several
+    name : of the variable, where the user states one
+
+    Raises
+    ------
+    CaseError : the file or the matrix is at fault
+    ResourceError : not enough memory
+    """
+    where = f"{path}: {key}"
+    found = read_any(path, key, symbol, name)
+    matrix = sp.csr_matrix(found.matrix).astype(float)
+    matrix.sum_duplicates()
+    _check_numbers(matrix, where, found)
+    if found.is_triangle:
+        matrix = _mirrored(matrix, where, found)
+    skew = _check_symmetry(matrix, where, found)
+    return replace(found, matrix=((matrix + matrix.T) / 2.0).tocsr(), is_triangle=False, skew=skew)
+
+
+def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_square: bool = True) -> FileMatrix:
+    """Return a matrix of real numbers as its file holds it, checked for its sort alone.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : as read_matrix
+    """
+    where = f"{path}: {key}" + (f' "{name}"' if name is not None else "")
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise CaseError(f"{where}: ending {path.suffix!r} is not one of {', '.join(ENDINGS)}")
+    wanted = Wanted(path, symbol, where, name)
+    try:
+        found = reader(wanted)
+        _check_sort(found.matrix, where, is_square)
+    except (CaseError, ResourceError):
+        raise
+    except MemoryError:
+        raise ResourceError(f"{where}: not enough memory to read it") from None
+    except Exception as problem:  # whatever a reader makes of a damaged file
+        raise wanted.error(" ".join(str(problem).split())[:200]) from None
+    return found
+
+
+def _check_sort(value, where: str, is_square: bool) -> None:
+    """Raise CaseError unless a file held a table of real numbers, square and not empty."""
+    kind = getattr(value, "dtype", np.dtype(object)).kind
+    shape: tuple[int, ...] = getattr(value, "shape", ())
+    if kind == "c":
+        raise CaseError(f"{where} is complex; microslip takes real matrices: damping goes into [model] damping or [damping]")
+    if kind not in "biuf":
+        raise CaseError(f"{where} holds no numbers")
+    if len(shape) != 2 or shape[0] == 0 or (is_square and shape[0] != shape[1]):
+        must = "a matrix must be square" if is_square else "a matrix must have two dimensions"
+        raise CaseError(f"{where} has the shape {tuple(shape)}; {must}")
+
+
+def _at(found: FileMatrix, row: int) -> str:
+    """Return what to call a row beside its number."""
+    return "" if found.dofs is None else f", {found.dofs.name(row)}"
+
+
+def _check_numbers(matrix: sp.csr_matrix, where: str, found: FileMatrix) -> None:
+    """Raise CaseError unless all entries are finite."""
+    if not np.isfinite(matrix.data).all():
+        row = np.searchsorted(matrix.indptr, np.flatnonzero(~np.isfinite(matrix.data))[0], side="right") - 1
+        raise CaseError(f"{where} has an entry in row {row} that is not a finite number (rows count from 0){_at(found, row)}")
+
+
+def _mirrored(matrix: sp.csr_matrix, where: str, found: FileMatrix) -> sp.csr_matrix:
+    """Return both triangles of a matrix of which a file holds one; where it holds both, they must be equal."""
+    diagonal = sp.diags(matrix.diagonal(), format="csr")
+    below, above = sp.tril(matrix, -1, format="csr"), sp.triu(matrix, 1, format="csr")
+    both = below.astype(bool).multiply(above.T.astype(bool)).tocsr()
+    if both.nnz:
+        at = both.tocoo()
+        twice = np.asarray(below[at.row, at.col]).ravel(), np.asarray(above.T.tocsr()[at.row, at.col]).ravel()
+        wrong = np.flatnonzero(np.abs(twice[0] - twice[1]) > _SYMMETRY * abs(matrix).max())
+        if len(wrong):
+            i, j = at.row[wrong[0]], at.col[wrong[0]]
+            raise CaseError(
+                f"{where} says 'symmetric', yet holds ({i}, {j}) and ({j}, {i}), counted from 0, with different values"
+            )
+        above = above - above.multiply(both.T)
+    return below + below.T + above + above.T + diagonal
+
+
+def _check_symmetry(matrix: sp.csr_matrix, where: str, found: FileMatrix) -> float:
+    """Return the largest difference from symmetry over the largest entry; CaseError where it is not rounding."""
+    skew, largest = abs(matrix - matrix.T).tocoo(), abs(matrix).max()
+    if skew.nnz and skew.data.max() > _SYMMETRY * largest:
+        at = np.argmax(skew.data)
+        i, j = skew.row[at], skew.col[at]
+        raise CaseError(
+            f"{where} is not symmetric: entries ({i}, {j}) and ({j}, {i}), counted from 0{_at(found, i)}, are {matrix[i, j]:g} "
+            f"and {matrix[j, i]:g}; both triangles are needed, or a Matrix Market file "
+            "that says 'symmetric' in its first line"
+        )
+    return float(skew.data.max() / largest) if skew.nnz and largest > 0.0 else 0.0

@@ -1,0 +1,80 @@
+"""Numbers of text files: columns of them, a block at a time, and the fixed widths of Fortran."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from typing import IO
+
+import numpy as np
+
+from .file_matrix import Wanted
+
+_BLOCK = 1 << 26  # bytes read at a time
+
+
+def table_of(file: IO[bytes], n_columns: int, wanted: Wanted) -> np.ndarray:
+    """Return the numbers of the rest of a file, (n_lines, n_columns); blanks or commas between them.  Local.
+
+    Raises
+    ------
+    CaseError : a line with anything else
+    """
+    parts, rest = [np.empty((0, n_columns))], b""
+    while block := file.read(_BLOCK):
+        block = rest + block
+        cut = block.rfind(b"\n") + 1
+        parts.append(_table(block[:cut], n_columns, wanted))
+        rest = block[cut:]
+        if len(rest) > 4096:
+            raise wanted.error("it has lines of more than 4096 characters")
+    parts.append(_table(rest, n_columns, wanted))
+    return np.concatenate(parts)
+
+
+def _table(text: bytes, n_columns: int, wanted: Wanted) -> np.ndarray:
+    plain = text.replace(b",", b" ").replace(b"D", b"E").replace(b"d", b"e")
+    values = numbers(plain)
+    n_lines = plain.count(b"\n") + (not plain.endswith(b"\n"))
+    if values is None or values.size != n_columns * n_lines:  # empty lines, or what is no number
+        lines = [line for line in plain.splitlines() if line.strip()]
+        for line in lines:
+            own = numbers(line)
+            if own is None or own.size != n_columns:
+                raise wanted.error(f"the line '{line[:60].decode('latin-1').strip()}' is not {n_columns} numbers")
+        values = numbers(b"\n".join(lines))
+    return values.reshape(-1, n_columns)
+
+
+def numbers(text: bytes) -> np.ndarray | None:
+    """Return the numbers of a text with blanks between them; None where anything else is in it.  Local."""
+    if not text.strip():
+        return np.empty(0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            return np.fromstring(text, sep=" ")
+        except (DeprecationWarning, ValueError):
+            return None
+
+
+def fixed_width(lines: list[bytes], width: int, n: int) -> np.ndarray | None:
+    """Return the first ``n`` numbers of lines with fields of one width, and no blanks needed between them.  Local.
+
+    None where there are fewer, or where a field is no number.
+    """
+    text = b"".join(line.rstrip(b"\r\n") for line in lines)
+    if len(text) < n * width - width + 1 or n == 0:
+        return np.empty(0) if n == 0 else None
+    fields = np.frombuffer(text[: n * width].ljust(n * width), dtype=f"S{width}")
+    fields = np.char.replace(np.char.replace(fields, b"D", b"E"), b"d", b"e")
+    try:
+        return fields.astype(float)
+    except ValueError:
+        return None
+
+
+def fortran_format(text: str) -> tuple[int, int] | None:
+    """Return numbers a line and width of a Fortran format, (16I5) or (1P,3E23.16); None where it is none.  Local."""
+    found = re.search(r"(\d*)\s*[IEDFG]\s*(\d+)(?:\.\d+)?\s*\)?\s*$", text.strip().upper())
+    return None if found is None or not 0 < int(found[2]) <= 64 else (int(found[1] or 1), int(found[2]))

@@ -1,0 +1,83 @@
+"""Contact of nodes that a file lists in pairs, with normals and areas: nodes of a mesh or of matrices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..formats.model import index_of
+from ..parallel.csv_table import read_table
+from ..parallel.errors import CaseError
+from .contact_points import ContactPoints
+from .data import Mesh, on_nodes
+from .settings import Joint
+
+COLUMNS = ("node1", "node2", "nx", "ny", "nz", "area")
+GROUND = -1
+
+
+def listed_nodes(mesh: Mesh, joint: Joint) -> ContactPoints:
+    """Return a point for each line of a joint's file.  Local, rank 0.
+
+    The normal points from body 2 into body 1; it need not be of unit length.
+
+    Raises
+    ------
+    CaseError : names the line at fault
+    """
+    assert joint.node_pairs is not None, "a joint of node pairs"
+    path = joint.node_pairs
+    columns, lines = read_table(path, COLUMNS, what="pair")
+    table = np.column_stack([columns[name] for name in COLUMNS])
+    _check(table, lines, path)
+    node1, node2 = (_indices(mesh, table[:, i], lines, COLUMNS[i], path) for i in (0, 1))
+    normals = table[:, 2:5] / np.linalg.norm(table[:, 2:5], axis=1, keepdims=True)
+    near = np.where(node2 == GROUND, node1, node2)
+    apart = mesh.points[node1] - mesh.points[near]
+    return ContactPoints(
+        side1=on_nodes(node1, len(mesh.points)),
+        side2=on_nodes(node2, len(mesh.points)),
+        z=normals,
+        area=table[:, 5],
+        position=(mesh.points[node1] + mesh.points[near]) / 2.0,
+        distance=np.einsum("pi,pi->p", normals, apart),
+        note=_farthest(joint, apart, table),
+    )
+
+
+def _check(table: np.ndarray, lines: list[int], path: Path) -> None:
+    """Raise CaseError for a normal without length, an area that is not positive, a node paired with itself."""
+    faults = (
+        (np.linalg.norm(table[:, 2:5], axis=1) == 0.0, "the normal nx, ny, nz is zero"),
+        (table[:, 5] <= 0.0, "area must be above 0"),
+        (table[:, 0] == table[:, 1], "node1 and node2 are the same node"),
+    )
+    for wrong, text in faults:
+        if wrong.any():
+            raise CaseError(f"{path}, line {lines[int(np.argmax(wrong))]}: {text}")
+
+
+def _indices(mesh: Mesh, numbers: np.ndarray, lines: list[int], column: str, path: Path) -> np.ndarray:
+    """Return the nodes of these numbers, index into ``mesh.points``; -1 is ground, which body 2 alone may be."""
+    is_ground = (numbers == GROUND) & (column == "node2")
+    index, unknown = index_of(mesh.numbers, numbers[~is_ground])
+    if len(unknown):
+        line = lines[int(np.argmax(np.isin(numbers, unknown) & ~is_ground))]
+        raise CaseError(
+            f"{path}, line {line}: {column} = {unknown[0]:g}: there is no such node; node numbers run from "
+            f"{mesh.numbers.min()} to {mesh.numbers.max()}, and node2 = -1 is ground"
+        )
+    found = np.full(len(numbers), GROUND, dtype=np.int64)
+    found[~is_ground] = index
+    return found
+
+
+def _farthest(joint: Joint, apart: np.ndarray, table: np.ndarray) -> str:
+    """Say how far apart the nodes of the pairs lie, where that is known."""
+    distance = np.linalg.norm(apart, axis=1)
+    if not np.isfinite(distance).all():
+        return ""
+    worst = int(np.argmax(distance))
+    said = f"joint {joint.name!r}: {len(table)} pairs of nodes from a file"
+    return said + (f", at most {distance[worst]:.3g} m apart (node {table[worst, 0]:.0f})" if distance[worst] > 0.0 else "")

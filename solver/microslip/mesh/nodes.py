@@ -1,0 +1,39 @@
+"""Where the nodes of a model given as matrices are: a table of coordinates, or a whole mesh file without scene bodies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..parallel.csv_table import read_table
+from ..parallel.errors import CaseError
+from .data import Mesh
+from .read import read_whole
+
+
+def read_nodes(path: Path) -> Mesh:
+    """Return the nodes of a file: of a table node,x,y,z in metres without elements, of a mesh with all its solids and groups.
+
+    Local.
+
+    Raises
+    ------
+    CaseError, MeshError : the file is at fault
+    """
+    if path.suffix.lower() != ".csv":
+        return read_whole(path)
+    columns, lines = read_table(path, ("node", "x", "y", "z"), what="node")
+    numbers = columns["node"].astype(np.int64)
+    if (columns["node"] % 1.0).any() or numbers.min() < 1:
+        raise CaseError(f"{path}: node numbers must be whole and above 0")
+    order = np.argsort(numbers, kind="stable")
+    twice = np.flatnonzero(np.diff(numbers[order]) == 0)
+    if len(twice):
+        raise CaseError(f"{path}, line {lines[order[twice[0] + 1]]}: node {numbers[order][twice[0]]} stands there twice")
+    return Mesh(str(path), np.column_stack([columns[axis] for axis in "xyz"]), numbers, (), (), {})
+
+
+def nodes_alone(path: Path, numbers: np.ndarray) -> Mesh:
+    """Return nodes (n,) whose places nobody has told.  Local."""
+    return Mesh(str(path), np.full((len(numbers), 3), np.nan), np.asarray(numbers), (), (), {})

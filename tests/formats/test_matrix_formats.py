@@ -1,0 +1,261 @@
+"""Every format gives back the matrix that went in, files that other programs wrote say what those programs say, and a damaged
+file of any format gives one message."""
+
+import re
+import zipfile
+from pathlib import Path
+
+import matrix_files
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from matrix_files import WITH_DOFS, WRITERS
+
+from microslip.formats.matrices.file_matrix import DofMap
+from microslip.formats.matrices.read import ENDINGS, read_any, read_matrix
+from microslip.parallel.errors import CaseError, ResourceError
+
+DATA = Path(__file__).parents[1] / "data" / "matrices"
+N = 9
+DOFS = DofMap(np.repeat([3, 17, 40], 3), np.tile([1, 2, 3], 3))
+
+
+def matrix():
+    """Return a sparse, symmetric, positive definite matrix (9, 9) of large and small entries."""
+    A = sp.random(N, N, 0.3, random_state=4).toarray()
+    return 1e7 * (A @ A.T) + np.diag(np.logspace(-2, 8, N))
+
+
+def read(path, symbol="K", name=None):
+    return read_matrix(path, "[model] stiffness", symbol, name)
+
+
+@pytest.mark.parametrize("ending", WRITERS)
+def test_the_matrix_comes_back(tmp_path, ending):
+    write, accuracy = WRITERS[ending]
+    A, path = matrix(), tmp_path / f"A.{ending}"
+    write(path, A, DOFS)
+    found = read(path)
+    np.testing.assert_allclose(found.matrix.toarray(), A, rtol=0.0, atol=accuracy * np.abs(A).max())
+    assert (found.dofs is not None) == (ending in WITH_DOFS)
+    if found.dofs is not None:
+        np.testing.assert_array_equal(found.dofs.keys(), DOFS.keys())
+
+
+@pytest.mark.parametrize("order, is_big", [("<", False), (">", False), (">", True)])
+def test_op4_of_any_machine_with_several_matrices(tmp_path, order, is_big):
+    A, path = matrix(), tmp_path / "model.op4"
+    matrix_files.write_op4_binary(path, {"KGG": A, "MGG": 2.0 * A, "X": 3.0 * A}, order=order, is_big=is_big)
+    np.testing.assert_array_equal(read(path).matrix.toarray(), A)
+    np.testing.assert_array_equal(read(path, "M").matrix.toarray(), 2.0 * A)
+    np.testing.assert_array_equal(read(path, "M", "X").matrix.toarray(), 3.0 * A)
+    with pytest.raises(CaseError, match='"Y" has no matrix of this name; it has KGG, MGG, X'):
+        read(path, "M", "Y")
+
+
+def test_dmig_in_small_fields_and_between_commas(tmp_path):
+    path = tmp_path / "k.dmig"
+    path.write_text(
+        "$ by hand\nDMIG    K       0       6       1       0\n"
+        "DMIG    K       5       1               5       1       4.0\n        5       2       -1.5-3\n"
+        "DMIG,K,5,2,,5,2,2.5+2\nGRID,1,,0.,0.,0.\n"
+    )
+    found = read(path)
+    np.testing.assert_array_equal(found.matrix.toarray(), [[4.0, -1.5e-3], [-1.5e-3, 250.0]])
+    assert [found.dofs.name(row) for row in (0, 1)] == ["node 5 x", "node 5 y"]
+
+
+# -- files that others wrote: tests/data/README.md --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("file", ["mat_b_dn.op4", "mat_b_s2.op4", "mat_t_s1.op4"])
+def test_nastran_op4_in_three_forms_holds_the_same(file):
+    np.testing.assert_array_equal(read(DATA / file, name="EYE10").matrix.toarray(), np.eye(10))
+    named = {name: read_any(DATA / file, "k", "K", name, is_square=False).matrix.toarray() for name in ("RND1RD", "LOW")}
+    assert named["LOW"].shape == (5, 7)
+    first = read_any(DATA / "mat_b_dn.op4", "k", "K", "RND1RD", is_square=False).matrix.toarray()
+    np.testing.assert_allclose(named["RND1RD"], first, rtol=1e-15)
+    with pytest.raises(CaseError, match="complex"):
+        read_any(DATA / file, "k", "K", "RND1CD")
+
+
+def test_nastran_op2_holds_products_that_nastran_formed():
+    A, B, ATB, BTA = (
+        read_any(DATA / "mymatrix.op2", "k", "K", name, is_square=False).matrix.toarray() for name in ("A", "B", "ATB", "BTA")
+    )
+    np.testing.assert_array_equal(A, [[1.0, 0.0], [3.0, 6.0], [5.0, 0.0], [0.0, 8.0]])
+    np.testing.assert_array_equal(ATB, A.T @ B)
+    np.testing.assert_array_equal(BTA, B.T @ A)
+
+
+def test_nastran_punch_file_of_springs():
+    found = read(DATA / "dmig.pch")
+    K, row = found.matrix.toarray(), {node: i for i, node in enumerate(found.dofs.nodes)}
+    assert (found.dofs.directions == 1).all() and K[row[101], row[101]] == 155.6 and K[row[106], row[105]] == -3002.7
+    np.testing.assert_array_equal(K[row[101]][[row[101], row[102]]], [155.6, -155.6])
+    assert np.linalg.eigvalsh(K).min() > -1e-9 * K.max()
+
+
+def test_abaqus_beam_has_the_stiffness_and_mass_of_theory():
+    """B33 of E = 100e6, G = 80e6, A = 0.25, I = 1.5e-4, J = 3e-4, rho = 100, L = 3; nodes below 0 are of Abaqus alone."""
+    K, M = read(DATA / "model_STIF1.mtx"), read(DATA / "model_MASS1.mtx", "M")
+    L, EI = 3.0, 100e6 * 1.5e-4
+    row = {DofMap.name(K.dofs, i): i for i in range(len(K.dofs.nodes))}
+    A = K.matrix.toarray()
+    for first, second, value in (
+        ("node 1 y", "node 1 y", 12 * EI / L**3),
+        ("node 1 rz", "node 1 y", 6 * EI / L**2),
+        ("node 2 rz", "node 2 rz", 4 * EI / L),
+        ("node 1 rx", "node 1 rx", 80e6 * 3e-4 / L),
+    ):
+        assert A[row[first], row[second]] == pytest.approx(value, rel=1e-12)
+    own = [i for i, node in enumerate(K.dofs.nodes) if node < 0]
+    rest = [i for i, node in enumerate(K.dofs.nodes) if node > 0]
+    condensed = A[np.ix_(rest, rest)] - A[np.ix_(rest, own)] @ np.linalg.solve(A[np.ix_(own, own)], A[np.ix_(own, rest)])
+    at = rest.index(row["node 1 x"])
+    assert condensed[at, at] == pytest.approx(100e6 * 0.25 / L, rel=1e-12)  # without the middle node
+    assert "2 DOFs belong to nodes that Abaqus made for itself" in K.notes[0]
+    along_y = ((M.dofs.nodes > 0) & (M.dofs.directions == 2)).astype(float)
+    assert along_y @ M.matrix @ along_y == pytest.approx(100.0 * 0.25 * 3.0, rel=1e-12)
+
+
+def test_matlab_wrote_versions_7_and_73():
+    values = read_any(DATA / "testhdf5_7.4_GLNX86.mat", "k", "K", is_square=False).matrix
+    np.testing.assert_allclose(values, np.arange(9)[None, :] * np.pi / 4.0, atol=1e-15)
+    sparse = read_any(DATA / "testsparse_7.4_GLNX86.mat", "k", "K", is_square=False).matrix
+    assert sp.issparse(sparse) and sparse.shape == (3, 5)
+
+
+# -- what is wrong with a file ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ending", WRITERS)
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.3, 0.7, 0.97])
+def test_a_truncated_file_is_named_or_read_as_what_is_left(tmp_path, ending, share):
+    write, _ = WRITERS[ending]
+    A, path = matrix(), tmp_path / f"A.{ending}"
+    write(path, A, DOFS)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    try:
+        found = read(path).matrix
+    except CaseError as problem:
+        assert str(problem).startswith(f"{path}") and "\n" not in str(problem)
+        return
+    assert ending in ("abaqus.mtx", "pch", "sti"), "lists of entries have no counts that would tell"
+    assert found.nnz < sp.csr_matrix(A).nnz
+
+
+@pytest.mark.parametrize("ending", WRITERS)
+def test_damage_anywhere_gives_one_message_or_another_matrix(tmp_path, ending):
+    """A byte here and there is changed: nothing crashes, hangs, or asks for memory that the file does not have."""
+    write, _ = WRITERS[ending]
+    path, random = tmp_path / f"A.{ending}", np.random.default_rng(7)
+    write(path, matrix(), DOFS)
+    content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    for _ in range(40):
+        damaged = content.copy()
+        damaged[random.integers(0, min(len(content), 600), 3)] = random.integers(0, 256, 3)
+        path.write_bytes(damaged.tobytes())
+        try:
+            assert read(path).matrix.shape[0] < 1000
+        except (CaseError, ResourceError) as problem:
+            assert "\n" not in str(problem)
+
+
+HUGE = "999999999999"
+
+
+@pytest.mark.parametrize(
+    "name, content, said",
+    [
+        ("K.mtx", f"%%MatrixMarket matrix coordinate real general\n{HUGE} {HUGE} 1\n1 1 1.0\n", "asks for 999999999999 rows"),
+        (
+            "K.mtx",
+            "%%MatrixMarket matrix coordinate real general\n2 2 900\n1 1 1.0\n",
+            "truncated: its header asks for 900 entries",
+        ),
+        ("K.mtx", f"%%MatrixMarket matrix coordinate real general\n2 2 {HUGE}000\n1 1 1.0\n", "not enough memory"),
+        ("K.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n2 2 1.0 3.0\n", "is not 3 numbers"),
+        ("K.mtx", "1,1,1,1\n", "is not a Matrix Market file"),
+        ("K.mtx", "1,9,1,9,4.0\n", "degree of freedom 9"),
+        ("K.mtx", "1,1,1,1,nan\n", "not a finite number"),
+        ("K.sti", "1 1 2.0\n0 1 3.0\n", "rows and columns must be whole numbers from 1"),
+        ("K.sti", f"{HUGE} 1 2.0\n", "asks for 999999999999 rows"),
+        ("K.petsc", "nothing", "is not a matrix of PETSc"),
+        ("K.pch", "GRID,1\n", "holds no DMIG entries"),
+        ("K.pch", "DMIG,K,0,6,1,0\nDMIG,K,1,1,,1,1,abc\n", "line 2 has a field that is no number"),
+        ("K.pch", "DMIG,K,0,6,3,0\nDMIG,K,1,1,,1,1,1.0\n", "is complex"),
+        ("K.op4", "       2       2       6       2K       1P,3E23.16\n", "it is truncated"),
+        ("K.op4", f"{99999999:8d}{99999999:8d}       6       2K       1P,3E23.16\n", "truncated"),
+        ("K.op2", "nothing", "does not begin as OUTPUT2"),
+        ("K.rua", "title\n1 1 1 1 0\n", "is not a Harwell-Boeing file"),
+        ("K.full", "nothing at all", "no record at word 0"),
+        ("K.sub", "", "a .sub of Ansys is not read; write its matrices with APDL"),
+        ("K.txt", "", "ending '.txt' is not one of " + ", ".join(ENDINGS)),
+    ],
+)
+def test_a_file_that_is_no_matrix_is_named(tmp_path, name, content, said):
+    (tmp_path / name).write_text(content)
+    with pytest.raises((CaseError, ResourceError), match=re.escape(said)):
+        read(tmp_path / name)
+
+
+def hdf5(path):
+    h5py = pytest.importorskip("h5py")
+    return h5py.File(path, "w", userblock_size=512)
+
+
+def test_links_and_storage_outside_an_hdf5_file_are_not_followed(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    secret = tmp_path / "other.h5"
+    with h5py.File(secret, "w") as file:
+        file["K"] = np.eye(3)
+    with hdf5(tmp_path / "external.mat") as file:
+        file["K"] = h5py.ExternalLink(str(secret), "/K")
+    with hdf5(tmp_path / "soft.mat") as file:
+        file["K"] = h5py.SoftLink("/nowhere")
+    with hdf5(tmp_path / "raw.mat") as file:
+        file.create_dataset("K", (3, 3), "f8", external=[(str(secret), 0, 72)])
+    with hdf5(tmp_path / "virtual.mat") as file:
+        layout = h5py.VirtualLayout((3, 3), "f8")
+        layout[:] = h5py.VirtualSource(str(secret), "K", (3, 3))
+        file.create_virtual_dataset("K", layout)
+    with hdf5(tmp_path / "huge.mat") as file:
+        file.create_dataset("K", (10**9, 10**9), "f8", chunks=(100, 100))
+    for name, said in (
+        ("external", f"K is a link to {secret}; links are not followed"),
+        ("soft", "K is a link to another place"),
+        ("raw", "lie in another file"),
+        ("virtual", "lie in another file"),
+        ("huge", "claims 8000000000000000000 bytes"),
+    ):
+        with pytest.raises(CaseError, match=re.escape(said)):
+            read(tmp_path / f"{name}.mat")
+
+
+def test_an_archive_that_claims_more_than_it_has(tmp_path):
+    path = tmp_path / "K.npz"
+    np.savez(path, K=np.eye(3))
+    with zipfile.ZipFile(path) as archive:
+        content = archive.read("K.npy")
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("K.npy", content.replace(b"(3, 3), ", b"(9,999999999), "[: len(b"(3, 3), ")] + b""))
+    with pytest.raises(CaseError):
+        read(path)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr(
+            "K.npy", np.lib.format.magic(1, 0) + header(b"{'descr': '<f8', 'fortran_order': False, 'shape': (90000, 90000), }")
+        )
+    with pytest.raises(CaseError, match="K.npy is truncated: its header asks for an array of shape"):
+        read(path)
+
+
+def header(text: bytes) -> bytes:
+    text = text.ljust(117) + b"\n"
+    return len(text).to_bytes(2, "little") + text
+
+
+def test_objects_of_matlab_are_not_made():
+    with pytest.raises(CaseError, match="a matrix of numbers is needed"):
+        read(DATA / "testobject_7.4_GLNX86.mat")
