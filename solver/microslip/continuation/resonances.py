@@ -7,6 +7,7 @@ frequency, as of one mode, the two ends of a step say how high the motion rises 
 from __future__ import annotations
 
 import numpy as np
+from mpi4py import MPI
 
 from ..receptance.family import Share
 from .iterate import Iterate, PointState
@@ -49,10 +50,11 @@ def highest_between(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def turned_over(solver: PointSolver, here: Iterate, there: Iterate) -> float | None:
     """Return the share of a step at which the motion of all pairs rises between its ends; None where it does not.  Collective."""
     U, V = solver.vibration(here.on(solver.harmonics).U), solver.vibration(there.on(solver.harmonics).U)
-    products = solver.comm.allreduce(np.array([np.vdot(U, U), np.vdot(V, V), np.vdot(U, V)]))
-    a, b = np.sqrt(products[:2])
-    if products[2] >= 0.0 or a * b == 0.0:
+    products = np.array([np.vdot(U, U), np.vdot(V, V), np.vdot(U, V)])
+    solver.comm.Allreduce(MPI.IN_PLACE, products)
+    if products[2] >= 0.0:
         return None
+    a, b = np.sqrt(products[:2])
     turn = np.arccos(max(products[2] / (a * b), -1.0))
     highest, share = highest_between(np.array(a + 0j), np.array(b * np.exp(-1j * turn)))
     return float(share) if highest > RISES * max(a, b) else None
@@ -99,9 +101,11 @@ def unresolved_peaks(curve: LinearCurve, omegas: np.ndarray) -> np.ndarray:
 
 def _passed(share: Share, low: float, high: float) -> np.ndarray:
     """Return which modes a step between two frequencies passes in which harmonic, longer than their width, (m, n_harmonics)."""
-    n, omega_n, zeta = share.harmonics.numbers, share.family.omega_n[:, None], share.family.zeta[:, None]
-    width = 2.0 * np.maximum(zeta, LEAST_DAMPING) * omega_n
-    return (n * low < omega_n) & (omega_n < n * high) & (n * (high - low) > width)
+    n, omega_n = share.harmonics.numbers, share.family.omega_n[:, None]
+    passed = (n * low < omega_n) & (omega_n < n * high)
+    if passed.any():
+        passed &= n * (high - low) > 2.0 * np.maximum(share.family.zeta[:, None], LEAST_DAMPING) * omega_n
+    return passed
 
 
 def _modal_motion(solver: PointSolver, there: Iterate) -> list[np.ndarray]:
