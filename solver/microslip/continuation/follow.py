@@ -64,11 +64,11 @@ def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     """Solve the second point, and what is asked for before it.  Collective."""
     assert state.now is not None
     before = state.now
-    found = second(state.solver, state.solver.carried(before), task.steps)
-    was, after = state.solver, _arrive(task, state, before, found, emit)
+    found, ds, notes = second(state.solver, state.solver.carried(before), task.steps)
+    was, after = state.solver, _arrive(task, state, before, found, emit, notes)
     if after.state.solver.resolution != was.resolution:
         before = after.state.solver.again(before)
-    return after.state.after(before, after.now, task.steps.ds)
+    return after.state.after(before, after.now, ds)
 
 
 def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
@@ -83,7 +83,7 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     assert state.before is not None and state.now is not None
     was, now, sweep = state.solver, state.solver.carried(state.now), task.sweep
     try:
-        found, ds = step(was, state.earlier, state.before, now, state.ds, task.steps)
+        found, ds, notes = step(was, state.earlier, state.before, now, state.ds, task.steps)
     except ConvergenceError:
         held = hold(was, now.moved, MOVED) if task.may_hold else None
         if held is None:
@@ -94,9 +94,9 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
         where = task.problem.where(sweep.start)
         raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, {where}; begin further off")
     if sweep.beyond(found[0].iterate.parameter):
-        end = _to_limit(task, state, now, found, sweep.stop, emit)
+        end = _to_limit(task, state, now, found, sweep.stop, emit, notes)
         return replace(end.state, before=now, now=end.now, is_done=True)
-    after = _arrive(task, state, now, found, emit)
+    after = _arrive(task, state, now, found, emit, notes)
     ds = next_step(task, after.state, ds, found[0].newton, (state.before, now, after.now))
     if after.state.solver.equation.held is not None and after.now.sliding < MOSTLY:
         after = let_go(after, task.steps)
@@ -120,21 +120,25 @@ def next_step(
     return task.steps.stretched(ds, newton, turn, stretch)
 
 
-def _arrive(task: BranchTask, state: BranchState, now: PointState, found: Found, emit: Emit) -> Accepted:
+def _arrive(
+    task: BranchTask, state: BranchState, now: PointState, found: Found, emit: Emit, notes: tuple[str, ...] = ()
+) -> Accepted:
     """Accept a point found from ``now``, after those asked for on the way to it.  Collective."""
     was = state.solver
     state = _asked(task, state, now, found[0].iterate, found[1], emit)
     found, solver = state.solver.still(found, was)
-    after = accept(task, replace(state, solver=solver), found)
+    after = accept(task, replace(state, solver=solver), found, notes=notes)
     emit(after.point)
     return after
 
 
-def _to_limit(task: BranchTask, state: BranchState, now: PointState, found: Found, limit: float, emit: Emit) -> Accepted:
+def _to_limit(
+    task: BranchTask, state: BranchState, now: PointState, found: Found, limit: float, emit: Emit, notes: tuple[str, ...] = ()
+) -> Accepted:
     """Solve at the end of the range that the step from ``now`` has passed, after what is asked for before it.  Collective."""
     there = interpolate(now.iterate, found[0].iterate, limit)
     state = _asked(task, state, now, there, found[1], emit)
-    end = solved(task, state, now, there, found[1], asked=limit in task.sweep.at)
+    end = solved(task, state, now, there, found[1], asked=limit in task.sweep.at, notes=notes)
     emit(end.point)
     return end
 
@@ -152,14 +156,22 @@ def _asked(
     return state
 
 
-def solved(task: BranchTask, state: BranchState, now: PointState, guess: Iterate, selected: np.ndarray, asked: bool) -> Accepted:
+def solved(
+    task: BranchTask,
+    state: BranchState,
+    now: PointState,
+    guess: Iterate,
+    selected: np.ndarray,
+    asked: bool,
+    notes: tuple[str, ...] = (),
+) -> Accepted:
     """Solve at the parameter of a guess on the chord from the last point, at once or by way of points in between.  Collective."""
     solver, selected = state.solver, now.selected | selected
     now, guess = solver.carried(now), guess.on(solver.harmonics)
     found = solver.solve_near(guess, now, selected)
     if found[0].failure:
         found = approach(solver, now, guess, selected, task.steps)
-    return accept(task, state, found, asked=asked)
+    return accept(task, state, found, asked=asked, notes=notes)
 
 
 def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.ndarray, steps: ArcLength) -> Found:

@@ -125,9 +125,9 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
     solver = replace(state.solver, sweep=Sweep(start, start + float(np.copysign(scale, way))))
     state, direction = replace(state, solver=solver), solver.sweep.direction
     if before is None or (start - before.iterate.parameter) * way <= 0.0:
-        before, found = None, second(solver, solver.carried(now), STEPS)
+        before, (found, _, _) = None, second(solver, solver.carried(now), STEPS)
     else:
-        found, ds = step(solver, None, before, now, ds, STEPS)
+        found, ds, _ = step(solver, None, before, now, ds, STEPS)
     for _ in range(MOST_STEPS):
         there = found[0].iterate
         if (start - there.parameter) * direction > scale:
@@ -142,7 +142,7 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
         if before is not None:
             ds = STEPS.next(ds, found[0].newton, solver.turn(before.iterate, now.iterate, after.now.iterate, now.size))
         earlier, before, now = before, now, after.now
-        found, ds = step(solver, earlier, before, now, ds, STEPS)
+        found, ds, _ = step(solver, earlier, before, now, ds, STEPS)
     where = (task.problem.where(parameter) for parameter in (omega, start))
     raise ConvergenceError("hb: {} not reached along the branch from {}; ask for frequencies closer to each other".format(*where))
 

@@ -27,6 +27,7 @@ from .iterate import Iterate
 from .linear_levels import is_linear, sticks_up_to
 from .point_record import point_record
 from .problems import ForcedResponse
+from .resonances import unresolved_peaks
 from .settings import ResponseSettings
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
 from .sweep import Sweep
@@ -133,11 +134,17 @@ def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> L
 
 
 def linear_branch(task: BranchTask, curve: LinearCurve, n_points: int, on_point: Callable[[Point], None]) -> Branch:
-    """Return a branch known to be linear, at equal steps of its length and where asked; nothing is solved.  Collective."""
+    """Return a branch known to be linear, at equal steps of its length, where asked and at peaks between; nothing is solved.
+
+    Collective.
+    """
     problem, sweep, clock = task.problem, task.sweep, time.perf_counter()
     omegas = np.interp(np.linspace(0.0, curve.s[-1], n_points), curve.s, curve.omega) if n_points > 1 else np.array([sweep.start])
     equation, branch = problem.equation, Branch(problem.at((sweep.start,)).level)
-    for omega in np.union1d(omegas, sweep.at)[:: int(sweep.direction)]:
+    omegas = np.union1d(omegas, sweep.at)
+    if n_points > 1:
+        omegas = np.union1d(omegas, unresolved_peaks(curve, omegas))
+    for omega in omegas[:: int(sweep.direction)]:
         there = Iterate(equation.linear_motion(problem.at((omega,))), (float(omega),), equation.harmonics)
         found = Correction(there, 0, 0, 0.0, None), equation.every_pair
         point, _ = point_record(problem, AllPairs(), found, omega in sweep.at, task.estimator)

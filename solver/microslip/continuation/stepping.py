@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..parallel.errors import ConvergenceError
@@ -10,30 +12,41 @@ from .corrector import BorderedSystem, Correction
 from .iterate import Iterate, PointState
 from .point_solver import Found, PointSolver
 from .predictor import difference, linear_step, predict
+from .resonances import passed_over
 from .steps import ArcLength
 
 FARTHEST = 4.0  # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
 NEAREST = 1e-3  # lengths of it below which it leads nowhere
 CORNERS = 4.0 ** np.arange(1, 5)  # shortest steps in which the branch is looked for beyond a sharp corner
 BACK = 0.05  # rad between a step and the way back, below which it is that
+PASSED = "a resonance may lie between the point before and this one, too sharp for the shortest step"
 
 
-def second(solver: PointSolver, first: PointState, steps: ArcLength) -> Found:
+class Stepped(NamedTuple):
+    """A step on: the point it found, its length, and what there is to say of it."""
+
+    found: Found
+    ds: float
+    notes: tuple[str, ...] = ()
+
+
+def second(solver: PointSolver, first: PointState, steps: ArcLength) -> Stepped:
     """Solve the second point, a little further along the sweep; halve the way until it converges nearby.  Collective.
 
-    A point further off than ``ds_max`` may lie beyond folds, with the resonance between them.  It is taken only where none
-    is nearer: where the set B has changed since the first point, and the solution with it.
+    A point further off than ``ds_max`` may lie beyond folds, with the resonance between them, as may one beyond a resonance.
+    It is taken only where none is nearer: where the set B has changed since the first point, and the solution with it.
     """
-    sweep, far = solver.sweep, None
+    sweep, far = solver.sweep, None  # the first that converged, and its notes
     way = min(linear_step(solver, first, 0.5 * steps.ds), 0.5 * sweep.scale)
     while True:
         there = first.iterate.parameter + sweep.direction * way
         guess = solver.linear_iterate(there) if first.sticks else first.iterate.at(there)
         found, selected = solver.solve_near(guess, first)
         if found.failure is None:
-            if solver.distance(first, found.iterate) <= steps.ds_max:
-                return found, selected
-            far = far or (found, selected)
+            is_passed = passed_over(solver, first, found.iterate) is not None
+            if solver.distance(first, found.iterate) <= steps.ds_max and not is_passed:
+                return Stepped((found, selected), steps.ds)
+            far = far or Stepped((found, selected), steps.ds, (PASSED,) if is_passed else ())
         way /= 2.0
         if way < steps.ds_min * sweep.scale:
             if far:
@@ -43,33 +56,47 @@ def second(solver: PointSolver, first: PointState, steps: ArcLength) -> Found:
 
 def step(
     solver: PointSolver, earlier: PointState | None, before: PointState, now: PointState, ds: float, steps: ArcLength
-) -> tuple[Found, float]:
-    """Return the next converged point and the step that reached it, halved until Newton converges.  Collective.
+) -> Stepped:
+    """Return the next converged point and the step that reached it, shortened until Newton converges and no resonance is passed.
+
+    Collective.  Where the shortest step passes one yet, or none leads to it, the step says so.
 
     Raises
     ------
     ConvergenceError : no step down to the shortest leads on; on every rank
     """
     earlier, before, now = earlier and solver.carried(earlier), solver.carried(before), solver.carried(now)
+    passing: Stepped | None = None
     while True:
         guess, plane = predict(solver, earlier, before, now, ds)
         found, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
-        if found.failure is None and not left(solver, before, now, found, ds):
-            return (found, selected), ds
-        ds /= 2.0
+        leads_on = found.failure is None and not left(solver, before, now, found, ds, may_turn=passing is not None)
+        share = passed_over(solver, now, found.iterate) if leads_on else None
+        if leads_on and share is None:
+            return Stepped((found, selected), ds)
+        if share is not None:
+            passing = Stepped((found, selected), ds, (PASSED,))  # taken if no shorter one leads on
+        ds *= share or 0.5
+        if ds < steps.ds_min and passing is not None:
+            return passing
         if ds < steps.ds_min:
             beyond = just_ahead(solver, before, now, steps) or beyond_sharp_corner(solver, before, now, steps)
             if beyond is None:
                 raise ConvergenceError(message(solver, now.iterate.parameter, found, steps))
-            return beyond, 8.0 * steps.ds_min
-        if now.sliding == 1.0 and solver.equation.held is None and solver.is_loose:
+            return Stepped(beyond, 8.0 * steps.ds_min)
+        if not leads_on and now.sliding == 1.0 and solver.equation.held is None and solver.is_loose:
             raise ConvergenceError(message(solver, now.iterate.parameter, found, steps))
 
 
-def left(solver: PointSolver, before: PointState, now: PointState, found: Correction, ds: float) -> bool:
-    """Tell whether a step fell back on the branch or jumped off it: by a turn of more than 90 degrees or another length."""
-    turn = solver.turn(before.iterate, now.iterate, found.iterate, now.size)
-    return turn > 0.5 * np.pi or not NEAREST * ds <= solver.distance(now, found.iterate) <= FARTHEST * ds
+def left(solver: PointSolver, before: PointState, now: PointState, found: Correction, ds: float, may_turn: bool = False) -> bool:
+    """Tell whether a step fell back on the branch or jumped off it: by a turn of more than 90 degrees or another length.
+
+    One that is short beside the last, shortened before a resonance, ``may_turn`` off that chord if the parameter goes on.
+    """
+    here = now.iterate.parameter
+    goes_on = (found.iterate.parameter - here) * (here - before.iterate.parameter) > 0.0
+    turns = solver.turn(before.iterate, now.iterate, found.iterate, now.size) > 0.5 * np.pi and not (may_turn and goes_on)
+    return turns or not NEAREST * ds <= solver.distance(now, found.iterate) <= FARTHEST * ds
 
 
 def message(solver: PointSolver, parameter: float, found: Correction, steps: ArcLength) -> str:

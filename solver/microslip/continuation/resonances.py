@@ -1,0 +1,115 @@
+"""Resonances that a step would pass over without a point on them (docs/theory.md, section 7).
+
+Far off, a resonance leaves the motion small on both sides and turns it by half a cycle.  With 1 / eta a straight line in the
+frequency, as of one mode, the two ends of a step say how high the motion rises in between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+
+from ..receptance.family import Share
+from .iterate import Iterate, PointState
+from .point_solver import PointSolver
+from .steps import LinearCurve
+
+RISES = np.sqrt(2.0)  # over the higher end of a step, beyond which the motion between the ends is asked for: half power
+SEEN = 0.3  # share of the motion of an output at the ends that the peak of a mode has, at least, to be looked for
+LEAST_DAMPING = 1e-6  # ratio with which the width of an undamped mode is reckoned
+FAINT = 0.02  # of the largest amplitude of an output, below which a peak of the linear curve is not looked for
+NEAREST, FARTHEST = 0.1, 0.75  # shares of a step that passes over a resonance in which it is looked for
+
+
+def passed_over(solver: PointSolver, now: PointState, there: Iterate) -> float | None:
+    """Return the share of a step at which a resonance is expected that no point would show; None where there is none.
+
+    Collective.  Asked for are the motion of the pairs as a whole, which turns with the resonances of whatever state the joint is
+    in, and each mode of the stuck structure that the step passes.
+    """
+    at, to = (solver.problem.at(parameters) for parameters in (now.iterate.parameters, there.parameters))
+    if at.omega == to.omega:
+        return None
+    share = turned_over(solver, now.iterate, there)
+    share = modes_passed(solver, now.iterate, there) if share is None else share
+    return None if share is None else float(np.clip(share, NEAREST, FARTHEST))
+
+
+def highest_between(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest |eta| between complex amplitudes ``a`` and ``b`` of one mode, and the share of the way at which it is.
+
+    Local.  docs/theory.md, eq. (7.4).
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        start, way = 1.0 / a, 1.0 / b - 1.0 / a
+        share = np.clip(np.nan_to_num(-(start * way.conj()).real / np.abs(way) ** 2), 0.0, 1.0)
+        nearest = np.abs(start + share * way)
+        return np.where(np.isfinite(nearest), 1.0 / nearest, 0.0), share
+
+
+def turned_over(solver: PointSolver, here: Iterate, there: Iterate) -> float | None:
+    """Return the share of a step at which the motion of all pairs rises between its ends; None where it does not.  Collective."""
+    U, V = solver.vibration(here.on(solver.harmonics).U), solver.vibration(there.on(solver.harmonics).U)
+    products = np.array([np.vdot(U, U), np.vdot(V, V), np.vdot(U, V)])
+    solver.comm.Allreduce(MPI.IN_PLACE, products)
+    if products[2] >= 0.0:
+        return None
+    a, b = np.sqrt(products[:2])
+    turn = np.arccos(max(products[2] / (a * b), -1.0))
+    highest, share = highest_between(np.array(a + 0j), np.array(b * np.exp(-1j * turn)))
+    return float(share) if highest > RISES * max(a, b) else None
+
+
+def modes_passed(solver: PointSolver, here: Iterate, there: Iterate) -> float | None:
+    """Return the share of a step at which a mode of the stuck structure peaks unseen; None where none does.
+
+    Collective where the step passes one whose half-power width is shorter: the pairs' forces at both ends.  The highest counts.
+    """
+    at, to = (solver.problem.at(iterate.parameters) for iterate in (here, there))
+    low, high, model = min(at.omega, to.omega), max(at.omega, to.omega), solver.equation.model
+    passed = [_passed(share, low, high) for share in model.shares]
+    if not any(modes.any() for modes in passed):
+        return None
+    found = []
+    for share, modes, a, b in zip(model.shares, passed, _modal_motion(solver, here), _modal_motion(solver, there)):
+        background = np.maximum(np.abs(share.family.o @ a), np.abs(share.family.o @ b))  # (n_outputs, n_harmonics)
+        highest, where = highest_between(a, b)
+        rises = modes & (highest > RISES * np.maximum(np.abs(a), np.abs(b)))
+        seen = np.abs(share.family.o)[:, :, None] * highest > SEEN * background[:, None, :]  # (n_outputs, m, n_harmonics)
+        found += [(highest[k, n], where[k, n]) for k, n in np.argwhere(rises & seen.any(axis=0))]
+    return max(found)[1] if found else None
+
+
+def unresolved_peaks(curve: LinearCurve, omegas: np.ndarray) -> np.ndarray:
+    """Return the frequencies [rad/s] of the peaks of a sampled linear curve on whose half-power width no one of ``omegas`` lies.
+
+    Local.  Peaks of any output and harmonic, from ``FAINT`` of its largest on.
+    """
+    found = []
+    for amplitude in np.moveaxis(np.hypot(curve.response[..., 1::2], curve.response[..., 2::2]), 0, -1).reshape(
+        -1, len(curve.omega)
+    ):
+        inner = amplitude[1:-1]
+        tops = 1 + np.flatnonzero((inner > amplitude[:-2]) & (inner >= amplitude[2:]) & (inner > FAINT * amplitude.max()))
+        for i in tops:
+            below = np.flatnonzero(amplitude < amplitude[i] / RISES)
+            low, high = below[below < i].max(initial=0), below[below > i].min(initial=len(amplitude) - 1)
+            if not np.any((curve.omega[low] <= omegas) & (omegas <= curve.omega[high])):
+                found.append(curve.omega[i])
+    return np.unique(found)
+
+
+def _passed(share: Share, low: float, high: float) -> np.ndarray:
+    """Return which modes a step between two frequencies passes in which harmonic, longer than their width, (m, n_harmonics)."""
+    n, omega_n = share.harmonics.numbers, share.family.omega_n[:, None]
+    passed = (n * low < omega_n) & (omega_n < n * high)
+    if passed.any():
+        passed &= n * (high - low) > 2.0 * np.maximum(share.family.zeta[:, None], LEAST_DAMPING) * omega_n
+    return passed
+
+
+def _modal_motion(solver: PointSolver, there: Iterate) -> list[np.ndarray]:
+    """Return the modal amplitudes of each share of the harmonics at a solution.  Collective."""
+    equation, at, there = solver.equation, solver.problem.at(there.parameters), there.on(solver.harmonics)
+    p = equation.full_force(equation.contact_forces(there.U, equation.every_pair, tangents=False))
+    return equation.model_at(at).modal_motion(at.level, at.omega, p)
