@@ -18,6 +18,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
 
 from microslip.parallel.petsc import initialise
@@ -63,6 +67,7 @@ class Found:
     stick: float  # radius of the stick zone, by the area of the points that stick
     fitted: float  # the same, by the tractions of those points
     traction: float  # mean difference of the tractions over the mean traction
+    rings: float  # the same of their means over rings, or rows, of the cap
     balance: float  # friction of all points over the force
     loss: float
 
@@ -86,9 +91,15 @@ def over_theory(case: Case, share: float, contact: Contact, pushed: Pushed) -> F
         (0.5 * stuck if case.is_roller else np.sqrt(stuck / np.pi)) / case.stick_radius(share),
         fitted_radius(case.mesh.contact, contact.r[sticks], ratio) / case.stick_radius(share),
         (contact.area @ np.abs(q - exact)) / (contact.area @ exact),
+        np.abs(of_rings(case, contact, q - exact)).sum() / (contact.area @ exact),
         np.abs(pushed.friction.sum(axis=0)).max() / (part * share * MU * case.force),
         pushed.loss.sum() / part / case.loss(share),
     )
+
+
+def of_rings(case: Case, contact: Contact, q: np.ndarray) -> np.ndarray:
+    """Return the integrals [N] of q (n,) over rings as wide as those of the cap, about its rings of nodes."""
+    return np.bincount(np.rint(contact.r / case.mesh.contact * case.mesh.rings).astype(int), contact.area * q)
 
 
 def fitted_radius(a: float, r: np.ndarray, ratio: np.ndarray) -> float:
@@ -146,18 +157,40 @@ def in_words(case: Case) -> str:
     return f"{mesh.shape} | {numbers[0]} | {'the same' if numbers[0] == numbers[1] else numbers[1]} | {how}"
 
 
+SIZE = {"sphere": 0.01, "roller": 0.04}  # m: what a body's far sides change falls with the cube, and with the square
 BY = {"march": by_march, "response": by_response}
 
 
-def rows(by: str, case: Case, shares, folder: Path) -> str:
-    """Return the rows of a case, one for each share of the limit."""
+def draw(path: Path, case: Case, shares, contact: Contact, pushed: list[Pushed]) -> None:
+    """Draw pressure and tractions of the points over those of theory."""
+    figure, axes = plt.subplots(figsize=(7.0, 4.2), layout="constrained")
+    a, p0 = case.mesh.contact, case.p0
+    r = np.linspace(0.0, a, 1000)
+    axes.plot(r / a, MU * case.pressure(r) / p0, color="0.6", label="friction limit, Hertz")
+    axes.plot(contact.r / a, MU * contact.N / contact.area / p0, ".", color="0.6", ms=3)
+    for k, (share, one) in enumerate(zip(shares, pushed)):
+        axes.plot(r / a, case.traction(r, share) / p0, color=f"C{k}", label=f"load {share:g} of the limit, Cattaneo")
+        size = np.hypot(*one.friction.T) / contact.area
+        axes.plot(contact.r / a, size / p0, "o", color=f"C{k}", ms=4, mfc="none", label=None if k else "contact points")
+    axes.set(
+        xlabel="distance from the middle / radius of contact", ylabel="traction / largest pressure", xlim=(0.0, 1.05), ylim=0.0
+    )
+    axes.legend(frameon=False, loc="upper right")
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+def rows(by: str, case: Case, shares, folder: Path, picture: Path | None) -> str:
+    """Return the rows of a case, one for each share of the limit; draw it where a file is given."""
     start = time.perf_counter()
     contact, pushed = BY[by](case, shares, folder)
     seconds, (radius, p0) = time.perf_counter() - start, at_rest(case, contact)
+    if picture is not None:
+        draw(picture, case, shares, contact, pushed)
     found = [over_theory(case, share, contact, one) for share, one in zip(shares, pushed)]
     return "\n".join(
         f"| {in_words(case)} | {by} | {len(contact.N)} | {radius:.3f}, {p0:.3f} | {of.share:g} | {of.n_slips} | {of.stick:.3f} "
-        f"| {of.fitted:.3f} | {100.0 * of.traction:.1f} % | {of.loss:.3f} | {seconds:.0f} s |"
+        f"| {of.fitted:.3f} | {100.0 * of.traction:.1f} % | {100.0 * of.rings:.1f} % | {of.loss:.3f} | {seconds:.0f} s |"
         for of in found
     )
 
@@ -178,16 +211,17 @@ def main():
     parser.add_argument("--poisson", type=float, default=Case.poisson)
     parser.add_argument("--harmonics", type=int, default=Case.harmonics)
     parser.add_argument("--samples", type=int, default=Case.samples)
+    parser.add_argument("--picture", type=Path, help="file to draw the tractions of the last case in")
     given = parser.parse_args()
     print(
         "| body | rings | base | contact points | by | closed | radius, pressure over Hertz' | share of the limit | slip "
-        "| stick radius | by tractions | tractions | loss | time |\n" + "| --- " * 14 + "|"
+        "| stick radius | by tractions | tractions | of rings | loss | time |\n" + "| --- " * 15 + "|"
     )
     settings = {name: getattr(given, name) for name in ("stiff", "poisson", "harmonics", "samples")}
     with tempfile.TemporaryDirectory() as folder:
         for by, shape, n, more, pairing in itertools.product(given.by, given.case, given.rings, given.apart, given.pairing):
-            mesh = Rings(shape=shape, rings=n, base_rings=n + more, base_angles=Rings.angles + (more > 0))
-            print(rows(by, Case(mesh, pairing, **settings), given.shares, Path(folder)), flush=True)
+            mesh = Rings(shape, SIZE[shape], rings=n, base_rings=n + more, base_angles=Rings.angles + (more > 0))
+            print(rows(by, Case(mesh, pairing, **settings), given.shares, Path(folder), given.picture), flush=True)
 
 
 if __name__ == "__main__":
