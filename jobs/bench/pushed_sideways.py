@@ -208,6 +208,7 @@ def main():
     parser.add_argument(
         "--stiff", type=float, default=Case.stiff, help="of the contact's springs, over Young's modulus and radius"
     )
+    parser.add_argument("--size", type=float, help="of the bodies [m], if not 0.01 of spheres and 0.04 of rollers")
     parser.add_argument("--poisson", type=float, default=Case.poisson)
     parser.add_argument("--harmonics", type=int, default=Case.harmonics)
     parser.add_argument("--samples", type=int, default=Case.samples)
@@ -220,7 +221,7 @@ def main():
     settings = {name: getattr(given, name) for name in ("stiff", "poisson", "harmonics", "samples")}
     with tempfile.TemporaryDirectory() as folder:
         for by, shape, n, more, pairing in itertools.product(given.by, given.case, given.rings, given.apart, given.pairing):
-            mesh = Rings(shape, SIZE[shape], rings=n, base_rings=n + more, base_angles=Rings.angles + (more > 0))
+            mesh = Rings(shape, given.size or SIZE[shape], rings=n, base_rings=n + more, base_angles=Rings.angles + (more > 0))
             print(rows(by, Case(mesh, pairing, **settings), given.shares, Path(folder), given.picture), flush=True)
 
 
