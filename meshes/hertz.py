@@ -1,4 +1,4 @@
-"""Generate a round body on a flat one, to compare with Hertz and Mindlin: a sphere's cap, or a slice of a roller.
+"""Generate a round body on a flat one, to compare with Hertz: a sphere's cap, or a slice of a roller.
 
     python meshes/hertz.py --out meshes/hertz.msh --shape sphere --base 20
 

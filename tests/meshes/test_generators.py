@@ -25,6 +25,7 @@ from block_on_ground import BlockOnGround, block_on_ground
 from bolted_lap import BoltedLap, bolted_lap
 from damper import Damper, damper
 from fan_sector import SIZES, Shape, fan_sector
+from hertz_rings import Rings, hertz_rings
 from lap_joint import LapJoint, lap_joint
 from msh import write_msh
 
@@ -448,3 +449,23 @@ def test_picture_of_surfaces_that_a_file_does_not_have(tmp_path):
     write_msh(str(tmp_path / "lap.msh"), lap_joint(LapJoint(kind="tet4")))
     with pytest.raises(ValueError, match="no surface 'lap_3'; its surfaces: clamp, lap_1, lap_2, tip"):
         picture.surface_nodes(str(tmp_path / "lap.msh"), ["lap_1", "lap_3"])
+
+
+@pytest.mark.parametrize("shape", ["sphere", "roller"])
+def test_rings_of_a_round_body_fill_it_and_meet_a_wider_flat(shape):
+    given = Rings(shape=shape, rings=6, base_rings=8, base_angles=2)
+    bodies = hertz_rings(given)
+    n_sides = 8 * given.base_angles  # of the polygon, of which half is meshed
+    polygon = n_sides / 4.0 * given.size**2 * np.sin(2.0 * np.pi / n_sides)
+    wide = polygon if shape == "sphere" else 2.0 * given.size * np.ptp(bodies["cap"].points[:, 1])
+    assert blocks.volumes(bodies["base"]).sum() == pytest.approx(wide * given.size, rel=1e-9)
+    across = (0,) if shape == "roller" else (0, 1)
+    reach = {}
+    for name, surface in (("cap", "cap"), ("base", "flat")):
+        points = bodies[name].points[bodies[name].face_nodes(surface)]
+        r2 = np.sum(points[:, across] ** 2, axis=1)
+        reach[name] = np.sqrt(r2.max())
+        assert points[:, 2] == pytest.approx(r2 / (2.0 * given.radius) if name == "cap" else np.zeros(len(r2)), abs=1e-12)
+    assert given.contact < reach["cap"] < reach["base"]
+    for body, middle in (("cap", "middle_y"), ("base", "base_y")):
+        assert np.abs(bodies[body].points[bodies[body].face_nodes(middle), 1]).max() < 1e-12

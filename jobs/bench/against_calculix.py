@@ -1,0 +1,266 @@
+"""The demo's fan sector at speed beside CalculiX' own contact solution of it, on the same mesh.
+
+    python jobs/bench/against_calculix.py [--size small] [--ccx PATH] [--keep FOLDER]
+
+needs ``ccx`` (Debian: calculix-ccx).  The deck has the elements of the scene (C3D20, or C3D20R with --reduced), its centrifugal force,
+supports, contact stiffness and friction: surface to surface with a linear pressure-overclosure, geometrically linear, in the scene's
+load steps.  Compared are, of each flank, the sums of normal and of friction forces, and how far the lines of the normal forces lie apart;
+the largest pressure that each shows; the mean displacement of the blade's flanks along the radius and their turn about the engine's
+axis, in which two flanks that slide on their upper edges hardly hold the blade.  Ours with nodes in pairs, and with cells as points.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from microslip.parallel.petsc import initialise
+
+initialise()
+
+from mpi4py import MPI
+
+import microslip
+from microslip.assembly.assemble import assemble
+from microslip.assembly.prestress import constant_forces
+from microslip.library.settings import mesh_settings
+from microslip.linear.joint_springs import linearise
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.partition import distribute
+from microslip.mesh.read import read_mesh
+from microslip.scene.read import changed
+from microslip.statics.equilibrium import equilibrium
+
+JOBS = Path(__file__).parents[1]
+sys.path.insert(0, str(JOBS.parent / "meshes"))
+
+from blocks import Body  # noqa: E402
+from fan_sector import SIZES, Shape, fan_sector  # noqa: E402
+from msh import write_msh  # noqa: E402
+
+# corners of the faces S1 to S6 of a hexahedron
+FACES = [(0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)]
+FLANKS = ("left", "right")  # x < 0 and x > 0
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What a program found, on the blade: of each flank, in the order of FLANKS."""
+
+    normal: np.ndarray  # (2, 3) N, sum of the normal forces
+    friction: np.ndarray  # (2, 3) N
+    moment: np.ndarray  # (2, 3) N m, of the normal forces about the origin
+    pressure: float  # Pa, the largest that it shows
+    radial: float  # m, mean of the blade's flanks
+    turn: float  # rad, of the blade's flanks, about y
+    seconds: float
+
+    @property
+    def line(self) -> np.ndarray:
+        """The point of each resultant normal force's line that is nearest to the origin, (2, 3) [m]."""
+        return np.cross(self.normal, self.moment) / np.sum(self.normal**2, axis=1)[:, None]
+
+
+def flank_of(x: np.ndarray) -> np.ndarray:
+    """Return which flank points at x belong to, (n,)."""
+    return (x > 0.0).astype(int)
+
+
+def deck(bodies: dict[str, Body], scene, kind: str) -> str:
+    """Return the CalculiX input of a scene of the fan sector, its elements of a CalculiX type."""
+    return "\n".join([*mesh_lines(bodies, scene, kind), *contact_lines(scene.joints[0]), *step_lines(bodies, scene), ""])
+
+
+def mesh_lines(bodies: dict[str, Body], scene, kind: str) -> list[str]:
+    """Return nodes, elements, materials, surfaces and the set of nodes that are held."""
+    points = np.concatenate([body.points for body in bodies.values()])
+    lines = ["*NODE, NSET=ALL"]  # CalculiX reads at most 20 characters a number, and 16 numbers a line
+    lines += [f"{i}, {x:.12e}, {y:.12e}, {z:.12e}" for i, (x, y, z) in enumerate(points, 1)]
+    n_nodes = n_elements = 0
+    for name, body in bodies.items():
+        lines += [f"*ELEMENT, TYPE={kind}, ELSET={name.upper()}"]
+        for i, nodes in enumerate(body.elements + n_nodes + 1, n_elements + 1):
+            lines += [", ".join(map(str, [i, *nodes[:14]])) + ",", ", ".join(map(str, nodes[14:]))]
+        lines += material_lines(name.upper(), scene.materials[scene.bodies[name].material])
+        for surface in {"blade_root", "disc_slot"} & set(body.faces):
+            lines += surface_lines(body, surface, n_elements)
+        if "disc_base" in body.faces:
+            lines += ["*NSET, NSET=BASE", *(f"{i}," for i in body.face_nodes("disc_base") + n_nodes + 1)]
+        n_nodes, n_elements = n_nodes + len(body.points), n_elements + len(body.elements)
+    return lines
+
+
+def material_lines(body: str, material) -> list[str]:
+    """Return the material of a body and its section."""
+    return [
+        f"*MATERIAL, NAME=OF_{body}",
+        "*ELASTIC",
+        f"{material.young:.12g}, {material.poisson:.12g}",
+        "*DENSITY",
+        f"{material.density:.12g}",
+        f"*SOLID SECTION, ELSET={body}, MATERIAL=OF_{body}",
+    ]
+
+
+def contact_lines(joint) -> list[str]:
+    """Return contact of the two flanks, with springs and friction of the joint."""
+    lines = []
+    for flank in FLANKS:
+        lines += ["*CONTACT PAIR, INTERACTION=JOINT, TYPE=SURFACE TO SURFACE", f"BLADE_ROOT_{flank}, DISC_SLOT_{flank}".upper()]
+    return [
+        *lines,
+        "*SURFACE INTERACTION, NAME=JOINT",
+        "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR",
+        f"{joint.normal_stiffness:.12g}",
+        "*FRICTION",
+        f"{joint.friction:.12g}, {joint.tangential_stiffness:.12g}",
+    ]
+
+
+def step_lines(bodies: dict[str, Body], scene) -> list[str]:
+    """Return supports, centrifugal force in the load steps of the scene, and what is printed of the last one."""
+    axis = ", ".join(f"{value:.12g}" for value in (*scene.model.axis_point, *scene.model.axis))
+    lines = [
+        "*BOUNDARY",
+        "BASE, 1, 3",
+        "*STEP, INC=1000",
+        "*STATIC, DIRECT",
+        f"{1.0 / scene.statics.steps:.12g}, 1.0",
+        "*DLOAD",
+        *(f"{name.upper()}, CENTRIF, {scene.statics.rotation_speed**2:.12e}, {axis}" for name in bodies),
+        "*NODE PRINT, NSET=ALL, FREQUENCY=1000",
+        "U",
+        "*CONTACT FILE, FREQUENCY=1000",
+        "CDISP, CSTRESS",
+    ]
+    for flank in FLANKS:
+        lines += [f"*CONTACT PRINT, SLAVE=BLADE_ROOT_{flank}, MASTER=DISC_SLOT_{flank}, FREQUENCY=1000".upper(), "CF, CFN, CFS"]
+    return [*lines, "*END STEP"]
+
+
+def surface_lines(body: Body, name: str, n_before: int) -> list[str]:
+    """Return the surfaces of the two flanks, as element faces."""
+    place = {
+        tuple(sorted(element[list(corners)])): (i, side)
+        for i, element in enumerate(body.elements, n_before + 1)
+        for side, corners in enumerate(FACES, 1)
+    }
+    faces = np.concatenate(body.faces[name])[:, :4]
+    which = flank_of(body.points[faces, 0].mean(axis=1))
+    lines = []
+    for k, flank in enumerate(FLANKS):
+        found = [place[tuple(sorted(face))] for face in faces[which == k]]
+        lines += [f"*SURFACE, NAME={name}_{flank}".upper(), *(f"{i}, S{side}" for i, side in found)]
+    return lines
+
+
+def rigid(blade: Body, u: np.ndarray) -> tuple[float, float]:
+    """Return the mean radial displacement [m] of the blade's flanks, and their turn about y [rad], from those of all nodes."""
+    nodes = blade.face_nodes("blade_root")
+    x, z = (blade.points[nodes] - blade.points[nodes].mean(axis=0))[:, [0, 2]].T
+    mean = u[nodes].mean(axis=0)
+    u = u[nodes] - mean
+    return float(mean[2]), float((z @ u[:, 0] - x @ u[:, 2]) / (x @ x + z @ z))
+
+
+def calculix(ccx: str, folder: Path, text: str, bodies: dict[str, Body]) -> Contact:
+    """Return what CalculiX finds with a deck."""
+    (folder / "fan.inp").write_text(text)
+    start = time.perf_counter()
+    with open(folder / "fan.log", "w") as log:
+        subprocess.run([ccx, "fan"], cwd=folder, check=True, stdout=log, stderr=subprocess.STDOUT)
+    seconds = time.perf_counter() - start
+    data = (folder / "fan.dat").read_text()
+    number = r"\s+(-?\d\.\d+E[+-]\d+)"
+    u = np.array(re.findall(r"^\s+\d+" + 3 * number + "$", data, re.MULTILINE), dtype=float)
+    sums = re.findall(r"about the origin \(mx,my,mz\)\n" + 6 * number, data)
+    if len(u) != sum(len(body.points) for body in bodies.values()) or len(sums) != 6:
+        sys.exit(f"{folder}: ccx ended without the results that were asked for; fan.log there says why")
+    sums = np.array(sums, dtype=float).reshape(2, 3, 2, 3)  # flank; all, normal, friction; force, moment
+    of_sums, pressure = (sums[:, 1, 0], sums[:, 2, 0], sums[:, 1, 1]), largest_pressure(folder / "fan.frd")
+    return Contact(*of_sums, pressure, *rigid(bodies["blade"], u), seconds)
+
+
+def largest_pressure(path: Path) -> float:
+    """Return the largest contact pressure at nodes [Pa] of a CalculiX result file: the fourth value of block CONTACT."""
+    block = path.read_text().split(" -4  CONTACT", 1)[1].split("\n -3", 1)[0]
+    return max(float(line[49:61]) for line in block.splitlines() if line.startswith(" -1"))
+
+
+def ours(scene, blade: Body) -> Contact:
+    """Return what the statics of a scene find, on one rank."""
+    start, comm, settings = time.perf_counter(), MPI.COMM_SELF, mesh_settings(scene)
+    mesh = read_mesh(settings)
+    pairs = pair_contacts(mesh, settings.joints)
+    shares = distribute(mesh, settings, comm)
+    system = assemble(shares, mesh, pairs, settings)
+    forces = constant_forces(shares, mesh, settings, system)
+    linearised = linearise(system, pairs, str(scene.path))
+    rest = equilibrium(linearised, pairs, forces, settings.statics.steps)
+    linearised.destroy()
+    on_blade = -rest.force  # the force of a pair acts on body 2
+    normal = on_blade[:, 2:] * pairs.frame[:, 2]
+    friction = np.einsum("pt,ptx->px", on_blade[:, :2], pairs.frame[:, :2])
+    own = np.stack([flank_of(pairs.position[:, 0]) == k for k in (0, 1)]).astype(float)
+    return Contact(
+        own @ normal,
+        own @ friction,
+        own @ np.cross(pairs.position, normal),
+        float((rest.N / pairs.area).max()),
+        *rigid(blade, system.at_nodes(rest.u_owned)),
+        time.perf_counter() - start,
+    )
+
+
+def row(name: str, found: Contact, reference: Contact) -> str:
+    """Return a row of the table: both flanks, and how far from the reference."""
+
+    def sizes(of, to):
+        size, exact = np.linalg.norm(of, axis=1), np.linalg.norm(to, axis=1)
+        return ", ".join(f"{s:.0f} ({100.0 * (s / e - 1.0):+.2f} %)" for s, e in zip(size, exact))
+
+    apart = 1e3 * np.linalg.norm(found.line - reference.line, axis=1)
+    return (
+        f"| {name} | {sizes(found.normal, reference.normal)} | {sizes(found.friction, reference.friction)} | {apart[0]:.2f}, {apart[1]:.2f} mm "
+        f"| {1e-6 * found.pressure:.0f} MPa | {1e6 * found.radial:.1f} um | {1e3 * found.turn:.2f} mrad | {found.seconds:.1f} s |"
+    )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--size", choices=SIZES, default="small")
+    parser.add_argument("--flank", type=int, help="elements across a flank, if not those of the size")
+    parser.add_argument("--reduced", action="store_true", help="2 x 2 x 2 points in each element, C3D20R")
+    parser.add_argument("--ccx", default=shutil.which("ccx"), help="the program")
+    given = parser.parse_args()
+    if not given.ccx or not shutil.which(given.ccx):
+        sys.exit("ccx not found: install CalculiX (Debian: calculix-ccx) or give its path with --ccx")
+    divisions = SIZES[given.size]
+    bodies = fan_sector(Shape(), divisions if given.flank is None else replace(divisions, flank=given.flank))
+    integration = {"integration": "reduced-both" if given.reduced else "full"}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_msh(str(folder / "fan.msh"), bodies)
+        scene = changed(microslip.read(JOBS / "fan_speed.toml"), {"model": {"mesh": str(folder / "fan.msh")}})
+        scene = scene.model_copy(update={"bodies": {k: v.model_copy(update=integration) for k, v in scene.bodies.items()}})
+        text = deck(bodies, scene, "C3D20R" if given.reduced else "C3D20")
+        reference = calculix(given.ccx, folder, text, bodies)
+        print("| contact | normal force of the flanks [N] | friction [N] | lines apart | pressure | radial | turn | time |")
+        print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+        print(row("CalculiX", reference, reference), flush=True)
+        joint = scene.joints[0].name
+        for pairing, words in (("nodes", "nodes in pairs"), ("points", "cells")):
+            print(row(words, ours(changed(scene, {}, {joint: {"pairing": pairing}}), bodies["blade"]), reference), flush=True)
+
+
+if __name__ == "__main__":
+    main()

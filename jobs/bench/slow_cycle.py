@@ -1,0 +1,91 @@
+"""A joint under a load that goes slowly to and fro: the condensed equations of the statics, marched in small steps over a cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from microslip.assembly.assemble import assemble
+from microslip.assembly.prestress import constant_forces
+from microslip.library.settings import mesh_settings
+from microslip.linear.joint_springs import Linearised, linearise
+from microslip.mesh.data import ContactPairs
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.partition import distribute
+from microslip.mesh.read import read_mesh
+from microslip.statics.equilibrium import Flexibility, _Contact, _Loading, _State
+
+STEPS = 10  # from none to the largest load, half as many as from one largest load to the other
+
+
+@dataclass(frozen=True, eq=False)
+class SlowCycle:
+    """A joint at rest under the constant loads of a scene, and what moves it, per newton of the scene's load."""
+
+    linearised: Linearised
+    pairs: ContactPairs
+    contact: _Contact
+    pressed: np.ndarray  # (n_pairs, 3) m, by the constant loads with all pairs stuck
+    pushed: np.ndarray  # (n_pairs, 3) m/N
+    rest: _State
+
+    @classmethod
+    def of(cls, scene, rest_steps: int = 4) -> SlowCycle:
+        """Return the joint of a scene at rest; on one rank."""
+        settings, comm = mesh_settings(scene), MPI.COMM_SELF
+        mesh = read_mesh(settings)
+        pairs = pair_contacts(mesh, settings.joints)
+        shares = distribute(mesh, settings, comm)
+        system = assemble(shares, mesh, pairs, settings)
+        linearised = linearise(system, pairs, str(scene.path))
+        forces = np.column_stack([constant_forces(shares, mesh, settings, system), system.loads[:, [0]].toarray()])
+        pressed, pushed = np.moveaxis((system.R @ linearised.factor.solve(forces)).reshape(-1, 3, 2), 2, 0)
+        contact, none = _Contact(comm, pairs, Flexibility(linearised)), np.zeros(pressed.shape)
+        rest, _ = contact.follow(_Loading(none, pressed, "the load"), _State(none, none), rest_steps)
+        return cls(linearised, pairs, contact, pressed, pushed, rest)
+
+    def close(self) -> None:
+        """Free the factor."""
+        self.linearised.destroy()
+
+    def force(self, state: _State) -> np.ndarray:
+        """Return friction x and y and minus the normal force of the points, (n_pairs, 3) [N]."""
+        force = state.p + self.pairs.law.stiffness * state.du
+        force[:, 2] -= np.maximum(self.pairs.N0, 0.0)
+        return force
+
+    @property
+    def N(self) -> np.ndarray:
+        """Normal forces at rest, (n_pairs,) [N]."""
+        return -self.force(self.rest)[:, 2]
+
+    def run(self, load: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return which points stick all through a cycle between -load and load [N], friction at load [N], and losses [J].
+
+        The cycle begins where the load has first been reached.
+        """
+        now = self._march(self.rest, 0.0, load, STEPS, None)
+        largest, losses, moves = self.force(now)[:, :2], np.zeros(self.pairs.n_pairs), np.zeros(self.pairs.n_pairs, dtype=bool)
+        for start in (load, -load):
+            now = self._march(now, start, -start, 2 * STEPS, (losses, moves))
+        return ~moves, largest, losses
+
+    def _march(self, now: _State, start: float, end: float, n_steps: int, record) -> _State:
+        """Return the state after the load has gone from one value to another; losses and moves are added to ``record``."""
+        values = np.linspace(start, end, n_steps + 1)
+        for before, after in zip(values[:-1], values[1:]):
+            held = self.pressed + before * self.pushed
+            then, _ = self.contact.follow(_Loading(held, (after - before) * self.pushed, "the load"), now, 1)
+            if record is not None:
+                T = 0.5 * (self.force(now) + self.force(then))[:, :2]
+                slip = self._slider(then) - self._slider(now)
+                record[0][:] += np.sum(T * slip, axis=1)
+                record[1][:] |= np.any(then.p[:, :2] != now.p[:, :2], axis=1)
+            now = then
+        return now
+
+    def _slider(self, state: _State) -> np.ndarray:
+        """Return where the sliders stand, (n_pairs, 2) [m]."""
+        return -state.p[:, :2] / self.pairs.law.stiffness[:, :2]

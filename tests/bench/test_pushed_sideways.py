@@ -1,0 +1,44 @@
+"""The theory of the sideways push against itself, and a coarse roller on a base of another mesh near to it."""
+
+import numpy as np
+import pytest
+from cattaneo import MU, YOUNG, Case, Rings
+from pushed_sideways import at_rest, by_march, fitted_radius, over_theory
+from scipy.integrate import quad
+
+SPHERE, ROLLER = Case(), Case(Rings(shape="roller", rings=8, base_rings=11), "projected")
+
+
+@pytest.mark.parametrize("case", [SPHERE, ROLLER], ids=["sphere", "roller"])
+@pytest.mark.parametrize("share", [0.2, 0.8])
+def test_tractions_carry_the_load_and_tell_the_stick_radius(case, share):
+    a, c = case.mesh.contact, case.stick_radius(share)
+    around = (lambda r: 2.0) if case.is_roller else (lambda r: 2.0 * np.pi * r)
+    load = quad(lambda r: case.traction(r, share) * around(r), 0.0, a, points=[c])[0]
+    assert load == pytest.approx(share * MU * case.force, rel=1e-6)
+    r = np.linspace(0.0, 0.99 * c, 20)
+    assert fitted_radius(a, r, case.traction(r, share) / (MU * case.pressure(r))) == pytest.approx(c, rel=1e-12)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.8])
+def test_losses_point_by_point_are_those_of_the_curve_of_first_loading(share):
+    """Of a sphere, by Masing's rule on Mindlin's displacement of the whole body."""
+
+    def displacement(s):
+        shear = 0.5 * YOUNG / (1.0 + SPHERE.poisson)
+        compliance = 3.0 * (2.0 - SPHERE.poisson) / (8.0 * shear * SPHERE.mesh.contact)
+        return compliance * MU * SPHERE.force * (1.0 - (1.0 - s) ** (2.0 / 3.0))
+
+    enclosed = quad(displacement, 0.0, share)[0] - 0.5 * share * displacement(share)
+    assert SPHERE.loss(share) == pytest.approx(-8.0 * MU * SPHERE.force * enclosed, rel=1e-5)
+
+
+def test_coarse_roller_on_another_mesh_comes_near_to_cattaneo(tmp_path):
+    contact, (pushed,) = by_march(ROLLER, (0.8,), tmp_path)
+    radius, pressure = at_rest(ROLLER, contact)
+    assert (radius, pressure) == (pytest.approx(1.0, abs=0.03), pytest.approx(1.0, abs=0.02))
+    found = over_theory(ROLLER, 0.8, contact, pushed)
+    assert found.balance == pytest.approx(1.0, abs=1e-3)
+    assert found.fitted == pytest.approx(1.0, abs=0.05)
+    assert found.loss == pytest.approx(1.0, abs=0.05)
+    assert found.traction < 0.1
