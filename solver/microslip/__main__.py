@@ -72,7 +72,7 @@ def _plot(command: Command, comm) -> int:
 
 
 def _solve(command: Command, comm) -> int:
-    """Run, compare, verify, trade or check a scene.  Collective on ``comm``."""
+    """Run, compare, verify, trade, export or check a scene.  Collective on ``comm``."""
     from .program.doctor import faults
 
     require(comm, faults("pydantic", "mpi4py"))
@@ -89,6 +89,7 @@ def _solve(command: Command, comm) -> int:
     from .studies import batch as several
     from .studies import check
     from .studies.compare import story as compare
+    from .studies.export import story as export
     from .studies.trade import story as trade
     from .studies.verify import story as verify
 
@@ -109,6 +110,9 @@ def _solve(command: Command, comm) -> int:
         out = Path("results", f"{scene.name}_trade") if command.out is None else command.out
         turned = trade.Asked(command.knobs or trade.KNOBS, command.levels, command.meshes, command.seconds or trade.SECONDS)
         trade.trade(scene, comm, out, turned, command.petsc)
+    elif command.name == "export":
+        out = Path("results", f"{scene.name}_export") if command.out is None else command.out
+        export.export(scene, comm, out, export.Asked(command.method, command.recovery), command.petsc)
     elif more:
         out = Path("results") if command.out is None else command.out
         status = several.run_scenes([scene, *more], comm, out, command.petsc, command.groups)

@@ -44,6 +44,7 @@ from microslip.program.command_line import Command, parse
             ),
         ),
         ("trade fan.toml", Command("trade", "fan.toml")),
+        ("export fan.toml --method rubin --recovery", Command("export", "fan.toml", method="rubin", recovery=True)),
         (
             "trade fan.toml --knobs modes,eps --levels 1,2.5 --meshes a.msh,b.msh --seconds 30",
             Command("trade", "fan.toml", knobs=("modes", "eps"), levels=(1.0, 2.5), meshes=("a.msh", "b.msh"), seconds=30.0),
@@ -65,10 +66,10 @@ def test_what_is_asked_arrives(line, command):
 @pytest.mark.parametrize(
     "line, message",
     [
-        ("", "a command is missing: run, compare, verify, trade, check, plot or doctor"),
+        ("", "a command is missing: run, compare, verify, trade, export, check, plot or doctor"),
         (
             "rnu fan.toml",
-            "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, check, plot and doctor",
+            "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, export, check, plot and doctor",
         ),
         ("fan.toml", "unknown command 'fan.toml'; commands are"),
         ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),
@@ -97,7 +98,7 @@ def test_what_is_asked_arrives(line, command):
         ("run fan.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
         (
             "check fan.toml -- -hb_snes_monitor",
-            "PETSc options after -- belong to the commands run, compare, verify and trade; check solves nothing",
+            "PETSc options after -- belong to the commands run, compare, verify, trade and export; check solves nothing",
         ),
         ("run fan.toml -- -snes_monitor", "perhaps -hb_snes_monitor"),
         (

@@ -12,9 +12,22 @@ from ..parallel.errors import CaseError
 from ..parallel.petsc import PREFIXES
 from ..parallel.words import listed, nearest
 
-_SOLVE = ("run", "compare", "verify", "trade")  # commands that PETSc options are for
+_SOLVE = ("run", "compare", "verify", "trade", "export")  # commands that PETSc options are for
 _SCENE = (*_SOLVE, "check")  # commands that read a scene
-_KEYS = ("methods", "knobs", "meshes", "seconds", "at", "levels", "harmonics", "samples", "steps", "from_rest")
+_KEYS = (
+    "methods",
+    "knobs",
+    "meshes",
+    "seconds",
+    "at",
+    "levels",
+    "harmonics",
+    "samples",
+    "steps",
+    "from_rest",
+    "method",
+    "recovery",
+)
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
@@ -28,7 +41,7 @@ until then; 70 a defect of the program."""
 class Command:
     """What the command line asks for."""
 
-    name: str  # run, compare, verify, trade, check, plot or doctor
+    name: str  # run, compare, verify, trade, export, check, plot or doctor
     file: str = ""  # the scene, or the results to plot
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
@@ -45,6 +58,8 @@ class Command:
     levels: tuple[float, ...] = ()  # N; empty: the command chooses among the scene's
     meshes: tuple[str, ...] = ()  # files of further meshes
     seconds: float | None = None  # to be spent; None: the default of the command
+    method: str | None = None  # to export; None: that of the scene
+    recovery: bool = False
 
 
 class _Parser(argparse.ArgumentParser):
@@ -109,6 +124,7 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
         "compare": ("one scene by several methods at the same points, in one table", "SCENE.toml", "results/NAME_compare"),
         "verify": ("time integration at points of the curves, beside harmonic balance", "SCENE.toml", "results/NAME_verify"),
         "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
+        "export": ("the reduced model as .npz and .mat, with scripts for other programs", "SCENE.toml", "results/NAME_export"),
         "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
         "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
         "doctor": ("print versions, and what is missing with the command that brings it", None, None),
@@ -209,7 +225,13 @@ def _add_verify(command: _Parser) -> None:
     command.add_argument("--from-rest", action="store_true", help="march from rest, without acceleration: many periods")
 
 
-_OPTIONS = {"run": _add_run, "compare": _add_compare, "trade": _add_trade, "verify": _add_verify}
+def _add_export(command: _Parser) -> None:
+    """Add the options of ``export``."""
+    command.add_argument("--method", metavar="NAME", help="the reduction method (default: the scene's, where it has matrices)")
+    command.add_argument("--recovery", action="store_true", help="write what makes full fields of the coordinates, too")
+
+
+_OPTIONS = {"run": _add_run, "compare": _add_compare, "trade": _add_trade, "verify": _add_verify, "export": _add_export}
 
 
 def _numbers(text: str) -> tuple[float, ...]:

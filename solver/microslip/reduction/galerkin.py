@@ -57,7 +57,7 @@ def reduce_on_basis(
         (eta,) = full.modal_motion(level, omega, p)
         return phi_owned @ to_real(eta, full.N_H)
 
-    return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out)
+    return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out, phi_owned)
 
 
 def galerkin_modes(linearised: Linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,3 +20,4 @@ class Reduction:
     selection: Selection
     displacement: Callable[[float, float, np.ndarray], np.ndarray]  # collective; level, omega, p -> harmonics of u, owned rows
     leaves_out: Literal["modes", "basis", "nothing"]  # "modes": their dynamics, not their statics; "basis": what it lacks
+    phi_owned: np.ndarray | None = None  # (n_owned, m) the modes that are the whole model of a Galerkin method; None of others

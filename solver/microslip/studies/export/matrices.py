@@ -1,0 +1,135 @@
+"""A Galerkin reduction as explicit matrices over the joint's relative displacements and modes with the joint held.
+
+The modes phi of a Galerkin reduction (docs/theory.md, section 8) span all that it knows.  In their span
+
+    u = psi du_b + chi xi,      R psi = E,      R chi = 0,
+
+with du_b the relative displacements that are independent, psi the static shapes of each of them, chi the modes with all of them
+held: Craig and Bampton's coordinates, with relative interface DOFs.  Nothing is lost and nothing added.  NumPy only; local.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from ...receptance.family import ModalFamily
+
+INDEPENDENT = 1e-7  # of a relative displacement's energy norm: what is less beside the others follows them
+
+
+@dataclass(frozen=True, eq=False)
+class InterfaceModel:
+    """M q'' + C q' + K q + R^T f_nl = F f, with q = [du_b, xi]; docs/theory.md, eq. (8.8)."""
+
+    M: np.ndarray  # (n, n) kg; the identity between the xi
+    C: np.ndarray  # (n, n) N s/m
+    K: np.ndarray  # (n, n) N/m, without the springs of the pairs
+    S: np.ndarray | None  # (n, n) N/m, structural damping: i S of all harmonics above the mean; None: there is none
+    R: np.ndarray  # (3 n_pairs, n) du = R q: x, y, z of each pair
+    F: np.ndarray  # (n, n_loads)
+    outputs: np.ndarray  # (n_outputs, n)
+    T: np.ndarray  # (m, n) eta = T q, the coordinates of the modes phi
+    independent: np.ndarray  # (n_b,) rows of R that are coordinates themselves
+
+    @property
+    def n_b(self) -> int:
+        return len(self.independent)
+
+
+def interface_model(family: ModalFamily, K_J: np.ndarray) -> InterfaceModel:
+    """Return the matrices of the modes of a Galerkin reduction, K_J (3 n_pairs,) being the springs of the pairs [N/m].
+
+    Local.  docs/theory.md, eq. (8.8).
+    """
+    flexible = family.R_phi / family.omega_n  # over coordinates y = Omega eta, in which K_L is the identity
+    independent, E, psi = constraint_shapes(flexible)
+    chi, squares = held_modes(psi, family.omega_n)
+    Y = np.hstack([psi, chi])
+    T = Y / family.omega_n[:, None]
+    n_b = len(independent)
+    R = np.zeros((len(K_J), Y.shape[1]))
+    R[:, :n_b] = E
+    K = np.zeros((Y.shape[1],) * 2)
+    K[:n_b, :n_b] = psi.T @ psi - E.T @ (K_J[:, None] * E)
+    K[np.arange(n_b, len(K)), np.arange(n_b, len(K))] = squares
+    model = InterfaceModel(
+        M=T.T @ T,
+        C=T.T @ family.damping.apply(T),
+        K=0.5 * (K + K.T),
+        S=None if family.damping.S is None else T.T @ family.damping.apply_structural(T),
+        R=R,
+        F=T.T @ family.b,
+        outputs=family.o @ T,
+        T=T,
+        independent=independent,
+    )
+    return turned(model, signs(model))
+
+
+def constraint_shapes(B: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return (independent, E, psi): rows of B (3 n_pairs, m) that do not follow from those before, B = E B[independent], and
+    the smallest y (m, n_b) that give each of them alone, B[independent] psi = 1.  Local.  docs/theory.md, eq. (8.8)."""
+    independent = independent_rows(B)
+    Q, L_T = np.linalg.qr(B[independent].T)
+    psi = scipy.linalg.solve_triangular(L_T, Q.T, lower=False).T if len(independent) else np.zeros((B.shape[1], 0))
+    E = B @ psi
+    E[independent] = np.eye(len(independent))
+    E[~B.any(axis=1)] = 0.0
+    return independent, E, psi
+
+
+def independent_rows(B: np.ndarray) -> np.ndarray:
+    """Return the rows of B, in their order, that are no combination of those before, to ``INDEPENDENT``.  Local."""
+    size, kept = np.linalg.norm(B, axis=1), list[int]()
+    Q = np.zeros((min(B.shape), B.shape[1]))
+    for i in np.flatnonzero(size > 0.0):
+        known, row = Q[: len(kept)], B[i] / size[i]
+        for _ in range(2):  # twice is enough
+            row = row - known.T @ (known @ row)
+        rest = float(np.linalg.norm(row))
+        if rest > INDEPENDENT and len(kept) < len(Q):
+            Q[len(kept)] = row / rest
+            kept.append(i)
+    return np.array(kept, dtype=int)
+
+
+def held_modes(psi: np.ndarray, omega_n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (chi, squares): the modes without relative displacement, M-normalised (m, n_i), and their frequencies squared.
+
+    Local.  docs/theory.md, eq. (8.8).  In coordinates y in which K_L is the identity, what
+    no static shape moves is orthogonal to all of them.
+    """
+    m, n_b = psi.shape
+    Z = scipy.linalg.qr(psi)[0][:, n_b:] if n_b else np.eye(m)
+    theta, v = np.linalg.eigh(Z.T @ (Z / omega_n[:, None] ** 2))
+    squares = 1.0 / np.maximum(theta[::-1], (1e-8 / omega_n.max(initial=1.0)) ** 2)
+    return (Z @ v[:, ::-1]) * np.sqrt(squares), squares
+
+
+def signs(model: InterfaceModel) -> np.ndarray:
+    """Return +1 or -1 for each coordinate, (n,), such that a mode's sign does not depend on how it was computed.  Local."""
+    seen = np.vstack([model.M[: model.n_b], model.F.T, model.outputs])
+    largest = np.abs(seen).max(axis=1, initial=0.0)
+    weight = np.divide(1.0 + np.cos(np.arange(len(seen))) / 2.0, largest, out=np.zeros(len(seen)), where=largest > 0.0)
+    found = np.where(weight @ seen < 0.0, -1.0, 1.0)
+    found[: model.n_b] = 1.0
+    return found
+
+
+def turned(model: InterfaceModel, sign: np.ndarray) -> InterfaceModel:
+    """Return the model with coordinates of other signs.  Local."""
+    both = np.outer(sign, sign)
+    return InterfaceModel(
+        M=model.M * both,
+        C=model.C * both,
+        K=model.K * both,
+        S=None if model.S is None else model.S * both,
+        R=model.R * sign,
+        F=model.F * sign[:, None],
+        outputs=model.outputs * sign,
+        T=model.T * sign,
+        independent=model.independent,
+    )

@@ -1,0 +1,210 @@
+"""Frequency response of model.npz by pyHarm (pip install pyHarm-os).
+
+    python run_pyharm.py [MODEL_FOLDER]
+
+Each pair is a node with three DOFs, x, y, z; all other coordinates are modes.  Pairs whose normal force is constant become
+Jenkins elements, on a friction circle or one for each direction, all others Penalty3D.  Writes response_pyharm.csv.
+"""
+
+import csv
+import logging
+import sys
+import time
+from pathlib import Path
+
+import jax
+import numpy as np
+
+jax.config.update("jax_enable_x64", True)  # its elements would compute in single precision
+from pyHarm.Maestro import Maestro
+
+logging.disable(logging.INFO)
+TOLERANCE = 1e-11  # of the residual over the load
+MOST_ITERATIONS, LEAST_STEP = 60, 1 / 64
+
+
+def main(folder: Path) -> None:
+    model = dict(np.load(folder / "model.npz"))
+    refuse(model)
+    place, matrices = at_nodes(model)
+    rows, H = [], int(model["harmonics"])
+    for level in model["levels"]:
+        system = Maestro(described(model, place, matrices, level)).system
+        order = positions(system.expl_dofs, len(model["mu"]), len(matrices["M"]), H)
+        load = np.zeros((len(matrices["M"]), 2 * H + 1))
+        load[place] = level * model["load"]
+        x = first(model, place, order, level, len(system.expl_dofs))
+        before = 2 * np.pi * model["frequency"][0]
+
+        def evaluate(x, omega, system=system):
+            y = np.append(x, omega)
+            return system.Residual(y), system.Jacobian(y)[0]
+
+        for frequency in model["frequency"]:
+            began, omega = time.perf_counter(), 2 * np.pi * frequency
+            x = reach(evaluate, x, before, omega, np.linalg.norm(load))
+            seconds = time.perf_counter() - began
+            if x is None:
+                sys.exit(f"no solution at {level:g} N, {frequency:g} Hz")
+            before = omega
+            q = x[order][place]
+            rows.append([level, frequency, seconds, *outputs(model, q, omega).ravel()])
+    write(model, folder / "response_pyharm.csv", rows)
+
+
+def reach(evaluate, x, before, omega, size):
+    """Return the solution at ``omega``, from ``x`` at ``before``, in one step or in as many as it takes; None: not found."""
+    for n_steps in (1, 4, 16, 64):
+        y = x
+        for w in np.linspace(before, omega, n_steps + 1)[1:]:
+            y = newton(lambda y, w=w: evaluate(y, w), y, size)
+            if y is None:
+                break
+        else:
+            return y
+    return None
+
+
+def newton(evaluate, x, size):
+    """Return where the residual is ``TOLERANCE`` of ``size`` or less, by Newton's method with steps halved; None: nowhere."""
+    residual, jacobian = evaluate(x)
+    for _ in range(MOST_ITERATIONS):
+        if np.linalg.norm(residual) <= TOLERANCE * size:
+            return x
+        step, share = np.linalg.solve(jacobian, residual), 1.0
+        new, new_jacobian = evaluate(x - step)
+        while not np.linalg.norm(new) < np.linalg.norm(residual) and share > LEAST_STEP:
+            share /= 2.0
+            new, new_jacobian = evaluate(x - share * step)
+        x, residual, jacobian = x - share * step, new, new_jacobian
+    return None
+
+
+def refuse(model) -> None:
+    """End where pyHarm has nothing like it."""
+    if any(law != "elastic-coulomb" for law in model["law"]):
+        sys.exit("pairs of a law that pyHarm does not have")
+    if model["S"].size:
+        sys.exit("structural damping: this script has none")
+    if model["T0"].any():
+        sys.exit("friction forces at rest (T0): the elements start without any")
+    if np.any(model["k_t"] != model["k_ty"]) or np.any(model["mu"] != model["mu_y"]):
+        sys.exit("stiffness or friction of x and y differ: Penalty3D has one for both")
+    dependent = np.setdiff1d(np.flatnonzero(model["R"].any(axis=1)), model["independent"])
+    if len(dependent):
+        sys.exit(f"relative displacement {dependent[0]} depends on others: this script takes a node's DOFs for a pair's")
+    if np.any((model["N0"] <= 0.0) & moves(model)[:, 2]):
+        sys.exit("a pair without preload, or with a gap, moves along its normal: Penalty3D has no friction for it")
+
+
+def moves(model):
+    """Return which relative displacements move at all, (n_pairs, 3)."""
+    return model["R"].any(axis=1).reshape(-1, 3)
+
+
+def at_nodes(model):
+    """Return where each coordinate stands among 3 DOFs a pair and the modes, and the matrices there; what never moves is held."""
+    n_rows, n_b = len(model["R"]), len(model["independent"])
+    place = np.concatenate([model["independent"], n_rows + np.arange(len(model["M"]) - n_b)]).astype(int)
+    size, matrices = n_rows + len(model["M"]) - n_b, {}
+    for name in ("M", "C", "K"):
+        matrices[name] = np.zeros((size, size))
+        matrices[name][np.ix_(place, place)] = model[name]
+    held = np.setdiff1d(np.arange(n_rows), place)
+    matrices["K"][held, held] = np.abs(np.diag(model["K"])).max()
+    return place, matrices
+
+
+def described(model, place, matrices, level):
+    """Return the input of pyHarm: one substructure with all coordinates, an element or two a pair, the loads."""
+    n_pairs, size = len(model["mu"]), len(matrices["M"])
+    body = {"matrix": matrices, "nnodes": n_pairs, "ndofs": 3, "nmodes": size - 3 * n_pairs}
+    connectors = {}
+    for i in range(n_pairs):
+        connectors |= contact(model, i)
+    for coordinate, coefficients in zip(place, level * model["load"]):
+        connectors |= forces(coordinate, coefficients, n_pairs)
+    return {
+        "analysis": {},
+        "system": {"type": "Base", "nh": int(model["harmonics"]), "nti": int(model["samples"]), "adim": {"status": False}},
+        "substructures": {"body": body},
+        "connectors": connectors,
+    }
+
+
+def contact(model, i):
+    """Return the elements of pair i."""
+    mu, k_t, k_n, N0 = (float(model[name][i]) for name in ("mu", "k_t", "k_n", "N0"))
+    at = {"connect": {"body": [i]}, "mu": mu, "N0": max(N0, 0.0)}
+    x, y, z = moves(model)[i]
+    if z:
+        return {f"pair {i}": {**at, "type": "Penalty3D", "dirs": [2, 0, 1], "g": 0.0, "k_n": k_n, "k_t": k_t}}
+    own = {**at, "type": "Jenkins", "k": k_t}
+    if x and y and not model["separate"][i]:
+        return {f"pair {i}": {**own, "dirs": [0, 1]}}
+    return {f"pair {i} {axis}": {**own, "dirs": [axis]} for axis in (0, 1) if (x, y)[axis]}
+
+
+def forces(coordinate, coefficients, n_pairs):
+    """Return the loads of one coordinate: an element for each harmonic that acts on it."""
+    is_node = coordinate < 3 * n_pairs
+    node, dirs = (coordinate // 3, [coordinate % 3]) if is_node else (n_pairs + coordinate - 3 * n_pairs, [-1])
+    found = {}
+    for n in range((len(coefficients) + 1) // 2):
+        cos, sin = (coefficients[0], 0.0) if n == 0 else coefficients[2 * n - 1 : 2 * n + 1]
+        if cos or sin:
+            own = {"type": "GOForcing", "connect": {"body": [int(node)]}, "dirs": [int(d) for d in dirs], "dto": 0, "ho": n}
+            found[f"load {coordinate} {n}"] = {**own, "amp": float(np.hypot(cos, sin)), "phi": float(np.arctan2(sin, cos))}
+            if n == 0:
+                found[f"load {coordinate} {n}"]["amp"] = float(cos)
+    return found
+
+
+def positions(dofs, n_pairs, size, H):
+    """Return where mean, cos 1, sin 1, ... of each DOF stand in pyHarm's vector, (size, 2 H + 1)."""
+    node, direction = dofs["node_num"].to_numpy(), dofs["dof_num"].to_numpy()
+    own = np.where(node < n_pairs, 3 * node + direction, 2 * n_pairs + node)
+    column = np.where(dofs["harm"] == 0, 0, 2 * dofs["harm"] - (dofs["cs"] == "c"))
+    order = np.empty((size, 2 * H + 1), dtype=int)
+    order[own, column] = dofs.index.to_numpy()
+    return order
+
+
+def first(model, place, order, level, n):
+    """Return the response with every pair stuck at the first frequency."""
+    omega, x = 2 * np.pi * model["frequency"][0], np.zeros(n)
+    K_L = model["K"] + model["R"].T @ (model["K_J"][:, None] * model["R"])
+    load = level * (model["load"][:, 1] - 1j * model["load"][:, 2])
+    q = np.linalg.solve(K_L - omega**2 * model["M"] + 1j * omega * model["C"], load)
+    x[order[place, 1]], x[order[place, 2]] = q.real, -q.imag
+    return x
+
+
+def outputs(model, q, omega):
+    """Return the coefficients of the outputs that are displacements, velocities or accelerations, (n_outputs, 2 H + 1)."""
+    y = model["outputs"] @ q
+    for row, order in zip(y, model["output_order"]):
+        for n in range(1, (len(row) + 1) // 2):
+            amplitude = (row[2 * n - 1] - 1j * row[2 * n]) * (1j * n * omega) ** order
+            row[2 * n - 1], row[2 * n] = amplitude.real, -amplitude.imag
+        row[0] *= order == 0
+    return y[shown(model)]
+
+
+def shown(model):
+    return ~(model["output_p"].any(axis=1) | model["output_base"].any(axis=1))
+
+
+def write(model, path, rows) -> None:
+    H = int(model["harmonics"])
+    names = ["mean"] + [f"{part} {n}" for n in range(1, H + 1) for part in ("cos", "sin")]
+    with open(path, "w", newline="") as file:
+        writer = csv.writer(file)
+        own = [f"{output} {name}" for output in model["output_name"][shown(model)] for name in names]
+        writer.writerow(["level_N", "frequency_Hz", "seconds", *own])
+        writer.writerows([[f"{value:.17g}" for value in row] for row in rows])
+    print(f"{path}: {len(rows)} points in {sum(row[2] for row in rows):.3g} s")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parent)

@@ -1,0 +1,105 @@
+"""The story of an export: build, reduce, turn into matrices, write them with a text and a script for each other program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...library.build import Structure, build
+from ...library.prepare import reduced
+from ...library.settings import reduction_settings
+from ...linear.joint_springs import joint_stiffness
+from ...observe.log import RunLog
+from ...parallel.agree import on_root
+from ...parallel.errors import CaseError
+from ...parallel.versions import versions
+from ...parallel.words import nearest
+from ...reduction.expand import node_fields
+from ...reduction.methods import METHODS
+from ...reduction.reduction import Reduction
+from ...reduction.settings import ReductionSettings
+from .contents import contents, recovery
+from .matrices import interface_model
+from .report import write_export
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ...scene.schema import Scene
+
+ENDLESS = ("receptance", "adaptive", "adaptive-energy")  # modes and an exact static response: no finite matrices
+FINITE = tuple(name for name in METHODS if name not in ENDLESS)
+INSTEAD = "joint-interface-modes"  # with all of them: the same modes, and the static shape of every relative displacement
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the command line asks for beside the scene."""
+
+    method: str | None = None  # None: the scene's, where its matrices are finite
+    recovery: bool = False
+
+
+def export(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), options: tuple[str, ...] = ()) -> None:  # noqa: B008  frozen
+    """Write the reduced model of a scene for other programs: model.npz, model.mat, README.txt and scripts that run as they are.
+
+    Collective on ``comm``.  Nothing is solved beyond what the reduction takes.
+
+    Raises
+    ------
+    CaseError : a method without finite matrices was asked for, or no script could be right; on every rank
+    """
+    known_method(asked.method)
+    facts = {"scene": str(scene.path), "PETSc options": " ".join(options) or "none", **versions()}
+    with RunLog(comm, str(folder / "export.log"), facts=facts) as log:
+        structure = build(scene, comm, log)
+        settings, note = settings_of(scene, structure, asked.method)
+        with log.stage(f"reduction: {settings.method}"):
+            reduction = reduced(structure, settings)
+        with log.stage("matrices"):
+            K_J = joint_stiffness(structure.pairs)
+            model = on_root(comm, lambda: interface_model(reduction.model.one_family, K_J))
+            found = contents(scene, structure, reduction, model, K_J)
+            fields = recovered(structure, reduction, model.T) if asked.recovery else None
+        log.note(note)
+        log.note(on_root(comm, write_export, found, fields, settings.method, note, scene, str(folder)))
+        log.note(f"results in {folder}")
+        structure.close()
+
+
+def known_method(name: str | None) -> None:
+    """Raise CaseError unless a method asked for has finite matrices.  Local."""
+    if name is None or name in FINITE:
+        return
+    if name in ENDLESS:
+        why = f"{name!r} keeps the exact static response, which no finite mass and stiffness have"
+    else:
+        near = nearest(name, FINITE)
+        why = f"unknown method {name!r}" + (f"; nearest is {near}" if near else "")
+    raise CaseError(f"--method: {why}; methods that can be exported: {', '.join(FINITE)}")
+
+
+def settings_of(scene: Scene, structure: Structure, method: str | None) -> tuple[ReductionSettings, str]:
+    """Return the settings of a reduction with finite matrices, and a note on what it is.  Local."""
+    settings = reduction_settings(scene)
+    if method is not None or settings.method not in ENDLESS:
+        name = method or settings.method
+        return replace(settings, method=name), f"exported: the reduction of method {name}"
+    most = max(3 * structure.pairs.n_pairs, 1)
+    note = (
+        f"exported: the {len(structure.modes.omega_n)} modes of the scene and the static shapes of all relative displacements "
+        f"and loads. Method {settings.method} has the same modes and statics, but no inertia in those shapes: no finite matrices"
+    )
+    return replace(settings, method=INSTEAD, interface_modes=most), note
+
+
+def recovered(structure: Structure, reduction: Reduction, T) -> dict | None:
+    """Return the arrays of full fields on rank 0, None elsewhere.  Collective: one gather."""
+    assert reduction.phi_owned is not None, "a Galerkin reduction"
+    system, owned = structure.linearised.system, reduction.phi_owned @ T
+    if system.dof is None:
+        gathered = system.comm.gather(owned, root=0)
+        return None if gathered is None else recovery(gathered, None)
+    u = node_fields(system, owned)
+    return None if u is None else recovery([u], structure.mesh)

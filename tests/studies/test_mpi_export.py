@@ -1,0 +1,202 @@
+"""What `microslip export` writes is the model that the program solves: by dense linear algebra and an AFT of its own."""
+
+import os
+
+import numpy as np
+import pytest
+import scipy.io
+import scipy.linalg
+from bar_scene import bar, by
+from matrix_scenes import write_matrix_scene
+from oracles import scenes
+
+from microslip.continuation.grid import at_frequencies
+from microslip.library.build import build
+from microslip.library.prepare import prepare
+from microslip.linear.joint_springs import joint_stiffness
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError
+from microslip.scene.read import read_scene
+from microslip.studies.export import story
+from microslip.studies.export.matrices import independent_rows, interface_model
+
+pytestmark = pytest.mark.ranks(1, 2)
+HZ = 2.0 * np.pi
+
+
+def exported(scene, comm, folder, **asked):
+    story.export(scene, comm, folder, story.Asked(**asked))
+    comm.barrier()
+    return dict(np.load(folder / "model.npz"))
+
+
+def stuck(model):
+    return model["K"] + model["R"].T @ (model["K_J"][:, None] * model["R"])
+
+
+@pytest.mark.parametrize("method", ["craig-bampton", "rubin", "trial-vectors"])
+def test_matrices_have_the_linear_response_and_the_frequencies_of_the_reduction(comm, shared_path, method):
+    scene, structure = bar(comm, shared_path, modes=8)
+    reduction = prepare(structure, by(scene, method), has_bars=False).reduction
+    reduced, K_J = reduction.model, joint_stiffness(structure.pairs)
+    own = interface_model(reduced.one_family, K_J)
+    K_L = own.K + own.R.T @ (K_J[:, None] * own.R)
+    omega_n = np.sqrt(scipy.linalg.eigh(K_L, own.M, eigvals_only=True))
+    assert omega_n[:20] == pytest.approx(reduced.omega_n[:20], rel=1e-8)
+    peak = abs(reduced.output_motion(1.0, omega_n[0], np.zeros((len(K_J), reduced.N_H)))[0, 1:3]).max()
+    for omega in (0.3 * omega_n[0], 1.01 * omega_n[0], 1.7 * omega_n[2]):
+        q = np.linalg.solve(K_L - omega**2 * own.M + 1j * omega * own.C, own.F[:, 0])
+        y = reduced.output_motion(1.0, omega, np.zeros((len(K_J), reduced.N_H)))
+        assert abs(own.outputs[0] @ q - (y[0, 1] - 1j * y[0, 2])) <= 1e-10 * peak
+        du = reduced.linear_motion_of_all(1.0, omega)
+        assert own.R @ q == pytest.approx(du[:, 1] - 1j * du[:, 2], abs=1e-9 * np.abs(du).max())
+    structure.close()
+
+
+def test_the_way_back_to_full_fields(comm, shared_path):
+    scene, structure = bar(comm, shared_path, modes=8)
+    model = exported(by(scene, "craig-bampton"), comm, shared_path / "out", recovery=True)
+    u = np.load(shared_path / "out" / "recovery.npz")
+    corner = np.flatnonzero(np.all(np.isclose(u["points"], (0.0, 0.0, 0.02)), axis=1))
+    assert u["recovery"][corner[0], 0] == pytest.approx(model["outputs"][0], abs=1e-10 * np.abs(model["outputs"]).max())
+    node = structure.pairs.node1, structure.pairs.node2
+    relative = u["recovery"][node[0]] - u["recovery"][node[1]]
+    along = np.einsum("pij,pjn->pin", model["frame"], relative).reshape(-1, relative.shape[2])
+    assert along == pytest.approx(model["R"], abs=1e-8)
+    structure.close()
+
+
+def test_files_hold_the_same_and_no_object(comm, shared_path):
+    scene, structure = bar(comm, shared_path, modes=8)
+    structure.close()
+    model = exported(scene, comm, shared_path / "out")
+    in_mat = scipy.io.loadmat(shared_path / "out" / "model.mat")
+    assert all(np.array_equal(in_mat[name], model[name]) for name in ("M", "C", "K", "R"))
+    assert in_mat["law"][0, 0][0] == "elastic-coulomb" and all(values.dtype.kind in "fiU" for values in model.values())
+    text = (shared_path / "out" / "README.txt").read_text()
+    assert all(f"\n{name} " in text for name in model) and "return-map" in text and "friction in each direction" in text
+    files = {"nlvib_residual.m", "run_nlvib.m", "run_tmdsimpy.py", "run_pyharm.py"}
+    assert files <= set(os.listdir(shared_path / "out"))
+    for name in files:
+        if name.endswith(".py"):
+            compile((shared_path / "out" / name).read_text(), name, "exec")
+
+
+@pytest.mark.ranks(2)
+def test_the_numbers_do_not_depend_on_the_ranks(comm, shared_path):
+    from mpi4py import MPI
+
+    scene, structure = bar(comm, shared_path, modes=8)
+    structure.close()
+    together = exported(by(scene, "rubin", condensed=True), comm, shared_path / "two")
+    if comm.rank == 0:
+        alone = exported(by(scene, "rubin", condensed=True), MPI.COMM_SELF, shared_path / "one")
+        for name in ("M", "C", "K", "R", "load", "outputs"):
+            assert together[name] == pytest.approx(alone[name], abs=1e-7 * np.abs(alone[name]).max()), name
+
+
+# -- an AFT that shares nothing with the program --------------------------------------------------------------------
+
+
+def forces(model, du, periods=2):
+    """Return f_nl at samples (n_t, 3 n_pairs) by the return map along each direction, of which the second period repeats."""
+    mu, k_t, k_n, N0 = (model[name] for name in ("mu", "k_t", "k_n", "N0"))
+    N = np.maximum(N0 - k_n * du[:, 2::3], 0.0)
+    f = np.empty_like(du)
+    f[:, 2::3] = np.maximum(N0, 0.0) - N
+    for axis in (0, 1):
+        u, w = du[:, axis::3], np.zeros(len(mu))
+        for _ in range(periods):
+            for t in range(len(u)):
+                T = np.clip(k_t * (u[t] - w), -mu * N[t], mu * N[t])
+                w = u[t] - T / k_t
+                f[t, axis::3] = T
+    return f
+
+
+def own_response(model, level, omega):
+    """Return the coefficients of q, (n, 2 H + 1), by finite differences and Newton's method."""
+    H, n_t, n = int(model["harmonics"]), int(model["samples"]), len(model["M"])
+    tau = np.arange(n_t) * HZ / n_t
+    basis = np.stack([np.ones(n_t)] + [part(k * tau) for k in range(1, H + 1) for part in (np.cos, np.sin)])
+    to_coefficients = basis.T / n_t * np.r_[1.0, np.full(2 * H, 2.0)]
+    load = level * model["load"]
+
+    def residual(x):
+        q = x.reshape(n, -1)
+        k = np.repeat(np.arange(H + 1), [1] + [2] * H)
+        rate = np.zeros_like(q)
+        rate[:, 1::2], rate[:, 2::2] = q[:, 2::2], -q[:, 1::2]
+        inner = model["K"] @ q - model["M"] @ q * (k * omega) ** 2 + model["C"] @ rate * (k * omega)
+        f = forces(model, (model["R"] @ q @ basis).T)
+        return (inner + model["R"].T @ (f.T @ to_coefficients) - load).ravel()
+
+    x = np.zeros(load.size)
+    start = np.linalg.solve(stuck(model) - omega**2 * model["M"] + 1j * omega * model["C"], load[:, 1] - 1j * load[:, 2])
+    x.reshape(n, -1)[:, 1], x.reshape(n, -1)[:, 2] = start.real, -start.imag
+    for _ in range(40):
+        r = residual(x)
+        if np.linalg.norm(r) < 1e-11 * np.linalg.norm(load):
+            return x.reshape(n, -1)
+        h = 1e-6 * np.abs(x).max()
+        J = np.stack([(residual(x + h * one) - residual(x - h * one)) / (2.0 * h) for one in np.eye(len(x))], axis=1)
+        step, share = np.linalg.solve(J, r), 1.0
+        while np.linalg.norm(residual(x - share * step)) > np.linalg.norm(r) and share > 1e-2:
+            share /= 2.0
+        x = x - share * step
+    raise AssertionError("no solution")
+
+
+@pytest.mark.ranks(1)
+def test_another_program_on_the_export_has_the_same_response(comm, tmp_path):
+    """The response that microslip finds and that of the equations of README.txt, to 1e-6 of the peak."""
+    path = write_matrix_scene(
+        tmp_path,
+        scenes.spatial_mass(),
+        (0.3,),
+        (0.9, 2.2),
+        outputs=[0, 2],
+        harmonics=2,
+        samples=32,
+        method="craig-bampton",
+        between_samples="return-map",
+        tolerance=1e-10,
+    )
+    path.write_text(path.read_text().replace('friction_limit = "circle"', 'friction_limit = "separate"'))
+    scene = read_scene(path)
+    model = exported(scene, comm, tmp_path / "out")
+    assert model["separate"].all() and (model["N0"] > 0.0).all()
+    with build(scene, comm) as structure:
+        response = prepare(structure, has_bars=False).response
+        branch = at_frequencies(response.at_level(0.3), response.selection, [1.2, 1.5], tolerance=1e-10)
+    assert not branch.failure and any(point.friction > 0.0 for point in branch.points)
+    for point in branch.points:
+        own = model["outputs"] @ own_response(model, 0.3, point.omega)
+        assert own == pytest.approx(point.response, abs=1e-6 * np.abs(point.response).max())
+
+
+@pytest.mark.ranks(1)
+def test_dependent_relative_displacements_follow_from_the_others():
+    B = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 2.0], [2.0, 0.0, 4.0], [0.0, 1e-9, 0.0], [1.0, 1e-9, 2.0]])
+    assert independent_rows(B).tolist() == [1, 3]
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize(
+    "method, message", [("receptance", "exact static response"), ("rubbin", "nearest is rubin"), ("x", "unknown method 'x'")]
+)
+def test_a_method_without_finite_matrices_is_refused(comm, tmp_path, method, message):
+    with pytest.raises(CaseError, match=f"--method: .*{message}"):
+        story.export(None, comm, tmp_path, story.Asked(method))
+    assert not list(tmp_path.iterdir())
+
+
+def test_command(program, comm, shared_path):
+    path = on_root(comm, lambda: write_matrix_scene(shared_path, scenes.chain(), (0.5,), (390.0, 590.0), outputs=[0]))
+    status, said, _ = program("export", path, "--out", shared_path / "out", "--recovery")
+    assert status == 0 and "relative displacements of 2 pairs" in said
+    model, full = np.load(shared_path / "out" / "model.npz"), scenes.chain()
+    recovery = np.load(shared_path / "out" / "recovery.npz")["recovery"]
+    assert recovery[0] == pytest.approx(model["outputs"][0], abs=1e-12)
+    M = np.asarray(full["M"].todense() if hasattr(full["M"], "todense") else full["M"])
+    assert recovery.T @ M @ recovery == pytest.approx(model["M"], abs=1e-9 * np.abs(model["M"]).max())
