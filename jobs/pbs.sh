@@ -32,12 +32,13 @@ if [ -n "$task" ]; then
     arguments+=("${settings[@]/#/--set=}" --out "results/$(basename "$scene" .toml)_$task")
 fi
 
-trap 'kill -TERM %1' TERM
+told=
+trap 'told=1; kill -TERM %1 2> /dev/null || true' TERM
 mpirun microslip run "${arguments[@]}" &
 run=$!
 status=0
 wait "$run" || status=$?
-if kill -0 "$run" 2> /dev/null; then            # the signal has ended the first wait, not the run
+if [ -n "$told" ]; then            # the signal has ended the wait, not the run
     status=0
     wait "$run" || status=$?
 fi

@@ -18,6 +18,7 @@ RISES = np.sqrt(2.0)  # over the higher end of a step, beyond which the motion b
 SEEN = 0.3  # share of the motion of an output at the ends that the peak of a mode has, at least, to be looked for
 LEAST_DAMPING = 1e-6  # ratio with which the width of an undamped mode is reckoned
 FAINT = 0.02  # of the largest amplitude of an output, below which a peak of the linear curve is not looked for
+TINY = 1e-300  # where the line meets 0: as high as numbers go
 NEAREST, FARTHEST = 0.1, 0.75  # shares of a step that passes over a resonance in which it is looked for
 
 
@@ -44,7 +45,7 @@ def highest_between(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarra
         start, way = 1.0 / a, 1.0 / b - 1.0 / a
         share = np.clip(np.nan_to_num(-(start * way.conj()).real / np.abs(way) ** 2), 0.0, 1.0)
         nearest = np.abs(start + share * way)
-        return np.where(np.isfinite(nearest), 1.0 / nearest, 0.0), share
+        return np.where(np.isfinite(nearest), 1.0 / np.maximum(nearest, TINY), 0.0), share
 
 
 def turned_over(solver: PointSolver, here: Iterate, there: Iterate) -> float | None:
