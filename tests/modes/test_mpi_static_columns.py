@@ -6,7 +6,9 @@ import pytest
 import scipy.sparse as sp
 from mpi4py import MPI
 
+from microslip.linear.factor import Factor
 from microslip.linear.joint_springs import joint_stiffness, linearise
+from microslip.modes import constraint
 from microslip.modes.constraint import static_columns
 
 comm = MPI.COMM_WORLD
@@ -63,3 +65,59 @@ def test_columns_of_zeros_cost_nothing(joined):
     found = static_columns(linearised, linearised.system.R, right)
     assert linearised.factor.info["solves"] == before + 1
     assert np.count_nonzero(found.any(axis=0)) == 1 and found[:, 3].any()
+
+
+@pytest.fixture
+def always(monkeypatch):
+    """Entries of the inverse however small the structure; the numbers of those that were asked for, call by call."""
+    monkeypatch.setattr(constraint, "_FEW", 0)
+    monkeypatch.setattr(constraint, "_MOST_ROWS", 1.0)
+    asked, entries = [], Factor.inverse_entries
+    monkeypatch.setattr(Factor, "inverse_entries", lambda *args: (asked.append(len(args[2])), entries(*args))[1])
+    return asked
+
+
+@pytest.mark.parametrize("bytes_of_batch", [None, 2000.0])
+def test_entries_of_the_inverse_are_what_solves_give(joined, always, monkeypatch, bytes_of_batch):
+    linearised, pairs = joined
+    system = linearised.system
+    R, J = system.R, np.unique(system.R.indices)
+    if bytes_of_batch:
+        monkeypatch.setattr(constraint, "_BATCH_BYTES", bytes_of_batch)
+    exact = R @ inverse(system, pairs) @ R.T
+    before = linearised.factor.info["solves"]
+    found = static_columns(linearised, R, R.T.tocsc())
+    assert always == ([6] * 6 if bytes_of_batch else [len(J)])  # 2,000 bytes are 6 columns of 36 rows
+    assert linearised.factor.info["solves"] == before + 1  # the check
+    np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max())
+    ranges = np.array([0] + [len(exact)] * comm.size)
+    some = R.T.tocsc()[:, [3, 4, 5, 12, 13, 14]]
+    found = static_columns(linearised, R, some, row_ranges=ranges)
+    mine = exact[ranges[comm.rank] : ranges[comm.rank + 1]]
+    np.testing.assert_allclose(found, mine[:, [3, 4, 5, 12, 13, 14]], atol=1e-13 * abs(exact).max())
+
+
+def test_wrong_and_refused_entries_are_solved_for(joined, always, monkeypatch):
+    linearised, pairs = joined
+    R, good = linearised.system.R, Factor.inverse_entries
+
+    def wrong(*args):
+        entries = good(*args)
+        if entries.size:
+            entries[:, 7] *= 1.0 + 1e-5
+        return entries
+
+    exact = R @ inverse(linearised.system, pairs) @ R.T
+    for answer, n_checks in ((wrong, 1), (lambda *args: None, 0)):
+        monkeypatch.setattr(Factor, "inverse_entries", answer)
+        before = linearised.factor.info["solves"]
+        found = static_columns(linearised, R, R.T.tocsc())
+        assert linearised.factor.info["solves"] == before + n_checks + len(exact)
+        np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max())
+
+
+def test_many_forces_in_a_column_are_solved_for(joined, always):
+    linearised, _ = joined
+    right = sp.random(linearised.system.n_dof, 5, 0.5, format="csc", random_state=3)
+    static_columns(linearised, linearised.system.R, right)
+    assert always == []

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from ..parallel.errors import ConvergenceError
 from .dense import column_norms, diagonal_owned, multiply, summed, wrap
 from .free_motion import explain_singular, is_singular
+from .inverse_entries import inverse_entries
 from .mumps import SINGULAR, factorise, solve_block
 
 if TYPE_CHECKING:
@@ -98,6 +99,16 @@ class Factor:
             return self.solve(B_owned.toarray(order="F"))
         start = perf_counter()
         return self._checked(B_owned, self._solve_by_columns(B), start)
+
+    def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
+        """Return the entries of A^-1 in some rows and columns, (n_rows, n_columns) on rank 0, (0, 0) elsewhere; unchecked.
+
+        Collective on A's communicator.  None, on every rank, where the factor cannot give them; see
+        :func:`.inverse_entries.inverse_entries`.
+        """
+        if self.info["package"] != "mumps":
+            return None
+        return inverse_entries(self.ksp.getPC().getFactorMatrix(), rows, columns)
 
     def _solve_by_columns(self, B: sp.csc_matrix) -> np.ndarray:
         """Return A^-1 B, unchecked.  Collective.  MUMPS wants all of a sparse B on rank 0, by columns."""

@@ -13,7 +13,11 @@ if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
 _BATCH = 128  # right-hand sides at a time; more gain nothing (docs/validation.md)
-_BATCH_BYTES = 2.5e8  # of a batch of solutions, over all ranks
+_BATCH_BYTES = 2.5e8  # of a batch of solutions, over all ranks; of entries of the inverse
+_FEW = 16  # right-hand sides up to which solves are as quick as entries of the inverse
+_MOST_ENTRIES = 3  # columns of the inverse a right-hand side: each costs a sixth to a third of a solve
+_MOST_ROWS = 0.1  # of the inverse, as a share: the fewer, the less of the factor is passed
+_AGREE = 1e-9  # entries of the inverse against a solve, each column of size 1
 
 
 def static_columns(
@@ -47,14 +51,59 @@ def static_columns(
 
 def _solve_right(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, batch: int | None) -> np.ndarray:
     """Return ``rows`` of left @ K_L^-1 @ right, solving for the columns of ``right`` that are not zero.  Collective."""
-    comm, n_dof = linearised.system.comm, right.shape[0]
-    row_start, row_end = linearised.K_L.getOwnershipRange()
-    left_owned = left[:, row_start:row_end]
     loaded = np.flatnonzero(np.diff(right.indptr))
-    batch = batch or int(np.clip(_BATCH_BYTES / (8 * n_dof), 16, _BATCH))
     product = np.zeros((len(range(*rows.indices(left.shape[0]))), right.shape[1]))
-    for start in range(0, len(loaded), batch):
-        columns = loaded[start : start + batch]
+    found = _by_inverse(linearised, left, right[:, loaded], rows)
+    product[:, loaded] = found if found is not None else _by_solves(linearised, left, right[:, loaded], rows, batch)
+    return product
+
+
+def _by_solves(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, batch: int | None) -> np.ndarray:
+    """Return ``rows`` of left @ K_L^-1 @ right by a solve for every column.  Collective."""
+    comm, (n_dof, m) = linearised.system.comm, right.shape
+    left_owned = left[:, slice(*linearised.K_L.getOwnershipRange())]
+    batch = batch or int(np.clip(_BATCH_BYTES / (8 * n_dof), 16, _BATCH))
+    product = np.empty((len(range(*rows.indices(left.shape[0]))), m))
+    for start in range(0, m, batch):
+        columns = slice(start, start + batch)
         X_owned = linearised.factor.solve_sparse(right[:, columns])
         product[:, columns] = summed(comm, left_owned @ X_owned)[rows]
     return product
+
+
+def _by_inverse(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice) -> np.ndarray | None:
+    """Return ``rows`` of left @ K_L^-1 @ right by those entries of K_L^-1 that it takes, checked against a solve.
+
+    Collective.  None, on every rank, where solves are quicker, or entries are not to be had or not accurate.
+    """
+    comm, factor, (n_dof, m) = linearised.system.comm, linearised.factor, right.shape
+    seen, forced = np.unique(left.indices), np.unique(right.indices)
+    if m <= _FEW or len(forced) > _MOST_ENTRIES * m or len(seen) > _MOST_ROWS * n_dof:
+        return None
+    of_seen, of_forced = left[:, seen], right[forced]
+    product = np.zeros((left.shape[0], m))
+    batch = max(int(_BATCH_BYTES / (8 * len(seen))), 1)
+    for start in range(0, len(forced), batch):
+        columns = slice(start, start + batch)
+        entries = factor.inverse_entries(seen, forced[columns])
+        if entries is None:
+            return None
+        if comm.rank == 0:
+            product += (of_forced[columns].T @ (of_seen @ entries).T).T
+    comm.Bcast(product)
+    return product[rows] if _agrees(linearised, left, right, product) else None
+
+
+def _agrees(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, product: np.ndarray) -> bool:
+    """Return whether left @ K_L^-1 @ right is ``product``, by a random sum of its columns.  Collective: one checked solve.
+
+    The columns are scaled to size 1 and their signs random, so that the expected square of the difference is the sum of all
+    squares: one bad column shows.
+    """
+    comm, owned = linearised.system.comm, slice(*linearised.K_L.getOwnershipRange())
+    size = np.linalg.norm(product, axis=0)
+    signs = np.random.default_rng(len(size)).choice([-1.0, 1.0], len(size))
+    z = np.divide(signs, size, out=np.zeros_like(size), where=size > 0.0)
+    x_owned = linearised.factor.solve((right.tocsr()[owned] @ z)[:, None])
+    solved = summed(comm, left[:, owned] @ x_owned)[:, 0]
+    return bool(comm.bcast(np.linalg.norm(product @ z - solved) <= _AGREE * np.sqrt(len(size))))

@@ -28,7 +28,6 @@ HALVINGS = 6  # of a Newton step that makes the residual grow
 FARTHEST = 1e6  # over the displacement with all pairs stuck: beyond it nothing holds a body
 SHORTEST = 2.0**-12  # of a load step
 LARGEST = 12_000  # rows of pairs that open or slip, solved for densely
-BATCH = 32  # pairs whose columns are solved for together
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +60,12 @@ class Flexibility:
     def require(self, pairs: np.ndarray) -> None:
         """Solve for the columns of ``pairs`` that are not known.  Collective; the same on every rank."""
         missing = np.flatnonzero(pairs & ~self.known)
-        for start in range(0, len(missing), BATCH):
-            rows = _rows(missing[start : start + BATCH])
-            columns = static_columns(self._linearised, self._linearised.system.R, self._R_T[:, rows])
-            if len(self._columns):
-                self._columns[:, rows] = columns
+        if len(missing) == 0:
+            return
+        rows = _rows(missing)
+        columns = static_columns(self._linearised, self._linearised.system.R, self._R_T[:, rows])
+        if len(self._columns):
+            self._columns[:, rows] = columns
         self.known[missing] = True
 
     def of(self, pairs: np.ndarray) -> np.ndarray:
@@ -266,10 +266,8 @@ class _Contact:
     def _newton(self, loading: _Loading, residual, L, active) -> np.ndarray | None:
         """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular."""
         rows, columns = _rows(np.flatnonzero(active)), self._columns(loading, active)
-        of_active, J = columns[rows], np.zeros((len(rows), len(rows)))
-        for i in range(3):
-            for j in range(3):
-                J[:, j::3] += of_active[:, i::3] * L[active, i, j]
+        of_active = columns[rows].T.reshape(len(rows) // 3, 3, len(rows))
+        J = np.einsum("mij,mik->mjk", L[active], of_active).reshape(len(rows), len(rows)).T
         J[np.diag_indices_from(J)] += 1.0
         try:
             d_du = np.linalg.solve(J, -residual[active].ravel())

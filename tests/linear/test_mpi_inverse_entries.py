@@ -1,0 +1,71 @@
+"""Entries of the inverse of a factored matrix, and what is left of the factor's settings after them."""
+
+import lattices
+import numpy as np
+import pytest
+from lattices import distributed, split_rows
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from microslip.linear import inverse_entries as module
+from microslip.linear.factor import Factor
+from microslip.linear.mumps import solve_block
+
+comm = MPI.COMM_WORLD
+SHAPE = (5, 3, 2)
+K = lattices.lattice_stiffness(SHAPE)
+SOME = np.array([0, 3, 4, 17, 50, 51, 88, 89])
+OTHERS = np.array([3, 5, 17, 51, 60])
+
+
+@pytest.fixture(params=[None, 0, 1], ids=["all", "rank 0 empty", "rank 1 empty"])
+def factor(request):
+    A = distributed(comm, K, split_rows(K.shape[0], comm.size, request.param))
+    A.setOption(PETSc.Mat.Option.SPD, True)
+    factor = Factor(A)
+    yield factor
+    factor.destroy()
+    A.destroy()
+
+
+@pytest.mark.parametrize("rows, columns", [(SOME, SOME), (SOME, OTHERS), (OTHERS, SOME), (SOME[:3], SOME[5:]), (SOME, SOME[:1])])
+def test_entries(factor, rows, columns):
+    exact = np.linalg.inv(K.toarray())[np.ix_(rows, columns)]
+    found = factor.inverse_entries(rows, columns)
+    if comm.rank == 0:
+        np.testing.assert_allclose(found, exact, rtol=0, atol=1e-14 * abs(exact).max())
+    else:
+        assert found.shape == (0, 0)
+
+
+def test_of_equal_entries_one_is_asked_for():
+    assert np.count_nonzero(module._known_by_symmetry(SOME, SOME)) == 8 * 7 // 2
+    assert np.count_nonzero(module._known_by_symmetry(SOME, OTHERS)) == 3  # of 3, 17 and 51
+
+
+def test_solves_of_every_kind_go_on_as_before(factor):
+    """PETSc leaves MUMPS set to entries of the inverse and to a solution on one rank."""
+    owned = slice(*factor.A.getOwnershipRange())
+    B = np.random.default_rng(1).standard_normal((K.shape[0], 3))
+    X = np.linalg.solve(K.toarray(), B)
+    one, found = factor.A.createVecs()
+    one.setArray(B[owned, 0])
+    for _ in range(2):
+        np.testing.assert_allclose(factor.solve(B[owned]), X[owned], atol=1e-12 * abs(X).max())
+        np.testing.assert_allclose(factor.solve_sparse(lattices.sp.csc_matrix(B)), X[owned], atol=1e-12 * abs(X).max())
+        np.testing.assert_allclose(solve_block(factor.ksp, B[owned, :1]), X[owned, :1], atol=1e-12 * abs(X).max())
+        factor.ksp.getPC().getFactorMatrix().solve(one, found)
+        np.testing.assert_allclose(found.getArray(), X[owned, 0], atol=1e-12 * abs(X).max())
+        factor.inverse_entries(SOME, OTHERS)
+    one.destroy()
+    found.destroy()
+
+
+def test_none_where_they_are_not_to_be_had(factor, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr(module, "_function", lambda: lambda F, pattern: 76)  # an error of PETSc
+        assert factor.inverse_entries(SOME, SOME) is None
+        patched.setattr(module, "_function", lambda: None)  # a library without it
+        assert factor.inverse_entries(SOME, SOME) is None
+    monkeypatch.setitem(factor.info, "package", "cholmod")
+    assert factor.inverse_entries(SOME, SOME) is None
