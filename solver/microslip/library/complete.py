@@ -50,6 +50,8 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
         return scene, ()
     taken = _taken(scene, model)
     notes = _refuse_findings(scene, model.findings, taken)
+    if not scene.awaits_file:
+        return scene, tuple(notes)
     units = UNITS[scene.model.units or "m-kg-s"]
     tables = {name: value for name, value in scene.model_dump(exclude_unset=True).items() if value}
     for part, of_file in _TABLES.items():
