@@ -267,7 +267,7 @@ class _Contact:
         """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular."""
         rows, columns = _rows(np.flatnonzero(active)), self._columns(loading, active)
         of_active = columns[rows].T.reshape(len(rows) // 3, 3, len(rows))
-        J = np.einsum("mij,mik->mjk", L[active], of_active).reshape(len(rows), len(rows)).T
+        J = np.matmul(L[active].transpose(0, 2, 1), of_active).reshape(len(rows), len(rows)).T
         J[np.diag_indices_from(J)] += 1.0
         try:
             d_du = np.linalg.solve(J, -residual[active].ravel())
