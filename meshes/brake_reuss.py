@@ -1,4 +1,4 @@
-"""Generate a beam of two halves, bolted as the Brake-Reuss beam, as an input file of Abaqus written the way its pre-processor does.
+"""Generate a beam of two halves, bolted as the Brake-Reuss beam, as an input file of Abaqus in its pre-processor's style.
 
     python meshes/brake_reuss.py --out meshes/brake_reuss.inp
 

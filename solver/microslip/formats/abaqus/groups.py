@@ -155,10 +155,10 @@ def _with_cells(mesh: FileMesh) -> Grouped:
 
 def _group_sets(found: Grouped, names: Names, prefix: str) -> None:
     mesh, scope = found.mesh, names.scope
-    for name in names.sets["ELSET"]:
+    for name in [name for name in names.sets["ELSET"] if name not in names.internal]:
         where = names.sets["ELSET"][name][0][2] if names.sets["ELSET"][name] else ""
         found.add_elements(prefix + mesh.spelled(name), mesh.elements(scope, name, where))
-    for name in names.sets["NSET"]:
+    for name in [name for name in names.sets["NSET"] if name not in names.internal]:
         where = names.sets["NSET"][name][0][2] if names.sets["NSET"][name] else ""
         found.groups.setdefault(prefix + mesh.spelled(name), Group()).add_nodes(mesh.nodes(scope, name, where))
 

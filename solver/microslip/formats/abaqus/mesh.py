@@ -56,6 +56,7 @@ class Names:
     given_nodes: list[tuple[np.ndarray, np.ndarray, str]] = field(default_factory=list)  # numbers, points, where
     blocks: list[Elements] = field(default_factory=list)
     sets: dict[str, dict[str, list[tuple[str, object, str]]]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
+    internal: set[str] = field(default_factory=set)  # sets that a pre-processor made for itself
     surfaces: dict[str, list[tuple[str, str, str]]] = field(default_factory=dict)  # element or set, face or "NODE", where
     system: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
 
@@ -204,6 +205,8 @@ def _take_set(mesh: FileMesh, names: Names, card: Card) -> None:
         raise MeshError(f"{card.where}: *{kind} without a name")
     mesh.spelled(name)
     names.sets[kind].setdefault(name.upper(), [])
+    if "INTERNAL" in card.parameters:
+        names.internal.add(name.upper())
     if kind == "NSET" and "ELSET" in card.parameters:
         _add(mesh, names, kind, name, ("elements", card.parameter("ELSET"), card.where))
         return
@@ -264,13 +267,13 @@ def finish(mesh: FileMesh) -> None:
     """Number nodes and elements through all scopes, and find the nodes of the elements.
 
     Numbers stay those of the file where no two instances use one; otherwise those of instance k, from 0, are raised by k times
-    a power of ten above all of them.
+    a power of ten above all of them; the assembly's own come last.
 
     Raises
     ------
     MeshError : numbers twice, or nodes that there are not
     """
-    every = list(mesh.names.values())
+    every = sorted(mesh.names.values(), key=lambda names: names.scope.name == "")  # the assembly's own last
     for names in every:
         names.node_numbers = _joined(part[0] for part in names.given_nodes)
         names.element_numbers = _joined(block.numbers for block in names.blocks)

@@ -118,7 +118,7 @@ def _find_prestress(model: Gathered) -> None:
     loaded = [one for one in model.steps[: step.number - 1] if any(card.keyword in loads for _, card in one.cards)]
     if loaded and not all(one.is_perturbation for one in loaded):
         effect = f"vibration about the loads of step {loaded[-1].number}: state them in [statics]"
-        model.findings.add("*STEP, PERTURBATION", step.cards[0][1].where, effect, True)
+        model.findings.add("*STEP, PERTURBATION", step.cards[0][1].where, effect, True, "statics")
 
 
 def _composed(model: Gathered) -> FileModel:
@@ -166,7 +166,8 @@ def _facts(model: Gathered) -> list[str]:
     for what, raised in zip(("node", "element"), model.mesh.offsets, strict=True):
         if raised:
             found.append(
-                f"instances share {what} numbers: those of the second are raised by {raised}, of the third by {2 * raised}"
+                f"instances share {what} numbers: those of the first stay, of the second are raised by {raised}, of the third by "
+                f"{2 * raised}, and so on; those of the assembly come last"
             )
     if model.steps:
         last = model.first_vibration
