@@ -204,12 +204,15 @@ def test_supports_in_axes_of_the_nodes_become_equations(tmp_path):
 
 def test_ties_couplings_and_contact(tmp_path):
     more = "*SURFACE, NAME=nodes, TYPE=NODE\n5\n6\n7\n8\n*TIE, NAME=glue, POSITION TOLERANCE=0.1\nFEET, nodes\n"
-    more += "*COUPLING, CONSTRAINT NAME=hub, REF NODE=POLE, SURFACE=CROWN\n*KINEMATIC\n*CONTACT PAIR, INTERACTION=i\nFEET, TOP\n"
+    more += "*COUPLING, CONSTRAINT NAME=hub, REF NODE=POLE, SURFACE=CROWN\n*KINEMATIC\n*CONTACT PAIR, INTERACTION=i\nFEET, TOP\n*CONTACT PAIR, TIED\nFEET, TOP\n"
     more += "*SURFACE INTERACTION, NAME=i\n*FRICTION\n0.25\n*BOUNDARY\nPOLE, 1, 6\n"
     more += "*ELEMENT, TYPE=MASS, ELSET=lump\n500, 99\n*MASS, ELSET=lump\n2.5\n*ELEMENT, TYPE=ROTARYI, ELSET=turn\n501, 99\n"
     more += "*ROTARY INERTIA, ELSET=turn\n1., 2., 3., .1, .2, .3\n"
     model = read(tmp_path, CUBE + TWICE + more)
-    assert model.ties == (FileTie(surfaces=("FEET", "nodes (faces)"), name="glue", tolerance=0.1),)
+    assert model.ties == (
+        FileTie(surfaces=("FEET", "nodes (faces)"), name="glue", tolerance=0.1),
+        FileTie(surfaces=("FEET", "TOP")),
+    )
     (point,) = model.connected
     assert (point.name, point.position, point.group, point.connection) == ("hub", (0.5, 0.5, 3.0), "CROWN", "rigid")
     assert point.mass == 2.5 and point.inertia == (1.0, 2.0, 3.0, 0.1, 0.3, 0.2)
@@ -248,6 +251,15 @@ def test_springs_and_masses(tmp_path):
         FileSpring(groups=("node 5", "node 11"), direction=along, stiffness=9.0),
     )
     assert [(numbers(model, mass.group), mass.mass) for mass in model.masses] == [([3], 4.0)]
+
+
+def test_what_a_set_names_beside_the_file_is_said(tmp_path):
+    model = read(tmp_path, CUBE + "*NSET, NSET=n, GENERATE\n7, 12\n*ELSET, ELSET=e\n1, 2\n")
+    assert numbers(model, "n") == [7, 8] and len(model.groups["e"].cells[0]) == 1
+    assert [one.effect for one in model.findings] == [
+        "'e' names 1 elements that the file does not hold, the first is 2",
+        "'n' names 4 nodes that the file does not hold, the first is 9",
+    ]
 
 
 def test_equations_of_sets_and_in_axes_of_nodes(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...parallel.errors import MeshError
 
+_OTHER_INPUT = ("SUBMODEL", "MATRIXINPUT")  # whose INPUT is no text of cards and their data
 _MOST_FILES = 10_000  # included, one by one
 _BLANKS = bytes.maketrans(b",\t\r", b"   ")
 _FORTRAN = bytes.maketrans(b"dD", b"ee")
@@ -120,7 +121,7 @@ class _Reader:
     def _take_card(self, card: Card, path: str, within: tuple[str, ...]) -> None:
         if card.keyword != "INCLUDE":
             self.cards.append(card)
-        if "INPUT" in card.parameters:
+        if "INPUT" in card.parameters and "".join(card.keyword.split()) not in _OTHER_INPUT:
             self._include(card, path, within)
         elif card.keyword == "INCLUDE":
             raise MeshError(f"{card.where}: *INCLUDE names no file: INPUT = is missing")

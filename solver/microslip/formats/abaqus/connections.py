@@ -79,15 +79,19 @@ def _take_tie(model: Gathered, scope: Scope, card: Card) -> None:
             what = {"CYCLICSYMMETRY": "CYCLIC SYMMETRY"}.get(special[0], special[0])
             model.findings.add(f"*TIE, {what}", where, "faces of a sector that meet those of the next one", True)
             continue
-        first, second = (_faces(model, scope, word, where) for word in words[:2])
-        if first is None or second is None:
-            which = words[0] if first is None else words[1]
-            effect = f"{words[0]} tied to {words[1]}: the nodes of {which} are not those of whole faces of solids"
-            model.findings.add("*TIE", where, effect, True, "ties", (words[0], words[1]))
-            continue
-        tolerance = _number(card, "POSITIONTOLERANCE")
-        name = card.parameters.get("NAME")
-        model.ties.append(FileTie(surfaces=(first, second), name=name or None, tolerance=tolerance or None))
+        _tie(model, scope, words, where, card)
+
+
+def _tie(model: Gathered, scope: Scope, words: list[str], where: str, card: Card) -> None:
+    """Glue the first surface of a line to the second."""
+    first, second = (_faces(model, scope, word, where) for word in words[:2])
+    if first is None or second is None:
+        which = words[0] if first is None else words[1]
+        effect = f"{words[0]} tied to {words[1]}: the nodes of {which} are not those of whole faces of solids"
+        model.findings.add(f"*{card.keyword}", where, effect, True, "ties", (words[0], words[1]))
+        return
+    tolerance, name = _number(card, "POSITIONTOLERANCE"), card.parameters.get("NAME")
+    model.ties.append(FileTie(surfaces=(first, second), name=name or None, tolerance=tolerance or None))
 
 
 def _number(card: Card, name: str) -> float | None:
@@ -106,6 +110,9 @@ def _take_contact(model: Gathered, scope: Scope, card: Card) -> None:
     for words, where in card.lines():
         if len(words) < 2 or not words[1]:
             model.findings.add("*CONTACT PAIR", where, f"{words[0]} in contact with itself", True)
+            continue
+        if "TIED" in card.parameters:
+            _tie(model, scope, words, where, card)
             continue
         groups = tuple(_surface(model, scope, word, where) for word in words[:2])
         effect = f"{groups[0]} and {groups[1]} in contact{friction}: a joint of the scene between them takes its place"

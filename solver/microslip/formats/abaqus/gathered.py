@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...parallel.errors import MeshError
+from ...parallel.words import place
 from ..model import FileBody, FileBolt, FileMass, FileMaterial, FilePoint, FileSpring, FileSupport, FileTie
 from .cards import Card
 from .findings import Findings
@@ -86,5 +88,8 @@ class Gathered:
 def along_axis(model: Gathered, node: int, direction: int, factor: float) -> list[tuple[int, int, float]]:
     """Return the displacement of a node along one of its axes, from 1, times a factor, as terms in model axes, largest first."""
     along = model.axes.get(node, np.eye(3))[direction - 1]
+    if np.isnan(along).any():
+        at = place(model.mesh.points[node])
+        raise MeshError(f"node {model.mesh.numbers[node]} at {at} lies on the axis of its *TRANSFORM, where nothing is radial")
     own = [(node, axis, factor * float(value)) for axis, value in enumerate(along) if abs(value) > _STRAIGHT]
     return sorted(own, key=lambda term: -abs(term[2]))

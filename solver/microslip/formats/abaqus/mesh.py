@@ -60,6 +60,10 @@ class Names:
     surfaces: dict[str, list[tuple[str, str, str]]] = field(default_factory=dict)  # element or set, face or "NODE", where
     system: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
 
+    def places(self, kind: str) -> tuple[Places, int]:
+        """Return where numbers of a kind of set stand, and the position of the first of them."""
+        return (self.node_places, self.first_node) if kind == "NSET" else (self.element_places, self.first_element)
+
 
 @dataclass(eq=False)
 class FileMesh:
@@ -71,10 +75,14 @@ class FileMesh:
     numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
     element_numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
     blocks: list[tuple[int, Elements, np.ndarray]] = field(default_factory=list)  # first element, its card, nodes (n, k)
+    missing: dict[str, tuple[str, str, int]] = field(default_factory=dict)  # where: kind of set, what it says, the first number
     offsets: tuple[int, int] = (0, 0)  # by which the numbers of the next instance are raised: nodes, elements; 0: not at all
 
     def of(self, scope: Scope) -> Names:
-        return self.names.setdefault(scope.name.upper(), Names(scope))
+        key = scope.name.upper()
+        if key not in self.names:
+            self.names[key] = Names(scope)
+        return self.names[key]
 
     def spelled(self, name: str) -> str:
         return self.spelling.setdefault(name.upper(), name)
@@ -133,7 +141,7 @@ class FileMesh:
     def _part(self, names: Names, kind: str, word: str, how: str, what, where: str, within: tuple[str, ...]) -> np.ndarray:
         """Return one entry of a set: numbers, another set, the nodes of an element set, or numbers of an instance."""
         if how == "numbers":
-            return self._positions(names, kind, what, f"{where}: *{kind} {self.spelled(word)!r}")
+            return self._held(names, kind, word, what, where)
         if how == "elements":
             return self.nodes_of(self._members(names, "ELSET", what, where, ()))
         if how == "instance":
@@ -142,13 +150,24 @@ class FileMesh:
                 raise MeshError(f"{where}: *{kind} {self.spelled(word)!r}: there is no instance {instance!r}")
             names, what = self.names[instance], members
             if not isinstance(what, str):
-                return self._positions(names, kind, what, f"{where}: *{kind} {self.spelled(word)!r}")
+                return self._held(names, kind, word, what, where)
             return self._members(names, kind, what, where, within if names.scope.name == "" else ())
         other, member = self.find(names.scope, what)
         return self._members(other, kind, member, where, within if other is names else ())
 
+    def _held(self, names: Names, kind: str, word: str, numbers: np.ndarray, where: str) -> np.ndarray:
+        """Return those of a set's numbers that there are; of others it is said that they are missing."""
+        own, first = names.places(kind)
+        index, missing = own.find(numbers)
+        if not len(missing):
+            return first + index
+        what = "nodes" if kind == "NSET" else "elements"
+        text = f"{self.spelled(word)!r} names {len(missing)} {what} that the file does not hold"
+        self.missing[where] = (kind, text, int(missing[0]))
+        return first + own.find(numbers[~np.isin(numbers, missing)])[0]
+
     def _positions(self, names: Names, kind: str, numbers: np.ndarray, where: str) -> np.ndarray:
-        own, first = (names.node_places, names.first_node) if kind == "NSET" else (names.element_places, names.first_element)
+        own, first = names.places(kind)
         index, missing = own.find(numbers)
         if len(missing):
             what, card = ("node", "*NODE") if kind == "NSET" else ("element", "*ELEMENT")

@@ -81,6 +81,8 @@ def _steps(played: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], 
 
 def _find_rest(model: Gathered) -> None:
     """Add findings for every card that is not taken over."""
+    for where, (kind, text, first) in model.mesh.missing.items():
+        model.findings.add(f"*{kind}", where, f"{text}, the first is {first}", False)
     for _, card in model.cards:
         if card.keyword == "INITIAL CONDITIONS":
             _find_initial(model, card)

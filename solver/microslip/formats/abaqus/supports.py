@@ -50,35 +50,36 @@ def take_transforms(model: Gathered) -> None:
 
 
 def _round_axes(points: np.ndarray, first: np.ndarray, second: np.ndarray, kind: str, card: Card) -> np.ndarray:
-    """Return radial, tangential and axial directions (n, 3, 3) at points; spherical ones about ``first``."""
+    """Return radial, tangential and axial directions (n, 3, 3) at points, NaN on the axis; spherical ones about ``first``."""
     along = (second - first) / max(np.linalg.norm(second - first), 1e-300)
     radial = points - first
     if kind == "C":
         radial = radial - np.outer(radial @ along, along)
     size = np.linalg.norm(radial, axis=1)
     scale = max(float(size.max(initial=0.0)), 1e-300)
-    if not np.linalg.norm(second - first) > 0.0 or (size < 1e-10 * scale).any():
-        raise MeshError(f"{card.where}: *TRANSFORM, TYPE={kind}: a node lies on the axis, where nothing is radial")
-    radial = radial / size[:, None]
+    if not np.linalg.norm(second - first) > 0.0:
+        raise MeshError(f"{card.where}: *TRANSFORM, TYPE={kind}: its two points are one")
+    with np.errstate(invalid="ignore", divide="ignore"):  # NaN on the axis, where nothing is radial
+        radial = np.where(size[:, None] > 1e-10 * scale, radial / size[:, None], np.nan)
     if kind == "C":
         return np.stack([radial, np.cross(along, radial), np.broadcast_to(along, radial.shape)], axis=1)
     tangent = np.cross(along, radial)
     length = np.linalg.norm(tangent, axis=1, keepdims=True)
-    if (length < 1e-10).any():
-        raise MeshError(f"{card.where}: *TRANSFORM, TYPE=S: a node lies on the polar axis, where nothing is tangential")
-    tangent = tangent / length
+    with np.errstate(invalid="ignore", divide="ignore"):
+        tangent = np.where(length > 1e-10, tangent / length, np.nan)
     return np.stack([radial, tangent, np.cross(radial, tangent)], axis=1)
+
+
+_Held = dict[str, tuple[list[np.ndarray], set[int]]]  # by the name of a set, or of what is held: nodes, directions from 1
 
 
 def take_supports(model: Gathered) -> None:
     """Take what is held in the first step with *FREQUENCY, or in the first step: by the model data and the steps up to it."""
-    held: dict[str, tuple[np.ndarray, set[int]]] = {}
+    held: _Held = {}
     for scope, card in _boundaries(model):
-        if card.parameter("OP") == "NEW":
-            held.clear()
         _take_card(model, scope, card, held)
     for name, (nodes, dofs) in held.items():
-        _hold(model, name, nodes, dofs)
+        _hold(model, name, np.unique(np.concatenate(nodes)), dofs)
 
 
 def _boundaries(model: Gathered) -> list[tuple[Scope, Card]]:
@@ -94,7 +95,7 @@ def _boundaries(model: Gathered) -> list[tuple[Scope, Card]]:
     return found
 
 
-def _take_card(model: Gathered, scope: Scope, card: Card, held: dict[str, tuple[np.ndarray, set[int]]]) -> None:
+def _take_card(model: Gathered, scope: Scope, card: Card, held: _Held) -> None:
     kind = card.parameter("TYPE", "DISPLACEMENT")
     for key in ("SUBMODEL", "USER", "BASENAME"):
         if key in card.parameters:
@@ -106,12 +107,12 @@ def _take_card(model: Gathered, scope: Scope, card: Card, held: dict[str, tuple[
             effect = f"a displacement other than 0 ({words[0]}); it would be taken as held"
             model.findings.add("*BOUNDARY", where, effect, True, "supports")
         nodes = model.mesh.nodes(scope, words[0], where)
-        name = model.mesh.name_of(scope, words[0])
         if words[0].isdigit():
-            name = "*BOUNDARY " + "".join(_AXES[dof - 1] for dof in sorted(dofs))
-            nodes = np.union1d(nodes, held[name][0]) if name in held else nodes
-        known = held.setdefault(name, (nodes, set()))[1]
-        held[name] = nodes, known | dofs
+            parts, known = held.setdefault("*BOUNDARY " + "".join(_AXES[dof - 1] for dof in sorted(dofs)), ([], set()))
+        else:
+            parts, known = held.setdefault(model.mesh.name_of(scope, words[0]), ([], set()))
+        parts.append(nodes)
+        known |= dofs
 
 
 def _dofs(words: list[str], where: str) -> tuple[set[int], float]:
@@ -120,12 +121,12 @@ def _dofs(words: list[str], where: str) -> tuple[set[int], float]:
         return set(_NAMED[words[1].upper()]), 0.0
     first, last, value = ([number(word) if word else None for word in words[1:4]] + [None] * 3)[:3]
     given = [bool(word) for word in (words[1:4] + [""] * 3)[:3]]
-    if first is None or not 1 <= first <= 11 or (last is None and given[1]) or (value is None and given[2]):
+    if first is None or not 0 <= first <= 11 or (last is None and given[1]) or (value is None and given[2]):
         raise MeshError(
             f"{where}: *BOUNDARY holds {','.join(words)[:60]!r}; expected a node or a set and its first and last direction, "
             f"or one of {', '.join(_NAMED)}"
         )
-    return {dof for dof in range(int(first), int(last or first) + 1) if dof <= 6}, value or 0.0
+    return {dof for dof in range(int(first), int(last or first) + 1) if 1 <= dof <= 6}, value or 0.0
 
 
 def _hold(model: Gathered, name: str, nodes: np.ndarray, dofs: set[int]) -> None:
