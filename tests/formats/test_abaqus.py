@@ -1,6 +1,8 @@
 """Input files of Abaqus and CalculiX: parts, includes, sets, surfaces, properties and connections, findings, and what is damaged."""
 
 import os
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,12 +15,17 @@ from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.library.settings import mesh_settings
 from microslip.linear.joint_springs import linearise
+from microslip.mesh.links import find_links
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
 from microslip.modes.eigen import lowest_modes
 from microslip.parallel.errors import MeshError
 from microslip.scene.read import scene_of
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "meshes"))
+
+from brake_reuss import BrakeReuss, input_file
 
 CUBE = """*NODE, NSET=ALL
 1, 0, 0, 0
@@ -284,6 +291,28 @@ def test_a_mass_on_a_spring_that_an_equation_leads(tmp_path):
     omega = lowest_modes(linearised, 1, verify=False).omega_n[0]
     linearised.destroy()
     assert omega == pytest.approx(np.sqrt(10.0 / 7.85e-9), rel=3e-5)  # the cube gives by 1e-5
+
+
+def test_the_bolted_beam_is_read_as_it_stands(tmp_path):
+    beam = BrakeReuss(around=2, radial=1, through=1, along=4)
+    model = read(tmp_path, input_file(beam))
+    assert len(model.bodies) == 14 and len(model.ties) == 15 and [point.name for point in model.connected] == ["SENSOR"]
+    assert model.connected[0].mass == 2e-5 and model.connected[0].position == (725.0, 0.0, 0.0)
+    assert words(model) == ["*CONTACT PAIR", "*STEP, PERTURBATION"] and len(model.bolts) == 3
+    assert sum("in the file with 9000: [[statics.bolts]]" in finding.effect for finding in model.findings) == 3
+    joint = {"name": "lap", "surfaces": ("LAP_LOWER", "LAP_UPPER"), "friction": 0.2, "preload": "static"}
+    joint |= {"tangential_stiffness": 1e13, "normal_stiffness": 1e13}
+    at = {"point": "SENSOR", "direction": (0.0, 0.0, 1.0)}
+    bolts = tuple({"group": f"BOLT-{i}.CUT", "force": 9000.0} for i in (1, 2, 3))
+    more = {"joints": (joint,), "loads": (at,), "outputs": ({"name": "end", **at},), "statics": {"bolts": bolts}}
+    scene, _ = complete(scene_of({**tables("job.inp", units="mm-t-s"), **more}, tmp_path / "s.toml"), model)
+    settings = mesh_settings(scene)
+    mesh = read_mesh(settings, model)
+    pairs = pair_contacts(mesh, settings.joints)
+    np.testing.assert_allclose(mesh.points[pairs.node1], mesh.points[pairs.node2], atol=1e-9)
+    lap = 0.12 * 0.025 - 3 * 2.0 * np.sqrt(2.0) * 0.0043**2  # the holes are octagons
+    assert pairs.area.sum() == pytest.approx(lap, rel=1e-6)
+    assert len(find_links(mesh, settings).notes) == 16
 
 
 FINDINGS = {
