@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...parallel.errors import MeshError
@@ -13,6 +15,7 @@ from .findings import REFUSED, TAKEN, Findings, known
 from .gathered import Gathered, Step
 from .groups import grouped
 from .mesh import FileMesh, finish, take_mesh_card
+from .parameters import in_full
 from .properties import take_materials, take_sections
 from .scopes import Scope, in_scopes
 from .supports import take_supports, take_transforms
@@ -59,9 +62,9 @@ def read_inp(path: str) -> FileModel:
 
 
 def _in_full(card: Card) -> Card:
-    """Return a card with its keyword as it is written in full."""
-    keyword = known(card.keyword)
-    return card if keyword == card.keyword else Card(keyword, card.parameters, card.file, card.line, card.pieces)
+    """Return a card with its keyword and its parameters as they are written in full."""
+    card = replace(card, keyword=known(card.keyword))
+    return replace(card, parameters=in_full(card)[0])
 
 
 def _steps(played: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], list[Step]]:
@@ -79,8 +82,18 @@ def _steps(played: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], 
     return before, steps
 
 
+def _find_unknown_parameters(model: Gathered) -> None:
+    """Add findings for parameters of cards that are taken over, where nothing here knows what they do."""
+    last = model.first_vibration
+    steps = [step for step in model.steps if last is not None and step.number <= last.number]
+    for _, card in model.cards + [one for step in steps for one in step.cards]:
+        for name in in_full(card)[1]:
+            model.findings.add(f"*{card.keyword}, {name}", card.where, "a parameter that is not known to this program", True)
+
+
 def _find_rest(model: Gathered) -> None:
     """Add findings for every card that is not taken over."""
+    _find_unknown_parameters(model)
     for where, (kind, text, first) in model.mesh.missing.items():
         model.findings.add(f"*{kind}", where, f"{text}, the first is {first}", False)
     for _, card in model.cards:
