@@ -260,6 +260,15 @@ def test_springs_and_masses(tmp_path):
     assert [(numbers(model, mass.group), mass.mass) for mass in model.masses] == [([3], 4.0)]
 
 
+def test_absurd_counts_take_no_memory_and_no_time(tmp_path):
+    doubled = "".join(f"*NSET, NSET=s{i}\ns{i + 1}, s{i + 1}\n" for i in range(60)) + "*NSET, NSET=s60\n1\n"
+    model = read(tmp_path, CUBE + "*NSET, NSET=n, GENERATE\n2, 9000000000000, 3\n" + doubled)
+    assert numbers(model, "n") == [2, 5, 8] and numbers(model, "s0") == [1]
+    assert any(
+        "'n' names 2999999999997 nodes that the file does not hold, the first is 11" in one.effect for one in model.findings
+    )
+
+
 def test_what_a_set_names_beside_the_file_is_said(tmp_path):
     model = read(tmp_path, CUBE + "*NSET, NSET=n, GENERATE\n7, 12\n*ELSET, ELSET=e\n1, 2\n")
     assert numbers(model, "n") == [7, 8] and len(model.groups["e"].cells[0]) == 1
@@ -376,9 +385,12 @@ BAD = {
     ),
     "a set of itself": (CUBE + "*NSET, NSET=a\nb\n*NSET, NSET=b\na\n", "made of itself"),
     "a set without a name": (CUBE + "*NSET\n1\n", "line 12: .NSET without a name"),
-    "an absurd range": (
-        CUBE + "*NSET, NSET=a, GENERATE\n1, 9000000000000\n",
-        "line 13: .*GENERATE: '1,9000000000000' is not a range",
+    "a range of no numbers": (CUBE + "*NSET, NSET=a, GENERATE\n1, 9e300\n", "line 13: .*GENERATE: '1,9e300' is not a range"),
+    "an absurd node": (CUBE + "*BOUNDARY\n99999999999999999999, 1\n", "line 13: 99999999999999999999 is no number of the file"),
+    "sets too deep": (CUBE + "".join(f"*NSET, NSET=s{i}\ns{i + 1}\n" for i in range(200)), "within more than 100 others"),
+    "an infinite node number": (
+        CUBE.replace("8, 0, 1, 1", "1e300, 0, 1, 1"),
+        "line 1: .NODE: a node number is not a whole number",
     ),
     "a falling range": (CUBE + "*NSET, NSET=a, GENERATE\n5, 1\n", "is not a range of numbers"),
     "an absurd number": (CUBE + "*NSET, NSET=a\n99999999999999999999\n", "which is no number of the file"),

@@ -13,6 +13,7 @@ from ...parallel.errors import MeshError
 
 _OTHER_INPUT = ("SUBMODEL", "MATRIXINPUT")  # whose INPUT is no text of cards and their data
 _MOST_FILES = 10_000  # included, one by one
+_DEEPEST = 50
 _BLANKS = bytes.maketrans(b",\t\r", b"   ")
 _FORTRAN = bytes.maketrans(b"dD", b"ee")
 _IS_SEPARATOR = np.isin(np.arange(256), list(b", \t\r\n"))
@@ -147,8 +148,10 @@ class _Reader:
         if path in within:
             raise MeshError(f"{card.where}: it includes {name!r}, which includes this file again: the files go round in a circle")
         self.n_files += 1
-        if self.n_files > _MOST_FILES:
-            raise MeshError(f"{card.where}: it includes more than {_MOST_FILES} files")
+        if self.n_files > _MOST_FILES or len(within) > _DEEPEST:
+            raise MeshError(
+                f"{card.where}: more than {_MOST_FILES} files are included, or more than {_DEEPEST} within each other"
+            )
         self._read(path, os.path.relpath(path, self.folder), within)
 
 

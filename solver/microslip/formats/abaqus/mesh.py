@@ -14,7 +14,8 @@ from .cards import Card, values_of
 from .nodes import Elements, read_elements, read_nodes, system_of
 from .scopes import Scope
 
-_LONGEST = 10**8  # numbers in a generated set
+_DIGITS = 18  # of the longest number
+_DEEPEST = 100  # sets within sets
 
 
 class Places:
@@ -27,6 +28,19 @@ class Places:
         self.is_range = is_rising and (self.n == 0 or int(numbers[-1]) - self.first == self.n - 1)
         self.order = None if is_rising else np.argsort(numbers, kind="stable")
         self.sorted = numbers if self.order is None else numbers[self.order]
+
+    def held(self, wanted: np.ndarray | range) -> tuple[np.ndarray, int, int]:
+        """Return the places of those numbers that there are, how many there are not, and the first of these."""
+        if isinstance(wanted, range):  # which may be far longer than what there is
+            low, high = np.searchsorted(self.sorted, [wanted.start, wanted.stop])
+            own = self.sorted[low:high]
+            own = own[(own - wanted.start) % wanted.step == 0]
+            n_alike = int(np.cumprod(own == wanted.start + wanted.step * np.arange(len(own))).sum())
+            return self.find(own)[0], len(wanted) - len(own), wanted.start + wanted.step * n_alike
+        index, missing = self.find(wanted)
+        if not len(missing):
+            return index, 0, 0
+        return self.find(wanted[~np.isin(wanted, missing)])[0], len(missing), int(missing[0])
 
     def find(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the places of numbers, and the numbers that are not there."""
@@ -75,6 +89,7 @@ class FileMesh:
     numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
     element_numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
     blocks: list[tuple[int, Elements, np.ndarray]] = field(default_factory=list)  # first element, its card, nodes (n, k)
+    known: dict[tuple[str, str, str], np.ndarray] = field(default_factory=dict)  # scope, kind of set, name: its members
     missing: dict[str, tuple[str, str, int]] = field(default_factory=dict)  # where: kind of set, what it says, the first number
     offsets: tuple[int, int] = (0, 0)  # by which the numbers of the next instance are raised: nodes, elements; 0: not at all
 
@@ -126,45 +141,43 @@ class FileMesh:
         names, word = self.find(scope, word)
         return names.scope.named(self.spelled(word))
 
-    def _members(self, names: Names, kind: str, word: str, where: str, within: tuple[str, ...]) -> np.ndarray:
+    def _members(self, names: Names, kind: str, word: str, where: str, within: tuple[tuple[str, str, str], ...]) -> np.ndarray:
+        """Return the members of a set, or one by its number; ``within`` are scope, kind and name of the sets around it."""
         if word.isdigit():
+            if len(word) > _DIGITS:
+                raise MeshError(f"{where}: {word[:40]} is no number of the file")
             return self._positions(names, kind, np.array([int(word)]), where)
         if word not in names.sets[kind]:
             near = nearest(word, names.sets[kind])
             hint = f"; nearest is {self.spelled(near)!r}" if near else ""
             raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} is used but not defined{hint}")
-        if word in within:
-            raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} is made of itself")
-        found = [self._part(names, kind, word, *part, (*within, word)) for part in names.sets[kind][word]]
-        return np.unique(np.concatenate([NO_NODES, *found]))
+        key = (names.scope.name.upper(), kind, word)
+        if key in within or len(within) > _DEEPEST:
+            what = "is made of itself" if key in within else f"is made of sets within more than {_DEEPEST} others"
+            raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} {what}")
+        if key not in self.known:
+            found = [self._part(names, kind, word, *part, (*within, key)) for part in names.sets[kind][word]]
+            self.known[key] = np.unique(np.concatenate([NO_NODES, *found]))
+        return self.known[key]
 
-    def _part(self, names: Names, kind: str, word: str, how: str, what, where: str, within: tuple[str, ...]) -> np.ndarray:
+    def _part(self, names: Names, kind: str, word: str, how: str, what, where: str, within: tuple) -> np.ndarray:
         """Return one entry of a set: numbers, another set, the nodes of an element set, or numbers of an instance."""
-        if how == "numbers":
-            return self._held(names, kind, word, what, where)
         if how == "elements":
-            return self.nodes_of(self._members(names, "ELSET", what, where, ()))
+            return self.nodes_of(self._members(names, "ELSET", what, where, within))
         if how == "instance":
-            instance, members = what
+            instance, what = what
             if instance not in self.names:
                 raise MeshError(f"{where}: *{kind} {self.spelled(word)!r}: there is no instance {instance!r}")
-            names, what = self.names[instance], members
-            if not isinstance(what, str):
-                return self._held(names, kind, word, what, where)
-            return self._members(names, kind, what, where, within if names.scope.name == "" else ())
-        other, member = self.find(names.scope, what)
-        return self._members(other, kind, member, where, within if other is names else ())
-
-    def _held(self, names: Names, kind: str, word: str, numbers: np.ndarray, where: str) -> np.ndarray:
-        """Return those of a set's numbers that there are; of others it is said that they are missing."""
-        own, first = names.places(kind)
-        index, missing = own.find(numbers)
-        if not len(missing):
-            return first + index
-        what = "nodes" if kind == "NSET" else "elements"
-        text = f"{self.spelled(word)!r} names {len(missing)} {what} that the file does not hold"
-        self.missing[where] = (kind, text, int(missing[0]))
-        return first + own.find(numbers[~np.isin(numbers, missing)])[0]
+            names = self.names[instance]
+        if isinstance(what, str):
+            other, member = (names, what) if how == "instance" else self.find(names.scope, what)
+            return self._members(other, kind, member, where, within)
+        places, first = names.places(kind)
+        found, n_missing, missing = places.held(what)
+        if n_missing:
+            what = "nodes" if kind == "NSET" else "elements"
+            self.missing[where] = (kind, f"{self.spelled(word)!r} names {n_missing} {what} that the file does not hold", missing)
+        return first + found
 
     def _positions(self, names: Names, kind: str, numbers: np.ndarray, where: str) -> np.ndarray:
         own, first = names.places(kind)
@@ -232,7 +245,7 @@ def _take_set(mesh: FileMesh, names: Names, card: Card) -> None:
     instance = card.parameter("INSTANCE")
 
     def add(what) -> None:
-        how = "numbers" if isinstance(what, np.ndarray) else "set"
+        how = "set" if isinstance(what, str) else "numbers"
         part = ("instance", (instance, what), card.where) if instance else (how, what, card.where)
         _add(mesh, names, kind, name, part)
 
@@ -242,7 +255,7 @@ def _take_set(mesh: FileMesh, names: Names, card: Card) -> None:
         return
     words = [word for line, _ in card.lines() for word in line if word]
     plain = [word for word in words if word.isdigit()]
-    if any(len(word) > 18 for word in plain):
+    if any(len(word) > _DIGITS for word in plain):
         raise MeshError(f"{card.where}: *{kind} {name!r} holds {max(plain, key=len)[:40]}, which is no number of the file")
     add(np.array(plain, dtype=np.int64))
     for word in words:
@@ -251,13 +264,13 @@ def _take_set(mesh: FileMesh, names: Names, card: Card) -> None:
             add(word.upper())
 
 
-def _generated(words: list[str], where: str, kind: str) -> np.ndarray:
+def _generated(words: list[str], where: str, kind: str) -> range:
     """Return the numbers of a line of a generated set."""
     values = values_of(",".join(words).encode())
     first, last, step = (-1.0, -1.0, 1.0) if values is None or len(values) not in (2, 3) else (*values, 1.0)[:3]
-    if not (0 <= first <= last <= 2**53 and step >= 1 and (last - first) / step <= _LONGEST):
+    if not (0 <= first <= last <= 2**53 and 1 <= step <= 2**53):
         raise MeshError(f"{where}: *{kind}, GENERATE: {','.join(words)!r} is not a range of numbers; the file is damaged")
-    return np.arange(int(first), int(last) + 1, int(step))
+    return range(int(first), int(last) + 1, int(step))
 
 
 def _take_surface(mesh: FileMesh, names: Names, card: Card) -> None:

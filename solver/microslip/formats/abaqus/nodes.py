@@ -39,9 +39,10 @@ def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray]:
         table = _with_empty_fields(card)
     else:
         table = values.reshape(len(counts), width)[:, :4]
-    if not np.isfinite(table[:, 0]).all() or (table[:, 0] != np.rint(table[:, 0])).any() or (table[:, 0] < 0).any():
+    numbers = table[:, 0]
+    if not ((numbers >= 0) & (numbers <= 2**53) & (numbers == np.rint(numbers))).all():
         raise MeshError(f"{card.where}: *NODE: a node number is not a whole number{_DAMAGED}")
-    return table[:, 0].astype(np.int64), _cartesian(table[:, 1:], card)
+    return numbers.astype(np.int64), _cartesian(table[:, 1:], card)
 
 
 def _with_empty_fields(card: Card) -> np.ndarray:
