@@ -76,7 +76,6 @@ class Gathered:
     terms: Terms = field(default_factory=Terms)
     bolts: list[FileBolt] = field(default_factory=list)
     axes: dict[int, np.ndarray] = field(default_factory=dict)  # node: (3, 3) rows of its own axes, *TRANSFORM
-    facts: list[str] = field(default_factory=list)
     attached: set[int] = field(default_factory=set)  # nodes that masses, springs or equations have
 
     @property

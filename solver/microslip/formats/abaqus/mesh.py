@@ -132,10 +132,6 @@ class FileMesh:
         names, word = self.find(scope, word)
         return self._members(names, "ELSET", word, where, ())
 
-    def has_set(self, scope: Scope, kind: str, word: str) -> bool:
-        names, word = self.find(scope, word)
-        return word in names.sets[kind]
-
     def name_of(self, scope: Scope, word: str) -> str:
         """Return a set's or surface's name as groups have it."""
         names, word = self.find(scope, word)

@@ -9,7 +9,7 @@ import numpy as np
 from ...parallel.errors import MeshError
 from ..model import KINDS
 from .cards import Card, values_of
-from .types import SPRINGS, is_solid, kind_of
+from .types import is_solid, kind_of
 
 _DAMAGED = "; the file is damaged or truncated"
 _NODES_OF = {"MASS": 1, "ROTARYI": 1, "SPRING1": 1, "SPRING2": 2, "SPRINGA": 2, "DASHPOT1": 1, "DASHPOT2": 2, "DASHPOTA": 2}
@@ -156,8 +156,3 @@ def _unknown_rows(card: Card) -> np.ndarray:
         goes_on = not words[-1]
     width = max((len(row) for row in rows), default=1)
     return np.array([row + [0] * (width - len(row)) for row in rows], dtype=np.int64).reshape(-1, width)
-
-
-def is_discrete(word: str) -> bool:
-    """Return whether a type is a spring or a mass, whose properties say what it does."""
-    return word in SPRINGS or word in ("MASS", "ROTARYI")

@@ -10,8 +10,6 @@ _SHELLS = {3: "tri3", 6: "tri6", 4: "quad4", 8: "quad8", 65: "tri6", 9: "quad9"}
 _LINES = {"T2D2": "line2", "T2D3": "line3", "T3D2": "line2", "T3D3": "line3", "B31": "line2", "B32": "line3"}
 # what follows the number of nodes: R reduced, I incompatible modes, H hybrid, M modified, S and V variants of these
 _VARIANT = r"(R|I|RI|IH|H|RH|M|MH|HS|S|V|VH)?"
-SPRINGS = ("SPRING1", "SPRING2", "SPRINGA")
-WITHOUT_STIFFNESS = ("SFM3D", "ASI")  # surfaces alone
 
 
 @dataclass(frozen=True)
