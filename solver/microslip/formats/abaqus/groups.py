@@ -9,7 +9,8 @@ import numpy as np
 
 from ...parallel.errors import MeshError
 from ..model import KINDS, NO_NODES, Cells, Group
-from .mesh import FileMesh, Names
+from .mesh import FileMesh
+from .names import Names
 from .types import is_solid
 
 # Faces S1, S2, ... of the solid elements by their corners (Abaqus and CalculiX agree).

@@ -11,6 +11,7 @@ from ..model import Equations, FileModel
 from .cards import Card, read_cards
 from .connections import take_connections
 from .discrete import take_discrete
+from .equations import take_equations
 from .findings import REFUSED, TAKEN, Findings, known
 from .gathered import Gathered, Step
 from .groups import grouped
@@ -55,6 +56,7 @@ def read_inp(path: str) -> FileModel:
     take_sections(model)
     take_transforms(model)
     take_connections(model)
+    take_equations(model)
     take_discrete(model)
     take_supports(model)
     _find_rest(model)
