@@ -203,3 +203,32 @@ def exodus(model: Plain, path, hdf5: bool = False) -> None:
 
 def _letters(names: list[str]) -> np.ndarray:
     return np.array([list(name.ljust(33, "\0")) for name in names], dtype="S1")
+
+
+def inp(model: Plain, more: tuple[str, ...] = ()) -> str:
+    """Return an Abaqus input file of two parts, the first drawn elsewhere and turned; ``more`` are further cards before the step."""
+    of_kind = {"hex8": "C3D8I", "hex20": "C3D20", "tet4": "C3D4", "tet10": "C3D10", "wedge6": "C3D6", "wedge15": "C3D15"}
+    lines, assembly = ["*Heading", "bar on a plate"], ["*Assembly, name=Assembly"]
+    for name, kind, block in zip(("BAR", "PLATE"), model.kinds, model.elements, strict=True):
+        used = np.unique(block)
+        own = {int(node): i for i, node in enumerate(used, 1)}
+        x, y, z = model.points[used].T
+        points = np.column_stack([y, -x + 1.0, z]) if name == "BAR" else model.points[used]
+        lines += [f"*Part, name={name}", "*Node"]
+        lines += [f"{i}, {x:.15e}, {y:.15e}, {z:.15e}" for i, (x, y, z) in enumerate(points, 1)]
+        lines.append(f"*Element, type={of_kind[kind]}, elset=ALL")
+        for number, nodes in enumerate(block, 1):
+            fields = [number, *(own[int(node)] for node in nodes)]
+            rows = [fields[k : k + 16] for k in range(0, len(fields), 16)]
+            lines += [", ".join(map(str, row)) + "," * (row is not rows[-1]) for row in rows]
+        lines += ["*Solid Section, elset=ALL, material=Steel", ",", "*End Part"]
+        assembly.append(f"*Instance, name={name}-1, part={name}")
+        if name == "BAR":
+            assembly += ["0., 0., 0.", "0.5, 0.5, 0., 0.5, 0.5, 1., 90."]
+        assembly.append("*End Instance")
+        for set_name, nodes in model.sets.items():
+            if np.isin(nodes, used).all():
+                assembly += [f"*Nset, nset={set_name}, instance={name}-1", *(f"{own[int(node)]}," for node in nodes)]
+    lines += [*assembly, "*End Assembly", "*Material, name=Steel", "*Density", f"{DENSITY},", "*Elastic", f"{YOUNG}, {POISSON}"]
+    lines += ["*Boundary", "PLATE_BASE, PINNED", *more, "*Step, perturbation", "*Frequency", "6,", "*End Step", ""]
+    return "\n".join(lines)

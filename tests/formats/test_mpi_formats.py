@@ -4,7 +4,7 @@ import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
-from plain_model import DENSITY, POISSON, SCENE, YOUNG, bdf, cdb, exodus, plain, tables, unv
+from plain_model import DENSITY, POISSON, SCENE, YOUNG, bdf, cdb, exodus, inp, plain, tables, unv
 
 import microslip
 from microslip.parallel.agree import on_root
@@ -14,6 +14,7 @@ comm = MPI.COMM_WORLD
 STEEL = {"young": YOUNG, "poisson": POISSON, "density": DENSITY}
 WRITERS = {
     ".cdb": lambda path: path.write_text(cdb(plain())),
+    ".inp": lambda path: path.write_text(inp(plain())),
     ".bdf": lambda path: path.write_text(bdf(plain())),
     ".unv": lambda path: path.write_text(unv(plain())),
     ".exo": lambda path: exodus(plain(), path),

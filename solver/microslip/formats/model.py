@@ -157,7 +157,9 @@ class Finding:
     where: str  # "line 12", "bolts.inc, line 3"
     effect: str  # what it does, in the file's program: "two surfaces in contact", "output alone"
     changes: bool  # whether leaving it out changes the answer
-    part: str = ""  # what of the model it belongs to, "materials", "supports", ...: without effect where that is not taken over
+    # what of the model it belongs to, "materials", "supports", ...: without effect where that is not taken over; "statics": where
+    # the scene states what acts before the vibration
+    part: str = ""
     surfaces: tuple[str, ...] = ()  # the groups that it connects: a joint or tie of the scene between them takes its place
 
 

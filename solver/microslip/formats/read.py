@@ -8,9 +8,9 @@ import numpy as np
 
 from ..parallel.errors import CaseError, MeshError
 from ..parallel.words import place
+from .abaqus.read import read_inp
 from .ansys import read_cdb
 from .exodus import read_exodus
-from .inp import read_inp
 from .model import FileModel
 from .msh import read_msh
 from .nastran import read_bdf

@@ -49,7 +49,7 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
     if scene.is_complete:
         return scene, ()
     taken = _taken(scene, model)
-    notes = _refuse_findings(scene, model.findings, taken)
+    notes = _refuse_findings(scene, model.findings, taken | ({"statics"} if scene.statics is None else set()))
     if not scene.awaits_file:
         return scene, tuple(notes)
     units = UNITS[scene.model.units or "m-kg-s"]

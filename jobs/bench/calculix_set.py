@@ -1,0 +1,155 @@
+"""CalculiX's own verification set: which of its inputs with *FREQUENCY and solid elements are read, and give its frequencies.
+
+    python jobs/bench/calculix_set.py [FOLDER] [--only NAME ...]
+
+FOLDER holds the inputs and what CalculiX printed for them, NAME.inp and NAME.dat.ref (Debian: calculix-ccx-test, unpacked). Each
+input is taken over whole, in its own units and without a word beside it: what it holds of supports, springs, equations and rigid
+bodies comes from the file, or the file is refused with the keywords that stop it. Frequencies agree where they differ by no more
+than the last of the seven digits that are printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gzip
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from microslip.parallel.petsc import initialise
+
+initialise()
+
+from mpi4py import MPI  # noqa: E402
+
+from microslip.formats.model import FileModel  # noqa: E402
+from microslip.formats.read import read_model  # noqa: E402
+from microslip.library.build import from_mesh  # noqa: E402
+from microslip.library.complete import complete  # noqa: E402
+from microslip.linear.joint_springs import linearise  # noqa: E402
+from microslip.modes.eigen import lowest_modes  # noqa: E402
+from microslip.observe.log import RunLog  # noqa: E402
+from microslip.parallel.errors import CaseError, MeshError  # noqa: E402
+from microslip.scene.read import scene_of  # noqa: E402
+
+FOLDER = Path("/usr/share/doc/calculix-ccx-test/examples/test")
+PRINTED = 1.5e-6  # relative: seven digits of an eigenvalue, of which the frequency is the root
+ROW = re.compile(r"^\s+\d+((?:\s+-?\d\.\d+E[+-]\d+){4})\s*$", re.MULTILINE)
+
+
+def stored(folder: Path, name: str) -> np.ndarray:
+    """Return the stored eigenvalues of an input."""
+    plain, packed = folder / f"{name}.dat.ref", folder / f"{name}.dat.ref.gz"
+    return eigenvalues_in(plain.read_text(errors="replace") if plain.exists() else gzip.open(packed, "rt").read())
+
+
+def eigenvalues_in(text: str) -> np.ndarray:
+    """Return the eigenvalues [rad2/s2] of the first table that CalculiX printed."""
+    table = text.split("E I G E N V A L U E   O U T P U T")
+    if len(table) < 2:
+        return np.zeros(0)
+    rows = ROW.findall(re.split(r"P A R T I C I P A T I O N|E I G E N V A L U E", table[1])[0])
+    return np.array([float(row.split()[0]) for row in rows])
+
+
+def scene_for(path: Path, model: FileModel, ignore: tuple[str, ...], more: dict):
+    """Return the least scene that takes a file over: a load and an output at a node that is free to move, and ``more`` tables."""
+    free = np.zeros((len(model.points), 3), dtype=bool)
+    for cells in model.cells:
+        if cells.kind.startswith(("tet", "hex", "wedge")):
+            free[cells.nodes] = True
+    for support in model.supports:
+        if support.group is not None:
+            free[np.ix_(model.groups[support.group].nodes, ["xyz".index(axis) for axis in support.fix])] = False
+    if model.equations is not None:
+        free[model.equations.nodes] = False
+    for tie in model.ties:
+        for block in model.groups[tie.surfaces[0]].cells:
+            free[model.cells[block].nodes] = False
+    node, axis = np.argwhere(free)[0]
+    at = tuple(float(value) for value in model.points[node])
+    along = tuple(float(value) for value in np.eye(3)[axis])
+    tables = {
+        "model": {"mesh": path.name, "units": "m-kg-s", "ignore": ignore},
+        "loads": ({"position": at, "direction": along},),
+        "outputs": ({"name": "out", "position": at, "direction": along},),
+        "damping": {"ratio": 0.01},
+        "response": {"levels": (1.0,), "frequencies": (1.0, 2.0)},
+        **more,
+    }
+    return scene_of(tables, path.parent / "scene.toml")
+
+
+def eigenvalues(path: Path, n: int, ignore: tuple[str, ...] = (), more: dict | None = None) -> np.ndarray:
+    """Return the lowest eigenvalues of an input file that is taken over whole, with ``more`` tables of the scene."""
+    model = read_model(path)
+    scene, _ = complete(scene_for(path, model, ignore, more or {}), model)
+    _, system, pairs, _ = from_mesh(scene, model, MPI.COMM_SELF, RunLog(MPI.COMM_SELF, screen=False))
+    linearised = linearise(system, pairs, str(path))
+    modes = lowest_modes(linearised, min(n, system.n_dof), verify=False)
+    linearised.destroy()
+    return modes.omega_n**2
+
+
+def compared(path: Path, folder: Path) -> tuple[str, str]:
+    """Return "agrees", "agrees*", "differs" or "refused", and by how much or by what.
+
+    The star: where the scene leaves dashpots out by name, which the frequencies of the undamped structure do not feel.
+    """
+    reference = stored(folder, path.stem)
+    try:
+        return judged(eigenvalues(path, max(len(reference), 1)), reference)
+    except (CaseError, MeshError) as problem:
+        refused = _keywords(str(problem))
+    asked = tuple(refused.split("; "))
+    if not set(asked) <= {"*DASHPOT", "*ELEMENT, TYPE=DASHPOTA"}:
+        return "refused", refused
+    verdict, words = judged(eigenvalues(path, max(len(reference), 1), asked), reference)
+    return f"{verdict}*", f"{words}; [model] ignore: {refused}"
+
+
+def judged(found: np.ndarray, reference: np.ndarray) -> tuple[str, str]:
+    """Return whether eigenvalues agree with stored ones, and in words how well the frequencies do."""
+    if not len(reference):
+        return "differs", "nothing to compare with"
+    found = np.sort(found)[: len(reference)]
+    if len(found) < len(reference):
+        return "differs", f"{len(found)} modes of {len(reference)}"
+    worst = float((abs(found - reference) / np.maximum(abs(reference), 1e-9 * abs(reference).max())).max() / 2.0)
+    return ("agrees" if worst <= PRINTED else "differs"), f"{len(found)} frequencies, {worst:.1e}"
+
+
+def _keywords(message: str) -> str:
+    """Return the words that a message says would have to be waived, or the message."""
+    takes = re.search(r"\[model\] ignore takes ([^\n]*)", message)
+    return "; ".join(re.findall(r'"([^"]*)"', takes[1])) if takes else " ".join(message.split())[:150]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
+    parser.add_argument("--only", nargs="*", default=[])
+    chosen = parser.parse_args()
+    counts: dict[str, int] = {}
+    for path in sorted(chosen.folder.glob("*.inp")):
+        text = path.read_text(errors="replace")
+        types = set(re.findall(r"^\*ELEMENT.*TYPE\s*=\s*(\w+)", text, re.MULTILINE | re.IGNORECASE))
+        if not re.search(r"^\*FREQUENCY", text, re.MULTILINE | re.IGNORECASE) or not any(
+            t.upper().startswith("C3D") for t in types
+        ):
+            continue
+        if chosen.only and path.stem not in chosen.only:
+            continue
+        verdict, words = compared(path, chosen.folder)
+        counts[verdict] = counts.get(verdict, 0) + 1
+        print(f"{path.stem:14s} {'/'.join(sorted(types)):24s} {verdict:8s} {words}", flush=True)
+    n = sum(counts.values())
+    if not n:
+        sys.exit(f"{chosen.folder}: no inputs with *FREQUENCY and solids; state the folder of CalculiX's test examples")
+    print(f"{n} inputs: " + ", ".join(f"{count} {verdict} ({count / n:.0%})" for verdict, count in sorted(counts.items())))
+
+
+if __name__ == "__main__":
+    main()

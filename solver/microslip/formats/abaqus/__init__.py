@@ -1,0 +1,1 @@
+"""Input files of Abaqus and CalculiX (.inp), read whole."""

@@ -1,0 +1,218 @@
+"""The cards of an input file: keyword, parameters and data lines, with the files that it includes."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+
+_OTHER_INPUT = ("SUBMODEL", "MATRIXINPUT")  # whose INPUT is no text of cards and their data
+_MOST_FILES = 10_000  # included, one by one
+_DEEPEST = 50
+_BLANKS = bytes.maketrans(b",\t\r", b"   ")
+_FORTRAN = bytes.maketrans(b"dD", b"ee")
+_IS_SEPARATOR = np.isin(np.arange(256), list(b", \t\r\n"))
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Data lines that follow each other in one file."""
+
+    text: bytes
+    file: str  # "" of the input file itself
+    line: int  # number of its first line
+
+
+@dataclass(frozen=True, eq=False)
+class Card:
+    """A keyword and all that belongs to it."""
+
+    keyword: str  # upper case, single blanks: "SOLID SECTION"
+    parameters: dict[str, str]  # names in upper case without blanks, values as written
+    file: str
+    line: int
+    pieces: list[Piece] = field(default_factory=list)
+
+    @property
+    def where(self) -> str:
+        return place(self.file, self.line)
+
+    def parameter(self, name: str, default: str = "") -> str:
+        """Return the value of a parameter in upper case."""
+        return self.parameters.get(name, default).upper()
+
+    def lines(self) -> Iterator[tuple[list[str], str]]:
+        """Yield the fields of every data line that is not empty, and where it stands."""
+        for piece in self.pieces:
+            for i, line in enumerate(piece.text.decode("utf-8", "replace").splitlines()):
+                if line.strip():
+                    yield [_bare(word) for word in line.split(",")], place(piece.file, piece.line + i)
+
+    def numbers(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return all numbers of the data lines, and how many each line holds that is not empty; empty fields are none.
+
+        Raises
+        ------
+        MeshError : a word where a number is due
+        """
+        text = self.pieces[0].text if len(self.pieces) == 1 else b"\n".join(piece.text for piece in self.pieces)
+        counts = _fields_per_line(text)
+        values = values_of(text)
+        if values is None:
+            raise MeshError(self._no_numbers())
+        return values, counts[counts > 0]
+
+    def _no_numbers(self) -> str:
+        for words, where in self.lines():
+            if values_of(",".join(words).encode()) is None:
+                return f"{where}: *{self.keyword} holds {','.join(words)[:60]!r} where numbers are due"
+        return f"{self.where}: *{self.keyword} holds something else than numbers"
+
+
+def place(file: str, line: int) -> str:
+    """Return "line 12" or "bolts.inc, line 3"."""
+    return f"{file}, line {line}" if file else f"line {line}"
+
+
+def read_cards(path: str) -> list[Card]:
+    """Return the cards of an input file and of those that it includes, in their order.  Local.
+
+    Raises
+    ------
+    MeshError without the file's name : no input file; includes that are missing, leave its folder or go round in a circle
+    """
+    return _Reader(path).read()
+
+
+class _Reader:
+    """What is known while files are read."""
+
+    def __init__(self, path: str):
+        self.path = path
+        self.folder = os.path.realpath(os.path.dirname(path) or ".")
+        self.cards: list[Card] = []
+        self.n_files = 0
+
+    def read(self) -> list[Card]:
+        self._read(os.path.realpath(self.path), "", ())
+        return self.cards
+
+    def _read(self, path: str, label: str, within: tuple[str, ...]) -> None:
+        """Add the cards of one file; data lines before its first keyword belong to the card before."""
+        with open(path, "rb") as file:
+            text = file.read()
+        at, line = 0, 1
+        for start, end in _star_lines(text):
+            if start < at:
+                continue  # it continues a keyword
+            self._take_data(text[at:start], label, line)
+            line += text.count(b"\n", at, start)
+            at = end
+            if not text[start:end].lstrip().startswith(b"**"):
+                at = _continued(text, start, end)
+                self._take_card(_card(text[start:at], label, line), path, (*within, path))
+            line += text.count(b"\n", start, at)
+        self._take_data(text[at:], label, line)
+
+    def _take_card(self, card: Card, path: str, within: tuple[str, ...]) -> None:
+        if card.keyword != "INCLUDE":
+            self.cards.append(card)
+        if "INPUT" in card.parameters and "".join(card.keyword.split()) not in _OTHER_INPUT:
+            self._include(card, path, within)
+        elif card.keyword == "INCLUDE":
+            raise MeshError(f"{card.where}: *INCLUDE names no file: INPUT = is missing")
+
+    def _take_data(self, text: bytes, label: str, line: int) -> None:
+        """Keep data lines; what stands before the first keyword is a title."""
+        if self.cards and text.strip():
+            self.cards[-1].pieces.append(Piece(text, label, line))
+
+    def _include(self, card: Card, including: str, within: tuple[str, ...]) -> None:
+        """Read a file that a card names."""
+        name = card.parameters["INPUT"]
+        if "PASSWORD" in card.parameters:
+            raise MeshError(f"{card.where}: {name!r} is encrypted and cannot be read here")
+        beside = os.path.realpath(os.path.join(os.path.dirname(including), name))
+        path = beside if os.path.exists(beside) else os.path.realpath(os.path.join(self.folder, name))
+        if os.path.commonpath([path, self.folder]) != self.folder:
+            raise MeshError(
+                f"{card.where}: it includes {name!r}, which lies outside of {self.folder}; copy it beside the input file"
+            )
+        if not os.path.isfile(path):
+            raise MeshError(f"{card.where}: it includes {name!r}: there is no such file")
+        if path in within:
+            raise MeshError(f"{card.where}: it includes {name!r}, which includes this file again: the files go round in a circle")
+        self.n_files += 1
+        if self.n_files > _MOST_FILES or len(within) > _DEEPEST:
+            raise MeshError(
+                f"{card.where}: more than {_MOST_FILES} files are included, or more than {_DEEPEST} within each other"
+            )
+        self._read(path, os.path.relpath(path, self.folder), within)
+
+
+def _star_lines(text: bytes) -> Iterator[tuple[int, int]]:
+    """Yield begin and end (behind the line feed) of every line that begins with a star, blanks apart."""
+    at = 0
+    while (star := text.find(b"*", at)) >= 0:
+        feed = text.rfind(b"\n", at, star)
+        begin = at if feed < 0 else feed + 1
+        end = text.find(b"\n", star) + 1 or len(text)
+        if not text[begin:star].strip():
+            yield begin, end
+        at = end
+
+
+def _continued(text: bytes, start: int, end: int) -> int:
+    """Return the end of a keyword line with the lines that continue it, each behind a comma at the end."""
+    while end < len(text) and text[start:end].rstrip().endswith(b","):
+        following = text.find(b"\n", end) + 1 or len(text)
+        if text[end:following].lstrip().startswith(b"*") or b"=" not in text[end:following]:
+            break  # a comma too many
+        end = following
+    return end
+
+
+def _card(text: bytes, label: str, line: int) -> Card:
+    words = text.decode("utf-8", "replace").strip()[1:].replace("\n", " ").split(",")
+    pairs = (word.partition("=") for word in words[1:] if word.strip())
+    parameters = {"".join(key.upper().split()): _bare(value) for key, _, value in pairs}
+    return Card(" ".join(words[0].upper().split()), parameters, label, line)
+
+
+def number(word: str) -> float | None:
+    """Return the one finite number that a word is; None where it is something else."""
+    values = values_of(word.encode())
+    return float(values[0]) if values is not None and len(values) == 1 and np.isfinite(values[0]) else None
+
+
+def _bare(word: str) -> str:
+    return word.strip().strip("\"'").strip()
+
+
+def _fields_per_line(text: bytes) -> np.ndarray:
+    """Return how many words stand on each line, (n_lines,)."""
+    is_separator = _IS_SEPARATOR[np.frombuffer(text, dtype=np.uint8)]
+    begins = ~is_separator
+    begins[1:] &= is_separator[:-1]
+    del is_separator
+    feeds = np.flatnonzero(np.frombuffer(text, dtype=np.uint8) == 10) + 1
+    first = np.concatenate([[0], feeds[feeds < len(text)]])
+    return np.add.reduceat(begins.view(np.uint8), first, dtype=np.int64)
+
+
+def values_of(text: bytes) -> np.ndarray | None:
+    """Return the numbers of a text; None where something else is among them."""
+    plain = text.translate(_BLANKS)
+    for tried in (plain, None):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            try:
+                return np.fromstring(plain.translate(_FORTRAN) if tried is None else tried, sep=" ")  # type: ignore[arg-type]
+            except (ValueError, DeprecationWarning):
+                continue
+    return None

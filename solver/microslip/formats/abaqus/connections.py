@@ -1,0 +1,294 @@
+"""What connects nodes: ties, couplings, rigid bodies, contact."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ...parallel.words import nearest
+from ..model import FileBolt, FilePoint, FileTie
+from .cards import Card, number, values_of
+from .gathered import Gathered
+from .scopes import Scope
+
+
+def take_connections(model: Gathered) -> None:
+    """Take ties, couplings, rigid bodies, contact and cuts.
+
+    Raises
+    ------
+    MeshError : surfaces, sets or nodes that there are not
+    """
+    coupling: tuple[Scope, Card] | None = None
+    for scope, card in model.cards:
+        if card.keyword == "COUPLING":
+            coupling = scope, card
+        elif card.keyword in ("KINEMATIC", "DISTRIBUTING"):
+            if coupling is None:
+                raise MeshError(f"{card.where}: *{card.keyword} follows no *COUPLING")
+            _take_coupling(model, *coupling, card)
+            coupling = None
+        elif card.keyword in _TAKEN:
+            _TAKEN[card.keyword](model, scope, card)
+
+
+def _surface(model: Gathered, scope: Scope, word: str, where: str) -> str:
+    """Return the name of the group of a surface.
+
+    Raises
+    ------
+    MeshError : there is no such surface
+    """
+    names, own = model.mesh.find(scope, word)
+    if own not in names.surfaces:
+        near = nearest(own, names.surfaces)
+        hint = f"; nearest is {model.mesh.spelled(near)!r}" if near else ""
+        raise MeshError(f"{where}: there is no *SURFACE {word!r}{hint}")
+    return names.scope.named(model.mesh.spelled(own))
+
+
+def _faces(model: Gathered, scope: Scope, word: str, where: str) -> str | None:
+    """Return the group of a surface's faces; of one made of nodes the outer faces between them; None where these are not all."""
+    name = _surface(model, scope, word, where)
+    if model.grouped.has_faces(name):
+        return name
+    if name not in model.grouped.groups:
+        return None
+    made = f"{name} (faces)"
+    if made not in model.grouped.groups:
+        nodes = model.grouped.nodes_of(name)
+        is_in = np.zeros(len(model.mesh.points), dtype=bool)
+        is_in[nodes] = True
+        model.grouped.add_faces_between(made, is_in)
+        if made not in model.grouped.groups or not np.array_equal(model.grouped.nodes_of(made), nodes):
+            model.grouped.groups.pop(made, None)
+            return None
+    return made
+
+
+def _take_tie(model: Gathered, scope: Scope, card: Card) -> None:
+    """Take a tie: slave and master of each line."""
+    special = [key for key in ("CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC") if key in card.parameters]
+    for words, where in card.lines():
+        if len(words) < 2:
+            raise MeshError(f"{where}: *TIE: expected two surfaces")
+        if special:
+            what = {"CYCLICSYMMETRY": "CYCLIC SYMMETRY"}.get(special[0], special[0])
+            model.findings.add(f"*TIE, {what}", where, "faces of a sector that meet those of the next one", True)
+            continue
+        _tie(model, scope, words, where, card)
+
+
+def _tie(model: Gathered, scope: Scope, words: list[str], where: str, card: Card) -> None:
+    """Glue the first surface of a line to the second."""
+    first, second = (_faces(model, scope, word, where) for word in words[:2])
+    if first is None or second is None:
+        which = words[0] if first is None else words[1]
+        effect = f"{words[0]} tied to {words[1]}: the nodes of {which} are not those of whole faces of solids"
+        model.findings.add(f"*{card.keyword}", where, effect, True, "ties", (words[0], words[1]))
+        return
+    tolerance, name = _number(card, "POSITIONTOLERANCE"), card.parameters.get("NAME")
+    model.ties.append(FileTie(surfaces=(first, second), name=name or None, tolerance=tolerance or None))
+
+
+def _number(card: Card, name: str) -> float | None:
+    """Return the number that a parameter states; None where it is not given."""
+    if name not in card.parameters:
+        return None
+    value = number(card.parameters[name])
+    if value is None:
+        raise MeshError(f"{card.where}: *{card.keyword}, {name}={card.parameters[name]}: expected a number")
+    return value
+
+
+def _take_contact(model: Gathered, scope: Scope, card: Card) -> None:
+    """Add a finding for each pair of surfaces in contact, with the groups that a joint can name."""
+    friction = _friction(model, card.parameter("INTERACTION"))
+    for words, where in card.lines():
+        if len(words) < 2 or not words[1]:
+            model.findings.add("*CONTACT PAIR", where, f"{words[0]} in contact with itself", True)
+            continue
+        if "TIED" in card.parameters:
+            _tie(model, scope, words, where, card)
+            continue
+        groups = tuple(_surface(model, scope, word, where) for word in words[:2])
+        effect = f"{groups[0]} and {groups[1]} in contact{friction}: a joint of the scene between them takes its place"
+        model.findings.add("*CONTACT PAIR", where, effect, True, "", groups)
+
+
+def _friction(model: Gathered, interaction: str) -> str:
+    """Return ", friction 0.3" of an interaction, or nothing."""
+    within = ""
+    for _, card in model.cards:
+        if card.keyword == "SURFACE INTERACTION":
+            within = card.parameter("NAME")
+        elif card.keyword == "FRICTION" and within == interaction:
+            words = next((words for words, _ in card.lines()), [""])
+            return f", friction {words[0]}" if words[0] else ""
+    return ""
+
+
+def _single(model: Gathered, scope: Scope, word: str, card: Card) -> int:
+    """Return the one node that a number or a set means."""
+    nodes = model.mesh.nodes(scope, word, card.where)
+    if len(nodes) != 1:
+        raise MeshError(f"{card.where}: *{card.keyword}: {word!r} holds {len(nodes)} nodes; a reference node is one")
+    return int(nodes[0])
+
+
+def _add_point(model: Gathered, node: int, name: str, nodes: np.ndarray, group: str, connection: str, card: Card) -> None:
+    """Add a point at a node, connected to others; a node on the solids, or with two groups, cannot be one."""
+    nodes = nodes[(nodes != node) & model.grouped.of_solids[nodes]]
+    word, number = f"*{card.keyword}", model.mesh.numbers[node]
+    if model.grouped.of_solids[node] or not len(nodes):
+        why = "is a node of a solid itself" if len(nodes) else "holds no node of a solid"
+        model.findings.add(word, card.where, f"the reference node {number} {why}: nothing here follows it", True, "points")
+        return
+    if node in model.points:
+        first = model.points[node]
+        if first.connection != connection or connection != "rigid":
+            effect = f"the reference node {number} has a connection already, {first.name!r}"
+            model.findings.add(word, card.where, effect, True, "points")
+            return
+        name, nodes = first.name, np.union1d(nodes, model.grouped.nodes_of(first.group))
+        group = f"{first.group} and {group}"
+    taken = {point.name for other, point in model.points.items() if other != node}
+    name = name if name and name not in taken else f"node {number}"
+    x, y, z = (float(value) for value in model.mesh.points[node])
+    kept = model.grouped.node_group(group, nodes)
+    model.points[node] = FilePoint(name=_plain(name), position=(x, y, z), group=kept, connection=connection)
+
+
+def _plain(name: str) -> str:
+    """Return a name without what the scene's names may not hold."""
+    return "".join("_" if sign in ',"/\\' else sign for sign in name).strip()
+
+
+def _take_coupling(model: Gathered, scope: Scope, card: Card, kind: Card) -> None:
+    surface = _surface(model, scope, card.parameters.get("SURFACE", ""), card.where)
+    node = _single(model, scope, card.parameters.get("REFNODE", ""), card)
+    name = card.parameters.get("CONSTRAINTNAME", "")
+    if "INFLUENCERADIUS" in card.parameters:
+        model.findings.add("*COUPLING, INFLUENCE RADIUS", card.where, f"{name}: a part of its surface", True, "points")
+        return
+    if kind.keyword == "KINEMATIC" and not _holds_all(model, kind, name):
+        return
+    nodes = model.grouped.nodes_of(surface) if surface in model.grouped.groups else np.zeros(0, dtype=np.int64)
+    connection = "rigid" if kind.keyword == "KINEMATIC" else "distributing"
+    if kind.parameter("WEIGHTINGMETHOD", "UNIFORM") != "UNIFORM":
+        model.findings.add("*DISTRIBUTING, WEIGHTING METHOD", kind.where, f"{name}: weights by distance", True, "points")
+        return
+    _add_point(model, node, name, nodes, surface, connection, card)
+
+
+def _holds_all(model: Gathered, kind: Card, name: str) -> bool:
+    """Return whether all three translations follow, with a finding where not."""
+    dofs: set[int] = set()
+    lines = list(kind.lines())
+    for words, where in lines:
+        values = values_of(",".join(words[-2:] if not words[0].isdigit() or len(words) > 2 else words).encode())
+        if values is None or not len(values):
+            raise MeshError(f"{where}: *{kind.keyword} holds {','.join(words)[:60]!r} where numbers are due")
+        dofs |= set(range(int(values[0]), int(values[-1]) + 1))
+    if lines and not {1, 2, 3} <= dofs:
+        effect = f"{name}: directions {', '.join(map(str, sorted(dofs)))} alone follow"
+        model.findings.add(f"*{kind.keyword}", kind.where, effect, True, "points")
+        return False
+    return True
+
+
+def _take_rigid_body(model: Gathered, scope: Scope, card: Card) -> None:
+    """Take a rigid body of nodes or elements; its own elements add their mass, and no stiffness that could be felt."""
+    word = card.parameters.get("REFNODE", "")
+    if "ANALYTICALSURFACE" in card.parameters or not word:
+        model.findings.add("*RIGID BODY", card.where, "a rigid surface or a body without a reference node", True)
+        return
+    parts = [np.zeros(0, dtype=np.int64)]
+    for key in ("NSET", "PINNSET", "TIENSET"):
+        if key in card.parameters:
+            parts.append(model.mesh.nodes(scope, card.parameters[key], card.where))
+    if "ELSET" in card.parameters:
+        parts.append(model.mesh.nodes_of(model.mesh.elements(scope, card.parameters["ELSET"], card.where)))
+    node = _single(model, scope, word, card)
+    _add_point(model, node, "", np.concatenate(parts), f"rigid body of node {model.mesh.numbers[node]}", "rigid", card)
+    if "ROTNODE" in card.parameters and node in model.points:
+        model.turns[_single(model, scope, card.parameters["ROTNODE"], card)] = node
+
+
+def _take_kinematic_coupling(model: Gathered, scope: Scope, card: Card) -> None:
+    node = _single(model, scope, card.parameters.get("REFNODE", ""), card)
+    if not _holds_all(model, card, f"node {model.mesh.numbers[node]}"):
+        return
+    nodes = np.concatenate([model.mesh.nodes(scope, words[0], where) for words, where in card.lines()])
+    _add_point(model, node, "", nodes, f"coupled to node {model.mesh.numbers[node]}", "rigid", card)
+
+
+def _take_distributing_coupling(model: Gathered, scope: Scope, card: Card) -> None:
+    """Take a coupling whose reference node is in ELSET, an element of one node, with equal weights."""
+    elements = model.mesh.elements(scope, card.parameter("ELSET"), card.where)
+    at = model.mesh.nodes_of(elements)
+    lines = list(card.lines())
+    weights = {words[1] for words, _ in lines if len(words) > 1}
+    if len(at) != 1 or len(weights) > 1:
+        model.findings.add("*DISTRIBUTING COUPLING", card.where, "weights that differ", True, "points")
+        return
+    nodes = np.concatenate([model.mesh.nodes(scope, words[0], where) for words, where in lines])
+    group = f"coupled to node {model.mesh.numbers[at[0]]}"
+    _add_point(model, int(at[0]), "", nodes, group, "distributing", card)
+
+
+def _take_mpc(model: Gathered, scope: Scope, card: Card) -> None:
+    """Take what can be made exactly: nodes that move alike, and beams from nodes to a reference node."""
+    beams: dict[int, list[np.ndarray]] = {}
+    for words, where in card.lines():
+        kind, members = words[0].upper(), [word for word in words[1:] if word]
+        sets = [model.mesh.nodes(scope, word, where) for word in members]
+        if kind in ("TIE", "PIN") and len(sets) == 2 and len(sets[1]) in (1, len(sets[0])):
+            for first, second in zip(sets[0], np.broadcast_to(sets[1], len(sets[0])), strict=True):
+                for axis in range(3):
+                    model.terms.add([(int(first), axis, 1.0), (int(second), axis, -1.0)], f"{where}: *MPC {kind}")
+            model.attached.update(int(node) for own in sets for node in own)
+        elif kind == "BEAM" and len(sets) == 2 and len(sets[1]) == 1 and not model.grouped.of_solids[sets[1][0]]:
+            beams.setdefault(int(sets[1][0]), []).append(sets[0])
+        else:
+            effect = f"a connection of {', '.join(members[:6])} that is not modelled"
+            model.findings.add(f"*MPC {kind}", where, effect, True, "equations")
+    for node, parts in beams.items():
+        number = model.mesh.numbers[node]
+        _add_point(model, node, "", np.concatenate(parts), f"beams to node {number}", "rigid", card)
+
+
+def _take_cut(model: Gathered, scope: Scope, card: Card) -> None:
+    """Take the cut of a bolt; it changes nothing until the scene tightens it."""
+    if "SURFACE" not in card.parameters:
+        model.findings.add("*PRE-TENSION SECTION", card.where, "a cut through elements that are no solids", True)
+        return
+    group = _surface(model, scope, card.parameters["SURFACE"], card.where)
+    model.bolts.append(FileBolt(name=_plain(group), group=group))
+    force = _tightened(model, card.parameter("NODE"))
+    effect = f"a cut to be tightened{force}: [[statics.bolts]] with group = {group!r}; until then the shank is whole"
+    model.findings.add("*PRE-TENSION SECTION", card.where, effect, False)
+
+
+def _tightened(model: Gathered, node: str) -> str:
+    """Return ", in the file with 9000" where a step loads the node of a cut, or nothing."""
+    loads = [
+        words[2]
+        for step in model.steps
+        for _, card in step.cards
+        if card.keyword == "CLOAD"
+        for words, _ in card.lines()
+        if len(words) > 2 and node and words[0].upper() == node
+    ]
+    return f", in the file with {loads[0]}" if loads else ""
+
+
+_TAKEN = {
+    "TIE": _take_tie,
+    "CONTACT PAIR": _take_contact,
+    "RIGID BODY": _take_rigid_body,
+    "KINEMATIC COUPLING": _take_kinematic_coupling,
+    "DISTRIBUTING COUPLING": _take_distributing_coupling,
+    "MPC": _take_mpc,
+    "PRE-TENSION SECTION": _take_cut,
+}

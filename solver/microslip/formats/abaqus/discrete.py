@@ -1,0 +1,128 @@
+"""Point masses and springs: *MASS, *ROTARY INERTIA and *SPRING with the elements that have them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import FileMass, FileSpring
+from .cards import Card, values_of
+from .gathered import Gathered
+from .scopes import Scope
+
+
+def take_discrete(model: Gathered) -> None:
+    """Take masses and springs; those on the reference node of a point become its own.
+
+    Raises
+    ------
+    MeshError : properties that are not numbers, of elements that there are not
+    """
+    done = np.zeros(len(model.grouped.block_of), dtype=bool)
+    for scope, card in model.cards:
+        if card.keyword in _TAKEN:
+            elements = model.mesh.elements(scope, card.parameter("ELSET"), card.where)
+            done[elements] = True
+            _TAKEN[card.keyword](model, scope, card, elements)
+    for first, block, nodes in model.mesh.blocks:
+        n = np.count_nonzero(~done[first : first + len(nodes)])
+        if n and (block.word in _PROPERTY):
+            effect = f"{n} elements without *{_PROPERTY[block.word]}: what they are is not stated"
+            model.findings.add(
+                f"*ELEMENT, TYPE={block.word}", block.where, effect, True, "springs" if "S" == block.word[0] else "masses"
+            )
+
+
+_PROPERTY = {"MASS": "MASS", "ROTARYI": "ROTARY INERTIA", "SPRING1": "SPRING", "SPRING2": "SPRING", "SPRINGA": "SPRING"}
+
+
+def _numbers(card: Card, n: int) -> np.ndarray:
+    """Return the numbers of the last data line."""
+    lines = list(card.lines())
+    values = values_of(",".join(word for word in lines[-1][0] if word).encode()) if lines else None
+    if values is None or not 1 <= len(values) or not np.isfinite(values).all():
+        raise MeshError(f"{card.where}: *{card.keyword}: expected {n} finite number{'s' if n > 1 else ''}")
+    return values
+
+
+def _take_mass(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
+    """Take a mass at each node of some elements."""
+    if "TYPE" in card.parameters and card.parameter("TYPE") not in ("ISOTROPIC", "ISO"):
+        model.findings.add("*MASS, TYPE", card.where, "a mass that differs between directions", True, "masses")
+        return
+    mass = float(_numbers(card, 1)[0])
+    nodes = model.mesh.nodes_of(elements)
+    at_points = np.isin(nodes, list(model.points))
+    for node in nodes[at_points]:
+        point = model.points[int(node)]
+        model.points[int(node)] = replace(point, mass=point.mass + mass)
+    others = nodes[~at_points]
+    if len(others) and mass:
+        model.attached.update(others.tolist())
+        name = model.mesh.name_of(scope, card.parameters.get("ELSET", "")) or "*MASS"
+        model.masses.append(FileMass(group=model.grouped.node_group(name, others), mass=mass))
+
+
+def _take_inertia(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
+    """Take moments of inertia of points: I11, I22, I33, I12, I13, I23."""
+    values = np.concatenate([_numbers(card, 3), np.zeros(6)])[:6]
+    nodes = model.mesh.nodes_of(elements)
+    inertia = tuple(float(values[i]) for i in (0, 1, 2, 3, 5, 4))
+    for node in nodes:
+        point = model.points.get(int(node))
+        if point is None or point.inertia is not None or "ORIENTATION" in card.parameters:
+            effect = f"an inertia at node {model.mesh.numbers[node]}, which is no reference node, or in axes of its own"
+            model.findings.add("*ROTARY INERTIA", card.where, effect, bool(values.any()), "points")
+        elif values.any():
+            model.points[int(node)] = replace(point, inertia=inertia)
+
+
+def _take_spring(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
+    """Take linear springs: SPRING1 to ground, SPRING2 between directions, SPRINGA along their line."""
+    special = [key for key in ("NONLINEAR", "COMPLEXSTIFFNESS", "ORIENTATION", "RTOL") if key in card.parameters]
+    lines = list(card.lines())
+    stiffness = _numbers(card, 1)[0] if not special else 0.0
+    if special:
+        model.findings.add(
+            f"*SPRING, {special[0]}", card.where, "springs that are not linear, or in axes of their own", True, "springs"
+        )
+        return
+    for first, block, nodes in model.mesh.blocks:
+        own = nodes[elements[(elements >= first) & (elements < first + len(nodes))] - first]
+        for ends in own:
+            _add_spring(model, card, block.word, ends, lines, float(stiffness))
+
+
+def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines: list, stiffness: float) -> None:
+    """Add one spring."""
+    dofs = [int(field) for field in lines[0][0][:2] if field.isdigit()] if word != "SPRINGA" and lines else []
+    of_points = [int(node) in model.points or int(node) in model.turns for node in ends]
+    numbers = " and ".join(str(model.mesh.numbers[node]) for node in ends)
+    if word == "SPRING1" and of_points == [True] and len(dofs) == 1 and 1 <= dofs[0] <= 6:
+        _ground_point(model, int(ends[0]), dofs[0], stiffness)
+        return
+    if any(of_points) or (dofs and not all(1 <= dof <= 3 for dof in dofs)) or len(set(dofs)) > 1:
+        effect = f"a spring at {numbers} on rotations, on a reference node or between different directions"
+        model.findings.add("*SPRING", card.where, effect, True, "springs")
+        return
+    direction = None
+    if dofs:
+        along = model.axes.get(int(ends[0]), np.eye(3))[dofs[0] - 1]
+        direction = float(along[0]), float(along[1]), float(along[2])
+    groups = tuple(model.grouped.node_group(f"node {model.mesh.numbers[node]}", np.array([node])) for node in ends)
+    model.attached.update(ends.tolist())
+    model.springs.append(FileSpring(groups=groups, direction=direction, stiffness=stiffness))
+
+
+def _ground_point(model: Gathered, node: int, dof: int, stiffness: float) -> None:
+    """Add a spring to ground to a point."""
+    node = model.turns.get(node, node)
+    point = model.points[node]
+    known = (point.stiffness if dof <= 3 else point.rotational_stiffness) or (0.0, 0.0, 0.0)
+    x, y, z = (value + stiffness * (axis == (dof - 1) % 3) for axis, value in enumerate(known))
+    model.points[node] = replace(point, stiffness=(x, y, z)) if dof <= 3 else replace(point, rotational_stiffness=(x, y, z))
+
+
+_TAKEN = {"MASS": _take_mass, "ROTARY INERTIA": _take_inertia, "SPRING": _take_spring}

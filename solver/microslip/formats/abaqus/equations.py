@@ -1,0 +1,67 @@
+"""*EQUATION: linear equations between displacements, in axes of the nodes where they have some."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from .cards import Card, number
+from .gathered import Gathered, along_axis
+from .scopes import Scope
+
+
+def take_equations(model: Gathered) -> None:
+    """Take linear equations, when all reference nodes are known.
+
+    Raises
+    ------
+    MeshError : an equation cut short, nodes that there are not
+    """
+    for scope, card in model.cards:
+        if card.keyword == "EQUATION":
+            _take_equations(model, scope, card)
+
+
+def _take_equations(model: Gathered, scope: Scope, card: Card) -> None:
+    """Take linear equations; one of sets stands for one of each of their nodes."""
+    words: list[str] = []
+    where_of: list[str] = []
+    for line, where in card.lines():
+        own = line[:-1] if not line[-1] else line
+        words += own
+        where_of += [where] * len(own)
+    at = 0
+    while at < len(words):
+        where, count = where_of[at], words[at]
+        n = int(count) if count.isdigit() else 0
+        terms = words[at + 1 : at + 1 + 3 * n]
+        if not 0 < n <= len(words) or len(terms) < 3 * n:
+            raise MeshError(f"{where}: *EQUATION: expected a number of terms and a node, a direction and a coefficient for each")
+        _add_equation(model, scope, terms, where)
+        at += 1 + 3 * n
+
+
+def _add_equation(model: Gathered, scope: Scope, words: list[str], where: str) -> None:
+    parts: list[tuple[np.ndarray, int, float]] = []
+    for name, dof, value in zip(words[::3], words[1::3], words[2::3], strict=True):
+        coefficient = number(value)
+        if not dof.isdigit() or coefficient is None:
+            raise MeshError(
+                f"{where}: *EQUATION holds {name}, {dof}, {value} where a node, a direction and a coefficient are due"
+            )
+        parts.append((model.mesh.nodes(scope, name, where), int(dof), coefficient))
+    n = max(len(nodes) for nodes, _, _ in parts)
+    if any(len(nodes) not in (1, n) for nodes, _, _ in parts):
+        raise MeshError(f"{where}: *EQUATION: its sets hold different numbers of nodes")
+    of_points = any(int(node) in model.points or int(node) in model.turns for nodes, _, _ in parts for node in nodes)
+    if any(not 1 <= axis <= 3 for _, axis, _ in parts) or of_points:
+        effect = "an equation of rotations, of a reference node, or of something else than displacements"
+        model.findings.add("*EQUATION", where, effect, True, "equations")
+        return
+    for i in range(n):
+        terms: list[tuple[int, int, float]] = []
+        for nodes, axis, factor in parts:
+            node = int(nodes[min(i, len(nodes) - 1)])
+            terms += along_axis(model, node, axis, factor)
+            model.attached.add(node)
+        model.terms.add(terms, f"*EQUATION, {where}")

@@ -1,0 +1,141 @@
+"""Keywords of Abaqus and CalculiX: what each does, and whether leaving it out changes a linear vibration of the solids."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ...parallel.words import nearest
+from ..model import Finding
+from .cards import Card
+
+# taken over by the other files of this folder
+TAKEN = """NODE, ELEMENT, NSET, ELSET, SURFACE, SYSTEM, MATERIAL, ELASTIC, DENSITY, EXPANSION, SOLID SECTION, BOUNDARY, TRANSFORM,
+EQUATION, MPC, TIE, COUPLING, KINEMATIC, DISTRIBUTING, DISTRIBUTING COUPLING, KINEMATIC COUPLING, RIGID BODY, MASS,
+ROTARY INERTIA, SPRING, PRE-TENSION SECTION, CONTACT PAIR, INITIAL CONDITIONS, STEP, END STEP, FREQUENCY"""
+# without any bearing on the answer, and not worth a word
+SILENT = """HEADING, PREPRINT, ASSEMBLY, END ASSEMBLY, PART, END PART, INSTANCE, END INSTANCE, INCLUDE, OUTPUT, NODE OUTPUT,
+ELEMENT OUTPUT, CONTACT OUTPUT, ENERGY OUTPUT, MODAL OUTPUT, INCREMENTATION OUTPUT, INTEGRATED OUTPUT, NODE PRINT, EL PRINT,
+NODE FILE, EL FILE, FACE PRINT, SECTION PRINT, CONTACT PRINT, CONTACT FILE, ENERGY PRINT, ENERGY FILE, MODAL PRINT, MODAL FILE,
+PRINT, RESTART, FILE FORMAT, FILE OUTPUT, MONITOR, TIME POINTS, FILTER, INTEGRATED OUTPUT SECTION, SECTION FILE, DIAGNOSTICS,
+ELEMENT MATRIX OUTPUT, POST OUTPUT, FILE DEFINITION, END ADJUST, NODE RESPONSE, ELEMENT RESPONSE"""
+
+_HARMLESS = {
+    "loads and steps of the file are not taken over": """STATIC, MODAL DYNAMIC, STEADY STATE DYNAMICS, DYNAMIC, BUCKLE,
+    COMPLEX FREQUENCY, HEAT TRANSFER, COUPLED TEMPERATURE-DISPLACEMENT, UNCOUPLED TEMPERATURE-DISPLACEMENT, RANDOM RESPONSE,
+    RESPONSE SPECTRUM, VISCO, SENSITIVITY, GREEN, CRACK PROPAGATION, FEASIBLE DIRECTION, ELECTROMAGNETICS, ROBUST DESIGN,
+    CLOAD, DLOAD, DSLOAD, TEMPERATURE, BASE MOTION, CFLUX, DFLUX, FILM, RADIATE, SFILM, SRADIATE, DFLOW, INERTIA LOAD, FIELD,
+    CONTROLS, CONTACT CONTROLS, SOLUTION TECHNIQUE, SOLVER CONTROLS, AMPLITUDE, CHANGE FRICTION, CONTACT INTERFERENCE,
+    LOAD CASE, END LOAD CASE, STEP CONTROLS, VIEWFACTOR, DESIGN VARIABLES, DESIGNVARIABLES, OBJECTIVE, CONSTRAINT, GEOMETRIC
+    CONSTRAINT, DESIGN RESPONSE, SPECTRUM, CORRELATION, PSD-DEFINITION, STEADY STATE TRANSPORT, SELECT EIGENMODES, CORIOLIS,
+    BASELINE CORRECTION, NO ANALYSIS, SUBSTRUCTURE MATRIX OUTPUT, REFINE MESH""",
+    "damping is stated in the scene": "MODAL DAMPING, GLOBAL DAMPING, DAMPING, DAMPING CONTROLS",
+    "it belongs to the contact; a joint of the scene has values of its own": """SURFACE INTERACTION, SURFACE BEHAVIOR, FRICTION,
+    CONTACT DAMPING, GAP CONDUCTANCE, GAP HEAT GENERATION, CLEARANCE, CONTACT INITIALIZATION DATA, CONTACT FORMULATION,
+    SURFACE PROPERTY ASSIGNMENT, CONTACT PROPERTY ASSIGNMENT, CONTACT INITIALIZATION ASSIGNMENT, CONTACT EXCLUSIONS,
+    CONTACT INCLUSIONS, CONTACT CONTROLS ASSIGNMENT, CONTACT STABILIZATION""",
+    "of no effect on a linear, isotropic vibration": """ORIENTATION, DISTRIBUTION, DISTRIBUTION TABLE, CONDUCTIVITY,
+    SPECIFIC HEAT, PHYSICAL CONSTANTS, SECTION CONTROLS, HOURGLASS STIFFNESS, NODAL THICKNESS,
+    USER OUTPUT VARIABLES, VALUES AT INFINITY, NORMAL,
+    ELECTRICAL CONDUCTIVITY, MAGNETIC PERMEABILITY, NODE PATTERN, LATENT HEAT, SURFACE SECTION""",
+    "the material is taken as linear: it vibrates below yield": """PLASTIC, CYCLIC HARDENING, CREEP, CONCRETE, RATE DEPENDENT,
+    POTENTIAL, SHEAR FAILURE, ANNEAL TEMPERATURE, DAMAGE INITIATION, DAMAGE EVOLUTION, FAIL STRESS, FAIL STRAIN,
+    TENSILE FAILURE""",
+}
+_CHANGES = {
+    "a cyclic symmetric sector: the sectors beside it are missing": "CYCLIC SYMMETRY MODEL, SELECT CYCLIC SYMMETRY MODES",
+    "matrices of another program are part of the structure": """MATRIX INPUT, MATRIX ASSEMBLE, SUBSTRUCTURE PROPERTY,
+    SUBSTRUCTURE LOAD CASE, SUBSTRUCTURE GENERATE, RETAINED NODAL DOFS, SUBSTRUCTURE PATH,
+    SUPER ELEMENT, USER ELEMENT, UEL PROPERTY, MATRIX""",
+    "structural elements that are not solids": """SHELL SECTION, SHELL GENERAL SECTION, MEMBRANE SECTION, MEMBRANE, BEAM SECTION,
+    BEAM GENERAL SECTION, FRAME SECTION, COHESIVE SECTION, GASKET SECTION, JOINT, FLUID SECTION, ACOUSTIC MEDIUM""",
+    "a connection that is not modelled": """CONNECTOR SECTION, CONNECTOR BEHAVIOR, CONNECTOR ELASTICITY, FASTENER,
+    FASTENER PROPERTY, EMBEDDED ELEMENT, SHELL TO SOLID COUPLING, GAP, DASHPOT, RIGID SURFACE, NETWORK MPC, DISPLAY BODY,
+    RELEASE, BOND""",
+    "mass that is not modelled": "NONSTRUCTURAL MASS, HEAT CAPACITANCE, ADDED MASS",
+    "all surfaces that touch are in contact": "CONTACT",
+    "the structure changes between steps": """MODEL CHANGE, CHANGE MATERIAL, CHANGE PLASTIC, CHANGE SOLID SECTION,
+    CHANGE SURFACE BEHAVIOR, IMPORT, IMPORT NODESET, IMPORT ELSET""",
+    "nodes are moved": "IMPERFECTION, ADAPTIVE MESH, MAP SOLUTION, ADJUST",
+    "the file is written with parameters": "PARAMETER, PARAMETER DEPENDENCE",
+    "the material is not linear and isotropic": """HYPERELASTIC, HYPERFOAM, VISCOELASTIC, USER MATERIAL, DEPVAR, NO COMPRESSION,
+    LOW DENSITY FOAM, ENGINEERING CONSTANTS, DEFORMATION PLASTICITY, SUPERELASTIC, HYSTERESIS, MULLINS EFFECT, PERMEABILITY,
+    POROUS ELASTIC, FLUID CONSTANTS, HYPOELASTIC, FABRIC, UNIAXIAL, BRITTLE CRACKING, PIEZOELECTRIC""",
+    "a fluid that is not modelled": """CFD, BOUNDARYF, TRANSFORMF, EQUATIONF, MASS FLOW, SPECIFIC GAS CONSTANT, FLUID BEHAVIOR,
+    FLUID CAVITY, FLUID DENSITY, ACOUSTIC""",
+    "a submodel: its boundary is moved by another model": "SUBMODEL",
+}
+# These make nodes or elements; what is missing after them is no model.
+REFUSED = {
+    "NGEN": "write the nodes out",
+    "NFILL": "write the nodes out",
+    "NCOPY": "write the nodes out",
+    "NMAP": "write the nodes out",
+    "ELGEN": "write the elements out",
+    "ELCOPY": "write the elements out",
+    "SYMMETRIC MODEL GENERATION": "write the whole model out",
+}
+
+
+def _keywords(text: str) -> list[str]:
+    return [" ".join(word.split()) for word in text.split(",")]
+
+
+def _bare(word: str) -> str:
+    return "".join(word.split())
+
+
+# by the keyword without blanks, as CalculiX reads it: effect, whether it changes the answer
+_EFFECTS = {
+    _bare(word): (effect, changes)
+    for table, changes in ((_HARMLESS, False), (_CHANGES, True))
+    for effect, words in table.items()
+    for word in _keywords(words)
+}
+_QUIET = {_bare(word) for word in _keywords(SILENT)}
+_KNOWN = {
+    _bare(word): word
+    for text in (TAKEN, SILENT, *_HARMLESS.values(), *_CHANGES.values(), ",".join(REFUSED))
+    for word in _keywords(text)
+}
+
+
+def known(keyword: str) -> str:
+    """Return a keyword as it is written in full, or itself where it is not known."""
+    return _KNOWN.get(_bare(keyword), keyword)
+
+
+@dataclass(eq=False)
+class Findings:
+    """What has been found that is not taken over; like entries count once, with the place of the first."""
+
+    _found: dict[tuple, list[str]] = field(default_factory=dict)
+
+    def add(self, word: str, where: str, effect: str, changes: bool, part: str = "", surfaces: tuple[str, ...] = ()) -> None:
+        self._found.setdefault((word, effect, changes, part, surfaces), []).append(where)
+
+    def add_card(self, card: Card) -> None:
+        """Add what a card does that nothing here takes over."""
+        word = _bare(card.keyword)
+        if word in _QUIET:
+            return
+        if word in _EFFECTS:
+            effect, changes = _EFFECTS[word]
+        else:
+            near = nearest(card.keyword, _KNOWN.values())
+            effect, changes = "not known to this program" + (f"; the nearest that is known is *{near}" if near else ""), True
+        self.add(f"*{card.keyword}", card.where, effect, changes)
+
+    def all(self) -> tuple[Finding, ...]:
+        """Return the findings, those that change the answer first."""
+        made = [
+            Finding(
+                word=word,
+                where=places[0] + (f" and {len(places) - 1} more" if len(places) > 1 else ""),
+                effect=effect,
+                changes=changes,
+                part=part,
+                surfaces=surfaces,
+            )
+            for (word, effect, changes, part, surfaces), places in self._found.items()
+        ]
+        return tuple(sorted(made, key=lambda one: not one.changes))

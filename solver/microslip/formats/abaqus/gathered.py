@@ -1,0 +1,94 @@
+"""What the cards of a file come to, while they are turned into a file model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ...parallel.words import place
+from ..model import FileBody, FileBolt, FileMass, FileMaterial, FilePoint, FileSpring, FileSupport, FileTie
+from .cards import Card
+from .findings import Findings
+from .groups import Grouped
+from .mesh import FileMesh
+from .scopes import Scope
+
+_STRAIGHT = 1e-12  # components of an axis below it are none
+
+
+@dataclass(eq=False)
+class Step:
+    """The cards of one step, *STEP first."""
+
+    number: int
+    cards: list[tuple[Scope, Card]]
+
+    @property
+    def is_frequency(self) -> bool:
+        return any(card.keyword == "FREQUENCY" for _, card in self.cards)
+
+    @property
+    def is_perturbation(self) -> bool:
+        return "PERTURBATION" in self.cards[0][1].parameters
+
+
+@dataclass(eq=False)
+class Terms:
+    """Linear equations while they are gathered."""
+
+    equation: list[int] = field(default_factory=list)
+    nodes: list[int] = field(default_factory=list)
+    axes: list[int] = field(default_factory=list)
+    coefficients: list[float] = field(default_factory=list)
+    where: list[str] = field(default_factory=list)
+
+    def add(self, terms: list[tuple[int, int, float]], where: str) -> None:
+        """Add one equation of terms (node, axis, coefficient); what has no coefficient is left out."""
+        terms = [term for term in terms if term[2] != 0.0]
+        if not terms:
+            return
+        self.equation += [len(self.where)] * len(terms)
+        self.nodes += [node for node, _, _ in terms]
+        self.axes += [axis for _, axis, _ in terms]
+        self.coefficients += [coefficient for _, _, coefficient in terms]
+        self.where.append(where)
+
+
+@dataclass(eq=False)
+class Gathered:
+    """The model, in part."""
+
+    mesh: FileMesh
+    grouped: Grouped
+    cards: list[tuple[Scope, Card]]  # of the model, before its steps
+    steps: list[Step]
+    findings: Findings
+    materials: dict[str, FileMaterial] = field(default_factory=dict)
+    bodies: dict[str, FileBody] = field(default_factory=dict)
+    supports: list[FileSupport] = field(default_factory=list)
+    ties: list[FileTie] = field(default_factory=list)
+    points: dict[int, FilePoint] = field(default_factory=dict)  # by their node
+    turns: dict[int, int] = field(default_factory=dict)  # node whose displacements are the rotations of a point: its node
+    masses: list[FileMass] = field(default_factory=list)
+    springs: list[FileSpring] = field(default_factory=list)
+    terms: Terms = field(default_factory=Terms)
+    bolts: list[FileBolt] = field(default_factory=list)
+    axes: dict[int, np.ndarray] = field(default_factory=dict)  # node: (3, 3) rows of its own axes, *TRANSFORM
+    attached: set[int] = field(default_factory=set)  # nodes that masses, springs or equations have
+
+    @property
+    def first_vibration(self) -> Step | None:
+        """The first step with *FREQUENCY, otherwise the first step."""
+        return next((step for step in self.steps if step.is_frequency), self.steps[0] if self.steps else None)
+
+
+def along_axis(model: Gathered, node: int, direction: int, factor: float) -> list[tuple[int, int, float]]:
+    """Return the displacement of a node along one of its axes, from 1, times a factor, as terms in model axes, largest first."""
+    along = model.axes.get(node, np.eye(3))[direction - 1]
+    if np.isnan(along).any():
+        at = place(model.mesh.points[node])
+        raise MeshError(f"node {model.mesh.numbers[node]} at {at} lies on the axis of its *TRANSFORM, where nothing is radial")
+    own = [(node, axis, factor * float(value)) for axis, value in enumerate(along) if abs(value) > _STRAIGHT]
+    return sorted(own, key=lambda term: -abs(term[2]))

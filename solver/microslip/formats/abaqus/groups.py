@@ -1,0 +1,230 @@
+"""Cells and groups of a file model: from elements, sets and surfaces of the cards."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import KINDS, NO_NODES, Cells, Group
+from .mesh import FileMesh
+from .names import Names
+from .types import is_solid
+
+# Faces S1, S2, ... of the solid elements by their corners (Abaqus and CalculiX agree).
+_FACES = {
+    "tet": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "hex": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+}
+_EDGES = {
+    "tet": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    "hex": ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
+    "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
+}
+_N_CORNERS = {"tet": 4, "hex": 8, "wedge": 6}
+_FACE_KIND = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8"}
+
+
+@dataclass(eq=False)
+class Grouped:
+    """Cells and groups, and where each element is among the cells."""
+
+    mesh: FileMesh
+    cells: list[Cells] = field(default_factory=list)
+    groups: dict[str, Group] = field(default_factory=dict)
+    block_of: np.ndarray = field(default_factory=lambda: NO_NODES)  # (n_elements,) block of cells; -1: none
+    row_of: np.ndarray = field(default_factory=lambda: NO_NODES)
+    of_solids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_nodes,) a solid element has it
+    _outer: dict[int, np.ndarray] = field(default_factory=dict)  # block: (n, n_faces) bool
+
+    def add_elements(self, name: str, elements: np.ndarray) -> None:
+        """Add elements, positions, to a group."""
+        group = self.groups.setdefault(name, Group())
+        blocks = self.block_of[elements]
+        for block in np.unique(blocks[blocks >= 0]):
+            group.add_cells(int(block), self.row_of[elements[blocks == block]])
+
+    def nodes_of(self, name: str) -> np.ndarray:
+        """Return all nodes of a group, positions."""
+        group = self.groups[name]
+        parts = [self.cells[block].nodes[rows].ravel() for block, rows in group.cells.items()]
+        return np.unique(np.concatenate([group.nodes, *parts]))
+
+    def node_group(self, name: str, nodes: np.ndarray) -> str:
+        """Return the name of a group of exactly these nodes: ``name`` where it is that, otherwise a new one."""
+        nodes = np.unique(nodes)
+        tried, n = name, 1
+        while tried in self.groups and not np.array_equal(self.nodes_of(tried), nodes):
+            n += 1
+            tried = f"{name} (nodes)" if n == 2 else f"{name} (nodes {n - 1})"
+        self.groups.setdefault(tried, Group()).add_nodes(nodes)
+        return tried
+
+    def body_group(self, name: str, elements: np.ndarray) -> str:
+        """Return the name of a group that holds exactly these solid elements: ``name`` or a new one."""
+        tried, n = name, 1
+        while tried in self.groups and not np.array_equal(self._solids_of(tried), np.sort(elements)):
+            n += 1
+            tried = f"{name} {n}"
+        if tried not in self.groups:
+            self.add_elements(tried, elements)
+        return tried
+
+    def _solids_of(self, name: str) -> np.ndarray:
+        found = [NO_NODES]
+        for block, rows in self.groups[name].cells.items():
+            if KINDS[self.cells[block].kind][0] == 3:
+                own = np.flatnonzero(self.block_of == block)
+                found.append(own[np.isin(self.row_of[own], rows)])
+        return np.sort(np.concatenate(found))
+
+    def has_faces(self, name: str) -> bool:
+        group = self.groups.get(name)
+        return group is not None and any(
+            KINDS[self.cells[block].kind][0] == 2 for block, rows in group.cells.items() if len(rows)
+        )
+
+    def outer_faces(self, block: int) -> np.ndarray:
+        """Return which faces of a block of solids belong to no second solid, (n, n_faces) bool."""
+        if not self._outer:
+            self._outer = _outer_faces(self.cells)
+        return self._outer[block]
+
+    def add_face(self, name: str, block: int, rows: np.ndarray, face: int) -> None:
+        """Add face S1, S2, ... of some cells to a group, as cells of their own."""
+        cells = self.cells[block]
+        family = cells.kind.rstrip("0123456789")
+        local = _face_nodes(cells.kind, family, face)
+        self.cells.append(Cells(_FACE_KIND[len(local)], cells.nodes[rows][:, local], cells.numbers[rows]))
+        self.groups.setdefault(name, Group()).add_cells(len(self.cells) - 1, np.arange(len(rows)))
+
+    def add_faces_between(self, name: str, is_in: np.ndarray) -> None:
+        """Add the outer faces of solids all of whose nodes are ``is_in`` (n_nodes,) bool to a group."""
+        for block, cells in enumerate(self.cells[: len(self.cells)]):
+            family = cells.kind.rstrip("0123456789")
+            for i in range(len(_FACES.get(family, ()))):
+                own = is_in[cells.nodes[:, _face_nodes(cells.kind, family, i + 1)]].all(axis=1)
+                rows = np.flatnonzero(own & self.outer_faces(block)[:, i]) if own.any() else NO_NODES
+                if len(rows):
+                    self.add_face(name, block, rows, i + 1)
+
+
+def grouped(mesh: FileMesh) -> Grouped:
+    """Return the cells of all elements, and a group for every set and surface.
+
+    A set and a surface of one name share a group.
+
+    Raises
+    ------
+    MeshError : sets of what there is not, faces that elements do not have
+    """
+    found = _with_cells(mesh)
+    aliased = [names for names in mesh.names.values() if names.scope.name]
+    for names in mesh.names.values():
+        prefixes = [names.scope.named("")] + [""] * (len(aliased) == 1 and bool(names.scope.name))
+        for prefix in prefixes:
+            _group_sets(found, names, prefix)
+    for names in mesh.names.values():
+        prefixes = [names.scope.named("")] + [""] * (len(aliased) == 1 and bool(names.scope.name))
+        for name, entries in names.surfaces.items():
+            for prefix in prefixes:
+                _group_surface(found, names, prefix + mesh.spelled(name), entries)
+    return found
+
+
+def _with_cells(mesh: FileMesh) -> Grouped:
+    """Return the cells, one block for each kind."""
+    n = sum(len(nodes) for _, _, nodes in mesh.blocks)
+    found = Grouped(mesh, block_of=np.full(n, -1, dtype=np.int64), row_of=np.zeros(n, dtype=np.int64))
+    kinds: dict[str, list[tuple[int, np.ndarray]]] = {}
+    found.of_solids = np.zeros(len(mesh.points), dtype=bool)
+    for first, block, nodes in mesh.blocks:
+        if block.kind is not None:
+            kinds.setdefault(block.kind, []).append((first, nodes))
+        if is_solid(block.word):
+            found.of_solids[nodes] = True
+    for kind, parts in kinds.items():
+        own = np.concatenate([np.arange(first, first + len(nodes)) for first, nodes in parts])
+        found.block_of[own], found.row_of[own] = len(found.cells), np.arange(len(own))
+        nodes = parts[0][1] if len(parts) == 1 else np.concatenate([nodes for _, nodes in parts])
+        found.cells.append(Cells(kind, nodes, mesh.element_numbers[own]))
+    return found
+
+
+def _group_sets(found: Grouped, names: Names, prefix: str) -> None:
+    mesh, scope = found.mesh, names.scope
+    for name in [name for name in names.sets["ELSET"] if name not in names.internal]:
+        where = names.sets["ELSET"][name][0][2] if names.sets["ELSET"][name] else ""
+        found.add_elements(prefix + mesh.spelled(name), mesh.elements(scope, name, where))
+    for name in [name for name in names.sets["NSET"] if name not in names.internal]:
+        where = names.sets["NSET"][name][0][2] if names.sets["NSET"][name] else ""
+        found.groups.setdefault(prefix + mesh.spelled(name), Group()).add_nodes(mesh.nodes(scope, name, where))
+
+
+def _group_surface(found: Grouped, names: Names, name: str, entries: list[tuple[str, str, str]]) -> None:
+    """Make a group of a surface: of its faces, or of its nodes."""
+    mesh, scope = found.mesh, names.scope
+    by_face: dict[str, list[np.ndarray]] = {}
+    where_of: dict[str, str] = {}
+    for word, face, where in entries:
+        if face == "NODE":
+            found.groups.setdefault(name, Group()).add_nodes(mesh.nodes(scope, word, where))
+        elif not word:  # all elements of the model
+            by_face.setdefault("", []).append(np.arange(len(found.block_of)))
+        else:
+            by_face.setdefault(face, []).append(mesh.elements(scope, word, where))
+        where_of.setdefault(face, where)
+    for face, parts in by_face.items():
+        _add_faces(found, name, np.unique(np.concatenate(parts)), face, where_of[face])
+
+
+def _add_faces(found: Grouped, name: str, elements: np.ndarray, face: str, where: str) -> None:
+    blocks = found.block_of[elements]
+    number = re.fullmatch(r"S(\d)", face)
+    for block in np.unique(blocks[blocks >= 0]):
+        rows, cells = found.row_of[elements[blocks == block]], found.cells[block]
+        family = cells.kind.rstrip("0123456789")
+        if KINDS[cells.kind][0] == 2 and face in ("", "SPOS", "SNEG"):
+            found.groups.setdefault(name, Group()).add_cells(int(block), rows)
+        elif family in _FACES and number:
+            if not 1 <= int(number[1]) <= len(_FACES[family]):
+                raise MeshError(f"{where}: *SURFACE names face {face} of element {cells.numbers[rows[0]]}, a {family}")
+            found.add_face(name, int(block), rows, int(number[1]))
+        elif family in _FACES and not face:
+            outer = found.outer_faces(int(block))[rows]
+            for i in range(outer.shape[1]):
+                if outer[:, i].any():
+                    found.add_face(name, int(block), rows[outer[:, i]], i + 1)
+
+
+def _outer_faces(cells: list[Cells]) -> dict[int, np.ndarray]:
+    """Return, for each block of solids, which of their faces belong to one solid alone, (n, n_faces) bool."""
+    solids = {i: own.kind.rstrip("0123456789") for i, own in enumerate(cells)}
+    solids = {i: family for i, family in solids.items() if family in _FACES}
+    keys = []
+    for i, family in solids.items():
+        for face in _FACES[family]:
+            corners = np.sort(cells[i].nodes[:, face], axis=1)
+            keys.append(np.column_stack([corners, np.full(len(corners), -1)]) if len(face) == 3 else corners)
+    every = np.ascontiguousarray(np.concatenate(keys))
+    labels, counts = np.unique(every.view([("", every.dtype)] * 4).ravel(), return_inverse=True, return_counts=True)[1:]
+    is_outer, at, found = counts[labels.ravel()] == 1, 0, {}
+    for i, family in solids.items():
+        n, n_faces = len(cells[i].nodes), len(_FACES[family])
+        found[i] = is_outer[at : at + n * n_faces].reshape(n_faces, n).T
+        at += n * n_faces
+    return found
+
+
+def _face_nodes(kind: str, family: str, face: int) -> list[int]:
+    """Return the local nodes of face S1, S2, ...: corners, then mid-sides."""
+    corners = list(_FACES[family][face - 1])
+    n_corners = _N_CORNERS[family]
+    if KINDS[kind][1] == n_corners:
+        return corners
+    edges = [set(edge) for edge in _EDGES[family]]
+    around = zip(corners, corners[1:] + corners[:1], strict=True)
+    return corners + [n_corners + edges.index({first, second}) for first, second in around]

@@ -1,0 +1,72 @@
+"""Numbers and names of one scope, and where numbers stand among all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..model import NO_NODES
+from .nodes import Elements
+from .scopes import Scope
+
+
+class Places:
+    """Where each of some numbers stands among them."""
+
+    def __init__(self, numbers: np.ndarray):
+        self.first = int(numbers[0]) if len(numbers) else 0
+        self.n = len(numbers)
+        is_rising = bool((np.diff(numbers) > 0).all())
+        self.is_range = is_rising and (self.n == 0 or int(numbers[-1]) - self.first == self.n - 1)
+        self.order = None if is_rising else np.argsort(numbers, kind="stable")
+        self.sorted = numbers if self.order is None else numbers[self.order]
+
+    def held(self, wanted: np.ndarray | range) -> tuple[np.ndarray, int, int]:
+        """Return the places of those numbers that there are, how many there are not, and the first of these."""
+        if isinstance(wanted, range):  # which may be far longer than what there is
+            low, high = np.searchsorted(self.sorted, [wanted.start, wanted.stop])
+            own = self.sorted[low:high]
+            own = own[(own - wanted.start) % wanted.step == 0]
+            n_alike = int(np.cumprod(own == wanted.start + wanted.step * np.arange(len(own))).sum())
+            return self.find(own)[0], len(wanted) - len(own), wanted.start + wanted.step * n_alike
+        index, missing = self.find(wanted)
+        if not len(missing):
+            return index, 0, 0
+        return self.find(wanted[~np.isin(wanted, missing)])[0], len(missing), int(missing[0])
+
+    def find(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the places of numbers, and the numbers that are not there."""
+        if self.n == 0:
+            return np.zeros(np.shape(wanted), dtype=np.int64), np.unique(wanted)
+        if self.is_range:
+            place = wanted - self.first
+            is_missing = (place < 0) | (place >= self.n)
+        else:
+            place = np.minimum(np.searchsorted(self.sorted, wanted), self.n - 1)
+            is_missing = self.sorted[place] != wanted
+            place = place if self.order is None else self.order[place]
+        return place, np.unique(wanted[is_missing]) if is_missing.any() else NO_NODES
+
+
+@dataclass(eq=False)
+class Names:
+    """Numbers and names of one scope."""
+
+    scope: Scope
+    first_node: int = 0  # position of its first node among all
+    first_element: int = 0
+    node_numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
+    element_numbers: np.ndarray = field(default_factory=lambda: NO_NODES)
+    node_places: Places = field(default_factory=lambda: Places(NO_NODES))
+    element_places: Places = field(default_factory=lambda: Places(NO_NODES))
+    given_nodes: list[tuple[np.ndarray, np.ndarray, str]] = field(default_factory=list)  # numbers, points, where
+    blocks: list[Elements] = field(default_factory=list)
+    sets: dict[str, dict[str, list[tuple[str, object, str]]]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
+    internal: set[str] = field(default_factory=set)  # sets that a pre-processor made for itself
+    surfaces: dict[str, list[tuple[str, str, str]]] = field(default_factory=dict)  # element or set, face or "NODE", where
+    system: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
+
+    def places(self, kind: str) -> tuple[Places, int]:
+        """Return where numbers of a kind of set stand, and the position of the first of them."""
+        return (self.node_places, self.first_node) if kind == "NSET" else (self.element_places, self.first_element)

@@ -1,0 +1,158 @@
+"""*NODE, *ELEMENT and the systems they are given in: numbers, coordinates and connectivity of one scope."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import KINDS
+from .cards import Card, values_of
+from .types import is_solid, kind_of
+
+_DAMAGED = "; the file is damaged or truncated"
+_NODES_OF = {"MASS": 1, "ROTARYI": 1, "SPRING1": 1, "SPRING2": 2, "SPRINGA": 2, "DASHPOT1": 1, "DASHPOT2": 2, "DASHPOTA": 2}
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """The elements of one *ELEMENT card."""
+
+    word: str  # TYPE
+    kind: str | None  # of their cells
+    numbers: np.ndarray  # (n,) of the file
+    nodes: np.ndarray  # (n, n_nodes) numbers of the file; 0 where an element has fewer
+    where: str
+
+
+def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray]:
+    """Return numbers (n,) and coordinates (n, 3) of a *NODE card in the axes of its *SYSTEM.
+
+    Raises
+    ------
+    MeshError : not a number and three coordinates on each line
+    """
+    values, counts = card.numbers()
+    width = int(counts[0]) if len(counts) else 4
+    if width < 4 or not (counts == width).all():
+        table = _with_empty_fields(card)
+    else:
+        table = values.reshape(len(counts), width)[:, :4]
+    numbers = table[:, 0]
+    if not ((numbers >= 0) & (numbers <= 2**53) & (numbers == np.rint(numbers))).all():
+        raise MeshError(f"{card.where}: *NODE: a node number is not a whole number{_DAMAGED}")
+    return numbers.astype(np.int64), _cartesian(table[:, 1:], card)
+
+
+def _with_empty_fields(card: Card) -> np.ndarray:
+    """Return (n, 4) numbers of lines of which some have empty fields, which are 0."""
+    rows = []
+    for words, where in card.lines():
+        if len(words) < 4 or not words[0]:
+            raise MeshError(f"{where}: *NODE: every line must hold a number and three coordinates{_DAMAGED}")
+        rows.append([float(word.replace("D", "E").replace("d", "e")) if word else 0.0 for word in words[:4]])
+    return np.array(rows).reshape(-1, 4)
+
+
+def _cartesian(points: np.ndarray, card: Card) -> np.ndarray:
+    """Return points that are given in cylindrical or spherical coordinates in those of their axes."""
+    system = card.parameter("SYSTEM", "R")
+    if system == "R":
+        return points
+    if system not in ("C", "S"):
+        raise MeshError(f"{card.where}: *NODE, SYSTEM={system}: expected R, C or S")
+    radius, angle, third = points[:, 0], np.deg2rad(points[:, 1]), points[:, 2]
+    if system == "S":
+        radius, third = radius * np.cos(np.deg2rad(third)), radius * np.sin(np.deg2rad(third))
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle), third])
+
+
+def system_of(card: Card) -> tuple[np.ndarray, np.ndarray]:
+    """Return axes (3, 3), rows x', y', z', and origin (3,) of a *SYSTEM card; without data the global ones.
+
+    Raises
+    ------
+    MeshError : no axes
+    """
+    rows = [values_of(",".join(words).encode()) for words, _ in card.lines()]
+    values = np.concatenate([np.zeros(0), *(np.zeros(1) if row is None else row for row in rows)])
+    if len(values) not in (0, 3, 6, 9) or not np.isfinite(values).all():
+        raise MeshError(f"{card.where}: *SYSTEM: expected one, two or three points of three coordinates")
+    points = values.reshape(-1, 3)
+    if len(points) < 2:
+        return np.eye(3), points[0] if len(points) else np.zeros(3)
+    x = points[1] - points[0]
+    if len(points) == 2:
+        return axes_of(x, np.cross([0.0, 0.0, 1.0], x), card.where), points[0]
+    return axes_of(x, points[2] - points[0], card.where), points[0]
+
+
+def axes_of(x: np.ndarray, in_plane: np.ndarray, where: str) -> np.ndarray:
+    """Return axes (3, 3), rows x', y', z': x' along ``x``, y' in the plane with ``in_plane``."""
+    z = np.cross(x, in_plane)
+    if not np.linalg.norm(z) > 1e-12 * np.linalg.norm(x) * np.linalg.norm(in_plane):
+        raise MeshError(f"{where}: the points of its axes lie on one line")
+    x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+    return np.stack([x, np.cross(z, x), z])
+
+
+def read_elements(card: Card) -> Elements:
+    """Return the elements of an *ELEMENT card.
+
+    An element takes lines until it has its nodes, and what the last of them holds beyond is passed over, as in CalculiX; types
+    whose number of nodes is not known here take a line, and those that end in a comma the next one too.
+
+    Raises
+    ------
+    MeshError : nodes are missing, or something else than whole numbers stands there
+    """
+    word = card.parameter("TYPE")
+    kind = kind_of(word)
+    if is_solid(word) and kind not in KINDS:
+        raise MeshError(f"{card.where}: *ELEMENT, TYPE={word} is not read; known solids: C3D4, C3D6, C3D8, C3D10, C3D15, C3D20")
+    n_nodes = KINDS[kind][1] if kind else _NODES_OF.get(word, 0)
+    rows = _rows(card, word, n_nodes) if n_nodes else _unknown_rows(card)
+    if kind == "line2" and word.startswith("B"):
+        rows = rows[:, :3]  # a beam's third node tells its direction
+    return Elements(word, kind, rows[:, 0], rows[:, 1:], card.where)
+
+
+def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
+    """Return (n, 1 + n_nodes): numbers of elements and of their nodes."""
+    values, counts = card.numbers()
+    width = 1 + n_nodes
+    if not np.isfinite(values).all() or (abs(values) > 2**53).any():
+        raise MeshError(f"{card.where}: *ELEMENT, TYPE={word} holds something else than whole numbers{_DAMAGED}")
+    if (counts == width).all():
+        return values.astype(np.int64).reshape(-1, width)
+    starts: list[int] = []
+    ends, total = np.cumsum(counts).tolist(), len(counts)
+    i = 0
+    while i < total:
+        start = ends[i - 1] if i else 0
+        starts.append(start)
+        while i < total and ends[i] - start < width:
+            i += 1
+        if i == total:
+            raise MeshError(
+                f"{card.where}: *ELEMENT, TYPE={word}: the {len(values)} numbers do not make elements of a number and {n_nodes} "
+                f"nodes: the last has {ends[-1] - start - 1} nodes{_DAMAGED}"
+            )
+        i += 1
+    return values.astype(np.int64)[np.array(starts, dtype=np.int64)[:, None] + np.arange(width)]
+
+
+def _unknown_rows(card: Card) -> np.ndarray:
+    """Return (n, 1 + most nodes) of elements of a type that is not known, 0 where one has fewer nodes."""
+    rows: list[list[int]] = []
+    goes_on = False
+    for words, where in card.lines():
+        if not goes_on:
+            rows.append([])
+        if not all(word.isdigit() for word in words if word):
+            raise MeshError(f"{where}: *ELEMENT holds {','.join(words)[:60]!r} where numbers are due")
+        rows[-1] += [int(word) for word in words if word]
+        goes_on = not words[-1]
+    width = max((len(row) for row in rows), default=1)
+    return np.array([row + [0] * (width - len(row)) for row in rows], dtype=np.int64).reshape(-1, width)

@@ -1,0 +1,192 @@
+"""Read an input file of Abaqus or CalculiX whole: its mesh, and what else it says of the structure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import Equations, FileModel
+from .cards import Card, read_cards
+from .connections import take_connections
+from .discrete import take_discrete
+from .equations import take_equations
+from .findings import REFUSED, TAKEN, Findings, known
+from .gathered import Gathered, Step
+from .groups import grouped
+from .mesh import FileMesh, finish, take_mesh_card
+from .parameters import in_full
+from .properties import take_materials, take_sections
+from .scopes import Scope, in_scopes
+from .supports import take_supports, take_transforms
+
+_TAKEN = {" ".join(word.split()) for word in TAKEN.split(",")}
+
+
+def read_inp(path: str) -> FileModel:
+    """Read an input file of Abaqus or CalculiX with what it includes.  Local.
+
+    Materials, bodies (a section each), supports, ties, couplings and rigid bodies, masses, springs and equations are taken over;
+    everything else is among the findings.
+
+    Raises
+    ------
+    MeshError without the file's name: damaged, or it uses keywords that are not followed.
+    """
+    cards = read_cards(path)
+    for i, card in enumerate(cards):
+        cards[i] = card = _in_full(card)
+        if card.keyword in REFUSED:
+            raise MeshError(f"{card.where}: the keyword *{card.keyword} is not followed here; {REFUSED[card.keyword]}")
+    played, _ = in_scopes(cards)
+    mesh = FileMesh()
+    for scope, card in played:
+        mesh.of(scope)
+        take_mesh_card(mesh, scope, card)
+        if card.keyword in ("NODE", "ELEMENT") and not scope.name:
+            card.pieces.clear()  # the longest texts; those of parts are read again for further instances
+    every = mesh.names.values()
+    if not any(names.blocks for names in every) or not any(names.given_nodes for names in every):
+        raise MeshError("the file holds no *NODE and *ELEMENT blocks that this program reads")
+    finish(mesh)
+    before, steps = _steps(played)
+    model = Gathered(mesh, grouped(mesh), before, steps, Findings())
+    take_materials(model)
+    take_sections(model)
+    take_transforms(model)
+    take_connections(model)
+    take_equations(model)
+    take_discrete(model)
+    take_supports(model)
+    _find_rest(model)
+    return _composed(model)
+
+
+def _in_full(card: Card) -> Card:
+    """Return a card with its keyword and its parameters as they are written in full."""
+    card = replace(card, keyword=known(card.keyword))
+    return replace(card, parameters=in_full(card)[0])
+
+
+def _steps(played: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], list[Step]]:
+    """Return the cards of the model and those of each step."""
+    before: list[tuple[Scope, Card]] = []
+    steps: list[Step] = []
+    is_inside = False
+    for scope, card in played:
+        if card.keyword == "STEP":
+            steps.append(Step(len(steps) + 1, []))
+            is_inside = True
+        (steps[-1].cards if is_inside else before).append((scope, card))
+        if card.keyword == "END STEP":
+            is_inside = False
+    return before, steps
+
+
+def _find_unknown_parameters(model: Gathered) -> None:
+    """Add findings for parameters of cards that are taken over, where nothing here knows what they do."""
+    last = model.first_vibration
+    steps = [step for step in model.steps if last is not None and step.number <= last.number]
+    for _, card in model.cards + [one for step in steps for one in step.cards]:
+        for name in in_full(card)[1]:
+            model.findings.add(f"*{card.keyword}, {name}", card.where, "a parameter that is not known to this program", True)
+
+
+def _find_rest(model: Gathered) -> None:
+    """Add findings for every card that is not taken over."""
+    _find_unknown_parameters(model)
+    for where, (kind, text, first) in model.mesh.missing.items():
+        model.findings.add(f"*{kind}", where, f"{text}, the first is {first}", False)
+    for _, card in model.cards:
+        if card.keyword == "INITIAL CONDITIONS":
+            _find_initial(model, card)
+        elif card.keyword not in _TAKEN:
+            model.findings.add_card(card)
+    last = model.first_vibration
+    for step in model.steps:
+        for _, card in step.cards:
+            counts = last is not None and step.number <= last.number
+            if card.keyword not in _TAKEN and (counts or not _is_known_to_change(card)):
+                model.findings.add_card(card)
+    _find_prestress(model)
+
+
+def _is_known_to_change(card: Card) -> bool:
+    """Return whether a card of a later step changes that step alone."""
+    return card.keyword in ("MODEL CHANGE", "CONTACT PAIR", "SELECT CYCLIC SYMMETRY MODES")
+
+
+def _find_initial(model: Gathered, card: Card) -> None:
+    kind = card.parameter("TYPE")
+    if kind in ("TEMPERATURE", "VELOCITY", "ROTATING VELOCITY", "PLASTIC STRAIN", "HARDENING", "PRESSURE"):
+        effect, changes = "of no effect without loads, which are not taken over", False
+    else:
+        effect, changes = "the structure carries something before it vibrates", True
+    model.findings.add(f"*INITIAL CONDITIONS, TYPE={kind}", card.where, effect, changes)
+
+
+def _find_prestress(model: Gathered) -> None:
+    """Add a finding where the vibration is one about the loads of the steps before it."""
+    step = model.first_vibration
+    if step is None or not step.is_frequency or not step.is_perturbation:
+        return
+    loads = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "BOUNDARY", "FIELD")
+    loaded = [one for one in model.steps[: step.number - 1] if any(card.keyword in loads for _, card in one.cards)]
+    if loaded and not all(one.is_perturbation for one in loaded):
+        effect = f"vibration about the loads of step {loaded[-1].number}: state them in [statics]"
+        model.findings.add("*STEP, PERTURBATION", step.cards[0][1].where, effect, True, "statics")
+
+
+def _composed(model: Gathered) -> FileModel:
+    mesh = model.mesh
+    notes = tuple(
+        f"{len(nodes)} elements of *ELEMENT, TYPE={block.word} are no cells of the mesh"
+        for _, block, nodes in mesh.blocks
+        if block.kind is None
+    )
+    terms = model.terms
+    equations = Equations(
+        np.array(terms.equation, dtype=np.int64),
+        np.array(terms.nodes, dtype=np.int64),
+        np.array(terms.axes, dtype=np.int64),
+        np.array(terms.coefficients),
+        tuple(terms.where),
+    )
+    return FileModel(
+        mesh.points,
+        mesh.numbers,
+        tuple(model.grouped.cells),
+        model.grouped.groups,
+        notes,
+        materials=model.materials,
+        bodies=model.bodies,
+        supports=tuple(model.supports),
+        ties=tuple(model.ties),
+        connected=tuple(model.points.values()),
+        masses=tuple(model.masses),
+        springs=tuple(model.springs),
+        equations=equations if terms.where else None,
+        bolts=tuple(model.bolts),
+        findings=model.findings.all(),
+        facts=tuple(_facts(model)),
+    )
+
+
+def _facts(model: Gathered) -> list[str]:
+    """Return what is to be listed beside the model: instances, how they are numbered, steps."""
+    found = []
+    instances = [names for names in model.mesh.names.values() if names.scope.name]
+    if instances:
+        named = ", ".join(f"{names.scope.name} ({len(names.node_numbers)} nodes)" for names in instances)
+        found.append(f"{len(instances)} instances: {named}")
+    for what, raised in zip(("node", "element"), model.mesh.offsets, strict=True):
+        if raised:
+            found.append(
+                f"instances share {what} numbers: those of the first stay, of the second are raised by {raised}, of the third by "
+                f"{2 * raised}, and so on; those of the assembly come last"
+            )
+    if model.steps:
+        last = model.first_vibration
+        found.append(f"{len(model.steps)} steps; what is held is that of step {last.number if last else 1}")
+    return found

@@ -1,0 +1,120 @@
+"""Parts, instances and the assembly: which card speaks of the numbers and names of which instance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from .cards import Card, values_of
+
+
+@dataclass(eq=False)
+class Scope:
+    """Where numbers and names are unique: the model with its assembly, or one instance of a part."""
+
+    name: str  # "" of the model
+    rotation: np.ndarray = field(default_factory=lambda: np.eye(3))
+    translation: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def placed(self, points: np.ndarray) -> np.ndarray:
+        """Return points (n, 3) of the part where the instance has them."""
+        if not self.name:
+            return points
+        return points @ self.rotation.T + self.translation
+
+    def named(self, name: str) -> str:
+        """Return a name as Abaqus has it outside: "instance.set"."""
+        return f"{self.name}.{name}" if self.name else name
+
+
+def in_scopes(cards: list[Card]) -> tuple[list[tuple[Scope, Card]], Scope]:
+    """Return every card with its scope, those of a part once for each of its instances, and the scope of the model.
+
+    Without instances a single part counts as the model itself.
+
+    Raises
+    ------
+    MeshError : instances of parts that there are not, parts that do not end
+    """
+    model = Scope("")
+    parts, rest = _parts(cards)
+    if not any(card.keyword == "INSTANCE" for card in rest):
+        if len(parts) > 1:
+            first = next(iter(parts.values()))[0]
+            raise MeshError(f"{first.where}: {len(parts)} parts and no *INSTANCE of any of them: there is nothing to read")
+        own = [card for part in parts.values() for card in part[1:]]
+        return [(model, card) for card in own + rest], model
+    return list(_played(parts, rest, model)), model
+
+
+def _parts(cards: list[Card]) -> tuple[dict[str, list[Card]], list[Card]]:
+    """Return the cards of each part, its *PART first, by its name in upper case, and all others."""
+    parts: dict[str, list[Card]] = {}
+    rest: list[Card] = []
+    inside: list[Card] | None = None
+    for card in cards:
+        if card.keyword == "PART":
+            name = card.parameter("NAME")
+            if inside is not None or name in parts:
+                raise MeshError(f"{card.where}: *PART {name} " + ("again" if name in parts else "within another part"))
+            inside = parts.setdefault(name, [card])
+        elif card.keyword == "END PART":
+            inside = None
+        else:
+            (rest if inside is None else inside).append(card)
+    if inside is not None:
+        raise MeshError(f"{inside[0].where}: *PART has no *END PART; the file is truncated")
+    return parts, rest
+
+
+def _played(parts: dict[str, list[Card]], rest: list[Card], model: Scope) -> Iterator[tuple[Scope, Card]]:
+    scope, names = model, set()
+    for card in rest:
+        if card.keyword == "INSTANCE":
+            name, part = card.parameters.get("NAME", ""), card.parameter("PART")
+            if scope is not model or not name or name.upper() in names:
+                raise MeshError(f"{card.where}: *INSTANCE {name or 'without a name'}: within another, or twice")
+            if "INSTANCE" in card.parameters or (part and part not in parts):
+                known = f"it has: {', '.join(one[0].parameters.get('NAME', '') for one in parts.values())}"
+                raise MeshError(f"{card.where}: *INSTANCE {name}: there is no part {card.parameters.get('PART', '')!r}; {known}")
+            names.add(name.upper())
+            scope = _placed_scope(name, card)
+            for own in parts[part][1:] if part else ():
+                yield scope, own
+        elif card.keyword == "END INSTANCE":
+            scope = model
+        else:
+            yield scope, card
+    if scope is not model:
+        raise MeshError(f"*INSTANCE {scope.name} has no *END INSTANCE; the file is truncated")
+
+
+def _placed_scope(name: str, card: Card) -> Scope:
+    """Return the scope of an instance, moved and then turned as its data lines say."""
+    rows: list[np.ndarray] = []
+    for words, where in card.lines():
+        row = values_of(",".join(words).encode())
+        if row is None or not np.isfinite(row).all() or len(row) != (3, 7)[min(len(rows), 1)] or len(rows) > 1:
+            raise MeshError(
+                f"{where}: *INSTANCE {name}: expected a line of 3 numbers, its translation, and one of 7, its rotation"
+            )
+        rows.append(row)
+    translation = rows[0] if rows else np.zeros(3)
+    if len(rows) < 2:
+        return Scope(name, np.eye(3), translation)
+    first, second, angle = rows[1][:3], rows[1][3:6], np.deg2rad(rows[1][6])
+    turn = rotation_about(second - first, angle, f"{card.where}: *INSTANCE {name}")
+    return Scope(name, turn, turn @ (translation - first) + first)
+
+
+def rotation_about(axis: np.ndarray, angle: float, where: str) -> np.ndarray:
+    """Return the matrix (3, 3) of a rotation [rad] about an axis (Rodrigues' formula)."""
+    length = np.linalg.norm(axis)
+    if not length > 0.0:
+        raise MeshError(f"{where}: the two points of its axis of rotation are one")
+    x, y, z = axis / length
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross

@@ -1,0 +1,152 @@
+"""*BOUNDARY and *TRANSFORM: what is held, in model axes or in axes of the nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import FileSupport
+from .cards import Card, number, values_of
+from .gathered import Gathered, along_axis
+from .nodes import axes_of
+from .scopes import Scope
+
+_AXES = ("x", "y", "z", "rx", "ry", "rz")
+_NAMED = {
+    "ENCASTRE": (1, 2, 3, 4, 5, 6),
+    "PINNED": (1, 2, 3),
+    "XSYMM": (1, 5, 6),
+    "YSYMM": (2, 4, 6),
+    "ZSYMM": (3, 4, 5),
+    "XASYMM": (2, 3, 4),
+    "YASYMM": (1, 3, 5),
+    "ZASYMM": (1, 2, 6),
+}
+
+
+def take_transforms(model: Gathered) -> None:
+    """Keep the axes of nodes that have some of their own.
+
+    Raises
+    ------
+    MeshError : points that make no axes
+    """
+    for scope, card in model.cards:
+        if card.keyword != "TRANSFORM":
+            continue
+        rows = [values_of(",".join(words).encode()) for words, _ in card.lines()]
+        values = np.concatenate([np.zeros(0), *(row if row is not None else np.zeros(0) for row in rows)])
+        kind, name = card.parameter("TYPE", "R"), card.parameter("NSET")
+        if len(values) < 6 or kind not in ("R", "C", "S"):
+            raise MeshError(f"{card.where}: *TRANSFORM: expected TYPE=R, C or S and two points of three coordinates")
+        nodes = model.mesh.nodes(scope, name, card.where)
+        first, second = values[:3], values[3:6]
+        if kind == "R":
+            axes = np.broadcast_to(axes_of(first, second, card.where) @ scope.rotation.T, (len(nodes), 3, 3))
+        else:
+            first, second = scope.placed(np.stack([first, second]))
+            axes = _round_axes(model.mesh.points[nodes], first, second, kind, card)
+        model.axes.update(zip(nodes.tolist(), axes, strict=True))
+
+
+def _round_axes(points: np.ndarray, first: np.ndarray, second: np.ndarray, kind: str, card: Card) -> np.ndarray:
+    """Return radial, tangential and axial directions (n, 3, 3) at points, NaN on the axis; spherical ones about ``first``."""
+    along = (second - first) / max(np.linalg.norm(second - first), 1e-300)
+    radial = points - first
+    if kind == "C":
+        radial = radial - np.outer(radial @ along, along)
+    size = np.linalg.norm(radial, axis=1)
+    scale = max(float(size.max(initial=0.0)), 1e-300)
+    if not np.linalg.norm(second - first) > 0.0:
+        raise MeshError(f"{card.where}: *TRANSFORM, TYPE={kind}: its two points are one")
+    with np.errstate(invalid="ignore", divide="ignore"):  # NaN on the axis, where nothing is radial
+        radial = np.where(size[:, None] > 1e-10 * scale, radial / size[:, None], np.nan)
+    if kind == "C":
+        return np.stack([radial, np.cross(along, radial), np.broadcast_to(along, radial.shape)], axis=1)
+    tangent = np.cross(along, radial)
+    length = np.linalg.norm(tangent, axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        tangent = np.where(length > 1e-10, tangent / length, np.nan)
+    return np.stack([radial, tangent, np.cross(radial, tangent)], axis=1)
+
+
+_Held = dict[str, tuple[list[np.ndarray], set[int]]]  # by the name of a set, or of what is held: nodes, directions from 1
+
+
+def take_supports(model: Gathered) -> None:
+    """Take what is held in the first step with *FREQUENCY, or in the first step: by the model data and the steps up to it."""
+    held: _Held = {}
+    for scope, card in _boundaries(model):
+        _take_card(model, scope, card, held)
+    for name, (nodes, dofs) in held.items():
+        _hold(model, name, np.unique(np.concatenate(nodes)), dofs)
+
+
+def _boundaries(model: Gathered) -> list[tuple[Scope, Card]]:
+    """Return the *BOUNDARY cards that count; OP = NEW in one of several of a step removes those before the step alone."""
+    found = [(scope, card) for scope, card in model.cards if card.keyword == "BOUNDARY"]
+    last = model.first_vibration
+    for step in model.steps:
+        if last is not None and step.number <= last.number:
+            own = [(scope, card) for scope, card in step.cards if card.keyword == "BOUNDARY"]
+            if any(card.parameter("OP") == "NEW" for _, card in own):
+                found = []
+            found += own
+    return found
+
+
+def _take_card(model: Gathered, scope: Scope, card: Card, held: _Held) -> None:
+    kind = card.parameter("TYPE", "DISPLACEMENT")
+    for key in ("SUBMODEL", "USER", "BASENAME"):
+        if key in card.parameters:
+            model.findings.add(f"*BOUNDARY, {key}", card.where, "a support that moves", True, "supports")
+            return
+    for words, where in card.lines():
+        dofs, value = _dofs(words, where)
+        if value or kind not in ("DISPLACEMENT",):
+            effect = f"a displacement other than 0 ({words[0]}); it would be taken as held"
+            model.findings.add("*BOUNDARY", where, effect, True, "supports")
+        nodes = model.mesh.nodes(scope, words[0], where)
+        if words[0].isdigit():
+            parts, known = held.setdefault("*BOUNDARY " + "".join(_AXES[dof - 1] for dof in sorted(dofs)), ([], set()))
+        else:
+            parts, known = held.setdefault(model.mesh.name_of(scope, words[0]), ([], set()))
+        parts.append(nodes)
+        known |= dofs
+
+
+def _dofs(words: list[str], where: str) -> tuple[set[int], float]:
+    """Return which degrees of freedom, from 1, a data line holds, and where it moves them."""
+    if len(words) > 1 and words[1].upper() in _NAMED:
+        return set(_NAMED[words[1].upper()]), 0.0
+    first, last, value = ([number(word) if word else None for word in words[1:4]] + [None] * 3)[:3]
+    given = [bool(word) for word in (words[1:4] + [""] * 3)[:3]]
+    if first is None or not 0 <= first <= 11 or (last is None and given[1]) or (value is None and given[2]):
+        raise MeshError(
+            f"{where}: *BOUNDARY holds {','.join(words)[:60]!r}; expected a node or a set and its first and last direction, "
+            f"or one of {', '.join(_NAMED)}"
+        )
+    return {dof for dof in range(int(first), int(last or first) + 1) if 1 <= dof <= 6}, value or 0.0
+
+
+def _hold(model: Gathered, name: str, nodes: np.ndarray, dofs: set[int]) -> None:
+    """Hold nodes: points by name, nodes with axes of their own by equations, others as a group."""
+    for node in nodes:
+        if int(node) in model.points and dofs:
+            fix = tuple(_AXES[dof - 1] for dof in sorted(dofs))
+            model.supports.append(FileSupport(point=model.points[int(node)].name, fix=fix))
+        elif int(node) in model.turns and dofs & {1, 2, 3}:
+            fix = tuple(_AXES[dof + 2] for dof in sorted(dofs) if dof <= 3)
+            model.supports.append(FileSupport(point=model.points[model.turns[int(node)]].name, fix=fix))
+    dofs = {dof for dof in dofs if dof <= 3}
+    if not dofs:
+        return
+    in_use = model.grouped.of_solids[nodes] | np.isin(nodes, list(model.attached))
+    turned = np.isin(nodes, list(model.axes)) & (len(dofs) < 3) & in_use
+    for node in nodes[turned]:
+        for dof in sorted(dofs):
+            model.terms.add(along_axis(model, int(node), dof, 1.0), f"*BOUNDARY {name} in axes of *TRANSFORM")
+    straight = nodes if not turned.any() and in_use.any() else nodes[in_use & ~turned]
+    if len(straight):
+        group = model.grouped.node_group(name, straight)
+        model.supports.append(FileSupport(group=group, fix=tuple(_AXES[dof - 1] for dof in sorted(dofs))))

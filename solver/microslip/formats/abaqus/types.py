@@ -1,0 +1,61 @@
+"""Element types of Abaqus and CalculiX: their cells, how solids are integrated, and what the others do."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+_SOLIDS = {4: "tet4", 10: "tet10", 8: "hex8", 20: "hex20", 6: "wedge6", 15: "wedge15", 5: "pyramid5", 27: "hex27"}
+_SHELLS = {3: "tri3", 6: "tri6", 4: "quad4", 8: "quad8", 65: "tri6", 9: "quad9"}
+_LINES = {"T2D2": "line2", "T2D3": "line3", "T3D2": "line2", "T3D3": "line3", "B31": "line2", "B32": "line3"}
+# what follows the number of nodes: R reduced, I incompatible modes, H hybrid, M modified, S and V variants of these
+_VARIANT = r"(R|I|RI|IH|H|RH|M|MH|HS|S|V|VH)?"
+
+
+@dataclass(frozen=True)
+class Integration:
+    """How a body's elements are integrated, as ``FileBody`` says it."""
+
+    integration: str
+    incompatible_modes: bool
+
+
+def kind_of(word: str) -> str | None:
+    """Return the kind of cell of an element type; None for what has no place among cells (springs, masses, ...)."""
+    solid = re.fullmatch(r"C3D(\d+)[A-Z]*", word)
+    shell = re.match(r"(?:CPS|CPE|CAX|M3D|SFM3D|R3D|STRI|S|DS)(\d+)", word)
+    if solid:
+        return _SOLIDS.get(int(solid[1]), f"{word}, which this program does not have")
+    if shell:
+        return _SHELLS.get(int(shell[1]))
+    return _LINES.get(word.rstrip("RHI"))
+
+
+def is_solid(word: str) -> bool:
+    return word.startswith("C3D")
+
+
+def integration_of(word: str) -> Integration | None:
+    """Return how a solid type is integrated, None where its variant is not known."""
+    found = re.fullmatch(r"C3D(\d+)" + _VARIANT, word)
+    if not found or int(found[1]) not in _SOLIDS:
+        return None
+    n_nodes, variant = int(found[1]), found[2] or ""
+    if n_nodes == 8:
+        return Integration("full", "I" in variant or "R" in variant)
+    if n_nodes == 20:
+        return Integration("reduced-both" if "R" in variant else "full", True)
+    return Integration("reduced-both" if n_nodes in (4, 10, 15) else "full", True)
+
+
+def note_on(word: str) -> str:
+    """Return in which way a solid type is taken for another; "" where it is as it is."""
+    if word in ("C3D8R", "C3D8RH"):
+        return "one integration point with hourglass control is not had here: they are taken as C3D8I, incompatible modes"
+    if word == "C3D6":
+        return "two integration points there, six here: it is stiffer in coarse meshes"
+    if re.fullmatch(r"C3D10(M|MH|HS|I)", word):
+        return "they are taken as C3D10"
+    if re.fullmatch(r"C3D\d+\w*H", word):
+        return "pressure is no unknown of its own: near incompressibility they are stiffer here"
+    return ""

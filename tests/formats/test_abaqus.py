@@ -1,0 +1,463 @@
+"""Input files of Abaqus and CalculiX: parts, includes, sets, surfaces, properties and connections, findings, and what is damaged."""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from plain_model import inp, plain, tables
+
+from microslip.assembly.assemble import assemble
+from microslip.formats.model import FileBody, FileMaterial, FileSpring, FileSupport, FileTie
+from microslip.formats.read import read_model
+from microslip.library.complete import complete
+from microslip.library.settings import mesh_settings
+from microslip.linear.joint_springs import linearise
+from microslip.mesh.links import find_links
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.partition import distribute
+from microslip.mesh.read import read_mesh
+from microslip.modes.eigen import lowest_modes
+from microslip.parallel.errors import MeshError
+from microslip.scene.read import scene_of
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "meshes"))
+
+from brake_reuss import BrakeReuss, input_file
+
+CUBE = """*NODE, NSET=ALL
+1, 0, 0, 0
+2, 1, 0, 0
+3, 1, 1, 0
+4, 0, 1, 0
+5, 0, 0, 1
+6, 1, 0, 1
+7, 1, 1, 1
+8, 0, 1, 1
+*ELEMENT, TYPE=C3D8, ELSET=CUBE
+1, 1, 2, 3, 4, 5, 6, 7, 8
+"""
+STEEL = """*MATERIAL, NAME=Steel
+*ELASTIC
+210000., .3
+*DENSITY
+7.85e-9
+*SOLID SECTION, ELSET=CUBE, MATERIAL=STEEL
+"""
+# the cube again, 2 above it, and a reference node
+TWICE = """*NODE
+11, 0, 0, 1
+12, 1, 0, 1
+13, 1, 1, 1
+14, 0, 1, 1
+15, 0, 0, 2
+16, 1, 0, 2
+17, 1, 1, 2
+18, 0, 1, 2
+99, 0.5, 0.5, 3
+*ELEMENT, TYPE=C3D8R, ELSET=SECOND
+2, 11, 12, 13, 14, 15, 16, 17, 18
+*SURFACE, NAME=TOP
+CUBE, S2
+*SURFACE, NAME=FEET
+SECOND, S1
+*SURFACE, NAME=CROWN
+2, S2
+*NSET, NSET=POLE
+99
+"""
+
+
+def read(tmp_path, text, name="job.inp"):
+    (tmp_path / name).write_text(text)
+    return read_model(tmp_path / name)
+
+
+def numbers(model, group):
+    """Return the numbers of a group's own nodes."""
+    return model.numbers[model.groups[group].nodes].tolist()
+
+
+def words(model, changes=True):
+    return [finding.word for finding in model.findings if finding.changes == changes]
+
+
+PART = "*PART, NAME=P\n" + CUBE + "*NSET, NSET=base, GENERATE\n1, 4\n*SURFACE, NAME=top\nCUBE, S2\n*END PART\n"
+TWO = """*ASSEMBLY, NAME=A
+*INSTANCE, NAME=one, PART=P
+*END INSTANCE
+*INSTANCE, NAME=two, PART=P
+10., 0., 0.
+10., 0., 0., 10., 0., 1., 90.
+*END INSTANCE
+*NODE
+1, 7., 8., 9.
+*NSET, NSET=both
+one.base, two.8
+*NSET, NSET=from_two, INSTANCE=two
+1, base
+*ELSET, ELSET=all_of_it
+one.CUBE, two.CUBE
+*SURFACE, NAME=tops
+all_of_it, S2
+*END ASSEMBLY
+"""
+
+
+def test_instances_are_moved_then_turned_and_named_as_outside(tmp_path):
+    model = read(tmp_path, PART + TWO)
+    assert model.numbers.tolist() == [*range(1, 9), *range(11, 19), 21]
+    np.testing.assert_allclose(model.points[8:12], [[10, 0, 0], [10, 1, 0], [9, 1, 0], [9, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(model.points[16], [7, 8, 9])
+    assert numbers(model, "one.base") == [1, 2, 3, 4] and numbers(model, "two.base") == [11, 12, 13, 14]
+    assert numbers(model, "both") == [1, 2, 3, 4, 18] and numbers(model, "from_two") == [11, 12, 13, 14]
+    assert sum(len(rows) for rows in model.groups["tops"].cells.values()) == 2
+    assert "two.top" in model.groups and "base" not in model.groups
+    assert any("raised by 10" in fact for fact in model.facts)
+
+
+def test_numbers_that_are_unique_stay_and_one_instance_is_named_plainly_too(tmp_path):
+    only = TWO[: TWO.index("*INSTANCE, NAME=two")] + "*NODE\n50, 0., 0., 5.\n*END ASSEMBLY\n"
+    model = read(tmp_path, PART + only)
+    assert model.numbers.tolist() == [*range(1, 9), 50]
+    assert numbers(model, "base") == numbers(model, "one.base") == [1, 2, 3, 4]
+    assert read(tmp_path, PART).numbers.tolist() == list(range(1, 9))  # a part without instances
+
+
+@pytest.mark.parametrize(
+    "text, point",
+    [
+        ("*NODE, SYSTEM=C\n1, 2., 90., 3.\n", (0, 2, 3)),
+        ("*NODE, SYSTEM=S\n1, 2., 0., 30.\n", (np.sqrt(3.0), 0, 1)),
+        ("*SYSTEM\n1., 1., 1.\n*NODE\n1, 1., 2., 3.\n*SYSTEM\n", (2, 3, 4)),
+        ("*SYSTEM\n1., 0., 0., 1., 1., 0.\n0., 0., 0.\n*NODE\n1, 1., 2., 3.\n*SYSTEM\n", (-1, 1, 3)),
+        ("*NODE\n1, 1., , 3.\n", (1, 0, 3)),
+        ("*NODE\n1, 1.D0, 2.d-1, 3.\n", (1, 0.2, 3)),
+    ],
+)
+def test_coordinates_in_systems_of_their_own(tmp_path, text, point):
+    model = read(tmp_path, text + CUBE.replace("1, 0, 0, 0\n", "", 1))
+    np.testing.assert_allclose(model.points[0], point, atol=1e-12)
+
+
+def test_includes_follow_the_folder_of_the_file_and_data_may_stand_alone(tmp_path):
+    (tmp_path / "parts").mkdir()
+    lines = CUBE.splitlines()
+    (tmp_path / "parts" / "nodes.txt").write_text("\n".join(lines[1:5]) + "\n** a comment\n" + "\n".join(lines[5:9]))
+    (tmp_path / "parts" / "rest.inp").write_text("*INCLUDE, INPUT=more.inp\n*WHATEVER\n")
+    (tmp_path / "parts" / "more.inp").write_text("*ELEMENT, TYPE=C3D8\n" + lines[-1] + "\n")
+    model = read(tmp_path, "*NODE, INPUT=parts/nodes.txt\n*INCLUDE, INPUT=parts/rest.inp\n")
+    assert len(model.numbers) == 8 and model.cells[0].numbers.tolist() == [1]
+    unknown = next(finding for finding in model.findings if finding.word == "*WHATEVER")
+    assert unknown.where == "parts/rest.inp, line 2" and unknown.changes and "not known" in unknown.effect
+
+
+def test_elements_take_lines_until_they_have_their_nodes(tmp_path):
+    spread = CUBE.replace("1, 1, 2, 3, 4, 5, 6, 7, 8\n", "1, 1, 2, 3, 4,\n5, 6, 7, 8, 9, 10,\n2, 8, 7, 6, 5, 4, 3, 2, 1, 77,\n")
+    assert read(tmp_path, spread).cells[0].nodes.tolist() == [list(range(8)), list(range(7, -1, -1))]
+
+
+def test_surfaces_of_faces_of_the_outside_and_of_nodes(tmp_path):
+    more = "*SURFACE, NAME=outside\n,\n*SURFACE, NAME=low, TYPE=NODE\n1, \n2,\n*SURFACE, NAME=of_set\nCUBE,\n"
+    stacked = CUBE + TWICE.replace("11, 12, 13, 14, 15", "5, 6, 7, 8, 15")
+    model = read(tmp_path, stacked + more)
+    count = {name: sum(len(rows) for rows in group.cells.values()) for name, group in model.groups.items()}
+    assert count["outside"] == 10 and count["of_set"] == 5 and numbers(model, "low") == [1, 2]
+
+
+def test_a_body_for_each_section_and_integration(tmp_path):
+    text = CUBE + TWICE + "*ELSET, ELSET=EVERY\nCUBE, SECOND\n" + STEEL.replace("ELSET=CUBE", "ELSET=EVERY")
+    model = read(tmp_path, text + "*EXPANSION\n1.2e-5\n")
+    assert model.materials == {"Steel": FileMaterial(young=210000.0, poisson=0.3, density=7.85e-9, expansion=1.2e-5)}
+    assert model.bodies == {
+        "EVERY C3D8": FileBody(group="EVERY C3D8", material="Steel", incompatible_modes=False),
+        "EVERY C3D8R": FileBody(group="EVERY C3D8R", material="Steel"),
+    }
+    assert "*ELEMENT, TYPE=C3D8R" in words(model, changes=False) and words(model) == []
+
+
+def test_supports_of_the_first_vibration(tmp_path):
+    steps = "*STEP\n*STATIC\n*BOUNDARY\n5, 3\n*END STEP\n*STEP\n*FREQUENCY\n2\n*BOUNDARY, OP={op}\nALL, YSYMM\n*END STEP\n"
+    steps += "*STEP\n*STATIC\n*BOUNDARY\nALL, ENCASTRE\n*END STEP\n"
+    text = CUBE + "*BOUNDARY\n1, 1, 2\n2, 1, 2\n" + steps
+    kept = (
+        FileSupport(group="*BOUNDARY xy", fix=("x", "y")),
+        FileSupport(group="*BOUNDARY z", fix=("z",)),
+        FileSupport(group="ALL", fix=("y",)),
+    )
+    assert read(tmp_path, text.format(op="MOD")).supports == kept
+    assert read(tmp_path, text.format(op="NEW")).supports == kept[2:]
+
+
+def test_a_group_of_a_support_holds_no_other_nodes(tmp_path):
+    text = CUBE + "*NSET, NSET=CUBE\n1, 2\n*BOUNDARY\nCUBE, PINNED\n" + STEEL
+    model = read(tmp_path, text)
+    assert [support.group for support in model.supports] == ["CUBE (nodes)"]
+    assert numbers(model, "CUBE (nodes)") == [1, 2]
+
+
+def test_supports_in_axes_of_the_nodes_become_equations(tmp_path):
+    text = CUBE + "*TRANSFORM, NSET=ALL, TYPE=C\n0.5, -1, 0, 0.5, -1, 1\n*BOUNDARY\n1, 1\n2, 1, 3\n3, 2\n"
+    model = read(tmp_path, text)
+    assert model.supports == (FileSupport(group="*BOUNDARY xyz", fix=("x", "y", "z")),)
+    radial, tangential = np.array([-0.5, 1.0]) / np.sqrt(1.25), np.array([-2.0, 0.5]) / np.sqrt(4.25)
+    found = {}
+    for node, axis, value in zip(model.equations.nodes, model.equations.axes, model.equations.coefficients, strict=True):
+        found[int(model.numbers[node]), int(axis)] = value
+    assert found == pytest.approx({(1, 0): radial[0], (1, 1): radial[1], (3, 0): tangential[0], (3, 1): tangential[1]})
+
+
+def test_ties_couplings_and_contact(tmp_path):
+    more = "*SURFACE, NAME=nodes, TYPE=NODE\n5\n6\n7\n8\n*TIE, NAME=glue, POSITION TOLERANCE=0.1\nFEET, nodes\n"
+    more += "*COUPLING, CONSTRAINT NAME=hub, REF NODE=POLE, SURFACE=CROWN\n*KINEMATIC\n*CONTACT PAIR, INTERACTION=i\nFEET, TOP\n*CONTACT PAIR, TIED\nFEET, TOP\n"
+    more += "*SURFACE INTERACTION, NAME=i\n*FRICTION\n0.25\n*BOUNDARY\nPOLE, 1, 6\n"
+    more += "*ELEMENT, TYPE=MASS, ELSET=lump\n500, 99\n*MASS, ELSET=lump\n2.5\n*ELEMENT, TYPE=ROTARYI, ELSET=turn\n501, 99\n"
+    more += "*ROTARY INERTIA, ELSET=turn\n1., 2., 3., .1, .2, .3\n"
+    model = read(tmp_path, CUBE + TWICE + more)
+    assert model.ties == (
+        FileTie(surfaces=("FEET", "nodes (faces)"), name="glue", tolerance=0.1),
+        FileTie(surfaces=("FEET", "TOP")),
+    )
+    (point,) = model.connected
+    assert (point.name, point.position, point.group, point.connection) == ("hub", (0.5, 0.5, 3.0), "CROWN", "rigid")
+    assert point.mass == 2.5 and point.inertia == (1.0, 2.0, 3.0, 0.1, 0.3, 0.2)
+    assert model.supports == (FileSupport(point="hub", fix=("x", "y", "z", "rx", "ry", "rz")),)
+    contact = next(finding for finding in model.findings if finding.word == "*CONTACT PAIR")
+    assert contact.surfaces == ("FEET", "TOP") and "friction 0.25" in contact.effect
+
+
+@pytest.mark.parametrize(
+    "card",
+    [
+        "*RIGID BODY, NSET=UPPER, REF NODE=99\n",
+        "*KINEMATIC COUPLING, REF NOD=99\nUPPER, 1, 6\n",
+        "*MPC\nBEAM, UPPER, 99\n",
+        "*ELEMENT, TYPE=DCOUP3D, ELSET=D\n77, 99\n*DISTRIBUTING COUPLING, ELSET=D\nUPPER, 1.\n",
+    ],
+)
+def test_nodes_connected_to_a_reference_node(tmp_path, card):
+    model = read(tmp_path, CUBE + TWICE + "*NSET, NSET=UPPER\n15, 16, 17, 18\n" + card)
+    (point,) = model.connected
+    assert point.connection == ("distributing" if "DISTR" in card else "rigid") and point.name == "node 99"
+    assert numbers(model, point.group) == [15, 16, 17, 18]
+
+
+def test_springs_and_masses(tmp_path):
+    more = "*ELEMENT, TYPE=SPRING1, ELSET=feet\n21, 1\n22, 2\n*SPRING, ELSET=feet\n3\n5.\n"
+    more += "*ELEMENT, TYPE=SPRINGA, ELSET=rod\n23, 7, 99\n*SPRING, ELSET=rod\n\n7.\n"
+    more += "*ELEMENT, TYPE=SPRING2, ELSET=link\n24, 5, 11\n*SPRING, ELSET=link\n1, 1\n9.\n"
+    more += "*ELEMENT, TYPE=MASS, ELSET=lump\n25, 3\n*MASS, ELSET=lump\n4.\n"
+    model = read(tmp_path, CUBE + TWICE + more)
+    up, along = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
+    assert model.springs == (
+        FileSpring(groups=("node 1",), direction=up, stiffness=5.0),
+        FileSpring(groups=("node 2",), direction=up, stiffness=5.0),
+        FileSpring(groups=("node 7", "node 99"), stiffness=7.0),
+        FileSpring(groups=("node 5", "node 11"), direction=along, stiffness=9.0),
+    )
+    assert [(numbers(model, mass.group), mass.mass) for mass in model.masses] == [([3], 4.0)]
+
+
+def test_absurd_counts_take_no_memory_and_no_time(tmp_path):
+    doubled = "".join(f"*NSET, NSET=s{i}\ns{i + 1}, s{i + 1}\n" for i in range(60)) + "*NSET, NSET=s60\n1\n"
+    model = read(tmp_path, CUBE + "*NSET, NSET=n, GENERATE\n2, 9000000000000, 3\n" + doubled)
+    assert numbers(model, "n") == [2, 5, 8] and numbers(model, "s0") == [1]
+    assert any(
+        "'n' names 2999999999997 nodes that the file does not hold, the first is 11" in one.effect for one in model.findings
+    )
+
+
+def test_what_a_set_names_beside_the_file_is_said(tmp_path):
+    model = read(tmp_path, CUBE + "*NSET, NSET=n, GENERATE\n7, 12\n*ELSET, ELSET=e\n1, 2\n")
+    assert numbers(model, "n") == [7, 8] and len(model.groups["e"].cells[0]) == 1
+    assert [one.effect for one in model.findings if one.word in ("*NSET", "*ELSET")] == [
+        "'e' names 1 elements that the file does not hold, the first is 2",
+        "'n' names 4 nodes that the file does not hold, the first is 9",
+    ]
+
+
+def test_equations_of_sets_and_in_axes_of_nodes(tmp_path):
+    more = "*NSET, NSET=A\n5, 6\n*NSET, NSET=B\n11, 12\n*EQUATION\n2\nA, 1, 1., B, 1, -1.\n3\n7, 2, 1., 8, 2, -.5,\n99, 2, -.5\n"
+    found = read(tmp_path, CUBE + TWICE + more).equations
+    assert found.equation.tolist() == [0, 0, 1, 1, 2, 2, 2] and found.axes.tolist() == [0, 0, 0, 0, 1, 1, 1]
+    assert found.coefficients.tolist() == [1.0, -1.0, 1.0, -1.0, 1.0, -0.5, -0.5]
+    assert found.nodes.tolist() == [4, 8, 5, 9, 6, 7, 16]
+    assert found.where[2].startswith("*EQUATION, line")
+
+
+def test_a_mass_on_a_spring_that_an_equation_leads(tmp_path):
+    """The frequency is that of sqrt(k / m): a stiff cube, free along x, whose mean on one face is the end of a spring to ground."""
+    text = CUBE + "*NODE\n21, -1., .5, .5\n22, 0., .5, .5\n*ELEMENT, TYPE=SPRINGA, ELSET=S\n9, 21, 22\n*SPRING, ELSET=S\n\n10.\n"
+    text += "*BOUNDARY\n21, 1, 3\n22, 2, 3\nALL, 2, 3\n*EQUATION\n5\n22, 1, 1., 1, 1, -.25, 4, 1, -.25,\n5, 1, -.25, 8, 1, -.25\n"
+    model = read(tmp_path, text + STEEL)
+    scene, _ = complete(scene_of({**tables("job.inp"), "joints": ()}, tmp_path / "s.toml"), model)
+    settings = mesh_settings(scene)
+    mesh = read_mesh(settings, model)
+    pairs = pair_contacts(mesh, settings.joints)
+    linearised = linearise(assemble(distribute(mesh, settings, MPI.COMM_SELF), mesh, pairs, settings), pairs, "job.inp")
+    omega = lowest_modes(linearised, 1, verify=False).omega_n[0]
+    linearised.destroy()
+    assert omega == pytest.approx(np.sqrt(10.0 / 7.85e-9), rel=3e-5)  # the cube gives by 1e-5
+
+
+def test_the_bolted_beam_is_read_as_it_stands(tmp_path):
+    beam = BrakeReuss(around=2, radial=1, through=1, along=4)
+    model = read(tmp_path, input_file(beam))
+    assert len(model.bodies) == 14 and len(model.ties) == 15 and [point.name for point in model.connected] == ["SENSOR"]
+    assert model.connected[0].mass == 2e-5 and model.connected[0].position == (725.0, 0.0, 0.0)
+    assert words(model) == ["*CONTACT PAIR", "*STEP, PERTURBATION"] and len(model.bolts) == 3
+    assert sum("in the file with 9000: [[statics.bolts]]" in finding.effect for finding in model.findings) == 3
+    joint = {"name": "lap", "surfaces": ("LAP_LOWER", "LAP_UPPER"), "friction": 0.2, "preload": "static"}
+    joint |= {"tangential_stiffness": 1e13, "normal_stiffness": 1e13}
+    at = {"point": "SENSOR", "direction": (0.0, 0.0, 1.0)}
+    bolts = tuple({"group": f"BOLT-{i}.CUT", "force": 9000.0} for i in (1, 2, 3))
+    more = {"joints": (joint,), "loads": (at,), "outputs": ({"name": "end", **at},), "statics": {"bolts": bolts}}
+    scene, _ = complete(scene_of({**tables("job.inp", units="mm-t-s"), **more}, tmp_path / "s.toml"), model)
+    settings = mesh_settings(scene)
+    mesh = read_mesh(settings, model)
+    pairs = pair_contacts(mesh, settings.joints)
+    np.testing.assert_allclose(mesh.points[pairs.node1], mesh.points[pairs.node2], atol=1e-9)
+    lap = 0.12 * 0.025 - 3 * 2.0 * np.sqrt(2.0) * 0.0043**2  # the holes are octagons
+    assert pairs.area.sum() == pytest.approx(lap, rel=1e-6)
+    assert len(find_links(mesh, settings).notes) == 16
+
+
+FINDINGS = {
+    "*ELASTIC, TYPE=ENGINEERING CONSTANTS\n1., 1., 1., .3, .3, .3, 1., 1.\n1.\n": "*ELASTIC, TYPE=ENGINEERING CONSTANTS",
+    "*ELASTIC\n210000., .3, 0.\n200000., .3, 500.\n": "*ELASTIC",
+    "*INITIAL CONDITIONS, TYPE=STRESS\nCUBE, 1.\n": "*INITIAL CONDITIONS, TYPE=STRESS",
+    "*MATRIX ASSEMBLE, STIFFNESS=K\n": "*MATRIX ASSEMBLE",
+    "*SHELL SECTION, ELSET=CUBE\n1.\n": "*SHELL SECTION",
+    "*CYCLIC SYMMETRY MODEL, N=12\n": "*CYCLIC SYMMETRY MODEL",
+    "*TIE, CYCLIC SYMMETRY, NAME=T\nTOP, FEET\n": "*TIE, CYCLIC SYMMETRY",
+    "*SPRING, NONLINEAR, ELSET=CUBE\n\n1., 1.\n": "*SPRING, NONLINEAR",
+    "*ELEMENT, TYPE=B31, ELSET=BEAM\n77, 1, 2\n": "*ELEMENT, TYPE=B31",
+    "*ELEMENT, TYPE=MASS, ELSET=LUMP\n77, 1\n": "*ELEMENT, TYPE=MASS",
+    "*BOUNDARY\n1, 1, 1, 0.5\n": "*BOUNDARY",
+    "*MPC\nSLIDER, 1, 2, 3\n": "*MPC SLIDER",
+    "*EQUATION\n2\n1, 4, 1., 2, 1, 1.\n": "*EQUATION",
+    "*COUPLING, CONSTRAINT NAME=C, REF NODE=99, SURFACE=CROWN\n*KINEMATIC\n3, 3\n": "*KINEMATIC",
+    "*CONTACT\n": "*CONTACT",
+    "*SOLID SECTIONS, ELSET=SECOND\n": "*SOLID SECTIONS",
+    "*RIGID BODY, NSET=ALL, REF NODE=99, POSITION=CENTER OF MASS\n": "*RIGID BODY, POSITION",
+    "*STEP\n*STATIC\n*CLOAD\n1, 1, 1.\n*END STEP\n*STEP, PERTURBATION\n*FREQUENCY\n2\n*END STEP\n": "*STEP, PERTURBATION",
+}
+
+
+@pytest.mark.parametrize("card, word", FINDINGS.items(), ids=FINDINGS.values())
+def test_what_changes_the_answer_is_found(tmp_path, card, word):
+    plain_text = CUBE + TWICE + STEEL
+    before = words(read(tmp_path, plain_text))
+    assert [found for found in words(read(tmp_path, plain_text + "*MATERIAL, NAME=other\n" + card)) if found not in before] == [
+        word
+    ]
+
+
+def test_what_changes_nothing_is_listed_or_passed_over(tmp_path):
+    step = "*STEP\n*STATIC\n*CLOAD\n1, 1, 1.\n2, 1, 1.\n*CLOAD\n3, 1, 1.\n*NODE PRINT, NSET=ALL\nU\n*OUTPUT, FIELD\n*END STEP\n"
+    found = read(tmp_path, CUBE + STEEL + "*AMPLITUDE, NAME=a\n0., 1.\n*Damping, alpha=3.\n" + step).findings
+    assert {one.word: one.where for one in found} == {
+        "*AMPLITUDE": "line 18",
+        "*DAMPING": "line 20",
+        "*STATIC": "line 22",
+        "*CLOAD": "line 23 and 1 more",
+    }
+    assert not any(one.changes for one in found)
+
+
+BAD = {
+    "a node twice": (CUBE + "*NODE\n8, 0, 0, 0\n", "line 12: .NODE gives node number 8 more than once"),
+    "an element twice": (
+        CUBE + "*ELEMENT, TYPE=C3D8\n1, 8, 7, 6, 5, 4, 3, 2, 1\n",
+        "line 12: .ELEMENT gives element number 1 more",
+    ),
+    "a node that is not there": (CUBE.replace("7, 8\n", "7, 9\n"), "line 10: .ELEMENT names node 9, which no .NODE"),
+    "a coordinate missing": (CUBE.replace("5, 0, 0, 1", "5, 0, 0"), "line 6: .NODE: every line must hold a number and three"),
+    "a word for a number": (CUBE.replace("5, 0, 0, 1", "5, 0, o, 1"), "line 6: .NODE holds '5,0,o,1' where numbers are due"),
+    "half a number": (CUBE.replace("5, 0, 0, 1", "5.5, 0, 0, 1"), "line 1: .NODE: a node number is not a whole number"),
+    "nodes missing": (CUBE.replace(", 7, 8\n", "\n"), "line 10: .ELEMENT, TYPE=C3D8: .* the last has 6 nodes"),
+    "an unknown solid": (CUBE.replace("C3D8", "C3D9"), "line 10: .ELEMENT, TYPE=C3D9 is not read"),
+    "a set that is not there": (
+        CUBE + "*NSET, NSET=a\nALLL\n",
+        "line 12: .NSET 'ALLL' is used but not defined; nearest is 'ALL'",
+    ),
+    "a set of itself": (CUBE + "*NSET, NSET=a\nb\n*NSET, NSET=b\na\n", "made of itself"),
+    "a set without a name": (CUBE + "*NSET\n1\n", "line 12: .NSET without a name"),
+    "a range of no numbers": (CUBE + "*NSET, NSET=a, GENERATE\n1, 9e300\n", "line 13: .*GENERATE: '1,9e300' is not a range"),
+    "an absurd node": (CUBE + "*BOUNDARY\n99999999999999999999, 1\n", "line 13: 99999999999999999999 is no number of the file"),
+    "sets too deep": (CUBE + "".join(f"*NSET, NSET=s{i}\ns{i + 1}\n" for i in range(200)), "within more than 100 others"),
+    "an infinite node number": (
+        CUBE.replace("8, 0, 1, 1", "1e300, 0, 1, 1"),
+        "line 1: .NODE: a node number is not a whole number",
+    ),
+    "a falling range": (CUBE + "*NSET, NSET=a, GENERATE\n5, 1\n", "is not a range of numbers"),
+    "an absurd number": (CUBE + "*NSET, NSET=a\n99999999999999999999\n", "which is no number of the file"),
+    "a face too many": (CUBE + "*SURFACE, NAME=s\nCUBE, S7\n", "line 13: .SURFACE names face S7 of element 1, a hex"),
+    "nodes that are made": (CUBE + "*NGEN\n1, 8\n", "line 12: the keyword .NGEN is not followed here; write the nodes out"),
+    "a part that does not end": ("*PART, NAME=P\n" + CUBE, "line 1: .PART has no .END PART; the file is truncated"),
+    "an unknown part": (PART + TWO.replace("one, PART=P", "one, PART=Q"), "there is no part 'Q'; it has: P"),
+    "an axis of no length": (
+        PART + TWO.replace("10., 0., 1., 90.", "10., 0., 0., 90."),
+        "the two points of its axis of rotation are",
+    ),
+    "a rotation cut short": (PART + TWO.replace(", 1., 90.", ""), "expected a line of 3 numbers, its translation, and one of 7"),
+    "a file that is not there": (CUBE + "*INCLUDE, INPUT=none.inp\n", "line 12: it includes 'none.inp': there is no such file"),
+    "an include without a name": (CUBE + "*INCLUDE\n", "line 12: .INCLUDE names no file"),
+    "an include of itself": (CUBE + "*INCLUDE, INPUT=job.inp\n", "line 12: .* the files go round in a circle"),
+    "an include outside": (
+        CUBE + "*INCLUDE, INPUT=../outside.inp\n",
+        "line 12: it includes '../outside.inp', which lies outside",
+    ),
+    "an encrypted include": (CUBE + "*INCLUDE, INPUT=job.inp, PASSWORD=x\n", "is encrypted"),
+    "a spring without a number": (CUBE + "*ELEMENT, TYPE=SPRING1, ELSET=S\n9, 1\n*SPRING, ELSET=S\n1\nstiff\n", "finite number"),
+    "an equation cut short": (
+        CUBE + "*EQUATION\n3\n1, 1, 1., 2, 1, 1.\n",
+        "line 13: .EQUATION: expected a number of terms and a",
+    ),
+    "an absurd equation": (CUBE + "*EQUATION\n999999999\n1, 1, 1.\n", "line 13: .EQUATION: expected a number of terms and a"),
+    "a support in no direction": (CUBE + "*BOUNDARY\nALL, 12\n", "line 13: .BOUNDARY holds 'ALL,12'; expected a node or a set"),
+    "a tie of no surface": (CUBE + TWICE + "*TIE\nTOPP, FEET\n", "there is no .SURFACE 'TOPP'; nearest is 'TOP'"),
+    "a material of no numbers": (
+        CUBE + "*MATERIAL, NAME=m\n*ELASTIC\nstiff, 1.\n",
+        "line 14: .ELASTIC holds 'stiff,1.' where numbers",
+    ),
+    "no mesh": ("*HEADING\n", "no .NODE and .ELEMENT blocks"),
+}
+
+
+@pytest.mark.parametrize("text, message", BAD.values(), ids=BAD.keys())
+def test_bad_input_is_one_message(tmp_path, text, message):
+    (tmp_path / "outside.inp").write_text(CUBE)
+    (tmp_path / "in").mkdir()
+    with pytest.raises(MeshError, match=message) as caught:
+        read(tmp_path / "in", text)
+    assert str(caught.value).startswith(str(tmp_path / "in" / "job.inp"))
+
+
+def test_a_link_out_of_the_folder_is_outside_and_circles_of_several_files_are_found(tmp_path):
+    (tmp_path / "outside.inp").write_text(CUBE)
+    folder = tmp_path / "in"
+    folder.mkdir()
+    os.symlink(tmp_path / "outside.inp", folder / "link.inp")
+    with pytest.raises(MeshError, match="lies outside"):
+        read(folder, "*INCLUDE, INPUT=link.inp\n")
+    (folder / "a.inp").write_text("*INCLUDE, INPUT=b.inp\n")
+    (folder / "b.inp").write_text("*HEADING\n*INCLUDE, INPUT=a.inp\n")
+    with pytest.raises(MeshError, match="b.inp, line 2: it includes 'a.inp', which includes this file again"):
+        read(folder, "*INCLUDE, INPUT=a.inp\n")
+
+
+@pytest.mark.parametrize("step", [211, 307])
+def test_every_truncation_and_every_slip_is_one_message_or_a_model(tmp_path, step):
+    whole = inp(plain("hex20"), ("*Tie, name=t", "BAR_BOTTOM, PLATE_TOP", "*Mass, elset=m", "1."))
+    n_models = n_refused = 0
+    for at in range(step, len(whole), step):
+        for text in (whole[:at], whole[:at] + ",x=" + whole[at + 3 :]):
+            try:
+                read(tmp_path, text)
+                n_models += 1
+            except MeshError:
+                n_refused += 1
+    assert n_models and n_refused
