@@ -13,7 +13,7 @@ from ..parallel.petsc import PREFIXES
 from ..parallel.words import listed, nearest
 
 _SOLVE = ("run", "compare", "verify", "trade")  # commands that PETSc options are for
-_KEYS = ("methods", "knobs", "meshes", "seconds", "at", "levels", "harmonics", "samples", "steps", "from_rest")
+_KEYS = ("methods", "knobs", "meshes", "seconds", "at", "levels", "harmonics", "samples", "steps", "from_rest", "to")
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
@@ -27,8 +27,8 @@ until then; 70 a defect of the program."""
 class Command:
     """What the command line asks for."""
 
-    name: str  # run, compare, verify, trade, check, plot or doctor
-    file: str = ""  # the scene, or the results to plot
+    name: str  # run, compare, verify, trade, check, plot, report, convert or doctor
+    file: str = ""  # the scene, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
     methods: tuple[str, ...] = ()  # to compare; empty: all of them
@@ -37,12 +37,13 @@ class Command:
     at: tuple[float, ...] = ()  # Hz, to verify; empty: around each peak
     harmonics: int | None = None  # to verify; None: those of the scene
     samples: int | None = None
-    steps: int | None = None  # of time a period; None: the default
+    steps: int | None = None  # of time a period; None: the default of the command
     from_rest: bool = False
     knobs: tuple[str, ...] = ()  # to turn; empty: all of them
     levels: tuple[float, ...] = ()  # N; empty: the command chooses among the scene's
     meshes: tuple[str, ...] = ()  # files of further meshes
     seconds: float | None = None  # to be spent; None: the default of the command
+    to: tuple[str, ...] = ()  # formats to convert to; empty: all of them
 
 
 class _Parser(argparse.ArgumentParser):
@@ -108,6 +109,16 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
         "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
         "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
         "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
+        "report": (
+            "everything of a run on one page that a browser opens, to be mailed",
+            "RESULTS.h5",
+            "the folder of the result file",
+        ),
+        "convert": (
+            "results for other programs: ParaView, universal files, MATLAB",
+            "RESULTS.h5",
+            "the folder of the result file",
+        ),
         "doctor": ("print versions, and what is missing with the command that brings it", None, None),
     }
     commands: dict[str, _Parser] = {}
@@ -192,7 +203,13 @@ def _add_verify(command: _Parser) -> None:
     command.add_argument("--from-rest", action="store_true", help="march from rest, without acceleration: many periods")
 
 
-_OPTIONS = {"run": _add_run, "compare": _add_compare, "trade": _add_trade, "verify": _add_verify}
+def _add_convert(command: _Parser) -> None:
+    """Add the options of ``convert``."""
+    command.add_argument("--to", metavar="A,B,...", type=_words, default=(), help="vtkhdf, unv, mat, with commas (default: all)")
+    command.add_argument("--steps", metavar="N", type=_steps, help="steps of a period in files for ParaView (default: 32)")
+
+
+_OPTIONS = {"run": _add_run, "compare": _add_compare, "trade": _add_trade, "verify": _add_verify, "convert": _add_convert}
 
 
 def _numbers(text: str) -> tuple[float, ...]:
