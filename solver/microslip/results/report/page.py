@@ -143,6 +143,7 @@ _MOTION = """
 <button id="play" type="button">pause</button>
 <label><input id="spin" type="checkbox" checked> turn</label>
 <label><input id="clear" type="checkbox" checked> see through</label>
+<label><input id="alone" type="checkbox"> joint alone</label>
 <label>scale <input id="scale" type="range" min="-2" max="2" step="0.05" value="0"> <output id="times"></output></label></div>
 <div id="view" class="view" role="img" aria-label="the structure in motion, with the states of the joint"></div>
 <p class="note" id="view-note"></p>"""

@@ -12,7 +12,7 @@
     const figure = data.figures[div.dataset.figure];
     const axis = { gridcolor: "#e8eaef", linecolor: "#98a2b3", zeroline: false, showline: true, automargin: true };
     const layout = {
-      font, margin: { l: 64, r: 14, t: 12, b: 48 }, hovermode: "closest", plot_bgcolor: "#fff", paper_bgcolor: "#fff",
+      font, margin: { l: 64, r: 14, t: 12, b: 48 }, hovermode: "closest", hoverdistance: 40, plot_bgcolor: "#fff", paper_bgcolor: "#fff",
       legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, showlegend: figure.data.length > 1,
       xaxis: { ...axis, ...figure.layout.xaxis }, yaxis: { ...axis, ...figure.layout.yaxis },
     };
@@ -134,19 +134,20 @@
 
   const light = { ambient: 0.55, diffuse: 0.75, specular: 0.12, roughness: 0.7, fresnel: 0.1 };
 
-  function scene(range, spun) {
+  // How the box of ranges is seen from a place; its longest side is ``high`` of plotly's units.
+  function scene(range, spun, high) {
     const axis = (k) => ({ visible: false, range: range[k], autorange: false });
     const size = range.map(([low, high]) => high - low), most = Math.max(...size);
     return {
       xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual",
-      aspectratio: { x: (2.3 * size[0]) / most, y: (2.3 * size[1]) / most, z: (2.3 * size[2]) / most },
+      aspectratio: { x: (high * size[0]) / most, y: (high * size[1]) / most, z: (high * size[2]) / most },
       camera: { eye: spun, up: { x: 0, y: 0, z: 1 }, projection: { type: "orthographic" } }, dragmode: "orbit",
     };
   }
 
-  function layout3d(range, eye) {
+  function layout3d(range, eye, high) {
     return {
-      font, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#fff", uirevision: "kept", scene: scene(range, eye),
+      font, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#fff", uirevision: "kept", scene: scene(range, eye, high),
       legend: { x: 0, y: 1, bgcolor: "#ffffffcc" }, showlegend: true,
     };
   }
@@ -172,11 +173,11 @@
     traces.push({ type: "scatter3d", mode: "lines", x: lines[0], y: lines[1], z: lines[2], line: { color: "#39414d", width: 1 }, name: "edges", hoverinfo: "skip" });
     if (joint)
       traces.push({ type: "mesh3d", x: joint.xyz[0], y: joint.xyz[1], z: joint.xyz[2], ...joint.corners, color: "#c0392b", flatshading: true, name: "contact surfaces", showlegend: true, hoverinfo: "name" });
-    Plotly.newPlot(div, traces, layout3d(ranges(xyz, 0.02 * view.diagonal), eye(-1.0)), config);
+    Plotly.newPlot(div, traces, layout3d(ranges(xyz, 0.02 * view.diagonal), eye(-1.0), 1.85), config);
   }
 
   function startMotion(view, xyz, bodies, joint) {
-    const div = at("view"), choice = at("shown"), play = at("play"), spin = at("spin"), clear = at("clear"), slider = at("scale");
+    const div = at("view"), choice = at("shown"), play = at("play"), spin = at("spin"), clear = at("clear"), alone = at("alone"), slider = at("scale");
     for (const [i, one] of view.shown.entries()) {
       one.all = unpacked(one.u, "i2");
       one.reach = reach(xyz, one, one.all) || 1;
@@ -202,7 +203,7 @@
       const traces = bodies.map((body, b) => ({
         type: "mesh3d", x: own[b][0], y: own[b][1], z: own[b][2], ...body.corners, lighting: light, flatshading: false,
         intensity: Float32Array.from(body.nodes, (node) => shown.sizes[node]), cmin: 0, cmax: shown.most || 1, colorscale: "Viridis",
-        opacity: clear.checked && joint ? 0.42 : 1, name: body.name, showlegend: true, showscale: b === 0,
+        opacity: clear.checked && joint ? 0.42 : 1, name: body.name, showlegend: true, showscale: b === 0, visible: alone.checked ? "legendonly" : true,
         colorbar: { thickness: 12, len: 0.6, x: 1, xanchor: "right", title: { text: heading + (shown.unit ? " [" + shown.unit + "]" : ""), side: "right" } },
         hovertemplate: body.name + "<br>%{intensity:.4g} " + shown.unit + "<extra></extra>",
       }));
@@ -220,11 +221,12 @@
       return traces;
     }
 
-    const range = ranges(xyz, margin);
-    const drawn = () => { at("times").textContent = "× " + Number(times().toPrecision(2)); };
+    const range = ranges(xyz, margin), near = joint ? ranges(joint.xyz, 0.01 * view.diagonal) : range;
+    alone.disabled = !joint;
+    const drawn = () => { at("times").textContent = one().kind === "mode" ? "" : "× " + Number(times().toPrecision(2)); };
     function redraw() {
       drawn();
-      const before = div.layout ? div.layout.scene.camera : null, layout = layout3d(range, eye(turn));
+      const before = div.layout ? div.layout.scene.camera : null, layout = layout3d(alone.checked ? near : range, eye(turn), alone.checked ? 1.6 : 2.3);
       if (before) layout.scene.camera = before;
       return Plotly.react(div, looks(), layout, config);
     }
@@ -256,7 +258,7 @@
     play.textContent = running ? "pause" : "play";
     if (!running) spin.checked = false;
     play.onclick = () => { running = !running; play.textContent = running ? "pause" : "play"; };
-    choice.onchange = clear.onchange = redraw;
+    choice.onchange = clear.onchange = alone.onchange = redraw;
     slider.oninput = () => { drawn(); if (!running) redraw(); };
     at("view-note").textContent = "Motion over a period, drawn at the scale above; amplitude by colour, joint by the states of its pairs. Drag to turn it." +
       (view.coarser ? " The surface is shown by " + view.n + " of its " + view.coarser + " nodes." : "") +
