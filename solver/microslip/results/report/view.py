@@ -26,7 +26,7 @@ def view_data(results: ResultFile, fields: Fields) -> dict[str, Any]:
     """Return the views' data, for JSON: arrays as base64 of little-endian numbers, lengths in metres.  Local.
 
     Motions are coefficients (n_coefficients, 3, n) of int16 times ``scale``; ``orders`` says of each the harmonic, ``sine``
-    whether it is one.  At most 12,000 nodes, 8 levels, 12 modes and harmonics 0 to 5, and fewer nodes where these are more than 3 MB.
+    whether it is one.  At most 12,000 nodes, 8 levels, 12 modes and harmonics 0 to 5, and fewer nodes where these exceed 3 MB.
     """
     peaks = some(sorted(fields.peaks), MOST_LEVELS)
     n_modes = min(len(fields.shapes), MOST_MODES)
