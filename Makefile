@@ -35,7 +35,8 @@ unexport PYTHONPATH PYTHONHOME PETSC_DIR PETSC_ARCH SLEPC_DIR VIRTUAL_ENV PIP_US
 
 demo: $(VENV)/installed meshes/fan_small.msh
 	$(IN_VENV) -m microslip run jobs/fan_small.toml --out results/fan_small
-	@echo; echo "The pictures are here:"; ls -1 results/fan_small/*.png
+	@$(IN_VENV) -m microslip report results/fan_small/results.h5 >/dev/null
+	@echo; echo "The pictures are here, and in report.html all of it on one page:"; ls -1 results/fan_small/*.png results/fan_small/*.html
 
 # A test runs on all numbers of ranks unless its mark `ranks` names those on which it shows something (tests/conftest.py).
 # A process that has done its share takes over half of what another has left: files stay together, none waits.
@@ -77,7 +78,7 @@ $(VENV)/packages: .ci/packages Makefile
 
 $(VENV)/python: $(VENV)/packages .ci/constraints.txt
 	$(PYTHON) -m venv --system-site-packages $(VENV)
-	$(PIP) pymetis meshio shapely mapdl-archive pyNastran 'pydantic>=2' rich 'Cython>=3' wheel
+	$(PIP) pymetis meshio shapely mapdl-archive pyNastran plotly 'pydantic>=2' rich 'Cython>=3' wheel
 	@touch $@
 
 $(VENV)/installed: $(VENV)/python setup.py pyproject.toml $(KERNEL)

@@ -86,7 +86,7 @@ def head(pairs, outputs=("tip",), title=TITLE, H: int = 3, linear=True, method="
         versions={"microslip": __version__, "numpy": np.__version__},
         outputs=tuple(outputs),
         mode_frequency=np.array([100.0, 312.5]),
-        joint=joint_of(pairs, np.arange(2 * pairs.n_pairs) + 1001),
+        joint=joint_of(pairs, np.arange(1 + max([0, *pairs.node1, *pairs.node2])) + 1001),
         linear=linear_curve(len(outputs), H) if linear else None,
     )
 

@@ -44,8 +44,8 @@ def _perform(command: Command, comm) -> int:
     """Do what the command line asks for and return the exit status.  Collective on ``comm``."""
     if command.name == "doctor":
         return _doctor()
-    if command.name == "plot":
-        return _plot(command, comm)
+    if command.name in ("plot", "report", "convert"):
+        return _show(command, comm)
     return _solve(command, comm)
 
 
@@ -58,17 +58,31 @@ def _doctor() -> int:
     return 0 if is_well else 2
 
 
-def _plot(command: Command, comm) -> int:
+def _show(command: Command, comm) -> int:
+    """Draw, report or convert a result file, on rank 0.  Collective on ``comm``."""
     from .program.doctor import faults
 
     require(comm, faults("matplotlib", "h5py"))
-    from .results.plots import draw_all
-
     out = Path(command.file).parent if command.out is None else command.out
-    files = on_root(comm, draw_all, command.file, str(out)) if comm is not None else draw_all(command.file, str(out))
+    files = on_root(comm, _shown, command, out) if comm is not None else _shown(command, out)
     if launcher_rank() == 0:
         print("\n".join(map(str, files)) if files else f"{command.file} holds no converged point; nothing is drawn")
     return 0
+
+
+def _shown(command: Command, out: Path) -> list:
+    """Write what is asked of a result file and return the files.  Local."""
+    if command.name == "report":
+        from .results.report.page import write_report
+
+        return [write_report(command.file, out)]
+    if command.name == "convert":
+        from .results.convert import FORMATS, STEPS, convert
+
+        return convert(command.file, out, command.to or tuple(FORMATS), command.steps or STEPS)
+    from .results.plots import draw_all
+
+    return draw_all(command.file, str(out))
 
 
 def _solve(command: Command, comm) -> int:

@@ -18,6 +18,7 @@ from .parallel.agree import on_each
 from .parallel.errors import ConvergenceError
 from .parallel.versions import versions
 from .results.audit import audit_text
+from .results.fields import RunRecord, StageRecord
 from .results.measures import shown_with
 from .results.plots import draw_all
 from .scene.schema import Scene
@@ -46,7 +47,7 @@ def run(
         with log.stage("response"):
             branches = follow_logged(prepared, folder, options, n_groups, log)
         with log.stage("fields for ParaView"):
-            write_shapes(prepared, branches, folder)
+            write_shapes(prepared, branches, folder, record_of(log))
         with log.stage("pictures"):
             on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
         log.note(f"results in {folder}")
@@ -57,6 +58,11 @@ def run(
             "\n".join(f"level {branch.level:g} N ends after {len(branch.points)} points: {branch.failure}" for branch in failed)
             + f"\nwhat converged is in {folder}"
         )
+
+
+def record_of(log: RunLog) -> RunRecord:
+    """Return what a log has noted so far.  Local."""
+    return RunRecord(tuple(StageRecord(stage.name, stage.seconds, stage.memory) for stage in log.stages), tuple(log.notes))
 
 
 def follow_logged(prepared: Prepared, folder: Path, options: tuple[str, ...], n_groups: int, log: RunLog) -> list[Branch]:

@@ -56,6 +56,8 @@ from microslip.program.command_line import Command, parse
         ),
         ("check fan.toml --set title=Fan", Command("check", "fan.toml", settings=("title=Fan",))),
         ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
+        ("report results.h5", Command("report", "results.h5")),
+        ("convert results.h5 --to unv,mat --steps 64", Command("convert", "results.h5", to=("unv", "mat"), steps=64)),
         ("doctor", Command("doctor")),
     ],
 )
@@ -66,10 +68,11 @@ def test_what_is_asked_arrives(line, command):
 @pytest.mark.parametrize(
     "line, message",
     [
-        ("", "a command is missing: run, compare, verify, trade, export, check, plot or doctor"),
+        ("", "a command is missing: run, compare, verify, trade, export, check, plot, report, convert or doctor"),
         (
             "rnu fan.toml",
-            "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, export, check, plot and doctor",
+            "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, export, check, plot, report, "
+            "convert and doctor",
         ),
         ("fan.toml", "unknown command 'fan.toml'; commands are"),
         ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),
@@ -95,6 +98,8 @@ def test_what_is_asked_arrives(line, command):
         ("verify fan.toml --levels 5,5", "argument --levels: '5,5' holds a number twice"),
         ("verify fan.toml --steps 33", "argument --steps: '33' is not an even number of at least 16"),
         ("run fan.toml --steps 64", "unknown option --steps"),
+        ("convert results.h5 --steps 5", "argument --steps: '5' is not an even number of at least 16"),
+        ("convert results.h5 --too unv", "unknown option --too; nearest is --to"),
         ("run fan.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
         (
             "check fan.toml -- -hb_snes_monitor",

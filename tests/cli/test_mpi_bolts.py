@@ -1,11 +1,13 @@
 """A scene with a bolt from its file to log and results.h5; on one rank and on several."""
 
+import numpy as np
 import pytest
 from blocks import box, join
 from msh import write_msh
 
 import microslip
 from microslip.parallel.agree import on_root
+from microslip.results.fields import read_fields
 from microslip.results.read import read_results
 
 WIDTH, GRIP, HEAD = 0.02, 0.06, 0.02  # m
@@ -107,6 +109,10 @@ def test_forces_of_bolts_are_in_log_and_results(comm, folder, program):
         assert bolts.area == pytest.approx([WIDTH**2], rel=1e-9) and bolts.shortening > 0.0
         assert 9000.0 < bolts.force < 13000.0
         assert pressed == pytest.approx(bolts.force - 4000.0, rel=1e-6)  # of the head: bolt, load and seats
+        fields, joint = read_fields(str(folder / "out" / "results.h5")), results.joint
+        at = {number: u for number, u in zip(fields.mesh.numbers, fields.rest)}
+        du = np.array([at[a] - at[b] for a, b in zip(joint.node1, joint.node2)])
+        assert -joint.k_n * np.einsum("ni,ni->n", du, joint.frame[:, 2]) == pytest.approx(joint.N0, abs=1e-2 * pressed / len(du))
 
     on_root(comm, check)
 

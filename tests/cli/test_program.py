@@ -1,5 +1,7 @@
 """The program as it is started: one message on any number of ranks, the promised status, no traceback, no hang."""
 
+import importlib.util
+
 import pytest
 from lap_scene import SCENE, write_mesh
 from processes import microslip
@@ -60,6 +62,15 @@ def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path):
     )
     assert microslip("plot", "again/results.h5", "--out", "pictures", cwd=tmp_path).returncode == 0
     assert (tmp_path / "pictures" / "response.png").exists()
+    done = microslip("convert", "again/results.h5", "--out", "others", ranks=2, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    others = {path.name for path in (tmp_path / "others").iterdir()}
+    assert others == set(done.stdout.replace("others/", "").split()) >= {"results.unv", "results.mat", "motion_0000.vtkhdf"}
+    done = microslip("report", "again/results.h5", "--out", "page", cwd=tmp_path)
+    if importlib.util.find_spec("plotly") is None:
+        assert done.returncode == 2 and done.stderr.count("microslip: error: report needs plotly") == 1
+    else:
+        assert done.returncode == 0 and (tmp_path / "page" / "report.html").stat().st_size < 10e6
 
 
 def test_check_and_run_refuse_too_many_modes_alike(tmp_path):

@@ -15,6 +15,7 @@ import microslip
 from microslip.linear import factor as factors
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
+from microslip.results.fields import read_fields, read_run
 from microslip.results.read import read_results
 from microslip.run import run
 from microslip.scene.read import changed
@@ -60,7 +61,7 @@ def assert_equal(found, wanted, tolerance=0.0):
             assert x.shape == y.shape and np.abs(x - y).max() <= most * np.abs(y).max(), name
 
 
-def test_a_response_is_that_of_a_run(comm, folder, scene, response):
+def test_a_response_is_that_of_a_run(comm, folder, scene, structure, response):
     run(scene, comm, folder / "run", screen=False)
     response.save(folder / "saved")
     run_by_program, saved = (read_results(str(folder / name / "results.h5")) for name in ("run", "saved"))
@@ -77,7 +78,29 @@ def test_a_response_is_that_of_a_run(comm, folder, scene, response):
         for name in ("modes.vtkhdf", "peak_response.vtkhdf"):
             with h5py.File(folder / "run" / name) as a, h5py.File(folder / "saved" / name) as b:
                 assert np.array_equal(a["VTKHDF/Points"], b["VTKHDF/Points"])
-    comm.Barrier()
+    assert_kept(comm, folder, structure, response)
+
+
+def assert_kept(comm, folder, structure, response):
+    """Compare what results.h5 keeps on the mesh with the motion that the library gives, and look at what the run said.  Collective."""
+    frequency, u = response.fields(response.levels[-1])
+
+    def check():
+        fields, run_said = read_fields(str(folder / "run" / "results.h5")), read_run(str(folder / "run" / "results.h5"))
+        motion = fields.peaks[len(response.levels) - 1]
+        np.testing.assert_allclose(motion.u, u, atol=max(1e-5, 10.0 * ROUNDING) * np.abs(u).max())
+        assert response.results.levels[-1].frequency[motion.point] == pytest.approx(frequency, rel=1e-4)
+        assert fields.output_node[0] in fields.mesh.numbers and np.array_equal(fields.mesh.points, structure.mesh.points)
+        assert [stage.name for stage in run_said.stages][-1] == "response" and any(
+            "contact pairs" in note for note in run_said.notes
+        )
+        assert not any("frequency_Hz" in note for note in run_said.notes)  # no lines of points
+        assert (
+            read_run(str(folder / "saved" / "results.h5")).stages == ()
+            and read_fields(str(folder / "saved" / "results.h5")).peaks
+        )
+
+    on_root(comm, check)
 
 
 CHANGES = {

@@ -36,6 +36,7 @@ class System:
     output_pairs: np.ndarray | None = None  # (n_outputs, 3 n_pairs) what p adds to contact forces; None: nothing
     output_base: np.ndarray | None = None  # (n_outputs, n_loads) acceleration of the base along absolute outputs; None: none
     constraints: Constraints | None = None  # what ties and points make follow; None where there are none
+    rest_owned: np.ndarray | None = None  # (n_dof_owned,) m, this rank's rows of the displacement at rest; None without statics
 
     @property
     def n_dof(self) -> int:

@@ -144,7 +144,7 @@ def brought_to_rest(
         K = stiffness_at_rest(shares, settings, system, rest.u_owned, seen) if statics.stiffens else system.K
     for line in in_words(system, mesh, pairs, rest, forces, settings.body_of):
         log.note(line)
-    return replace(system, K=K), at_rest(pairs, rest), rest.bolts
+    return replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts
 
 
 def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs, None]:

@@ -8,16 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from .. import __version__
-from ..continuation.branch import Branch
+from ..continuation.branch import Branch, hertz
+from ..mesh.locate import find_node
 from ..parallel.agree import on_root
 from ..parallel.versions import versions
 from ..reduction.expand import node_fields, peak_displacement
+from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.record import BOLT_UNITS, Bolts, LinearCurve, ResultFile, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
-from .build import Structure
 from .prepare import Prepared
-from .settings import units_of
+from .settings import outputs, units_of
 
 
 def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
@@ -48,21 +49,46 @@ def writer_of(prepared: Prepared, folder: Path, options: Sequence[str] = ()) -> 
     return ResultWriter(prepared.model.comm, str(folder), head_of(prepared, options), prepared.model.recorded.n_coefficients)
 
 
-def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path) -> None:
-    """Write the modes and the motion at the peak of every level on the mesh, if there is one.  Collective; rank 0 writes."""
+def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, run: RunRecord | None = None) -> None:
+    """Write modes, rest and the motion at the peak of every level on the mesh, if there is one; with what the run said.
+
+    Collective; rank 0 writes.  Fields go to files for ParaView and into results.h5, which is there, as does ``run``.
+    """
     structure, system = prepared.structure, prepared.structure.linearised.system
-    if system.dof is None:
-        return
-    shapes = node_fields(system, structure.modes.phi_owned)
-    on_root(system.comm, _write_modes, structure, shapes, folder, share=False)
-    fields: dict[str, np.ndarray] = {}
-    for branch in branches:
-        frequency, u = peak_displacement(system, prepared.reduction, branch)
-        if u is not None:
-            fields.update(peak_fields(branch.level, frequency, u))
-    on_root(system.comm, write_fields, str(folder / "peak_response.vtkhdf"), structure.mesh, fields, share=False)
+    shapes = rest = None
+    peaks: dict[int, Motion] = {}
+    if system.dof is not None:
+        shapes = node_fields(system, structure.modes.phi_owned)
+        rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
+        for number, branch in enumerate(branches):
+            at, u = peak_displacement(system, prepared.reduction, branch)
+            if u is not None:
+                peaks[number] = Motion(at, u)
+    on_root(prepared.model.comm, _write, prepared, branches, folder, (shapes, rest, peaks), run, share=False)
 
 
-def _write_modes(structure: Structure, shapes: np.ndarray, folder: Path) -> None:
-    assert structure.mesh is not None, "called on rank 0 of a scene with a mesh"
-    write_modes(str(folder / "modes.vtkhdf"), structure.mesh, structure.modes.omega_n, np.moveaxis(shapes, -1, 0))
+def _write(prepared: Prepared, branches: Sequence[Branch], folder: Path, found: tuple, run: RunRecord | None) -> None:
+    """Write the fields of rank 0."""
+    (shapes, rest, peaks), structure, fields = found, prepared.structure, None
+    if structure.mesh is not None:
+        modes = np.moveaxis(shapes, -1, 0)
+        write_modes(str(folder / "modes.vtkhdf"), structure.mesh, structure.modes.omega_n, modes)
+        motions: dict[str, np.ndarray] = {}
+        for number, motion in peaks.items():
+            branch = branches[number]
+            motions.update(peak_fields(branch.level, hertz(branch.points[motion.point].omega), motion.u))
+        write_fields(str(folder / "peak_response.vtkhdf"), structure.mesh, motions)
+        fields = Fields(structure.mesh, modes, None if rest is None else rest[:, :, 0], peaks, *_places(prepared))
+    keep_fields(str(folder / "results.h5"), fields, run)
+
+
+def _places(prepared: Prepared) -> tuple[tuple[int, ...], np.ndarray]:
+    """Return node (number in the mesh file; -1: none) and direction of outputs that are displacements or derivatives of them."""
+    mesh, wanted = prepared.structure.mesh, outputs(prepared.scene)
+    assert mesh is not None, "called on rank 0 of a scene with a mesh"
+    nodes, directions = np.full(len(wanted), -1), np.zeros((len(wanted), 3))
+    for i, output in enumerate(wanted):
+        if output.direction is not None and output.point is None and output.joint is None:
+            nodes[i] = mesh.numbers[find_node(mesh, position=output.position, node=output.node)[0]]
+            directions[i] = output.direction
+    return tuple(map(int, nodes)), directions

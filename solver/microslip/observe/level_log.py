@@ -54,7 +54,7 @@ class LevelLog:
             self.log.note(line)
 
     def _line(self, text: str) -> None:
-        self.log.note(text, on_screen=not self.log.screen.interactive)
+        self.log.note(text, on_screen=not self.log.screen.interactive, keep=False)
 
     def _name(self, number: int) -> str:
         return f"level {number + 1} of {self.n_levels}: {self._levels[number]:g} {self.shown.level_unit}".removesuffix(" 1")

@@ -68,6 +68,7 @@ class RunLog:
     ):
         self.comm = comm
         self.stages: list[Stage] = []
+        self.notes: list[str] = []  # what was noted so far, but for the lines of points; on every rank
         self._began = time.perf_counter()
         self._depth = 0
         self._unfinished = ""  # a line of the file and the screen that waits for its numbers
@@ -86,8 +87,10 @@ class RunLog:
 
     # -- lines -------------------------------------------------------------------------------------------------
 
-    def note(self, text: str, *, on_screen: bool = True) -> None:
-        """Write plain lines.  Local; rank 0 writes."""
+    def note(self, text: str, *, on_screen: bool = True, keep: bool = True) -> None:
+        """Write plain lines.  Local; rank 0 writes.  Without ``keep`` they are not among the notes that results.h5 keeps."""
+        if keep:
+            self.notes.append(text)
         self._write(("\n" if self._unfinished else "") + text + "\n")
         if on_screen:
             self.screen.line(text)

@@ -27,6 +27,7 @@ _KEYS = (
     "from_rest",
     "method",
     "recovery",
+    "to",
 )
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
@@ -41,8 +42,8 @@ until then; 70 a defect of the program."""
 class Command:
     """What the command line asks for."""
 
-    name: str  # run, compare, verify, trade, export, check, plot or doctor
-    file: str = ""  # the scene, or the results to plot
+    name: str  # run, compare, verify, trade, export, check, plot, report, convert or doctor
+    file: str = ""  # the scene, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
     methods: tuple[str, ...] = ()  # to compare; empty: all of them
@@ -52,7 +53,7 @@ class Command:
     at: tuple[float, ...] = ()  # Hz, to verify; empty: around each peak
     harmonics: int | None = None  # to verify; None: those of the scene
     samples: int | None = None
-    steps: int | None = None  # of time a period; None: the default
+    steps: int | None = None  # of time a period; None: the default of the command
     from_rest: bool = False
     knobs: tuple[str, ...] = ()  # to turn; empty: all of them
     levels: tuple[float, ...] = ()  # N; empty: the command chooses among the scene's
@@ -60,6 +61,7 @@ class Command:
     seconds: float | None = None  # to be spent; None: the default of the command
     method: str | None = None  # to export; None: that of the scene
     recovery: bool = False
+    to: tuple[str, ...] = ()  # formats to convert to; empty: all of them
 
 
 class _Parser(argparse.ArgumentParser):
@@ -127,6 +129,16 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
         "export": ("the reduced model as .npz and .mat, with scripts for other programs", "SCENE.toml", "results/NAME_export"),
         "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
         "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
+        "report": (
+            "everything of a run on one page that a browser opens, to be mailed",
+            "RESULTS.h5",
+            "the folder of the result file",
+        ),
+        "convert": (
+            "results for other programs: ParaView, universal files, MATLAB",
+            "RESULTS.h5",
+            "the folder of the result file",
+        ),
         "doctor": ("print versions, and what is missing with the command that brings it", None, None),
     }
     commands: dict[str, _Parser] = {}
@@ -231,7 +243,20 @@ def _add_export(command: _Parser) -> None:
     command.add_argument("--recovery", action="store_true", help="write what makes full fields of the coordinates, too")
 
 
-_OPTIONS = {"run": _add_run, "compare": _add_compare, "trade": _add_trade, "verify": _add_verify, "export": _add_export}
+def _add_convert(command: _Parser) -> None:
+    """Add the options of ``convert``."""
+    command.add_argument("--to", metavar="A,B,...", type=_words, default=(), help="vtkhdf, unv, mat, with commas (default: all)")
+    command.add_argument("--steps", metavar="N", type=_steps, help="steps of a period in files for ParaView (default: 32)")
+
+
+_OPTIONS = {
+    "run": _add_run,
+    "compare": _add_compare,
+    "trade": _add_trade,
+    "verify": _add_verify,
+    "export": _add_export,
+    "convert": _add_convert,
+}
 
 
 def _numbers(text: str) -> tuple[float, ...]:

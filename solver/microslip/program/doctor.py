@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
+import importlib.util
 import os
 import platform
 import re
@@ -160,6 +161,8 @@ def _notes(is_well: bool) -> list[str]:
     loaded = _libraries()
     if "libblas.so" in loaded and not re.search("openblas|mkl|blis|atlas", loaded):
         found.append("MUMPS runs on the reference BLAS, several times slower: sudo apt-get install libopenblas0-pthread")
+    if importlib.util.find_spec("plotly") is None:
+        found.append(f"without plotly there is no `microslip report`: {_pip('plotly')}")
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "1")
     if threads != "1":
         found.append(f"OPENBLAS_NUM_THREADS = {threads}: each rank uses so many threads")

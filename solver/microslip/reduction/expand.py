@@ -41,14 +41,14 @@ def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:
     return system.at_nodes(np.concatenate(gathered))
 
 
-def peak_displacement(system: System, reduction, branch) -> tuple[float, np.ndarray | None]:
-    """Return the frequency [Hz] of a branch's largest response and the harmonics of u there, (n_nodes, 3, N_H) [m], as recorded.
+def peak_displacement(system: System, reduction, branch) -> tuple[int, np.ndarray | None]:
+    """Return the number of a branch's point of largest response and the harmonics of u there, (n_nodes, 3, N_H) [m], as recorded.
 
     Collective; the field on rank 0, None elsewhere and where the branch has no point.
     """
     if not branch.points:
-        return 0.0, None
-    top = max(branch.points, key=lambda point: float(np.hypot(*point.response[0, 1:3])))
-    p = reduction.model.comm.bcast(top.p)
-    u = reduction.displacement(branch.level, top.omega, p.reshape(-1, p.shape[-1]))
-    return top.omega / (2.0 * np.pi), node_fields(system, u)
+        return -1, None
+    at = max(range(len(branch.points)), key=lambda i: float(np.hypot(*branch.points[i].response[0, 1:3])))
+    p = reduction.model.comm.bcast(branch.points[at].p)
+    u = reduction.displacement(branch.level, branch.points[at].omega, p.reshape(-1, p.shape[-1]))
+    return at, node_fields(system, u)

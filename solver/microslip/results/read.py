@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import h5py
 import numpy as np
@@ -28,12 +30,24 @@ def read_results(path: str, motion: bool = True) -> ResultFile:
     CaseError : no such file, truncated or damaged, another kind of file, another version of the format, or a file that
         refers to other files
     """
+    with opened(path) as reader:
+        return _read(path, reader, motion)
+
+
+@contextmanager
+def opened(path: str) -> Iterator[Reader]:
+    """Yield the datasets of a result file.  Local.
+
+    Raises
+    ------
+    CaseError : as :func:`read_results`, also for what goes wrong with the file while it is open
+    """
     if not os.path.isfile(path):
         raise CaseError(f"{path}: no such file; the result file of a run is results.h5 in its folder")
     try:
         with h5py.File(path, "r") as file:
             _check_format(path, file)
-            return _read(path, _Reader(path, file), motion)
+            yield Reader(path, file)
     except CaseError:
         raise
     except (OSError, RuntimeError, KeyError, ValueError, TypeError, IndexError) as problem:
@@ -59,7 +73,7 @@ def _attribute(item, name: str) -> str:
     return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
 
 
-class _Reader:
+class Reader:
     """Datasets of a file by name, refused where they would make HDF5 open other files or swell."""
 
     def __init__(self, path: str, file: h5py.File):
@@ -114,7 +128,7 @@ class _Reader:
         return [str(value) for value in values]
 
 
-def _read(path: str, reader: _Reader, motion: bool) -> ResultFile:
+def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
     outputs = tuple(reader.texts("outputs/name"))
     units = tuple(reader.texts("outputs/unit")) if "outputs/unit" in reader else ()
     level_unit = reader.texts("scene/level_unit")[0] if "scene/level_unit" in reader else "N"
@@ -146,7 +160,7 @@ def _read(path: str, reader: _Reader, motion: bool) -> ResultFile:
     )
 
 
-def _bolts(reader: _Reader) -> Bolts | None:
+def _bolts(reader: Reader) -> Bolts | None:
     """Return the bolts; None where there are none, or an earlier version wrote the file."""
     if "statics/bolts" not in reader:
         return None
@@ -154,14 +168,14 @@ def _bolts(reader: _Reader) -> Bolts | None:
     return Bolts(names, **{name: reader.array(f"statics/bolts/{name}", "f8", (len(names),)) for name in BOLT_UNITS})
 
 
-def _linear(reader: _Reader, n_outputs: int) -> LinearCurve | None:
+def _linear(reader: Reader, n_outputs: int) -> LinearCurve | None:
     if "linear" not in reader:
         return None
     frequency = reader.array("linear/frequency_Hz", "f8", (None,))
     return LinearCurve(frequency, reader.array("linear/response_per_N", "f8", (len(frequency), n_outputs, None)))
 
 
-def _joint(reader: _Reader) -> Joint:
+def _joint(reader: Reader) -> Joint:
     n_pairs = len(reader.array("joint/mu", "f8", (None,)))
     lengths = axis_lengths(0, n_pairs, 0)
     columns = {kept.field: _of_joint(reader, kept, kept.shape(lengths)) for kept in JOINT_QUANTITIES}
@@ -178,12 +192,12 @@ def _joint(reader: _Reader) -> Joint:
     return Joint(names=names, faces=faces, law_names=laws, own=own, **columns)
 
 
-def _names(reader: _Reader, group: str) -> list[str]:
+def _names(reader: Reader, group: str) -> list[str]:
     """Return what a group holds that need not be there."""
     return sorted(reader.group(group)) if group in reader else []
 
 
-def _of_joint(reader: _Reader, kept: Quantity, shape: tuple[int, ...]) -> np.ndarray:
+def _of_joint(reader: Reader, kept: Quantity, shape: tuple[int, ...]) -> np.ndarray:
     """Return a quantity of the joint; zeros where it came with a later version."""
     name = f"joint/{kept.dataset}"
     if kept.optional and name not in reader:
@@ -191,7 +205,7 @@ def _of_joint(reader: _Reader, kept: Quantity, shape: tuple[int, ...]) -> np.nda
     return reader.array(name, kept.kind, shape)
 
 
-def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bool, unit: str) -> LevelResult:
+def _level(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: bool, unit: str) -> LevelResult:
     n, _, N_H = reader.array(f"{group}/response", "f8", (None, n_outputs, None)).shape
     if N_H < 3 or N_H % 2 == 0:
         raise CaseError(f"{reader.path}: dataset '{group}/response' has {N_H} coefficients, not 2 H + 1")
@@ -208,7 +222,7 @@ def _level(reader: _Reader, group: str, n_outputs: int, n_pairs: int, motion: bo
     return LevelResult(float(attributes.attrs["level_N"]), status, failure, arrays, unit, closes_to)
 
 
-def _quantity(reader: _Reader, group: str, kept: Quantity, n: int, lengths: dict[str, int]) -> np.ndarray | None:
+def _quantity(reader: Reader, group: str, kept: Quantity, n: int, lengths: dict[str, int]) -> np.ndarray | None:
     """Return a quantity of the n points of a level; None where it may be missing, and is."""
     name = f"{group}/{kept.dataset}"
     if kept.optional and name not in reader:

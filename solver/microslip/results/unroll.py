@@ -103,9 +103,9 @@ def _patch(joint: Joint, pairs: np.ndarray, label: str) -> Patch:
             in_turn = face[list(RINGS[len(face)])]
             ring = _unwrapped(points[where[in_turn]], around)
             outlines.append(ring)
-            cells += _cells(ring, len(face) in (6, 8))
+            cells += parts_of(ring, len(face) in (6, 8))
             cell_pair += list(in_turn)
-    for i in np.flatnonzero(_has_cell(joint)[pairs]):
+    for i in np.flatnonzero(has_cell(joint)[pairs]):
         ring = points[i] + (joint.cells[pairs[i]] - position[i]) @ along[i].T
         outlines.append(ring)
         cells.append(ring)
@@ -122,7 +122,7 @@ def _spacing(points: np.ndarray) -> float:
 
 def _shared_corners(joint: Joint) -> np.ndarray:
     """Return pairs (m, 2) whose cells share a corner, within one joint: the first of them and each other."""
-    owner = np.repeat(np.flatnonzero(_has_cell(joint)), 4)
+    owner = np.repeat(np.flatnonzero(has_cell(joint)), 4)
     if len(owner) == 0:
         return np.zeros((0, 2), dtype=int)
     corners = joint.cells[owner[::4]].reshape(-1, 3)
@@ -132,8 +132,8 @@ def _shared_corners(joint: Joint) -> np.ndarray:
     return np.column_stack([owner[first[same.ravel()]], owner])
 
 
-def _has_cell(joint: Joint) -> np.ndarray:
-    """Return which pairs have a cell of their own, (n_pairs,) bool."""
+def has_cell(joint: Joint) -> np.ndarray:
+    """Return which pairs have a cell of their own, (n_pairs,) bool.  Local."""
     return np.isfinite(joint.cells).all(axis=(1, 2)) & (np.ptp(joint.cells, axis=1).max(axis=1, initial=0.0) > 0.0)
 
 
@@ -188,8 +188,11 @@ def _unwrapped(ring: np.ndarray, period: float) -> np.ndarray:
     return ring
 
 
-def _cells(ring: np.ndarray, has_middles: bool) -> list[np.ndarray]:
-    """Return the part of a face nearest to each node of its ring, where every second one may be the middle of a side."""
+def parts_of(ring: np.ndarray, has_middles: bool) -> list[np.ndarray]:
+    """Return the part of a face nearest to each node of its ring (n, any), where every second one may be the middle of a side.
+
+    Local.  The corners of a part are means of rows of the ring, whatever stands in them.
+    """
     centre = ring.mean(axis=0)
     after, inner = (ring + np.roll(ring, -1, axis=0)) / 2.0, (ring + centre) / 2.0
     cells = []

@@ -62,22 +62,24 @@ def write_fields(path: str, mesh: Mesh, fields: Mapping[str, np.ndarray]) -> Non
     ------
     CaseError, ResourceError : the file cannot be written
     """
-    groups = list(dict.fromkeys(block.group for block in mesh.elements))
     with written_whole(path) as beside, h5py.File(beside, "w") as file:
-        root = file.create_group("VTKHDF")
-        root.attrs["Version"] = np.array(VERSION, dtype="i8")
-        root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", len("UnstructuredGrid")))
-        _write_grid(root, mesh)
+        root = vtk_root(file, "UnstructuredGrid")
+        write_grid(root, mesh)
         for name, values in fields.items():
-            _pack(root, f"PointData/{name}", np.asarray(values, dtype="f4" if values.dtype == "f4" else "f8"))
-        _pack(root, "PointData/node", mesh.numbers.astype("i8"))
-        _pack(root, "CellData/element", np.concatenate([block.numbers for block in mesh.elements]).astype("i8"))
-        body = [np.full(len(block.nodes), groups.index(block.group)) for block in mesh.elements]
-        _pack(root, "CellData/body", np.concatenate(body).astype("i4"))
+            pack(root, f"PointData/{name}", np.asarray(values, dtype="f4" if values.dtype == "f4" else "f8"))
+        write_numbers(root, mesh)
 
 
-def _write_grid(root: h5py.Group, mesh: Mesh) -> None:
-    """Write points, connectivity and cell types of one piece."""
+def vtk_root(file: h5py.File, kind: str) -> h5py.Group:
+    """Return the group of a file that VTK reads, of a kind of data set.  Local."""
+    root = file.create_group("VTKHDF")
+    root.attrs["Version"] = np.array(VERSION, dtype="i8")
+    root.attrs.create("Type", kind.encode(), dtype=h5py.string_dtype("ascii", len(kind)))
+    return root
+
+
+def write_grid(root: h5py.Group, mesh: Mesh) -> None:
+    """Write points, connectivity and cell types of one piece.  Local."""
     connectivity = np.concatenate([block.nodes.ravel() for block in mesh.elements])
     sizes = np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.elements])
     types = np.concatenate([np.full(len(block.nodes), CELL_TYPE[block.kind]) for block in mesh.elements])
@@ -87,13 +89,22 @@ def _write_grid(root: h5py.Group, mesh: Mesh) -> None:
         ("NumberOfConnectivityIds", len(connectivity)),
     ):
         root.create_dataset(name, data=np.array([count], dtype="i8"))
-    _pack(root, "Points", mesh.points.astype("f8"))
-    _pack(root, "Connectivity", connectivity.astype("i8"))
-    _pack(root, "Offsets", np.concatenate([[0], np.cumsum(sizes)]).astype("i8"))
-    _pack(root, "Types", types.astype("u1"))
+    pack(root, "Points", mesh.points.astype("f8"))
+    pack(root, "Connectivity", connectivity.astype("i8"))
+    pack(root, "Offsets", np.concatenate([[0], np.cumsum(sizes)]).astype("i8"))
+    pack(root, "Types", types.astype("u1"))
 
 
-def _pack(root: h5py.Group, name: str, values: np.ndarray) -> None:
-    """Write an array, packed where it is large."""
+def write_numbers(root: h5py.Group, mesh: Mesh) -> None:
+    """Write the user's numbers of nodes and elements, and the body of each element.  Local."""
+    groups = list(dict.fromkeys(block.group for block in mesh.elements))
+    pack(root, "PointData/node", mesh.numbers.astype("i8"))
+    pack(root, "CellData/element", np.concatenate([block.numbers for block in mesh.elements]).astype("i8"))
+    body = [np.full(len(block.nodes), groups.index(block.group)) for block in mesh.elements]
+    pack(root, "CellData/body", np.concatenate(body).astype("i4"))
+
+
+def pack(root: h5py.Group, name: str, values: np.ndarray) -> None:
+    """Write an array, packed where it is large.  Local."""
     packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.nbytes > 4096 else {}
     root.create_dataset(name, data=values, **packing)

@@ -103,19 +103,19 @@ class ResultWriter:
 def _write_head(file: h5py.File, head: ResultFile) -> None:
     file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
     file.attrs["coefficients"] = "last axis: mean, cos 1, sin 1, ..., cos H, sin H"
-    _texts(file, "outputs/name", head.outputs)
+    write_texts(file, "outputs/name", head.outputs)
     units = [head.unit_of(k) for k in range(len(head.outputs))]
-    _texts(file, "outputs/unit", units)
-    _texts(file, "scene/level_unit", head.level_unit)
+    write_texts(file, "outputs/unit", units)
+    write_texts(file, "scene/level_unit", head.level_unit)
     for name, text in (("text", head.scene_text), ("title", head.title), ("name", head.name), ("method", head.method)):
-        _texts(file, f"scene/{name}", text)
-    _texts(file, "versions/name", head.versions.keys())
-    _texts(file, "versions/version", head.versions.values())
-    _texts(file, "options", head.options)
-    _array(file, "modes/frequency_Hz", head.mode_frequency, "Hz")
+        write_texts(file, f"scene/{name}", text)
+    write_texts(file, "versions/name", head.versions.keys())
+    write_texts(file, "versions/version", head.versions.values())
+    write_texts(file, "options", head.options)
+    write_array(file, "modes/frequency_Hz", head.mode_frequency, "Hz")
     if head.linear is not None:
-        _array(file, "linear/frequency_Hz", head.linear.frequency, "Hz")
-        _array(file, "linear/response_per_N", head.linear.response, f"{common(units)}/{head.level_unit}")
+        write_array(file, "linear/frequency_Hz", head.linear.frequency, "Hz")
+        write_array(file, "linear/response_per_N", head.linear.response, f"{common(units)}/{head.level_unit}")
 
 
 def common(units: list[str]) -> str:
@@ -124,22 +124,22 @@ def common(units: list[str]) -> str:
 
 
 def _write_joint(group: h5py.Group, joint: Joint) -> None:
-    _texts(group, "names", joint.names)
-    _texts(group, "laws", joint.law_names)
+    write_texts(group, "names", joint.names)
+    write_texts(group, "laws", joint.law_names)
     lengths = axis_lengths(0, joint.n_pairs, 0)
     for kept in JOINT_QUANTITIES:
-        _array(group, kept.dataset, np.asarray(kept.of(joint), kept.kind).reshape(kept.shape(lengths)), kept.unit)
+        write_array(group, kept.dataset, np.asarray(kept.of(joint), kept.kind).reshape(kept.shape(lengths)), kept.unit)
     for name, values in joint.own.items():
-        _array(group, f"own/{name}", np.asarray(values, "f8"), "")
+        write_array(group, f"own/{name}", np.asarray(values, "f8"), "")
     group.create_group("faces")
     for i, faces in enumerate(joint.faces):
-        _array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")
+        write_array(group, f"faces/{i:04d}", np.asarray(faces, dtype="i8"), "index of the pair")
 
 
 def _write_bolts(group: h5py.Group, bolts: Bolts) -> None:
-    _texts(group, "names", bolts.names)
+    write_texts(group, "names", bolts.names)
     for name, unit in BOLT_UNITS.items():
-        _array(group, name, getattr(bolts, name), unit)
+        write_array(group, name, getattr(bolts, name), unit)
 
 
 def _write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:
@@ -155,23 +155,23 @@ def _write_quantity(group: h5py.Group, kept: Quantity, values: np.ndarray | None
     if values is None:
         return
     if kept.kind == TEXT:
-        _texts(group, kept.dataset, values)
+        write_texts(group, kept.dataset, values)
         return
-    _array(group, kept.dataset, values, unit)
+    write_array(group, kept.dataset, values, unit)
     for axis in LABELS.keys() & set(kept.axes):
         group[kept.dataset].attrs[axis] = ", ".join(LABELS[axis])
 
 
-def _array(group: h5py.Group, name: str, values: np.ndarray, unit: str) -> None:
-    """Write an array; large ones are compressed, mostly for the zeros of pairs that stick."""
+def write_array(group: h5py.Group, name: str, values: np.ndarray, unit: str) -> None:
+    """Write an array; large ones are compressed, mostly for the zeros of pairs that stick.  Local."""
     values = np.asarray(values)
     packing = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.nbytes > 4096 else {}
     dataset = group.create_dataset(name, data=values, **packing)
     dataset.attrs["unit"] = unit
 
 
-def _texts(group: h5py.Group, name: str, texts) -> None:
-    """Write one text or several as UTF-8, padded to one length: of texts with lengths of their own, damaged ones crash HDF5."""
+def write_texts(group: h5py.Group, name: str, texts) -> None:
+    """Write one text or several as UTF-8, padded to one length: of others, damaged ones crash HDF5.  Local."""
     coded = [_clean(text).encode() for text in ([texts] if isinstance(texts, str) else texts)]
     kind = h5py.string_dtype("utf-8", max([1, *map(len, coded)]))
     group.create_dataset(name, data=coded[0] if isinstance(texts, str) else np.array(coded, dtype=kind), dtype=kind)

@@ -1,0 +1,115 @@
+"""Draw docs/img/paraview.png: the series that `microslip convert` writes, read and rendered by VTK, as ParaView would.
+
+    pip install vtk
+    microslip run jobs/fan_small.toml && microslip convert results/fan_small/results.h5 --to vtkhdf
+    python jobs/docs/paraview.py results/fan_small docs/img/paraview.png
+
+Left the structure at four instants of a period at the peak of the last level, right the joint at each level by its friction loss.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import vtk
+from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+
+SIZE, INSTANTS, SCALE = (1400, 700), (0, 8, 16, 24), 0.6
+
+
+def step_of(path: Path, step: int):
+    """Return the reader of a series at a step."""
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    reader.SetStep(step)
+    reader.Update()
+    return reader
+
+
+def steps(path: Path) -> int:
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    return reader.GetNumberOfSteps()
+
+
+def colours(low: float, high: float):
+    """Return a scale from yellow to black."""
+    table = vtk.vtkColorTransferFunction()
+    for share, rgb in ((0.0, (0.98, 0.98, 0.82)), (0.35, (0.98, 0.6, 0.2)), (0.7, (0.7, 0.15, 0.25)), (1.0, (0.1, 0.02, 0.15))):
+        table.AddRGBPoint(low + share * (high - low), *rgb)
+    return table
+
+
+def structure(path: Path, step: int):
+    """Return the structure as it is displaced at a step, coloured by how far."""
+    grid = step_of(path, step).GetOutput()
+    u = vtk_to_numpy(grid.GetPointData().GetArray("displacement"))
+    points, size = vtk.vtkPoints(), numpy_to_vtk(np.linalg.norm(u, axis=1), deep=True)
+    points.SetData(numpy_to_vtk(vtk_to_numpy(grid.GetPoints().GetData()) + SCALE * u, deep=True))
+    grid.SetPoints(points)
+    size.SetName("size")
+    grid.GetPointData().SetScalars(size)
+    mapper, actor = vtk.vtkDataSetMapper(), vtk.vtkActor()
+    mapper.SetInputData(grid)
+    mapper.SetLookupTable(colours(0.0, 0.03))
+    actor.SetMapper(mapper)
+    return actor
+
+
+def joint(path: Path, step: int, most: float):
+    """Return the joint at a level, coloured by its friction loss per area and cycle."""
+    mapper, actor = vtk.vtkPolyDataMapper(), vtk.vtkActor()
+    mapper.SetInputData(step_of(path, step).GetOutput())
+    mapper.SetScalarModeToUseCellFieldData()
+    mapper.SelectColorArray("friction_loss_J_m2")
+    mapper.SetLookupTable(colours(0.0, most))
+    actor.SetMapper(mapper)
+    actor.GetProperty().SetLighting(False)
+    actor.GetProperty().EdgeVisibilityOn()
+    actor.GetProperty().SetEdgeColor(0.6, 0.6, 0.6)
+    return actor
+
+
+def put(window, box: tuple[float, float, float, float], actor, view: tuple[float, float, float], up: int, zoom: float) -> None:
+    """Place an actor in a part of the window, seen from a place with an axis upward."""
+    renderer = vtk.vtkRenderer()
+    renderer.SetViewport(*box)
+    renderer.SetBackground(1.0, 1.0, 1.0)
+    renderer.AddActor(actor)
+    camera = renderer.GetActiveCamera()
+    camera.SetPosition(*view)
+    camera.SetViewUp(*np.eye(3)[up])
+    camera.ParallelProjectionOn()
+    renderer.ResetCamera()
+    camera.Zoom(zoom)
+    window.AddRenderer(renderer)
+
+
+def main(folder: Path, picture: str) -> None:
+    """Draw the picture of the results in a folder."""
+    window = vtk.vtkRenderWindow()
+    window.SetOffScreenRendering(True)
+    window.SetMultiSamples(8)
+    window.SetSize(*SIZE)
+    n = steps(folder / "joint.vtkhdf")
+    motion = folder / f"motion_{n - 1:04d}.vtkhdf"
+    for i, step in enumerate(INSTANTS):
+        put(window, (0.14 * i, 0.0, 0.14 * (i + 1), 1.0), structure(motion, step), (0.3, -1.0, 0.35), 2, 0.98)
+    last = step_of(folder / "joint.vtkhdf", n - 1).GetOutput().GetCellData().GetArray("friction_loss_J_m2").GetRange()[1]
+    for level in range(n):
+        box = (0.56, 1.0 - (level + 1) / n, 1.0, 1.0 - level / n)
+        put(window, box, joint(folder / "joint.vtkhdf", level, last), (0.0, 0.0, -1.0), 0, 1.75)
+    window.Render()
+    grab, writer = vtk.vtkWindowToImageFilter(), vtk.vtkPNGWriter()
+    grab.SetInput(window)
+    writer.SetFileName(picture)
+    writer.SetInputConnection(grab.GetOutputPort())
+    writer.Write()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), sys.argv[2])

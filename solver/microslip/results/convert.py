@@ -1,0 +1,52 @@
+"""Results for other programs, from results.h5 alone: files for ParaView, universal files, MATLAB files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ..parallel.errors import CaseError
+from ..parallel.files import make_folder
+from ..parallel.words import listed, nearest
+from .fields import Fields, read_fields
+from .mat import write_mat
+from .paraview import write_series
+from .read import read_results
+from .record import ResultFile
+from .unv import write_unv
+
+STEPS = 32  # of a period
+
+
+def _paraview(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -> list[Path]:
+    return write_series(results, fields, folder, steps)
+
+
+def _unv(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -> list[Path]:
+    write_unv(str(folder / "results.unv"), results, fields)
+    return [folder / "results.unv"]
+
+
+def _mat(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -> list[Path]:
+    write_mat(str(folder / "results.mat"), results, fields)
+    return [folder / "results.mat"]
+
+
+FORMATS: dict[str, Callable[[ResultFile, Fields | None, Path, int], list[Path]]] = {"vtkhdf": _paraview, "unv": _unv, "mat": _mat}
+
+
+def convert(path: str, folder: Path, formats: Sequence[str], steps: int = STEPS) -> list[Path]:
+    """Write a result file in other formats into a folder and return the files.  Local; no MPI, no PETSc.
+
+    Raises
+    ------
+    CaseError : an unknown format; results that cannot be read, or hold nothing for a format; a place that cannot be written to
+    ResourceError : the disk is full
+    """
+    for name in formats:
+        if name not in FORMATS:
+            near = nearest(name, FORMATS)
+            raise CaseError(f"unknown format {name!r}{f'; nearest is {near}' if near else ''}; formats are {listed(FORMATS)}")
+    results, fields = read_results(path), read_fields(path)
+    make_folder(str(folder))
+    return [file for name in formats for file in FORMATS[name](results, fields, folder, steps)]

@@ -1,0 +1,91 @@
+"""Results as a MATLAB file, version 5 to 7: one structure of everything that results.h5 holds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.io import savemat
+from scipy.io.matlab import MatWriteError
+
+from ..continuation.branch import QUANTITIES
+from ..continuation.quantities import TEXT
+from ..parallel.errors import CaseError
+from ..parallel.files import written_whole
+from .fields import Fields
+from .record import BOLT_UNITS, JOINT_QUANTITIES, LevelResult, ResultFile
+
+
+def write_mat(path: str, results: ResultFile, fields: Fields | None) -> None:
+    """Write the variables title, scene, outputs, modes, linear, joint, levels, ... and, with a mesh, mesh.  Local.
+
+    Names and shapes are those of results.h5; ``levels`` is a cell array with a structure a level.
+
+    Raises
+    ------
+    CaseError : an array is too large for the format, or the file cannot be written
+    ResourceError : the disk is full
+    """
+    variables = variables_of(results, fields)
+    try:
+        with written_whole(path) as beside, open(beside, "wb") as file:
+            savemat(file, variables, long_field_names=True, do_compression=True, oned_as="column")
+    except MatWriteError:
+        raise CaseError(
+            f"{path}: an array of these results is larger than the 4 GB that the format holds; read results.h5"
+        ) from None
+
+
+def variables_of(results: ResultFile, fields: Fields | None) -> dict[str, Any]:
+    """Return the variables of the file.  Local."""
+    found: dict[str, Any] = {
+        "title": results.title,
+        "name": results.name,
+        "method": results.method,
+        "scene": results.scene_text,
+        "versions": _cells([f"{name} {version}" for name, version in results.versions.items()]),
+        "outputs": _cells(results.outputs),
+        "units": _cells([results.unit_of(k) for k in range(len(results.outputs))]),
+        "level_unit": results.level_unit,
+        "modes": {"frequency_Hz": results.mode_frequency},
+        "joint": {kept.dataset: getattr(results.joint, kept.field) for kept in JOINT_QUANTITIES}
+        | {"names": _cells(results.joint.names), "laws": _cells(results.joint.law_names), **results.joint.own},
+        "levels": _cells([_level(level) for level in results.levels]),
+    }
+    if results.linear is not None:
+        found["linear"] = {"frequency_Hz": results.linear.frequency, "response_per_N": results.linear.response}
+    if results.bolts is not None:
+        found["bolts"] = {"names": _cells(results.bolts.names), **{name: getattr(results.bolts, name) for name in BOLT_UNITS}}
+    if fields is not None:
+        _add_fields(found, fields)
+    return found
+
+
+def _level(level: LevelResult) -> dict[str, Any]:
+    found: dict[str, Any] = {"level_N": level.level, "status": level.status, "failure": level.failure}
+    for kept in QUANTITIES:
+        values = level.arrays[kept.name]
+        if values is not None:
+            found[kept.dataset] = _cells(values) if kept.kind == TEXT else values
+    return found
+
+
+def _add_fields(found: dict[str, Any], fields: Fields) -> None:
+    """Add the mesh, with elements by kind and body, and the fields at its nodes; indices of nodes count from 1."""
+    blocks = [
+        {"kind": block.kind, "group": block.group, "nodes": block.nodes + 1, "element": block.numbers}
+        for block in fields.mesh.elements
+    ]
+    found["mesh"] = {"points": fields.mesh.points, "node": fields.mesh.numbers, "elements": _cells(blocks)}
+    found["modes"]["shape"] = fields.shapes
+    if fields.rest is not None:
+        found["rest"] = {"displacement": fields.rest}
+    for number, motion in fields.peaks.items():
+        found["levels"][number]["peak"] = {"point": motion.point + 1, "displacement": motion.u}
+
+
+def _cells(items) -> np.ndarray:
+    """Return what becomes a cell array."""
+    cells = np.empty(len(items), dtype=object)
+    cells[:] = list(items)
+    return cells

@@ -1,0 +1,1 @@
+"""One page with everything of a run, for a browser: made from results.h5 alone, no network."""

@@ -1,0 +1,234 @@
+"""The curves of a report as figures of plotly: plain dictionaries for JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib.colors
+import numpy as np
+
+from ...error_estimate.components import PARTS, total
+from ...fourier.coefficients import amplitude, phase
+from ..audit import closure
+from ..measures import counts, segments
+from ..record import LevelResult, ResultFile
+from ..static_plots import is_static
+from ..style import FAINT, INK, STATE_COLOURS, STATE_NAMES, level_colours, level_name, with_prefix
+
+MOST_OUTPUTS = 12
+_WIDE = 200.0  # ratio of largest to smallest amplitude of a curve beyond which the axis is logarithmic
+_APART = 30.0  # ratio of the peaks of two levels beyond which it is
+Figure = dict[str, Any]
+
+
+def figures_of(results: ResultFile) -> dict[str, Figure]:
+    """Return the figures by the name of their place on the page.  Local.
+
+    response_K and per_level_K of output K, states, energy, error, closure, unknowns; what is not there is left out.
+    """
+    if is_static(results):
+        return _static_figures(results)
+    levels = [(level, colour) for level, colour in zip(results.levels, _colours(len(results.levels))) if len(level.frequency)]
+    found: dict[str, Figure] = {}
+    for k in range(min(len(results.outputs), MOST_OUTPUTS)):
+        found[f"response_{k}"] = _response(results, levels, k, False)
+        found[f"per_level_{k}"] = _response(results, levels, k, True)
+    if results.joint.n_pairs and levels:
+        found["states"] = _states(results, levels)
+    if levels:
+        found["energy"], found["closure"] = _energy(levels), _closure(results, levels)
+        found["unknowns"] = _figure(
+            [_line(level, level.unknowns, colour, "%{y} unknowns") for level, colour in levels], "frequency [Hz]", "unknowns"
+        )
+    if any(level.error is not None and level.error.any() for level, _ in levels):
+        found["error"] = _error(levels)
+    return found
+
+
+def _colours(n: int) -> list[str]:
+    return [matplotlib.colors.to_hex(colour) for colour in level_colours(n)]
+
+
+def _response(results: ResultFile, levels, k: int, per_level: bool) -> Figure:
+    """Return the amplitude of output k, or that per unit of the level, with error bands and the linear curve."""
+    own, unit = results.unit_of(k), {"N": "/N", "1": ""}.get(results.level_unit, f"/({results.level_unit})")
+    share = [1.0 / abs(level.level) if per_level and level.level else 1.0 for level, _ in levels]
+    curves = [amplitude(level.response[:, k]) * s for (level, _), s in zip(levels, share)]
+    linear = amplitude(results.linear.response[:, k]) if results.linear is not None and per_level else np.zeros(0)
+    factor, name = with_prefix(np.concatenate([np.zeros(0), *curves, linear]), own + (unit if per_level else ""))
+    traces = []
+    if len(linear):
+        hover = f"%{{y:.5g}} {name} at %{{x:.7g}} Hz<extra>all stuck, linear</extra>"
+        line = {"color": "#b9b9b9", "width": 5}
+        traces.append(_trace(results.linear.frequency, factor * linear, "all stuck, linear", line, hovertemplate=hover))  # type: ignore[union-attr]
+    for (level, colour), values, s in zip(levels, curves, share):
+        bar = None if level.error is None else s * total(level.error[:, k])
+        if bar is not None and bar.any():
+            traces.append(_band(level, factor * values, factor * bar, colour))
+        traces.append(
+            _curve(
+                level,
+                colour,
+                factor * values,
+                name,
+                np.degrees(phase(level.response[:, k])),
+                None if bar is None else factor * bar,
+            )
+        )
+    figure = _figure(traces, "frequency [Hz]", f"amplitude [{name}]")
+    tops = [values.max() for values in curves if values.any()]
+    is_wide = any(values.max() > _WIDE * values[values > 0.0].min() for values in curves if values.any())
+    return _log(figure) if is_wide or (not per_level and tops and max(tops) > _APART * min(tops)) else figure
+
+
+def _curve(level: LevelResult, colour: str, values, unit: str, angle, bar) -> Figure:
+    """Return the curve of a level whose points tell amplitude, phase, bar and states."""
+    said = [f"{unit} at %{{x:.7g}} Hz", "phase %{customdata[0]:.1f}°"]
+    columns = [angle]
+    if bar is not None:
+        said.append(f"± %{{customdata[{len(columns)}]:.2g}} {unit}")
+        columns.append(bar)
+    _, slip, is_open = counts(level.state).T
+    said.append(f"%{{customdata[{len(columns)}]}} slip, %{{customdata[{len(columns) + 1}]}} open")
+    columns += [slip, is_open]
+    found = _line(level, values, colour, "%{y:.5g} " + "<br>".join(said))
+    found["customdata"] = _cut(level, np.column_stack(columns))
+    return found
+
+
+def _band(level: LevelResult, values, bar, colour: str) -> Figure:
+    """Return a filled band about a curve, segment by segment."""
+    x, y = [], []
+    for part in segments(level.segment):
+        x += [*level.frequency[part], *level.frequency[part][::-1], None]
+        y += [*(values + bar)[part], *np.maximum(values - bar, 0.0)[part][::-1], None]
+    red, green, blue = (int(255 * c) for c in matplotlib.colors.to_rgb(colour))
+    fill = {"fill": "toself", "fillcolor": f"rgba({red},{green},{blue},0.22)", "hoverinfo": "skip", "showlegend": False}
+    return {**_trace(x, y, "error bar", {"width": 0}, **fill), "legendgroup": _name(level)}
+
+
+def _states(results: ResultFile, levels) -> Figure:
+    traces = []
+    for level, colour in levels:
+        for k, dash in ((1, "solid"), (2, "dot")):
+            number = counts(level.state)[:, k]
+            if k == 1 or number.any():
+                says = f"%{{y}} of {results.joint.n_pairs} pairs {STATE_NAMES[k]} at %{{x:.7g}} Hz"
+                trace = _line(level, number, colour, says)
+                trace["line"]["dash"], trace["showlegend"] = dash, k == 1
+                traces.append(trace)
+    return _figure(traces, "frequency [Hz]", "pairs slipping, dotted: open")
+
+
+def _energy(levels) -> Figure:
+    factor, unit = with_prefix(np.concatenate([np.abs(level.input) for level, _ in levels]), "J")
+    traces = []
+    for level, colour in levels:
+        for name, dash in (("friction", "solid"), ("damping", "dash")):
+            trace = _line(level, factor * getattr(level, name), colour, f"{name} %{{y:.4g}} {unit} a cycle at %{{x:.7g}} Hz")
+            trace["line"]["dash"], trace["showlegend"] = dash, name == "friction"
+            traces.append(trace)
+    return _figure(traces, "frequency [Hz]", f"friction, dashed: damping [{unit}]")
+
+
+def _closure(results: ResultFile, levels) -> Figure:
+    """Return how well the energy balance closes, with the bound that it is judged by."""
+    traces = []
+    for level, colour in levels:
+        gap = np.maximum(balance(results, level), 1e-17)
+        traces.append(_line(level, gap, colour, "%{y:.1e} of the input at %{x:.7g} Hz"))
+    bound = max(level.closes_to for level, _ in levels)
+    ends = [float(f(level.frequency[i] for level, _ in levels for i in (0, -1))) for f in (min, max)]
+    line = {"color": FAINT, "dash": "dash", "width": 1}
+    traces.append(_trace(ends, [bound, bound], "bound", line, hoverinfo="skip"))
+    return _log(_figure(traces, "frequency [Hz]", "imbalance of energy / input"))
+
+
+def balance(results: ResultFile, level: LevelResult) -> np.ndarray:
+    """Return the closure of the energy balance at the points of a level, (n,).  Local."""
+    works = [k for k in range(len(results.outputs)) if (results.unit_of(k), results.level_unit) == ("m", "N")]
+    most = np.pi * abs(level.level) * amplitude(level.response[:, works]).max(axis=1, initial=0.0)
+    return closure(level.input, level.damping, level.friction, most)
+
+
+def _error(levels) -> Figure:
+    traces = []
+    for level, colour in levels:
+        if level.error is None or not len(level.frequency):
+            continue
+        top = amplitude(level.response[:, 0]).max() or 1.0
+        parts = 100.0 * level.error[:, 0] / top
+        says = "".join(f"<br>{name} %{{customdata[{k}]:.2g}} %" for k, name in enumerate(PARTS))
+        trace = _line(level, np.maximum(total(parts), 1e-12), colour, "± %{y:.3g} % of the peak at %{x:.7g} Hz" + says)
+        trace["customdata"] = _cut(level, parts)
+        traces.append(trace)
+    return _log(_figure(traces, "frequency [Hz]", "error bar [% of the peak]"))
+
+
+def _static_figures(results: ResultFile) -> dict[str, Figure]:
+    """Return what does not depend on frequency over the load."""
+    levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)
+    loads = np.array([level.level for level in levels])
+    axis, found = f"load level [{results.level_unit}]", {}
+    marked = {"mode": "lines+markers"}
+    for k in range(min(len(results.outputs), MOST_OUTPUTS)):
+        values = np.array([level.response[0, k, 0] for level in levels])
+        factor, unit = with_prefix(values, results.unit_of(k))
+        hover = f"%{{y:.5g}} {unit} at %{{x:.6g}} {results.level_unit}<extra></extra>"
+        trace = _trace(loads, factor * values, "displacement", {"color": INK}, hovertemplate=hover, **marked)
+        found[f"response_{k}"] = _figure([trace], axis, f"displacement [{unit}]")
+    if results.joint.n_pairs:
+        number = counts(np.array([level.state[0] for level in levels]))
+        traces = [
+            _trace(loads, n, name, {"color": colour}, **marked) for n, name, colour in zip(number.T, STATE_NAMES, STATE_COLOURS)
+        ]
+        found["states"] = _figure(traces, axis, "pairs")
+    return found
+
+
+# -- pieces of plotly --------------------------------------------------------------------------------------------------
+
+
+def _name(level: LevelResult) -> str:
+    return level_name(level, short=True)
+
+
+def _line(level: LevelResult, values, colour: str, says: str) -> Figure:
+    """Return a curve over the frequency, cut between its segments; ``says`` is told of the point under the pointer."""
+    hover = f"{says}<extra>{_name(level)}</extra>"
+    return {
+        **_trace(
+            _cut(level, level.frequency), _cut(level, values), _name(level), {"color": colour, "width": 2}, hovertemplate=hover
+        ),
+        "legendgroup": _name(level),
+    }
+
+
+def _cut(level: LevelResult, values) -> list:
+    """Return the values of the points with a gap between segments."""
+    found: list = []
+    for part in segments(level.segment):
+        found += [*(found and [None]), *_plain(values[part])]
+    return found
+
+
+def _trace(x, y, name: str, line: dict, **more) -> Figure:
+    return {"type": "scatter", "mode": "lines", "x": _plain(x), "y": _plain(y), "name": name, "line": line, **more}
+
+
+def _plain(values) -> list:
+    """Return numbers for JSON, to nine digits; None where there is none."""
+    if isinstance(values, list):
+        return [None if value is None else float(f"{value:.9g}") for value in values]
+    values = np.asarray(values, dtype=float)
+    rows = [[float(f"{value:.9g}") if np.isfinite(value) else None for value in row] for row in values.reshape(len(values), -1)]
+    return rows if values.ndim > 1 else [row[0] for row in rows]
+
+
+def _figure(traces: list[Figure], x: str, y: str) -> Figure:
+    return {"data": traces, "layout": {"xaxis": {"title": {"text": x}}, "yaxis": {"title": {"text": y}, "rangemode": "tozero"}}}
+
+
+def _log(figure: Figure) -> Figure:
+    figure["layout"]["yaxis"] |= {"type": "log", "exponentformat": "e"}
+    return figure

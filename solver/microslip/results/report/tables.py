@@ -1,0 +1,279 @@
+"""The words and tables of a report as HTML.  Whatever comes from a user's file passes through ``escape``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+
+import numpy as np
+
+from ...error_estimate.components import PARTS, total
+from ..fields import Fields, RunRecord
+from ..measures import counts, peak, shown_with
+from ..record import STOPPED, Bolts, LevelResult, ResultFile
+from ..static_plots import is_static
+from ..style import level_name, with_prefix
+from .figures import balance
+
+MOST_MODES = 60
+_ROWS = 6  # of modes below each other
+_LARGE = 0.05  # of the amplitude: an error bar beyond is marked
+GOOD, LOOK, BAD = "good", "look", "bad"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], of_numbers: bool = True) -> str:
+    """Return a table of cells that are HTML already.  Local."""
+    cells = "".join(f"<th>{cell}</th>" for cell in head)
+    body = "".join("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>" for row in rows)
+    kind = ' class="numbers"' if of_numbers else ""
+    return f'<div class="wide"><table{kind}><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def said(value: float, unit: str, digits: int = 4) -> str:
+    """Return a number with the prefix of its unit that suits it."""
+    factor, name = with_prefix([value], unit)
+    return f"{_rounded(factor * value, digits)} {escape(name)}"
+
+
+def _rounded(value: float, digits: int) -> str:
+    """Return a number to so many digits, without an exponent below a million."""
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e" in text and 1.0 <= abs(value) < 1e6 else text
+
+
+def _percent(share: float, digits: int = 2) -> str:
+    return f"{_rounded(100.0 * share, digits)} %"
+
+
+def peaks_table(results: ResultFile) -> str:
+    """Return the peak of every level, of the first output: where, how large, how well known, what the joint does there."""
+    rows = [_peak_row(results, level) for level in results.levels]
+    unit = {"N": "per N", "1": ""}.get(results.level_unit, f"per {escape(results.level_unit)}")
+    where = "" if is_static(results) else "frequency"
+    return table(("level", where, _largest(results), "error bar", unit, "slip", "open", "friction loss", "of all losses"), rows)
+
+
+def _largest(results: ResultFile) -> str:
+    return "displacement" if is_static(results) else "peak amplitude"
+
+
+def _peak_row(results: ResultFile, level: LevelResult) -> list[str]:
+    name = escape(level_name(level))
+    at = peak(level.response)
+    if at is None:
+        return [name, "", "no point converged", *[""] * 6]
+    size = _size(results, level, at)
+    bar = "" if level.error is None else "± " + said(float(total(level.error[at, 0])), results.unit_of(0), 2)
+    _, slip, is_open = counts(level.state[at])
+    friction, all_losses = float(level.friction[at]), float(level.friction[at] + level.damping[at])
+    per = said(size / abs(level.level), results.unit_of(0)) if level.level else ""
+    share = _percent(friction / all_losses, 3) if all_losses > 0.0 else ""
+    frequency = "" if is_static(results) else f"{level.frequency[at]:.7g} Hz"
+    return [name, frequency, said(size, results.unit_of(0)), bar, per, str(slip), str(is_open), said(friction, "J"), share]
+
+
+def _size(results: ResultFile, level: LevelResult, at: int) -> float:
+    shown = shown_with(0 if is_static(results) else 1)
+    return float(shown.of(level.response[at, 0]))
+
+
+def cards(results: ResultFile) -> str:
+    """Return the essential numbers of the strongest level."""
+    solved = [level for level in results.levels if len(level.frequency)]
+    if not solved:
+        return '<p class="bad">No point converged.</p>'
+    level = max(solved, key=lambda level: abs(level.level))
+    at = peak(level.response) or 0
+    _, slip, is_open = counts(level.state[at])
+    found = [
+        (
+            _largest(results),
+            said(_size(results, level, at), results.unit_of(0)),
+            escape(f"{results.outputs[0]}, at {level_name(level)}"),
+        )
+    ]
+    if not is_static(results):
+        found.append(("at", f"{level.frequency[at]:.6g} Hz", _shift(results, level, at)))
+    if results.joint.n_pairs:
+        found.append(("pairs that slip", f"{slip} of {results.joint.n_pairs}", f"{is_open} open" if is_open else "none opens"))
+    losses = float(level.friction[at] + level.damping[at])
+    if losses > 0.0:
+        found.append(
+            ("lost by friction", _percent(level.friction[at] / losses), said(float(level.friction[at]), "J") + " a cycle")
+        )
+    if level.error is not None:
+        bar, size = float(total(level.error[at, 0])), _size(results, level, at)
+        largest = PARTS[int(np.argmax(level.error[at, 0]))]
+        found.append(
+            ("error bar", "± " + (_percent(bar / size) if size else said(bar, results.unit_of(0), 2)), f"most of it: {largest}")
+        )
+    boxes = (f"<div><b>{head}</b><span>{value}</span><small>{note}</small></div>" for head, value, note in found)
+    return f'<div class="cards">{"".join(boxes)}</div>'
+
+
+def _shift(results: ResultFile, level: LevelResult, at: int) -> str:
+    """Return how far the peak lies from that of the lowest level."""
+    low = min((one for one in results.levels if len(one.frequency)), key=lambda one: abs(one.level))
+    if low is level:
+        return ""
+    reference = low.frequency[peak(low.response) or 0]
+    return f"{100.0 * (level.frequency[at] / reference - 1.0):+.3g} % of that at {escape(level_name(low))}"
+
+
+def modes_table(results: ResultFile) -> str:
+    """Return the natural frequencies with all pairs stuck."""
+    n = len(results.mode_frequency)
+    rows = [(str(i + 1), f"{f:.7g} Hz") for i, f in enumerate(results.mode_frequency[:MOST_MODES])]
+    parts = "".join(table(("mode", "frequency"), rows[i : i + _ROWS]) for i in range(0, len(rows), _ROWS))
+    left = f" {n - MOST_MODES} more are in results.h5." if n > MOST_MODES else ""
+    return f'<div class="tables">{parts}</div><p class="note">Of the structure with all pairs stuck.{left}</p>'
+
+
+def understood(results: ResultFile, fields: Fields | None) -> str:
+    """Return what the program took the scene for: bodies, joints, outputs."""
+    parts = []
+    if fields is not None:
+        low, high = fields.mesh.points.min(axis=0), fields.mesh.points.max(axis=0)
+        rows = [
+            (escape(block.group), f"{len(block.nodes)} {block.kind}", str(len(np.unique(block.nodes))))
+            for block in fields.mesh.elements
+        ]
+        parts.append(table(("body (group)", "elements", "nodes"), rows))
+        corners = " to ".join("(" + ", ".join(f"{value:.4g}" for value in corner) + ")" for corner in (low, high))
+        parts.append(f"<p>{len(fields.mesh.points)} nodes, from {corners} m.</p>")
+    if results.joint.n_pairs:
+        parts.append(_joints(results))
+    parts.append(_outputs(results, fields))
+    if results.bolts is not None:
+        parts.append(_bolts(results.bolts))
+    return "".join(parts)
+
+
+def _bolts(bolts: Bolts) -> str:
+    rows = [
+        (escape(name), said(tightened, "N"), said(force, "N"), f"{1e6 * area:.4g} mm²")
+        for name, tightened, force, area in zip(bolts.names, bolts.tightened, bolts.force, bolts.area)
+    ]
+    return table(("bolt", "tightened to", "at rest", "area of the cut"), rows)
+
+
+def _joints(results: ResultFile) -> str:
+    joint, rows = results.joint, []
+    for i, name in enumerate(joint.names):
+        own = joint.joint == i
+        area, N = joint.area[own].sum(), np.maximum(joint.N0[own], 0.0)
+        n_gap = int(np.count_nonzero(joint.N0[own] < 0.0))
+        laws = ", ".join(joint.law_names[k] for k in np.unique(joint.laws[own]))
+        mu = joint.mu[own]
+        friction = "" if np.isnan(mu).any() else f"{mu.min():.3g}" + (f" to {mu.max():.3g}" if np.ptp(mu) > 1e-9 else "")
+        rows.append(
+            (
+                escape(name),
+                escape(laws),
+                str(int(own.sum())),
+                f"{1e6 * area:.5g} mm²" if np.isfinite(area) else "",
+                said(float(N.sum()), "N") if np.isfinite(N).all() else "",
+                friction,
+                f"{n_gap} with a gap" if n_gap else "",
+            )
+        )
+    return table(("joint", "law", "pairs", "area", "normal preload", "friction", ""), rows)
+
+
+def _outputs(results: ResultFile, fields: Fields | None) -> str:
+    rows = []
+    for k, name in enumerate(results.outputs):
+        node = fields.output_node[k] if fields is not None else -1
+        along = ""
+        if fields is not None and node >= 0:
+            along = "(" + ", ".join(f"{value:g}" for value in fields.output_direction[k]) + ")"
+        rows.append((escape(name), escape(results.unit_of(k)), str(node) if node >= 0 else "", along))
+    return table(("output", "unit", "node", "direction"), rows)
+
+
+def checks(results: ResultFile) -> list[tuple[str, str]]:
+    """Return what was looked at and how it came out, as (GOOD, LOOK or BAD, HTML).  Local."""
+    found = [_complete(results)]
+    solved = [level for level in results.levels if len(level.frequency)]
+    if not is_static(results):
+        found += [_balance(results, level) for level in solved]
+    found += [_bar(results, level) for level in solved if level.error is not None]
+    noted = sum(bool(note) for level in solved for note in (level.notes if level.notes is not None else ()))
+    if noted:
+        found.append((LOOK, f"{noted} points carry a note; they are in the log below"))
+    return found
+
+
+def _complete(results: ResultFile) -> tuple[str, str]:
+    failed = [level for level in results.levels if level.status == STOPPED]
+    if failed:
+        return BAD, "; ".join(escape(f"{level_name(level)}: {level.failure}") for level in failed)
+    open_ended = [level for level in results.levels if level.status != "complete"]
+    if open_ended:
+        return LOOK, f"{len(open_ended)} levels were at work when this was written"
+    n = sum(len(level.frequency) for level in results.levels)
+    return GOOD, f"all {len(results.levels)} levels are complete, {n} points"
+
+
+def _balance(results: ResultFile, level: LevelResult) -> tuple[str, str]:
+    gap = balance(results, level)
+    worst = int(np.argmax(gap))
+    where = f"at {level.frequency[worst]:.6g} Hz; bound {level.closes_to:.0e}"
+    says = f"{escape(level_name(level))}: the energy balance closes to {gap[worst]:.1e} of the input, {where}"
+    return (GOOD if gap[worst] <= level.closes_to else LOOK), says
+
+
+def _bar(results: ResultFile, level: LevelResult) -> tuple[str, str]:
+    assert level.error is not None
+    at = peak(level.response) or 0
+    size, parts = _size(results, level, at), level.error[at, 0]
+    share = float(total(parts)) / size if size else 0.0
+    largest = ", ".join(
+        f"{name} {_percent(part / (size or 1.0))}" for part, name in sorted(zip(parts, PARTS), reverse=True)[:2] if part
+    )
+    says = f"{escape(level_name(level))}: error bar ± {_percent(share)} at the peak" + (
+        f"; parts of a third of it: {largest}" if largest else ""
+    )
+    return (GOOD if share <= _LARGE else LOOK), says
+
+
+def checks_list(results: ResultFile) -> str:
+    """Return the checks as a list with marks."""
+    marks = {GOOD: "✓", LOOK: "!", BAD: "✗"}
+    items = (f'<li class="{how}"><b>{marks[how]}</b>{text}</li>' for how, text in checks(results))
+    return f'<ul class="checks">{"".join(items)}</ul>'
+
+
+def times_table(results: ResultFile, run: RunRecord) -> str:
+    """Return what the stages took, and the points of each level."""
+    whole = sum(stage.seconds for stage in run.stages)
+    rows = [
+        (escape(stage.name), f"{stage.seconds:.3g} s", _percent(stage.seconds / max(whole, 1e-9)), f"{stage.memory:.0f} MiB")
+        for stage in run.stages
+    ]
+    if rows:
+        rows.append(("until the results were written", f"{whole:.4g} s", "", ""))
+    stages = table(("stage", "time", "share", "peak memory until its end"), rows) if rows else ""
+    points = [
+        (
+            escape(level_name(level)),
+            str(len(level.frequency)),
+            f"{level.seconds.sum():.3g} s",
+            f"{1e3 * level.seconds.mean():.3g} ms" if len(level.seconds) else "",
+            f"{level.newton.sum()}",
+            f"0 to {level.harmonics.max(initial=0)}",
+            f"{level.samples.max(initial=0)}",
+            f"{level.unknowns.max(initial=0)}",
+        )
+        for level in results.levels
+    ]
+    return stages + table(
+        ("level", "points", "time", "a point", "Newton iterations", "harmonics", "samples", "most unknowns"), points
+    )
+
+
+def versions_table(results: ResultFile) -> str:
+    """Return versions and options of the run."""
+    rows = [(escape(name), escape(version)) for name, version in results.versions.items()]
+    options = " ".join(results.options)
+    return table(("of", "version"), [*rows, ("PETSc options", escape(options) or "none")], of_numbers=False)

@@ -1,0 +1,76 @@
+"""Fields and words of a run in results.h5: read as they were kept, and nothing believed of a file that was edited."""
+
+import h5py
+import numpy as np
+import pytest
+from kept_results import MESH, fields, kept
+from synthetic_results import branch, two_flanks, write
+
+from microslip.parallel.errors import CaseError
+from microslip.results.fields import keep_fields, read_fields, read_run
+from microslip.results.read import read_results
+
+
+def test_fields_are_read_as_they_were_kept(tmp_path):
+    path, wanted = kept(tmp_path), fields()
+    found = read_fields(path)
+    assert np.array_equal(found.mesh.points, MESH.points) and np.array_equal(found.mesh.numbers, MESH.numbers)
+    for own, other in zip(found.mesh.elements, MESH.elements, strict=True):
+        assert (own.kind, own.group) == (other.kind, other.group) and np.array_equal(own.nodes, other.nodes)
+    np.testing.assert_allclose(found.shapes, wanted.shapes, rtol=1e-6)
+    np.testing.assert_allclose(found.rest, wanted.rest, rtol=1e-6)
+    assert found.peaks.keys() == wanted.peaks.keys() and found.peaks[1].point == 30
+    np.testing.assert_allclose(found.peaks[1].u, wanted.peaks[1].u, rtol=1e-6)
+    assert found.output_node == wanted.output_node and np.array_equal(found.output_direction, wanted.output_direction)
+    run = read_run(path)
+    assert run.stages[0].name == "modes & more" and run.stages[0].seconds == 1.5 and run.notes[1] == "a note </pre><script>"
+    assert [len(level.frequency) for level in read_results(path).levels] == [60, 60]
+
+
+def test_results_without_fields_have_none(tmp_path):
+    pairs = two_flanks(2, 1)
+    path = write(tmp_path, [branch(8.0, pairs, n_points=3)], pairs)
+    before = open(path, "rb").read()
+    keep_fields(path, None)
+    assert open(path, "rb").read() == before
+    assert read_fields(path) is None and read_run(path).stages == ()
+
+
+@pytest.mark.parametrize(
+    "name, values, words",
+    [
+        ("mesh/elements/0000/nodes", np.full((4, 20), 10**6), "names nodes that are not there"),
+        ("mesh/elements/0000/nodes", np.zeros((4, 7), dtype=int), "not numbers nx20"),
+        ("mesh/points", np.full((57, 3), np.nan), "not finite"),
+        ("modes/shape", np.zeros((2, 5, 3)), "not numbers"),
+        ("levels/0001/peak/displacement", np.full((57, 3, 7), np.inf), "not finite"),
+        ("levels/0001/peak/displacement", np.zeros((57, 3, 4)), "not 2 H . 1"),
+        ("outputs/node", np.zeros(9, dtype=int), "not numbers"),
+    ],
+)
+def test_what_does_not_fit_is_status_2(tmp_path, name, values, words):
+    path = kept(tmp_path)
+    with h5py.File(path, "r+") as file:
+        if name == "mesh/points":
+            values = np.full(file[name].shape, np.nan)
+        elif name.endswith("displacement"):
+            values = np.full((len(MESH.points), 3, values.shape[2]), values.flat[0])
+        del file[name]
+        file[name] = values
+    with pytest.raises(CaseError, match=words) as caught:
+        read_fields(path)
+    assert path in str(caught.value)
+
+
+def test_links_to_other_files_and_unknown_elements_are_refused(tmp_path):
+    path = kept(tmp_path)
+    with h5py.File(path, "r+") as file:
+        del file["mesh/elements/0001/kind"]
+        file["mesh/elements/0001/kind"] = "hex27"
+    with pytest.raises(CaseError, match="unknown kind, 'hex27'"):
+        read_fields(path)
+    with h5py.File(path, "r+") as file:
+        del file["mesh/points"]
+        file["mesh/points"] = h5py.ExternalLink("/etc/passwd", "x")
+    with pytest.raises(CaseError, match="link to another"):
+        read_fields(path)
