@@ -86,7 +86,8 @@ $(VENV)/installed: $(VENV)/python setup.py pyproject.toml $(KERNEL)
 	@touch $@
 
 $(VENV)/test-tools: $(VENV)/python
-	$(PIP) pytest pytest-xdist hypothesis ruff mypy
+	$(PIP) pytest pytest-xdist hypothesis ruff mypy pyuff
+	-$(PIP) vtk  # large: without it, what ParaView would read is not opened
 	@touch $@
 
 $(VENV)/docs-tools: $(VENV)/python

@@ -89,20 +89,41 @@ def put(window, box: tuple[float, float, float, float], actor, view: tuple[float
     window.AddRenderer(renderer)
 
 
+def write(window, x: float, y: float, text: str) -> None:
+    """Write a text at a place of the window, in shares of its size."""
+    words, renderer = vtk.vtkTextActor(), vtk.vtkRenderer()
+    words.SetInput(text)
+    words.GetTextProperty().SetColor(0.1, 0.1, 0.1)
+    words.GetTextProperty().SetFontSize(18)
+    words.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
+    words.GetPositionCoordinate().SetValue(0.02, 0.2)
+    renderer.SetViewport(x, y, min(x + 0.4, 1.0), y + 0.06)
+    renderer.SetBackground(1.0, 1.0, 1.0)
+    renderer.AddViewProp(words)
+    window.AddRenderer(renderer)
+
+
 def main(folder: Path, picture: str) -> None:
     """Draw the picture of the results in a folder."""
     window = vtk.vtkRenderWindow()
     window.SetOffScreenRendering(True)
     window.SetMultiSamples(8)
     window.SetSize(*SIZE)
+    paper = vtk.vtkRenderer()
+    paper.SetBackground(1.0, 1.0, 1.0)
+    window.AddRenderer(paper)
     n = steps(folder / "joint.vtkhdf")
     motion = folder / f"motion_{n - 1:04d}.vtkhdf"
     for i, step in enumerate(INSTANTS):
-        put(window, (0.14 * i, 0.0, 0.14 * (i + 1), 1.0), structure(motion, step), (0.3, -1.0, 0.35), 2, 0.98)
+        put(window, (0.14 * i, 0.0, 0.14 * (i + 1), 0.94), structure(motion, step), (0.3, -1.0, 0.35), 2, 0.98)
     last = step_of(folder / "joint.vtkhdf", n - 1).GetOutput().GetCellData().GetArray("friction_loss_J_m2").GetRange()[1]
     for level in range(n):
-        box = (0.56, 1.0 - (level + 1) / n, 1.0, 1.0 - level / n)
+        top = 0.94 * (1.0 - level / n)
+        box = (0.72, top - 0.94 / n, 1.0, top)
+        write(window, 0.58, top - 0.5 * 0.94 / n - 0.03, f"level {level + 1} of {n}")
         put(window, box, joint(folder / "joint.vtkhdf", level, last), (0.0, 0.0, -1.0), 0, 1.75)
+    write(window, 0.02, 0.94, "motion in a period, by size (0 to 30 mm)")
+    write(window, 0.58, 0.94, f"friction loss a cycle, 0 to {last:.3g} J/m2")
     window.Render()
     grab, writer = vtk.vtkWindowToImageFilter(), vtk.vtkPNGWriter()
     grab.SetInput(window)
