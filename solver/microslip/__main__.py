@@ -77,9 +77,9 @@ def _shown(command: Command, out: Path) -> list:
 
         return [write_report(command.file, out)]
     if command.name == "convert":
-        from .results.convert import FORMATS, STEPS, convert
+        from .results.convert import STEPS, convert
 
-        return convert(command.file, out, command.to or tuple(FORMATS), command.steps or STEPS)
+        return convert(command.file, out, command.to, command.steps or STEPS)
     from .results.plots import draw_all
 
     return draw_all(command.file, str(out))

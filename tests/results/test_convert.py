@@ -218,7 +218,8 @@ def test_unknown_formats_and_results_with_nothing_to_show_are_status_2(path, tmp
     bare = write(tmp_path / "bare", [branch(1.0, no_pairs())], no_pairs())
     with pytest.raises(CaseError, match="nothing to show in space"):
         convert(bare, tmp_path, ["vtkhdf"])
-    assert [number for number, _ in data_sets(convert(bare, tmp_path, ["unv", "mat"])[0])] == [164, 58]
+    unv, mat = convert(bare, tmp_path, ())
+    assert [number for number, _ in data_sets(unv)] == [164, 58] and mat.name == "results.mat"
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(CaseError, match="taken"):
         convert(path, tmp_path / "taken", ["mat"])

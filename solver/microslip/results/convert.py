@@ -9,6 +9,7 @@ from ..parallel.errors import CaseError
 from ..parallel.files import make_folder
 from ..parallel.words import listed, nearest
 from .fields import Fields, read_fields
+from .joint_mesh import joint_mesh
 from .mat import write_mat
 from .paraview import write_series
 from .read import read_results
@@ -38,6 +39,8 @@ FORMATS: dict[str, Callable[[ResultFile, Fields | None, Path, int], list[Path]]]
 def convert(path: str, folder: Path, formats: Sequence[str], steps: int = STEPS) -> list[Path]:
     """Write a result file in other formats into a folder and return the files.  Local; no MPI, no PETSc.
 
+    Without ``formats`` those that there is something for: of a scene given as matrices nothing is shown in space.
+
     Raises
     ------
     CaseError : an unknown format; results that cannot be read, or hold nothing for a format; a place that cannot be written to
@@ -49,4 +52,10 @@ def convert(path: str, folder: Path, formats: Sequence[str], steps: int = STEPS)
             raise CaseError(f"unknown format {name!r}{f'; nearest is {near}' if near else ''}; formats are {listed(FORMATS)}")
     results, fields = read_results(path), read_fields(path)
     make_folder(str(folder))
+    if not formats:
+        formats = [
+            name
+            for name in FORMATS
+            if FORMATS[name] is not _paraview or fields is not None or len(joint_mesh(results.joint).sizes)
+        ]
     return [file for name in formats for file in FORMATS[name](results, fields, folder, steps)]
