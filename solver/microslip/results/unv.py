@@ -15,13 +15,16 @@ from .fields import Fields
 from .measures import segments
 from .record import LevelResult, ResultFile
 
-# number of the element, and its nodes in the order of UNV: around the bottom with the middles of its sides, up, around the top
+# Number of the element, and its nodes in the order of UNV: around the bottom with the middles of its sides, up, around the top.
+# There are no pyramids: they are bricks whose top is one node.
 ELEMENTS = {
     "tet4": (111, (0, 1, 2, 3)),
     "wedge6": (112, (0, 1, 2, 3, 4, 5)),
     "hex8": (115, (0, 1, 2, 3, 4, 5, 6, 7)),
     "tet10": (118, (0, 4, 1, 5, 2, 6, 7, 8, 9, 3)),
     "wedge15": (113, (0, 6, 1, 7, 2, 8, 12, 13, 14, 3, 9, 4, 10, 5, 11)),
+    "pyramid5": (115, (0, 1, 2, 3, 4, 4, 4, 4)),
+    "pyramid13": (116, (0, 5, 1, 6, 2, 7, 3, 8, 9, 10, 11, 12, *[4] * 8)),
     "hex20": (116, (0, 8, 1, 9, 2, 10, 3, 11, 16, 17, 18, 19, 4, 12, 5, 13, 6, 14, 7, 15)),
 }
 _DISPLACEMENT, _FORCE, _FREQUENCY = 8, 13, 18  # specific data types
