@@ -10,8 +10,8 @@ from ...formats.model import FileMaterial
 from ...formats.units import UNITS, Units
 
 SI = "m-kg-s"
-# least and most of what structures are made of, from rubber to diamond and from foam to tungsten, and their sizes
-_YOUNG, _DENSITY, _SPEED, _LENGTH = (1e6, 1.3e12), (20.0, 25_000.0), (30.0, 20_000.0), (1e-4, 50.0)
+# least and most of what structures are made of, from rubber to diamond and from cork to tungsten, and their sizes
+_YOUNG, _DENSITY, _SPEED, _LENGTH = (1e6, 1.3e12), (100.0, 25_000.0), (30.0, 20_000.0), (1e-4, 50.0)
 
 
 def suspicion(
