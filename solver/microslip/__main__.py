@@ -99,6 +99,8 @@ def _look(command: Command, comm) -> int:
     from .program.doctor import faults
 
     require(comm, faults("pydantic", "mpi4py", "matplotlib"))
+    if command.settings:
+        raise CaseError(f"--set {command.settings[0]}: {command.file} is a model file; keys belong to a scene")
     if command.name == "check":
         from .studies.check.model_file import check_model
 

@@ -53,8 +53,12 @@ def needs(
         *(f"           {note}" for note in (*of_file, *mesh.notes)),
         *content.facts(file),
         *content.bodies(mesh, settings.bodies, volume),
+        *_materials(scene),
         *content.groups(mesh, settings.bodies),
         *_supports(mesh, settings),
+        *content.table("masses", [f"{one.group}: {one.mass:.6g} kg a node" for one in settings.masses]),
+        *content.table("springs", [f"{' to '.join(one.groups)}: {one.stiffness:.6g} N/m" for one in settings.springs]),
+        *content.table("equations", [] if mesh.equations is None else [f"{len(mesh.equations.where)} of the file"]),
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
         *_joints(pairs),
@@ -75,6 +79,18 @@ def _suspected(scene: Scene, file: FileModel, mesh: Mesh, stated: Container[str]
     text = suspicion(mesh.diagonal / units.length, of_file, units, mass)
     text = text or suspicion(mesh.diagonal, of_scene, UNITS[SI], mass, by_scene=True)
     return [f"           {text}"] if text else []
+
+
+def _materials(scene: Scene) -> list[str]:
+    """Return a line for each material that a body has."""
+    used = dict.fromkeys(body.material for body in scene.bodies.values())
+    lines = [
+        f"{name}: young {one.young:.6g} Pa, poisson {one.poisson:g}, density {one.density:.6g} kg/m3"
+        + (f", expansion {one.expansion:g} 1/K" if one.expansion is not None else "")
+        for name, one in scene.materials.items()
+        if name in used
+    ]
+    return content.table("materials", lines)
 
 
 def _supports(mesh: Mesh, settings: MeshSettings) -> list[str]:
