@@ -46,6 +46,8 @@ def _perform(command: Command, comm) -> int:
         return _doctor()
     if command.name in ("plot", "report", "convert"):
         return _show(command, comm)
+    if command.name == "new" or (command.name == "check" and _is_model(command.file)):
+        return _look(command, comm)
     return _solve(command, comm)
 
 
@@ -85,6 +87,31 @@ def _shown(command: Command, out: Path) -> list:
     return draw_all(command.file, str(out))
 
 
+def _is_model(file: str) -> bool:
+    """Return whether a file's name ends as those of model files do, and not as a scene."""
+    from .formats.read import READERS
+
+    return Path(file).suffix.lower() in READERS
+
+
+def _look(command: Command, comm) -> int:
+    """Check a model file, or write a first scene for it.  Collective on ``comm``."""
+    from .program.doctor import faults
+
+    require(comm, faults("pydantic", "mpi4py", "matplotlib"))
+    if command.settings:
+        raise CaseError(f"--set {command.settings[0]}: {command.file} is a model file; keys belong to a scene")
+    if command.name == "check":
+        from .studies.check.model_file import check_model
+
+        check_model(command.file, comm, command.out)
+    else:
+        from .studies.new.story import new
+
+        new(command.file, comm, command.out, command.force)
+    return 0
+
+
 def _solve(command: Command, comm) -> int:
     """Run, compare, verify, trade, export or check a scene.  Collective on ``comm``."""
     from .program.doctor import faults
@@ -101,7 +128,7 @@ def _solve(command: Command, comm) -> int:
     stop_on(signal.SIGTERM)  # PETSc has taken it for a message of its own
     from . import run
     from .studies import batch as several
-    from .studies import check
+    from .studies.check import story as check
     from .studies.compare import story as compare
     from .studies.export import story as export
     from .studies.trade import story as trade
@@ -109,7 +136,7 @@ def _solve(command: Command, comm) -> int:
 
     status = 0
     if command.name == "check":
-        check.check(scene, comm)
+        check.check(scene, comm, command.out)
         return 0
     if command.name == "compare":
         out = Path("results", f"{scene.name}_compare") if command.out is None else command.out

@@ -55,6 +55,9 @@ from microslip.program.command_line import Command, parse
             Command("run", "a.toml", more=("b.toml",), settings=("solver.modes=8", "response.levels=[5.0]")),
         ),
         ("check fan.toml --set title=Fan", Command("check", "fan.toml", settings=("title=Fan",))),
+        ("check fan.msh --out there", Command("check", "fan.msh", Path("there"))),
+        ("new fan.msh", Command("new", "fan.msh")),
+        ("new fan.msh --out fan.toml --force", Command("new", "fan.msh", Path("fan.toml"), force=True)),
         ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
         ("report results.h5", Command("report", "results.h5")),
         ("convert results.h5 --to unv,mat --steps 64", Command("convert", "results.h5", to=("unv", "mat"), steps=64)),
@@ -68,10 +71,10 @@ def test_what_is_asked_arrives(line, command):
 @pytest.mark.parametrize(
     "line, message",
     [
-        ("", "a command is missing: run, compare, verify, trade, export, check, plot, report, convert or doctor"),
+        ("", "a command is missing: run, compare, verify, trade, export, check, new, plot, report, convert or doctor"),
         (
             "rnu fan.toml",
-            "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, export, check, plot, report, "
+            "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, export, check, new, plot, report, "
             "convert and doctor",
         ),
         ("fan.toml", "unknown command 'fan.toml'; commands are"),
@@ -81,7 +84,7 @@ def test_what_is_asked_arrives(line, command):
         ("run fan.toml --out", "argument --out: expected one argument"),
         (
             "check fan.toml other.toml",
-            "'other.toml' is one argument too many; usage: microslip check [-h] [--set KEY=VALUE] SCENE.toml",
+            "'other.toml' is one argument too many; usage: microslip check [-h] [--set KEY=VALUE] [--out DIR] SCENE.toml",
         ),
         ("run fan.toml --groups 0", "argument --groups: '0' is not a number of at least 1; try: microslip run --help"),
         ("run fan.toml --groups two", "argument --groups: 'two' is not a number of at least 1"),

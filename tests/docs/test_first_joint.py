@@ -18,7 +18,7 @@ def test_the_files_of_the_page_give_what_it_shows(tmp_path):
         shutil.copy(DOCS / "first_joint" / name, tmp_path)
     made = python("leaves.py", cwd=tmp_path).stdout.splitlines()
     checked = microslip("check", "leaves.toml", cwd=tmp_path).stdout.replace(f"{tmp_path}/", "").splitlines()
-    assert len(made) == 1 and len(checked) == 11
+    assert len(made) == 1 and len(checked) == 19
     assert set(made + checked) <= set(SHOWN)
     scene = tmp_path / "leaves.toml"
     text = re.sub("levels = .*", "levels = [0.1]", scene.read_text())

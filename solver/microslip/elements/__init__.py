@@ -6,7 +6,7 @@ from .nearest import nearest_on_faces
 from .prestress import stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
 from .recovery import nodal_stress, strain_of
-from .solid import jacobian_minimum, mass, stiffness
+from .solid import jacobian_minimum, mass, stiffness, volumes
 
 __all__ = [
     "CELLS",
@@ -30,4 +30,5 @@ __all__ = [
     "stress",
     "stress_stiffness",
     "thermal_forces",
+    "volumes",
 ]

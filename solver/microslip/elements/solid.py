@@ -90,6 +90,18 @@ def jacobian_minimum(kind: str, points: np.ndarray, integration: str = "full") -
     return minimum
 
 
+def volumes(kind: str, points: np.ndarray) -> np.ndarray:
+    """Return the volumes of elements of one kind, (n_elements,) [m3].
+
+    Local.  ``points`` is (n_elements, n, 3) [m].  Below 0 where an element is turned inside out.
+    """
+    rule = rules(kind, "full")[1]
+    found = np.empty(len(points))
+    for chunk in _chunks(len(points), 9 * len(rule.weights)):
+        found[chunk] = _jacobians(KINDS[kind], points[chunk], rule.points)[1] @ rule.weights
+    return found
+
+
 def _chunks(n_elements: int, n_entries: int):
     """Yield slices of elements that need at most ``_CHUNK_ENTRIES`` at ``n_entries`` an element."""
     n_chunk = max(1, _CHUNK_ENTRIES // n_entries)

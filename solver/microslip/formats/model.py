@@ -147,6 +147,7 @@ class FileBolt:
 
     name: str
     group: str  # faces of the cut
+    force: float | None = None  # to which the file tightens it
 
 
 @dataclass(frozen=True, kw_only=True)

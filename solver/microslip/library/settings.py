@@ -25,6 +25,7 @@ from ..mesh.settings import (
     Statics,
     Support,
     Tie,
+    TouchingFaces,
 )
 from ..modes.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
@@ -46,6 +47,7 @@ def mesh_settings(scene: Scene) -> MeshSettings:
         scale=scene.model.scale if scene.model.units is None else UNITS[scene.model.units].length,
         bodies={name: _body(body, scene.materials[body.material]) for name, body in scene.bodies.items()},
         supports=tuple(Support(group=support.group, point=support.point, fix=support.fix) for support in scene.supports),
+        surfaces=tuple(TouchingFaces(**dict(surface)) for surface in scene.surfaces),
         joints=tuple(_joint(joint, scene) for joint in scene.joints),
         ties=tuple(_tie(tie) for tie in scene.ties),
         points=tuple(_point(point) for point in scene.points),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,9 +23,7 @@ def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray,
 
     Nodes of one element belong to one part; joints connect nothing here.  ``body_of`` names the body of each group.
     """
-    first = np.concatenate([np.repeat(block.nodes[:, 0], block.nodes.shape[1] - 1) for block in mesh.elements])
-    other = np.concatenate([block.nodes[:, 1:].ravel() for block in mesh.elements])
-    n_parts, part = _components(first, other, len(mesh.points))
+    n_parts, part = parts_of([block.nodes for block in mesh.elements], len(mesh.points))
     bodies: list[list[str]] = [[] for _ in range(n_parts)]
     for block in mesh.elements:
         for i in np.unique(part[block.nodes[:, 0]]):
@@ -36,6 +34,16 @@ def connected_parts(mesh: Mesh, body_of: Mapping[str, str]) -> tuple[np.ndarray,
         name if plain.count(name) == 1 else f"{name} (a separate piece around {_centre(mesh, part == i)})"
         for i, name in enumerate(plain)
     )
+
+
+def parts_of(cells: Sequence[np.ndarray], n: int) -> tuple[int, np.ndarray]:
+    """Return how many connected parts n nodes make and the part of each, (n,); a node of no cell is a part of its own.  Local.
+
+    ``cells`` are arrays (n_cells, n_nodes); the nodes of a cell belong to one part.
+    """
+    first = np.concatenate([np.repeat(own[:, 0], own.shape[1] - 1) for own in cells])
+    other = np.concatenate([own[:, 1:].ravel() for own in cells])
+    return _components(first, other, n)
 
 
 def clusters_of(part: np.ndarray, n_parts: int, links: Links | None) -> np.ndarray:

@@ -59,6 +59,7 @@ class Mesh:
     fields: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_nodes,) each: numbers at the nodes; NaN: none
     outside: Outside = field(default_factory=Outside)
     equations: Equations | None = None  # between nodes, and n_nodes + k for node k of ``outside``
+    found: frozenset[str] = frozenset()  # groups of faces that were found as touching: some may lie on the others in part alone
 
     @property
     def diagonal(self) -> float:

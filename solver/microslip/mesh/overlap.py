@@ -239,7 +239,7 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, sh
             "restrict the group to the faces that touch, or state a smaller tolerance in the joint"
         )
     covered = np.minimum(share, 1.0) @ area / area.sum()
-    if covered >= COVERED:
+    if covered >= (COVERED if first.group not in mesh.found else _LEAST):
         return
     least = np.flatnonzero(share <= max(_LEAST, share.min()))
     apart, nearest = cKDTree(mesh.points[second.nodes]).query(centre[least])

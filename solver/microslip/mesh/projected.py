@@ -60,7 +60,7 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
 def _check_near(mesh: Mesh, joint: Joint, first: Surface, second: Surface, near, distance, reach: float) -> None:
     """Raise MeshError where too much of the first surface has no partner."""
     covered = first.areas[near].sum() / first.areas.sum()
-    if covered >= COVERED:
+    if covered >= COVERED or (near.any() and first.group in mesh.found):
         return
     worst = int(np.argmax(distance))
     found = f"{1.0 - covered:.1%} of the area of {first.group!r}" if near.any() else "no contact point found: all its nodes"

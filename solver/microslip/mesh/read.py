@@ -14,6 +14,7 @@ from ..parallel.errors import MeshError
 from ..parallel.words import nearest
 from .data import ElementBlock, FaceBlock, Mesh, Outside
 from .settings import Body, MeshSettings
+from .touching import with_found_surfaces
 
 SOLIDS = ("tet4", "tet10", "hex8", "hex20", "wedge6", "wedge15", "pyramid5", "pyramid13")
 _EVERYTHING = "all elements of the file"
@@ -39,7 +40,7 @@ def read_mesh(settings: MeshSettings, file: FileModel | None = None) -> Mesh:
     file = read_model(path) if file is None else file
     try:
         _check_groups(file, settings)
-        return _compose(path, file, settings)
+        return with_found_surfaces(_compose(path, file, settings), settings)
     except MeshError as problem:
         raise type(problem)(f"{path}: {problem}") from None
 
@@ -68,11 +69,12 @@ def read_whole(path: Path) -> Mesh:
 
 def _check_groups(file: FileModel, settings: MeshSettings) -> None:
     """Raise MeshError unless every group that is named exists."""
-    of_bodies = [(f"[bodies.{name}] group", body.group) for name, body in settings.bodies.items()]
-    for key, group in of_bodies + settings.groups_on_bodies + settings.attached:
-        if group not in file.groups:
-            hint = _existing(group, list(file.groups))
-            raise MeshError(f"{key} = {group!r}: there is no such group in the mesh{hint}")
+    of_file = [(f"[bodies.{name}] group", body.group) for name, body in settings.bodies.items()] + settings.attached
+    known = [*file.groups, *(one.name for one in settings.surfaces)]
+    for names, used in ((list(file.groups), of_file), (known, settings.groups_on_bodies)):
+        for key, group in used:
+            if group not in names:
+                raise MeshError(f"{key} = {group!r}: there is no such group in the mesh{_existing(group, names)}")
 
 
 def _existing(word: str, names: list[str]) -> str:
@@ -259,6 +261,7 @@ def _all_nodes(group: Group, file: FileModel) -> np.ndarray:
 
 def _check_groups_on_bodies(mesh: Mesh, settings: MeshSettings) -> None:
     """Raise MeshError for a support, surface or load group without a node on a body."""
+    found = {one.name for one in settings.surfaces}  # of faces on bodies
     for key, group in settings.groups_on_bodies:
-        if len(mesh.node_groups[group]) == 0 and group not in mesh.outside.groups:
+        if group not in found and len(mesh.node_groups[group]) == 0 and group not in mesh.outside.groups:
             raise MeshError(f"{key} = {group!r}: no node of this group belongs to an element of a body")

@@ -37,6 +37,16 @@ class Support:
 
 
 @dataclass(frozen=True, kw_only=True)
+class TouchingFaces:
+    """A group of faces told by what they lie on: those of one body that touch another."""
+
+    name: str
+    bodies: tuple[str, str]  # names; the same twice: parts of a body that touch each other
+    normal: Vector | None = None  # of the faces, outward, roughly; None: all of them
+    tolerance: float | None = None  # m, how far apart; None: by the size of the faces
+
+
+@dataclass(frozen=True, kw_only=True)
 class Tie:
     """Two surfaces glued: the nodes of the first follow the facets of the second."""
 
@@ -229,6 +239,7 @@ class MeshSettings:
     scale: float = 1.0  # m per unit of the file
     bodies: Mapping[str, Body]  # by name
     supports: tuple[Support, ...] = ()
+    surfaces: tuple[TouchingFaces, ...] = ()
     joints: tuple[Joint, ...] = ()
     ties: tuple[Tie, ...] = ()
     points: tuple[Point, ...] = ()

@@ -104,7 +104,7 @@ def _only_named(mesh: Mesh, group: str, outer: dict, named: dict[int, np.ndarray
     kept, n_found = {}, 0
     for kind, faces in outer.items():
         wanted = named.get(_n_corners(kind), np.empty((0, _n_corners(kind)), dtype=np.int64))
-        kept[kind] = faces[_isin_rows(_key(faces, kind), wanted)]
+        kept[kind] = faces[isin_rows(_key(faces, kind), wanted)]
         n_found += len(kept[kind])
     n_named = sum(len(np.unique(keys, axis=0)) for keys in named.values())
     if n_found < n_named:
@@ -124,8 +124,8 @@ def _key(faces: np.ndarray, kind: str) -> np.ndarray:
     return np.sort(faces[:, : _n_corners(kind)], axis=1)
 
 
-def _isin_rows(rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Return for every row whether it is among ``wanted``."""
+def isin_rows(rows: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return for every row whether it is among ``wanted``.  Local."""
     index = np.unique(np.concatenate([wanted, rows]), axis=0, return_inverse=True)[1].ravel()
     return np.isin(index[len(wanted) :], index[: len(wanted)])
 

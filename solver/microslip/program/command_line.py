@@ -28,6 +28,7 @@ _KEYS = (
     "method",
     "recovery",
     "to",
+    "force",
 )
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
@@ -42,8 +43,8 @@ until then; 70 a defect of the program."""
 class Command:
     """What the command line asks for."""
 
-    name: str  # run, compare, verify, trade, export, check, plot, report, convert or doctor
-    file: str = ""  # the scene, or the results to show
+    name: str  # run, compare, verify, trade, export, check, new, plot, report, convert or doctor
+    file: str = ""  # the scene, the model file, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
     methods: tuple[str, ...] = ()  # to compare; empty: all of them
@@ -62,6 +63,7 @@ class Command:
     method: str | None = None  # to export; None: that of the scene
     recovery: bool = False
     to: tuple[str, ...] = ()  # formats to convert to; empty: all of them
+    force: bool = False  # to overwrite a scene
 
 
 class _Parser(argparse.ArgumentParser):
@@ -127,7 +129,8 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
         "verify": ("time integration at points of the curves, beside harmonic balance", "SCENE.toml", "results/NAME_verify"),
         "trade": ("speed against accuracy of a scene: what each knob costs and buys", "SCENE.toml", "results/NAME_trade"),
         "export": ("the reduced model as .npz and .mat, with scripts for other programs", "SCENE.toml", "results/NAME_export"),
-        "check": ("validate a scene and say what it will need; solves nothing", "SCENE.toml", None),
+        "check": ("validate a scene, or list what a model file holds; solves nothing", "SCENE.toml", None),
+        "new": ("a first scene for a model file, with candidates for joints", "MODEL", None),
         "plot": ("draw every picture again, from the result file alone", "RESULTS.h5", "the folder of the result file"),
         "report": (
             "everything of a run on one page that a browser opens, to be mailed",
@@ -249,7 +252,24 @@ def _add_convert(command: _Parser) -> None:
     command.add_argument("--steps", metavar="N", type=_steps, help="steps of a period in files for ParaView (default: 32)")
 
 
+def _add_check(command: _Parser) -> None:
+    """Add the options of ``check``."""
+    command.add_argument(
+        "--out", metavar="DIR", type=Path, help="draw the mesh with its sets: DIR/mesh.png (default: no picture)"
+    )
+
+
+def _add_new(command: _Parser) -> None:
+    """Add the options of ``new``."""
+    command.add_argument(
+        "--out", metavar="SCENE.toml", type=Path, help="the scene to write (default: the model's name, with .toml, where you are)"
+    )
+    command.add_argument("--force", action="store_true", help="write it even where there is a file of this name")
+
+
 _OPTIONS = {
+    "check": _add_check,
+    "new": _add_new,
     "run": _add_run,
     "compare": _add_compare,
     "trade": _add_trade,

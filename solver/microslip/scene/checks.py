@@ -23,6 +23,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_constant_loads(scene),
         *_base(scene),
         *_outputs(scene),
+        *_surfaces(scene),
         *_statics(scene),
         *_points(scene),
         *_bars(scene),
@@ -54,6 +55,7 @@ def _of_matrices(scene: Scene) -> list[str]:
         ("[materials.NAME]", scene.materials),
         ("[bodies.NAME]", scene.bodies),
         ("[[supports]]", scene.supports),
+        ("[[surfaces]]", scene.surfaces),
         ("[[ties]]", scene.ties),
         ("[[points]]", scene.points),
         ("[[masses]]", scene.masses),
@@ -139,7 +141,7 @@ def _same_groups(scene: Scene) -> list[str]:
 def _same_names(scene: Scene) -> list[str]:
     """Joints and outputs that share a name."""
     found = []
-    for table in ("joints", "outputs", "ties", "points"):
+    for table in ("joints", "outputs", "surfaces", "ties", "points"):
         counts = Counter(entry.name for entry in getattr(scene, table) if entry.name is not None)
         found += [f'[[{table}]] name = "{name}" is used {n} times; each needs its own' for name, n in counts.items() if n > 1]
     return found
@@ -227,6 +229,18 @@ def _outputs(scene: Scene) -> list[str]:
                 near = nearest(name, known)
                 hint = f'; nearest is "{near}"' if near else ""
                 found.append(f'{where} {key} = "{name}": there is no such {key}{hint}')
+    return found
+
+
+def _surfaces(scene: Scene) -> list[str]:
+    """Surfaces of bodies that are not there."""
+    found = []
+    for where, surface in _numbered(scene, "surfaces"):
+        for name in dict.fromkeys(surface.bodies):
+            if name not in scene.bodies and not scene.awaits_file and scene.model.mesh is not None:
+                near = nearest(name, scene.bodies)
+                hint = f'; nearest is "{near}"' if near else ""
+                found.append(f'{where} bodies holds "{name}": there is no such body{hint}')
     return found
 
 

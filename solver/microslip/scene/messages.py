@@ -26,6 +26,7 @@ from .schema import (
     Scene,
     Spring,
     Support,
+    Surface,
     Table,
     Temperature,
     Tie,
@@ -34,6 +35,7 @@ from .schema import (
 _NAMED: dict[str, type[Table]] = {"materials": Material, "bodies": Body}  # [materials.NAME]
 _LISTED: dict[str, type[Table]] = {  # [[loads]]
     "supports": Support,
+    "surfaces": Surface,
     "joints": Joint,
     "ties": Tie,
     "points": Point,

@@ -195,6 +195,28 @@ class Support(Table):
         return self
 
 
+class Surface(Table):
+    """[[surfaces]]: a group of faces told by the bodies that touch."""
+
+    name: Name = Field(description="a name that joints, ties and others use as that of a group, without comma, quote or slash")
+    bodies: tuple[str, str] = Field(
+        description="the NAMEs of two tables [bodies.NAME]: faces of the first that lie on the second; or one twice"
+    )
+    normal: Direction | None = Field(
+        None, description="the direction [x, y, z], out of the first body, in which the faces look, three numbers, not all 0"
+    )
+    tolerance: Positive | None = Field(None, description="how far apart in m the faces of the two may lie, a number above 0")
+
+    @model_validator(mode="after")
+    def _one_side(self):
+        if self.bodies[0] == self.bodies[1] and self.normal is None:
+            raise ValueError(
+                f'normal is missing, which tells one side of the parts of "{self.bodies[0]}" from the other: expected '
+                f"{Surface.model_fields['normal'].description}"
+            )
+        return self
+
+
 class Tie(Table):
     """[[ties]]: two surfaces glued."""
 
@@ -355,9 +377,10 @@ class Joint(Table):
             given = sorted({*OF_FILE, *OF_SURFACES} & self.model_fields_set)
             if given:
                 raise ValueError(f"{given[0]} belongs to a joint of surfaces; a CSV file states it for each pair")
-        for key in NEEDED_WITH_PAIRS[self.law] if has_pairs else needed:
-            if getattr(self, key) is None:
-                raise ValueError(f"{key} is missing: expected {type(self).model_fields[key].description}")
+        missing = [key for key in (NEEDED_WITH_PAIRS[self.law] if has_pairs else needed) if getattr(self, key) is None]
+        if missing:
+            more = f"; and {listed(missing[1:])}" if len(missing) > 1 else ""
+            raise ValueError(f"{missing[0]} is missing: expected {type(self).model_fields[missing[0]].description}{more}")
         check_law(self)
         if has_pairs:
             return self
@@ -724,6 +747,7 @@ class Scene(Table):
     supports: tuple[Support, ...] = Field((), description="tables, each headed [[supports]], with group and fix")
     joints: tuple[Joint, ...] = Field((), description="tables, each headed [[joints]], with name, surfaces, friction, ...")
     ties: tuple[Tie, ...] = Field((), description="tables, each headed [[ties]], with surfaces")
+    surfaces: tuple[Surface, ...] = Field((), description="tables, each headed [[surfaces]], with name and bodies")
     points: tuple[Point, ...] = Field((), description="tables, each headed [[points]], with name, position and group")
     masses: tuple[Mass, ...] = Field((), description="tables, each headed [[masses]], with group and mass")
     springs: tuple[Spring, ...] = Field((), description="tables, each headed [[springs]], with groups, direction and stiffness")

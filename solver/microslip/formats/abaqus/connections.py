@@ -264,14 +264,15 @@ def _take_cut(model: Gathered, scope: Scope, card: Card) -> None:
         model.findings.add("*PRE-TENSION SECTION", card.where, "a cut through elements that are no solids", True)
         return
     group = _surface(model, scope, card.parameters["SURFACE"], card.where)
-    model.bolts.append(FileBolt(name=_plain(group), group=group))
     force = _tightened(model, card.parameter("NODE"))
-    effect = f"a cut to be tightened{force}: [[statics.bolts]] with group = {group!r}; until then the shank is whole"
+    model.bolts.append(FileBolt(name=_plain(group), group=group, force=number(force)))
+    said = f", in the file with {force}" if force else ""
+    effect = f"a cut to be tightened{said}: [[statics.bolts]] with group = {group!r}; until then the shank is whole"
     model.findings.add("*PRE-TENSION SECTION", card.where, effect, False)
 
 
 def _tightened(model: Gathered, node: str) -> str:
-    """Return ", in the file with 9000" where a step loads the node of a cut, or nothing."""
+    """Return the force "9000" by which a step loads the node of a cut, or nothing."""
     loads = [
         words[2]
         for step in model.steps
@@ -280,7 +281,7 @@ def _tightened(model: Gathered, node: str) -> str:
         for words, _ in card.lines()
         if len(words) > 2 and node and words[0].upper() == node
     ]
-    return f", in the file with {loads[0]}" if loads else ""
+    return loads[0] if loads else ""
 
 
 _TAKEN = {

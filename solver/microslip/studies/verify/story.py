@@ -25,7 +25,7 @@ from ...receptance.model import ReducedModel
 from ...transient.march import Cycle, March
 from ...transient.model import TransientModel, transient_model
 from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
-from ..check import resolution
+from ..check.report import resolution
 from .report import Check, Loop, write_verification
 
 if TYPE_CHECKING:

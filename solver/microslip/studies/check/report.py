@@ -1,67 +1,46 @@
-"""What a run of a scene will need, told without solving anything."""
+"""What a scene holds and what a run of it will need, in lines."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Container
 
 import numpy as np
 
-from ..assembly.assemble import read_off
-from ..assembly.check import check_elements
-from ..assembly.matrices import GivenStructure, read_structure
-from ..contact.laws import ELASTIC_COULOMB
-from ..continuation.accuracy import MOST_HARMONICS
-from ..library.complete import read_completed
-from ..library.settings import matrix_settings, mesh_settings, reduction_settings, response_settings
-from ..mesh.cut import cuts_through
-from ..mesh.data import ContactPairs, Mesh
-from ..mesh.pairing import pair_contacts
-from ..mesh.partition import distribute
-from ..mesh.read import read_mesh
-from ..mesh.settings import MeshSettings
-from ..modes.limits import FEW, refuse_too_many
-from ..parallel.agree import on_root
-from ..parallel.words import place
-from ..reduction.methods import METHODS
-from ..scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
+from ...assembly.assemble import read_off
+from ...assembly.matrices import GivenStructure
+from ...contact.laws import ELASTIC_COULOMB
+from ...continuation.accuracy import MOST_HARMONICS
+from ...formats.model import FileMaterial, FileModel
+from ...formats.units import UNITS
+from ...library.settings import mesh_settings, reduction_settings, response_settings
+from ...mesh.cut import cuts_through
+from ...mesh.data import ContactPairs, Mesh
+from ...mesh.settings import MeshSettings
+from ...modes.limits import FEW, refuse_too_many
+from ...parallel.words import place
+from ...reduction.methods import METHODS
+from ...scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
+from . import content
+from .plausible import SI, suspicion
 
 # measured on the hex20 fan-blade sector of 122,124 DOF: 1.0 GB for the factor and 4 GiB in all at most (docs/guide.md)
 _FACTOR_GB, _MEASURED_DOF = 1.0, 122_124
 
 
-def check(scene: Scene, comm: MPI.Comm) -> None:
-    """Read mesh and pairs, or matrices, check them, and print what a run will need; nothing is solved.
-
-    Collective on ``comm``.
-
-    Raises
-    ------
-    CaseError, MeshError : on every rank
-    """
-    if scene.model.mesh is None:
-        lines = on_root(comm, lambda: needs_of_matrices(scene, read_structure(matrix_settings(scene))))
-    else:
-        file, scene, notes = read_completed(scene, comm)
-        settings = mesh_settings(scene)
-        mesh = on_root(comm, read_mesh, settings, file, share=False)
-        pairs = on_root(comm, pair_contacts, mesh, settings.joints)
-        check_elements(distribute(mesh, settings, comm), settings)
-        lines = on_root(comm, needs, scene, mesh, pairs, notes)
-    if comm.rank == 0:
-        print("\n".join(lines))
-
-
-def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...] = ()) -> list[str]:
+def needs(
+    scene: Scene, file: FileModel, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...] = (), stated: Container[str] = ()
+) -> list[str]:
     """Return lines that say what the scene holds and what a run will need.  Local, on rank 0.
+
+    ``of_file`` are notes on what was taken over from the model file, ``stated`` the materials that the scene states itself.
 
     Raises
     ------
     MeshError, CaseError : what only mesh and scene together show: free parts, loads or outputs without a node, too many modes
     """
-    is_fixed, _, part_names, loads, outputs, links, _ = read_off(mesh, pairs, mesh_settings(scene))
+    settings = mesh_settings(scene)
+    is_fixed, _, part_names, loads, outputs, links, _ = read_off(mesh, pairs, settings)
+    volume = content.volumes(mesh, settings.bodies)
     n_dependent = int((~is_fixed.ravel()[links.dependent]).sum())
     n_dof = int((~is_fixed).sum()) - n_dependent
     following = f", {n_dependent} that follow ties or points" if n_dependent else ""
@@ -70,17 +49,58 @@ def needs(scene: Scene, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...
         f"scene      {scene.source}: no fault found",
         f"mesh       {mesh.path}: {len(mesh.points)} nodes, {kinds}; {len(part_names)} connected parts",
         f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m",
+        *_suspected(scene, file, mesh, stated, content.mass(volume, settings.bodies)),
         *(f"           {note}" for note in (*of_file, *mesh.notes)),
+        *content.facts(file),
+        *content.bodies(mesh, settings.bodies, volume),
+        *_materials(scene),
+        *content.groups(mesh, settings.bodies),
+        *_supports(mesh, settings),
+        *content.table("masses", [f"{one.group}: {one.mass:.6g} kg a node" for one in settings.masses]),
+        *content.table("springs", [f"{' to '.join(one.groups)}: {one.stiffness:.6g} N/m" for one in settings.springs]),
+        *content.table("equations", [] if mesh.equations is None else [f"{len(mesh.equations.where)} of the file"]),
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
         *_joints(pairs),
         *(f"           {note}" for note in pairs.notes),
-        *_bolts(mesh, mesh_settings(scene)),
+        *_bolts(mesh, settings),
         *(f"load {i}     {_load_at(mesh, load, own.nodes)}" for i, (load, own) in enumerate(zip(scene.loads, loads), 1)),
         *(f"output     {out.name}: {_output_at(mesh, out, row.at)}" for out, row in zip(scene.outputs, outputs)),
         *_solution(scene, n_dof, pairs.n_pairs),
     ]
     return lines
+
+
+def _suspected(scene: Scene, file: FileModel, mesh: Mesh, stated: Container[str], mass: float) -> list[str]:
+    """Say which units are suspected in place of the scene's: those of the file, or of materials that the scene states."""
+    units, used = UNITS[scene.model.units or SI], {body.material for body in scene.bodies.values()}
+    of_file = {name: one for name, one in file.materials.items() if name in used and name not in stated}
+    of_scene = {name: FileMaterial(**dict(one)) for name, one in scene.materials.items() if name in used and name in stated}
+    text = suspicion(mesh.diagonal / units.length, of_file, units, mass)
+    text = text or suspicion(mesh.diagonal, of_scene, UNITS[SI], mass, by_scene=True)
+    return [f"           {text}"] if text else []
+
+
+def _materials(scene: Scene) -> list[str]:
+    """Return a line for each material that a body has."""
+    used = dict.fromkeys(body.material for body in scene.bodies.values())
+    lines = [
+        f"{name}: young {one.young:.6g} Pa, poisson {one.poisson:g}, density {one.density:.6g} kg/m3"
+        + (f", expansion {one.expansion:g} 1/K" if one.expansion is not None else "")
+        for name, one in scene.materials.items()
+        if name in used
+    ]
+    return content.table("materials", lines)
+
+
+def _supports(mesh: Mesh, settings: MeshSettings) -> list[str]:
+    """Return a line for each support."""
+    held = [
+        f"{one.point or one.group}: {', '.join(one.fix)}"
+        + (f", {len(mesh.node_groups[one.group])} nodes" if one.group in mesh.node_groups else "")
+        for one in settings.supports
+    ]
+    return content.table("supports", held)
 
 
 def _bolts(mesh: Mesh, settings: MeshSettings) -> list[str]:

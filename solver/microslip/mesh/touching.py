@@ -1,0 +1,221 @@
+"""Faces of bodies that lie on each other: found by what they are, with or without names, whatever their meshes.
+
+A face lies on another where points of either, a few a face, have their feet on the other, within a tolerance, and the two look
+at each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import chain
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .. import elements
+from ..elements import FACE_KINDS
+from ..parallel.errors import MeshError
+from ..parallel.words import place
+from .data import FaceBlock, Mesh
+from .settings import MeshSettings, TouchingFaces
+from .skin import Skin, groups_of_bodies, skin_of_mesh
+
+NEAR = 0.1  # of the size of the larger of two faces: how far apart they may lie, where nothing else is stated
+TURNED = 45.0  # degrees: how far the normal of a face may turn from the one that is asked for
+_FACING = np.cos(np.radians(60.0))  # faces that turn further away from each other are none that touch
+_BESIDE = 0.05  # of the size of a face: how far beyond its edge the foot of a point may lie, where surfaces are curved
+_CHUNK = 50_000  # points that are projected at a time
+# points of a face, inside it, so that faces which meet at an edge alone do not touch
+_PLACES = {
+    3: np.array([(1 / 6, 1 / 6), (2 / 3, 1 / 6), (1 / 6, 2 / 3)]),
+    4: np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Touching:
+    """Pairs of faces that lie on each other, of m pairs of a skin; each pair stands in both orders."""
+
+    face: np.ndarray  # (m,) number of a face
+    other: np.ndarray  # (m,) number of the face that it lies on
+    gap: np.ndarray  # (m,) m, the mean distance along the normal, above 0 where there is room between them
+    share: np.ndarray  # (n_faces,) how much of each face lies on others, 0 to 1, by its points
+
+
+def find_touching(skin: Skin, tolerance: float | None = None, near: float = NEAR) -> Touching:
+    """Return which faces of a skin lie on faces of other bodies, or of other connected parts.
+
+    Local, rank 0.
+
+    Parameters
+    ----------
+    tolerance : how far apart they may lie [m]; None: ``near`` times the size of the larger of the two
+    """
+    face, other = _candidates(skin, tolerance, near)
+    at, on, gap = _hits(skin, np.concatenate([face, other]), np.concatenate([other, face]), tolerance, near)
+    share = np.bincount(at, minlength=skin.n_faces) / np.maximum(_n_places(skin), 1)
+    return _paired(skin, at, on, gap, share)
+
+
+def _paired(skin: Skin, at: np.ndarray, on: np.ndarray, gap: np.ndarray, share: np.ndarray) -> Touching:
+    """Return the pairs, each in both orders and once, with mean gaps."""
+    key = np.concatenate([at * skin.n_faces + on, on * skin.n_faces + at])
+    pairs, which = np.unique(key, return_inverse=True)
+    mean = np.bincount(which, np.concatenate([gap, gap]), len(pairs)) / np.maximum(np.bincount(which, minlength=len(pairs)), 1)
+    n = max(skin.n_faces, 1)
+    return Touching(pairs // n, pairs % n, mean, share)
+
+
+def _reach(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None, near: float) -> np.ndarray:
+    """Return how far apart pairs of faces may lie, (m,) [m]."""
+    if tolerance is not None:
+        return np.full(len(face), tolerance)
+    return near * np.maximum(skin.size[face], skin.size[other])
+
+
+def _candidates(skin: Skin, tolerance: float | None, near: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs of faces, each once, that look at each other, are near, and neither of one piece nor joined by a node."""
+    found = [np.zeros((2, 0), dtype=np.int64)]
+    several = len(np.unique(skin.part)) > 1 or len(np.unique(skin.body)) > 1
+    radius, size = skin.radius, skin.size
+    for mine in _by_size(radius) if several else ():
+        largest = radius[mine].max()
+        reach = tolerance if tolerance is not None else near * np.maximum(size, size[mine].max())
+        smaller = np.flatnonzero(radius <= largest)  # the others meet these in classes of their own
+        within = (radius + largest + reach)[smaller]
+        lists = cKDTree(skin.centre[mine]).query_ball_point(skin.centre[smaller], within, return_sorted=False)
+        count = np.fromiter(map(len, lists), dtype=np.int64, count=len(lists))
+        face = np.repeat(smaller, count)
+        other = mine[np.fromiter(chain.from_iterable(lists), dtype=np.int64, count=count.sum())]
+        kept = (skin.body[face] != skin.body[other]) | (skin.part[face] != skin.part[other])
+        kept[kept] = np.einsum("mi,mi->m", skin.normal[face[kept]], skin.normal[other[kept]]) < -_FACING
+        found.append(np.stack([face[kept], other[kept]]))
+    face, other = np.unique(np.sort(np.concatenate(found, axis=1), axis=0), axis=1)
+    apart = np.linalg.norm(skin.centre[face] - skin.centre[other], axis=1)
+    kept = apart <= radius[face] + radius[other] + _reach(skin, face, other, tolerance, near)
+    kept[kept] = ~_share_a_node(skin, face[kept], other[kept])
+    return face[kept], other[kept]
+
+
+def _by_size(radius: np.ndarray) -> list[np.ndarray]:
+    """Return the faces in classes of size, a factor of two each."""
+    exponent = np.frexp(np.maximum(radius, 1e-300))[1]
+    return [np.flatnonzero(exponent == e) for e in np.unique(exponent)]
+
+
+def _share_a_node(skin: Skin, face: np.ndarray, other: np.ndarray) -> np.ndarray:
+    corners = skin.corners
+    return (corners[face][:, :, None] == corners[other][:, None, :]).any(axis=(1, 2))
+
+
+def _n_places(skin: Skin) -> np.ndarray:
+    """Return how many points each face has, (n_faces,)."""
+    counts = [np.full(len(nodes), len(_PLACES[FACE_KINDS[kind].n_corners])) for kind, nodes in skin.faces.items()]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *counts])
+
+
+def _hits(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None, near: float):
+    """Return the points of faces that lie on the other face of some pair (m,), each once, with the nearest.
+
+    (k,) each: the face, the other face, the gap [m].
+    """
+    place_of, point, row = _points_of(skin, face)
+    reach = _reach(skin, face, other, tolerance, near)[row]
+    close = np.linalg.norm(point - skin.centre[other[row]], axis=1) <= skin.radius[other[row]] + reach
+    place_of, point, row = place_of[close], point[close], row[close]
+    distance, gap, within = _feet(skin, point, other[row], reach[close])
+    place_of, row, distance, gap = place_of[within], row[within], distance[within], gap[within]
+    order = np.lexsort((other[row], distance, place_of))
+    first = order[np.diff(place_of[order], prepend=-1) > 0]
+    return face[row[first]], other[row[first]], gap[first]
+
+
+def _points_of(skin: Skin, face: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a number for each point of some faces (k,), the same whenever its face comes, the points (k, 3), the row of each."""
+    most = max(map(len, _PLACES.values()))
+    numbers, points, rows = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
+    for kind, mine, nodes in _each_kind(skin, face):
+        N = FACE_KINDS[kind].values(_PLACES[FACE_KINDS[kind].n_corners])
+        numbers.append((face[mine][:, None] * most + np.arange(len(N))).ravel())
+        points.append(np.einsum("pa,fai->fpi", N, skin.points[nodes]).reshape(-1, 3))
+        rows.append(np.repeat(mine, len(N)))
+    return np.concatenate(numbers), np.concatenate(points), np.concatenate(rows)
+
+
+def _each_kind(skin: Skin, face: np.ndarray):
+    """Yield each kind of face, the rows of ``face`` that are of it, and their nodes."""
+    for (kind, nodes), start in zip(skin.faces.items(), skin.first):
+        mine = np.flatnonzero((face >= start) & (face < start + len(nodes)))
+        yield kind, mine, nodes[face[mine] - start]
+
+
+def _feet(skin: Skin, point: np.ndarray, other: np.ndarray, reach: np.ndarray):
+    """Return of each point (k,) its distance from a face, the part along the normal [m], and whether its foot is in reach."""
+    distance, gap = np.full(len(point), np.inf), np.zeros(len(point))
+    for kind, mine, nodes in _each_kind(skin, other):
+        for start in range(0, len(mine), _CHUNK):
+            at, corners = mine[start : start + _CHUNK], skin.points[nodes[start : start + _CHUNK]]
+            xi, distance[at] = elements.nearest_on_faces(kind, corners, point[at])
+            foot = np.einsum("fa,fai->fi", FACE_KINDS[kind].values(xi), corners)
+            gap[at] = np.einsum("fi,fi->f", point[at] - foot, skin.normal[other[at]])
+    beside = np.sqrt(np.maximum(distance**2 - gap**2, 0.0))
+    return distance, gap, (np.abs(gap) <= reach) & (beside <= _BESIDE * skin.size[other])
+
+
+def with_found_surfaces(mesh: Mesh, settings: MeshSettings) -> Mesh:
+    """Return the mesh with the groups of faces that are told by the bodies which touch.  Local, rank 0.
+
+    Raises
+    ------
+    MeshError : faces that do not touch, a name that a group of the file has
+    """
+    if not settings.surfaces:
+        return mesh
+    skin = skin_of_mesh(mesh)
+    touching: Mapping[float | None, Touching] = {
+        tolerance: find_touching(skin, tolerance) for tolerance in {one.tolerance for one in settings.surfaces}
+    }
+    blocks, groups, notes = list(mesh.faces), dict(mesh.node_groups), list(mesh.notes)
+    for one in settings.surfaces:
+        if one.name in mesh.node_groups:
+            raise MeshError(f"[[surfaces]] {one.name!r}: a group of the mesh has this name already; take another")
+        faces = _faces_of(mesh, skin, touching[one.tolerance], one, settings)
+        blocks += [FaceBlock(kind, one.name, nodes) for kind, nodes in skin.by_kind(faces).items()]
+        groups[one.name] = skin.nodes_of(faces)
+        area = (skin.area * touching[one.tolerance].share)[faces].sum()
+        notes.append(f"surface {one.name!r}: {len(faces)} faces of {one.bodies[0]!r} on {one.bodies[1]!r}, {area:.6g} m2")
+    found = mesh.found | {one.name for one in settings.surfaces}
+    return replace(mesh, faces=tuple(blocks), node_groups=groups, notes=tuple(notes), found=found)
+
+
+def _faces_of(mesh: Mesh, skin: Skin, touching: Touching, one: TouchingFaces, settings: MeshSettings) -> np.ndarray:
+    """Return the faces of the first body that lie on the second, rising."""
+    number = {group: i for i, group in enumerate(groups_of_bodies(mesh))}
+    body, other = (number[settings.bodies[name].group] for name in one.bodies)
+    face = np.unique(touching.face[(skin.body[touching.face] == body) & (skin.body[touching.other] == other)])
+    if len(face) and one.normal is not None:
+        turned = skin.normal[face] @ (np.array(one.normal) / np.linalg.norm(one.normal))
+        face = face[turned >= np.cos(np.radians(TURNED)) - 1e-12]
+    if not len(face):
+        raise MeshError(_nothing(mesh, skin, one, body, other))
+    return face
+
+
+def _nothing(mesh: Mesh, skin: Skin, one: TouchingFaces, body: int, other: int) -> str:
+    """Say that no faces touch, and how near the two bodies come."""
+    within = f"within {one.tolerance:g} m" if one.tolerance is not None else f"within {NEAR:g} of the size of the faces"
+    facing = "" if one.normal is None else f" with normals within {TURNED:g} degrees of {place(one.normal)}"
+    text = f"[[surfaces]] {one.name!r}: no face of {one.bodies[0]!r}{facing} lies on {one.bodies[1]!r} {within}"
+    if body != other:
+        first, second = skin.nodes_of(skin.body == body), skin.nodes_of(skin.body == other)
+        shared = np.intersect1d(first, second)
+        if len(shared):
+            return f"{text}: they share {len(shared)} nodes, and are merged there; give each body nodes of its own"
+        apart, _ = cKDTree(mesh.points[second]).query(mesh.points[first])
+        nearest_node = first[np.argmin(apart)]
+        text += (
+            f"; the nearest nodes are {apart.min():.3g} m apart, at node {mesh.numbers[nearest_node]} "
+            f"{place(mesh.points[nearest_node])} m"
+        )
+    return f"{text}; state a larger tolerance, or other bodies"

@@ -1,0 +1,127 @@
+"""What a model file holds, in lines: elements, bodies with volume and mass, materials, groups, and what is not taken over."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+
+from ... import elements
+from ...formats.model import FileModel, Finding
+from ...formats.units import Units
+from ...mesh.data import Mesh
+from ...mesh.settings import Body
+from ...mesh.skin import faces_of_group, skin_of_mesh
+from ...parallel.words import place
+
+MOST = 40  # groups, findings or bodies that are listed one by one
+
+
+def table(heading: str, lines: list[str], most: int = MOST) -> list[str]:
+    """Return lines below each other, the first after a heading; ``most`` of them, and how many more there are.  Local."""
+    shown = lines[:most] + ([f"... and {len(lines) - most} more ({len(lines)} in all)"] if len(lines) > most else [])
+    return [f"{heading if i == 0 else '':10} {line}" for i, line in enumerate(shown)]
+
+
+def elements_of(mesh: Mesh) -> str:
+    """Return how many elements of each kind there are.  Local."""
+    counts: Counter[str] = Counter()
+    for block in mesh.elements:
+        counts[block.kind] += len(block.nodes)
+    return ", ".join(f"{n} {kind}" for kind, n in counts.items())
+
+
+def volumes(mesh: Mesh, of_scene: Mapping[str, Body]) -> dict[str, float]:
+    """Return the volume of each body [m3].  Local, rank 0."""
+    of_group = dict.fromkeys((body.group for body in of_scene.values()), 0.0)
+    for block in mesh.elements:
+        of_group[block.group] += float(elements.volumes(block.kind, mesh.points[block.nodes]).sum())
+    return {name: of_group[body.group] for name, body in of_scene.items()}
+
+
+def mass(volume: Mapping[str, float], of_scene: Mapping[str, Body]) -> float:
+    """Return the mass of all bodies [kg].  Local."""
+    return sum(volume[name] * body.density for name, body in of_scene.items())
+
+
+def bodies(mesh: Mesh, of_scene: Mapping[str, Body], volume: Mapping[str, float]) -> list[str]:
+    """Return a line for each body with its volume and mass, and one for all of them.  Local, rank 0."""
+    found = []
+    for name, body in of_scene.items():
+        held = ", ".join(f"{len(block.nodes)} {block.kind}" for block in mesh.elements if block.group == body.group)
+        group = "" if name == body.group else f" (group {body.group})"
+        found.append(f"{name}{group}: {held}, {volume[name]:.6g} m3{_kilograms(volume[name] * body.density)}")
+    in_all = f"{sum(volume.values()):.6g} m3{_kilograms(mass(volume, of_scene))} in all"
+    return table("bodies", found) + (table("", [in_all]) if len(found) > 1 else [])
+
+
+def _kilograms(mass: float) -> str:
+    return "" if np.isnan(mass) else f", {mass:.6g} kg"
+
+
+def groups(mesh: Mesh, of_scene: Mapping[str, Body]) -> list[str]:
+    """Return a line for each named group that is no body: its nodes, and the outer faces that it names or holds.  Local."""
+    skin, of_bodies = skin_of_mesh(mesh), {body.group for body in of_scene.values()}
+    found = []
+    for name, nodes in mesh.node_groups.items():
+        if name in of_bodies or len(nodes) == 0:
+            continue
+        own = faces_of_group(mesh, skin, name)
+        text = f"{name}: {len(nodes)} nodes"
+        n_named = sum(len(block.nodes) for block in mesh.faces if block.group == name)
+        if len(own):
+            text += f", {len(own)} outer faces of {skin.area[own].sum():.6g} m2"
+        elif n_named:
+            text += f", {n_named} faces, none of them outside"
+        found.append(text)
+    return table("groups", found)
+
+
+def materials(file: FileModel, units: Units) -> list[str]:
+    """Return a line for each material of the file, in SI units.  Local."""
+    found = []
+    for name, one in file.materials.items():
+        parts = [f"young {one.young * units.stress:.6g} Pa"] if one.young is not None else ["no young"]
+        parts += [f"poisson {one.poisson:g}" if one.poisson is not None else "no poisson"]
+        parts += [f"density {one.density * units.density:.6g} kg/m3" if one.density is not None else "no density"]
+        parts += [f"expansion {one.expansion:g} 1/K"] if one.expansion is not None else []
+        found.append(f"{name}: {', '.join(parts)}")
+    return table("materials", found)
+
+
+def attached(file: FileModel, units: Units) -> list[str]:
+    """Return lines for supports, ties, points, masses, springs, equations and bolts of the file, in SI units.  Local."""
+    lines = table("supports", [f"{one.group or one.point}: {', '.join(one.fix)}" for one in file.supports])
+    lines += table("ties", [f"{one.name + ': ' if one.name else ''}{' on '.join(one.surfaces)}" for one in file.ties])
+    points = [
+        f"{one.name}: {one.connection}, {one.group}, at {place(np.multiply(one.position, units.length))} m"
+        + (f", {one.mass * units.mass:.6g} kg" if one.mass else "")
+        for one in file.connected
+    ]
+    lines += table("points", points)
+    lines += table("masses", [f"{one.group}: {one.mass * units.mass:.6g} kg a node" for one in file.masses])
+    lines += table("springs", [f"{' to '.join(one.groups)}: {one.stiffness * units.stiffness:.6g} N/m" for one in file.springs])
+    if file.equations is not None:
+        where = file.equations.where
+        lines += table("equations", [f"{len(where)}, the first of them {where[0]}" if where else "none"])
+    return lines + table("bolts", [f"{one.name}: a cut, {one.group}" for one in file.bolts])
+
+
+def left_out(findings: tuple[Finding, ...]) -> list[str]:
+    """Return a line for each thing that is not taken over, those that change the answer first.  Local."""
+    counts = Counter((one.word, one.effect, one.changes) for one in findings)
+    first: dict[tuple[str, str, bool], str] = {}
+    lines = []
+    for one in findings:
+        first.setdefault((one.word, one.effect, one.changes), one.where)
+    for heading, changes in (("to answer", True), ("left out", False)):
+        own = [key for key in counts if key[2] is changes]
+        rows = [f"{first[key]}: {key[0]}: {key[1]}{f' ({counts[key]} times)' if counts[key] > 1 else ''}" for key in own]
+        lines += table(heading, rows)
+    return lines
+
+
+def facts(file: FileModel) -> list[str]:
+    """Return what the file says of itself.  Local."""
+    return table("file", list(file.facts))

@@ -1,0 +1,66 @@
+"""The sets that the picture of a mesh marks: of a scene what it uses, of a model file what it names."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...formats.model import FileModel
+from ...mesh.cut import cuts_through
+from ...mesh.data import Mesh
+from ...mesh.locate import find_node
+from ...mesh.settings import Load, MeshSettings, Output
+from ...mesh.skin import faces_of_group, skin_of_mesh
+from ...mesh.surface import outward_faces
+from .picture import Mark
+
+
+def marks_of_scene(mesh: Mesh, settings: MeshSettings) -> list[Mark]:
+    """Return joints, ties, bolts, supports, points, loads and outputs of a scene.  Local, rank 0."""
+    marks = [Mark(label=f"joint {one.name}", faces=_faces(mesh, one.surfaces)) for one in settings.joints]
+    if settings.ties:
+        named = settings.ties[0].name if len(settings.ties) == 1 else f"{len(settings.ties)} of them"
+        marks.append(Mark(label=f"ties: {named}", faces=[own for one in settings.ties for own in _faces(mesh, one.surfaces[:1])]))
+    bolts = () if settings.statics is None else settings.statics.bolts
+    for bolt, cut in zip(bolts, cuts_through(mesh, bolts)):
+        marks.append(Mark(label=f"cut of {bolt.name}", points=mesh.points[cut.nodes], marker="s"))
+    held = [mesh.node_groups[one.group] for one in settings.supports if one.group in mesh.node_groups]
+    if held:
+        names = ", ".join(dict.fromkeys(str(one.group) for one in settings.supports if one.group is not None))
+        marks.append(Mark(label=f"held: {names}", points=mesh.points[np.unique(np.concatenate(held))], marker="^"))
+    places = {one.name: one.position for one in settings.points}
+    marks += [Mark(label=f"point {name}", points=np.array([at]), marker="D") for name, at in places.items()]
+    loads = [(f"load {i}", one) for i, one in enumerate(settings.loads, 1)]
+    outputs = [(f"output {one.name}", one) for one in settings.outputs]
+    return marks + [mark for label, one in loads + outputs if (mark := _mark_at(mesh, label, one, places)) is not None]
+
+
+def _faces(mesh: Mesh, groups: tuple[str, ...]) -> list[np.ndarray]:
+    return [faces for group in groups for faces in outward_faces(mesh, group).values()]
+
+
+def _mark_at(mesh: Mesh, label: str, one: Load | Output, places: dict) -> Mark | None:
+    """Return where a load acts or an output is; None of what acts everywhere, or on a joint."""
+    group = getattr(one, "group", None)
+    if one.point is not None:
+        points = np.array([places[one.point]])
+    elif one.position is None and one.node is None and group is None:
+        return None
+    else:
+        points = mesh.points[find_node(mesh, position=one.position, node=one.node, group=group)]
+    is_load = isinstance(one, Load)
+    return Mark(label=label, points=points, marker="*" if is_load else "o", direction=one.direction if is_load else None)
+
+
+def marks_of_file(mesh: Mesh, file: FileModel, settings: MeshSettings) -> list[Mark]:
+    """Return the groups of faces, what is held, and the points of a model file.  Local, rank 0."""
+    skin, of_bodies, held = skin_of_mesh(mesh), set(settings.body_of), {one.group for one in file.supports}
+    marks = []
+    for name, nodes in mesh.node_groups.items():
+        own = faces_of_group(mesh, skin, name) if name not in of_bodies and len(nodes) else np.zeros(0, dtype=np.int64)
+        if name in held:
+            marks.append(Mark(label=f"held: {name}", points=mesh.points[nodes], marker="^"))
+        elif len(own) and skin.area[own].sum() < 0.5 * skin.area.sum():
+            marks.append(Mark(label=name, faces=list(skin.by_kind(own).values())))
+    return marks + [
+        Mark(label=f"point {one.name}", points=np.array([one.position]) * settings.scale, marker="D") for one in file.connected
+    ]

@@ -1,0 +1,76 @@
+"""The story of `check` for a model file by itself, before a scene says what is used of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...formats.model import FileModel
+from ...formats.read import read_model
+from ...formats.units import UNITS
+from ...mesh.connected import connected_parts
+from ...mesh.data import Mesh
+from ...mesh.settings import MeshSettings
+from ...parallel.agree import on_root
+from ...parallel.words import place
+from . import content
+from .marks import marks_of_file
+from .picture import draw
+from .plausible import SI, suspicion
+from .whole import likely_units, whole_mesh
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def check_model(path: str, comm: MPI.Comm, out: Path | None = None) -> None:
+    """Read a model file by itself, and print what it holds; its mesh is drawn into the folder ``out``, if one is given.
+
+    Collective on ``comm``; rank 0 alone reads and draws.
+
+    Raises
+    ------
+    CaseError, MeshError : on every rank
+    """
+    lines = on_root(comm, _lines, path, out)
+    if comm.rank == 0:
+        print("\n".join(lines))
+
+
+def _lines(path: str, out: Path | None) -> list[str]:
+    file = read_model(path)
+    units = likely_units(path, file)
+    mesh, settings = whole_mesh(path, file, UNITS[units])
+    lines = lines_of_file(path, file, mesh, settings, units)
+    return lines + ([] if out is None else draw(out, mesh, marks_of_file(mesh, file, settings), Path(path).name))
+
+
+def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: MeshSettings, units: str) -> list[str]:
+    """Return lines on all that a file holds, in SI units if the file is in ``units``.  Local, rank 0."""
+    _, parts = connected_parts(mesh, settings.body_of)
+    volume = content.volumes(mesh, settings.bodies)
+    metres, taken = UNITS[units].length, "metres" if units == SI else f'"{units}"' if file.materials else "millimetres"
+    suspected = suspicion(mesh.diagonal / metres, file.materials, UNITS[SI], _mass_in_si(volume, file, settings, metres))
+    return [
+        f"model      {path}: {len(file.points)} nodes, {content.elements_of(mesh)}; {len(parts)} connected parts",
+        f"           from {place(mesh.points.min(axis=0))} to {place(mesh.points.max(axis=0))} m, if it is in {taken}",
+        *([f"           {suspected}"] if suspected else []),
+        *(f"           {note}" for note in mesh.notes),
+        *content.facts(file),
+        *content.bodies(mesh, settings.bodies, volume),
+        *content.materials(file, UNITS[units]),
+        *content.groups(mesh, settings.bodies),
+        *content.attached(file, UNITS[units]),
+        *content.left_out(file.findings),
+        f"next       microslip new {path}",
+    ]
+
+
+def _mass_in_si(volume: Mapping[str, float], file: FileModel, settings: MeshSettings, metres: float) -> float:
+    """Return the mass that the file would have if its numbers were SI [kg]; NaN where a density is not known."""
+    material = {name: file.materials.get(body.material) for name, body in file.bodies.items()}
+    densities = {name: getattr(material.get(name), "density", None) for name in settings.bodies}
+    if None in densities.values():
+        return float("nan")
+    return sum(float(density) * volume[name] / metres**3 for name, density in densities.items() if density is not None)

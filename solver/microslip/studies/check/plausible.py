@@ -1,0 +1,85 @@
+"""Units that cannot be meant: materials and lengths that no structure has, and the units in which they would be plausible."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from ...formats.model import FileMaterial
+from ...formats.units import UNITS, Units
+
+SI = "m-kg-s"
+# least and most of what structures are made of, from rubber to diamond and from cork to tungsten, and their sizes
+_YOUNG, _DENSITY, _SPEED, _LENGTH = (1e6, 1.3e12), (100.0, 25_000.0), (30.0, 20_000.0), (1e-4, 50.0)
+
+
+def suspicion(
+    diagonal: float, materials: Mapping[str, FileMaterial], stated: Units, mass: float = np.nan, by_scene: bool = False
+) -> str:
+    """Say which units are suspected in place of those that are stated; empty where all is plausible.  Local.
+
+    Parameters
+    ----------
+    diagonal : of the mesh, in units of the file
+    materials : of the file, by name; without any the length alone is judged
+    mass : of all bodies [kg], as the units make it; NaN: not known
+    by_scene : they are the scene's own, in SI units by definition
+    """
+    odd = [text for name, one in materials.items() if (text := _odd_material(name, one, stated))]
+    if odd and by_scene:
+        return f"units suspected: {odd[0]}; materials of a scene are in Pa and kg/m3"
+    size = diagonal * stated.length
+    is_odd_size = not _within(size, _LENGTH)
+    if not odd and not is_odd_size:
+        return ""
+    better = better_units(diagonal, materials.values()) if odd else []
+    weight = "" if np.isnan(mass) else f" and weighs {mass:.4g} kg"
+    found = (
+        f"{odd[0]}, and the mesh measures {size:.4g} m across{weight}"
+        if odd
+        else f"the mesh measures {size:.4g} m across{weight}"
+    )
+    if not odd:
+        return f"units suspected: {found}; " + (
+            "if it is in millimetres, state scale = 0.001" if size > _LENGTH[1] else "state [model] scale or units"
+        )
+    hint = " or ".join(f'units = "{name}"' for name in better) or "state [model] units, or correct the file"
+    return f"units suspected: {found}; {_as(diagonal, materials, better[0]) if better else ''}{hint}"
+
+
+def better_units(diagonal: float, materials: Iterable[FileMaterial]) -> list[str]:
+    """Return the units in which materials and length are plausible, those with the likelier lengths first.  Local."""
+    known = [one for one in materials if one.young is not None or one.density is not None]
+    fitting = [
+        name
+        for name, units in UNITS.items()
+        if known and not any(_odd_material("", one, units) for one in known) and _within(diagonal * units.length, _LENGTH)
+    ]
+    return sorted(fitting, key=lambda name: abs(np.log10(diagonal * UNITS[name].length / 0.3)))
+
+
+def _as(diagonal: float, materials: Mapping[str, FileMaterial], name: str) -> str:
+    """Say what some units would make of the file."""
+    units, (material, one) = UNITS[name], next(iter(materials.items()))
+    parts = [f"{diagonal * units.length:.4g} m across"]
+    parts += [f"young {one.young * units.stress:.4g} Pa"] if one.young is not None else []
+    parts += [f"density {one.density * units.density:.4g} kg/m3"] if one.density is not None else []
+    return f'in "{name}" it is {parts[0]}, {material!r} has {" and ".join(parts[1:])}: '
+
+
+def _odd_material(name: str, one: FileMaterial, units: Units) -> str:
+    """Say what no material has; empty where it is plausible."""
+    young = None if one.young is None else one.young * units.stress
+    density = None if one.density is None else one.density * units.density
+    if young is not None and not _within(young, _YOUNG):
+        return f"{name!r} has young = {young:.4g} Pa"
+    if density is not None and not _within(density, _DENSITY):
+        return f"{name!r} has density = {density:.4g} kg/m3"
+    if young is not None and density is not None and not _within(np.sqrt(young / density), _SPEED):
+        return f"{name!r} has young = {young:.4g} Pa and density = {density:.4g} kg/m3, a speed of sound that nothing has"
+    return ""
+
+
+def _within(value: float, limits: tuple[float, float]) -> bool:
+    return limits[0] <= value <= limits[1]

@@ -1,0 +1,47 @@
+"""The story of `check`: a scene is read and checked, what is in it is listed and, if asked for, drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...assembly.check import check_elements
+from ...assembly.matrices import read_structure
+from ...library.complete import read_completed
+from ...library.settings import matrix_settings, mesh_settings
+from ...mesh.pairing import pair_contacts
+from ...mesh.partition import distribute
+from ...mesh.read import read_mesh
+from ...parallel.agree import on_root
+from ...scene.schema import Scene
+from .marks import marks_of_scene
+from .picture import draw
+from .report import needs, needs_of_matrices
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:
+    """Read mesh and pairs, or matrices, check them, and print what is there and what a run will need; nothing is solved.
+
+    Collective on ``comm``.  The mesh is drawn into the folder ``out``, if one is given.
+
+    Raises
+    ------
+    CaseError, MeshError : on every rank
+    """
+    if scene.model.mesh is None:
+        lines = on_root(comm, lambda: needs_of_matrices(scene, read_structure(matrix_settings(scene))))
+    else:
+        stated = tuple(scene.materials)
+        file, scene, notes = read_completed(scene, comm)
+        settings = mesh_settings(scene)
+        mesh = on_root(comm, read_mesh, settings, file, share=False)
+        pairs = on_root(comm, pair_contacts, mesh, settings.joints)
+        check_elements(distribute(mesh, settings, comm), settings)
+        lines = on_root(comm, needs, scene, file, mesh, pairs, notes, stated)
+        if out is not None:
+            lines += on_root(comm, lambda: draw(out, mesh, marks_of_scene(mesh, settings), scene.title or scene.name))
+    if comm.rank == 0:
+        print("\n".join(lines))

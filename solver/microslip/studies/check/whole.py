@@ -1,0 +1,98 @@
+"""A model file as a mesh of its own bodies, before a scene says anything."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ...formats.model import KINDS, FileModel, Group
+from ...formats.units import UNITS, Units
+from ...mesh.data import Mesh
+from ...mesh.read import read_mesh
+from ...mesh.settings import Body, MeshSettings
+from ...parallel.errors import MeshError
+from .plausible import SI, better_units, suspicion
+
+
+def whole_mesh(path: str, file: FileModel, units: Units) -> tuple[Mesh, MeshSettings]:
+    """Return the mesh of all bodies of a model file in metres, and the settings that it was read by.  Local, rank 0.
+
+    Young's modulus, Poisson's ratio and density of a body are NaN where the file does not state them.
+
+    Raises
+    ------
+    MeshError : no volume elements, some in no named group, or of kinds that this program does not have
+    """
+    bodies = {name: _body(file, name, group, units) for name, group in bodies_of(file).items()}
+    if not bodies:
+        raise MeshError(f"{path}: {_no_bodies(file)}")
+    settings = MeshSettings(file=Path(path), stated=str(path), scale=units.length, bodies=bodies)
+    return read_mesh(settings, file), settings
+
+
+def likely_units(path: str, file: FileModel) -> str:
+    """Return in which units a file is plausible: SI, or where its materials or its size are odd so, others.  Local, rank 0.
+
+    Of a mesh without materials whose size is odd in metres millimetres are supposed.
+    """
+    mesh, _ = whole_mesh(path, file, UNITS[SI])
+    if not suspicion(mesh.diagonal, file.materials, UNITS[SI]):
+        return SI
+    better = better_units(mesh.diagonal, file.materials.values())
+    return better[0] if better else "mm-kg-s" if not file.materials and mesh.diagonal > 1.0 else SI
+
+
+def bodies_of(file: FileModel) -> dict[str, str]:
+    """Return the group of each body: as the file states, or groups of volume elements that hold each element once.  Local.
+
+    Of groups within each other the small ones are taken, if all of them together hold every element; else the large ones.
+    """
+    if file.bodies:
+        return {name: body.group for name, body in file.bodies.items()}
+    members = {name: found for name, group in file.groups.items() if len(found := solids_of(file, group))}
+    n_solids = sum(len(own.nodes) for own in file.cells if _is_solid(own.kind))
+    by_size = sorted(members, key=lambda name: len(members[name]))
+    for names in (by_size, by_size[::-1]):
+        taken = np.zeros(sum(len(own.nodes) for own in file.cells), dtype=bool)
+        chosen = set()
+        for name in names:
+            if not taken[members[name]].any():
+                taken[members[name]] = True
+                chosen.add(name)
+        if np.count_nonzero(taken) == n_solids:
+            break
+    return {name: name for name in members if name in chosen}
+
+
+def solids_of(file: FileModel, group: Group) -> np.ndarray:
+    """Return the volume elements of a group, counted over all cells of the file, rising.  Local."""
+    start = np.cumsum([0, *(len(own.nodes) for own in file.cells)])
+    rows = [start[i] + own for i, own in group.cells.items() if _is_solid(file.cells[i].kind)]
+    return np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *rows]))
+
+
+def _is_solid(kind: str) -> bool:
+    return KINDS.get(kind, (0, 0))[0] == 3
+
+
+def _body(file: FileModel, name: str, group: str, units: Units) -> Body:
+    own = file.bodies.get(name)
+    material = file.materials.get(own.material) if own is not None else None
+    young, poisson, density = (
+        np.nan if material is None or (value := getattr(material, key)) is None else value
+        for key in ("young", "poisson", "density")
+    )
+    return Body(group=group, young=young * units.stress, poisson=poisson, density=density * units.density)
+
+
+def _no_bodies(file: FileModel) -> str:
+    """Say why there is no body."""
+    kinds = {own.kind: len(own.nodes) for own in file.cells if len(own.nodes)}
+    if any(_is_solid(kind) for kind in kinds):
+        return (
+            "its volume elements are in no named group, and a body is a named group of them (in Gmsh a Physical Volume with a "
+            "name); name one in the program that wrote the file"
+        )
+    held = ", ".join(f"{n} {kind}" for kind, n in kinds.items()) or "nodes alone"
+    return f"it holds no volume elements ({held}): nothing that could be a body"

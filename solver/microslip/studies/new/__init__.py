@@ -1,0 +1,1 @@
+"""A first scene for a model file, with candidates for joints."""

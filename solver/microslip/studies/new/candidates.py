@@ -1,0 +1,265 @@
+"""Candidates for joints: surfaces of different bodies that lie on each other, by the names of the file or by new ones."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.spatial import cKDTree
+
+from ...formats.model import FileModel
+from ...mesh.data import FaceBlock, Mesh
+from ...mesh.matching import TOLERANCE
+from ...mesh.settings import MeshSettings, TouchingFaces
+from ...mesh.skin import Skin, faces_of_group, groups_of_bodies, skin_of_mesh
+from ...mesh.surface import surface_of
+from ...mesh.touching import TURNED, Touching, find_touching
+from ...parallel.errors import MeshError
+
+_MOST = 0.9  # of the area of one of two named surfaces must lie on the other
+_APART = 0.01  # of the size of the faces: surfaces farther apart than that do not touch yet
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """Two surfaces that may be a joint, the first of which lies on the second."""
+
+    name: str
+    surfaces: tuple[str, str]
+    made: tuple[TouchingFaces, ...] = ()  # that make groups of these names; none: the file has them
+    n_faces: tuple[int, int]
+    area: float  # m2, of the first that lies on the second
+    gap: float  # m, its mean
+    size: float  # m, of the larger faces
+    matches: bool  # node to node
+    is_likely: bool = True  # nothing else joins the two bodies, or the file names the surfaces
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether there is room between the surfaces."""
+        return abs(self.gap) > _APART * self.size
+
+    @property
+    def text(self) -> str:
+        """What there is to say of it, on one line."""
+        nodes = "node to node" if self.matches else "their meshes differ"
+        apart = f"{self.gap:.2g} m apart" if abs(self.gap) > 1e-6 * self.size else "touching"
+        return f"{' on '.join(self.surfaces)}: {self.n_faces[0]} faces on {self.n_faces[1]}, {self.area:.4g} m2, {apart}, {nodes}"
+
+
+def find_candidates(mesh: Mesh, file: FileModel, settings: MeshSettings) -> list[Candidate]:
+    """Return the candidates, those with names of the file first, and those whose bodies are joined already or apart last.
+
+    Local, rank 0.  Surfaces that the file ties are none.
+    """
+    skin = skin_of_mesh(mesh)
+    touching = find_touching(skin)
+    bodies = set(settings.body_of)
+    faces = {
+        name: faces_of_group(mesh, skin, name) for name, nodes in mesh.node_groups.items() if name not in bodies and len(nodes)
+    }
+    faces = {name: own for name, own in faces.items() if len(own)}
+    tied = [(faces[a], faces[b]) for a, b in (one.surfaces for one in file.ties) if a in faces and b in faces]
+    asked = [one.surfaces for one in file.findings if len(one.surfaces) == 2]
+    named, rest = _named(mesh, skin, _without(touching, skin, tied), faces, asked)
+    joined = {tuple(pair) for one in tied for pair in _bodies_of(skin, *one)}
+    joined |= {tuple(pair) for one in named for pair in _bodies_of(skin, *(faces[name] for name in one.surfaces))}
+    rough = np.abs(rest.gap) > _APART * np.maximum(skin.size[rest.face], skin.size[rest.other])
+    taken = set(mesh.node_groups)
+    found = [
+        one
+        for is_apart in (False, True)
+        for one in _unnamed(mesh, skin, _some(rest, rough == is_apart), settings, joined, taken, not is_apart)
+    ]
+    order = sorted([*named, *found], key=lambda one: (one.is_apart, not one.is_likely, bool(one.made), -one.area))
+    return [replace(one, name=name) for one, name in zip(order, _distinct([one.name for one in order]), strict=True)]
+
+
+def _bodies_of(skin: Skin, first: np.ndarray, second: np.ndarray) -> list[list[int]]:
+    """Return which bodies two sets of faces connect, each two numbers rising."""
+    pairs = {tuple(sorted((a, b))) for a in np.unique(skin.body[first]).tolist() for b in np.unique(skin.body[second]).tolist()}
+    return [list(pair) for pair in pairs]
+
+
+def _some(touching: Touching, kept: np.ndarray) -> Touching:
+    """Return some of the pairs of faces."""
+    return replace(touching, face=touching.face[kept], other=touching.other[kept], gap=touching.gap[kept])
+
+
+def _without(touching: Touching, skin: Skin, pairs: Iterable) -> Touching:
+    """Return the pairs of faces but for those between two sets of them."""
+    kept = np.ones(len(touching.face), dtype=bool)
+    for first, second in pairs:
+        if first is not None and second is not None:
+            kept &= ~_between(touching, skin, first, second)
+    return _some(touching, kept)
+
+
+def _between(touching: Touching, skin: Skin, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return which pairs are between two sets of faces, in either order."""
+    is_first, is_second = np.zeros((2, skin.n_faces), dtype=bool)
+    is_first[first], is_second[second] = True, True
+    face, other = touching.face, touching.other
+    return (is_first[face] & is_second[other]) | (is_second[face] & is_first[other])
+
+
+def _named(
+    mesh: Mesh, skin: Skin, touching: Touching, faces: dict[str, np.ndarray], asked: Sequence[tuple[str, ...]]
+) -> tuple[list[Candidate], Touching]:
+    """Return the candidates that have names in the file, and the pairs of faces that are in none of them.
+
+    Of several groups of the same faces those that the file itself has in contact count, then the first.
+    """
+    names = list(faces)
+    at = np.repeat(np.arange(len(names)), [len(own) for own in faces.values()])
+    members = sp.csr_matrix(
+        (np.ones(len(at)), (at, np.concatenate([*faces.values(), np.zeros(0, dtype=np.int64)]))), (len(names), skin.n_faces)
+    )
+    pairs = sp.csr_matrix((np.ones(len(touching.face)), (touching.face, touching.other)), (skin.n_faces, skin.n_faces))
+    meets = (pairs @ members.T).astype(bool).astype(float)  # (n_faces, n_groups)
+    area = members @ sp.diags(skin.area)
+    share = sp.diags(1.0 / np.maximum(np.asarray(area.sum(axis=1)).ravel(), 1e-300)) @ (area @ meets)
+    found = sp.coo_matrix(share)
+    mutual = {(i, j): (value, share[j, i]) for i, j, value in zip(found.row, found.col, found.data) if i < j}
+    wanted = {frozenset(pair) for pair in asked}
+
+    def rank(pair: tuple[int, int]) -> tuple:
+        is_wanted = frozenset((names[pair[0]], names[pair[1]])) in wanted
+        return (not is_wanted, -round(mutual[pair][0] * mutual[pair][1], 6), pair)
+
+    candidates = []
+    for i, j in sorted(mutual, key=rank):
+        is_wanted = frozenset((names[i], names[j])) in wanted
+        if max(mutual[i, j]) < _MOST and not is_wanted:
+            continue
+        inside = _between(touching, skin, faces[names[i]], faces[names[j]])
+        if not inside.any():
+            continue  # in a candidate before
+        first, second = _in_order(skin, (i, mutual[i, j][0]), (j, mutual[i, j][1]), [faces[name] for name in names])
+        candidates.append(
+            _candidate(mesh, skin, touching, (names[first], names[second]), faces[names[first]], faces[names[second]])
+        )
+        touching = _without(touching, skin, [(faces[names[i]], faces[names[j]])])
+    return candidates, touching
+
+
+def _in_order(skin: Skin, one: tuple[int, float], other: tuple[int, float], faces: list[np.ndarray]) -> tuple[int, int]:
+    """Return first the surface that lies on the other with all of it; of two that do, the finer one."""
+    if min(one[1], other[1]) > 0.98:
+        finer = skin.area[faces[one[0]]].mean() <= 1.001 * skin.area[faces[other[0]]].mean()
+        return (one[0], other[0]) if finer else (other[0], one[0])
+    return (one[0], other[0]) if one[1] >= other[1] else (other[0], one[0])
+
+
+def _candidate(mesh: Mesh, skin: Skin, touching: Touching, surfaces, first: np.ndarray, second: np.ndarray, made=()) -> Candidate:
+    """Return two surfaces of a skin with what there is to say of them."""
+    inside = _between(touching, skin, first, second) & np.isin(touching.face, first)
+    touched, on = np.unique(touching.face[inside]), np.unique(touching.other[inside])
+    weight = skin.area[touching.face[inside]]
+    return Candidate(
+        name=_plain(f"{surfaces[0]}_{surfaces[1]}" if not made else surfaces[0]),
+        surfaces=surfaces,
+        made=made,
+        n_faces=(len(touched), len(on)),
+        area=float((skin.area * touching.share)[touched].sum()),
+        gap=float(touching.gap[inside] @ weight / weight.sum()),
+        size=float(max(skin.size[touched].mean(), skin.size[on].mean())),
+        matches=_match(mesh, skin, first, second),
+    )
+
+
+def _match(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray) -> bool:
+    """Return whether the nodes of two sets of faces lie on each other, one to one."""
+    nodes, others = skin.nodes_of(first), skin.nodes_of(second)
+    if len(nodes) != len(others):
+        return False
+    apart, partner = cKDTree(mesh.points[others]).query(mesh.points[nodes])
+    return bool((apart <= TOLERANCE * mesh.diagonal).all() and len(np.unique(partner)) == len(nodes))
+
+
+def _unnamed(
+    mesh: Mesh,
+    skin: Skin,
+    touching: Touching,
+    settings: MeshSettings,
+    joined: set[tuple[int, ...]],
+    taken: set[str],
+    splits: bool,
+) -> list[Candidate]:
+    """Return a candidate for each two bodies that touch where no group is, or several where they touch round an edge."""
+    names, found = [settings.body_of[group] for group in groups_of_bodies(mesh)], []
+    pairs = np.unique(np.sort(np.stack([skin.body[touching.face], skin.body[touching.other]], axis=1), axis=1), axis=0)
+    for a, b in pairs.tolist():
+        is_likely = (a, b) not in joined
+        first = np.unique(touching.face[(skin.body[touching.face] == a) & (skin.body[touching.other] == b)])
+        second = np.unique(touching.face[(skin.body[touching.face] == b) & (skin.body[touching.other] == a)])
+        if skin.area[second].mean() < 0.999 * skin.area[first].mean() and a != b:
+            (a, first), (b, second) = (b, second), (a, first)  # the finer side comes first
+        for normal, side, other in _sides(mesh, skin, first, second, a == b, splits):
+            stems = (f"{names[a]}_on_{names[b]}", f"{names[b]}_on_{names[a]}")
+            surfaces = _new_names(stems if a != b else (f"{names[a]}_one_side", f"{names[a]}_other_side"), taken)
+            back = None if normal is None else (-normal[0] + 0.0, -normal[1] + 0.0, -normal[2] + 0.0)
+            made = (
+                TouchingFaces(name=surfaces[0], bodies=(names[a], names[b]), normal=normal),
+                TouchingFaces(name=surfaces[1], bodies=(names[b], names[a]), normal=back),
+            )
+            found.append(replace(_candidate(mesh, skin, touching, surfaces, side, other, made), is_likely=is_likely))
+    return found
+
+
+def _sides(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray, is_one_body: bool, splits: bool):
+    """Yield (normal, faces, faces of the other side): once without a normal, or by normals where they turn sharply."""
+    if not is_one_body and (not splits or (_is_smooth(mesh, skin, first) and _is_smooth(mesh, skin, second))):
+        yield None, first, second
+        return
+    left = first
+    while len(left):
+        largest = skin.normal[left[np.argmax(skin.area[left])]]
+        mine = left[skin.normal[left] @ largest >= np.cos(np.radians(TURNED))]
+        mean = (skin.area[mine, None] * skin.normal[mine]).sum(axis=0)
+        normal = np.round(mean / np.linalg.norm(mean), 3) + 0.0
+        mine = left[skin.normal[left] @ normal >= np.cos(np.radians(TURNED)) * np.linalg.norm(normal)]
+        other = second[-(skin.normal[second] @ normal) >= np.cos(np.radians(TURNED)) * np.linalg.norm(normal)]
+        if len(mine) == 0 or len(other) == 0:
+            return
+        yield (float(normal[0]), float(normal[1]), float(normal[2])), mine, other
+        left = np.setdiff1d(left, np.concatenate([mine, other]) if is_one_body else mine)
+
+
+def _is_smooth(mesh: Mesh, skin: Skin, faces: np.ndarray) -> bool:
+    """Return whether a joint may have these faces as one surface."""
+    name = "faces that touch"
+    blocks = tuple(FaceBlock(kind, name, nodes) for kind, nodes in skin.by_kind(faces).items())
+    try:
+        surface_of(replace(mesh, faces=blocks, node_groups={name: skin.nodes_of(faces)}), name)
+    except MeshError:
+        return False
+    return True
+
+
+def _plain(name: str) -> str:
+    """Return a name without what names of scenes may not have."""
+    return re.sub(r'[\s,"/\\\x00-\x1f]+', "_", name).strip("_") or "joint"
+
+
+def _new_names(stems: tuple[str, str], taken: set[str]) -> tuple[str, str]:
+    """Return two names that nothing has yet, and take them."""
+    number = 1
+    first, second = names = (_plain(stems[0]), _plain(stems[1]))
+    while first in taken or second in taken or first == second:
+        number += 1
+        first, second = (f"{name}_{number}" for name in names)
+    taken.update((first, second))
+    return first, second
+
+
+def _distinct(names: list[str]) -> list[str]:
+    """Return names that are all different: those that come again with a number."""
+    found: list[str] = []
+    for name in names:
+        number = 1 + sum(one == name or one.startswith(f"{name} ") for one in found)
+        found.append(name if number == 1 else f"{name} {number}")
+    return found

@@ -1,0 +1,60 @@
+"""Where a first scene holds, loads and looks at a structure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from ...formats.model import FileModel
+from ...mesh.data import Mesh
+from ...mesh.settings import MeshSettings
+
+# how names begin, or parts of them do, that say a group is held
+_HELD = ("clamp", "fix", "support", "held", "encastre", "encast", "ground", "wall", "spc", "base", "built", "mount", "root")
+
+
+@dataclass(frozen=True)
+class Place:
+    """A node, or a point, with a direction in which to load it and look at it."""
+
+    node: int | None  # number in the file
+    point: str | None
+    position: tuple[float, ...]  # m
+    direction: tuple[float, float, float]
+
+
+def held_groups(mesh: Mesh, file: FileModel, settings: MeshSettings, used: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Return the groups whose names say that they are held, and the others that may be.  Local.
+
+    Both are empty where the file itself holds something.  ``used`` are groups that do something else.
+    """
+    if file.supports or any(one.stiffness or one.rotational_stiffness for one in file.connected):
+        return [], []
+    others = {*settings.body_of, *used, *(name for tie in file.ties for name in tie.surfaces)}
+    others |= {one.group for one in file.bolts} | {one.group for one in file.masses}
+    free = [name for name, nodes in mesh.node_groups.items() if name not in others and len(nodes) >= 3]
+    sure = [name for name in free if any(word in name.lower() for word in _HELD)]
+    return sure, [name for name in free if name not in sure]
+
+
+def farthest(mesh: Mesh, file: FileModel, held: Iterable[str]) -> Place:
+    """Return the node farthest from what is held, or the point that leads it, and a direction across the mesh's longest side.
+
+    Local.  Where nothing is held, the node farthest from the middle.  The direction has both axes in which it may bend: which of
+    them the first mode takes nobody knows before it is computed.
+    """
+    groups = [mesh.node_groups[name] for name in held if name in mesh.node_groups]
+    groups += [mesh.node_groups[one.group] for one in file.supports if one.group in mesh.node_groups]
+    nodes = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *groups]))
+    from_there = mesh.points[nodes] if len(nodes) else mesh.points.mean(axis=0)[None]
+    apart = cKDTree(from_there).query(mesh.points)[0]
+    node = int(np.argmax(np.round(apart / mesh.diagonal, 6)))  # of nodes equally far the first
+    across = np.ones(3)
+    across[int(np.argmax(np.ptp(mesh.points, axis=0)))] = 0.0
+    direction = (float(across[0]), float(across[1]), float(across[2]))
+    leading = [one.name for one in file.connected if one.group in mesh.node_groups and node in mesh.node_groups[one.group]]
+    position = tuple(float(x) + 0.0 for x in np.round(mesh.points[node] / mesh.diagonal, 9) * mesh.diagonal)
+    return Place(None if leading else int(mesh.numbers[node]), leading[0] if leading else None, position, direction)

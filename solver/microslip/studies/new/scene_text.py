@@ -1,0 +1,279 @@
+"""The text of a first scene: what the file tells is stated, what nobody knows yet stands there as a comment to be filled in."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+from ...formats.model import FileMaterial, FileModel, Finding
+from ...formats.units import UNITS
+from ...mesh.data import Mesh
+from ...mesh.settings import MeshSettings, TouchingFaces
+from .candidates import Candidate
+from .places import Place
+
+MOST = 20  # further candidates, as comments
+
+
+@dataclass(frozen=True, kw_only=True)
+class First:
+    """What is known of a first scene."""
+
+    model: str  # path of the model file, from the folder of the scene
+    units: str | None  # of the file; None: it has none that matter
+    scale: float | None  # m per unit of a file without units; None: metres
+    mesh: Mesh
+    file: FileModel
+    settings: MeshSettings
+    candidates: list[Candidate]
+    held: list[str]  # groups
+    may_be_held: list[str]
+    place: Place
+
+    @property
+    def joints(self) -> list[Candidate]:
+        """The candidates that the scene takes for joints."""
+        return [one for one in self.candidates if one.is_likely and not one.is_apart]
+
+    @property
+    def open_findings(self) -> list[Finding]:
+        """What of the file changes the answer and is not answered by the scene."""
+        joined = [frozenset(one.surfaces) for one in self.joints]
+        return [
+            one
+            for one in self.file.findings
+            if one.changes
+            and not (one.surfaces and frozenset(one.surfaces) in joined)
+            and not (one.part == "statics" and self.file.bolts)
+        ]
+
+
+def text_of(first: First) -> str:
+    """Return the text of the scene.  Local."""
+    parts = [
+        _model(first),
+        _materials(first),
+        _bodies(first),
+        _supports(first),
+        *(_joint(one, first) for one in first.joints),
+        _further(first),
+        _statics(first),
+        _loads(first),
+        _rest(),
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _line(key: str, value: str, comment: str = "") -> str:
+    stated = f"{key} = {value}"
+    return f"{stated:31} # {comment}" if comment else stated
+
+
+def _model(first: First) -> str:
+    lines = [
+        f"# A first scene for {first.model}, by microslip new; docs/guide.md says what each key means. Units are SI here.",
+        "# Fill in what begins with #>, then: microslip check, microslip run.",
+        f"title = {_quoted(f'{first.model}, first mode')}",
+        "",
+        "[model]",
+        _line("mesh", _quoted(first.model)),
+    ]
+    if first.units is not None:
+        lines.append(_line("units", _quoted(first.units), "of the file: as its materials and its size suggest"))
+    if first.scale is not None:
+        size = first.mesh.diagonal
+        lines.append(
+            _line("scale", f"{first.scale:g}", f"m a unit of the mesh, which then measures {size:.4g} m across: is it so?")
+        )
+    open_findings = first.open_findings
+    if open_findings:
+        lines.append("# The file holds what would change the answer and is not taken over. State what it means, or waive it:")
+        lines += [f"#   {one.where}: {one.word}: {one.effect}" for one in open_findings[:MOST]]
+        words = list(dict.fromkeys(one.word for one in open_findings))
+        lines.append(f"#> ignore = [{', '.join(map(_quoted, words))}]")
+    return "\n".join([*lines, ""])
+
+
+def _materials(first: First) -> str:
+    file, lacking = first.file, []
+    for name in dict.fromkeys(body.material for body in file.bodies.values()):
+        one = file.materials.get(name)
+        if one is None or None in (one.young, one.poisson, one.density):
+            lacking.append(name)
+    if not file.bodies:
+        lacking = ["steel"]
+    lines = []
+    units = UNITS[first.units or "m-kg-s"]
+    for name in lacking:
+        one = file.materials.get(name, FileMaterial())
+        known = {"young": (one.young, units.stress), "poisson": (one.poisson, 1.0), "density": (one.density, units.density)}
+        lines.append(f"[materials.{_key(name)}]")
+        for key, (value, factor) in known.items():
+            comment = f"{_STEEL[key][1]}: steel's; the file does not state it" if value is None else "as in the file"
+            lines.append(_line(key, _STEEL[key][0] if value is None else repr(value * factor), comment))
+        lines.append("")
+    if file.bodies and not lacking:
+        names = ", ".join(dict.fromkeys(body.material for body in file.bodies.values()))
+        lines = [f"# materials ({names}) and {len(file.bodies)} bodies come from the file", ""]
+    return "\n".join(lines)
+
+
+def _key(name: str) -> str:
+    return name if name.isascii() and name.replace("_", "").replace("-", "").isalnum() else json.dumps(name)
+
+
+def _bodies(first: First) -> str:
+    if first.file.bodies:
+        return ""
+    lines = []
+    for name, body in first.settings.bodies.items():
+        lines += [f"[bodies.{_key(name)}]", _line("group", _quoted(body.group)), _line("material", '"steel"'), ""]
+    return "\n".join(lines)
+
+
+def _supports(first: First) -> str:
+    file = first.file
+    if file.supports:
+        held = ", ".join(f"{one.group or one.point} ({''.join(one.fix)})" for one in file.supports[:5])
+        return f"# held by the file: {held}\n"
+    lines = [
+        line
+        for name in first.held
+        for line in ("[[supports]]", _line("group", _quoted(name), "by its name; is it held?"), _FIX, "")
+    ]
+    if not first.held and not any(one.stiffness for one in file.connected):
+        names = ", ".join(first.may_be_held[:MOST]) or "none; name one in the program that wrote the file"
+        lines += [
+            "# Nothing in the file says what is held. Groups that may be: " + names,
+            "#> [[supports]]",
+            f"#> group = {_quoted(first.may_be_held[0] if first.may_be_held else 'NAME')}",
+            f"#> {_FIX}",
+            "",
+        ]
+    return "\n".join(lines)
+
+
+_STEEL = {"young": ("2.1e11", "Pa"), "poisson": ("0.3", "-"), "density": ("7850.0", "kg/m3")}
+_FIX = 'fix = ["x", "y", "z"]'
+
+
+def _joint(one: Candidate, first: First) -> str:
+    """Return a joint with its numbers as comments, after the surfaces that it needs."""
+    lines = [_surface(surface) for surface in one.made]
+    preload = (
+        _line("preload", '"static"', "what [statics] finds")
+        if _is_tightened(first)
+        else "#> preload = 1e6                # Pa at rest: 1e5 to 1e8; bolts: force / area"
+    )
+    note = f"# {one.text}"
+    lines += [
+        note,
+        "[[joints]]",
+        _line("name", _quoted(one.name)),
+        _line("surfaces", f"[{', '.join(map(_quoted, one.surfaces))}]"),
+        "#> friction = 0.3               # dry steel on steel: 0.1 to 0.6",
+        "#> tangential_stiffness = 1e13  # N/m3: 1e12 to 1e14 of metals; a layer of steel as thick as 80e9 / this, in m",
+        "#> normal_stiffness = 1.5e13    # N/m3: as it, or up to twice",
+        preload,
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _surface(one: TouchingFaces) -> str:
+    lines = [
+        "[[surfaces]]",
+        _line("name", _quoted(one.name)),
+        _line("bodies", f"[{', '.join(map(_quoted, one.bodies))}]", "faces of the first that lie on the second"),
+    ]
+    if one.normal is not None:
+        lines.append(_line("normal", f"[{', '.join(map(repr, one.normal))}]", "and look there"))
+    return "\n".join([*lines, ""])
+
+
+def _further(first: First) -> str:
+    """Return the other candidates, as comments."""
+    others = [one for one in first.candidates if one not in first.joints]
+    if not first.candidates:
+        return (
+            "# No surfaces of different bodies lie on each other: this scene has no joint, and its curves are linear. Surfaces\n"
+            "# farther apart than a tenth of their faces' size are found with [[surfaces]] tolerance; bodies that share\n"
+            "# nodes are one.\n"
+        )
+    if not others:
+        return ""
+    lines = ["# Further surfaces that lie on each other, of bodies that are joined above or tied, or with room between them:"]
+    for one in others[:MOST]:
+        lines.append(f"#   {one.text if not one.made else _without_names(one)}")
+    if len(others) > MOST:
+        lines.append(f"#   and {len(others) - MOST} more")
+    if any(one.made for one in others):
+        lines.append(
+            '# A joint of such faces takes two tables [[surfaces]] with name = "..." and bodies = ["A", "B"], and ["B", "A"].'
+        )
+    return "\n".join([*lines, ""])
+
+
+def _without_names(one: Candidate) -> str:
+    """Say what a candidate is by its bodies."""
+    return f"{' on '.join(one.made[0].bodies)}: {one.text.partition(': ')[2]}"
+
+
+def _is_tightened(first: First) -> bool:
+    return bool(first.file.bolts)
+
+
+def _statics(first: First) -> str:
+    lines = []
+    force = UNITS[first.units or "m-kg-s"].stiffness * UNITS[first.units or "m-kg-s"].length
+    for bolt in first.file.bolts if _is_tightened(first) else ():
+        stated = "#> force = 1e4                  # N, of the tightened bolt"
+        if bolt.force is not None:
+            stated = _line("force", f"{abs(bolt.force) * force!r}", "N: as in the file")
+        lines += ["[[statics.bolts]]", _line("group", _quoted(bolt.group)), stated, ""]
+    return "\n".join(lines)
+
+
+def _loads(first: First) -> str:
+    place = first.place
+    where = _line("point", _quoted(place.point)) if place.point is not None else _line("node", str(place.node), _at(place))
+    direction = _line(
+        "direction", f"[{', '.join(map(repr, place.direction))}]", "across the longest side, in both axes: either may bend first"
+    )
+    return "\n".join(
+        [
+            "# where it shakes, and where it is watched: far from what is held",
+            "[[loads]]",
+            where,
+            direction,
+            "",
+            "[[outputs]]",
+            _line("name", '"tip"'),
+            where,
+            direction,
+            "",
+        ]
+    )
+
+
+def _at(place: Place) -> str:
+    return f"at ({', '.join(f'{x + 0.0:.6g}' for x in place.position)}) m"
+
+
+def _rest() -> str:
+    return "\n".join(
+        [
+            "[damping]",
+            _line("ratio", "1e-3", "of critical damping, in all modes, beside the friction"),
+            "",
+            "[response]",
+            _line("levels", "[0.1, 1.0]", "N: begin where nothing slips, go up by twos"),
+            _line("mode", "1", "the range lies around this mode ..."),
+            _line("span", "[0.95, 1.02]", "... from so many times its frequency to so many"),
+            "",
+        ]
+    )

@@ -1,0 +1,117 @@
+"""The story of `new`: a model file is read, candidates for joints are found, and a first scene is written."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ...formats.model import FileModel
+from ...formats.read import READERS, read_model
+from ...formats.units import UNITS
+from ...parallel.agree import on_root
+from ...parallel.errors import CaseError
+from ...parallel.files import written_whole
+from ...parallel.words import listed, nearest
+from ...scene.checks import absent
+from ..check.content import table
+from ..check.plausible import SI
+from ..check.whole import likely_units, whole_mesh
+from .candidates import find_candidates
+from .places import farthest, held_groups
+from .scene_text import First, text_of
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def new(model: str, comm: MPI.Comm, out: Path | None = None, force: bool = False) -> None:
+    """Write a first scene for a model file, and print what was found.
+
+    Collective on ``comm``; rank 0 alone reads and writes.
+
+    Parameters
+    ----------
+    out : the scene; None: the model's name with ``.toml``, in the folder where the program was started
+    force : write it where there is a file already
+
+    Raises
+    ------
+    CaseError, MeshError : no model file, nothing in it, a file of the scene's name; on every rank
+    """
+    lines = on_root(comm, _write, model, Path(f"{Path(model).stem}.toml") if out is None else out, force)
+    if comm.rank == 0:
+        print("\n".join(lines))
+
+
+def _write(model: str, out: Path, force: bool) -> list[str]:
+    """Write the scene and return what there is to say.  Local, rank 0."""
+    _refuse(model, out, force)
+    first = _first(model, out, read_model(model))
+    with written_whole(str(out)) as beside:
+        Path(beside).write_text(text_of(first), encoding="utf-8")
+    return _lines(model, out, first)
+
+
+def _refuse(model: str, out: Path, force: bool) -> None:
+    """Raise CaseError for what is no model file, and for a scene that would be overwritten."""
+    path = Path(model)
+    ending = path.suffix.lower()
+    if ending == ".toml":
+        raise CaseError(
+            f"{model} is a scene; new takes the model file that a scene is to be written for; try: microslip check {model}"
+        )
+    if ending not in READERS:
+        near = nearest(ending, READERS)
+        hint = f"; nearest is {near}" if near else ""
+        raise CaseError(f"{model}: the ending {ending!r} is not known{hint}; known are {listed(READERS)}")
+    if not path.is_file():
+        raise CaseError(f"{model}: {'that is a folder' if path.is_dir() else absent(path.absolute())}")
+    if out.suffix.lower() != ".toml":
+        raise CaseError(f"--out {out}: a scene's name ends in .toml")
+    if out.exists() and not force:
+        raise CaseError(f"{out} is there already, and is not overwritten; name another with --out, or say --force")
+
+
+def _first(model: str, out: Path, file: FileModel) -> First:
+    """Return what is known of the first scene.  Local, rank 0."""
+    units = likely_units(model, file)
+    mesh, settings = whole_mesh(model, file, UNITS[units])
+    states_scale = units != SI and not file.materials
+    candidates = find_candidates(mesh, file, settings)
+    likely = [name for one in candidates if one.is_likely and not one.is_apart for name in one.surfaces]
+    held, may_be = held_groups(mesh, file, settings, likely)
+    return First(
+        model=Path(os.path.relpath(model, out.parent)).as_posix(),
+        units=None if units == SI or states_scale else units,
+        scale=UNITS[units].length if states_scale else None,
+        mesh=mesh,
+        file=file,
+        settings=settings,
+        candidates=candidates,
+        held=held,
+        may_be_held=may_be,
+        place=farthest(mesh, file, held),
+    )
+
+
+def _lines(model: str, out: Path, first: First) -> list[str]:
+    """Return what was found and what is to be done, in lines."""
+    joints = [f"{one.name}: {one.text}" for one in first.joints]
+    others = [one.text for one in first.candidates if one not in first.joints]
+    place = first.place
+    where = f"point {place.point}" if place.point else f"node {place.node}"
+    holds = [f"{one.group or one.point}, by the file" for one in first.file.supports] + [
+        f"{name}, by its name" for name in first.held
+    ]
+    units = first.units or (f"scale = {first.scale:g}" if first.scale else "SI, as it seems")
+    return [
+        f"new        {out}, for {model}: {len(first.mesh.points)} nodes, {first.mesh.diagonal:.4g} m across ({units})",
+        *table("bodies", list(first.settings.bodies)),
+        *table("joints", joints or ["no surfaces of different bodies lie on each other"]),
+        *table("or", others, 10),
+        *table("supports", holds or ["none known: fill in [[supports]]"]),
+        f"load       {where}, along ({', '.join(f'{x:g}' for x in place.direction)}); the output is there, too",
+        *table("to answer", [f"{one.where}: {one.word}: {one.effect}" for one in first.open_findings]),
+        f"next       fill in what begins with #> in {out}, then: microslip check {out}",
+    ]

@@ -1,0 +1,117 @@
+"""From a model file to a first curve by `new`, `check` and `run`, on any number of ranks; what is wrong is said once."""
+
+import re
+
+import numpy as np
+import pytest
+from plain_model import inp, plain
+
+from microslip.parallel.agree import on_root
+from microslip.results.read import read_results
+
+
+@pytest.fixture
+def model(shared_path, comm):
+    """The model file, without names for the two sides that touch."""
+    whole = plain()
+    on_root(comm, lambda: (shared_path / "m.inp").write_text(inp(whole)))
+    return shared_path / "m.inp"
+
+
+def edit(comm, path, *changes):
+    """Change a file on one rank."""
+
+    def write():
+        text = re.sub(r"^#> ", "", path.read_text(), flags=re.MULTILINE)
+        for old, new in changes:
+            assert re.search(old, text, flags=re.MULTILINE)
+            text = re.sub(old, new, text, flags=re.MULTILINE)
+        path.write_text(text)
+
+    on_root(comm, write)
+
+
+QUICK = (
+    (r"^levels = \S+ \S+", "levels = [40.0]"),
+    (r"^span = .*", "span = [0.95, 1.02]\npoints = 6\n[solver]\nmodes = 4\nerror_bars = false"),
+)
+BY_BODIES = """[[surfaces]]
+name = "up"
+bodies = ["BAR-1.ALL", "PLATE-1.ALL"]
+[[surfaces]]
+name = "low"
+bodies = ["PLATE-1.ALL", "BAR-1.ALL"]
+[[joints]]"""
+
+
+def test_from_new_to_a_curve_by_names_and_by_bodies(comm, program, model, shared_path):
+    scene, out = shared_path / "first.toml", shared_path / "out"
+    status, said, _ = program("new", model, "--out", scene)
+    assert status == 0 and said.count("BAR_BOTTOM on PLATE_TOP: 3 faces on 3, 0.0005 m2, touching, node to node") == 1
+    status, _, error = program("check", scene)
+    assert status == 2 and "and tangential_stiffness, normal_stiffness and preload\n" in error
+    edit(comm, scene, *QUICK)
+    status, said, _ = program("check", scene, "--out", out)
+    assert status == 0 and "joint      BAR_BOTTOM_PLATE_TOP: 8 pairs on 0.0005 m2" in said and "picture " in said
+    peaks = []
+    for changes in ((), ((r"^\[\[joints\]\]", BY_BODIES), (r'"BAR_BOTTOM", "PLATE_TOP"', '"up", "low"'))):
+        edit(comm, scene, *changes)
+        status, said, error = program("run", scene, "--out", out)
+        assert status == 0, error
+        peaks.append(on_root(comm, lambda: np.abs(read_results(str(out / "results.h5")).levels[0].response).max()))
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-9) and peaks[0] > 0.0
+    assert "surface 'up': 3 faces of 'BAR-1.ALL' on 'PLATE-1.ALL', 0.0005 m2" in said
+    assert on_root(comm, lambda: (out / "mesh.png").stat().st_size) > 10_000
+
+
+def test_a_model_file_is_checked_and_a_scene_kept(comm, program, model, shared_path):
+    status, said, _ = program("check", model)
+    assert status == 0 and said.count("model      ") == 1 and "supports   PLATE_BASE: x, y, z" in said
+    on_root(comm, lambda: (shared_path / "mine.toml").write_text("mine"))
+    status, _, error = program("new", model, "--out", shared_path / "mine.toml")
+    assert status == 2 and error.count("microslip: error: ") == 1 and "is not overwritten" in error
+    assert on_root(comm, lambda: (shared_path / "mine.toml").read_text()) == "mine"
+
+
+@pytest.mark.parametrize(
+    "command, file, message",
+    [
+        ("new", "none.inp", "there is no such file"),
+        ("new", "first.toml", "is a scene; new takes the model file"),
+        ("new", "m.inq", "the ending '.inq' is not known; nearest is .inp"),
+        ("check", "none.inp", "there is no file"),
+    ],
+)
+def test_what_is_no_model_is_said_once(program, shared_path, command, file, message):
+    status, _, error = program(command, shared_path / file)
+    assert status == 2 and error.count("microslip: error: ") == 1 and message in error and "Traceback" not in error
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (('"PLATE-1.ALL"]', '"PLATE-1"]'), 'holds "PLATE-1": there is no such body; nearest is "PLATE-1.ALL"'),
+        (
+            ('bodies = ["BAR-1.ALL", "PLATE-1.ALL"]', 'bodies = ["BAR-1.ALL", "BAR-1.ALL"]'),
+            "normal is missing, which tells one side",
+        ),
+        (
+            ('PLATE-1.ALL"]', 'PLATE-1.ALL"]\ntolerance = 1e-9\nnormal = [1.0, 0.0, 0.0]'),
+            "no face of 'BAR-1.ALL' with normals within 45",
+        ),
+        (('name = "up"', 'name = "BAR_BOTTOM"'), "'BAR_BOTTOM': a group of the mesh has this name already"),
+        (("[[surfaces]]\nname", "[[surfaces]]\nbody = 1\nname"), '("up") body: unknown key; nearest is "bodies"'),
+    ],
+)
+def test_surfaces_that_cannot_be_found_are_said_once(comm, program, model, shared_path, change, message):
+    scene = shared_path / "first.toml"
+    program("new", model, "--out", scene)
+    edit(comm, scene, *QUICK)
+
+    def write():
+        text = scene.read_text().replace("[[joints]]", BY_BODIES.replace(*change, 1))
+        scene.write_text(text)
+
+    on_root(comm, write)
+    status, _, error = program("check", scene)
+    assert status == 2 and error.count("microslip: error: ") == 1 and message in error, error

@@ -1,0 +1,108 @@
+"""Faces that lie on each other are found, by bodies and by parts, on meshes of every kind; those that do not are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_meshes import KINDS, box, joint, mesh_of, settings
+
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.settings import TouchingFaces
+from microslip.mesh.skin import faces_of_group, skin_of_mesh
+from microslip.mesh.surface import surface_of
+from microslip.mesh.touching import find_touching, with_found_surfaces
+from microslip.parallel.errors import MeshError
+
+LOWER, UPPER = (1.0, 1.0, 0.5), (0.6, 1.0, 0.5)
+
+
+def two_boxes(kind="hex8", other=None, at=(0.7, 0.0, 0.5), n=(5, 5, 1), size=UPPER):
+    """A box on another, of which it covers 0.3 x 1."""
+    lower = ("lower", kind, *box(kind, (10, 5, 1), LOWER))
+    return mesh_of(lower, ("upper", other or kind, *box(other or kind, n, size, at)))
+
+
+def found(mesh, *surfaces, bodies=("lower", "upper")):
+    given = replace(settings({name: name for name in bodies}), surfaces=surfaces)
+    return with_found_surfaces(mesh, given)
+
+
+UP = TouchingFaces(name="up", bodies=("upper", "lower"))
+LOW = TouchingFaces(name="low", bodies=("lower", "upper"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_skin_is_the_surface_of_the_bodies(kind):
+    mesh = mesh_of(("a", kind, *box(kind, (2, 3, 1), (1.0, 2.0, 3.0))), ("b", kind, *box(kind, (1, 1, 1), (1, 1, 1), (5, 0, 0))))
+    skin = skin_of_mesh(mesh)
+    assert [skin.area[skin.body == i].sum() for i in (0, 1)] == pytest.approx([22.0, 6.0], rel=1e-13)
+    out = skin.centre - np.array([[0.5, 1.0, 1.5], [5.5, 0.5, 0.5]])[skin.body]
+    assert (np.einsum("fi,fi->f", skin.normal, out) > 0.1).all() and len(np.unique(skin.part)) == 2
+
+
+@pytest.mark.parametrize("kind, other", [(kind, kind) for kind in KINDS] + [("hex20", "tet4"), ("tet10", "hex8")])
+def test_faces_that_touch_and_no_others(kind, other):
+    mesh = found(two_boxes(kind, other), UP, LOW)
+    for name, low, high in (("up", 0.7, 1.06), ("low", 0.7, 1.0)):  # the last cell of the upper box covers 1.0 in part
+        points = mesh.points[mesh.node_groups[name]]
+        assert points.min(axis=0) == pytest.approx([low, 0.0, 0.5]) and points.max(axis=0) == pytest.approx([high, 1.0, 0.5])
+    assert sum(surface_of(mesh, "low").areas) == pytest.approx(0.3, rel=1e-12)
+    pairs = pair_contacts(mesh, [joint(surfaces=("up", "low"), pairing="points")])
+    assert pairs.area.sum() == pytest.approx(0.3, rel=1e-9)  # of a face that lies on the other in part, that part
+
+
+def test_a_small_face_on_a_large_one_and_one_beside_it():
+    mesh = two_boxes(at=(0.33, 0.41, 0.5), n=(2, 2, 1), size=(0.02, 0.02, 0.1))
+    low = found(mesh, LOW).node_groups["low"]
+    assert len(low) == 4 and (np.ptp(mesh.points[low], axis=0) == pytest.approx([0.1, 0.2, 0.0]))
+    with pytest.raises(MeshError, match=r"no face of 'upper' lies on 'lower' .* the nearest nodes are 0.5 m apart, at node"):
+        found(two_boxes(at=(1.5, 0.0, 0.5)), UP)
+
+
+def test_how_far_apart_they_may_lie():
+    mesh = two_boxes(at=(0.7, 0.0, 0.503))
+    touching = find_touching(skin_of_mesh(mesh))
+    assert touching.gap == pytest.approx(0.003, rel=1e-9)
+    with pytest.raises(MeshError, match="within 0.002 m"):
+        found(mesh, replace(UP, tolerance=0.002))
+    far = two_boxes(at=(0.7, 0.0, 0.53))
+    with pytest.raises(MeshError, match="within 0.1 of the size of the faces"):
+        found(far, UP)
+    assert len(found(far, replace(UP, tolerance=0.04)).node_groups["up"])
+
+
+def test_a_peg_in_a_hole_whose_meshes_differ():
+    def ring(n, inner, outer):
+        points, nodes = box("hex8", (1, n, 3), (outer - inner, 2.0 * np.pi * (1 - 1e-9), 1.0), (inner, 0.0, 0.0))
+        r, angle, z = points.T
+        return np.column_stack([r * np.cos(angle), r * np.sin(angle), z]), nodes
+
+    mesh = found(
+        mesh_of(("peg", "hex8", *ring(24, 0.5, 1.0)), ("hole", "hex8", *ring(31, 1.0, 2.0))),
+        TouchingFaces(name="out", bodies=("peg", "hole")),
+        bodies=("peg", "hole"),
+    )
+    own = faces_of_group(mesh, skin_of_mesh(mesh), "out")
+    assert len(own) == 72 and np.linalg.norm(mesh.points[mesh.node_groups["out"]][:, :2], axis=1) == pytest.approx(1.0)
+
+
+def test_parts_of_one_body_and_the_side_that_is_meant():
+    whole = two_boxes()
+    one = replace(whole, elements=tuple(replace(block, group="both") for block in whole.elements), node_groups={})
+    up = TouchingFaces(name="up", bodies=("both", "both"), normal=(0.1, 0.0, -1.0))
+    mesh = found(one, up, replace(up, name="low", normal=(0.0, 0.0, 2.0)), bodies=("both",))
+    expected = found(whole, UP, LOW)
+    for name in ("up", "low"):
+        assert np.array_equal(mesh.node_groups[name], expected.node_groups[name])
+    with pytest.raises(MeshError, match=r"no face of 'both' with normals within 45 degrees of \(1, 0, 0\) lies on 'both'"):
+        found(one, replace(up, normal=(1.0, 0.0, 0.0)), bodies=("both",))
+
+
+def test_merged_bodies_and_names_that_are_taken():
+    points, nodes = box("hex8", (2, 1, 1))
+    blocks = mesh_of(("a", "hex8", points, nodes[:1]))
+    merged = replace(blocks, elements=(blocks.elements[0], replace(blocks.elements[0], group="b", nodes=nodes[1:])))
+    with pytest.raises(MeshError, match="they share 4 nodes, and are merged there"):
+        found(merged, TouchingFaces(name="up", bodies=("a", "b")), bodies=("a", "b"))
+    with pytest.raises(MeshError, match="a group of the mesh has this name already"):
+        found(two_boxes(), replace(UP, name="lower"))

@@ -1,0 +1,125 @@
+"""What `check` lists of a model file and draws of it, and which units it suspects."""
+
+import numpy as np
+import pytest
+from box_meshes import box, joint, mesh_of, settings
+from matplotlib.image import imread
+from plain_model import bdf, cdb, exodus, inp, plain, unv
+
+from microslip.formats.model import FileMaterial, Finding
+from microslip.formats.units import UNITS
+from microslip.mesh.skin import skin_of_mesh
+from microslip.studies.check import content, picture
+from microslip.studies.check.marks import marks_of_scene
+from microslip.studies.check.model_file import _lines
+from microslip.studies.check.picture import draw
+from microslip.studies.check.plausible import suspicion
+
+VOLUME, MASS = 0.05 * 0.01 * 0.025, 0.05 * 0.01 * 0.025 * 7800.0
+STEEL = {
+    "m-kg-s": FileMaterial(young=2.1e11, density=7800.0),
+    "mm-t-s": FileMaterial(young=2.1e5, density=7.8e-9),
+    "mm-kg-s": FileMaterial(young=2.1e8, density=7.8e-6),
+    "mm-kg-ms": FileMaterial(young=210.0, density=7.8e-6),
+    "in-lbf-s": FileMaterial(young=3.05e7, density=7.3e-4),
+}
+
+
+def said(path, out=None):
+    return "\n".join(_lines(str(path), out))
+
+
+def test_all_that_a_file_states_is_listed(tmp_path):
+    (tmp_path / "m.inp").write_text(inp(plain(), ("*Dashpot, elset=D", "1", "2.0")))
+    text = said(tmp_path / "m.inp")
+    for words in (
+        "32 nodes, 6 hex8; 2 connected parts",
+        "from (0, 0, 0) to (0.05, 0.01, 0.025) m, if it is in metres",
+        "BAR-1.ALL: 3 hex8, 1e-05 m3, 0.078 kg",
+        f"{VOLUME:.6g} m3, {MASS:.6g} kg in all",
+        "Steel: young 2.1e+11 Pa, poisson 0.3, density 7800 kg/m3",
+        "PLATE_TOP: 8 nodes, 3 outer faces of 0.0005 m2",
+        "supports   PLATE_BASE: x, y, z",
+        "to answer  line ",
+        ": *DASHPOT: ",
+    ):
+        assert words in text
+    assert "units suspected" not in text and "picture" not in text
+
+
+@pytest.mark.parametrize("ending", [".cdb", ".bdf", ".unv", ".exo"])
+def test_every_format_is_listed(tmp_path, ending):
+    model, path = plain("hex20"), tmp_path / f"m{ending}"
+    if ending == ".exo":
+        exodus(model, path)
+    else:
+        path.write_text({".cdb": cdb, ".bdf": bdf, ".unv": unv}[ending](model))
+    text = said(path)
+    assert "6 hex20; 2 connected parts" in text and f"{VOLUME:.6g} m3" in text and "18 nodes, 3 outer faces of 0.0005 m2" in text
+
+
+@pytest.mark.parametrize("units", UNITS)
+def test_units_that_cannot_be_meant_are_suspected(units):
+    size = 0.7 / UNITS[units].length
+    assert suspicion(size, {"STEEL": STEEL[units]}, UNITS[units]) == ""
+    text = suspicion(size, {"STEEL": STEEL[units]}, UNITS["m-kg-s"], 7.8e6)
+    if units == "m-kg-s":
+        assert text == ""
+    else:
+        assert text.startswith("units suspected: 'STEEL' has ") and "and weighs 7.8e+06 kg" in text
+        assert text.endswith(f'units = "{units}"') and "0.7 m across" in text
+
+
+def test_a_mesh_in_millimetres_is_suspected_with_its_weight():
+    text = suspicion(1000.0, {"steel": STEEL["m-kg-s"]}, UNITS["m-kg-s"], 7.8e6)
+    assert text == (
+        "units suspected: the mesh measures 1000 m across and weighs 7.8e+06 kg; if it is in millimetres, state scale = 0.001"
+    )
+    assert "materials of a scene are in Pa" in suspicion(1.0, {"s": STEEL["mm-t-s"]}, UNITS["m-kg-s"], by_scene=True)
+    assert suspicion(1.0, {}, UNITS["m-kg-s"]) == ""
+
+
+def test_findings_that_repeat_stand_once_and_long_lists_end():
+    findings = [Finding(word="CBAR", where=f"CBAR {i}", effect="a bar", changes=True) for i in range(50)]
+    findings += [Finding(word="PLOTEL", where="PLOTEL 1", effect="a line that is drawn", changes=False)]
+    assert content.left_out(tuple(findings)) == [
+        "to answer  CBAR 0: CBAR: a bar (50 times)",
+        "left out   PLOTEL 1: PLOTEL: a line that is drawn",
+    ]
+    assert content.table("x", [str(i) for i in range(50)], 2) == [
+        "x          0",
+        "           1",
+        "           ... and 48 more (50 in all)",
+    ]
+
+
+def is_colour(image, colour):
+    rgb = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
+    return np.abs(image[:, :, :3] - rgb).max(axis=2) < 0.12
+
+
+def test_the_picture_shows_bodies_joint_and_support(tmp_path, monkeypatch):
+    lower, upper = box("hex20", (4, 2, 1), (4.0, 2.0, 1.0)), box("tet4", (4, 2, 1), (4.0, 2.0, 1.0), (0.0, 0.0, 1.0))
+    groups = {
+        "top": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) < len(lower[0])),
+        "bottom": lambda x: (x[:, 2] == 1.0) & (np.arange(len(x)) >= len(lower[0])),
+        "base": lambda x: x[:, 2] == 0.0,
+    }
+    mesh = mesh_of(("lower", "hex20", *lower), ("upper", "tet4", *upper), groups=groups)
+    own = settings(
+        {"lower": "lower", "upper": "upper"},
+        [("base", "xyz")],
+        [joint(surfaces=("top", "bottom"))],
+        [{"position": (4.0, 2.0, 2.0), "direction": (0.0, 0.0, 1.0)}],
+        [{"name": "tip", "position": (0.0, 0.0, 2.0), "direction": (0.0, 0.0, 1.0)}],
+    )
+    marks = marks_of_scene(mesh, own)
+    assert [mark.label for mark in marks] == ["joint joint", "held: base", "load 1", "output tip"]
+    for most in (picture.MOST_FACES, 40):  # as it is, and with nodes drawn together
+        monkeypatch.setattr(picture, "MOST_FACES", most)
+        (line,) = draw(tmp_path / str(most), mesh, marks, "two boxes")
+        image = imread(line.removeprefix("picture    "))
+        assert all(is_colour(image, colour).sum() > 2000 for colour in picture.BODY_COLOURS[:2])
+        assert is_colour(image, picture.SET_COLOURS[1]).sum() > 200
+    coarse, body = picture._coarse(skin_of_mesh(mesh))
+    assert len(coarse) < skin_of_mesh(mesh).n_faces and set(body) == {0, 1}

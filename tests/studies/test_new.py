@@ -1,0 +1,173 @@
+"""The first scene of a model file: complete but for the joint's numbers, with the right candidates, and never over another file."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from plain_model import bdf, cdb, exodus, inp, plain, unv
+
+from microslip.formats.model import Cells, FileModel, Group
+from microslip.formats.units import UNITS
+from microslip.parallel.errors import CaseError, MeshError
+from microslip.scene.read import read_scene
+from microslip.studies.check.whole import bodies_of, whole_mesh
+from microslip.studies.new.candidates import find_candidates
+from microslip.studies.new.story import _write
+
+WRITERS = {".cdb": cdb, ".bdf": bdf, ".unv": unv, ".inp": inp}
+
+
+def write(folder, ending=".inp", kind="hex8", **changes):
+    model, path = replace(plain(kind), **changes), folder / f"m{ending}"
+    if ending == ".exo":
+        exodus(model, path)
+    else:
+        path.write_text(WRITERS[ending](model))
+    return path
+
+
+def filled(path):
+    """Fill in what the scene asks for; return its new text."""
+    text = re.sub(r"^#> ", "", path.read_text(), flags=re.MULTILINE)
+    path.write_text(text)
+    return text
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex20"])
+@pytest.mark.parametrize("ending", [*WRITERS, ".exo"])
+def test_the_scene_lacks_the_numbers_of_the_joint_and_nothing_else(tmp_path, ending, kind):
+    model, out = write(tmp_path, ending, kind), tmp_path / "first.toml"
+    said = "\n".join(_write(str(model), out, False))
+    assert re.search(r"joints     \S+.*: 3 faces on 3, 0.0005 m2, touching, node to node", said)
+    with pytest.raises(
+        CaseError, match="friction is missing: expected .*; and tangential_stiffness, normal_stiffness and preload$"
+    ):
+        read_scene(out)
+    filled(out)
+    scene = read_scene(out)
+    assert scene.joints[0].friction == 0.3 and scene.damping.ratio == 1e-3 and scene.response.mode == 1
+    assert (len(scene.bodies), len(scene.supports)) == ((2, 1) if ending in (".unv", ".exo") else (0, 0))
+    assert scene.loads[0].node == scene.outputs[0].node and scene.loads[0].direction == (0.0, 1.0, 1.0)
+
+
+def test_candidates_without_names_get_them(tmp_path):
+    """Without sets of the two sides the scene names them by the bodies that touch."""
+    model = plain()
+    path = write(tmp_path, sets={"PLATE_BASE": model.sets["PLATE_BASE"]})
+    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "BAR-1.ALL_on_PLATE-1.ALL on PLATE-1.ALL_on_BAR-1.ALL: 3 faces on 3, 0.0005 m2, touching, node to node" in said
+    filled(tmp_path / "m.toml")
+    scene = read_scene(tmp_path / "m.toml")
+    assert [one.bodies for one in scene.surfaces] == [("BAR-1.ALL", "PLATE-1.ALL"), ("PLATE-1.ALL", "BAR-1.ALL")]
+    assert scene.joints[0].surfaces == tuple(one.name for one in scene.surfaces)
+
+
+def candidates_of(points, blocks, groups):
+    """Return the candidates of a mesh of hex8: blocks are elements, groups nodes, by name."""
+    cells = tuple(Cells("hex8", own, np.arange(1, len(own) + 1)) for own in blocks.values())
+    named = {name: Group(cells={i: np.arange(len(own))}) for i, (name, own) in enumerate(blocks.items())}
+    file = FileModel(
+        points, np.arange(1, len(points) + 1), cells, named | {name: Group(nodes=own) for name, own in groups.items()}
+    )
+    mesh, settings = whole_mesh("m.inp", file, UNITS["m-kg-s"])
+    return find_candidates(mesh, file, settings)
+
+
+def corner():
+    """A block in the corner of two others: it touches one below and one beside, which are one body."""
+    points, elements = plain().points, plain().elements
+    beside = points[np.unique(elements[0])] + [0.05, 0.0, 0.0]
+    return np.concatenate([points, beside]), elements, elements[0] + len(points)
+
+
+def test_surfaces_that_meet_at_an_edge_are_joints_of_their_own():
+    points, (bar, plate), beside = corner()
+    found = candidates_of(points, {"bar": bar, "angle": np.concatenate([plate, beside])}, {})
+    assert [(one.made[0].bodies, one.made[0].normal) for one in found] == [
+        (("bar", "angle"), (0.0, 0.0, -1.0)),
+        (("bar", "angle"), (1.0, 0.0, 0.0)),
+    ]
+    assert [one.area for one in found] == pytest.approx([5e-4, 2e-4]) and all(one.is_likely for one in found)
+    assert len({one.name for one in found}) == 2
+
+
+def test_named_surfaces_come_first_and_unions_of_them_not_at_all():
+    points, (bar, plate), beside = corner()
+    sets = plain().sets
+    groups = {**sets, "EVERYTHING": np.arange(len(points)), "TWICE": sets["PLATE_TOP"]}
+    found = candidates_of(points, {"bar": bar, "plate": plate, "beside": beside}, groups)
+    assert found[0].surfaces == ("BAR_BOTTOM", "PLATE_TOP") and not found[0].made
+    assert [one.made[0].bodies for one in found[1:]] == [("bar", "beside")]
+
+
+def test_surfaces_with_room_between_them_come_last_and_are_not_taken():
+    points, (bar, plate), beside = corner()
+    points = points + 1e-3 * (np.arange(len(points)) < len(np.unique(bar)))[:, None] * [0.0, 0.0, 1.0]
+    found = candidates_of(points, {"bar": bar, "plate": plate, "beside": beside}, {})
+    assert [(one.is_apart, one.matches) for one in found] == [(False, False), (True, False)]
+    assert found[1].gap == pytest.approx(1e-3, rel=1e-9) and "0.001 m apart" in found[1].text
+
+
+def test_groups_within_groups_make_each_element_one_body():
+    _, (bar, plate), _ = corner()
+    cells = (Cells("hex8", np.concatenate([bar, plate]), np.arange(1, 7)),)
+    rows = {"all": range(6), "bar": range(3), "plate": range(3, 6), "hot": range(2)}
+
+    def bodies(*names):
+        groups = {name: Group(cells={0: np.array(rows[name])}) for name in names}
+        return list(bodies_of(FileModel(plain().points, np.arange(1, 33), cells, groups)))
+
+    assert bodies("all", "bar", "plate") == ["bar", "plate"]
+    assert bodies("bar", "hot", "plate") == ["bar", "plate"]
+    assert bodies("all", "hot") == ["all"]
+
+
+@pytest.mark.parametrize(
+    "name, text, message",
+    [
+        ("none.inp", None, "there is no such file in"),
+        ("m.imp", "", "the ending '.imp' is not known; nearest is .inp; known are .msh, .inp"),
+        ("m.toml", "", "is a scene; new takes the model file"),
+        ("m.inp", "*Node\n1, 0., 0., 0.\n2, 1., 0., 0.\n3, 0., 1., 0.\n*Element, type=S3, elset=A\n1, 1, 2, 3\n", "holds"),
+    ],
+)
+def test_what_is_no_model_is_refused(tmp_path, name, text, message):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises((CaseError, MeshError), match=message):
+        _write(str(tmp_path / name), tmp_path / "first.toml", False)
+    assert not (tmp_path / "first.toml").exists()
+
+
+def test_a_scene_is_not_overwritten_unless_forced(tmp_path):
+    model, out = write(tmp_path), tmp_path / "first.toml"
+    out.write_text("mine")
+    with pytest.raises(CaseError, match="is there already, and is not overwritten; name another with --out, or say --force"):
+        _write(str(model), out, False)
+    assert out.read_text() == "mine"
+    _write(str(model), out, True)
+    assert "[[joints]]" in out.read_text()
+    with pytest.raises(CaseError, match="a scene's name ends in .toml"):
+        _write(str(model), tmp_path / "first.inp", True)
+
+
+def test_bodies_that_touch_nowhere_make_a_linear_scene(tmp_path):
+    model = plain()
+    points = model.points + 0.01 * (np.arange(len(model.points)) < 16)[:, None] * [0.0, 0.0, 1.0]
+    path = write(tmp_path, points=points, sets={"PLATE_BASE": model.sets["PLATE_BASE"]})
+    assert "no surfaces of different bodies lie on each other" in "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert read_scene(tmp_path / "m.toml").joints == ()
+
+
+def test_units_and_what_must_be_answered_stand_in_the_scene(tmp_path):
+    model = plain()
+    path = tmp_path / "m.inp"
+    text = inp(replace(model, points=1e3 * model.points), ("*Dashpot, elset=D", "1", "2.0"))
+    text = re.sub(r"\*Density\n.*\n\*Elastic\n.*,", "*Density\n7.8e-9,\n*Elastic\n2.1e5,", text)
+    path.write_text(text)
+    said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
+    assert "(mm-t-s)" in said and "to answer  line " in said
+    text = filled(tmp_path / "m.toml")
+    scene = read_scene(tmp_path / "m.toml")
+    assert scene.model.units == "mm-t-s" and scene.model.ignore == ("*DASHPOT",) and ": *DASHPOT: " in text
