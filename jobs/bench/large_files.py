@@ -101,7 +101,9 @@ def row(what: str, ranks: int, size: float, found: dict) -> str:
         last = wall, processor
     is_kept = wall < LIMITS["wall"] and memory < LIMITS["memory"]
     cells += [f"{wall:.1f} ({processor:.1f})", f"{memory:.2f}", "yes" if is_kept else "no"]
-    return " | ".join([f"| .{what}, {size:.0f} MB, {found['nodes']:,} nodes, {found['pairs']:,} pairs", str(ranks), *cells]) + " |"
+    return (
+        " | ".join([f"| .{what}, {size:.0f} MB, {found['nodes']:,} nodes, {found['pairs']:,} pairs", str(ranks), *cells]) + " |"
+    )
 
 
 def main() -> None:
@@ -118,7 +120,10 @@ def main() -> None:
         measure(options.measure)
         return
     print("\n".join(machine.lines(machine.facts())))
-    print(f"\n| file | ranks | {' | '.join(STEPS)} | in all, s | GiB | under {LIMITS['wall']:g} s, {LIMITS['memory']:g} GiB |", flush=True)
+    print(
+        f"\n| file | ranks | {' | '.join(STEPS)} | in all, s | GiB | under {LIMITS['wall']:g} s, {LIMITS['memory']:g} GiB |",
+        flush=True,
+    )
     print("| --- | ---: |" + " ---: |" * (len(STEPS) + 2) + " --- |")
     with contextlib.ExitStack() as stack:
         folder = options.folder or Path(stack.enter_context(tempfile.TemporaryDirectory()))

@@ -62,7 +62,7 @@ def scene(file: str, model: Blocks) -> str:
     ending = file.rpartition(".")[2]
     lower, upper, held, lower_top, upper_bottom = _GROUPS.get(ending, ("lower", "upper", "HELD", "LOWER_TOP", "UPPER_BOTTOM"))
     stated = (
-        f'[materials.steel]\nyoung = {YOUNG}\npoisson = {POISSON}\ndensity = {DENSITY}\n'
+        f"[materials.steel]\nyoung = {YOUNG}\npoisson = {POISSON}\ndensity = {DENSITY}\n"
         f'[bodies.lower]\ngroup = "{lower}"\nmaterial = "steel"\n[bodies.upper]\ngroup = "{upper}"\nmaterial = "steel"\n'
         f'[[supports]]\ngroup = "{held}"\nfix = ["x", "y", "z"]\n'
     )

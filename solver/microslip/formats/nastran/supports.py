@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Equations, FileSupport
+from ..model import Equations, FileSupport, held_alike
 from .content import Content
 
 _NAMES = ("x", "y", "z", "rx", "ry", "rz")
@@ -53,11 +53,9 @@ def supports(content: Content, points: set[str], of_rigid: dict[int, str]) -> He
             where = f"SPC of grid point {content.numbers[i]} in turned axes"
             turned += [(where, [(int(i), k, float(axes[axis, k])) for k in range(3)]) for axis in np.flatnonzero(held[i, :3])]
             held[i] = False
-    for pattern in np.unique(held[:, :3], axis=0):
-        fix = tuple(_NAMES[k] for k in np.flatnonzero(pattern))
-        if fix:
-            name = content.group(f"SPC {''.join(fix)}", np.flatnonzero((held[:, :3] == pattern).all(axis=1)))
-            made.append(FileSupport(group=name, fix=fix))
+    for axes, nodes in held_alike(held[:, :3]):
+        fix = tuple(_NAMES[axis] for axis in axes)
+        made.append(FileSupport(group=content.group(f"SPC {''.join(fix)}", nodes), fix=fix))
     return Held(tuple(made), turned)
 
 
