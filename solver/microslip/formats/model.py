@@ -208,7 +208,9 @@ def index_of(numbers: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.nd
     if len(numbers) == 0:
         return np.zeros(wanted.shape, dtype=np.int64), np.unique(wanted)
     low, high = int(numbers.min()), int(numbers.max())
-    if high - low < _MOST_HOLES * len(numbers):
+    if (numbers[1:] > numbers[:-1]).all() and wanted.size < len(numbers):
+        index = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)
+    elif high - low < _MOST_HOLES * len(numbers):
         index = _by_table(numbers, wanted, low, high)
     else:
         order = np.argsort(numbers, kind="stable")

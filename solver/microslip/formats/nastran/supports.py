@@ -84,7 +84,9 @@ def _chosen(content: Content, word: str, sets: dict, added: dict) -> list[Any]:
 
 def axes_of(content: Content, number: int, point: np.ndarray) -> np.ndarray | None:
     """Return the axes of a grid point's displacements, (3, 3) rows, or None where they are those of the model.  Local."""
-    node = content.cards.nodes[number]
+    node = content.cards.nodes.get(number)
+    if node is None:  # a plain grid point
+        return None
     coord = node.cd_ref if getattr(node, "cd_ref", None) is not None else content.cards.coords.get(node.cd)
     if coord is None or coord.cid == 0:
         return None
