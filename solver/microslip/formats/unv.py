@@ -91,7 +91,7 @@ def _data_sets(path: str) -> Iterator[tuple[int, int, list[str]]]:
 
 def _values(line: str, where: int, kind=int) -> list:
     try:
-        return [kind(word.replace("D", "E").replace("d", "e")) for word in line.split()]
+        return list(map(kind, line.replace("D", "E").replace("d", "e").split()))
     except ValueError:
         raise MeshError(f"line {where}: {line[:60]!r} where numbers are due") from None
 

@@ -141,10 +141,10 @@ def supports(found: Restraints, numbers: np.ndarray, angles: np.ndarray, groups:
             found.equations.append((f"D, node {numbers[i]} in turned axes", terms))
     held[is_turned] = False
     made = []
-    for axes, nodes in held_alike(held):
+    for axes, alike in held_alike(held):
         fix = tuple(_NAMES[axis] for axis in axes)
         name = f"D {''.join(fix)}"
-        groups.setdefault(name, Group()).add_nodes(nodes)
+        groups.setdefault(name, Group()).add_nodes(alike)
         made.append(FileSupport(group=name, fix=fix))
     return tuple(made)
 

@@ -53,8 +53,8 @@ def supports(content: Content, points: set[str], of_rigid: dict[int, str]) -> He
             where = f"SPC of grid point {content.numbers[i]} in turned axes"
             turned += [(where, [(int(i), k, float(axes[axis, k])) for k in range(3)]) for axis in np.flatnonzero(held[i, :3])]
             held[i] = False
-    for axes, nodes in held_alike(held[:, :3]):
-        fix = tuple(_NAMES[axis] for axis in axes)
+    for directions, nodes in held_alike(held[:, :3]):
+        fix = tuple(_NAMES[axis] for axis in directions)
         made.append(FileSupport(group=content.group(f"SPC {''.join(fix)}", nodes), fix=fix))
     return Held(tuple(made), turned)
 
