@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 from ...parallel.errors import MeshError
 
-_BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK", "RLBLOCK", "BFBLOCK", "SFEBLOCK", "SFLBLOCK", "BFEBLOCK", "SECBLOCK")
 _NO_NUMBER = re.compile(rb"[^\s0-9+\-.EeDd]")
 
 
@@ -19,7 +18,6 @@ class Command:
     word: str
     fields: tuple[str, ...]
     line: int  # from 1
-    block: tuple[str, ...] = ()  # lines of a block that the library does not read, without its format
 
     @property
     def where(self) -> str:
@@ -59,9 +57,7 @@ def commands(path: str) -> Iterator[Command]:
         for part in text.split("$"):
             word, *fields = (field.strip() for field in part.split(","))
             word = word.upper()
-            if word in _BLOCKS:
-                yield Command(word, tuple(fields), number, _block(word, lines))
-            elif word:
+            if word:
                 yield Command(word, tuple(fields), number)
 
 
@@ -93,16 +89,3 @@ class _Lines:
 def _is_data(text: str) -> bool:
     """Return whether a line belongs to a block: numbers, or the block's format."""
     return text[0] in "(-+.0123456789"
-
-
-def _block(word: str, lines: _Lines) -> tuple[str, ...]:
-    """Return the lines of a block of real constants after its format; those of the others are skipped as data."""
-    if word != "RLBLOCK":
-        return ()
-    lines.next()
-    found = []
-    while (line := lines.next()) is not None:
-        if not line.strip() or not line.strip()[0].isdigit():
-            break
-        found.append(line.rstrip("\r"))
-    return tuple(found)
