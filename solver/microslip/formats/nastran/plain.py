@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -41,15 +41,19 @@ class Plain:
     points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))  # (n, 3)
     solids: tuple[Solids, ...] = ()
 
+    @property
+    def elements(self) -> np.ndarray:
+        """Numbers of all solids."""
+        return np.concatenate([np.zeros(0, dtype=np.int64), *(block.numbers for block in self.solids)])
+
     def meets(self, grid_points: Iterable[int], elements: Iterable[int]) -> bool:
         """Return whether a number of these is among the plain cards, too."""
-        own_elements = _joined([block.numbers for block in self.solids], (0,))
-        return bool(np.isin(self.numbers, list(grid_points)).any() or np.isin(own_elements, list(elements)).any())
+        return bool(np.isin(self.numbers, list(grid_points)).any() or np.isin(self.elements, list(elements)).any())
 
 
 def none_plain(text: bytes) -> Plain:
     """Return the whole text, for pyNastran.  Local."""
-    return Plain(text.decode("utf-8", errors="replace"))
+    return Plain(_decoded(text))
 
 
 def take_plain(text: bytes) -> Plain:
@@ -60,8 +64,24 @@ def take_plain(text: bytes) -> Plain:
     stop = upper.find(b"\nENDDATA")
     start, end = _lines(text if stop < 0 else text[:stop])
     characters = np.frombuffer(text + b" " * _WIDTH, dtype=np.uint8)
-    is_taken = np.zeros(len(start), dtype=bool)
-    grid, solids = [], dict[tuple[bytes, int], list[np.ndarray]]()
+    is_taken, parts = np.zeros(len(start), dtype=bool), dict[tuple[bytes, int], list[np.ndarray]]()
+    for word, lines, values in _plain_cards(characters, start, end):
+        is_taken[lines.ravel()] = True
+        parts.setdefault((word, values.shape[1]), []).append(values)
+    rows = {key: np.concatenate(own) for key, own in parts.items()}
+    grid = rows.pop((b"GRID", 4), np.zeros((0, 4)))
+    found = Plain(
+        rest=_decoded(_others(text, start, end, is_taken)),
+        numbers=grid[:, 0].astype(np.int64),
+        points=grid[:, 1:],
+        solids=tuple(Solids(word.decode(), own[:, 0], own[:, 1], own[:, 2:]) for (word, _), own in rows.items() if len(own)),
+    )
+    is_twice = any(len(np.unique(numbers)) < len(numbers) for numbers in (found.numbers, found.elements))
+    return none_plain(text) if is_twice else found  # pyNastran says what stands twice
+
+
+def _plain_cards(characters: np.ndarray, start: np.ndarray, end: np.ndarray) -> Iterator[tuple[bytes, np.ndarray, np.ndarray]]:
+    """Yield plain cards: name, their lines (n, n_lines), their numbers (n, n_numbers)."""
     for word, width, lines in _alike(characters, start, end):
         for part in np.array_split(lines, len(lines) // _AT_A_TIME + 1):
             fields = _fields(characters, start[part], end[part], width)
@@ -69,22 +89,11 @@ def take_plain(text: bytes) -> Plain:
                 is_plain, values = _grid_points(fields) if word == b"GRID" else _nodes(fields, _SOLIDS[word])
             except ValueError:  # pyNastran says what it is
                 continue
-            is_taken[part[is_plain].ravel()] = True
-            if word == b"GRID":
-                grid.append(values)
-            else:
-                solids.setdefault((word, values.shape[1]), []).append(values)
-    numbers, points = _joined([one[:, 0] for one in grid], (0,)).astype(np.int64), _joined([one[:, 1:] for one in grid], (0, 3))
-    rows = {key: np.concatenate(parts) for key, parts in solids.items()}
-    blocks = tuple(Solids(word.decode(), own[:, 0], own[:, 1], own[:, 2:]) for (word, _), own in rows.items() if len(own))
-    elements = _joined([block.numbers for block in blocks], (0,))
-    if len(np.unique(numbers)) < len(numbers) or len(np.unique(elements)) < len(elements):
-        return none_plain(text)  # a number that stands twice: pyNastran says where
-    return replace(none_plain(_others(text, start, end, is_taken)), numbers=numbers, points=points, solids=blocks)
+            yield word, part[is_plain], values
 
 
-def _joined(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
-    return np.concatenate([np.zeros(shape, dtype=parts[0].dtype if parts else float), *parts])
+def _decoded(text: bytes) -> str:
+    return text.decode("utf-8", errors="replace")
 
 
 def _lines(text: bytes) -> tuple[np.ndarray, np.ndarray]:
