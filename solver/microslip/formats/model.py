@@ -6,13 +6,14 @@ not understand is never left out in silence.  ``library/complete.py`` makes a sc
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 Vector = tuple[float, float, float]
 NO_NODES = np.empty(0, dtype=np.int64)
+_MOST_HOLES = 8  # numbers left out for each that is there, for which a table of them all is worth its memory
 
 # Every kind a file may hold, as this program calls it: dimension and number of nodes.
 KINDS = {
@@ -194,11 +195,34 @@ def names_of_tags(keys: set[tuple[int, int]]) -> dict[tuple[int, int], str]:
     return {(dim, tag): str(tag) if tags.count(tag) == 1 else f"{word[dim]} {tag}" for dim, tag in sorted(keys)}
 
 
+def held_alike(held: np.ndarray) -> Iterator[tuple[tuple[int, ...], np.ndarray]]:
+    """Yield which axes are held at some nodes, and the positions of the nodes, by what is held (n_points, 3).  Local."""
+    code = held @ np.array([4, 2, 1])
+    for one in np.unique(code[code > 0]):
+        nodes = np.flatnonzero(code == one)
+        yield tuple(int(axis) for axis in np.flatnonzero(held[nodes[0]])), nodes
+
+
 def index_of(numbers: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the positions of ``wanted`` in ``numbers`` and the numbers that are not there.  Local."""
+    wanted = np.asarray(wanted)
     if len(numbers) == 0:
-        return np.zeros(np.shape(wanted), dtype=np.int64), np.unique(wanted)
-    order = np.argsort(numbers, kind="stable")
-    found = np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(numbers) - 1)
-    index = order[found]
-    return index, np.unique(np.asarray(wanted)[numbers[index] != wanted])
+        return np.zeros(wanted.shape, dtype=np.int64), np.unique(wanted)
+    low, high = int(numbers.min()), int(numbers.max())
+    if (numbers[1:] > numbers[:-1]).all() and wanted.size < len(numbers):
+        index = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)
+    elif high - low < _MOST_HOLES * len(numbers):
+        index = _by_table(numbers, wanted, low, high)
+    else:
+        order = np.argsort(numbers, kind="stable")
+        index = order[np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(numbers) - 1)]
+    is_missing = numbers[index] != wanted
+    return index, np.unique(wanted[is_missing]) if is_missing.any() else NO_NODES
+
+
+def _by_table(numbers: np.ndarray, wanted: np.ndarray, low: int, high: int) -> np.ndarray:
+    """Return the positions of ``wanted``, any where there is none, from a table of all numbers from low to high."""
+    table = np.zeros(high - low + 1, dtype=np.int64)
+    table[numbers[::-1] - low] = np.arange(len(numbers))[::-1]  # the first one counts where a number stands twice
+    with np.errstate(invalid="ignore"):  # numbers of a table of decimals may be none
+        return table[np.clip(wanted.astype(np.int64), low, high) - low]

@@ -373,10 +373,12 @@ def _compose(points: np.ndarray, numbers: np.ndarray, blocks: list[tuple], names
         if len(missing):
             raise MeshError(f"$Elements names node {missing[0]}, which $Nodes does not hold")
         cells.append(Cells(kind, index[:, _TO_VTK.get(kind, slice(None))], np.concatenate([b[1] for b in mine])))
+        rows: dict[str, list[np.ndarray]] = {}
         start = 0
         for _, own, _, physical in mine:
             for tag in physical:
-                name = names[KINDS[kind][0], int(tag)]
-                groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(start, start + len(own)))
+                rows.setdefault(names[KINDS[kind][0], int(tag)], []).append(np.arange(start, start + len(own)))
             start += len(own)
+        for name, parts in rows.items():
+            groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.concatenate(parts))
     return FileModel(points, numbers, tuple(cells), groups)

@@ -51,7 +51,7 @@ def read_unv(path: str) -> FileModel:
     MeshError without the file's name: truncated, damaged, or no nodes and elements
     """
     points: dict[int, tuple[float, ...]] = {}
-    rows: dict[str, list[tuple[int, int, list[int]]]] = {}
+    rows: dict[str, list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = {}  # by kind: numbers, properties, nodes
     named: list[tuple[str, list[int], list[int]]] = []
     findings: list[Finding] = []
     for number, line, lines in _data_sets(path):
@@ -91,12 +91,30 @@ def _data_sets(path: str) -> Iterator[tuple[int, int, list[str]]]:
 
 def _values(line: str, where: int, kind=int) -> list:
     try:
-        return [kind(word.replace("D", "E").replace("d", "e")) for word in line.split()]
+        return list(map(kind, line.replace("D", "E").replace("d", "e").split()))
     except ValueError:
         raise MeshError(f"line {where}: {line[:60]!r} where numbers are due") from None
 
 
+def _table(lines: list[str], width: int, kind: type = int) -> np.ndarray | None:
+    """Return the numbers of lines alike, (n, n_fields), that stand in fields as wide as the format says; None of others."""
+    n_characters = len(lines[0]) if lines else 0
+    if n_characters == 0 or n_characters % width or any(len(text) != n_characters for text in lines):
+        return None
+    try:
+        fields = np.frombuffer("".join(lines).replace("D", "E").encode("ascii"), dtype=f"S{width}")
+        return fields.astype(kind).reshape(len(lines), -1)
+    except ValueError:
+        return None
+
+
 def _take_nodes(points: dict, lines: list[str], line: int) -> None:
+    heads, places = _table(lines[:-1:2], 10), _table(lines[1::2], 25, float)
+    if heads is not None and places is not None and places.shape[1] == 3:
+        found = dict(zip(heads[:, 0].tolist(), map(tuple, places.tolist()), strict=True))
+        if len(found) == len(heads) and not found.keys() & points.keys():
+            points.update(found)
+            return
     for i in range(0, len(lines) - 1, 2):
         head, at = _values(lines[i], line + i + 1), _values(lines[i + 1], line + i + 2, float)
         _add_point(points, head[:1], at, line + i + 1)
@@ -120,8 +138,9 @@ def _add_point(points: dict, head: list[int], at: list[float], where: int) -> No
 
 def _take_elements(rows: dict, findings: list[Finding], lines: list[str], line: int) -> None:
     """Take elements by kind: number, physical property, nodes."""
-    i, others = 0, dict[int, int]()
+    i, others, n_ahead = 0, dict[int, int](), 1
     while i < len(lines):
+        start = i
         head = _values(lines[i], line + i + 1)
         if len(head) < 6:
             raise MeshError(f"line {line + i + 1}: an element needs six numbers; the file is damaged or truncated")
@@ -139,11 +158,37 @@ def _take_elements(rows: dict, findings: list[Finding], lines: list[str], line: 
         elif n_nodes != KINDS[kind][1]:
             raise MeshError(f"line {line + first}: element {number} of kind {kind} has {n_nodes} nodes")
         else:
-            rows.setdefault(kind, []).append((number, prop, nodes))
+            own = rows.setdefault(kind, [])
+            own.append((np.array([number]), np.array([prop]), np.array([nodes])))
+            alike = _alike(lines, start, i - start, descriptor, n_ahead)
+            if alike is not None:
+                own.append(alike)
+                i += len(alike[0]) * (i - start)
+            n_ahead = 2 * n_ahead if alike is not None and len(alike[0]) == n_ahead else 1
     for descriptor, n in others.items():
         effect = "elements that are no solids and no faces here"
         word = f"element descriptor {descriptor}"
         findings.append(Finding(word=word, where=f"{n} elements", effect=effect, changes=descriptor not in (136, 137, 138, 139)))
+
+
+def _alike(
+    lines: list[str], start: int, n_lines: int, descriptor: int, n_most: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return numbers, properties and nodes of up to ``n_most`` elements that follow one and are written like it, None without.
+
+    Parameters
+    ----------
+    start, n_lines : first line of that element, and how many it has
+    """
+    n = min(n_most, (len(lines) - start) // n_lines - 1)
+    tables = [_table(lines[start + k : start + (n + 1) * n_lines : n_lines], 10) for k in range(n_lines)]
+    fixed = [table for table in tables if table is not None]
+    if len(fixed) < n_lines:
+        return None
+    heads, nodes = fixed[0], np.hstack(fixed[1:])
+    differs = (heads[:, [1, 5]] != [descriptor, nodes.shape[1]]).any(axis=1) if heads.shape[1] > 5 else np.ones(1, dtype=bool)
+    own = slice(1, int(np.argmax(differs)) if differs.any() else n + 1)
+    return (heads[own, 0], heads[own, 2], nodes[own]) if len(heads[own]) else None
 
 
 def _groups(lines: list[str], line: int) -> Iterator[tuple[str, list[int], list[int]]]:
@@ -153,7 +198,9 @@ def _groups(lines: list[str], line: int) -> Iterator[tuple[str, list[int], list[
         head = _values(lines[i], line + i + 1)
         count = head[7] if len(head) > 7 else 0
         name, i = lines[i + 1].strip() or f"group {head[0]}", i + 2
-        entries: list[int] = []
+        table = _table(lines[i : i + count // 2], 10)
+        entries: list[int] = [] if table is None or table.shape[1] != 8 else table.ravel().tolist()
+        i += len(entries) // 8
         while len(entries) < 4 * count and i < len(lines):
             entries += _values(lines[i], line + i + 1)
             i += 1
@@ -168,24 +215,23 @@ def _composed(points: dict, rows: dict, named: list, findings: list[Finding]) ->
     cells: list[Cells] = []
     groups: dict[str, Group] = {}
     for kind, own in rows.items():
-        wanted = np.array([nodes for _, _, nodes in own], dtype=np.int64)
+        elements, properties, wanted = (np.concatenate(column) for column in zip(*own, strict=True))
         index, missing = index_of(numbers, wanted)
         if len(missing):
-            element = own[int(np.argmax(np.isin(wanted, missing).any(axis=1)))][0]
+            element = elements[np.argmax(np.isin(wanted, missing).any(axis=1))]
             raise MeshError(f"element {element} names node {missing[0]}, which the file does not hold")
         index = index[:, _ORDER[kind]] if kind in _ORDER else index
-        cells.append(Cells(kind, index, np.array([number for number, _, _ in own], dtype=np.int64)))
-        properties = np.array([prop for _, prop, _ in own])
+        cells.append(Cells(kind, index, elements))
         for one in np.unique(properties):
             groups.setdefault(f"property {one}", Group()).add_cells(len(cells) - 1, np.flatnonzero(properties == one))
-    for name, nodes, elements in named:
+    for name, nodes, members in named:
         group = groups.setdefault(name, Group())
         index, missing = index_of(numbers, np.array(nodes, dtype=np.int64))
         if len(missing):
             raise MeshError(f"group {name!r} names node {missing[0]}, which the file does not hold")
         group.add_nodes(index)
         for block, one in enumerate(cells):
-            found = np.flatnonzero(np.isin(one.numbers, elements))
+            found = np.flatnonzero(np.isin(one.numbers, members))
             if len(found):
                 group.add_cells(block, found)
     return FileModel(np.array(list(points.values())), numbers, tuple(cells), groups, findings=tuple(findings))

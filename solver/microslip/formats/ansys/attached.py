@@ -17,10 +17,9 @@ def attached(archive: Any, content: Content, numbers: np.ndarray, points: np.nda
     constants |= content.constants
     start, flat = np.asarray(archive._elem_off[:-1]), np.asarray(archive._elem)
     masses, springs = [], []
-    for row, number in zip(start, archive.enum, strict=True):
-        own_type = content.types.get(int(flat[row + 1]), 0)
-        if own_type not in (14, 21):
-            continue
+    is_attached = np.isin(flat[start + 1], [number for number, own_type in content.types.items() if own_type in (14, 21)])
+    for row, number in zip(start[is_attached], archive.enum[is_attached], strict=True):
+        own_type = content.types[int(flat[row + 1])]
         values, keys = constants.get(int(flat[row + 2]), []), content.keys.get(int(flat[row + 1]), {})
         where = f"element {number}"
         if own_type == 21:

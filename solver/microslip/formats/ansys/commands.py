@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...parallel.errors import MeshError
 
-_BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK", "RLBLOCK", "BFBLOCK", "SFEBLOCK", "SFLBLOCK", "BFEBLOCK", "SECBLOCK")
+_NO_NUMBER = re.compile(rb"[^\s0-9+\-.EeDd]")
 
 
 @dataclass(frozen=True)
@@ -17,7 +18,6 @@ class Command:
     word: str
     fields: tuple[str, ...]
     line: int  # from 1
-    block: tuple[str, ...] = ()  # lines of a block that the library does not read, without its format
 
     @property
     def where(self) -> str:
@@ -43,34 +43,49 @@ class Command:
 
 def commands(path: str) -> Iterator[Command]:
     """Yield the commands of an archive.  Local."""
-    with open(path, encoding="utf-8", errors="replace") as file:
-        lines = enumerate(file, 1)
-        for number, line in lines:
-            text = line.partition("!")[0].strip()
-            if not text or _is_data(text):
-                continue
-            for part in text.split("$"):
-                word, *fields = (field.strip() for field in part.split(","))
-                word = word.upper()
-                if word in _BLOCKS:
-                    yield Command(word, tuple(fields), number, _block(word, lines))
-                elif word:
-                    yield Command(word, tuple(fields), number)
+    with open(path, "rb") as file:
+        content = file.read()
+    lines = _Lines(content)
+    while (line := lines.next()) is not None:
+        text = line.partition("!")[0].strip()
+        if not text:
+            continue
+        if _is_data(text):
+            lines.skip_numbers()
+            continue
+        number = lines.number
+        for part in text.split("$"):
+            word, *fields = (field.strip() for field in part.split(","))
+            word = word.upper()
+            if word:
+                yield Command(word, tuple(fields), number)
+
+
+class _Lines:
+    """The lines of a text, one after the other."""
+
+    def __init__(self, content: bytes):
+        self.content, self.at, self.number = content, 0, 0  # number of the last line taken, from 1
+
+    def next(self) -> str | None:
+        """Return the next line, None after the last."""
+        if self.at >= len(self.content):
+            return None
+        end = self.content.find(b"\n", self.at)
+        end = len(self.content) if end < 0 else end
+        line, self.at = self.content[self.at : end], end + 1
+        self.number += 1
+        return line.decode("utf-8", errors="replace")
+
+    def skip_numbers(self) -> None:
+        """Pass over lines that hold nothing but numbers, at once: they are nearly the whole file."""
+        other = _NO_NUMBER.search(self.content, self.at)
+        end = len(self.content) if other is None else self.content.rfind(b"\n", self.at, other.start()) + 1
+        if end > self.at:  # else the next line is no such line
+            self.number += self.content.count(b"\n", self.at, end)
+            self.at = end
 
 
 def _is_data(text: str) -> bool:
     """Return whether a line belongs to a block: numbers, or the block's format."""
     return text[0] in "(-+.0123456789"
-
-
-def _block(word: str, lines: Iterator[tuple[int, str]]) -> tuple[str, ...]:
-    """Return the lines of a block of real constants after its format; those of the others are skipped as data."""
-    if word != "RLBLOCK":
-        return ()
-    next(lines, None)
-    found = []
-    for _, line in lines:
-        if not line.strip() or not line.strip()[0].isdigit():
-            break
-        found.append(line.rstrip("\n"))
-    return tuple(found)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import Equations, FileSupport, Finding, Group, index_of
+from ..model import Equations, FileSupport, Finding, Group, held_alike, index_of
 from .commands import Command
 
 _AXES = {"UX": 0, "UY": 1, "UZ": 2}
@@ -141,12 +141,11 @@ def supports(found: Restraints, numbers: np.ndarray, angles: np.ndarray, groups:
             found.equations.append((f"D, node {numbers[i]} in turned axes", terms))
     held[is_turned] = False
     made = []
-    for pattern in np.unique(held, axis=0):
-        fix = tuple(name for name, is_held in zip(_NAMES, pattern, strict=True) if is_held)
-        if fix:
-            name = f"D {''.join(fix)}"
-            groups.setdefault(name, Group()).add_nodes(np.flatnonzero((held == pattern).all(axis=1)))
-            made.append(FileSupport(group=name, fix=fix))
+    for axes, alike in held_alike(held):
+        fix = tuple(_NAMES[axis] for axis in axes)
+        name = f"D {''.join(fix)}"
+        groups.setdefault(name, Group()).add_nodes(alike)
+        made.append(FileSupport(group=name, fix=fix))
     return tuple(made)
 
 

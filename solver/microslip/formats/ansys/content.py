@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..model import Finding
 from . import constraints as between
-from .commands import Command, commands
+from .commands import Command
 
 _PROPERTIES = {"EX": "young", "NUXY": "poisson", "PRXY": "poisson", "DENS": "density", "ALPX": "expansion"}
 _OTHER_AXES = ("EY", "EZ", "GXY", "GYZ", "GXZ", "NUYZ", "NUXZ", "PRYZ", "PRXZ", "ALPY", "ALPZ")
@@ -50,11 +51,11 @@ class Content:
     title: str = ""
 
 
-def gather(path: str, numbers: np.ndarray, components: dict[str, np.ndarray]) -> Content:
+def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, np.ndarray]) -> Content:
     """Return what the commands of a file say.  Local."""
     content = Content()
     last_real = 0
-    for command in commands(path):
+    for command in said:
         word = command.word
         if word == "ET":
             content.types[int(command.number(0))] = int("".join(c for c in command.field(1) if c.isdigit()) or 0)

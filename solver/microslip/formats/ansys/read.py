@@ -11,7 +11,7 @@ from ...parallel.errors import MeshError
 from ..model import FileMaterial, FileModel, Group
 from . import constraints as between
 from .attached import attached, known_nodes, rigid_regions
-from .commands import commands
+from .commands import Command, commands
 from .content import findings_of_loads, gather
 from .elements import add_elements, cells_and_bodies
 
@@ -25,14 +25,15 @@ def read_cdb(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, or shapes that are no solids here
     """
-    _check_counts(path)
+    said = tuple(commands(path))
+    _check_counts(path, said)
     archive = _archive(path)
     if archive.nnum is None or not len(archive.nnum) or not archive.n_elem:
         raise MeshError("its NBLOCK or EBLOCK is empty or damaged")
     numbers, points = np.asarray(archive.nnum, dtype=np.int64), np.asarray(archive.nodes, dtype=float)[:, :3]
     _refuse_doubles(numbers)
     components = {name.upper(): np.asarray(nodes, dtype=np.int64) for name, nodes in archive.node_components.items()}
-    content = gather(path, numbers, components)
+    content = gather(said, numbers, components)
     for number, keys in archive.key_option.items():
         content.keys.setdefault(int(number), {}).update({int(key): int(value) for key, value in keys})
     groups: dict[str, Group] = {}
@@ -75,10 +76,10 @@ def _archive(path: str) -> Any:
         ) from None
 
 
-def _check_counts(path: str) -> None:
+def _check_counts(path: str, said: tuple[Command, ...]) -> None:
     """Raise MeshError where a block lacks, or counts more than the file can hold, before anything is allocated by it."""
     size, lacking = os.path.getsize(path), {"NBLOCK", "EBLOCK"}
-    for command in commands(path):
+    for command in said:
         lacking.discard(command.word)
         if command.word in ("NBLOCK", "EBLOCK", "CMBLOCK") and command.fields:
             count = command.fields[-1] if command.word != "CMBLOCK" else command.field(2)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import Finding, Group, index_of
+from ..model import Finding, Group
 
 
 @dataclass
@@ -34,9 +34,10 @@ class Content:
         MeshError : one that is not there
         """
         wanted = np.array([number for number in numbers if number], dtype=np.int64)
-        index, missing = index_of(self.numbers, wanted)
+        index = np.minimum(np.searchsorted(self.numbers, wanted), len(self.numbers) - 1)
+        missing = wanted[self.numbers[index] != wanted]
         if len(missing):
-            raise MeshError(f"{where} names grid point {missing[0]}, which the file does not hold")
+            raise MeshError(f"{where} names grid point {missing.min()}, which the file does not hold")
         return index
 
     def group(self, name: str, nodes: np.ndarray) -> str:

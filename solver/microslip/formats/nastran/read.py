@@ -16,6 +16,7 @@ from ..model import KINDS, Cells, FileBody, FileMaterial, FileModel, Finding, Gr
 from .cards import EFFECTS, HARMLESS, PARTS, SHELLS
 from .connections import connections
 from .content import Content, mass_factor
+from .plain import Plain, Solids, none_plain, take_plain
 from .supports import equations, supports
 
 # references of cards to others that need not be followed
@@ -37,19 +38,21 @@ def read_bdf(path: str) -> FileModel:
     MeshError without the file's name: damaged, includes that are not there or leave its folder
     """
     _check_includes(path, os.path.dirname(os.path.abspath(path)), ())
-    cards = _cards(path)
-    if not cards.nodes or not cards.elements:
+    plain, cards = _plain_and_others(path)
+    if not (cards.nodes or len(plain.numbers)) or not (cards.elements or plain.solids):
         raise MeshError("the file holds no grid points and elements that this program reads")
-    numbers = np.array(sorted(cards.nodes), dtype=np.int64)
-    content = Content(cards, numbers, np.array([cards.nodes[number].get_position() for number in numbers], dtype=float))
-    cells, bodies = _cells_and_bodies(content)
+    numbers = np.concatenate([plain.numbers, np.array(list(cards.nodes), dtype=np.int64)])
+    others = np.array([node.get_position() for node in cards.nodes.values()], dtype=float).reshape(-1, 3)
+    order = np.argsort(numbers)
+    content = Content(cards, numbers[order], np.concatenate([plain.points, others])[order])
+    cells, bodies = _cells_and_bodies(content, plain.solids)
     _sets(content)
     connected, masses, springs, of_rigid = connections(content)
     held = supports(content, {point.name for point in connected}, of_rigid)
     _report(content)
     return FileModel(
         content.points,
-        numbers,
+        content.numbers,
         tuple(cells),
         content.groups,
         materials=_materials(content),
@@ -63,13 +66,27 @@ def read_bdf(path: str) -> FileModel:
     )
 
 
-def _cards(path: str) -> Any:
-    """Return pyNastran's reading of a file."""
+def _plain_and_others(path: str) -> tuple[Plain, Any]:
+    """Return the plain cards of a file, and pyNastran's reading of the others."""
+    with open(path, "rb") as file:
+        text = file.read()
+    plain = take_plain(text)
+    cards = _cards(path, plain.rest)
+    if plain.meets(cards.nodes, cards.elements):  # a number that stands twice: pyNastran says where
+        plain = none_plain(text)
+        cards = _cards(path, plain.rest)
+    return plain, cards
+
+
+def _cards(path: str, text: str) -> Any:
+    """Return pyNastran's reading of the text of a file."""
     try:
         from pyNastran.bdf.bdf import BDF
     except ImportError:
         raise MeshError("Nastran bulk data is read by pyNastran; install it: pip install pyNastran") from None
-    source, is_whole = _source(path)
+    if not text.strip():
+        raise MeshError("the file is empty")
+    source, is_whole = _source(path, text)
     cards = BDF(debug=None)
     cards.disable_cards(("DEFUSET",))
     try:
@@ -88,18 +105,16 @@ def _cards(path: str) -> Any:
     return cards
 
 
-def _source(path: str) -> tuple[Any, bool]:
+def _source(path: str, text: str) -> tuple[Any, bool]:
     """Return what pyNastran reads, and whether it has an executive and a case control.
 
     Gmsh writes bulk data alone, with or without its first line, and meshio ends the names of quadratic elements with a stroke.
     """
-    with open(path, encoding="utf-8", errors="replace") as file:
-        text = file.read()
-    if not text.strip():
-        raise MeshError("the file is empty")
     is_whole = re.search(r"^\s*CEND", text, re.MULTILINE | re.IGNORECASE) is not None
-    if is_whole or re.search(r"^\s*INCLUDE", text, re.MULTILINE | re.IGNORECASE):
+    if re.search(r"^\s*INCLUDE", text, re.MULTILINE | re.IGNORECASE):
         return path, is_whole
+    if is_whole:
+        return io.StringIO(text), True
     text = re.sub(r"^\s*BEGIN\s+BULK.*$", "", text, flags=re.MULTILINE | re.IGNORECASE)
     text = re.sub(r"^(CHEXA|CTETRA|CPENTA)_", r"\1 ", text, flags=re.MULTILINE)
     return io.StringIO(re.sub(r"^CPYRA_", "CPYRAM", text, flags=re.MULTILINE)), False
@@ -107,8 +122,12 @@ def _source(path: str) -> tuple[Any, bool]:
 
 def _check_includes(path: str, folder: str, chain: tuple[str, ...]) -> None:
     """Raise MeshError for an include that is not there, leaves the folder of the file or includes itself."""
-    with open(path, encoding="utf-8", errors="replace") as file:
-        lines = [(number, line) for number, line in enumerate(file, 1) if line.lstrip()[:7].upper() == "INCLUDE"]
+    with open(path, "rb") as file:
+        content = file.read()
+    if b"INCLUDE" not in content.upper():
+        return
+    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", errors="replace")
+    lines = [(number, line) for number, line in enumerate(text, 1) if line.lstrip()[:7].upper() == "INCLUDE"]
     for number, line in lines:
         name = line.strip()[7:].split("$")[0].strip().strip("'\"")
         inner = os.path.normpath(os.path.join(folder, name))
@@ -122,21 +141,20 @@ def _check_includes(path: str, folder: str, chain: tuple[str, ...]) -> None:
         _check_includes(inner, folder, (*chain, os.path.abspath(path)))
 
 
-def _cells_and_bodies(content: Content) -> tuple[list[Cells], dict[str, FileBody]]:
+def _cells_and_bodies(content: Content, plain: tuple[Solids, ...]) -> tuple[list[Cells], dict[str, FileBody]]:
     """Return cells by kind and property, and the bodies: the solids of each property."""
-    rows: dict[tuple[str, int], list[tuple[int, list[int]]]] = {}
-    for number, element in content.cards.elements.items():
-        kind = _kind(element)
-        if kind is not None:
-            nodes = list(element.nodes)[: KINDS[kind][1]]
-            if any(not node for node in nodes):
-                raise MeshError(f"{element.type} {number}: a mid-side node is left out; mesh it with all of them, or with none")
-            rows.setdefault((kind, int(element.pid)), []).append((number, nodes))
-    keys = {(KINDS[kind][0], pid) for kind, pid in rows}
-    names, cells, bodies = names_of_tags(keys), [], {}
-    for (kind, pid), own in sorted(rows.items()):
-        elements = np.array([number for number, _ in own], dtype=np.int64)
-        wanted = np.array([row for _, row in own], dtype=np.int64)
+    rows: dict[tuple[str, int], list[tuple[np.ndarray, np.ndarray]]] = {}
+    for block in plain:
+        for pid in np.unique(block.properties):
+            own = block.properties == pid
+            kind = f"{_SOLIDS[block.card]}{block.nodes.shape[1]}"
+            rows.setdefault((kind, int(pid)), []).append((block.numbers[own], block.nodes[own]))
+    for key, others in _of_others(content).items():
+        numbers, nodes = zip(*others, strict=True)
+        rows.setdefault(key, []).append((np.array(numbers, dtype=np.int64), np.array(nodes, dtype=np.int64)))
+    names, cells, bodies = names_of_tags({(KINDS[kind][0], pid) for kind, pid in rows}), [], {}
+    for (kind, pid), parts in sorted(rows.items()):
+        elements, wanted = (np.concatenate(column) for column in zip(*parts, strict=True))
         index, missing = index_of(content.numbers, wanted)
         if len(missing):
             element = elements[np.isin(wanted, missing).any(axis=1)][0]
@@ -147,6 +165,19 @@ def _cells_and_bodies(content: Content) -> tuple[list[Cells], dict[str, FileBody
         if KINDS[kind][0] == 3 and (known := content.cards.properties.get(pid)) is not None:
             bodies[f"PSOLID {pid}"] = FileBody(group=name, material=f"MAT1 {known.mid}")
     return cells, bodies
+
+
+def _of_others(content: Content) -> dict[tuple[str, int], list[tuple[int, list[int]]]]:
+    """Return number and nodes of the solids and faces that pyNastran has read, by kind and property."""
+    rows: dict[tuple[str, int], list[tuple[int, list[int]]]] = {}
+    for number, element in content.cards.elements.items():
+        kind = _kind(element)
+        if kind is not None:
+            nodes = list(element.nodes)[: KINDS[kind][1]]
+            if any(not node for node in nodes):
+                raise MeshError(f"{element.type} {number}: a mid-side node is left out; mesh it with all of them, or with none")
+            rows.setdefault((kind, int(element.pid)), []).append((number, nodes))
+    return rows
 
 
 def _kind(element: Any) -> str | None:

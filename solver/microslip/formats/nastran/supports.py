@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Equations, FileSupport
+from ..model import Equations, FileSupport, held_alike
 from .content import Content
 
 _NAMES = ("x", "y", "z", "rx", "ry", "rz")
@@ -53,11 +53,9 @@ def supports(content: Content, points: set[str], of_rigid: dict[int, str]) -> He
             where = f"SPC of grid point {content.numbers[i]} in turned axes"
             turned += [(where, [(int(i), k, float(axes[axis, k])) for k in range(3)]) for axis in np.flatnonzero(held[i, :3])]
             held[i] = False
-    for pattern in np.unique(held[:, :3], axis=0):
-        fix = tuple(_NAMES[k] for k in np.flatnonzero(pattern))
-        if fix:
-            name = content.group(f"SPC {''.join(fix)}", np.flatnonzero((held[:, :3] == pattern).all(axis=1)))
-            made.append(FileSupport(group=name, fix=fix))
+    for directions, nodes in held_alike(held[:, :3]):
+        fix = tuple(_NAMES[axis] for axis in directions)
+        made.append(FileSupport(group=content.group(f"SPC {''.join(fix)}", nodes), fix=fix))
     return Held(tuple(made), turned)
 
 
@@ -86,7 +84,9 @@ def _chosen(content: Content, word: str, sets: dict, added: dict) -> list[Any]:
 
 def axes_of(content: Content, number: int, point: np.ndarray) -> np.ndarray | None:
     """Return the axes of a grid point's displacements, (3, 3) rows, or None where they are those of the model.  Local."""
-    node = content.cards.nodes[number]
+    node = content.cards.nodes.get(number)
+    if node is None:  # a plain grid point
+        return None
     coord = node.cd_ref if getattr(node, "cd_ref", None) is not None else content.cards.coords.get(node.cd)
     if coord is None or coord.cid == 0:
         return None

@@ -1,0 +1,31 @@
+"""The files of the benchmark of large files are what their readers take them for."""
+
+import numpy as np
+import pytest
+from large_models import WRITERS, blocks, scene
+
+from microslip.formats.read import read_model
+from microslip.library.complete import complete
+from microslip.library.settings import mesh_settings
+from microslip.mesh.pairing import pair_contacts
+from microslip.mesh.read import read_mesh
+from microslip.scene.read import read_scene
+
+PACKAGES = {"cdb": "mapdl_archive", "bdf": "pyNastran", "vtu": "meshio"}
+
+
+@pytest.mark.parametrize("ending", WRITERS)
+def test_every_format_is_the_same_two_blocks(tmp_path, ending):
+    pytest.importorskip(PACKAGES.get(ending, "numpy"))
+    model, path = blocks(200, 25), tmp_path / f"large.{ending}"
+    WRITERS[ending](model, path)
+    (tmp_path / "large.toml").write_text(scene(path.name, model))
+    file = read_model(path)
+    whole, _ = complete(read_scene(tmp_path / "large.toml"), file)
+    settings = mesh_settings(whole)
+    mesh = read_mesh(settings, file)
+    np.testing.assert_allclose(mesh.points, model.points, atol=1e-12)
+    nodes = np.concatenate([block.nodes for block in mesh.elements])
+    np.testing.assert_array_equal(nodes + 1, np.concatenate(list(model.elements.values())))
+    assert pair_contacts(mesh, settings.joints).n_pairs == 25
+    assert [support.fix for support in settings.supports] == [("x", "y", "z")]

@@ -1,0 +1,107 @@
+"""Plain cards in fixed fields, read many at a time: the same as what pyNastran makes of them."""
+
+import numpy as np
+import pytest
+from plain_model import bdf, plain
+
+pytest.importorskip("pyNastran")
+
+from microslip.formats.nastran import read
+from microslip.formats.nastran.plain import none_plain, take_plain
+from microslip.formats.read import read_model
+from microslip.parallel.errors import MeshError
+
+KINDS = ("hex8", "hex20", "wedge15", "pyramid5", "tet10")
+
+
+def fixed(text: str, width: int) -> str:
+    """Return bulk data with its grid points and solids in fixed fields of 8 or 16 characters."""
+    lines, cards = [], text.replace("\n*,", ",,,,").replace("\n,", ",").split("\n")
+    for line in cards:
+        word, *fields = line.split(",")
+        if word == "GRID*":
+            number, _, x, y, *_, z = fields
+            fields = [number, "", *(_real(value, width) for value in (x, y, z))]
+        elif not word.startswith(("CHEXA", "CPENTA", "CTETRA", "CPYRAM")):
+            lines.append(line)
+            continue
+        per_line, star = 64 // width, "*" if width == 16 else ""
+        rows = [fields[k : k + per_line] for k in range(0, len(fields), per_line)]
+        heads = [word.rstrip("*") + star, *[star or "+"] * (len(rows) - 1)]
+        lines += [head.ljust(8) + "".join(value.rjust(width) for value in row) for head, row in zip(heads, rows)]
+    return "\n".join(lines)
+
+
+def _real(value: str, width: int) -> str:
+    """Return a number as Nastran's own programs shorten it: 2.5-2."""
+    mantissa, _, exponent = value.partition("E")
+    return f"{float(mantissa):.{width - 6}f}"[: width - 3] + f"{int(exponent):+d}" if width == 8 else value.replace("E", "D")
+
+
+def both(path, monkeypatch):
+    found = read_model(path)
+    with monkeypatch.context() as patch:
+        patch.setattr(read, "take_plain", none_plain)
+        return found, read_model(path)
+
+
+def compare(found, expected):
+    np.testing.assert_array_equal(found.numbers, expected.numbers)
+    np.testing.assert_array_equal(found.points, expected.points)
+    assert [cells.kind for cells in found.cells] == [cells.kind for cells in expected.cells]
+    for own, other in zip(found.cells, expected.cells):
+        order = np.argsort(own.numbers)
+        np.testing.assert_array_equal(own.numbers[order], other.numbers)
+        np.testing.assert_array_equal(own.nodes[order], other.nodes)
+    assert found.bodies == expected.bodies and found.supports == expected.supports and found.findings == expected.findings
+
+
+@pytest.mark.parametrize("width", [8, 16])
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_cards_in_fixed_fields_are_taken_at_once(tmp_path, monkeypatch, kind, width):
+    model, path = plain(kind), tmp_path / "model.bdf"
+    path.write_text(fixed(bdf(model), width))
+    taken = take_plain(path.read_bytes())
+    assert len(taken.numbers) == len(model.points) and "GRID" not in taken.rest
+    assert sum(len(block.numbers) for block in taken.solids) == sum(map(len, model.elements))
+    assert "MAT1" in taken.rest and "SPC1" in taken.rest
+    compare(*both(path, monkeypatch))
+
+
+def test_what_is_more_than_plain_is_left_to_pynastran(tmp_path, monkeypatch):
+    lines, path = fixed(bdf(plain("wedge15")), 8).replace("\n", "\r\n").split("\n"), tmp_path / "model.bdf"
+    grid = next(i for i, line in enumerate(lines) if line.startswith("GRID"))
+    lines[grid] = lines[grid].rstrip("\r").ljust(48) + "       7"  # turned axes of its displacements
+    lines[grid + 1] = lines[grid + 1].rstrip("\r").ljust(56) + "     123"  # held
+    lines[grid + 2] = "GRID," + ",".join(lines[grid + 2][k : k + 8].strip() for k in range(8, 48, 8))
+    wedge = next(i for i, line in enumerate(lines) if line.startswith("CPENTA"))
+    lines[wedge + 1 : wedge + 1] = ["$ a remark between its lines", ""]
+    lines[wedge - 1 : wedge - 1] = ["CORD2R,7,,0.,0.,0.,0.,0.,1.", ",0.,1.,0."]
+    path.write_text("\n".join(lines))
+    taken = take_plain(path.read_bytes())
+    assert taken.rest.count("GRID") == 3 and "CPENTA" not in taken.rest
+    compare(*both(path, monkeypatch))
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        (lambda line: line[:8] + "     1x1" + line[16:], "cannot be read as Nastran bulk data"),
+        (lambda line: line[:24] + "  1.2.3 " + line[32:], "cannot be read as Nastran bulk data"),
+        (lambda line: line[:24] + "       1" + line[32:], "cannot be read as Nastran bulk data"),
+        (lambda line: line + "\n" + line[:24] + "    9.99" + line[32:], "cannot be read as Nastran bulk data"),
+        (lambda line: line[:8] + "   99999" + line[16:], "names grid point"),
+    ],
+)
+def test_damaged_cards_in_fixed_fields_are_refused(tmp_path, change, says):
+    lines, path = fixed(bdf(plain()), 8).split("\n"), tmp_path / "model.bdf"
+    i = next(i for i, line in enumerate(lines) if line.startswith("GRID"))
+    lines[i] = change(lines[i])
+    path.write_text("\n".join(lines))
+    with pytest.raises(MeshError, match=f"model.bdf: .*{says}"):
+        read_model(path)
+
+
+@pytest.mark.parametrize("more", ["GRDSET,,,,,,,123", "CORD1R,7,101,102,103"])
+def test_cards_that_give_grid_points_more_meaning_leave_all_to_pynastran(more):
+    assert len(take_plain(fixed(bdf(plain(), (more,)), 8).encode()).numbers) == 0
