@@ -207,6 +207,11 @@ MISTAKES = {
         r"\[materials.steel\] expansion is missing",
     ),
     "no body": ('[[statics.temperatures]]\ngroup = "baar"\ntemperature = 10.0\n', (), 'no body has this group; nearest is "bar"'),
+    "two temperatures": (
+        2 * '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 10.0\n',
+        (),
+        r'\[\[statics.temperatures\]\] group = "bar" is used 2 times; a body has one temperature',
+    ),
     "no group": (force(0.0, 0.0, -1.0, "bar_tip"), (), r"\[\[statics.forces\]\] 1 group = 'bar_tip': there is no such group"),
     "no cut": (
         '[[statics.bolts]]\ngroup = "bar_tp"\nforce = 1.0\n',

@@ -19,6 +19,7 @@ from ..parallel.errors import MeshError
 from ..parallel.words import place
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh
+from .projection import project_on_surface
 from .settings import GEOMETRY, Joint
 from .surface import Surface, on_mesh
 
@@ -241,18 +242,19 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, sh
     covered = np.minimum(share, 1.0) @ area / area.sum()
     if covered >= (COVERED if first.group not in mesh.found else _LEAST):
         return
-    least = np.flatnonzero(share <= max(_LEAST, share.min()))
-    apart, nearest = cKDTree(mesh.points[second.nodes]).query(centre[least])
-    worst = int(np.argmax(apart))
-    node = first.nodes[cKDTree(mesh.points[first.nodes]).query(centre[least[worst]])[1]]
-    if covered <= _LEAST and apart.min() <= 2.0 * reach:
-        own = first.nodes[cKDTree(mesh.points[first.nodes]).query(centre[least])[1]]
-        check_opposite(mesh, joint, on_mesh(mesh, first)[own], second.normals[nearest], mesh.points[own])
+    foot = project_on_surface(mesh.points, second.faces, mesh.points[first.nodes])
+    worst = int(np.argmax(foot.distance))
+    near = foot.distance <= reach
+    if covered <= _LEAST and near.any():  # they lie on each other: what is wrong is where they look
+        normals2 = np.einsum("pk,pki->pi", foot.weights, on_mesh(mesh, second)[foot.nodes])
+        normals2 /= np.linalg.norm(normals2, axis=1, keepdims=True)
+        check_opposite(mesh, joint, first.normals[near], normals2[near], mesh.points[first.nodes[near]])
     found = f"{1.0 - covered:.1%} of the area of {first.group!r}" if covered > _LEAST else "no contact point found: all its faces"
     advice = "name the smaller surface first, restrict the first group to what touches, or state a larger tolerance"
     if covered <= _LEAST:
         advice = 'bring the surfaces together, or state a larger tolerance (gap = "geometry" where they are apart at rest)'
     raise MeshError(
-        f"{where}: {found} have no partner within {reach:.3g} m on {second.group!r}; the worst is node {mesh.numbers[node]} of "
-        f"{first.group!r} at {place(mesh.points[node])} m, {apart[worst]:.3g} m from the nearest node of the other side; {advice}"
+        f"{where}: {found} have no partner within {reach:.3g} m on {second.group!r}; the worst is node "
+        f"{mesh.numbers[first.nodes[worst]]} of {first.group!r} at {place(mesh.points[first.nodes[worst]])} m, "
+        f"{foot.distance[worst]:.3g} m from the other side; {advice}"
     )

@@ -176,6 +176,11 @@ def _statics(scene: Scene) -> list[str]:
             "[statics] loads nothing: state rotation_speed, forces, pressures, temperatures or bolts, or leave the table out"
         )
     found += _same_bolts(statics)
+    found += [
+        f'[[statics.temperatures]] group = "{group}" is used {n} times; a body has one temperature'
+        for group, n in Counter(warm.group for warm in statics.temperatures).items()
+        if n > 1
+    ]
     body_of = {body.group: body for body in scene.bodies.values()}
     for i, warm in enumerate(statics.temperatures, 1):
         where = f'[[statics.temperatures]] {i} group = "{warm.group}"'
