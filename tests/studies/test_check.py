@@ -82,7 +82,7 @@ def test_a_mesh_in_millimetres_is_suspected_with_its_weight():
 def test_findings_that_repeat_stand_once_and_long_lists_end():
     findings = [Finding(word="CBAR", where=f"CBAR {i}", effect="a bar", changes=True) for i in range(50)]
     findings += [Finding(word="PLOTEL", where="PLOTEL 1", effect="a line that is drawn", changes=False)]
-    assert content.left_out(tuple(findings)) == [
+    assert content.passed_over(tuple(findings)) == [
         "to answer  CBAR 0: CBAR: a bar (50 times)",
         "left out   PLOTEL 1: PLOTEL: a line that is drawn",
     ]

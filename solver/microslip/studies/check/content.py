@@ -108,7 +108,7 @@ def attached(file: FileModel, units: Units) -> list[str]:
     return lines + table("bolts", [f"{one.name}: a cut, {one.group}" for one in file.bolts])
 
 
-def left_out(findings: tuple[Finding, ...]) -> list[str]:
+def passed_over(findings: tuple[Finding, ...]) -> list[str]:
     """Return a line for each thing that is not taken over, those that change the answer first.  Local."""
     counts = Counter((one.word, one.effect, one.changes) for one in findings)
     first: dict[tuple[str, str, bool], str] = {}

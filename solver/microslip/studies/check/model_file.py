@@ -62,7 +62,7 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: MeshSettings
         *content.materials(file, UNITS[units]),
         *content.groups(mesh, settings.bodies),
         *content.attached(file, UNITS[units]),
-        *content.left_out(file.findings),
+        *content.passed_over(file.findings),
         f"next       microslip new {path}",
     ]
 
