@@ -260,6 +260,27 @@ def test_springs_and_masses(tmp_path):
     assert [(numbers(model, mass.group), mass.mass) for mass in model.masses] == [([3], 4.0)]
 
 
+def test_masses_and_springs_of_the_assembly_are_at_nodes_of_instances(tmp_path):
+    more = "*ELEMENT, TYPE=MASS, ELSET=M\n1, two.7\n*MASS, ELSET=M\n0.5,\n"
+    more += '*ELEMENT, TYPE=SPRINGA, ELSET="S, 1"\n2, "one".3, two.8\n*SPRING, ELSET="S, 1"\n\n1e3\n'
+    model = read(tmp_path, PART + TWO.replace("*END ASSEMBLY", more + "*END ASSEMBLY"))
+    places = {name: i for i, name in enumerate([f"{part}.{k}" for part in ("one", "two") for k in range(1, 9)])}
+    (mass,), (spring,) = model.masses, model.springs
+    assert model.groups[mass.group].nodes.tolist() == [places["two.7"]] and mass.mass == 0.5
+    assert [model.groups[name].nodes.tolist() for name in spring.groups] == [[places["one.3"]], [places["two.8"]]]
+    with pytest.raises(MeshError, match=r"\*ELEMENT names 'two.base', which holds 4 nodes where one is due"):
+        read(tmp_path, PART + TWO.replace("*END ASSEMBLY", more.replace("two.7", "two.base") + "*END ASSEMBLY"))
+    with pytest.raises(MeshError, match="expected a number and 1 nodes"):
+        read(tmp_path, PART + TWO.replace("*END ASSEMBLY", more.replace("1, two.7", "two.7") + "*END ASSEMBLY"))
+
+
+def test_names_in_quotes_may_hold_commas(tmp_path):
+    model = read(
+        tmp_path, CUBE + STEEL.replace("NAME=Steel", 'NAME="Steel, old"').replace("MATERIAL=STEEL", 'MATERIAL="STEEL, OLD"')
+    )
+    assert [body.material for body in model.bodies.values()] == ["Steel, old"] and not words(model)
+
+
 def test_absurd_counts_take_no_memory_and_no_time(tmp_path):
     doubled = "".join(f"*NSET, NSET=s{i}\ns{i + 1}, s{i + 1}\n" for i in range(60)) + "*NSET, NSET=s60\n1\n"
     model = read(tmp_path, CUBE + "*NSET, NSET=n, GENERATE\n2, 9000000000000, 3\n" + doubled)

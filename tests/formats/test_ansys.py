@@ -68,6 +68,9 @@ def test_what_the_commands_say_becomes_the_scene(tmp_path):
         ("CYCLIC,24", "CYCLIC: cyclic symmetry"),
         ("WOBBLE,1", "WOBBLE: not known to this program"),
         ("MP,EY,1,1.0e9", "MP: EY of material 1: it is not isotropic"),
+        ("MP,EX,1,1.0e9,1.0e6", "MP: EX of material 1 depends on the temperature"),
+        ("CE,1,0,102,UX,1.0,103,ROTX,-1.0", "CE: an equation with ROTX"),
+        ("EBLOCK,10", "EBLOCK: a block in the format of elements that are no solids"),
     ],
 )
 def test_what_changes_the_answer_is_refused_until_it_is_waived(tmp_path, command, says):
@@ -104,7 +107,57 @@ def test_equations_couplings_rigid_regions_masses_and_springs(tmp_path):
     ]
     (point,) = found.connected
     assert point.position == pytest.approx(tuple(model.points[0]))
-    assert set(found.groups[point.group].nodes) == set(model.sets["BAR_BOTTOM"]) - {0}
+    assert set(found.groups[point.group].nodes) == set(model.sets["BAR_BOTTOM"]) | {0}, "a leading node of a solid follows, too"
+
+
+def test_a_leading_node_has_the_mass_and_the_supports_of_the_file(tmp_path):
+    model = plain()
+    followers = ",".join(("BAR_BOTTOM", "ALL"))
+    lines = cdb(
+        model, ("ET,7,21", "R,9,0.25,0.25,0.25,1.0,2.0,3.0", f"CERIG,5000,{followers}", "D,5000,UZ,0,,,,ROTX")
+    ).splitlines()
+    end = lines.index("N,R5.3,LOC,       -1,")
+    lines.insert(end, f"{5000:9d}{0:9d}{0:9d}{0.02:21.13E}{0.0:21.13E}{0.1:21.13E}")
+    end = lines.index(f"{-1:9d}")
+    lines.insert(end, "".join(f"{value:9d}" for value in [1, 7, 9, 1, 0, 0, 0, 0, 1, 0, 901, 5000]))
+    text = (
+        "\n".join(lines)
+        .replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,7,7")
+        .replace(f"NBLOCK,6,SOLID,{model.numbers[-1]},{len(model.points)}", f"NBLOCK,6,SOLID,5000,{len(model.points) + 1}")
+    )
+    found = read_model(written(tmp_path, text=text))
+    (point,) = found.connected
+    assert (point.mass, point.inertia, found.masses) == (0.25, (1.0, 2.0, 3.0), ())
+    assert [support.fix for support in found.supports if support.point == point.name] == [("z", "rx")]
+
+
+@pytest.mark.parametrize(
+    "text", ["ET,1,SOLID185,,2", "ETBLOCK,1,1\n(2i9,19a9)\n" + "".join(f"{k:9d}" for k in (1, 185, 0, 2, 0)) + f"\n{-1:9d}"]
+)
+def test_keyopts_of_types_stand_in_et_and_in_its_block(tmp_path, text):
+    lines = [line for line in cdb(plain()).splitlines() if not line.startswith(("ET,1", "KEYOP,1"))]
+    lines.insert(2, text)
+    found = read_model(written(tmp_path, text="\n".join(lines)))
+    assert all(body.incompatible_modes for body in found.bodies.values())
+
+
+def test_a_range_of_nodes_a_selection_and_equations_of_several_commands(tmp_path):
+    model = plain()
+    a, b, c = map(int, model.numbers[:3])
+    more = (f"D,{a},UX,0,,{c},2", "CMSEL,S,BAR_BOTTOM", "D,ALL,UZ", "ALLSEL", f"CE,1,0,{a},UY,1,{b},UY,-1", f"CE,1,0,{c},UY,2")
+    more += ("CE,R5.0,DEFI,2,2,0.0", f"CE,R5.0,NODE,{a},UX,1.0,{b},ROTX,1.0", "/TITLE,a $ WOBBLE")
+    found = read_model(written(tmp_path, model, *more))
+    held = {
+        axis: np.concatenate([found.groups[s.group].nodes for s in found.supports if axis in s.fix]).tolist() for axis in "xz"
+    }
+    assert {0, 2} <= set(held["x"]) and 1 not in held["x"]
+    assert set(held["z"]) == {*model.sets["BAR_BOTTOM"], *model.sets["PLATE_BASE"]}
+    assert list(zip(found.equations.equation, found.equations.nodes, found.equations.coefficients)) == [
+        (0, 0, 1.0),
+        (0, 1, -1.0),
+        (0, 2, 2.0),
+    ]
+    assert [finding.word for finding in found.findings if finding.changes] == ["CE"]
 
 
 def test_point_masses_and_springs_are_elements(tmp_path):
@@ -158,6 +211,10 @@ def test_a_mesh_of_an_archive_has_faces_by_its_components(tmp_path):
         (lambda text: text.replace("NBLOCK,6,SOLID,1132,32", "NBLOCK,6,SOLID,1132,2000000000"), "NBLOCK counts 2000000000, more"),
         (lambda text: text.replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,6,900000000"), "EBLOCK counts 900000000, more"),
         (lambda text: text[: text.index("EBLOCK")], "holds no NBLOCK and EBLOCK"),
+        (
+            lambda text: text.replace("NBLOCK,6,SOLID,1132,32\n(3i9", "NBLOCK,3\n(1i9"),
+            "line 8: NBLOCK in the format .*is not read; write",
+        ),
         (lambda text: text.replace(f"{102:9d}{0:9d}", f"{101:9d}{0:9d}"), "node number 101 more than once"),
         (lambda text: text.replace(f"{1132:9d}{0:9d}", f"{1134:9d}{0:9d}"), "names node 1132, which the file does not hold"),
         (lambda text: "", "holds no NBLOCK and EBLOCK"),

@@ -82,6 +82,54 @@ def test_rigid_elements_springs_and_equations(tmp_path):
     assert found.equations.coefficients.tolist() == [1.0, -1.0] and found.equations.axes.tolist() == [0, 0]
 
 
+def test_leading_grid_points_have_springs_and_belong_to_their_solids(tmp_path):
+    model = plain()
+    a, b, c, d = map(int, model.numbers[:4])
+    more = ("GRID,5000,,0.1,0.0,0.03", f"RBE2,901,5000,123,{a},{b}", f"RBE2,902,{c},123,{d}")
+    more += ("CELAS2,903,4.0e5,5000,2", "CELAS2,904,7.0,5000,6")
+    found = read_model(written(tmp_path, model, *more))
+    outer, inner = found.connected
+    assert (outer.stiffness, outer.rotational_stiffness, found.springs) == ((0.0, 4e5, 0.0), (0.0, 0.0, 7.0), ())
+    assert found.groups[inner.group].nodes.tolist() == [2, 3]
+
+
+@pytest.mark.parametrize(
+    "card, says",
+    [
+        (("CORD2R,7,,0.,0.,0.,0.,1.,0.", ",0.,0.,1.", "SPC1,1,1,5000"), "SPC: a support in turned axes"),
+        (("MPC,4,101,3,1.0,5000,3,-1.0",), "MPC: an equation of grid point 5000, which leads a rigid element"),
+        (("CELAS2,903,4.0e5,5000,2,101,2",), "CELAS2: a spring at a grid point that leads"),
+    ],
+)
+def test_what_leading_grid_points_cannot_have_here_is_refused(tmp_path, card, says):
+    more = ("GRID,5000,,0.1,0.0,0.03,7", "RBE2,901,5000,123456,102,103", *card)
+    system = () if card[0].startswith("CORD") else ("CORD2R,7,,0.,0.,0.,0.,0.,1.", ",1.,0.,0.")
+    model = read_model(written(tmp_path, plain(), *more, *system, case=("MPC = 4",) if "MPC" in says else ()))
+    with pytest.raises(CaseError, match=says):
+        complete(scene(tmp_path), model)
+
+
+def test_supports_in_turned_axes_are_not_left_out_in_silence(tmp_path):
+    more = ("GRDSET,,,,,,7", "CORD2R,7,,0.,0.,0.,0.,1.,0.", ",0.,0.,1.", "SPC1,1,1,102")
+    model = read_model(written(tmp_path, plain(), *more))
+    assert model.equations.n_supports == 1
+    with pytest.raises(
+        CaseError, match='1 supports of model.bdf are in turned axes, which makes them equations; add "equations"'
+    ):
+        complete(scene(tmp_path, take=("materials", "bodies", "supports")), model)
+    own = scene(tmp_path).model_dump(exclude_unset=True) | {"supports": ({"group": "SET 3", "fix": ("x", "y", "z")},)}
+    assert any("1 of them are supports in turned axes" in note for note in complete(scene_of(own, tmp_path / "s.toml"), model)[1])
+
+
+def test_defaults_of_grid_points_hold_them_and_a_set_that_is_not_asked_for_is_said(tmp_path):
+    model = plain()
+    text = bdf(model, ("GRDSET,,,,,,,2",)).replace("SPC = 1\n", "")
+    found = read_model(written(tmp_path, text=text))
+    held = {axis: set().union(*(found.groups[s.group].nodes for s in found.supports if axis in s.fix)) for axis in "xy"}
+    assert held == {"x": set(model.sets["PLATE_BASE"]), "y": set(range(len(model.points)))}
+    assert ["names no set; the only one there is, 1" in one.effect for one in found.findings if one.word == "SPC"] == [True]
+
+
 def test_cylindrical_systems_place_and_hold_grid_points(tmp_path):
     """Field CP places, field CD holds: a support in r and theta of a cylindrical system."""
     model = plain()

@@ -51,6 +51,27 @@ def test_exodus_files_keep_nodes_numbers_and_sets(tmp_path, kind, hdf5):
         ) == set(plain(kind).sets["BAR_BOTTOM"])
 
 
+def test_empty_blocks_and_sets_of_an_exodus_file_hide_no_others(tmp_path):
+    model = plain()
+    exodus(model, tmp_path / "m.exo", hdf5=True)
+    with h5py.File(tmp_path / "m.exo", "r+") as file:
+        n = len(model.sets)
+        for i in range(n, 0, -1):
+            file.move(f"node_ns{i}", f"node_ns{i + 1}")
+        file["ns_prop1"] = np.arange(1, n + 2)
+        names = np.concatenate([file["ns_names"][:1], file["ns_names"][...]])
+        names[0] = np.frombuffer(b"nothing".ljust(33, b"\0"), dtype="S1")
+        del file["ns_names"]
+        file["ns_names"] = names
+        file.move("connect2", "connect3")
+        file["eb_prop1"] = np.array([1, 2, 3])
+    found = read_model(tmp_path / "m.exo")
+    assert [len(cells.nodes) for cells in found.cells[:2]] == [len(block) for block in model.elements]
+    for name, nodes in model.sets.items():
+        np.testing.assert_array_equal(found.groups[name].nodes, nodes)
+    assert len(found.groups["nothing"].nodes) == 0
+
+
 @pytest.mark.parametrize(
     "change, says",
     [

@@ -131,23 +131,26 @@ def _names(variable: Any, n: int, kind: str) -> list[str]:
     return [texts[i] if i < len(texts) and texts[i] else f"{kind} {i + 1}" for i in range(n)]
 
 
-def _counted(variable: Callable[[str], Any], stem: str) -> list[Any]:
-    """Return the variables stem1, stem2, ..."""
+def _counted(variable: Callable[[str], Any], stem: str, identities: str) -> list[Any]:
+    """Return the variables stem1, stem2, ..., None for those that are empty and left out, as many as there are identities."""
+    known = variable(identities)
     found: list[Any] = []
-    while (one := variable(f"{stem}{len(found) + 1}")) is not None:
-        found.append(one)
+    while len(found) < (0 if known is None else known.shape[0]) or variable(f"{stem}{len(found) + 1}") is not None:
+        found.append(variable(f"{stem}{len(found) + 1}"))
     return found
 
 
 def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Group], list[Finding]]:
-    blocks = _counted(variable, "connect")
-    shapes = [one.shape for one in blocks]
+    blocks = _counted(variable, "connect", "eb_prop1")
+    shapes = [one.shape if one is not None else (0, 0) for one in blocks]
     elements_ = _numbers(variable("elem_num_map"), sum(shape[0] for shape in shapes))
     names = _names(variable("eb_names"), len(blocks), "block")
     cells: list[Cells] = []
     groups: dict[str, Group] = {}
     findings, first = [], 0
     for name, block, (n, n_nodes) in zip(names, blocks, shapes, strict=True):
+        if block is None:
+            continue
         word = _attribute(block, "elem_type").upper()
         kind = _KINDS.get((word[:3], n_nodes), word.lower() or "unknown")
         nodes = _array(block).astype(np.int64) - 1
@@ -161,9 +164,9 @@ def _blocks(variable: Callable[[str], Any]) -> tuple[list[Cells], dict[str, Grou
 
 
 def _node_sets(variable: Callable[[str], Any], groups: dict[str, Group], n_points: int) -> None:
-    sets = _counted(variable, "node_ns")
+    sets = _counted(variable, "node_ns", "ns_prop1")
     for name, one in zip(_names(variable("ns_names"), len(sets), "node set"), sets, strict=True):
-        nodes = _array(one).astype(np.int64) - 1
+        nodes = (_array(one) if one is not None else np.zeros(0)).astype(np.int64) - 1
         if ((nodes < 0) | (nodes >= n_points)).any():
             raise MeshError(f"node set {name!r} names a node that the file does not hold")
         groups.setdefault(name, Group()).add_nodes(nodes)
@@ -171,10 +174,12 @@ def _node_sets(variable: Callable[[str], Any], groups: dict[str, Group], n_point
 
 def _side_sets(variable: Callable[[str], Any], cells: list[Cells], groups: dict[str, Group]) -> None:
     """Add the sides of side sets as cells of their own."""
-    sets, sides = _counted(variable, "elem_ss"), _counted(variable, "side_ss")
+    sets, sides = _counted(variable, "elem_ss", "ss_prop1"), _counted(variable, "side_ss", "ss_prop1")
     start = np.cumsum([0] + [len(one.nodes) for one in cells])
     n_blocks = len(cells)
     for name, at, side in zip(_names(variable("ss_names"), len(sets), "side set"), sets, sides, strict=True):
+        if at is None or side is None:
+            continue
         element, number = _array(at).astype(np.int64) - 1, _array(side).astype(np.int64)
         if len(element) != len(number) or ((element < 0) | (element >= start[-1])).any():
             raise MeshError(f"side set {name!r} names an element that the file does not hold")

@@ -140,6 +140,7 @@ class Equations:
     axes: np.ndarray  # (n_terms,) 0, 1, 2: x, y, z
     coefficients: np.ndarray  # (n_terms,)
     where: tuple[str, ...]  # where each equation stands in the file, for messages: "*EQUATION, line 12"
+    n_supports: int = 0  # how many of them are supports in turned axes
 
 
 @dataclass(frozen=True, kw_only=True)

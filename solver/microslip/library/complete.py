@@ -60,10 +60,36 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
             _refuse_unknown_units(scene, part)
             tables[part] = _joined(entries, tables.get(part))
             notes.append(f"{len(entries)} {part} taken over from {scene.model.mesh}: {_named(entries)}")
+    notes += _equations(model, scene, "supports" in taken)
     used = {body["material"] for body in tables.get("bodies", {}).values()}
     tables["materials"] = {name: entry for name, entry in tables.get("materials", {}).items() if name in used}
     _refuse_incomplete(scene, tables["materials"])
     return completed(scene, tables), tuple(notes)
+
+
+def _equations(model: FileModel, scene: Scene, takes_supports: bool) -> list[str]:
+    """Return notes on the equations of the file, those of supports in turned axes among them.
+
+    Raises
+    ------
+    CaseError : supports of the file are taken over, and those of them that are equations are not
+    """
+    n = 0 if model.equations is None else len(model.equations.where)
+    n_held = 0 if model.equations is None else model.equations.n_supports
+    if "equations" not in scene.model.take:
+        if n_held and takes_supports:
+            raise CaseError(
+                f"{scene.path}: [model] take: {n_held} supports of {scene.model.mesh} are in turned axes, which makes them "
+                'equations; add "equations", or leave out "supports" and state [[supports]]'
+            )
+        return []
+    notes = [f"{n} equations taken over from {scene.model.mesh}"] if n else []
+    if n_held and not takes_supports:
+        notes.append(
+            f"{n_held} of them are supports in turned axes, which hold beside those of the scene; to leave all equations out, "
+            "state [model] take without them"
+        )
+    return notes
 
 
 def _joined(of_file: Any, of_scene: Any) -> Any:
@@ -78,7 +104,12 @@ def _named(entries: Any) -> str:
 
 
 def _name(entry: Tables) -> str:
-    return entry.get("name") or entry.get("group") or " to ".join(entry.get("surfaces") or entry.get("groups") or ())
+    return (
+        entry.get("name")
+        or entry.get("group")
+        or entry.get("point")
+        or " to ".join(entry.get("surfaces") or entry.get("groups") or ())
+    )
 
 
 def _taken(scene: Scene, model: FileModel) -> set[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -16,6 +17,7 @@ _MOST_FILES = 10_000  # included, one by one
 _DEEPEST = 50
 _BLANKS = bytes.maketrans(b",\t\r", b"   ")
 _FORTRAN = bytes.maketrans(b"dD", b"ee")
+_COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')  # outside of quotes
 _IS_SEPARATOR = np.isin(np.arange(256), list(b", \t\r\n"))
 
 
@@ -178,7 +180,8 @@ def _continued(text: bytes, start: int, end: int) -> int:
 
 
 def _card(text: bytes, label: str, line: int) -> Card:
-    words = text.decode("utf-8", "replace").strip()[1:].replace("\n", " ").split(",")
+    line_ = text.decode("utf-8", "replace").strip()[1:].replace("\n", " ")
+    words = _COMMA.split(line_) if '"' in line_ else line_.split(",")
     pairs = (word.partition("=") for word in words[1:] if word.strip())
     parameters = {"".join(key.upper().split()): _bare(value) for key, _, value in pairs}
     return Card(" ".join(words[0].upper().split()), parameters, label, line)
@@ -191,7 +194,7 @@ def number(word: str) -> float | None:
 
 
 def _bare(word: str) -> str:
-    return word.strip().strip("\"'").strip()
+    return word.replace('"', "").strip().strip("'").strip()
 
 
 def _fields_per_line(text: bytes) -> np.ndarray:

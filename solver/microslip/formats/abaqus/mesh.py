@@ -265,9 +265,19 @@ def finish(mesh: FileMesh) -> None:
                 missing = missing[missing != 0]
             if len(missing):
                 raise MeshError(f"{block.where}: *ELEMENT names node {missing[0]}, which no *NODE block holds")
+            for row, column, word in block.named:
+                nodes[row, column] = _single_node(mesh, names.scope, word, block.where)
             mesh.blocks.append((n_elements, block, nodes))
             n_elements += len(nodes)
         names.given_nodes.clear()
+
+
+def _single_node(mesh: FileMesh, scope: Scope, word: str, where: str) -> int:
+    """Return the one node, a position, that an element of the assembly names."""
+    found = mesh.nodes(scope, word, where)
+    if len(found) != 1:
+        raise MeshError(f"{where}: *ELEMENT names {word!r}, which holds {len(found)} nodes where one is due")
+    return int(found[0])
 
 
 def _merged(blocks: list[Elements]) -> list[Elements]:
@@ -275,7 +285,12 @@ def _merged(blocks: list[Elements]) -> list[Elements]:
     found: list[list[Elements]] = []
     for block in blocks:
         last = found[-1][0] if found else None
-        if last is not None and last.word == block.word and last.nodes.shape[1] == block.nodes.shape[1]:
+        if (
+            last is not None
+            and not (block.named or last.named)
+            and last.word == block.word
+            and last.nodes.shape[1] == block.nodes.shape[1]
+        ):
             found[-1].append(block)
         else:
             found.append([block])

@@ -24,6 +24,7 @@ class Elements:
     numbers: np.ndarray  # (n,) of the file
     nodes: np.ndarray  # (n, n_nodes) numbers of the file; 0 where an element has fewer
     where: str
+    named: tuple[tuple[int, int, str], ...] = ()  # row, column and word of nodes that the file calls "instance.number"
 
 
 def read_nodes(card: Card) -> tuple[np.ndarray, np.ndarray]:
@@ -112,6 +113,8 @@ def read_elements(card: Card) -> Elements:
     if is_solid(word) and kind not in KINDS:
         raise MeshError(f"{card.where}: *ELEMENT, TYPE={word} is not read; known solids: C3D4, C3D6, C3D8, C3D10, C3D15, C3D20")
     n_nodes = KINDS[kind][1] if kind else _NODES_OF.get(word, 0)
+    if word in _NODES_OF and any(b"." in piece.text for piece in card.pieces):
+        return _with_names(card, word, n_nodes)
     rows = _rows(card, word, n_nodes) if n_nodes else _unknown_rows(card)
     if kind == "line2" and word.startswith("B"):
         rows = rows[:, :3]  # a beam's third node tells its direction
@@ -141,6 +144,20 @@ def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
             )
         i += 1
     return values.astype(np.int64)[np.array(starts, dtype=np.int64)[:, None] + np.arange(width)]
+
+
+def _with_names(card: Card, word: str, n_nodes: int) -> Elements:
+    """Return masses and springs of the assembly, whose nodes are those of instances: "bolt-1.17"."""
+    rows: list[list[int]] = []
+    named: list[tuple[int, int, str]] = []
+    for words, where in card.lines():
+        words = words[:-1] if not words[-1] else words
+        if len(words) != 1 + n_nodes or not words[0].isdigit():
+            raise MeshError(f"{where}: *ELEMENT, TYPE={word}: expected a number and {n_nodes} nodes{_DAMAGED}")
+        named += [(len(rows), i, node) for i, node in enumerate(words[1:]) if not node.isdigit()]
+        rows.append([int(node) if node.isdigit() else 0 for node in words])
+    table = np.array(rows, dtype=np.int64).reshape(-1, 1 + n_nodes)
+    return Elements(word, None, table[:, 0], table[:, 1:], card.where, tuple(named))
 
 
 def _unknown_rows(card: Card) -> np.ndarray:

@@ -152,6 +152,7 @@ def _composed(model: Gathered) -> FileModel:
         np.array(terms.axes, dtype=np.int64),
         np.array(terms.coefficients),
         tuple(terms.where),
+        sum(where.startswith("*BOUNDARY") for where in terms.where),
     )
     return FileModel(
         mesh.points,

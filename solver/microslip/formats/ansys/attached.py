@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import FileMass, FilePoint, FileSpring, Finding, Group, index_of
+from ..model import KINDS, Cells, FileMass, FilePoint, FileSpring, Finding, Group, index_of
 from .content import Content
 
 
-def attached(archive: Any, content: Content, numbers: np.ndarray, points: np.ndarray, groups: dict[str, Group]):
-    """Return point masses (MASS21) and springs (COMBIN14), with groups for their nodes.  Local."""
+def attached(archive: Any, content: Content, numbers: np.ndarray, groups: dict[str, Group], leading: dict[int, FilePoint]):
+    """Return point masses (MASS21) and springs (COMBIN14), with groups for their nodes.  Local.
+
+    A mass on a node that leads a rigid region becomes that of the point, in ``leading``.
+    """
     constants = {int(n): list(values) for n, values in zip(archive.rlblock_num, archive.rlblock, strict=True)}
     constants |= content.constants
     start, flat = np.asarray(archive._elem_off[:-1]), np.asarray(archive._elem)
@@ -23,24 +27,41 @@ def attached(archive: Any, content: Content, numbers: np.ndarray, points: np.nda
         values, keys = constants.get(int(flat[row + 2]), []), content.keys.get(int(flat[row + 1]), {})
         where = f"element {number}"
         if own_type == 21:
-            masses += _mass(content, where, values, keys, int(flat[row + 10]), numbers, groups)
+            masses += _mass(content, where, values, keys, int(flat[row + 10]), numbers, groups, leading)
+        elif any(int(node) in leading for node in flat[row + 10 : row + 12]):
+            effect = "a spring at a node that leads a rigid region"
+            content.findings.append(Finding(word="COMBIN14", where=where, effect=effect, changes=True, part="springs"))
         else:
             springs += _spring(content, where, values, keys, flat[row + 10 : row + 12], numbers, groups)
     return tuple(masses), tuple(springs)
 
 
-def _mass(content, where, values, keys, node, numbers, groups) -> list[FileMass]:
+def _mass(content, where, values, keys, node, numbers, groups, leading) -> list[FileMass]:
     """Return the mass of a MASS21; its rotary inertia has nothing to act on at the node of a solid."""
+    inertia = tuple(map(float, [*values[3:6], 0.0, 0.0, 0.0][:3])) if keys.get(3, 0) == 0 else (0.0, 0.0, 0.0)
+    if keys.get(1, 0) or (keys.get(2, 0) and len(set(inertia)) > 1):
+        effect = "a point mass given by its volume (KEYOPT(1)), or with an inertia in axes of its node (KEYOPT(2))"
+        content.findings.append(Finding(word="MASS21", where=where, effect=effect, changes=True, part="masses"))
+        return []
     if keys.get(3, 0) in (0, 2) and len(values) >= 1 and len(set(values[:3])) == 1 or (keys.get(3, 0) == 2 and values):
+        if node in leading:
+            leading[node] = _heavier(leading[node], float(values[0]), inertia)
+            return []
         name = f"MASS21 {where}"
         groups.setdefault(name, Group()).add_nodes(known_nodes(numbers, np.array([node])))
-        if keys.get(3, 0) == 0 and any(values[3:6]):
+        if any(inertia):
             effect = "the rotary inertia of a point mass"
             content.findings.append(Finding(word="MASS21", where=where, effect=effect, changes=True, part="masses"))
         return [FileMass(group=name, mass=float(values[0]))]
     effect = "a point mass whose KEYOPT(3) or real constants differ by direction, or lack"
     content.findings.append(Finding(word="MASS21", where=where, effect=effect, changes=True, part="masses"))
     return []
+
+
+def _heavier(point: FilePoint, mass: float, inertia: tuple[float, ...]) -> FilePoint:
+    """Return a point with a mass and an inertia more."""
+    total = tuple(a + b for a, b in zip(point.inertia or (0.0, 0.0, 0.0), inertia, strict=True))
+    return replace(point, mass=point.mass + mass, inertia=total if any(total) else None)
 
 
 def _spring(content, where, values, keys, nodes, numbers, groups) -> list[FileSpring]:
@@ -62,18 +83,29 @@ def _spring(content, where, values, keys, nodes, numbers, groups) -> list[FileSp
     return [FileSpring(groups=tuple(names), direction=direction, stiffness=float(values[0]))]
 
 
-def rigid_regions(content: Content, numbers: np.ndarray, points: np.ndarray, groups: dict[str, Group]) -> tuple[FilePoint, ...]:
-    """Return the rigid regions of CERIG.  Local."""
-    made = []
+def nodes_of_solids(cells: list[Cells], n_nodes: int) -> np.ndarray:
+    """Return which nodes solids have, (n_nodes,) bool.  Local."""
+    found = np.zeros(n_nodes, dtype=bool)
+    for own in cells:
+        found[own.nodes] |= KINDS[own.kind][0] == 3
+    return found
+
+
+def rigid_regions(
+    content: Content, numbers: np.ndarray, points: np.ndarray, groups: dict[str, Group], of_solids: np.ndarray
+) -> dict[int, FilePoint]:
+    """Return the rigid regions of CERIG by the nodes that lead them, which are of the region where a solid has them.  Local."""
+    made: dict[int, FilePoint] = {}
     for where, leader, followers in content.constraints.rigid:
         name = f"CERIG node {leader}"
         index, missing = index_of(numbers, np.array([leader]))
         if len(missing):
             raise MeshError(f"{where}: CERIG: there is no node {leader}")
-        groups.setdefault(name, Group()).add_nodes(np.setdiff1d(known_nodes(numbers, np.array(followers)), index))
+        nodes = np.setdiff1d(known_nodes(numbers, np.array(followers)), index)
+        groups.setdefault(name, Group()).add_nodes(np.union1d(nodes, index[of_solids[index]]))
         x, y, z = map(float, points[index[0]])
-        made.append(FilePoint(name=name, position=(x, y, z), group=name))
-    return tuple(made)
+        made[leader] = FilePoint(name=name, position=(x, y, z), group=name)
+    return made
 
 
 def known_nodes(numbers: np.ndarray, wanted: np.ndarray) -> np.ndarray:

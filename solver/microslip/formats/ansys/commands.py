@@ -18,6 +18,7 @@ class Command:
     word: str
     fields: tuple[str, ...]
     line: int  # from 1
+    block: tuple[str, ...] = ()  # lines of a block of types, without its format
 
     @property
     def where(self) -> str:
@@ -54,11 +55,12 @@ def commands(path: str) -> Iterator[Command]:
             lines.skip_numbers()
             continue
         number = lines.number
-        for part in text.split("$"):
+        parts = [text] if text[0] in "/*" else text.split("$")  # titles and comments may hold a dollar
+        for part in parts:
             word, *fields = (field.strip() for field in part.split(","))
             word = word.upper()
             if word:
-                yield Command(word, tuple(fields), number)
+                yield Command(word, tuple(fields), number, lines.block() if word == "ETBLOCK" else ())
 
 
 class _Lines:
@@ -76,6 +78,14 @@ class _Lines:
         line, self.at = self.content[self.at : end], end + 1
         self.number += 1
         return line.decode("utf-8", errors="replace")
+
+    def block(self) -> tuple[str, ...]:
+        """Return the lines of numbers behind a format, up to the -1 that ends them."""
+        self.next()
+        found = []
+        while (line := self.next()) is not None and line.strip()[:1].isdigit():
+            found.append(line)
+        return tuple(found)
 
     def skip_numbers(self) -> None:
         """Pass over lines that hold nothing but numbers, at once: they are nearly the whole file."""

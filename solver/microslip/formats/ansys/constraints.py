@@ -11,40 +11,45 @@ from ..model import Equations, FileSupport, Finding, Group, held_alike, index_of
 from .commands import Command
 
 _AXES = {"UX": 0, "UY": 1, "UZ": 2}
-_TURNS = ("ROTX", "ROTY", "ROTZ")
-_NAMES = "xyz"
+_TURNS = {"ROTX": 3, "ROTY": 4, "ROTZ": 5}  # of nodes that lead rigid regions; those of solids have none
+_NAMES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 @dataclass
 class Restraints:
     """What has been gathered so far; nodes are numbers of the file."""
 
-    held: dict[int, set[int]] = field(default_factory=dict)  # axis: nodes
+    held: dict[int, set[int]] = field(default_factory=dict)  # axis, 0 to 5: nodes
     equations: list[tuple[str, list[tuple[int, int, float]]]] = field(default_factory=list)  # where, terms
     coupled: dict[str, tuple[str, str, list[int]]] = field(default_factory=dict)  # set: where, label, nodes
     rigid: list[tuple[str, int, list[int]]] = field(default_factory=list)  # where, leading node, those that follow
     findings: list[Finding] = field(default_factory=list)
     is_open: bool = False  # lines with terms of the last equation may follow
+    typed: dict[str, list[tuple[int, int, float]]] = field(default_factory=dict)  # number of a CE as it is typed: its terms
 
     def left_out(self, command: Command, effect: str, part: str = "") -> None:
         self.findings.append(Finding(word=command.word, where=command.where, effect=effect, changes=True, part=part))
 
 
-def take_support(found: Restraints, command: Command, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> None:
-    """Take a D command: a node, ALL or a component; a label or ALL; a value that must be 0."""
-    nodes, label = _nodes(command.field(0), all_nodes, components), command.field(1).upper()
+def take_support(found: Restraints, command: Command, selected: np.ndarray | None, components: dict[str, np.ndarray]) -> None:
+    """Take a D command: a node, a range of them, ALL or a component; a label or ALL; a value that must be 0."""
+    nodes, label = _nodes(command.field(0), selected, components), command.field(1).upper()
     if nodes is None:
-        found.left_out(command, f"a support of {command.field(0)!r}, which is no node and no component", "supports")
+        found.left_out(
+            command, f"a support of {command.field(0)!r}, which is no node, component or selection known here", "supports"
+        )
         return
-    labels = ["UX", "UY", "UZ"] if label in ("ALL", "") else [label, *(one.upper() for one in command.fields[6:11] if one)]
+    if command.field(4) and len(nodes) == 1:
+        nodes = np.arange(nodes[0], int(command.number(4)) + 1, max(int(command.number(5)), 1))
+    labels = [*_AXES, *_TURNS] if label in ("ALL", "") else [label, *(one.upper() for one in command.fields[6:11] if one)]
     value = command.field(2)
     if value and command.number(2) != 0.0:
         found.left_out(command, f"a displacement {label} = {value} other than 0", "supports")
         return
     for one in labels:
-        if one in _AXES:
-            found.held.setdefault(_AXES[one], set()).update(nodes.tolist())
-        elif one not in _TURNS:
+        if one in _AXES or one in _TURNS:
+            found.held.setdefault({**_AXES, **_TURNS}[one], set()).update(nodes.tolist())
+        else:
             found.left_out(command, f"a support of {one}, which is no displacement", "supports")
 
 
@@ -68,17 +73,25 @@ def _take_written(found: Restraints, command: Command) -> None:
             found.equations.append((f"{command.word}, {command.where}", []))
             found.is_open = True
     elif found.is_open:
-        _extend(found, command, found.equations[-1][1], command.fields[2:])
+        found.is_open = _extend(found, command, found.equations[-1][1], command.fields[2:])
 
 
 def _add_equation(found: Restraints, command: Command, where: str, fields: tuple[str, ...]) -> None:
-    terms: list[tuple[int, int, float]] = []
-    if _extend(found, command, terms, fields):
+    """Take an equation as it is typed; a further command with its number adds terms."""
+    number = command.field(0).upper()
+    is_further = number.isdigit() and number in found.typed
+    terms = found.typed[number] if is_further else []
+    if number.isdigit():
+        found.typed[number] = terms
+    if not is_further:
         found.equations.append((f"{command.word}, {where}", terms))
+        _extend(found, command, terms, fields)
+    elif terms:  # none: it has been left out
+        _extend(found, command, terms, fields)
 
 
 def _extend(found: Restraints, command: Command, terms: list[tuple[int, int, float]], fields: tuple[str, ...]) -> bool:
-    """Add the terms of fields (node, label, coefficient); report what is no displacement."""
+    """Add the terms of fields (node, label, coefficient); report what is no displacement, and leave no terms then."""
     own = Command(command.word, fields, command.line)
     for i in range(0, len(fields) - 2, 3):
         if not fields[i]:
@@ -86,6 +99,7 @@ def _extend(found: Restraints, command: Command, terms: list[tuple[int, int, flo
         label = fields[i + 1].upper()
         if label not in _AXES:
             found.left_out(command, f"an equation with {label}, which is no displacement", "equations")
+            terms.clear()
             return False
         terms.append((int(own.number(i)), _AXES[label], own.number(i + 2)))
     return True
@@ -106,19 +120,19 @@ def take_coupling(found: Restraints, command: Command) -> None:
     nodes.extend(int(Command(command.word, (word,), command.line).number(0)) for word in command.fields[2:] if word)
 
 
-def take_rigid(found: Restraints, command: Command, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> None:
+def take_rigid(found: Restraints, command: Command, selected: np.ndarray | None, components: dict[str, np.ndarray]) -> None:
     """Take a CERIG command: nodes that follow one as a rigid body, in all directions."""
     label = command.field(2).upper()
-    followers = _nodes(command.field(1), all_nodes, components)
+    followers = _nodes(command.field(1), selected, components)
     if label not in ("", "ALL", "UXYZ") or followers is None:
         found.left_out(command, f"a rigid region of {command.field(1)!r} in {label or 'ALL'}", "points")
         return
     found.rigid.append((command.where, int(command.number(0)), [int(node) for node in followers]))
 
 
-def _nodes(word: str, all_nodes: np.ndarray, components: dict[str, np.ndarray]) -> np.ndarray | None:
+def _nodes(word: str, selected: np.ndarray | None, components: dict[str, np.ndarray]) -> np.ndarray | None:
     if word.upper() == "ALL":
-        return all_nodes
+        return selected
     if word.upper() in components:
         return components[word.upper()]
     try:
@@ -127,12 +141,19 @@ def _nodes(word: str, all_nodes: np.ndarray, components: dict[str, np.ndarray]) 
         return None
 
 
-def supports(found: Restraints, numbers: np.ndarray, angles: np.ndarray, groups: dict[str, Group]) -> tuple[FileSupport, ...]:
-    """Return supports by groups "D x", "D xy", ... of the nodes that they hold; those in turned axes become equations.  Local."""
-    held = np.zeros((len(numbers), 3), dtype=bool)
+def supports(
+    found: Restraints, numbers: np.ndarray, angles: np.ndarray, groups: dict[str, Group], leaders: dict[int, str]
+) -> tuple[FileSupport, ...]:
+    """Return supports by groups "D x", "D xy", ... of the nodes that they hold; those in turned axes become equations.  Local.
+
+    ``leaders`` names the points that nodes of the file lead, which have rotations, too.
+    """
+    held = np.zeros((len(numbers), 6), dtype=bool)
     for axis, nodes in found.held.items():
         index, missing = index_of(numbers, np.array(sorted(nodes), dtype=np.int64))
         held[index[~np.isin(sorted(nodes), missing)], axis] = True
+    made = _of_leaders(found, held, numbers, angles, leaders)
+    held = held[:, :3]
     is_turned = angles.any(axis=1) & held.any(axis=1) & ~held.all(axis=1)
     for i in np.flatnonzero(is_turned):
         rows = turned_axes(angles[i])
@@ -140,13 +161,30 @@ def supports(found: Restraints, numbers: np.ndarray, angles: np.ndarray, groups:
             terms = [(int(numbers[i]), k, float(rows[axis, k])) for k in range(3)]
             found.equations.append((f"D, node {numbers[i]} in turned axes", terms))
     held[is_turned] = False
-    made = []
     for axes, alike in held_alike(held):
         fix = tuple(_NAMES[axis] for axis in axes)
         name = f"D {''.join(fix)}"
         groups.setdefault(name, Group()).add_nodes(alike)
         made.append(FileSupport(group=name, fix=fix))
     return tuple(made)
+
+
+def _of_leaders(
+    found: Restraints, held: np.ndarray, numbers: np.ndarray, angles: np.ndarray, leaders: dict[int, str]
+) -> list[FileSupport]:
+    """Return the supports of points, and take them out of ``held`` (n_nodes, 6)."""
+    made = []
+    for i in np.flatnonzero(np.isin(numbers, list(leaders)) & held.any(axis=1)):
+        fix = tuple(_NAMES[axis] for axis in np.flatnonzero(held[i]))
+        parts = held[i, :3], held[i, 3:]
+        if angles[i].any() and any(part.any() and not part.all() for part in parts):
+            effect = "a support in turned axes of a node that leads a rigid region"
+            where = f"node {numbers[i]}"
+            found.findings.append(Finding(word="D", where=where, effect=effect, changes=True, part="supports"))
+        else:
+            made.append(FileSupport(point=leaders[int(numbers[i])], fix=fix))
+        held[i] = False
+    return made
 
 
 def turned_axes(angles: np.ndarray) -> np.ndarray:
@@ -158,7 +196,17 @@ def turned_axes(angles: np.ndarray) -> np.ndarray:
     return about_y @ about_x @ about_z
 
 
-def equations(found: Restraints, numbers: np.ndarray, angles: np.ndarray) -> Equations | None:
+def _is_of_leader(found: Restraints, where: str, terms: list[tuple[int, int, float]], leaders: set[int]) -> bool:
+    """Return whether an equation holds a node that leads a rigid region, with a finding."""
+    own = [node for node, _, _ in terms if node in leaders]
+    if own:
+        word, _, place = where.partition(", ")
+        effect = f"an equation of node {own[0]}, which leads a rigid region"
+        found.findings.append(Finding(word=word, where=place, effect=effect, changes=True, part="equations"))
+    return bool(own)
+
+
+def equations(found: Restraints, numbers: np.ndarray, angles: np.ndarray, leaders: set[int]) -> Equations | None:
     """Return the equations and couplings in model axes, None without any.  Local.
 
     Raises
@@ -169,7 +217,7 @@ def equations(found: Restraints, numbers: np.ndarray, angles: np.ndarray) -> Equ
     for where, label, followers in found.coupled.values():
         for axis in range(3) if label == "ALL" else [_AXES[label]] if label in _AXES else []:
             rows += [(f"CP, {where}", [(node, axis, 1.0), (followers[0], axis, -1.0)]) for node in followers[1:]]
-    rows = [row for row in rows if row[1]]
+    rows = [row for row in rows if row[1] and not _is_of_leader(found, *row, leaders)]
     if not rows:
         return None
     terms = [(i, *term) for i, (_, own) in enumerate(rows) for term in own]
@@ -188,4 +236,6 @@ def equations(found: Restraints, numbers: np.ndarray, angles: np.ndarray) -> Equ
             parts.append((np.full(3, equation[i]), np.full(3, index[i]), np.arange(3), values[i] * row))
     equation, index, axes, values = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(equation, kind="stable")
-    return Equations(equation[order], index[order], axes[order], values[order].astype(float), tuple(where for where, _ in rows))
+    places = tuple(place for place, _ in rows)
+    n_supports = sum(one.startswith("D, ") for one in places)
+    return Equations(equation[order], index[order], axes[order], values[order].astype(float), places, n_supports)

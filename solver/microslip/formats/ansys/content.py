@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...parallel.errors import MeshError
 from ..model import Finding
 from . import constraints as between
 from .commands import Command
@@ -16,7 +17,7 @@ _OTHER_AXES = ("EY", "EZ", "GXY", "GYZ", "GXZ", "NUYZ", "NUXZ", "PRYZ", "PRXZ", 
 # what sets up the program, selects, solves or prints; and loads, which are counted
 _HARMLESS = set(
     "FINISH DOF *IF *ELSE *ELSEIF *ENDIF *SET *DIM *GET *DO *ENDDO NUMOFF EXTOPT TYPE MAT REAL ESYS SECNUM SHPP N EN NBLOCK "
-    "EBLOCK CMBLOCK CM CMGRP CMSEL ALLSEL ESEL NSEL RLBLOCK ETBLOCK MPTEMP CSYS DSYS LOCAL TREF TUNIF BFUNIF TOFFST ANTYPE "
+    "EBLOCK CMBLOCK CM CMGRP CMSEL ALLSEL ESEL NSEL RLBLOCK MPTEMP CSYS DSYS LOCAL TREF TUNIF BFUNIF TOFFST ANTYPE "
     "MODOPT MXPAND MODCONTROL QRDOPT EQSLV HROPT HROUT HARFRQ KUSE TIME NCNV CRPLIM AUTOTS NSUBST DELTIM KBC OUTRES OUTPR "
     "NROPT CNVTOL LNSRCH NEQIT PRED NLGEOM SSTIF RESCONTROL ERESX SOLVE SAVE ALPHAD BETAD DMPRAT DMPSTR MDAMP IRLF CGLOC "
     "LSWRITE CDREAD CDOPT PSTRES WPSTYL SECDATA SECTYPE SECBLOCK SECCONTROL SECOFFSET SECJOINT SECLOCK SECSTOP SFBEAM "
@@ -49,16 +50,22 @@ class Content:
     findings: list[Finding] = field(default_factory=list)
     loads: dict[str, int] = field(default_factory=dict)
     title: str = ""
+    selected: np.ndarray | None = None  # nodes that ALL means; None: a selection that is not followed
 
 
 def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, np.ndarray]) -> Content:
     """Return what the commands of a file say.  Local."""
-    content = Content()
+    content = Content(selected=numbers)
     last_real = 0
     for command in said:
         word = command.word
         if word == "ET":
             content.types[int(command.number(0))] = int("".join(c for c in command.field(1) if c.isdigit()) or 0)
+            _take_keys(content, command, command.fields[2:8])
+        elif word == "ETBLOCK":
+            _take_types(content, command)
+        elif word in ("NSEL", "CMSEL", "ALLSEL"):
+            _select(content, command, numbers, components)
         elif word in ("KEYOP", "KEYOPT"):
             content.keys.setdefault(int(command.number(0)), {})[int(command.number(1))] = int(command.number(2))
         elif word in ("MP", "MPDATA"):
@@ -68,18 +75,47 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
             values = [command.number(i) for i in range(1 if word == "R" else 0, len(command.fields))]
             content.constants.setdefault(last_real, []).extend(values)
         elif word == "D":
-            between.take_support(content.constraints, command, numbers, components)
+            between.take_support(content.constraints, command, content.selected, components)
         elif word == "CE":
             between.take_equation(content.constraints, command)
         elif word == "CP":
             between.take_coupling(content.constraints, command)
         elif word == "CERIG":
-            between.take_rigid(content.constraints, command, numbers, components)
+            between.take_rigid(content.constraints, command, content.selected, components)
         elif word == "/TITLE":
             content.title = ",".join(command.fields).strip()
         else:
             _pass_over(content, command)
     return content
+
+
+def _take_keys(content: Content, command: Command, fields: tuple[str, ...]) -> None:
+    """Take the KEYOPTs 1 to 6 that stand in an ET command."""
+    own = Command(command.word, fields, command.line)
+    known = content.keys.setdefault(int(command.number(0)), {})
+    known.update({i + 1: int(own.number(i)) for i, word in enumerate(fields) if word})
+
+
+def _take_types(content: Content, command: Command) -> None:
+    """Take a block of types: number, element, KEYOPTs 1 to 18 in fields of one width."""
+    for i, line in enumerate(command.block):
+        words = line.split()
+        if len(words) < 2 or not all(word.lstrip("-").isdigit() for word in words):
+            raise MeshError(f"line {command.line + 2 + i}: ETBLOCK holds {line.strip()[:60]!r} where whole numbers are due")
+        number, element, *keys = map(int, words)
+        content.types[number] = element
+        content.keys.setdefault(number, {}).update({key: value for key, value in enumerate(keys[:18], 1) if value})
+
+
+def _select(content: Content, command: Command, numbers: np.ndarray, components: dict[str, np.ndarray]) -> None:
+    """Follow which nodes ALL means: all of them, or those of one component."""
+    how, name = command.field(0).upper(), command.field(1).upper()
+    if command.word == "ALLSEL" or (command.word == "NSEL" and how in ("", "ALL")):
+        content.selected = numbers
+    elif command.word == "NSEL":
+        content.selected = None
+    elif name in components or how != "S":
+        content.selected = components.get(name) if how == "S" else None
 
 
 def _take_property(content: Content, command: Command) -> None:
@@ -95,6 +131,9 @@ def _take_property(content: Content, command: Command) -> None:
         content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=changes, part=part))
     elif label in _PROPERTIES:
         known[_PROPERTIES[label]] = value
+        if command.word == "MP" and any(command.number(k) for k in range(3, 7)):
+            effect = f"{label} of material {number} depends on the temperature; its value at 0 would be taken"
+            content.findings.append(Finding(word="MP", where=where, effect=effect, changes=True, part=part))
     elif label in _OTHER_AXES and known.get("young") != value:
         effect = f"{label} of material {number}: it is not isotropic"
         content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=True, part=part))
@@ -106,7 +145,10 @@ def _take_property(content: Content, command: Command) -> None:
 def _pass_over(content: Content, command: Command) -> None:
     """Report a command that is not followed, once for each line that changes something."""
     word = command.word
-    if word in _LOADS:
+    if word == "EBLOCK" and command.field(1).upper() != "SOLID":
+        effect = "a block in the format of elements that are no solids, which is not read"
+        content.findings.append(Finding(word=word, where=command.where, effect=effect, changes=True))
+    elif word in _LOADS:
         content.loads[word] = content.loads.get(word, 0) + 1
     elif word in _HARMLESS or "=" in word or (word.startswith("/") and word != "/INPUT"):
         return

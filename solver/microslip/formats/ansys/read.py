@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from ...parallel.errors import MeshError
 from ..model import FileMaterial, FileModel, Group
 from . import constraints as between
-from .attached import attached, known_nodes, rigid_regions
+from .attached import attached, known_nodes, nodes_of_solids, rigid_regions
 from .commands import Command, commands
 from .content import findings_of_loads, gather
 from .elements import add_elements, cells_and_bodies
@@ -43,8 +44,13 @@ def read_cdb(path: str) -> FileModel:
     for name, own in archive.node_components.items():
         groups.setdefault(name, Group()).add_nodes(known_nodes(numbers, np.asarray(own)))
     angles = np.zeros((len(numbers), 3)) if archive.node_angles is None else np.asarray(archive.node_angles, dtype=float)
-    supports = between.supports(content.constraints, numbers, angles, groups)
-    masses, springs = attached(archive, content, numbers, points, groups)
+    of_solids = nodes_of_solids(cells, len(numbers))
+    leading = rigid_regions(content, numbers, points, groups, of_solids)
+    leaders = {node: point.name for node, point in leading.items()}
+    supports = between.supports(content.constraints, numbers, angles, groups, leaders)
+    masses, springs = attached(archive, content, numbers, groups, leading)
+    outside = set(leaders) - set(numbers[of_solids].tolist())
+    equations = between.equations(content.constraints, numbers, angles, outside)
     findings = [*content.findings, *content.constraints.findings]
     return FileModel(
         points,
@@ -54,10 +60,10 @@ def read_cdb(path: str) -> FileModel:
         materials={f"material {number}": FileMaterial(**known) for number, known in content.materials.items()},
         bodies=bodies,
         supports=supports,
-        connected=rigid_regions(content, numbers, points, groups),
+        connected=tuple(leading.values()),
         masses=masses,
         springs=springs,
-        equations=between.equations(content.constraints, numbers, angles),
+        equations=equations,
         findings=tuple(findings) + findings_of_loads(content),
         facts=(f"title: {content.title}",) if content.title else (),
     )
@@ -81,12 +87,24 @@ def _check_counts(path: str, said: tuple[Command, ...]) -> None:
     size, lacking = os.path.getsize(path), {"NBLOCK", "EBLOCK"}
     for command in said:
         lacking.discard(command.word)
+        if command.word == "NBLOCK" and command.field(1).upper() != "SOLID":
+            _refuse_short_lines(path, command)
         if command.word in ("NBLOCK", "EBLOCK", "CMBLOCK") and command.fields:
             count = command.fields[-1] if command.word != "CMBLOCK" else command.field(2)
             if count.isdigit() and int(count) * _LEAST_BYTES > size:
                 raise MeshError(f"{command.where}: {command.word} counts {count}, more than a file of {size} bytes holds")
     if lacking:
         raise MeshError("the file holds no NBLOCK and EBLOCK that this program reads")
+
+
+def _refuse_short_lines(path: str, command: Command) -> None:
+    """Raise MeshError for nodes with a number alone before their coordinates, which the library takes for something else."""
+    with open(path, encoding="utf-8", errors="replace") as file:
+        form = next(islice(file, command.line, None), "").strip()
+    if form.lower().startswith(("(i", "(1i")):
+        raise MeshError(
+            f"{command.where}: NBLOCK in the format {form}, that of Workbench's input files, is not read; write it by CDWRITE"
+        )
 
 
 def _refuse_doubles(numbers: np.ndarray) -> None:

@@ -21,7 +21,7 @@ def connections(content: Content) -> tuple[tuple[FilePoint, ...], tuple[FileMass
         elif element.type == "RBE3":
             _distributing(content, number, element, points)
     masses = _masses(content, points)
-    springs = [one for number, element in content.cards.elements.items() for one in _spring(content, number, element)]
+    springs = [one for number, element in content.cards.elements.items() for one in _spring(content, number, element, points)]
     names = {node: point.name for node, point in points.items()}
     return tuple(points.values()), tuple(masses), tuple(springs), names
 
@@ -42,6 +42,9 @@ def _distributing(content: Content, number: int, element: Any, points: dict[int,
     if not is_plain or int(element.refgrid) in points:
         content.left_out("RBE3", number, "a mean with weights or components that differ", "points")
         return
+    if content.of_solids[content.nodes_of([int(element.refgrid)], "RBE3")[0]]:
+        content.left_out("RBE3", number, "a mean that leads a node of a solid", "points")
+        return
     nodes = [node for own in element.Gijs for node in own]
     _add_point(content, f"RBE3 {number}", int(element.refgrid), nodes, "distributing", points)
     effect = "weights that are all alike; where its points make faces, these weigh by their areas here"
@@ -50,7 +53,9 @@ def _distributing(content: Content, number: int, element: Any, points: dict[int,
 
 def _add_point(content: Content, name: str, leader: int, nodes: list, connection: str, points: dict[int, FilePoint]) -> None:
     at = content.nodes_of([leader], name)[0]
-    group = content.group(name, np.setdiff1d(content.nodes_of(map(int, nodes), name), [at]))
+    own = np.setdiff1d(content.nodes_of(map(int, nodes), name), [at])
+    follows = connection == "rigid" and content.of_solids[at]  # a leading node of a solid follows, too
+    group = content.group(name, np.union1d(own, [at]) if follows else own)
     x, y, z = map(float, content.points[at])
     points[leader] = FilePoint(name=name, position=(x, y, z), group=group, connection=connection)
 
@@ -78,13 +83,19 @@ def _masses(content: Content, points: dict[int, FilePoint]) -> list[FileMass]:
     return found
 
 
-def _spring(content: Content, number: int, element: Any) -> list[FileSpring]:
-    """Return a CELAS1 or CELAS2 between equal displacements of two grid points, or of one and ground."""
+def _spring(content: Content, number: int, element: Any, points: dict[int, FilePoint]) -> list[FileSpring]:
+    """Return a CELAS1 or CELAS2 between equal displacements of two grid points, or of one and ground.
+
+    One between ground and a connected point becomes the point's own.
+    """
     if element.type not in ("CELAS1", "CELAS2"):
         return []
     stiffness = element.k if element.type == "CELAS2" else getattr(content.cards.properties.get(element.pid), "k", None)
     ends = [(int(n), int(c)) for n, c in zip(element.nodes, (element.c1, element.c2), strict=True) if n]
     directions = {c for _, c in ends}
+    if any(node in points for node, _ in ends):
+        _of_point(content, number, element, ends, stiffness, points)
+        return []
     if stiffness is None or len(directions) != 1 or not directions <= {1, 2, 3}:
         content.left_out(element.type, number, "a spring between displacements that differ, or on rotations", "springs")
         return []
@@ -99,3 +110,18 @@ def _spring(content: Content, number: int, element: Any) -> list[FileSpring]:
         return []
     x, y, z = map(float, rows[0])
     return [FileSpring(groups=tuple(groups), direction=(x, y, z), stiffness=float(stiffness))]
+
+
+def _of_point(
+    content: Content, number: int, element: Any, ends: list, stiffness: float | None, points: dict[int, FilePoint]
+) -> None:
+    """Add a spring between a connected point and ground to the point."""
+    node, component = ends[0]
+    is_turned = node in points and axes_of(content, node, np.asarray(points[node].position)) is not None
+    if len(ends) != 1 or stiffness is None or is_turned or not 1 <= component <= 6:
+        content.left_out(element.type, number, "a spring at a grid point that leads a rigid element", "springs")
+        return
+    point = points[node]
+    known = (point.stiffness if component <= 3 else point.rotational_stiffness) or (0.0, 0.0, 0.0)
+    x, y, z = (value + float(stiffness) * (axis == (component - 1) % 3) for axis, value in enumerate(known))
+    points[node] = replace(point, stiffness=(x, y, z)) if component <= 3 else replace(point, rotational_stiffness=(x, y, z))

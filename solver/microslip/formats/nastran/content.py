@@ -21,6 +21,7 @@ class Content:
     points: np.ndarray  # (n, 3) in the basic system
     groups: dict[str, Group] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
+    of_solids: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n,) a solid element has it
 
     def left_out(self, card: str, number: int, effect: str, part: str = "", changes: bool = True) -> None:
         where = f"{card} {number}"

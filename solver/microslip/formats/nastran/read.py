@@ -46,6 +46,9 @@ def read_bdf(path: str) -> FileModel:
     order = np.argsort(numbers)
     content = Content(cards, numbers[order], np.concatenate([plain.points, others])[order])
     cells, bodies = _cells_and_bodies(content, plain.solids)
+    content.of_solids = np.zeros(len(numbers), dtype=bool)
+    for own in cells:
+        content.of_solids[own.nodes] |= KINDS[own.kind][0] == 3
     _sets(content)
     connected, masses, springs, of_rigid = connections(content)
     held = supports(content, {point.name for point in connected}, of_rigid)
@@ -61,7 +64,7 @@ def read_bdf(path: str) -> FileModel:
         connected=connected,
         masses=masses,
         springs=springs,
-        equations=equations(content, held.turned),
+        equations=equations(content, held.turned, of_rigid),
         findings=tuple(content.findings),
     )
 

@@ -27,8 +27,9 @@ def supports(content: Content, points: set[str], of_rigid: dict[int, str]) -> He
     ``of_rigid`` names the connected point of a grid point that leads a rigid element, which has rotations, too.
     """
     held = np.zeros((len(content.numbers), 6), dtype=bool)
+    defaults = getattr(content.cards.grdset, "ps", None) or ""
     for number, node in content.cards.nodes.items():
-        _hold(held, content, [number], str(node.ps or ""), "GRID")
+        _hold(held, content, [number], str(node.ps or defaults), "GRID")
     for card in _chosen(content, "SPC", content.cards.spcs, content.cards.spcadds):
         if card.type == "SPC1":
             _hold(held, content, card.nodes, card.components, "SPC1")
@@ -44,7 +45,12 @@ def supports(content: Content, points: set[str], of_rigid: dict[int, str]) -> He
     for number, name in of_rigid.items():
         i = content.nodes_of([number], "a rigid element")[0]
         fix = tuple(_NAMES[k] for k in np.flatnonzero(held[i]))
-        if fix and name in points:
+        axes = axes_of(content, number, content.points[i])
+        parts = held[i, :3], held[i, 3:]
+        if axes is not None and any(part.any() and not part.all() for part in parts):
+            effect = "a support in turned axes of a grid point that leads a rigid element"
+            content.left_out("SPC", number, effect, "supports")
+        elif fix and name in points:
             made.append(FileSupport(point=name, fix=fix))
         held[i] = False
     for i in np.flatnonzero(held[:, :3].any(axis=1) & ~held[:, :3].all(axis=1)):
@@ -66,7 +72,7 @@ def _hold(held: np.ndarray, content: Content, nodes: Any, components: str, where
 
 
 def _chosen(content: Content, word: str, sets: dict, added: dict) -> list[Any]:
-    """Return the cards of the set that the case control names, or of the only one there is."""
+    """Return the cards of the set that the case control names, or of the only one there is, with a note where it names none."""
     deck, wanted = content.cards.case_control_deck, set()
     for subcase in deck.subcases.values() if deck is not None else ():
         if word in subcase.params:
@@ -78,6 +84,9 @@ def _chosen(content: Content, word: str, sets: dict, added: dict) -> list[Any]:
     if not wanted and len(everything) > 1:
         content.left_out(word, min(everything), "several sets and no case control that names one", "supports")
     number = min(wanted or everything or {0})
+    if not wanted and len(everything) == 1 and deck is not None:
+        effect = f"the case control names no set; the only one there is, {number}, is taken"
+        content.left_out(word, number, effect, "supports" if word == "SPC" else "equations", changes=False)
     members = [one for card in added.get(number, ()) for one in card.sets] if number in added else [number]
     return [card for member in members for card in sets.get(member, ())]
 
@@ -110,7 +119,9 @@ def _local_axes(at: np.ndarray, is_sphere: bool) -> np.ndarray:
     return np.stack([radial, down, around])
 
 
-def equations(content: Content, turned: list[tuple[str, list[tuple[int, int, float]]]]) -> Equations | None:
+def equations(
+    content: Content, turned: list[tuple[str, list[tuple[int, int, float]]]], of_rigid: dict[int, str]
+) -> Equations | None:
     """Return the equations of MPC and of supports in turned axes, in model axes; None without any.  Local."""
     rows = list(turned)
     for card in _chosen(content, "MPC", content.cards.mpcs, content.cards.mpcadds):
@@ -120,6 +131,10 @@ def equations(content: Content, turned: list[tuple[str, list[tuple[int, int, flo
                 content.left_out("MPC", int(card.conid), "an equation with a rotation or a scalar point", "equations")
                 break
             i = int(content.nodes_of([node], "MPC")[0])
+            if int(node) in of_rigid and not content.of_solids[i]:
+                effect = f"an equation of grid point {node}, which leads a rigid element"
+                content.left_out("MPC", int(card.conid), effect, "equations")
+                break
             axes = axes_of(content, int(node), content.points[i])
             row = np.eye(3)[int(component) - 1] if axes is None else axes[int(component) - 1]
             terms += [(i, k, float(value * row[k])) for k in np.flatnonzero(row)]
@@ -129,4 +144,4 @@ def equations(content: Content, turned: list[tuple[str, list[tuple[int, int, flo
         return None
     flat = [(i, *term) for i, (_, own) in enumerate(rows) for term in own]
     equation, nodes, directions, values = (np.array(column) for column in zip(*flat, strict=True))
-    return Equations(equation, nodes, directions, values, tuple(where for where, _ in rows))
+    return Equations(equation, nodes, directions, values, tuple(where for where, _ in rows), len(turned))
