@@ -15,6 +15,7 @@ from microslip.assembly.prestress import stiffness_at_rest
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
+from microslip.mesh.points import of_distributing
 from microslip.mesh.settings import Point, Statics, Support, Tie
 from microslip.parallel.errors import CaseError, MeshError
 
@@ -279,6 +280,17 @@ def test_a_distributing_point_adds_no_stiffness_and_sees_rigid_motions():
         )
     for motion, seen in zip(rigid_motions(mesh.points - np.array(point.position)), np.eye(6)):
         assert system.outputs @ on_rows(system, motion) == pytest.approx(seen, abs=1e-12)
+
+
+@pytest.mark.parametrize("by_area", [True, False])
+def test_a_distributing_point_weighs_by_area_or_alike(by_area):
+    """Lifting one corner of a quadratic face moves the mean by the corner's share."""
+    mesh = stack()
+    point = Point(name="p", position=(0.5, 0.5, 2.0), group="top", rigid=False, by_area=by_area)
+    nodes = mesh.node_groups["top"]
+    follower = of_distributing(mesh, point, len(mesh.points), len(mesh.points) + 2)
+    shares = np.array([follower.weights[2, 3 * node + 2] for node in nodes])
+    assert shares.sum() == pytest.approx(1.0) and (np.ptp(shares) < 1e-12) == (not by_area)
 
 
 def test_a_spring_and_a_mass_on_a_distributing_point():

@@ -130,6 +130,15 @@ def test_defaults_of_grid_points_hold_them_and_a_set_that_is_not_asked_for_is_sa
     assert ["names no set; the only one there is, 1" in one.effect for one in found.findings if one.word == "SPC"] == [True]
 
 
+def test_a_mean_of_equal_weights_is_taken_over_as_such(tmp_path):
+    model = plain()
+    a, b, c = map(int, model.numbers[:3])
+    found = read_model(written(tmp_path, model, "GRID,5000,,0.1,0.0,0.03", f"RBE3,901,,5000,123456,1.0,123,{a},{b}", f",{c}"))
+    (point,) = found.connected
+    assert (point.connection, point.weights) == ("distributing", "equal") and found.findings == ()
+    assert found.groups[point.group].nodes.tolist() == [0, 1, 2]
+
+
 def test_cylindrical_systems_place_and_hold_grid_points(tmp_path):
     """Field CP places, field CD holds: a support in r and theta of a cylindrical system."""
     model = plain()

@@ -124,3 +124,11 @@ def test_exodus_files_that_refer_to_others_or_are_damaged_are_refused(tmp_path):
     path.write_bytes(b"something else")
     with pytest.raises(CaseError, match="no NetCDF file"):
         read_model(path)
+
+
+@pytest.mark.parametrize("kind, n_findings", [(0, 0), (1, 1)])
+def test_systems_of_a_universal_file_that_are_not_cartesian_are_reported(tmp_path, kind, n_findings):
+    matrix = "".join("   0.0   0.0   0.0\n" for _ in range(4))
+    systems = f"    -1\n  2420\n         1\nPart\n         1{kind:10d}         0\nglobal\n{matrix}    -1\n"
+    (tmp_path / "model.unv").write_text(systems + unv(plain()))
+    assert [one.word for one in read_model(tmp_path / "model.unv").findings] == ["data set 2420"] * n_findings

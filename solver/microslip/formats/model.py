@@ -108,6 +108,7 @@ class FilePoint:
     position: Vector
     group: str
     connection: str = "rigid"  # or "distributing"
+    weights: str = "area"  # of a distributing one, or "equal"
     mass: float = 0.0
     inertia: tuple[float, ...] | None = None  # about the point: xx, yy, zz and maybe xy, yz, zx
     stiffness: Vector | None = None  # force a length, springs to ground

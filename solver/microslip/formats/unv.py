@@ -37,7 +37,7 @@ _ORDER = {
 }
 _GROUPS = (2429, 2430, 2432, 2435, 2452, 2467, 2477)
 _NODES, _ELEMENTS = 7, 8  # codes of what a group holds
-_HARMLESS = (151, 164, 2400, 2420, 55, 58, 2414, 18, 2448)
+_HARMLESS = (151, 164, 2400, 55, 58, 2414, 18, 2448)
 _EFFECTS = {773: "materials", 1710: "materials", 789: "properties", 2437: "properties", 755: "supports", 791: "supports"}
 
 
@@ -61,6 +61,8 @@ def read_unv(path: str) -> FileModel:
             _take_old_nodes(points, lines, line)
         elif number in (2412, 780):
             _take_elements(rows, findings, lines, line)
+        elif number == 2420:
+            findings += _systems(lines, line)
         elif number in _GROUPS:
             named += _groups(lines, line)
         elif number not in _HARMLESS:
@@ -106,6 +108,15 @@ def _table(lines: list[str], width: int, kind: type = int) -> np.ndarray | None:
         return fields.astype(kind).reshape(len(lines), -1)
     except ValueError:
         return None
+
+
+def _systems(lines: list[str], line: int) -> list[Finding]:
+    """Report coordinate systems that are not Cartesian: nodes in them would lie elsewhere."""
+    types = [_values(text, line + i + 3)[1:2] for i, text in enumerate(lines[2:]) if i % 6 == 0]
+    if not any(kind != [0] for kind in types):
+        return []
+    effect = "cylindrical or spherical coordinate systems; write the nodes in the global one"
+    return [Finding(word="data set 2420", where=f"line {line}", effect=effect, changes=True)]
 
 
 def _take_nodes(points: dict, lines: list[str], line: int) -> None:

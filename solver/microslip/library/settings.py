@@ -207,6 +207,7 @@ def _point(point: schema.Point) -> Point:
         position=point.position,
         group=point.group,
         rigid=point.connection == "rigid",
+        by_area=point.weights == "area",
         mass=point.mass,
         inertia=(*(point.inertia or ()), *(0.0,) * 6)[:6],
         stiffness=point.stiffness or (0.0, 0.0, 0.0),

@@ -35,7 +35,7 @@ def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
 def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
     """Return how a point follows the weighted mean of its nodes: docs/theory.md, eq. (2.8)."""
     nodes = mesh.node_groups[point.group]
-    share = _shares(mesh, point.group, nodes)
+    share = _shares(mesh, point.group, nodes) if point.by_area else np.full(len(nodes), 1.0 / len(nodes))
     J, centre = _second_moments(mesh, point, nodes, share)
     arms = mesh.points[nodes] - centre
     turn = np.linalg.inv(J) @ (share[:, None, None] * _cross(arms))  # (n, 3, 3): theta = sum turn_i u_i

@@ -63,6 +63,7 @@ class Point:
     position: Vector  # m
     group: str
     rigid: bool = True  # the nodes follow the point as a rigid body; otherwise the point follows their weighted mean
+    by_area: bool = True  # of that mean: weights are tributary areas where the group has faces; otherwise all alike
     mass: float = 0.0  # kg
     inertia: tuple[float, ...] = (0.0,) * 6  # kg m2 about the point: xx, yy, zz, xy, yz, zx
     stiffness: Vector = (0.0, 0.0, 0.0)  # N/m, springs to ground

@@ -245,6 +245,9 @@ class Point(Table):
     connection: Literal["rigid", "distributing"] = Field(
         "rigid", description='"rigid": the nodes follow the point; or "distributing": it follows their mean'
     )
+    weights: Literal["area", "equal"] = Field(
+        "area", description='the weights of that mean, "area" of each node, or "equal" for all of them'
+    )
     mass: NotNegative = Field(0.0, description="the mass in kg, a number of at least 0")
     inertia: tuple[NotNegative, NotNegative, NotNegative] | tuple[float, float, float, float, float, float] | None = Field(
         None, description="the moments of inertia about the point in kg m2, [xx, yy, zz] or [xx, yy, zz, xy, yz, zx]"

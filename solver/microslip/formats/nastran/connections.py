@@ -47,8 +47,8 @@ def _distributing(content: Content, number: int, element: Any, points: dict[int,
         return
     nodes = [node for own in element.Gijs for node in own]
     _add_point(content, f"RBE3 {number}", int(element.refgrid), nodes, "distributing", points)
-    effect = "weights that are all alike; where its points make faces, these weigh by their areas here"
-    content.left_out("RBE3", number, effect, "points", changes=False)
+    leader = int(element.refgrid)
+    points[leader] = replace(points[leader], weights="equal")
 
 
 def _add_point(content: Content, name: str, leader: int, nodes: list, connection: str, points: dict[int, FilePoint]) -> None:
