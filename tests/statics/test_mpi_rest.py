@@ -200,6 +200,12 @@ def test_spin_and_stress_change_the_stiffness(comm, folder):
 
 MISTAKES = {
     "nothing": ("steps = 3\n", (), r"\[statics\] loads nothing"),
+    "pressure of 0": ('[[statics.pressures]]\ngroup = "bar_top"\npressure = 0.0\n', (), r"\[statics\] loads nothing"),
+    "pressed body": (
+        '[[statics.pressures]]\ngroup = "bar"\npressure = 1.0\n',
+        (),
+        r'\[\[statics.pressures\]\] 1 group = "bar": these are the elements of a body, and a pressure acts on faces',
+    ),
     "no axis": ("rotation_speed = 10.0\n", (("axis = [0.0, 0.0, 1.0]\n", ""),), "axis is missing"),
     "no expansion": (
         '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 10.0\n',

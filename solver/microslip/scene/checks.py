@@ -25,6 +25,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_outputs(scene),
         *_surfaces(scene),
         *_statics(scene),
+        *_pressed_bodies(scene),
         *_points(scene),
         *_bars(scene),
         *_mode(scene),
@@ -171,7 +172,8 @@ def _statics(scene: Scene) -> list[str]:
         return found
     if statics.rotation_speed > 0.0 and scene.model.axis is None:
         found.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
-    if not (statics.rotation_speed or statics.forces or statics.pressures or statics.temperatures or statics.bolts):
+    acting = (any(one.pressure for one in statics.pressures), any(one.temperature for one in statics.temperatures))
+    if not (statics.rotation_speed or statics.forces or statics.bolts or any(acting)):
         found.append(
             "[statics] loads nothing: state rotation_speed, forces, pressures, temperatures or bolts, or leave the table out"
         )
@@ -192,6 +194,20 @@ def _statics(scene: Scene) -> list[str]:
         elif body_of[warm.group].material in scene.materials and scene.materials[body_of[warm.group].material].expansion is None:
             found.append(f"{where}: [materials.{body_of[warm.group].material}] expansion is missing, in 1/K")
     return found
+
+
+def _pressed_bodies(scene: Scene) -> list[str]:
+    """Pressures on the elements of a body, whose outside would all be pressed."""
+    bodies = {body.group for body in scene.bodies.values()}
+    pressures = (
+        [(f"[[statics.pressures]] {i}", one.group) for i, one in enumerate(scene.statics.pressures, 1)] if scene.statics else []
+    )
+    pressures += [(where, load.group) for where, load in _numbered(scene, "loads") if load.pressure is not None]
+    return [
+        f'{where} group = "{group}": these are the elements of a body, and a pressure acts on faces; name a group of them'
+        for where, group in pressures
+        if group in bodies
+    ]
 
 
 def _same_bolts(statics: Statics) -> list[str]:
