@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from ..parallel.words import nearest
+from .inputs import named_files
 from .joint_laws import ELASTIC_COULOMB
-from .matrix_names import KEYS, may_know_nodes, split_name
+from .matrix_names import may_know_nodes
 from .schema import Scene, Statics
 
 
@@ -339,17 +340,7 @@ def _mode(scene: Scene) -> list[str]:
 
 def missing_files(scene: Scene) -> list[str]:
     """Return which of the scene's files are not there, a text each.  Local."""
-    model = scene.model
-    named = [(f"[model] {key}", getattr(model, key)) for key in ("mesh", "dofs", "nodes", "recovery_dofs")]
-    given = [(key, getattr(model, key)) for key in KEYS if getattr(model, key) is not None]
-    named += [(f"[model] {key}", split_name(file, scene.folder)[0]) for key, file in given]
-    named += [
-        (f'[[joints]] {i} ("{joint.name}") {key}', getattr(joint, key))
-        for i, joint in enumerate(scene.joints, 1)
-        for key in ("pairs", "node_pairs", "parameters")
-    ]
-    named += [(f"[[loads]] {i} forces", load.forces) for i, load in enumerate(scene.loads, 1)]
-    return [found for where, file in named if file is not None and (found := _missing(where, file, scene.folder))]
+    return [found for where, file in named_files(scene) if (found := _missing(where, file, scene.folder))]
 
 
 def _missing(where: str, file: str, folder: Path) -> str | None:

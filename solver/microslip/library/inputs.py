@@ -1,0 +1,71 @@
+"""The files that a run reads, and what tells whether they have changed since."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..formats.includes import included_files
+from ..parallel.errors import CaseError
+from ..scene.inputs import named_files
+from ..scene.schema import Scene
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file that a run reads, as it was then."""
+
+    key: str  # where it is named: "[model] mesh", "included by plates.inp"
+    path: str  # absolute
+    size: int  # bytes
+    sha256: str
+
+
+def input_files(scene: Scene) -> tuple[tuple[str, Path], ...]:
+    """Return where each file that a scene reads is named, and its absolute path.  Local, rank 0.
+
+    The scene's own file is not among them: what counts of it is the text (``Scene.text``).
+
+    Raises
+    ------
+    CaseError : a file cannot be read
+    """
+    found: list[tuple[str, Path]] = []
+    for key, stated in named_files(scene):
+        path = scene.folder / stated
+        found.append((key, path))
+        try:
+            found += [(f"included by {path.name}", inner) for inner in included_files(path)]
+        except OSError as problem:
+            raise CaseError(f"{path}: {problem.strerror}") from None
+        rows = path.with_suffix(".dof")  # CalculiX tells the nodes of its matrices there
+        if path.suffix.lower() in (".sti", ".mas") and rows.is_file():
+            found.append((f"beside {path.name}", rows))
+    return tuple(found)
+
+
+def fingerprint(files: Iterable[tuple[str, Path]]) -> tuple[InputFile, ...]:
+    """Return size and SHA-256 hash of files, each read once, a block at a time.  Local, rank 0.
+
+    Raises
+    ------
+    CaseError : a file cannot be read
+    """
+    known: dict[Path, tuple[int, str]] = {}
+    found = []
+    for key, path in files:
+        if path not in known:
+            known[path] = _size_and_hash(path)
+        found.append(InputFile(key, str(path), *known[path]))
+    return tuple(found)
+
+
+def _size_and_hash(path: Path) -> tuple[int, str]:
+    try:
+        with open(path, "rb") as file:
+            digest = hashlib.file_digest(file, "sha256").hexdigest()
+            return file.tell(), digest
+    except OSError as problem:
+        raise CaseError(f"{path}: {problem.strerror}") from None
