@@ -38,8 +38,9 @@ ROOMS = {
     "results": ("files, pictures", 0.5, 10),
     "observe": ("log, observers", 0.5, 11),
     "library": ("settings, stages", 0.5, 12),
-    "studies": ("compare, verify, trade", 1.5, 13),
-    "program": ("command line", 0.2, 13),
+    "restart": ("what is kept on disk", 0.0, 13),
+    "studies": ("compare, verify, trade", 2.0, 13),
+    "program": ("command line", 1.0, 13),
 }
 BY_WAY_OF = {  # columns in which long arrows go down, between the boxes
     ("receptance", "reduction"): 0.5,
@@ -52,7 +53,15 @@ BY_WAY_OF = {  # columns in which long arrows go down, between the boxes
 }
 NUMPY_ONLY = ("elements", "fourier", "contact")
 WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 128, 40, 12, 28, 14
-ENDS = ("scene", "results", "observe", "library", "studies", "program")  # where a user's words come in and results go out
+ENDS = (
+    "scene",
+    "results",
+    "observe",
+    "library",
+    "restart",
+    "studies",
+    "program",
+)  # where a user's words come in and results go out
 
 
 def imports(path: Path) -> set[str]:

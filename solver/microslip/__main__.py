@@ -156,10 +156,10 @@ def _solve(command: Command, comm) -> int:
         export.export(scene, comm, out, export.Asked(command.method, command.recovery), command.petsc)
     elif more:
         out = Path("results") if command.out is None else command.out
-        status = several.run_scenes([scene, *more], comm, out, command.petsc, command.groups)
+        status = several.run_scenes([scene, *more], comm, out, command.petsc, command.groups, command.fresh)
     else:
         out = Path("results", scene.name) if command.out is None else command.out
-        run.run(scene, comm, out, command.petsc, n_groups=command.groups)
+        run.run(scene, comm, out, command.petsc, n_groups=command.groups, fresh=command.fresh)
     unused = set.intersection(*map(set, comm.allgather(unused_options(command.petsc))))  # a group may have had no work
     if unused and status == 0:
         raise CaseError(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .continuation.branch import Branch
+from .continuation.keeper import Keepers
 from .library.build import build
 from .library.files import write_shapes, writer_of
 from .library.follow import follow, in_turn, known_columns
@@ -14,9 +16,11 @@ from .library.settings import units_of
 from .observe.level_log import LevelLog
 from .observe.log import RunLog
 from .observe.not_computed import not_computed
-from .parallel.agree import on_each
+from .parallel.agree import on_each, on_root
 from .parallel.errors import ConvergenceError
 from .parallel.versions import versions
+from .restart.folder import Restart
+from .restart.place import place_of, settle
 from .results.audit import audit_text
 from .results.fields import RunRecord, StageRecord
 from .results.measures import shown_with
@@ -28,36 +32,77 @@ if TYPE_CHECKING:
 
 
 def run(
-    scene: Scene, comm: MPI.Comm, folder: Path, options: tuple[str, ...] = (), n_groups: int = 1, screen: bool = True
+    scene: Scene,
+    comm: MPI.Comm,
+    folder: Path,
+    options: tuple[str, ...] = (),
+    n_groups: int = 1,
+    screen: bool = True,
+    fresh: bool = False,
 ) -> None:
-    """Solve one scene, from mesh or matrices to response and pictures.
+    """Solve one scene, from mesh or matrices to response and pictures; go on where an earlier run in the folder was left.
 
     Collective on ``comm``, whose ranks part into ``n_groups`` for the levels.  Without ``screen`` only files are written.
+    ``fresh`` starts anew and keeps the results that are there, in a folder of their own.
 
     Raises
     ------
     CaseError, ResourceError : on every rank, before anything is solved or as soon as it is known
     ConvergenceError : a level ended early, after everything that converged was written and drawn; on every rank
     """
+    restart = Restart.open(comm, folder, scene, options, fresh)
+    if restart.done is not None:
+        draw_again(restart, comm, folder, screen)
+        failures = restart.done
+    else:
+        failures = compute(restart, comm, folder, options, n_groups, screen, fresh)
+    if failures:
+        raise ConvergenceError("\n".join(failures) + f"\nwhat converged is in {folder}")
+
+
+def compute(
+    restart: Restart, comm: MPI.Comm, folder: Path, options: tuple[str, ...], n_groups: int, screen: bool, fresh: bool
+) -> list[str]:
+    """Compute what is left of a run, write and draw all of it, and return why levels ended early, if some did.  Collective."""
+    scene, place = restart.scene, on_root(comm, place_of, folder)
     facts = {"scene": scene.source, "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
-    with RunLog(comm, str(folder / "run.log"), screen=screen, facts=facts) as log:
-        structure = build(scene, comm, log)
-        with log.stage("reduction"):
-            prepared = prepare(structure)
+    with RunLog(comm, str(place / "run.log"), screen=screen, facts=facts) as log:
+        for note in restart.notes:
+            log.note(note)
+        prepared = restart.prepared(log, partial(set_up, scene, comm, log))
         with log.stage("response"):
-            branches = follow_logged(prepared, folder, options, n_groups, log)
+            branches = follow_logged(prepared, place, options, n_groups, log, restart.keepers_of(prepared, log))
         with log.stage("fields for ParaView"):
-            write_shapes(prepared, branches, folder, record_of(log))
+            write_shapes(prepared, branches, place, record_of(log))
         with log.stage("pictures"):
-            on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
+            draw(comm, place)
+        prepared.close()
         log.note(f"results in {folder}")
-        structure.close()
-    failed = [branch for branch in branches if branch.failure]
-    if failed:
-        raise ConvergenceError(
-            "\n".join(f"level {branch.level:g} N ends after {len(branch.points)} points: {branch.failure}" for branch in failed)
-            + f"\nwhat converged is in {folder}"
-        )
+    on_root(comm, settle, folder, place, fresh)
+    ended_early = [branch for branch in branches if branch.failure]
+    failures = [f"level {one.level:g} N ends after {len(one.points)} points: {one.failure}" for one in ended_early]
+    restart.finish(folder, failures)
+    return failures
+
+
+def draw_again(restart: Restart, comm: MPI.Comm, folder: Path, screen: bool) -> None:
+    """Draw the pictures of a run that was computed before.  Collective."""
+    with RunLog(comm, screen=screen) as log:
+        log.note(f"all of it is in {folder}, nothing is left to compute (--fresh computes it anew)")
+        with log.stage("pictures"):
+            draw(comm, folder)
+
+
+def draw(comm: MPI.Comm, folder: Path) -> None:
+    """Draw the pictures of the results in a folder, shared among the ranks.  Collective."""
+    on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
+
+
+def set_up(scene: Scene, comm: MPI.Comm, log: RunLog) -> Prepared:
+    """Return the structure of a scene, built and reduced.  Collective."""
+    structure = build(scene, comm, log)
+    with log.stage("reduction"):
+        return prepare(structure)
 
 
 def record_of(log: RunLog) -> RunRecord:
@@ -65,14 +110,16 @@ def record_of(log: RunLog) -> RunRecord:
     return RunRecord(tuple(StageRecord(stage.name, stage.seconds, stage.memory) for stage in log.stages), tuple(log.notes))
 
 
-def follow_logged(prepared: Prepared, folder: Path, options: tuple[str, ...], n_groups: int, log: RunLog) -> list[Branch]:
+def follow_logged(
+    prepared: Prepared, folder: Path, options: tuple[str, ...], n_groups: int, log: RunLog, keepers: Keepers
+) -> list[Branch]:
     """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
     writer = writer_of(prepared, folder, options)
     levels = LevelLog(log, response.sweep, len(response.settings.levels), shown)
     try:
-        branches = follow(response, [levels, writer], n_groups, log)
+        branches = follow(response, [levels, writer], n_groups, log, keepers)
         if not in_turn(response, n_groups):
             writer.put_in_order(branches)
     finally:

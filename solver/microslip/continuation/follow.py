@@ -13,6 +13,7 @@ from .branch import Branch, Point
 from .first_point import reach_first
 from .hold import MOSTLY, MOVED, hold, let_go
 from .iterate import Iterate, PointState, interpolate
+from .keeper import KEEPS_NOTHING, Keeper
 from .point_solver import Found, PointSolver, Workspace
 from .state import BranchState
 from .stepping import message, second, step
@@ -192,28 +193,38 @@ def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.n
             raise ConvergenceError(message(solver, here.parameter, found, steps))
 
 
-def follow_branch(task: BranchTask, max_points: int, on_point: Emit = lambda point: None, segment: int = 0) -> Branch:
-    """Follow a branch to the end of its range.  Collective.
+def follow_branch(
+    task: BranchTask, max_points: int, on_point: Emit = lambda point: None, segment: int = 0, keeper: Keeper = KEEPS_NOTHING
+) -> Branch:
+    """Follow a branch to the end of its range, from where it was left if the ``keeper`` knows it.  Collective.
 
     A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
     branch, workspace = Branch(task.problem.at((task.sweep.start,)).level), Workspace(task.problem.equation)
-    state = task.start(workspace)
+    since: list[Point] = []  # the last state that was kept
+
+    def take(point: Point) -> None:
+        on_point(point)
+        branch.points.append(point if workspace.comm.rank == 0 else replace(point, U=NOTHING, p=NOTHING))
 
     def record(point: Point) -> None:
         if len(branch.points) < max_points:
-            own = replace(point, segment=segment)
-            on_point(own)
-            branch.points.append(own if workspace.comm.rank == 0 else replace(own, U=NOTHING, p=NOTHING))
+            since.append(replace(point, segment=segment))
+            take(since[-1])
 
     try:
+        state, before = keeper.begun(task, workspace) or (task.start(workspace), [])
+        for point in before:
+            take(point)
         while not state.is_done and branch.failure is None:
             found = advance(task, state, record)
             state, branch.failure = found.state, found.failure
             if len(branch.points) == max_points:
                 where = task.problem.where(task.sweep.stop)
                 branch.failure = f"{max_points} points without reaching {where}: raise [response] points"
+            keeper.keep(task, None if found.failure else state, since)
+            since.clear()
     finally:
         workspace.destroy()
         if task.estimator is not None:

@@ -24,6 +24,7 @@ from .branch import Branch, Point
 from .corrector import Correction
 from .follow import follow_branch
 from .iterate import Iterate
+from .keeper import Keeper, Keepers, keep_nothing
 from .linear_levels import is_linear, sticks_up_to
 from .point_record import point_record
 from .problems import ForcedResponse
@@ -192,7 +193,7 @@ def nobody(event: str, *news) -> None:
     """Tell nobody."""
 
 
-def follow_levels(of: ResponseProblem, tell: Callable[..., None] = nobody) -> list[Branch]:
+def follow_levels(of: ResponseProblem, tell: Callable[..., None] = nobody, keepers: Keepers = keep_nothing) -> list[Branch]:
     """Return the branches of all levels, one after the other.  Collective, as is ``tell``, which hears of levels and points.
 
     What it is told is what :class:`~microslip.observe.observer.Observers` has methods for.
@@ -200,34 +201,53 @@ def follow_levels(of: ResponseProblem, tell: Callable[..., None] = nobody) -> li
     branches = []
     for number, level in enumerate(of.settings.levels):
         tell("level_started", number)
-        branches.append(follow_level(of, level, partial(tell, "point", number)))
+        branches.append(follow_level(of, level, partial(tell, "point", number), keepers))
         tell("level_finished", number, branches[-1])
     return branches
 
 
-def follow_level(of: ResponseProblem, level: float, on_point: Callable[[Point], None] = lambda point: None) -> Branch:
+def follow_level(
+    of: ResponseProblem, level: float, on_point: Callable[[Point], None] = lambda point: None, keepers: Keepers = keep_nothing
+) -> Branch:
     """Return the branch of one level [N], with error bars where there is a better model.  Collective.
 
     A branch that ends early is followed from the other end of the range as well: folds that lead it back, or a corner that
     Newton does not pass in one direction, often lie on one side only.
     """
-    branch = _follow_one_way(of, level, on_point)
+    branch = _kept_or_followed(of, level, on_point, keepers)
     if branch.failure is None or of.is_static or len(branch.points) >= most_points(of.settings.points):
         return branch
-    other = _follow_one_way(replace(of, sweep=of.sweep.reverse), level, on_point, segment=1)
+    other = _kept_or_followed(replace(of, sweep=of.sweep.reverse), level, on_point, keepers, segment=1)
     return branch.with_segment_from_the_other_end(other)
 
 
-def _follow_one_way(of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int = 0) -> Branch:
+def _kept_or_followed(
+    of: ResponseProblem, level: float, on_point: Callable[[Point], None], keepers: Keepers, segment: int = 0
+) -> Branch:
+    """Return one way through the range: as it was kept, or followed to its end."""
+    keeper = keepers(of.model.comm, level, segment)
+    branch = keeper.ended()
+    if branch is None:
+        branch = _follow_one_way(of, level, on_point, segment, keeper)
+        keeper.end(branch)
+        return branch
+    for point in branch.points:
+        on_point(point)
+    return branch
+
+
+def _follow_one_way(of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int, keeper: Keeper) -> Branch:
     problem, settings, steps = of.at_level(level), of.settings, of.steps
     estimator = None if of.better is None else ErrorEstimator(of.better)
     task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, is_static=of.is_static)
     if of.model.n_pairs == 0:
         task = replace(task, sweep=replace(of.sweep, at=())) if of.is_static else task
-        return linear_branch(task, of.curve, 1 if of.is_static else settings.points, on_point)
+        branch = linear_branch(task, of.curve, 1 if of.is_static else settings.points, on_point)
+        keeper.keep(task, None, branch.points)
+        return branch
     linear = is_linear(problem.equation, level, of.curve)
     accuracy = accuracy_of(settings, problem.equation, linear) if estimator else None
     if accuracy is not None and accuracy.chooses_steps:
         steps = ArcLength(**asdict(steps_for(accuracy.target)) | stated_steps(settings, of.curve))
     task = replace(task, steps=steps, accuracy=accuracy, is_linear=linear)
-    return follow_branch(task, most_points(settings.points), on_point, segment)
+    return follow_branch(task, most_points(settings.points), on_point, segment, keeper)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -13,12 +14,13 @@ from ..assembly.pretension import pretension
 from ..assembly.system import System
 from ..formats.model import FileModel
 from ..linear.contact_outputs import with_contact_forces
-from ..linear.joint_springs import linearise
+from ..linear.joint_springs import Linearised, linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
 from ..mesh.settings import MeshSettings
+from ..modes.eigen import Modes
 from ..modes.limits import refuse_too_many
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
@@ -61,10 +63,16 @@ class Structure(StuckStructure):
         self.close()
 
 
-def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None) -> Structure:
+def build(
+    scene: Scene,
+    comm: MPI.Comm | None = None,
+    log: RunLog | None = None,
+    known_modes: Callable[[Linearised], Modes] | None = None,
+) -> Structure:
     """Return the structure with all pairs stuck, factored, and its lowest modes.
 
-    Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.
+    Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  ``known_modes`` returns those that an
+    earlier call has found, collectively.
 
     Raises
     ------
@@ -89,8 +97,9 @@ def build(scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None)
         linearised = linearise(system, pairs, str(scene.path))
     with log.stage("modes"):
         statics = static_response(linearised)
-        modes, why = choose_modes(linearised, pairs, statics, settings)
-    log.note(why)
+        modes, why = choose_modes(linearised, pairs, statics, settings) if known_modes is None else (known_modes(linearised), "")
+    if why:
+        log.note(why)
     return Structure(linearised, pairs, statics, modes, scene, mesh, bolts)
 
 

@@ -23,8 +23,8 @@ from .settings import outputs, units_of
 
 def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
     """Return what a result file says before its levels.  Local; with the user's node numbers on rank 0 only."""
-    scene, mesh, curve = prepared.scene, prepared.structure.mesh, prepared.response.curve
-    bolts = prepared.structure.bolts
+    scene, outline, curve = prepared.scene, prepared.outline, prepared.response.curve
+    bolts = outline.bolts
     units = units_of(scene)
     return ResultFile(
         path="",
@@ -35,8 +35,8 @@ def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
         options=tuple(options),
         versions={"microslip": __version__, **versions()},
         outputs=tuple(output.name for output in scene.outputs),
-        mode_frequency=prepared.structure.modes.frequency,
-        joint=joint_of(prepared.pairs, None if mesh is None else mesh.numbers),
+        mode_frequency=outline.omega_n / (2.0 * np.pi),
+        joint=joint_of(prepared.pairs, outline.numbers),
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         bolts=None if bolts is None else Bolts(bolts.names, **{name: getattr(bolts, name) for name in BOLT_UNITS}),
         units=units.outputs,
@@ -54,10 +54,10 @@ def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, r
 
     Collective; rank 0 writes.  Fields go to files for ParaView and into results.h5, which is there, as does ``run``.
     """
-    structure, system = prepared.structure, prepared.structure.linearised.system
     shapes = rest = None
     peaks: dict[int, Motion] = {}
-    if system.dof is not None:
+    if prepared.outline.has_mesh:
+        structure, system = prepared.structure, prepared.structure.linearised.system
         shapes = node_fields(system, structure.modes.phi_owned)
         rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
         for number, branch in enumerate(branches):
@@ -69,9 +69,10 @@ def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, r
 
 def _write(prepared: Prepared, branches: Sequence[Branch], folder: Path, found: tuple, run: RunRecord | None) -> None:
     """Write the fields of rank 0."""
-    (shapes, rest, peaks), structure, fields = found, prepared.structure, None
-    if structure.mesh is not None:
-        modes = np.moveaxis(shapes, -1, 0)
+    (shapes, rest, peaks), fields = found, None
+    if prepared.outline.has_mesh:
+        structure, modes = prepared.structure, np.moveaxis(shapes, -1, 0)
+        assert structure.mesh is not None, "called on rank 0"
         write_modes(str(folder / "modes.vtkhdf"), structure.mesh, structure.modes.omega_n, modes)
         motions: dict[str, np.ndarray] = {}
         for number, motion in peaks.items():

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..continuation.branch import Branch
+from ..continuation.keeper import Keepers, keep_nothing
 from ..continuation.levels import ResponseProblem, follow_levels
 from ..observe.log import RunLog
 from ..observe.observer import Observer, Observers
@@ -14,11 +15,16 @@ from ..observe.side_by_side import follow_side_by_side
 
 
 def follow(
-    response: ResponseProblem, observers: Iterable[Observer] = (), n_groups: int = 1, log: RunLog | None = None
+    response: ResponseProblem,
+    observers: Iterable[Observer] = (),
+    n_groups: int = 1,
+    log: RunLog | None = None,
+    keepers: Keepers = keep_nothing,
 ) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0.
 
-    Collective on the model's communicator.  ``observers`` hear of levels and points as they come.
+    Collective on the model's communicator.  ``observers`` hear of levels and points as they come; ``keepers`` keep
+    them, so that what was followed before is not followed again.
 
     Raises
     ------
@@ -27,8 +33,8 @@ def follow(
     comm, columns = response.model.comm, response.model.G_static
     told, log = Observers(comm, response.settings.levels, observers), log or RunLog(comm, screen=False)
     if not in_turn(response, n_groups):
-        return follow_side_by_side(response, n_groups, told, log)
-    branches = follow_levels(response, told.tell)
+        return follow_side_by_side(response, n_groups, told, log, keepers)
+    branches = follow_levels(response, told.tell, keepers)
     log.note(f"static columns: of {columns.known.sum()} of {response.model.n_pairs} pairs, in {columns.batches} batches")
     return branches
 

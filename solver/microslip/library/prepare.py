@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter
 
+import numpy as np
+
 from ..continuation.levels import ResponseProblem, response_problem
-from ..error_estimate.better_model import better_model_of
+from ..error_estimate.better_model import BetterModel, better_model_of
 from ..fourier.harmonics import Harmonics
 from ..mesh.data import ContactPairs
 from ..modes.band import Band
@@ -16,8 +19,27 @@ from ..reduction.methods import check_size, reduce_by_method
 from ..reduction.reduction import Reduction
 from ..reduction.settings import ReductionSettings
 from ..scene.schema import Scene
+from ..statics.bolts import BoltsAtRest
 from .build import Structure
 from .settings import has_error_bars, reduction_settings, response_settings
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """What results say of a structure."""
+
+    n_dof: int
+    omega_n: np.ndarray  # (n_modes,) rad/s
+    has_mesh: bool
+    numbers: np.ndarray | None  # (n_nodes,) of Mesh.points, the user's; on rank 0 of a scene with a mesh
+    bolts: BoltsAtRest | None
+
+    @classmethod
+    def of(cls, structure: Structure) -> Outline:
+        """Return that of a structure.  Local."""
+        system, mesh = structure.linearised.system, structure.mesh
+        numbers = None if mesh is None else mesh.numbers
+        return cls(system.n_dof, structure.modes.omega_n, system.dof is not None, numbers, structure.bolts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +47,18 @@ class Prepared:
     """A structure made ready for the responses of one scene."""
 
     scene: Scene
-    structure: Structure
+    whole: Callable[[], Structure]  # the structure; collective where it must be built first
+    outline: Outline
     pairs: ContactPairs  # with the friction and preload of these responses
     reduction: Reduction
     response: ResponseProblem
     seconds: float  # of the reduction; nearly none where it was known
+    close: Callable[[], None]  # frees the factor; collective
+
+    @property
+    def structure(self) -> Structure:
+        """The structure; collective where it must be built first."""
+        return self.whole()
 
     @property
     def model(self) -> ReducedModel:
@@ -54,10 +83,21 @@ def prepare(
     seconds = perf_counter() - start
     has_bars = has_error_bars(scene) if has_bars is None else has_bars
     better = better_model_of(structure, reduction, settings) if has_bars else None
-    omega_n = structure.modes.omega_n
+    response = response_of(scene, pairs, reduction, structure.modes.omega_n, better)
+    return Prepared(scene, lambda: structure, Outline.of(structure), pairs, reduction, response, seconds, structure.close)
+
+
+def response_of(
+    scene: Scene, pairs: ContactPairs, reduction: Reduction, omega_n: np.ndarray, better: BetterModel | None
+) -> ResponseProblem:
+    """Return what is solved at every level, about the modes ``omega_n`` [rad/s].  Collective.
+
+    Raises
+    ------
+    CaseError : the range cannot be followed; on every rank
+    """
     law = pairs.law.followed(scene.solver.between_samples == "path")
-    response = response_problem(response_settings(scene), reduction.model, law, reduction.selection, omega_n, better)
-    return Prepared(scene, structure, pairs, reduction, response, seconds)
+    return response_problem(response_settings(scene), reduction.model, law, reduction.selection, omega_n, better)
 
 
 def reduced(structure: Structure, settings: ReductionSettings) -> Reduction:

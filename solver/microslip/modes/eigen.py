@@ -15,6 +15,7 @@ from .inertia import count_below, find_gap
 from .krylov_schur import slepc_modes
 from .limits import SHARE
 from .rayleigh import orthonormalised, sharpened
+from .user_order import user_order
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
@@ -158,23 +159,9 @@ def _signs(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
     comm, columns = linearised.system.comm, np.arange(phi_owned.shape[1])
     phi_owned = np.vstack([phi_owned, np.ones(len(columns))])  # one row more, last in order: a rank may own none
     nobody = np.iinfo(np.int64).max
-    number = np.append(_user_order(linearised), nobody)
+    number = np.append(user_order(linearised), nobody)
     largest = np.max(comm.allgather(np.max(np.abs(phi_owned[:-1]), axis=0, initial=0.0)), axis=0)
     order = np.where(np.abs(phi_owned) >= (1.0 - _EQUAL) * largest, number[:, None], nobody)
     first = np.argmin(order, axis=0)
     numbers, signs = map(np.array, zip(*comm.allgather((order[first, columns], np.sign(phi_owned[first, columns])))))
     return signs[np.argmin(numbers, axis=0), columns]
-
-
-def _user_order(linearised: Linearised) -> np.ndarray:
-    """Return (n_owned,) the place of each owned row in an order that does not depend on the partition.  Local."""
-    row_start, row_end = linearised.M.getOwnershipRange()
-    dof = linearised.system.dof
-    if dof is None:
-        return np.arange(row_start, row_end)
-    constraints = getattr(linearised.system, "constraints", None)
-    number = np.empty(row_end - row_start, dtype=np.int64)
-    rows = dof.ravel() if constraints is None else constraints.free.ravel()
-    is_owned = (rows >= row_start) & (rows < row_end)
-    number[rows[is_owned] - row_start] = np.flatnonzero(is_owned)
-    return number

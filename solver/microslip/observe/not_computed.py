@@ -21,15 +21,15 @@ def not_computed(prepared: Prepared, branches: list[Branch], known: np.ndarray |
 
     ``known`` (n_pairs,) bool are the pairs whose static columns were solved for; None where those of all pairs had to be.
     """
-    scene, system = prepared.scene, prepared.structure.linearised.system
-    leaves_out, omega_n, is_static = prepared.reduction.leaves_out, prepared.structure.modes.omega_n, prepared.response.is_static
+    scene, n_dof = prepared.scene, prepared.outline.n_dof
+    leaves_out, omega_n, is_static = prepared.reduction.leaves_out, prepared.outline.omega_n, prepared.response.is_static
     solved = [branch for branch in branches if branch.points]
     lines = _statics(solved) if is_static else _harmonics(solved, has_pairs=known is None or len(known) > 0)
     if leaves_out == "basis" and solved and not is_static:
         lines.append(f"response outside the basis of method {scene.solver.method}: {changes(solved, 'modes')}")
-    if leaves_out == "modes" and solved and not is_static and 0 < len(omega_n) < system.n_dof:
+    if leaves_out == "modes" and solved and not is_static and 0 < len(omega_n) < n_dof:
         lines.append(
-            f"response of modes above {omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(omega_n)} of {system.n_dof} DOF, "
+            f"response of modes above {omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(omega_n)} of {n_dof} DOF, "
             f"beyond their static part: {changes(solved, 'modes')}"
         )
     if _most(solved, "pairs")[0] > 0.0:
@@ -54,7 +54,7 @@ def not_computed(prepared: Prepared, branches: list[Branch], known: np.ndarray |
         lines.append("error bars: [solver] asks for none")
     elif is_static:
         lines.append("error bars: they are those of harmonic 1, and harmonics = 0")
-    if system.dof is None:
+    if not prepared.outline.has_mesh:
         lines.append("fields for ParaView: the scene has no mesh")
     return lines
 

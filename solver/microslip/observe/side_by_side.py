@@ -10,6 +10,7 @@ import numpy as np
 
 from ..continuation.branch import Branch
 from ..continuation.follow import NOTHING
+from ..continuation.keeper import Keepers, keep_nothing
 from ..continuation.levels import ResponseProblem, follow_level
 from ..parallel.agree import on_root
 from ..parallel.groups import Counter, Reports, dealt, split
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def follow_side_by_side(of: ResponseProblem, n_groups: int, observers: Observers, log: RunLog) -> list[Branch]:
+def follow_side_by_side(
+    of: ResponseProblem, n_groups: int, observers: Observers, log: RunLog, keepers: Keepers = keep_nothing
+) -> list[Branch]:
     """Return the branches of all levels, in their order; the motion of the points is on rank 0.
 
     Collective.  A group takes the highest level that is left whenever it has done the last one: high levels
@@ -50,7 +53,7 @@ def follow_side_by_side(of: ResponseProblem, n_groups: int, observers: Observers
         for task in dealt(groups, counter, len(levels)):
             number = highest_first[task]
             tell("level_started", number, groups.where)
-            branch = follow_level(own, levels[number], partial(tell, "point", number))
+            branch = follow_level(own, levels[number], partial(tell, "point", number), keepers)
             tell("level_finished", number, replace(branch, points=[]))
         on_root(groups.comm, reports.finish)
     reports.free()

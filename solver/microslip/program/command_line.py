@@ -29,6 +29,7 @@ _KEYS = (
     "recovery",
     "to",
     "force",
+    "fresh",
 )
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
@@ -64,6 +65,7 @@ class Command:
     recovery: bool = False
     to: tuple[str, ...] = ()  # formats to convert to; empty: all of them
     force: bool = False  # to overwrite a scene
+    fresh: bool = False  # to compute anew what an earlier run has left
 
 
 class _Parser(argparse.ArgumentParser):
@@ -185,6 +187,11 @@ def _add_run(command: _Parser) -> None:
         default=1,
         help="split the ranks into G groups, each with "
         "levels of its own; of several scenes, each with scenes of its own (default: 1)",
+    )
+    command.add_argument(
+        "--fresh",
+        action="store_true",
+        help="compute everything anew, in place of going on where an earlier run was left; its results are kept beside",
     )
 
 

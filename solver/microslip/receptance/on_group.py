@@ -29,7 +29,7 @@ def model_on_group(model: ReducedModel, comm: MPI.Comm) -> ReducedModel:
     G_static = StaticColumns(model.n_pairs, last - first, _no_solve)
     for start in range(0, model.n_pairs, _BATCH):
         pairs = np.arange(start, min(start + _BATCH, model.n_pairs))
-        rows = model.G_static.solve(pairs)  # of the pairs owned in model.comm
+        rows = model.G_static.transposed(pairs).T  # of the pairs owned in model.comm
         shares = [_rows_between(rows, model.owned, *ends) for ends in wanted]
         G_static.put(pairs, np.concatenate(model.comm.alltoall(shares)))  # rank order is row order
     return replace(model, comm=comm, pair_ranges=pair_ranges, G_static=G_static)

@@ -28,6 +28,7 @@ class StaticColumns:
         self.known = np.zeros(n_pairs, dtype=bool)
         self.likely = np.empty(0, dtype=int)
         self.batches, self.seconds = 0, 0.0  # solved for, and the time that took
+        self.on_new: Callable[[np.ndarray], None] = lambda pairs: None  # collective; hears of pairs whose columns were solved for
         self._last: tuple[np.ndarray, np.ndarray] | None = None  # pairs asked for last, and their columns
 
     def require(self, pairs: np.ndarray) -> None:
@@ -40,6 +41,7 @@ class StaticColumns:
         start = perf_counter()
         self.put(missing, self.solve(missing))
         self.batches, self.seconds = self.batches + 1, self.seconds + perf_counter() - start
+        self.on_new(missing)
 
     def put(self, pairs: np.ndarray, columns: np.ndarray) -> None:
         """Take in this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N].  Local."""

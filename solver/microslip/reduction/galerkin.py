@@ -11,7 +11,7 @@ mass are harmless.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import scipy.linalg
@@ -24,13 +24,18 @@ from ..linear.joint_springs import Linearised
 from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
+from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
+from ..receptance.observed import Observed
 from ..receptance.static_columns import StaticColumns
 from .build import load_coefficients, modal_family, observed
 from .reduction import Reduction
 from .selection import AllPairs
 from .settings import ReductionSettings
 from .stuck import StuckStructure
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 DEPENDENT = 1e-13  # strain energy of a combination of columns, each scaled to energy 1, below which it is dropped
 NEARLY_DEPENDENT = 1e-8  # the same, below which rounding shows and the projection is made twice
@@ -98,9 +103,15 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def model_of_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, settings: ReductionSettings) -> ReducedModel:
     """Return the model that holds these modes and nothing else: its static parts are theirs, eq. (8.2).  Collective: two sums."""
-    comm, n_pairs, family = system.comm, system.R.shape[0] // 3, modal_family(system, omega_n, phi_owned, settings.damping)
-    R_phi, o, b = family.R_phi, family.o, family.b
-    pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / omega_n**2
+    return model_of_family(system.comm, modal_family(system, omega_n, phi_owned, settings.damping), settings, observed(system))
+
+
+def model_of_family(
+    comm: MPI.Comm, family: ModalFamily, settings: ReductionSettings, observed: Observed | None = None
+) -> ReducedModel:
+    """Return the model that holds a family of modes and nothing else, eq. (8.2).  Local."""
+    R_phi, o, b, n_pairs = family.R_phi, family.o, family.b, len(family.R_phi) // 3
+    pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / family.omega_n**2
     own = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
 
     def columns(pairs: np.ndarray) -> np.ndarray:
@@ -118,7 +129,7 @@ def model_of_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, s
         load_static=(b.T * flexibility) @ b,
         f=load_coefficients(settings.loads, harmonics),
         harmonics=harmonics,
-        observed=observed(system),
+        observed=observed,
     )
 
 

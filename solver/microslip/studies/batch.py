@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from ..scene.schema import Scene
 
 
-def run_scenes(scenes: Sequence, comm: MPI.Comm, out: Path, options: tuple[str, ...] = (), n_groups: int = 1) -> int:
+def run_scenes(
+    scenes: Sequence, comm: MPI.Comm, out: Path, options: tuple[str, ...] = (), n_groups: int = 1, fresh: bool = False
+) -> int:
     """Run scenes side by side, or in turn with one group, each into ``out``/its name; return the worst exit status.
 
     Collective on ``comm``.  A group takes the next scene whenever it has done the last one.  A scene that fails is said and
@@ -34,14 +36,14 @@ def run_scenes(scenes: Sequence, comm: MPI.Comm, out: Path, options: tuple[str, 
         raise CaseError(f"two scenes are called {twice!r}, and both would write to {out / twice}; rename one of the files")
     groups, counter, statuses = split(comm, min(n_groups, len(scenes))), Counter(comm), [0]
     for number in dealt(groups, counter, len(scenes)):
-        statuses.append(_run(scenes[number], groups, out / names[number], options))
+        statuses.append(_run(scenes[number], groups, out / names[number], options, fresh))
         if statuses[-1] == Interrupted.exit_status:
             break
     counter.free()
     return max(statuses)
 
 
-def _run(scene: Scene, groups: Groups, folder: Path, options: tuple[str, ...]) -> int:
+def _run(scene: Scene, groups: Groups, folder: Path, options: tuple[str, ...], fresh: bool) -> int:
     """Run one scene on this rank's group and return its exit status.  Collective on ``groups.comm``.
 
     With several groups the screen has a line when a scene begins and one when it ends; run.log has the rest.
@@ -49,7 +51,9 @@ def _run(scene: Scene, groups: Groups, folder: Path, options: tuple[str, ...]) -
     is_alone, began = groups.n == 1, time.perf_counter()
     if groups.is_root and not is_alone:
         print(f"{scene.name}: begun on {groups.where}", flush=True)
-    status = conclude_part(groups.comm, scene.name, lambda: run(scene, groups.comm, folder, options, screen=is_alone))
+    status = conclude_part(
+        groups.comm, scene.name, lambda: run(scene, groups.comm, folder, options, screen=is_alone, fresh=fresh)
+    )
     if groups.is_root and not is_alone:
         how = "done" if status == 0 else f"ended with status {status}"
         print(f"{scene.name}: {how} after {time.perf_counter() - began:.3g} s, see {folder}", flush=True)

@@ -1,0 +1,44 @@
+"""Rows in the order of the user's nodes, which no partition changes: for signs, and for modes that are kept in files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..linear.joint_springs import Linearised
+
+
+def user_order(linearised: Linearised) -> np.ndarray:
+    """Return (n_owned,) the place of each owned row in an order that does not depend on the partition.  Local."""
+    row_start, row_end = linearised.M.getOwnershipRange()
+    dof = linearised.system.dof
+    if dof is None:
+        return np.arange(row_start, row_end)
+    constraints = getattr(linearised.system, "constraints", None)
+    number = np.empty(row_end - row_start, dtype=np.int64)
+    rows = dof.ravel() if constraints is None else constraints.free.ravel()
+    is_owned = (rows >= row_start) & (rows < row_end)
+    number[rows[is_owned] - row_start] = np.flatnonzero(is_owned)
+    return number
+
+
+def in_user_order(linearised: Linearised, owned: np.ndarray) -> np.ndarray | None:
+    """Return rows (n_owned, m) of all ranks as one array (n_dof, m) on rank 0, None elsewhere.  Collective: two gathers."""
+    comm = linearised.system.comm
+    places, rows = comm.gather(user_order(linearised)), comm.gather(owned)
+    if places is None or rows is None:
+        return None
+    return np.concatenate(rows)[np.argsort(np.concatenate(places))]
+
+
+def from_user_order(linearised: Linearised, whole: np.ndarray | None) -> np.ndarray:
+    """Return this rank's rows (n_owned, m) of the array (n_dof, m) that rank 0 passes.  Collective: a gather, a scatter."""
+    comm = linearised.system.comm
+    places = comm.gather(user_order(linearised))
+    shares: list[np.ndarray] = []
+    if places is not None and whole is not None:
+        rank_of = np.argsort(np.argsort(np.concatenate(places)))  # place among all, of each row in rank order
+        shares = np.split(whole[rank_of], np.cumsum([len(one) for one in places])[:-1])
+    return np.asfortranarray(comm.scatter(shares))

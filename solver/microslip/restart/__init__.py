@@ -1,0 +1,1 @@
+"""What a run keeps on disk as it goes, and how the same command goes on from it."""

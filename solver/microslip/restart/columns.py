@@ -1,0 +1,60 @@
+"""The static columns of pairs in a journal, as they come.  The files are those of rank 0."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..parallel.agree import on_root
+from ..receptance.static_columns import StaticColumns
+from .records import Arrays, Journal, length_of, read_records, unpack
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+BATCH = 64  # pairs whose columns travel together
+
+
+class KeptColumns:
+    """Columns of G_static by pairs, in a file of which whole records count.  All methods are collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written; on every rank
+    """
+
+    def __init__(self, comm: MPI.Comm, path: Path):
+        self.comm, self.path = comm, path
+        self._journal: Journal | None = None
+
+    def restore(self, G_static: StaticColumns, owned_rows: slice) -> None:
+        """Put what is there into ``G_static``, whose ranks have the rows ``owned_rows`` of it."""
+        records = on_root(self.comm, read_records, self.path, share=False)
+        for i in range(self.comm.bcast(len(records) if records is not None else None)):
+            kept: Arrays = self.comm.bcast(unpack(records[i])[0] if records is not None else None)
+            G_static.put(kept["pairs"], kept["columns"][owned_rows])
+
+    def follow(self, G_static: StaticColumns) -> None:
+        """Keep what is known of ``G_static`` beyond the file, and from now on what comes to be."""
+        there = on_root(self.comm, self._open)
+        new = np.flatnonzero(G_static.known)
+        new = new[~np.isin(new, there)]
+        for start in range(0, len(new), BATCH):
+            self._keep(G_static, new[start : start + BATCH])
+        G_static.on_new = lambda pairs: self._keep(G_static, pairs)
+
+    def _open(self) -> np.ndarray:
+        """Open the file behind its whole records; return the pairs that they hold."""
+        records = read_records(self.path)
+        self._journal = Journal(self.path, keep=length_of(records))
+        return np.concatenate([np.empty(0, dtype=int), *(unpack(record)[0]["pairs"] for record in records)])
+
+    def _keep(self, G_static: StaticColumns, pairs: np.ndarray) -> None:
+        rows = self.comm.gather(G_static.transposed(pairs).T)
+        on_root(self.comm, self._append, pairs, rows, share=False)
+
+    def _append(self, pairs: np.ndarray, rows: list[np.ndarray]) -> None:
+        assert self._journal is not None, "it was opened"
+        self._journal.append({"pairs": pairs, "columns": np.concatenate(rows)})  # rank order is row order

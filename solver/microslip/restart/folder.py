@@ -1,0 +1,173 @@
+"""The folder in which a run keeps its work: what is there of it already, and where the rest goes.
+
+    restart/identity         what the last run was of
+    restart/setup-KEY/       model, modes, columns: the set-up
+    restart/level-KEY/       points.S, state.S.0, state.S.1, end.S of each segment S of a level
+
+Each key is a hash of all that the part depends on (identity.py), so that a part which is there is one that can be used.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..library.prepare import Prepared
+from ..modes.user_order import in_user_order
+from ..observe.log import RunLog
+from ..parallel.agree import on_root
+from ..parallel.files import make_folder, said_of
+from .branch import KeptBranch
+from .columns import KeptColumns
+from .identity import Identity, identity_of
+from .place import RESULTS
+from .records import read_record, write_record
+from .restore import exact_columns, restored
+from .setup import to_arrays
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..continuation.keeper import Keeper, Keepers
+    from ..scene.schema import Scene
+
+NAME = "restart"
+
+
+@dataclass(eq=False)
+class Restart:
+    """What a run keeps in its folder.  All methods but those on paths are collective on ``comm``.
+
+    Raises
+    ------
+    CaseError, ResourceError : of every method, on every rank, where files cannot be read or written
+    """
+
+    comm: MPI.Comm
+    path: Path
+    scene: Scene
+    identity: Identity  # of this run
+    notes: tuple[str, ...]  # what is there, and how it differs
+    done: list[str] | None = None  # why levels ended early, of a run that was finished before; None: there is something left
+    _used: set[str] = field(default_factory=set)  # names of folders that this run has used; on rank 0
+
+    @classmethod
+    def open(cls, comm: MPI.Comm, folder: Path, scene: Scene, options: tuple[str, ...] = (), fresh: bool = False) -> Restart:
+        """Return what is kept in the folder of a run; nothing if it is to start afresh."""
+        path = folder / NAME
+        identity, notes, done = on_root(comm, _opened, path, scene, options, fresh)
+        return cls(comm, path, scene, identity, notes, done)
+
+    # -- the set-up --------------------------------------------------------------------------------------------------
+
+    @property
+    def _setup(self) -> Path:
+        return self.path / f"setup-{self.identity.setup}"
+
+    def prepared(self, log: RunLog, make: Callable[[], Prepared]) -> Prepared:
+        """Return the structure made ready: from the set-up that is there, or by ``make``, and then it is kept."""
+        self._used.add(self._setup.name)
+        columns = KeptColumns(self.comm, self._setup / "columns")
+        found = on_root(self.comm, read_record, self._setup / "model")
+        if found is None:
+            before, prepared = len(log.notes), make()
+            self._keep(prepared, log.notes[before:])
+        else:
+            with log.stage("set-up as it was kept"):
+                prepared = restored(found[0], found[1], columns, self.scene, log, self._read_modes)
+            for note in found[1]["notes"]:
+                log.note(note)
+        known = exact_columns(prepared.reduction, prepared.response.better)
+        if known is not None:
+            columns.follow(known)
+        return prepared
+
+    def _keep(self, prepared: Prepared, notes: list[str]) -> None:
+        """Keep the modes in the order of the user's nodes, then the model: a set-up without it is none."""
+        structure = prepared.structure
+        phi = in_user_order(structure.linearised, structure.modes.phi_owned)
+        on_root(self.comm, self._write, prepared, phi, notes, share=False)
+
+    def _write(self, prepared: Prepared, phi: np.ndarray, notes: list[str]) -> None:
+        make_folder(str(self._setup))
+        write_record(self._setup / "modes", {"phi": phi})
+        arrays, texts = to_arrays(prepared)
+        write_record(self._setup / "model", arrays, {**texts, "notes": notes})
+
+    def _read_modes(self) -> np.ndarray:
+        found = read_record(self._setup / "modes")
+        assert found is not None, "the model is written after the modes"
+        return found[0]["phi"]
+
+    # -- the levels --------------------------------------------------------------------------------------------------
+
+    def keepers_of(self, prepared: Prepared, log: RunLog) -> Keepers:
+        """Return what keeps the levels of a response, and says what it has of them.  Local."""
+        n_modes = len(prepared.outline.omega_n)
+
+        def keeper(comm: MPI.Comm, level: float, segment: int) -> Keeper:
+            return KeptBranch(comm, self.path / self._level(level, n_modes), segment, log.note)
+
+        self._used |= {self._level(level, n_modes) for level in prepared.response.settings.levels}
+        return keeper
+
+    def _level(self, level: float, n_modes: int) -> str:
+        return f"level-{self.identity.level(level, n_modes)}"
+
+    # -- the end -----------------------------------------------------------------------------------------------------
+
+    def finish(self, folder: Path, failures: list[str]) -> None:
+        """Keep that all of the run is in its folder, and remove what it has not used: that belongs to other scenes."""
+        on_root(self.comm, self._finish, folder, failures)
+
+    def _finish(self, folder: Path, failures: list[str]) -> None:
+        found = {"of": self.identity.whole, "results": _hash(folder / RESULTS), "failures": failures}
+        write_record(self.path / "done", {}, found)
+        for other in self.path.iterdir():
+            if other.is_dir() and other.name not in self._used and other.name.startswith(("setup-", "level-")):
+                shutil.rmtree(other, ignore_errors=True)
+
+
+def _opened(
+    path: Path, scene: Scene, options: tuple[str, ...], fresh: bool
+) -> tuple[Identity, tuple[str, ...], list[str] | None]:
+    """Return the identity of a run, what there is to say of the last one in this folder, and how this one ended, if it did.
+
+    Rank 0.
+    """
+    if fresh and path.is_dir():
+        with said_of(str(path)):
+            shutil.rmtree(path)
+    identity, notes = identity_of(scene, options), tuple[str, ...]()
+    found = read_record(path / "identity")
+    if found is not None and found[1].keys() == identity.as_texts().keys():
+        notes = tuple(_told(path, identity, Identity.from_texts(found[1])))
+    make_folder(str(path))
+    write_record(path / "identity", {}, identity.as_texts())
+    done = read_record(path / "done")
+    is_there = done is not None and done[1]["of"] == identity.whole and _hash(path.parent / RESULTS) == done[1]["results"]
+    return identity, notes, done[1]["failures"] if done is not None and is_there else None
+
+
+def _hash(path: Path) -> str:
+    """Return a hash of a file, "" of none."""
+    if not path.is_file():
+        return ""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _told(path: Path, identity: Identity, last: Identity) -> list[str]:
+    """Say what the last run in this folder left, and where it was of something else."""
+    differences = identity.differences(last)
+    has_setup = (path / f"setup-{identity.setup}" / "model").is_file()
+    kept = "its set-up is used again" if has_setup else "its set-up cannot be used again"
+    if not differences:
+        return [f"goes on with what is in {path}" if has_setup else f"{path} holds no set-up yet: begins anew"]
+    return ["\n  ".join([f"the last run in this folder was of another scene or program ({kept}):", *differences])]

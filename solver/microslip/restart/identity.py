@@ -1,0 +1,126 @@
+"""What a run is of: its scene, the files that it reads, the program; and what of that a part of its work depends on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .. import __version__
+from ..library.inputs import fingerprint, input_files
+from ..parallel.versions import versions
+
+if TYPE_CHECKING:
+    from ..scene.schema import Scene
+
+Tables = dict[str, Any]
+_OF_RESPONSE = ("samples", "tolerance")  # of [solver]: the set-up knows nothing of them
+_RANGE = ("frequencies", "mode", "span")  # of [response]
+
+
+@dataclass(frozen=True)
+class Identity:
+    """A scene as stated, and what else decides its results."""
+
+    scene: Tables  # as JSON has it; with nothing that the program chose
+    files: dict[str, str]  # hashes of the input files, by the names that they have in the scene
+    program: dict[str, str]  # versions, and a hash of the program's own files
+    options: tuple[str, ...]  # of PETSc
+
+    def as_texts(self) -> Tables:
+        """Return it as JSON has it."""
+        return {"scene": self.scene, "files": self.files, "program": self.program, "options": list(self.options)}
+
+    @classmethod
+    def from_texts(cls, texts: Tables) -> Identity:
+        """Return the identity that ``as_texts`` gave."""
+        return cls(texts["scene"], texts["files"], texts["program"], tuple(texts["options"]))
+
+    # -- what parts of the work depend on --------------------------------------------------------------------------
+
+    @property
+    def whole(self) -> str:
+        """The key of all of the run."""
+        return self._key(self.scene)
+
+    @property
+    def setup(self) -> str:
+        """The key of the set-up: all but what only the response follows, with what the choice of modes looked at."""
+        scene, response = dict(self.scene), dict(self.scene["response"])
+        solver = {key: value for key, value in scene.pop("solver", {}).items() if key not in _OF_RESPONSE}
+        for name in ("title", "continuation"):
+            scene.pop(name, None)
+        chosen_by = {} if "modes" in solver else {"level": max(response["levels"])}
+        if "modes" not in solver or solver.get("method") == "full":
+            chosen_by |= {key: response[key] for key in _RANGE if key in response}
+        return self._key({**scene, "solver": solver, "response": chosen_by})
+
+    def level(self, level: float, n_modes: int) -> str:
+        """Return the key of a level [N]: everything but the other levels.  The number of modes stands for what chose it."""
+        scene, response = dict(self.scene), dict(self.scene["response"])
+        scene.pop("title", None)
+        response.pop("levels")
+        return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
+
+    def _key(self, scene: Tables) -> str:
+        whole = [scene, self.files, self.program, self.options]
+        return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:24]
+
+    def differences(self, other: Identity) -> list[str]:
+        """Return a line for each difference to an earlier identity, "key: was -> is"."""
+        lines = [f"{key}: {was} -> {now}" for key, was, now in _changes("", other.scene, self.scene)]
+        for name in sorted(self.files.keys() | other.files.keys()):
+            if self.files.get(name) != other.files.get(name):
+                lines.append(f"{name}: {_happened(name, other.files, self.files)}")
+        lines += [f"{key}: {was} -> {now}" for key, was, now in _changes("", other.program, self.program)]
+        if self.options != other.options:
+            lines.append(f"PETSc options: {' '.join(other.options) or 'none'} -> {' '.join(self.options) or 'none'}")
+        return lines
+
+
+def identity_of(scene: Scene, options: Iterable[str] = ()) -> Identity:
+    """Return what a run of a scene is of.  Local, on rank 0: all input files are read once.
+
+    Raises
+    ------
+    CaseError : a file cannot be read
+    """
+    files = {f"{one.key} {Path(one.path).name}": one.sha256 for one in fingerprint(input_files(scene))}
+    program = {"microslip": f"{__version__} ({program_hash()})", **versions()}
+    return Identity(scene.model_dump(mode="json", exclude_unset=True), files, program, tuple(options))
+
+
+@cache
+def program_hash() -> str:
+    """Return a hash of the program's files: a developer changes them without a new version."""
+    root, digest = Path(__file__).resolve().parents[1], hashlib.sha256()
+    for path in sorted((*root.rglob("*.py"), *root.rglob("*.so"))):
+        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return digest.hexdigest()[:8]
+
+
+def _changes(path: str, was: Any, now: Any) -> list[tuple[str, str, str]]:
+    """Return where two values of JSON differ, as keys with both values in short."""
+    if isinstance(was, Mapping) and isinstance(now, Mapping):
+        names = [*was, *(name for name in now if name not in was)]
+        return [found for name in names for found in _changes(f"{path} {name}".strip(), was.get(name), now.get(name))]
+    if _is_list_of_tables(was) and _is_list_of_tables(now) and len(was) == len(now):
+        return [found for i, (a, b) in enumerate(zip(was, now), 1) for found in _changes(f"{path} {i}", a, b)]
+    return [] if was == now else [(path, _short(was), _short(now))]
+
+
+def _is_list_of_tables(value: Any) -> bool:
+    return isinstance(value, list) and len(value) > 0 and isinstance(value[0], Mapping)
+
+
+def _short(value: Any) -> str:
+    text = "not stated" if value is None else json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _happened(name: str, was: Mapping[str, str], now: Mapping[str, str]) -> str:
+    return "is new" if name not in was else "is no longer read" if name not in now else "the file has changed"

@@ -1,0 +1,48 @@
+"""Where a run makes its files while earlier ones are in its folder, and how they take their places.  Rank 0."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..parallel.files import make_folder, said_of
+
+UNFINISHED, EARLIER = "unfinished", "earlier"
+RESULTS = "results.h5"
+
+
+def place_of(folder: Path) -> Path:
+    """Return where files are made: beside the results of an earlier run until all are there, or in the folder itself."""
+    return folder / UNFINISHED if (folder / RESULTS).exists() else folder
+
+
+def settle(folder: Path, place: Path, keeps_earlier: bool = False) -> None:
+    """Move the files of ``place`` to their folder, those of the earlier run before them to one of their own if they stay.
+
+    Raises
+    ------
+    CaseError, ResourceError : they cannot be moved
+    """
+    if place == folder:
+        return
+    with said_of(str(folder)):
+        if keeps_earlier:
+            _move(folder, _next_of(folder / EARLIER))
+        _move(place, folder)
+        place.rmdir()
+
+
+def _move(source: Path, target: Path) -> None:
+    """Move the files of one folder to another, the results first."""
+    make_folder(str(target))
+    files = [path for path in source.iterdir() if path.is_file() and not path.name.startswith(".")]
+    for path in sorted(files, key=lambda path: path.name != RESULTS):
+        os.replace(path, target / path.name)
+
+
+def _next_of(path: Path) -> Path:
+    """Return the first of path-1, path-2, ... that is not there."""
+    number = 1
+    while (found := path.with_name(f"{path.name}-{number}")).exists():
+        number += 1
+    return found

@@ -1,0 +1,24 @@
+"""A converged point as arrays and texts, to the last bit.  Local."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from ..continuation.branch import Point
+from .records import Arrays
+
+
+def of_point(point: Point) -> tuple[Arrays, dict[str, Any]]:
+    """Return the arrays and texts of a point."""
+    values = {field.name: getattr(point, field.name) for field in fields(point)}
+    notes = values.pop("notes")
+    return {name: np.asarray(value) for name, value in values.items() if value is not None}, {"notes": list(notes)}
+
+
+def to_point(arrays: Arrays, texts: dict[str, Any]) -> Point:
+    """Return the point of arrays and texts."""
+    values: dict[str, Any] = {name: value.item() if value.ndim == 0 else value for name, value in arrays.items()}
+    return Point(**values, notes=tuple(texts["notes"]))

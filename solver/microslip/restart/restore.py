@@ -1,0 +1,128 @@
+"""A structure made ready for its responses from what was kept of it, and built again only where its factor is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..error_estimate.better_model import BetterModel
+from ..fourier.harmonics import Harmonics
+from ..library.build import Structure, build
+from ..library.prepare import Prepared, reduced, response_of
+from ..library.settings import reduction_settings
+from ..linear.joint_springs import Linearised
+from ..modes.eigen import Modes
+from ..modes.user_order import from_user_order
+from ..observe.log import RunLog
+from ..parallel.agree import on_root
+from ..parallel.ownership import split_evenly
+from ..receptance.model import ReducedModel
+from ..receptance.static_columns import StaticColumns
+from ..reduction.build import load_coefficients
+from ..reduction.galerkin import model_of_family
+from ..reduction.reduction import Reduction
+from ..reduction.settings import ReductionSettings
+from .columns import KeptColumns
+from .records import Arrays
+from .setup import STATICS, family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of, under
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..scene.schema import Scene
+
+
+class Rebuilt:
+    """The structure of a scene, built when it is asked for, with the modes that were kept.  Collective where it is built."""
+
+    def __init__(self, scene: Scene, comm: MPI.Comm, log: RunLog, omega_n: np.ndarray, read_modes: Callable[[], np.ndarray]):
+        self.scene, self.comm, self.log = scene, comm, log
+        self._omega_n, self._read_modes = omega_n, read_modes
+
+    @cached_property
+    def structure(self) -> Structure:
+        self.log.note("the structure is assembled and factored again, its modes are known")
+        return build(self.scene, self.comm, self.log, self._modes)
+
+    def _modes(self, linearised: Linearised) -> Modes:
+        whole = on_root(self.comm, self._read_modes, share=False)
+        return Modes(self._omega_n, from_user_order(linearised, whole))
+
+    @cached_property
+    def reduction(self) -> Reduction:
+        return reduced(self.structure, reduction_settings(self.structure.scene))
+
+    def solve(self, pairs: np.ndarray) -> np.ndarray:
+        """Return the static columns of further pairs, as StaticColumns asks for them."""
+        return self.structure.statics.G_static.solve(pairs)
+
+    def displacement(self, level: float, omega: float, p: np.ndarray) -> np.ndarray:
+        """Return full displacements, as a Reduction does."""
+        return self.reduction.displacement(level, omega, p)
+
+    def close(self) -> None:
+        """Free the factor, if there is one."""
+        if "structure" in vars(self):
+            self.structure.close()
+
+
+def restored(
+    arrays: Arrays,
+    texts: Mapping[str, Any],
+    columns: KeptColumns,
+    scene: Scene,
+    log: RunLog,
+    read_modes: Callable[[], np.ndarray],
+) -> Prepared:
+    """Return what was prepared when ``arrays`` and ``texts`` were kept.
+
+    Collective on the ranks of ``columns``; arrays and texts on every rank.
+    """
+    comm, settings, outline = columns.comm, reduction_settings(scene), outline_of(arrays, texts)
+    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, read_modes)
+    pairs = pairs_of(arrays, texts)
+    exact = texts["leaves_out"] == "modes"
+    if exact:
+        model = exact_model(under("model", arrays), comm, settings, rebuilt.solve)
+    else:
+        model = model_of_family(comm, family_of(under("model", arrays)), settings, observed_of(under("model", arrays)))
+    reduction = Reduction(model, selection_of(texts), rebuilt.displacement, texts["leaves_out"])
+    better = None
+    if texts["has_bars"]:
+        other = under("better", arrays)
+        truth = exact_model(other, comm, settings, rebuilt.solve) if other else model
+        better = BetterModel(truth, left_out_of(arrays), is_solved=not other)
+    known = exact_columns(reduction, better)
+    if known is not None:
+        columns.restore(known, model.owned_rows)
+    response = response_of(scene, pairs, reduction, outline.omega_n, better)
+    return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close)
+
+
+def exact_model(
+    arrays: Mapping[str, Any], comm: MPI.Comm, settings: ReductionSettings, solve: Callable[[np.ndarray], np.ndarray]
+) -> ReducedModel:
+    """Return a model with the exact static response, its columns to be solved for by ``solve``.  Local."""
+    family, harmonics = family_of(arrays), Harmonics.up_to(settings.harmonics)
+    n_pairs = len(family.R_phi) // 3
+    pair_ranges = split_evenly(n_pairs, comm.size)
+    return ReducedModel(
+        comm=comm,
+        pair_ranges=pair_ranges,
+        families=(family,),
+        G_static=StaticColumns(n_pairs, int(np.diff(pair_ranges)[comm.rank]), solve),
+        f=load_coefficients(settings.loads, harmonics),
+        harmonics=harmonics,
+        observed=observed_of(arrays),
+        **{name: arrays[name] for name in STATICS},
+    )
+
+
+def exact_columns(reduction: Reduction, better: BetterModel | None) -> StaticColumns | None:
+    """Return the static columns that were solved for with the factor; None where the modes of a basis give them.  Local."""
+    if reduction.leaves_out == "modes":
+        return reduction.model.G_static
+    return None if better is None or better.is_solved else better.model.G_static

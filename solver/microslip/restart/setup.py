@@ -1,0 +1,135 @@
+"""A set-up on disk: what the response needs of a structure, all but its matrices and factor, and the modes for its pictures.
+
+The reduced model is small and whole on every rank but for the static columns, which are kept in a journal of their own as they
+come.  A run that goes on with it builds the structure again only where a further pair slips, or for the fields on the mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+from ..error_estimate.modes_left_out import ModesLeftOut
+from ..error_estimate.structural_coupling import StructuralCoupling
+from ..library.prepare import Outline, Prepared
+from ..mesh.data import ContactPairs
+from ..receptance.damping import Damping
+from ..receptance.family import ModalFamily
+from ..receptance.model import ReducedModel
+from ..receptance.observed import Observed
+from ..reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
+from ..statics.bolts import BoltsAtRest
+from .records import Arrays
+
+SELECTIONS: dict[str, type] = {kind.__name__: kind for kind in (AllPairs, DissipatingPairs, NonStickingPairs)}
+STATICS = ("du_static", "out_static", "out_R", "load_static")  # of a model with the exact static response
+_OF_MESH = ("weights1", "weights2", "notes")  # of pairs: assembly alone needs them
+
+
+def to_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
+    """Return the arrays and texts of what was prepared, without static columns.  Local, on rank 0."""
+    outline, reduction, better = prepared.outline, prepared.reduction, prepared.response.better
+    arrays = over("pairs", _numbers(prepared.pairs)) | over("model", _of_model(reduction.model))
+    arrays |= over("outline", _numbers(outline))
+    texts: dict[str, Any] = {
+        "joint": list(prepared.pairs.joint),
+        "laws": list(map(str, prepared.pairs.laws)),
+        "leaves_out": reduction.leaves_out,
+        "selection": [type(reduction.selection).__name__, vars(reduction.selection)],
+        "has_bars": better is not None,
+    }
+    if outline.bolts is not None:
+        arrays |= over("bolts", _numbers(outline.bolts))
+        texts["bolts"] = list(outline.bolts.names)
+    if better is not None:
+        arrays |= {} if better.is_solved else over("better", _of_model(better.model))
+        arrays |= {} if better.left_out is None else over("left_out", _numbers(better.left_out))
+    return arrays, texts
+
+
+def pairs_of(arrays: Arrays, texts: Mapping[str, Any]) -> ContactPairs:
+    """Return the contact pairs.  Local."""
+    kept = under("pairs", arrays)
+    faces, own = under("faces", kept), under("own", kept)
+    whole = {name: values for name, values in kept.items() if "/" not in name}
+    return ContactPairs(
+        joint=tuple(texts["joint"]),
+        laws=np.array(texts["laws"], dtype=str),
+        faces=tuple(faces[name] for name in sorted(faces, key=int)),
+        own=own,
+        **whole,
+    )
+
+
+def outline_of(arrays: Arrays, texts: Mapping[str, Any]) -> Outline:
+    """Return the outline of the structure; its node numbers on rank 0 alone, if that passes them.  Local."""
+    kept, bolts = under("outline", arrays), None
+    if "bolts" in texts:
+        bolts = BoltsAtRest(tuple(texts["bolts"]), **under("bolts", arrays))
+    return Outline(int(kept["n_dof"]), kept["omega_n"], bool(kept["has_mesh"]), kept.get("numbers"), bolts)
+
+
+def selection_of(texts: Mapping[str, Any]) -> Selection:
+    """Return the set B of the method.  Local."""
+    kind, values = texts["selection"]
+    return SELECTIONS[kind](**values)
+
+
+def family_of(arrays: Mapping[str, Any]) -> ModalFamily:
+    """Return the modal family of a model's arrays.  Local."""
+    kept = under("family", arrays)
+    return ModalFamily(damping=Damping(kept.pop("C"), kept.pop("S", None)), **kept)
+
+
+def observed_of(arrays: Mapping[str, Any]) -> Observed | None:
+    """Return what makes outputs of their rows, of a model's arrays.  Local."""
+    kept = under("observed", arrays)
+    return Observed(**kept) if kept else None
+
+
+def left_out_of(arrays: Arrays) -> ModesLeftOut | None:
+    """Return the samples of the modes left out.  Local."""
+    kept = under("left_out", arrays)
+    coupling = under("coupling", kept)
+    whole = {name: values.item() if values.ndim == 0 else values for name, values in kept.items() if "/" not in name}
+    return ModesLeftOut(**whole, coupling=StructuralCoupling(**coupling) if coupling else None) if kept else None
+
+
+def _of_model(model: ReducedModel) -> Arrays:
+    """Return the arrays of a model with one family."""
+    family = model.one_family
+    found = over("family", {"omega_n": family.omega_n, "R_phi": family.R_phi, "b": family.b, "o": family.o})
+    found |= {"family/C": family.damping.C, **({} if family.damping.S is None else {"family/S": family.damping.S})}
+    found |= {name: getattr(model, name) for name in STATICS}
+    return found | ({} if model.observed is None else over("observed", _numbers(model.observed)))
+
+
+def _numbers(of: Any) -> Arrays:
+    """Return what a dataclass holds of numbers, by path: arrays, single ones, and those of what it holds in turn."""
+    found: Arrays = {}
+    for field in fields(of):
+        value = getattr(of, field.name)
+        if field.name in _OF_MESH or value is None or isinstance(value, BoltsAtRest):
+            continue
+        if is_dataclass(value):
+            found |= over(field.name, _numbers(value))
+        elif isinstance(value, Mapping):
+            found |= over(field.name, value)
+        elif isinstance(value, tuple) and value and isinstance(value[0], np.ndarray):
+            found |= over(field.name, {str(i): one for i, one in enumerate(value)})
+        elif isinstance(value, (np.ndarray, float, int, bool, np.generic)) and np.asarray(value).dtype.kind in "iufb":
+            found[field.name] = np.asarray(value)
+    return found
+
+
+def over(name: str, arrays: Mapping[str, np.ndarray]) -> Arrays:
+    """Return arrays with ``name`` over theirs."""
+    return {f"{name}/{key}": value for key, value in arrays.items()}
+
+
+def under(name: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arrays under ``name``."""
+    return {key.removeprefix(f"{name}/"): value for key, value in arrays.items() if key.startswith(f"{name}/")}

@@ -1,0 +1,234 @@
+"""A run that was stopped anywhere goes on where it was: to the same curve, without a point computed twice; on any ranks."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bar_scene import write_bar
+from mpi4py import MPI
+
+from microslip.library.follow import follow
+from microslip.observe.log import RunLog
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import ConvergenceError, Interrupted
+from microslip.restart import restore
+from microslip.restart.folder import NAME, Restart
+from microslip.results.read import read_results
+from microslip.run import run, set_up
+from microslip.scene.read import read_scene
+
+pytestmark = pytest.mark.ranks(1, 2, 3)
+COMM = MPI.COMM_WORLD
+METHODS = ("receptance", "adaptive", "adaptive-energy", "full", "craig-bampton", "rubin")
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])
+
+
+@pytest.fixture
+def built(monkeypatch):
+    """How often a structure was built: with its modes, and again without."""
+    calls = {"first": 0, "again": 0}
+
+    def count(name, function):
+        def counting(*arguments):
+            calls[name] += 1
+            return function(*arguments)
+
+        return counting
+
+    monkeypatch.setattr("microslip.run.build", count("first", restore.build))
+    monkeypatch.setattr(restore, "build", count("again", restore.build))
+    return calls
+
+
+class StopsAfter:
+    """An observer that ends the run at a point, as a signal would."""
+
+    def __init__(self, n_points: int):
+        self.left = n_points
+
+    def level_started(self, number, level, where):
+        pass
+
+    def point(self, number, i, point):
+        self.left -= 1
+        if self.left < 0:
+            raise Interrupted("stopped by a test")
+
+    def level_finished(self, number, branch):
+        pass
+
+
+def scene_at(folder: Path, *settings: str, **solver):
+    path = on_root(COMM, partial(write_bar, folder, **solver))
+    return read_scene(path, ("response.levels=[30.0, 50.0]", "solver.harmonics=1", "solver.samples=32", *settings))
+
+
+def followed(scene, folder, observers=(), fresh=False):
+    """Return the branches of a scene, as a run follows them."""
+    log = RunLog(COMM, screen=False)
+    restart = Restart.open(COMM, folder, scene, (), fresh)
+    prepared = restart.prepared(log, partial(set_up, scene, COMM, log))
+    try:
+        return follow(prepared.response, observers, 1, log, restart.keepers_of(prepared, log))
+    finally:
+        prepared.close()
+
+
+def assert_same(branches, others, bits=True):
+    for one, other in zip(branches, others, strict=True):
+        assert len(one.points) == len(other.points) and one.failure == other.failure and one.is_linear == other.is_linear
+        for a, b in zip(one.points, other.points):
+            peak = max(np.abs(point.response).max() for point in one.points)
+            assert np.abs(a.response - b.response).max() <= (0.0 if bits else 1e-10) * peak
+            assert a.notes == b.notes and a.asked == b.asked and a.segment == b.segment
+            if COMM.rank == 0 and bits:
+                assert np.array_equal(a.U, b.U) and np.array_equal(a.p, b.p) and np.array_equal(a.state, b.state)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_set_up_that_was_kept_gives_the_same_response_and_is_not_built_again(method, shared_path, built):
+    scene = scene_at(shared_path, method=method)
+    first = followed(scene, shared_path)
+    on_root(COMM, lambda: [path.unlink() for path in (shared_path / NAME).glob("level-*/*")])
+    second = followed(scene, shared_path)
+    assert built == {"first": 1, "again": 0}
+    assert_same(first, second)
+
+
+@pytest.mark.parametrize("n_points", [0, 2, 9, 17])
+def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, shared_path, built):
+    scene = scene_at(shared_path)
+    whole = followed(scene, shared_path / "whole")
+    assert n_points < sum(len(branch.points) for branch in whole)
+    with pytest.raises(Interrupted):
+        followed(scene, shared_path / "parts", [StopsAfter(n_points)])
+    before = [point.seconds for branch in kept_points(shared_path / "parts") for point in branch]
+    assert len(before) == n_points  # the point at which it was stopped alone is lost
+    assert_same(whole, (rest := followed(scene, shared_path / "parts")))
+    after = {point.seconds for branch in rest for point in branch.points}
+    assert set(before) <= after
+    assert built["first"] == 2  # built again where it was stopped before static columns were known
+    assert built["again"] == 0 or n_points <= 2
+
+
+def kept_points(folder: Path):
+    """Return the points in the journals of a folder."""
+    from microslip.restart.points import to_point
+    from microslip.restart.records import read_records, unpack
+
+    return [[to_point(*unpack(body)) for body in read_records(path)] for path in (folder / NAME).glob("level-*/points.*")]
+
+
+def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
+    scene, alone = scene_at(shared_path), COMM.Split(COMM.rank, 0)
+    if COMM.rank == 0:
+        log = RunLog(alone, screen=False)
+        restart = Restart.open(alone, shared_path / "parts", scene)
+        prepared = restart.prepared(log, partial(set_up, scene, alone, log))
+        with pytest.raises(Interrupted):
+            follow(prepared.response, [StopsAfter(7)], 1, log, restart.keepers_of(prepared, log))
+        prepared.close()
+    COMM.barrier()
+    alone.Free()
+    assert_same(followed(scene, shared_path / "whole"), followed(scene, shared_path / "parts"), bits=COMM.size == 1)
+
+
+def test_columns_beyond_those_kept_bring_the_structure_back(shared_path, built):
+    scene = scene_at(shared_path, "response.levels=[10.0]")
+    followed(scene, shared_path)
+    stronger = scene_at(shared_path, "response.levels=[10.0, 50.0]", "solver.modes=6")
+    on_root(COMM, lambda: [path.write_bytes(b"") for path in (shared_path / NAME).glob("setup-*/columns")])
+    first = followed(stronger, shared_path)  # other modes: a set-up of its own
+    on_root(COMM, lambda: [path.write_bytes(b"") for path in (shared_path / NAME).glob("setup-*/columns")])
+    on_root(COMM, lambda: [path.unlink() for path in (shared_path / NAME).glob("level-*/*")])
+    assert_same(first, followed(stronger, shared_path))
+    assert built == {"first": 2, "again": 1}
+
+
+def test_more_levels_are_added_to_those_that_are_there(shared_path, built):
+    two, three = (
+        scene_at(shared_path, f"response.levels={levels}", "solver.modes=6") for levels in ([30.0, 50.0], [30.0, 40.0, 50.0])
+    )
+    first, second = followed(two, shared_path), followed(three, shared_path)
+    assert built == {"first": 1, "again": 0}
+    assert [point.seconds for point in first[1].points] == [point.seconds for point in second[2].points]
+    assert_same([first[0], first[1]], [second[0], second[2]])
+
+
+@pytest.mark.parametrize(
+    ("setting", "setup", "level"),
+    [
+        ("title='another'", True, True),
+        ("solver.tolerance=1e-7", True, False),
+        ("response.points=20", True, False),
+        ("joints.joint.friction=0.06", False, False),
+        ("joints.joint.normal_stiffness=2.1e12", False, False),
+        ("materials.steel.young=2e11", False, False),
+        ("solver.method='adaptive'", False, False),
+    ],
+)
+def test_what_changed_is_said_and_no_more_is_computed_again_than_depends_on_it(setting, setup, level, shared_path):
+    scene, other = (scene_at(shared_path, *more) for more in ((), (setting,)))
+    followed(scene, shared_path)
+    one, two = (Restart.open(COMM, shared_path, each) for each in (scene, other))
+    assert (one.identity.setup == two.identity.setup) == setup
+    assert (one.identity.level(30.0, 6) == two.identity.level(30.0, 6)) == level
+    (note,) = two.notes
+    key = setting.partition("=")[0].rpartition(".")[2]
+    assert key in note and ("is used again" if setup else "cannot be used again") in note
+
+
+def test_a_changed_mesh_is_noticed(shared_path):
+    scene = scene_at(shared_path)
+    followed(scene, shared_path)
+    on_root(COMM, lambda: (shared_path / "bar.msh").open("a").write("\n"))
+    (note,) = (restart := Restart.open(COMM, shared_path, scene)).notes
+    assert "bar.msh: the file has changed" in note
+    assert not list((shared_path / NAME).glob(f"setup-{restart.identity.setup}"))
+
+
+# -- the whole story ---------------------------------------------------------------------------------------------------
+
+
+def test_earlier_results_stay_until_the_new_ones_are_complete(shared_path, monkeypatch):
+    scene, other = scene_at(shared_path), scene_at(shared_path, "response.points=14")
+    folder = shared_path / "out"
+    run(scene, COMM, folder, screen=False)
+    before = on_root(COMM, (folder / "results.h5").read_bytes)
+    with monkeypatch.context() as patched:
+        patched.setattr("microslip.run.draw", lambda *_: (_ for _ in ()).throw(Interrupted("stopped by a test")))
+        with pytest.raises(Interrupted):
+            run(other, COMM, folder, screen=False)
+    assert on_root(COMM, (folder / "results.h5").read_bytes) == before
+    run(other, COMM, folder, screen=False)
+    COMM.barrier()
+    assert "points = 14" in read_results(str(folder / "results.h5")).scene_text
+    assert not (folder / "unfinished").exists()
+
+
+def test_a_finished_run_is_not_computed_again_but_with_fresh(shared_path, built):
+    scene, folder = scene_at(shared_path), shared_path / "out"
+    run(scene, COMM, folder, screen=False)
+    once = on_root(COMM, (folder / "results.h5").read_bytes)
+    run(scene, COMM, folder, screen=False)
+    assert built == {"first": 1, "again": 0} and on_root(COMM, (folder / "results.h5").read_bytes) == once
+    run(scene, COMM, folder, screen=False, fresh=True)
+    assert built == {"first": 2, "again": 0}
+    assert on_root(COMM, (folder / "earlier-1" / "results.h5").read_bytes) == once
+    assert on_root(COMM, (folder / "results.h5").is_file)
+
+
+def test_a_level_that_ends_early_is_said_again_and_not_followed_again(shared_path, built, monkeypatch):
+    monkeypatch.setattr("microslip.continuation.levels.most_points", lambda points: 5)
+    scene, folder, said = scene_at(shared_path), shared_path / "out", []
+    for _ in range(2):
+        with pytest.raises(ConvergenceError) as problem:
+            run(scene, COMM, folder, screen=False)
+        said.append(str(problem.value))
+    assert said[0] == said[1] and said[0].count("ends after 5 points") == 2
+    assert built == {"first": 1, "again": 0}

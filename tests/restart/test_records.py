@@ -1,0 +1,111 @@
+"""Records on disk: what is read back is whole or not there, wherever a file ends and whatever byte of it is wrong."""
+
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+from microslip.parallel.errors import CaseError
+from microslip.restart import records
+from microslip.restart.records import Disk, Journal, Latest, length_of, pack, read_record, read_records, unpack, write_record
+
+ARRAYS = {"U": np.arange(24.0).reshape(4, 3, 2), "selected": np.array([True, False]), "n": np.array(3), "none": np.zeros((0, 2))}
+
+
+@settings(derandomize=True, max_examples=50)
+@given(npst.arrays(st.sampled_from(["f8", "i8", "u1", "?", "c16"]), npst.array_shapes(min_dims=0, min_side=0)))
+def test_arrays_and_texts_come_back_to_the_last_bit(values):
+    body = pack({"a/b": values}, {"notes": ["é\n", ""], "n": 3})[records._FRAME.size :]
+    arrays, texts = unpack(body)
+    assert texts == {"notes": ["é\n", ""], "n": 3}
+    assert arrays["a/b"].dtype == values.dtype and arrays["a/b"].shape == values.shape
+    assert arrays["a/b"].tobytes() == values.tobytes()
+
+
+def test_a_file_cut_anywhere_gives_the_records_before_the_cut(tmp_path):
+    whole = [pack({"i": np.array(i)}, {"i": i}) for i in range(3)]
+    path, ends = tmp_path / "journal", np.cumsum([0, *map(len, whole)])
+    for cut in range(ends[-1] + 1):
+        path.write_bytes(b"".join(whole)[:cut])
+        found = read_records(path)
+        assert [unpack(body)[1]["i"] for body in found] == list(range(np.searchsorted(ends, cut, side="right") - 1))
+        assert length_of(found) == ends[len(found)]
+
+
+def test_a_wrong_byte_anywhere_is_noticed(tmp_path):
+    path, record = tmp_path / "record", pack(ARRAYS, {"of": "this"})
+    for i in range(len(record)):
+        path.write_bytes(record[:i] + bytes([record[i] ^ 0x10]) + record[i + 1 :])
+        assert read_record(path) is None
+
+
+def test_a_length_that_the_file_does_not_have_is_not_read(tmp_path):
+    path = tmp_path / "record"
+    path.write_bytes(records._FRAME.pack(10**15, 0) + b"few")
+    assert read_records(path) == []
+
+
+def test_shapes_and_types_that_the_bytes_do_not_bear_are_refused():
+    body = pack({"a": np.zeros(4)})[records._FRAME.size :]
+    for old, new in ((b"[4]", b"[5]"), (b"<f8", b"|O8")):
+        with pytest.raises((ValueError, TypeError)):
+            unpack(body.replace(old, new))
+
+
+def test_a_journal_goes_on_behind_what_is_whole(tmp_path):
+    path = tmp_path / "points"
+    journal = Journal(path)
+    journal.append(ARRAYS)
+    journal.append(ARRAYS, {"second": True})
+    journal.close()
+    with open(path, "ab") as file:
+        file.write(b"the process was killed while it wrote this")
+    found = read_records(path)
+    journal = Journal(path, keep=length_of(found[:1]))
+    journal.append({}, {"instead": True})
+    journal.close()
+    journal.close()
+    assert [unpack(body)[1] for body in read_records(path)] == [{}, {"instead": True}]
+
+
+def test_the_latest_record_stays_whole_while_the_next_is_written(tmp_path):
+    path = tmp_path / "state"
+    latest = Latest(path)
+    assert latest.read() == []
+    for i in range(5):
+        latest.write({"i": np.array(i)})
+    latest.close()
+    assert [int(arrays["i"]) for arrays, _ in Latest(path).read()] == [4, 3]
+    (tmp_path / "state.0").write_bytes(pack({"i": np.array(6)})[:-1])  # killed while it wrote the next one
+    again = Latest(path)
+    assert [int(arrays["i"]) for arrays, _ in again.read()] == [3]
+    again.write({"i": np.array(4)})
+    again.close()
+    assert [int(arrays["i"]) for arrays, _ in Latest(path).read()] == [4, 3]
+
+
+def test_the_disk_is_waited_for_a_hundredth_of_the_time_at_most(monkeypatch):
+    now, waits = [0.0], []
+
+    def wait(handle):
+        waits.append(now[0])
+        now[0] += 0.02
+
+    monkeypatch.setattr(os, "fsync", wait)
+    monkeypatch.setattr(records, "monotonic", lambda: now[0])
+    monkeypatch.setattr(records, "perf_counter", lambda: now[0])
+    disk = Disk()
+    while now[0] < 60.0:
+        disk.reach(0)
+        now[0] += 0.1
+    assert 20 <= len(waits) and 0.02 * len(waits) <= 0.011 * now[0]
+
+
+def test_a_record_that_cannot_be_written_says_where(tmp_path):
+    with pytest.raises(CaseError, match="record: cannot be written"):
+        write_record(tmp_path / "nowhere" / "record", {})
+    with pytest.raises(CaseError, match="points: cannot be written"):
+        Journal(tmp_path / "nowhere" / "points")
