@@ -10,12 +10,13 @@ import numpy as np
 from ..continuation.branch import Point
 from .records import Arrays
 
+_NUMBERS = tuple(field.name for field in fields(Point) if field.name != "notes")
+
 
 def of_point(point: Point) -> tuple[Arrays, dict[str, Any]]:
     """Return the arrays and texts of a point."""
-    values = {field.name: getattr(point, field.name) for field in fields(point)}
-    notes = values.pop("notes")
-    return {name: np.asarray(value) for name, value in values.items() if value is not None}, {"notes": list(notes)}
+    arrays = {name: np.asarray(value) for name in _NUMBERS if (value := getattr(point, name)) is not None}
+    return arrays, {"notes": list(point.notes)}
 
 
 def to_point(arrays: Arrays, texts: dict[str, Any]) -> Point:

@@ -11,6 +11,7 @@ import os
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from time import monotonic, perf_counter
 
@@ -27,11 +28,17 @@ _SHARE = 100.0  # times as long as the disk takes to have it all: files are left
 
 def pack(arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | None = None) -> bytes:
     """Return arrays and texts, anything that JSON holds, as one record."""
-    values = {name: np.asarray(values) for name, values in arrays.items()}
-    head = {name: (values.dtype.str, values.shape) for name, values in values.items()}
-    coded = json.dumps([head, dict(texts or {})]).encode()
-    body = b"".join([_HEAD.pack(len(coded)), coded, *(np.ascontiguousarray(one).tobytes() for one in values.values())])
+    values = [np.asarray(value) for value in arrays.values()]
+    head = _head_of(tuple((name, value.dtype.str, value.shape) for name, value in zip(arrays, values)))
+    coded = head + json.dumps(texts or {}).encode() + b"]"
+    body = b"".join([_HEAD.pack(len(coded)), coded, *(value.tobytes() for value in values)])
     return _FRAME.pack(len(body), zlib.crc32(body)) + body
+
+
+@lru_cache(maxsize=32)
+def _head_of(arrays: tuple[tuple[str, str, tuple[int, ...]], ...]) -> bytes:
+    """Return the first half of a head: names, types and shapes, which are mostly those of the record before."""
+    return json.dumps([{name: (kind, shape) for name, kind, shape in arrays}]).encode()[:-1] + b","
 
 
 def unpack(body: bytes) -> tuple[Arrays, dict]:
@@ -145,6 +152,7 @@ class Latest:
         self._paths = [path.with_name(f"{path.name}.{i}") for i in range(2)]
         self._number = max([found["number"] for _, found in self._whole()], default=-1)
         self._handles = [-1, -1]
+        self._lengths = [path.stat().st_size if path.is_file() else 0 for path in self._paths]
         self._disk = Disk()
 
     def _whole(self) -> list[tuple[Arrays, dict]]:
@@ -165,7 +173,9 @@ class Latest:
             handle = self._handles[turn]
             os.lseek(handle, 0, os.SEEK_SET)
             _write_all(handle, record)
-            os.ftruncate(handle, len(record))
+            if len(record) < self._lengths[turn]:
+                os.ftruncate(handle, len(record))
+            self._lengths[turn] = len(record)
             self._disk.reach(handle)
 
     def close(self) -> None:
