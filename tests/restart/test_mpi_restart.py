@@ -160,6 +160,32 @@ def test_more_levels_are_added_to_those_that_are_there(shared_path, built):
     assert_same([first[0], first[1]], [second[0], second[2]])
 
 
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_a_wider_range_is_added_to_the_one_that_is_there(direction, shared_path, built):
+    narrow, wide = (
+        scene_at(shared_path, f"response.span={span}", f"response.direction='{direction}'", "solver.modes=6")
+        for span in ("[0.95, 1.03]", "[0.9, 1.1]")
+    )
+    first, second = followed(narrow, shared_path), followed(wide, shared_path)
+    anew = followed(wide, shared_path / "anew")
+    for one, two, three in zip(first, second, anew, strict=True):
+        assert {point.seconds for point in one.points} <= {point.seconds for point in two.points}
+        omega = np.array([point.omega for point in two.points])
+        assert [omega[0], omega[-1]] == [three.points[0].omega, three.points[-1].omega]
+        assert len(set(omega)) == len(omega) > len(one.points)
+        assert_on_one_curve(two, three)
+    assert built == {"first": 2, "again": 0}
+
+
+def assert_on_one_curve(branch, other):
+    """Compare the amplitudes of two branches without folds, between the points of the other one."""
+    one, two = (
+        sorted((point.omega, float(np.hypot(*point.response[0, 1:3]))) for point in each.points) for each in (branch, other)
+    )
+    between = np.interp([w for w, _ in one], *np.array(two).T)
+    assert np.abs(between - [a for _, a in one]).max() < 0.15 * max(a for _, a in two)  # some ten points each
+
+
 @pytest.mark.parametrize(
     ("setting", "setup", "level"),
     [

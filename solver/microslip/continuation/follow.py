@@ -13,12 +13,13 @@ from .branch import Branch, Point
 from .first_point import reach_first
 from .hold import MOSTLY, MOVED, hold, let_go
 from .iterate import Iterate, PointState, interpolate
-from .keeper import KEEPS_NOTHING, Keeper
+from .keeper import KEEPS_NOTHING, Begun, Keeper
 from .point_solver import Found, PointSolver, Workspace
 from .state import BranchState
 from .stepping import message, second, step
 from .steps import ArcLength
 from .task import BranchTask
+from .widen import widened
 
 FINEST_WAY = 1e-2  # of the way from a point to an asked value: the smallest step in between
 NOTHING = np.empty((0, 3, 0))  # the motion of a recorded point on ranks other than 0
@@ -193,6 +194,26 @@ def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.n
             raise ConvergenceError(message(solver, here.parameter, found, steps))
 
 
+def _wider(task: BranchTask, keeper: Keeper, workspace: Workspace) -> Begun | None:
+    """Return the state and the points that a shorter range gives, kept as those of this one.  Collective."""
+    shorter = keeper.shorter(task, workspace)
+    begun = None if shorter is None else widened(task, shorter, workspace, _to_the_end)
+    if begun is not None:
+        keeper.keep(task, *begun)
+    return begun
+
+
+def _to_the_end(task: BranchTask, state: BranchState) -> list[Point] | None:
+    """Return the points from a state to the end of the range; None where nothing leads there.  Collective."""
+    points: list[Point] = []
+    while not state.is_done:
+        found = advance(task, state, points.append)
+        state = found.state
+        if found.failure is not None:
+            return None
+    return points
+
+
 def follow_branch(
     task: BranchTask, max_points: int, on_point: Emit = lambda point: None, segment: int = 0, keeper: Keeper = KEEPS_NOTHING
 ) -> Branch:
@@ -214,7 +235,7 @@ def follow_branch(
             take(since[-1])
 
     try:
-        state, before = keeper.begun(task, workspace) or (task.start(workspace), [])
+        state, before = keeper.begun(task, workspace) or _wider(task, keeper, workspace) or (task.start(workspace), [])
         for point in before:
             take(point)
         while not state.is_done and branch.failure is None:

@@ -12,9 +12,11 @@ if TYPE_CHECKING:
 
     from .point_solver import Workspace
     from .state import BranchState
+    from .sweep import Sweep
     from .task import BranchTask
 
 Begun = tuple["BranchState", list[Point]]
+Shorter = tuple["Sweep", "BranchState", list[Point]]
 
 
 class Keeper(Protocol):
@@ -28,6 +30,9 @@ class Keeper(Protocol):
 
     def begun(self, task: BranchTask, workspace: Workspace) -> Begun | None:
         """Return the state from which to go on and the points before it, if the branch was begun before."""
+
+    def shorter(self, task: BranchTask, workspace: Workspace) -> Shorter | None:
+        """Return a range within that of the task over which the branch was followed to its end, the state there, its points."""
 
     def keep(self, task: BranchTask, state: BranchState | None, points: Sequence[Point]) -> None:
         """Keep a state between two steps, None where there are none, and the points that have come since the last one."""
@@ -43,6 +48,9 @@ class KeepsNothing:
         return None
 
     def begun(self, task: BranchTask, workspace: Workspace) -> Begun | None:
+        return None
+
+    def shorter(self, task: BranchTask, workspace: Workspace) -> Shorter | None:
         return None
 
     def keep(self, task: BranchTask, state: BranchState | None, points: Sequence[Point]) -> None:

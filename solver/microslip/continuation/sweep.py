@@ -26,6 +26,16 @@ class Sweep:
         """The same range from its other end."""
         return Sweep(self.stop, self.start, self.at)
 
+    def contains(self, other: Sweep) -> bool:
+        """Return whether another range, followed in the same direction, lies within this one."""
+        ends = self.start, other.start, other.stop, self.stop
+        return other.direction == self.direction and list(ends) == sorted(ends, reverse=self.direction < 0.0)
+
+    def until(self, stop: float) -> Sweep:
+        """Return the range up to another end."""
+        low, high = min(self.start, stop), max(self.start, stop)
+        return Sweep(self.start, stop, tuple(value for value in self.at if low <= value <= high))
+
     def beyond(self, parameter: float) -> bool:
         return self.direction * (parameter - self.stop) >= 0.0
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ..continuation.branch import Branch, Point
 from ..continuation.checkpoint import from_arrays, to_arrays
 from ..continuation.follow import NOTHING
-from ..continuation.keeper import Begun
+from ..continuation.keeper import Begun, Shorter
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder
 from .points import of_point, to_point
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from ..continuation.point_solver import Workspace
     from ..continuation.state import BranchState
+    from ..continuation.sweep import Sweep
     from ..continuation.task import BranchTask
 
 _SAID = ("failure", "is_linear", "closes_to", "odd")  # of a branch that ended
@@ -29,15 +30,23 @@ _SAID = ("failure", "is_linear", "closes_to", "odd")  # of a branch that ended
 class KeptBranch:
     """A :class:`~microslip.continuation.keeper.Keeper` in a folder, one for a segment of a level.  Collective on ``comm``.
 
-    The files are those of rank 0.  What was left by more ranks or fewer is read just as well.
+    The files are those of rank 0.  What was left by more ranks or fewer is read just as well.  ``others`` are folders of the same
+    branch over other ranges.
 
     Raises
     ------
     CaseError, ResourceError : of every method, on every rank, where the files cannot be written
     """
 
-    def __init__(self, comm: MPI.Comm, folder: Path, segment: int, say: Callable[[str], None] = lambda text: None):
-        self.comm, self._folder, self._say = comm, folder, say
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        folder: Path,
+        segment: int,
+        say: Callable[[str], None] = lambda text: None,
+        others: Callable[[], list[tuple[Path, Sweep]]] = list,
+    ):
+        self.comm, self._folder, self._say, self._others = comm, folder, say, others
         self._points, self._state, self._end = (folder / f"{name}.{segment}" for name in ("points", "state", "end"))
         self._journal: Journal | None = None  # on rank 0, as the next ones
         self._latest: Latest | None = None
@@ -79,6 +88,29 @@ class KeptBranch:
                 self._say(f"  goes on after {len(points)} points of an earlier run")
                 return arrays, points
         self._journal, self._n_points = Journal(self._points), 0
+        return None
+
+    def shorter(self, task: BranchTask, workspace: Workspace) -> Shorter | None:
+        found = on_root(self.comm, self._read_shorter, task.sweep, share=False)
+        known = self.comm.bcast(found and (found[0], found[1]))
+        if known is None:
+            return None
+        sweep, arrays = known
+        branch = self._shared(Branch(0.0, found[2]) if found else None)
+        assert branch is not None, "rank 0 has read its points"
+        return sweep, from_arrays(task, arrays, workspace), branch.points
+
+    def _read_shorter(self, wider: Sweep) -> tuple[Sweep, Arrays, list[Point]] | None:
+        """Return the widest range within another over which the branch came to its end, its last state and its points."""
+        for folder, sweep in sorted(self._others(), key=lambda other: -other[1].scale):
+            other = KeptBranch(self.comm, folder, 0)
+            ended, states = read_record(other._end), Latest(other._state).read()
+            if not ended or ended[1]["failure"] is not None or not states or not wider.contains(sweep):
+                continue
+            points, _ = other._read_points(ended[1]["n_points"])
+            if len(points) == ended[1]["n_points"] == states[0][1]["n_points"]:
+                self._say(f"  {len(points)} of its points are there from a shorter range")
+                return sweep, states[0][0], points
         return None
 
     def _read_points(self, n_points: int) -> tuple[list[Point], int]:

@@ -2,7 +2,7 @@
 
     restart/identity         what the last run was of
     restart/setup-KEY/       model, modes, columns: the set-up
-    restart/level-KEY/       points.S, state.S.0, state.S.1, end.S of each segment S of a level
+    restart/level-KEY/       of; points.S, state.S.0, state.S.1, end.S of each segment S of a level
 
 Each key is a hash of all that the part depends on (identity.py), so that a part which is there is one that can be used.
 """
@@ -13,11 +13,13 @@ import hashlib
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..continuation.sweep import Sweep
 from ..library.prepare import Prepared
 from ..modes.user_order import in_user_order
 from ..observe.log import RunLog
@@ -111,8 +113,13 @@ class Restart:
         """Return what keeps the levels of a response, and says what it has of them.  Local."""
         n_modes = len(prepared.outline.omega_n)
 
+        sweep = prepared.response.sweep
+
         def keeper(comm: MPI.Comm, level: float, segment: int) -> Keeper:
-            return KeptBranch(comm, self.path / self._level(level, n_modes), segment, log.note)
+            folder, branch = self.path / self._level(level, n_modes), self.identity.branch(level, n_modes)
+            on_root(comm, _sign, folder, branch, sweep)
+            others = partial(_of_branch, self.path, branch) if segment == 0 else list
+            return KeptBranch(comm, folder, segment, log.note, others)
 
         self._used |= {self._level(level, n_modes) for level in prepared.response.settings.levels}
         return keeper
@@ -132,6 +139,24 @@ class Restart:
         for other in self.path.iterdir():
             if other.is_dir() and other.name not in self._used and other.name.startswith(("setup-", "level-")):
                 shutil.rmtree(other, ignore_errors=True)
+
+
+def _sign(folder: Path, branch: str, sweep: Sweep) -> None:
+    """Note of which branch the folder of a level is, and its range.  Rank 0."""
+    make_folder(str(folder))
+    if read_record(folder / "of") is None:
+        write_record(folder / "of", {"range": np.array([sweep.start, sweep.stop])}, {"branch": branch})
+
+
+def _of_branch(path: Path, branch: str) -> list[tuple[Path, Sweep]]:
+    """Return the folders of one branch and their ranges.  Rank 0."""
+    found = []
+    for folder in path.glob("level-*"):
+        of = read_record(folder / "of")
+        if of is not None and of[1]["branch"] == branch:
+            start, stop = map(float, of[0]["range"])
+            found.append((folder, Sweep(start, stop)))
+    return found
 
 
 def _opened(

@@ -66,6 +66,14 @@ class Identity:
         response.pop("levels")
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
 
+    def branch(self, level: float, n_modes: int) -> str:
+        """Return the key of a level [N] over whatever range."""
+        scene, response = dict(self.scene), dict(self.scene["response"])
+        for name in ("levels", "at", *_RANGE):
+            response.pop(name, None)
+        scene.pop("title", None)
+        return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
+
     def _key(self, scene: Tables) -> str:
         whole = [scene, self.files, self.program, self.options]
         return hashlib.sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest()[:24]

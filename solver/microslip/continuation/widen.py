@@ -1,0 +1,46 @@
+"""A branch that was followed over a shorter range, taken over into a wider one: what lies before it is followed up to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .branch import Point
+
+if TYPE_CHECKING:
+    from .keeper import Begun, Shorter
+    from .point_solver import Workspace
+    from .state import BranchState
+    from .task import BranchTask
+
+SAME = 1e-6  # relative difference of responses where both parts meet: beyond it they are not of one branch
+Follow = Callable[["BranchTask", "BranchState"], list[Point] | None]  # collective; the points to the end of the range, or none
+
+
+def widened(task: BranchTask, shorter: Shorter, workspace: Workspace, follow: Follow) -> Begun | None:
+    """Return the state at the end of a shorter range and all points up to there; None where the branch cannot be taken over.
+
+    Collective.  It cannot where the wider range asks for points within the shorter one, or where what is followed from the new
+    start arrives at another solution.
+    """
+    sweep, state, points = shorter
+    if not set(task.sweep.asked_between(sweep.start, sweep.stop)) <= {point.omega for point in points if point.asked}:
+        return None
+    if sweep.start != task.sweep.start:
+        ahead = replace(task, sweep=task.sweep.until(sweep.start))
+        before = follow(ahead, ahead.start(workspace))
+        if before is None or not _meet(before[-1], points[0]):
+            return None
+        points = before[:-1] + points
+    solver = replace(state.solver, is_linear=state.solver.is_linear and task.is_linear)
+    return replace(state, solver=solver, is_done=sweep.stop == task.sweep.stop), points
+
+
+def _meet(one: Point, other: Point) -> bool:
+    """Return whether two points at one frequency are the same.  Local; responses are the same on all ranks."""
+    n = min(one.response.shape[-1], other.response.shape[-1])
+    gap = np.abs(one.response[:, :n] - other.response[:, :n]).max()
+    return bool(gap <= SAME * np.abs(other.response).max())
