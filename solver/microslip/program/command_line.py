@@ -255,7 +255,9 @@ def _add_export(command: _Parser) -> None:
 
 def _add_convert(command: _Parser) -> None:
     """Add the options of ``convert``."""
-    command.add_argument("--to", metavar="A,B,...", type=_words, default=(), help="vtkhdf, unv, mat, with commas (default: all)")
+    command.add_argument(
+        "--to", metavar="A,B,...", type=_words, default=(), help="vtkhdf, unv, mat, with commas (default: all), or scene"
+    )
     command.add_argument("--steps", metavar="N", type=_steps, help="steps of a period in files for ParaView (default: 32)")
 
 
