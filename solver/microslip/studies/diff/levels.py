@@ -49,6 +49,7 @@ class LevelDifference:
     slip: tuple[int, int]  # pairs, there
     open: tuple[int, int]
     n_other_state: int | None  # pairs in another state there; None where the pairs are not the same
+    closes_to: float  # of the energy balance: the accuracy, where that chose how exactly the points were solved
 
     @property
     def difference(self) -> float:
@@ -103,6 +104,7 @@ def compare_level(
         slip=(int(states[0][1]), int(states[1][1])),
         open=(int(states[0][2]), int(states[1][2])),
         n_other_state=int(np.count_nonzero(a.state[tops[0]] != b.state[tops[1]])) if same_pairs and min(n) else None,
+        closes_to=max(a.closes_to, b.closes_to),
     )
 
 

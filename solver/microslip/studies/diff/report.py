@@ -13,10 +13,11 @@ from ...parallel.words import listed
 from ...results.record import COMPLETE, ResultFile
 from .asked import Change
 from .levels import LevelDifference
-from .story import TOLERANCE, Difference
+from .story import Difference
 
 _MOST = 60  # characters of a value
 _RESOLVED = 0.9  # of a difference: where less is left beyond what the points resolve, it is said
+_ROUNDING = 1e-14  # of the peak
 _HEAD = (
     "level",
     "output",
@@ -49,7 +50,7 @@ def text_of(found: Difference) -> str:
 def verdict(found: Difference) -> str:
     """Return in one line whether two results are the same, and to what."""
     largest = max((level.difference for level in found.levels), default=0.0)
-    says = f"the curves differ by up to {_percent(largest)} % of the peak" if largest else "the curves are equal"
+    says = f"the curves differ by up to {_percent(largest)} % of the peak" if largest > _ROUNDING else "the curves are equal"
     if not found.levels:
         return "different: no level is in both"
     if found.is_same:
@@ -67,7 +68,7 @@ def verdict(found: Difference) -> str:
 
 def _by(found: Difference) -> str:
     """Return which bound was held, or not."""
-    tolerance = TOLERANCE if found.tolerance is None else found.tolerance
+    tolerance = max(map(found.bound, found.levels))
     says = f" (tolerance {100.0 * tolerance:.2g} %"
     if found.tolerance is None and not all(level.same_points for level in found.levels):
         says += " beyond what the points resolve"
@@ -217,7 +218,7 @@ def json_of(found: Difference) -> str:
         "b": found.b.path,
         "is_same": found.is_same,
         "verdict": verdict(found),
-        "tolerance": TOLERANCE if found.tolerance is None else found.tolerance,
+        "tolerance": max(map(found.bound, found.levels), default=None),
         "beyond_resolution": found.tolerance is None,
         "bars": found.bars,
         "incomplete": found.incomplete,

@@ -13,7 +13,8 @@ from ...results.static_plots import is_static
 from .asked import Change, facts_changed, inputs_changed, keys_changed
 from .levels import LevelDifference, compare_level
 
-TOLERANCE = 1e-6  # of the peak, at the same points
+TOLERANCE = 1e-6  # of the peak, beyond what the points resolve
+_OF_ACCURACY = 0.1  # the share of an accuracy that is the solver's, where that chose how exactly the points were solved
 _LEVEL = 1e-9  # relative, within which two levels are one
 _OF_PAIRS = ("mu", "N0", "k_t", "k_n", "area")
 
@@ -38,7 +39,7 @@ class Difference:
 
     a: ResultFile
     b: ResultFile
-    tolerance: float | None  # as asked for; None: TOLERANCE, and where points differ what they resolve
+    tolerance: float | None  # as asked for; None: as ``bound`` says, and what the points resolve
     bars: bool  # whether a difference inside the error bars counts as none
     keys: list[Change]
     facts: list[Change]
@@ -68,9 +69,11 @@ class Difference:
             return max(level.n_points) == 0
         if self.bars and level.inside_bars:
             return True
-        if self.tolerance is not None:
-            return level.difference <= self.tolerance
-        return level.beyond <= TOLERANCE
+        return (level.difference if self.tolerance is not None else level.beyond) <= self.bound(level)
+
+    def bound(self, level: LevelDifference) -> float:
+        """Return the difference over the peak up to which the curves of a level are the same."""
+        return max(TOLERANCE, _OF_ACCURACY * level.closes_to) if self.tolerance is None else self.tolerance
 
     @property
     def is_same(self) -> bool:
