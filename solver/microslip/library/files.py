@@ -49,7 +49,7 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
 
 
 def writer_of(prepared: Prepared, folder: Path, options: Sequence[str] = (), origin: Origin | None = None) -> ResultWriter:
-    """Return the observer that writes frf.csv and results.h5; of an ``origin`` that is not given, what is known now.  Collective."""
+    """Return the observer that writes frf.csv and results.h5; without an ``origin`` it is told now.  Collective."""
     comm = prepared.model.comm
     head = head_of(prepared, options, origin or origin_of(prepared.scene, comm))
     return ResultWriter(comm, str(folder), head, prepared.model.recorded.n_coefficients)

@@ -46,7 +46,7 @@ def _inputs(scene: Scene) -> tuple[InputFile, ...]:
         files = input_files(scene)
     except CaseError:
         files = tuple((key, scene.folder / stated) for key, stated in named_files(scene))
-    found = []
+    found: list[InputFile] = []
     for key, path in files:
         try:
             found += fingerprint([(key, path)])
