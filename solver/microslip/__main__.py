@@ -46,6 +46,8 @@ def _perform(command: Command, comm) -> int:
         return _doctor()
     if command.name in ("plot", "report", "convert"):
         return _show(command, comm)
+    if command.name == "diff":
+        return _diff(command, comm)
     if command.name == "new" or (command.name == "check" and _is_model(command.file)):
         return _look(command, comm)
     return _solve(command, comm)
@@ -85,6 +87,20 @@ def _shown(command: Command, out: Path) -> list:
     from .results.plots import draw_all
 
     return draw_all(command.file, str(out))
+
+
+def _diff(command: Command, comm) -> int:
+    """Compare two result files on rank 0, and return 1 if they differ.  Collective on ``comm``."""
+    from .program.doctor import faults
+
+    require(comm, faults("matplotlib", "h5py", "pydantic"))
+    from .studies.diff.command import compare_files
+
+    asked = command.file, command.other, command.tolerance, command.bars, command.out, command.as_json
+    text, status = on_root(comm, compare_files, *asked) if comm is not None else compare_files(*asked)
+    if launcher_rank() == 0:
+        print(text)
+    return status
 
 
 def _is_model(file: str) -> bool:

@@ -11,6 +11,7 @@ from .continuation.keeper import Keepers
 from .library.build import build
 from .library.files import write_shapes, writer_of
 from .library.follow import follow, in_turn, known_columns
+from .library.origin import origin_of
 from .library.prepare import Prepared, prepare
 from .library.settings import units_of
 from .observe.level_log import LevelLog
@@ -24,6 +25,7 @@ from .restart.place import place_of, settle
 from .results.audit import audit_text
 from .results.fields import RunRecord, StageRecord
 from .results.measures import shown_with
+from .results.origin import Origin
 from .results.plots import draw_all
 from .scene.schema import Scene
 
@@ -66,12 +68,13 @@ def compute(
     """Compute what is left of a run, write and draw all of it, and return why levels ended early, if some did.  Collective."""
     scene, place = restart.scene, on_root(comm, place_of, folder)
     facts = {"scene": scene.source, "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
+    origin = origin_of(scene, comm, n_groups)
     with RunLog(comm, str(place / "run.log"), screen=screen, facts=facts) as log:
         for note in restart.notes:
             log.note(note)
         prepared = restart.prepared(log, partial(set_up, scene, comm, log))
         with log.stage("response"):
-            branches = follow_logged(prepared, place, options, n_groups, log, restart.keepers_of(prepared, log))
+            branches = follow_logged(prepared, place, options, origin, log, restart.keepers_of(prepared, log))
         with log.stage("fields for ParaView"):
             write_shapes(prepared, branches, place, record_of(log))
         with log.stage("pictures"):
@@ -111,12 +114,13 @@ def record_of(log: RunLog) -> RunRecord:
 
 
 def follow_logged(
-    prepared: Prepared, folder: Path, options: tuple[str, ...], n_groups: int, log: RunLog, keepers: Keepers
+    prepared: Prepared, folder: Path, options: tuple[str, ...], origin: Origin, log: RunLog, keepers: Keepers
 ) -> list[Branch]:
     """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
-    writer = writer_of(prepared, folder, options)
+    n_groups = origin.n_groups
+    writer = writer_of(prepared, folder, options, origin)
     levels = LevelLog(log, response.sweep, len(response.settings.levels), shown)
     try:
         branches = follow(response, [levels, writer], n_groups, log, keepers)

@@ -61,6 +61,11 @@ from microslip.program.command_line import Command, parse
         ("plot results.h5 --out=there", Command("plot", "results.h5", Path("there"))),
         ("report results.h5", Command("report", "results.h5")),
         ("convert results.h5 --to unv,mat --steps 64", Command("convert", "results.h5", to=("unv", "mat"), steps=64)),
+        ("diff a.h5 b.h5", Command("diff", "a.h5", other="b.h5")),
+        (
+            "diff a.h5 b.h5 --tolerance 1e-3 --bars --json --out there",
+            Command("diff", "a.h5", Path("there"), other="b.h5", tolerance=1e-3, bars=True, as_json=True),
+        ),
         ("doctor", Command("doctor")),
     ],
 )
@@ -71,11 +76,11 @@ def test_what_is_asked_arrives(line, command):
 @pytest.mark.parametrize(
     "line, message",
     [
-        ("", "a command is missing: run, compare, verify, trade, export, check, new, plot, report, convert or doctor"),
+        ("", "a command is missing: run, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor"),
         (
             "rnu fan.toml",
             "unknown command 'rnu'; nearest is run; commands are run, compare, verify, trade, export, check, new, plot, report, "
-            "convert and doctor",
+            "convert, diff and doctor",
         ),
         ("fan.toml", "unknown command 'fan.toml'; commands are"),
         ("run", "the following arguments are required: SCENE.toml; try: microslip run --help"),

@@ -214,7 +214,7 @@ def test_matlab_file_has_everything(path, tmp_path):
 
 
 def test_unknown_formats_and_results_with_nothing_to_show_are_status_2(path, tmp_path):
-    with pytest.raises(CaseError, match="unknown format 'unf'; nearest is unv; formats are vtkhdf, unv and mat"):
+    with pytest.raises(CaseError, match="unknown format 'unf'; nearest is unv; formats are vtkhdf, unv, mat and scene"):
         convert(path, tmp_path, ["mat", "unf"])
     bare = write(tmp_path / "bare", [branch(1.0, no_pairs())], no_pairs())
     with pytest.raises(CaseError, match="nothing to show in space"):

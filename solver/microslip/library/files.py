@@ -11,17 +11,19 @@ from .. import __version__
 from ..continuation.branch import Branch, hertz
 from ..mesh.locate import find_node
 from ..parallel.agree import on_root
-from ..parallel.versions import versions
+from ..parallel.versions import commit, program_hash, versions
 from ..reduction.expand import node_fields, peak_displacement
 from ..results.fields import Fields, Motion, RunRecord, keep_fields
+from ..results.origin import Origin
 from ..results.record import BOLT_UNITS, Bolts, LinearCurve, ResultFile, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
+from .origin import origin_of
 from .prepare import Prepared
 from .settings import outputs, units_of
 
 
-def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
+def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | None = None) -> ResultFile:
     """Return what a result file says before its levels.  Local; with the user's node numbers on rank 0 only."""
     scene, outline, curve = prepared.scene, prepared.outline, prepared.response.curve
     bolts = outline.bolts
@@ -33,7 +35,7 @@ def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
         method=scene.solver.method,
         scene_text=scene.text,
         options=tuple(options),
-        versions={"microslip": __version__, **versions()},
+        versions={"microslip": __version__, "commit": commit(), "program": program_hash(), **versions()},
         outputs=tuple(output.name for output in scene.outputs),
         mode_frequency=outline.omega_n / (2.0 * np.pi),
         joint=joint_of(prepared.pairs, outline.numbers),
@@ -41,12 +43,16 @@ def head_of(prepared: Prepared, options: Sequence[str] = ()) -> ResultFile:
         bolts=None if bolts is None else Bolts(bolts.names, **{name: getattr(bolts, name) for name in BOLT_UNITS}),
         units=units.outputs,
         level_unit=units.level,
+        n_dof=outline.n_dof,
+        origin=origin,
     )
 
 
-def writer_of(prepared: Prepared, folder: Path, options: Sequence[str] = ()) -> ResultWriter:
-    """Return the observer that writes frf.csv and results.h5.  Collective."""
-    return ResultWriter(prepared.model.comm, str(folder), head_of(prepared, options), prepared.model.recorded.n_coefficients)
+def writer_of(prepared: Prepared, folder: Path, options: Sequence[str] = (), origin: Origin | None = None) -> ResultWriter:
+    """Return the observer that writes frf.csv and results.h5; without an ``origin`` it is told now.  Collective."""
+    comm = prepared.model.comm
+    head = head_of(prepared, options, origin or origin_of(prepared.scene, comm))
+    return ResultWriter(comm, str(folder), head, prepared.model.recorded.n_coefficients)
 
 
 def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, run: RunRecord | None = None) -> None:

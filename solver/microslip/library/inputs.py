@@ -4,23 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
 
 from ..formats.includes import included_files
 from ..parallel.errors import CaseError
+from ..results.origin import InputFile
 from ..scene.inputs import named_files
 from ..scene.schema import Scene
-
-
-@dataclass(frozen=True)
-class InputFile:
-    """A file that a run reads, as it was then."""
-
-    key: str  # where it is named: "[model] mesh", "included by plates.inp"
-    path: str  # absolute
-    size: int  # bytes
-    sha256: str
 
 
 def input_files(scene: Scene) -> tuple[tuple[str, Path], ...]:

@@ -114,7 +114,7 @@ class RunLog:
         )
         lines = {
             "date": time.strftime("%Y-%m-%d %H:%M:%S %z"),
-            "command": command or _command(),
+            "command": command or command_line(),
             "ranks": ranks,
             "python": sys.version.split()[0],
             "numpy": np.__version__,
@@ -204,6 +204,7 @@ def _open(path: str):
         return open(path, "w", encoding="utf-8", errors="replace")
 
 
-def _command() -> str:
+def command_line() -> str:
+    """Return the command line of this process.  Local."""
     program = os.path.basename(sys.argv[0] or "python")
     return shlex.join(["microslip" if program == "__main__.py" else program, *sys.argv[1:]])

@@ -30,21 +30,25 @@ _KEYS = (
     "to",
     "force",
     "fresh",
+    "other",
+    "tolerance",
+    "bars",
+    "as_json",
 )
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
 PETSc options follow --, each with the prefix of its solver: {", ".join("-" + prefix for prefix in PREFIXES)}
-Exit status: 0 done; 2 the scene, the mesh or an option is at fault; 3 the computation could not be finished, what
-converged is kept; 4 memory or disk; 5 stopped by a signal: frf.csv keeps every point and results.h5 every level finished
-until then; 70 a defect of the program."""
+Exit status: 0 done; 1 diff found a difference; 2 the scene, the mesh or an option is at fault; 3 the computation could not
+be finished, what converged is kept; 4 memory or disk; 5 stopped by a signal: frf.csv keeps every point and results.h5 every
+level finished until then; 70 a defect of the program."""
 
 
 @dataclass(frozen=True)
 class Command:
     """What the command line asks for."""
 
-    name: str  # run, compare, verify, trade, export, check, new, plot, report, convert or doctor
+    name: str  # run, compare, verify, trade, export, check, new, plot, report, convert, diff or doctor
     file: str = ""  # the scene, the model file, or the results to show
     out: Path | None = None  # None: the default of the command
     petsc: tuple[str, ...] = ()  # what followed ``--``, checked
@@ -66,6 +70,10 @@ class Command:
     to: tuple[str, ...] = ()  # formats to convert to; empty: all of them
     force: bool = False  # to overwrite a scene
     fresh: bool = False  # to compute anew what an earlier run has left
+    other: str = ""  # the results to compare with
+    tolerance: float | None = None  # of their curves; None: the default of the command
+    bars: bool = False  # inside the error bars is no difference
+    as_json: bool = False
 
 
 class _Parser(argparse.ArgumentParser):
@@ -143,6 +151,11 @@ def _parsers() -> tuple[_Parser, dict[str, _Parser]]:
             "results for other programs: ParaView, universal files, MATLAB",
             "RESULTS.h5",
             "the folder of the result file",
+        ),
+        "diff": (
+            "two results compared: what was asked for, the structure, every curve; and a verdict",
+            "A.h5",
+            "neither diff.png nor diff.json is written",
         ),
         "doctor": ("print versions, and what is missing with the command that brings it", None, None),
     }
@@ -255,7 +268,9 @@ def _add_export(command: _Parser) -> None:
 
 def _add_convert(command: _Parser) -> None:
     """Add the options of ``convert``."""
-    command.add_argument("--to", metavar="A,B,...", type=_words, default=(), help="vtkhdf, unv, mat, with commas (default: all)")
+    command.add_argument(
+        "--to", metavar="A,B,...", type=_words, default=(), help="vtkhdf, unv, mat, with commas (default: all), or scene"
+    )
     command.add_argument("--steps", metavar="N", type=_steps, help="steps of a period in files for ParaView (default: 32)")
 
 
@@ -274,7 +289,21 @@ def _add_new(command: _Parser) -> None:
     command.add_argument("--force", action="store_true", help="write it even where there is a file of this name")
 
 
+def _add_diff(command: _Parser) -> None:
+    """Add the options of ``diff``."""
+    command.add_argument("other", metavar="B.h5")
+    command.add_argument(
+        "--tolerance",
+        metavar="T",
+        type=_above_zero,
+        help="largest difference of curves that are the same, over their peak (default: 1e-6, and what their points resolve)",
+    )
+    command.add_argument("--bars", action="store_true", help="curves that differ by less than their error bars are the same")
+    command.add_argument("--json", dest="as_json", action="store_true", help="print it all as JSON")
+
+
 _OPTIONS = {
+    "diff": _add_diff,
     "check": _add_check,
     "new": _add_new,
     "run": _add_run,

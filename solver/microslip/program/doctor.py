@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 from .. import __version__
 from ..parallel.petsc import initialise, locate
+from ..parallel.versions import loaded_libraries, mumps_version
 
 
 class Unusable(Exception):
@@ -115,8 +116,7 @@ def _mumps() -> str:
     PETSc, _ = initialise()
     if not PETSc.Sys.hasExternalPackage("mumps"):
         raise Unusable("this PETSc was built without it")
-    version = re.search(r"lib[dz]mumps\S*?-(\d[\d.]*\d)", _libraries())
-    return version[1] if version else "present"
+    return mumps_version() or "present"
 
 
 def _h5py() -> str:
@@ -141,15 +141,6 @@ def _kernel() -> str:
     return "compiled"
 
 
-def _libraries() -> str:
-    """Return the files that this process has loaded, as text; empty where the system does not tell."""
-    try:
-        with open("/proc/self/maps", encoding="utf-8", errors="replace") as maps:
-            return maps.read()
-    except OSError:
-        return ""
-
-
 def _notes(is_well: bool) -> list[str]:
     """Return what slows the program down without stopping it, and why packages may be there but not found."""
     found = []
@@ -158,7 +149,7 @@ def _notes(is_well: bool) -> list[str]:
             "Debian's packages serve /usr/bin/python3, and this is another Python; start from its environment: "
             "/usr/bin/python3 -m venv --system-site-packages .venv"
         )
-    loaded = _libraries()
+    loaded = loaded_libraries()
     if "libblas.so" in loaded and not re.search("openblas|mkl|blis|atlas", loaded):
         found.append("MUMPS runs on the reference BLAS, several times slower: sudo apt-get install libopenblas0-pthread")
     if importlib.util.find_spec("plotly") is None:

@@ -6,13 +6,12 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
 from ..library.inputs import fingerprint, input_files
-from ..parallel.versions import versions
+from ..parallel.versions import program_hash, versions
 
 if TYPE_CHECKING:
     from ..scene.schema import Scene
@@ -100,15 +99,6 @@ def identity_of(scene: Scene, options: Iterable[str] = ()) -> Identity:
     files = {f"{one.key} {Path(one.path).name}": one.sha256 for one in fingerprint(input_files(scene))}
     program = {"microslip": f"{__version__} ({program_hash()})", **versions()}
     return Identity(scene.model_dump(mode="json", exclude_unset=True), files, program, tuple(options))
-
-
-@cache
-def program_hash() -> str:
-    """Return a hash of the program's files: a developer changes them without a new version."""
-    root, digest = Path(__file__).resolve().parents[1], hashlib.sha256()
-    for path in sorted((*root.rglob("*.py"), *root.rglob("*.so"))):
-        digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
-    return digest.hexdigest()[:8]
 
 
 def _changes(path: str, was: Any, now: Any) -> list[tuple[str, str, str]]:

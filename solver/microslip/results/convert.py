@@ -14,6 +14,7 @@ from .mat import write_mat
 from .paraview import write_series
 from .read import read_results
 from .record import ResultFile
+from .scene_back import write_scene
 from .unv import write_unv
 
 STEPS = 32  # of a period
@@ -33,13 +34,23 @@ def _mat(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -
     return [folder / "results.mat"]
 
 
-FORMATS: dict[str, Callable[[ResultFile, Fields | None, Path, int], list[Path]]] = {"vtkhdf": _paraview, "unv": _unv, "mat": _mat}
+def _scene(results: ResultFile, fields: Fields | None, folder: Path, steps: int) -> list[Path]:
+    return [write_scene(results, folder)]
+
+
+FORMATS: dict[str, Callable[[ResultFile, Fields | None, Path, int], list[Path]]] = {
+    "vtkhdf": _paraview,
+    "unv": _unv,
+    "mat": _mat,
+    "scene": _scene,
+}
 
 
 def convert(path: str, folder: Path, formats: Sequence[str], steps: int = STEPS) -> list[Path]:
     """Write a result file in other formats into a folder and return the files.  Local; no MPI, no PETSc.
 
-    Without ``formats`` those that there is something for: of a scene given as matrices nothing is shown in space.
+    Without ``formats`` those of other programs that there is something for: of a scene given as matrices nothing is shown in
+    space.
 
     Raises
     ------
@@ -56,6 +67,7 @@ def convert(path: str, folder: Path, formats: Sequence[str], steps: int = STEPS)
         formats = [
             name
             for name in FORMATS
+            if name != "scene"
             if FORMATS[name] is not _paraview or fields is not None or len(joint_mesh(results.joint).sizes)
         ]
     return [file for name in formats for file in FORMATS[name](results, fields, folder, steps)]

@@ -13,6 +13,7 @@ from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import CLOSES_TO, QUANTITIES
 from ..continuation.quantities import TEXT, Quantity, axis_lengths
 from ..parallel.errors import CaseError
+from .origin import InputFile, Origin
 from .record import BOLT_UNITS, JOINT_QUANTITIES, Bolts, Joint, LevelResult, LinearCurve, ResultFile
 from .writer import FORMAT, FORMAT_VERSION
 
@@ -157,6 +158,8 @@ def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
         _bolts(reader),
         units,
         level_unit,
+        int(reader.array("structure/n_dof", "i8", ())) if "structure/n_dof" in reader else 0,
+        _origin(reader),
     )
 
 
@@ -166,6 +169,25 @@ def _bolts(reader: Reader) -> Bolts | None:
         return None
     names = tuple(reader.texts("statics/bolts/names"))
     return Bolts(names, **{name: reader.array(f"statics/bolts/{name}", "f8", (len(names),)) for name in BOLT_UNITS})
+
+
+def _origin(reader: Reader) -> Origin | None:
+    """Return where the results come from; None where an earlier version wrote the file."""
+    if "origin" not in reader:
+        return None
+    command, started, scene_path = (reader.texts(f"origin/{name}")[0] for name in ("command", "started", "scene_path"))
+    columns = (reader.texts(f"origin/inputs/{name}") for name in ("key", "path"))
+    sizes = reader.array("origin/inputs/size", "i8", (None,)).tolist()
+    return Origin(
+        command=command,
+        started=started,
+        scene_path=scene_path,
+        settings=tuple(reader.texts("origin/settings")),
+        hosts=tuple(reader.texts("origin/hosts")),
+        n_groups=int(reader.array("origin/groups", "i8", ())),
+        environment=dict(zip(reader.texts("origin/environment/name"), reader.texts("origin/environment/value"))),
+        inputs=tuple(map(InputFile, *columns, sizes, reader.texts("origin/inputs/sha256"))),
+    )
 
 
 def _linear(reader: Reader, n_outputs: int) -> LinearCurve | None:

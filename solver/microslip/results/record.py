@@ -14,6 +14,7 @@ import numpy as np
 from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import CLOSES_TO, QUANTITIES, Branch
 from ..continuation.quantities import Quantity, axis_lengths, declared
+from .origin import Origin
 
 if TYPE_CHECKING:
     from ..mesh.data import ContactPairs
@@ -127,6 +128,8 @@ class ResultFile:
     bolts: Bolts | None = None
     units: tuple[str, ...] = ()  # of the outputs; none given: m
     level_unit: str = "N"
+    n_dof: int = 0  # of the structure; 0: an earlier version wrote the file
+    origin: Origin | None = None  # None: an earlier version wrote the file
 
     def unit_of(self, output: int) -> str:
         """Return the unit of an output."""

@@ -13,6 +13,7 @@ from ..continuation.branch import QUANTITIES, Branch, Point
 from ..continuation.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
+from .origin import Origin
 from .record import BOLT_UNITS, COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Bolts, Joint, LevelResult, ResultFile, level_result
 from .table import ResponseTable
 
@@ -112,10 +113,25 @@ def _write_head(file: h5py.File, head: ResultFile) -> None:
     write_texts(file, "versions/name", head.versions.keys())
     write_texts(file, "versions/version", head.versions.values())
     write_texts(file, "options", head.options)
+    if head.n_dof:
+        file.create_dataset("structure/n_dof", data=np.int64(head.n_dof))
+    if head.origin is not None:
+        _write_origin(file.create_group("origin"), head.origin)
     write_array(file, "modes/frequency_Hz", head.mode_frequency, "Hz")
     if head.linear is not None:
         write_array(file, "linear/frequency_Hz", head.linear.frequency, "Hz")
         write_array(file, "linear/response_per_N", head.linear.response, f"{common(units)}/{head.level_unit}")
+
+
+def _write_origin(group: h5py.Group, origin: Origin) -> None:
+    for name in ("command", "started", "scene_path", "settings", "hosts"):
+        write_texts(group, name, getattr(origin, name))
+    group.create_dataset("groups", data=np.int64(origin.n_groups))
+    write_texts(group, "environment/name", origin.environment.keys())
+    write_texts(group, "environment/value", origin.environment.values())
+    for name in ("key", "path", "sha256"):
+        write_texts(group, f"inputs/{name}", [getattr(one, name) for one in origin.inputs])
+    write_array(group, "inputs/size", np.array([one.size for one in origin.inputs], dtype="i8"), "bytes")
 
 
 def common(units: list[str]) -> str:

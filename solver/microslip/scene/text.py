@@ -15,7 +15,7 @@ def as_toml(tables: Mapping[str, Any]) -> str:
 def _lines(header: str, table: Mapping[str, Any]) -> list[str]:
     """Return the lines of a table, its values before the tables in it."""
     tables = {name: value for name, value in table.items() if isinstance(value, Mapping) or _is_list_of_tables(value)}
-    lines = [f"{_key(name)} = {_value(value)}" for name, value in table.items() if name not in tables]
+    lines = [f"{_key(name)} = {value_text(value)}" for name, value in table.items() if name not in tables]
     for name, value in tables.items():
         path = f"{header}.{_key(name)}" if header else _key(name)
         for entry in (value,) if isinstance(value, Mapping) else value:
@@ -32,7 +32,7 @@ def _key(name: str) -> str:
     return name if name.isascii() and name.replace("_", "").replace("-", "").isalnum() else json.dumps(name)
 
 
-def _value(value: Any) -> str:
+def value_text(value: Any) -> str:
     if isinstance(value, tuple):
-        return f"[{', '.join(map(_value, value))}]"
+        return f"[{', '.join(map(value_text, value))}]"
     return repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

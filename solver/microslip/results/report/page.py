@@ -131,6 +131,7 @@ def _sections(
     )
     times = f'<div class="halves"><div>{tables.times_table(results, run)}</div><div>{tables.versions_table(results)}</div></div>'
     found.append(("times", "Times and versions", times + _places(figures, "unknowns")))
+    times += tables.origin_table(results)
     texts = f"<details><summary>the scene as it was run</summary><pre>{escape(results.scene_text)}</pre></details>"
     if run.notes:
         texts += f"<details><summary>what the run said</summary><pre>{escape(chr(10).join(run.notes))}</pre></details>"

@@ -272,6 +272,22 @@ def times_table(results: ResultFile, run: RunRecord) -> str:
     )
 
 
+def origin_table(results: ResultFile) -> str:
+    """Return the command, the machine, and the files that were read with their hashes; "" where they are not known."""
+    origin = results.origin
+    if origin is None:
+        return ""
+    hosts = ", ".join(sorted(set(origin.hosts)))
+    rows = [
+        ("command", escape(origin.command)),
+        ("scene", escape(origin.scene_path)),
+        ("ranks", f"{origin.n_ranks} in {origin.n_groups} group{'s' if origin.n_groups > 1 else ''}, on {escape(hosts)}"),
+        *((escape(name), escape(value)) for name, value in origin.environment.items()),
+        *((escape(one.key), f"{escape(one.path)}<br>{one.size} bytes, SHA-256 {escape(one.sha256)}") for one in origin.inputs),
+    ]
+    return table(("origin", ""), rows, of_numbers=False)
+
+
 def versions_table(results: ResultFile) -> str:
     """Return versions and options of the run."""
     rows = [(escape(name), escape(version)) for name, version in results.versions.items()]

@@ -1,0 +1,55 @@
+"""Where the results of a scene come from: command, machine, and every file that is read."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from typing import TYPE_CHECKING
+
+from ..observe.log import command_line
+from ..parallel.agree import on_root
+from ..parallel.errors import CaseError
+from ..results.origin import InputFile, Origin
+from ..scene.inputs import named_files
+from ..scene.schema import Scene
+from .inputs import fingerprint, input_files
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "PETSC_OPTIONS")
+
+
+def origin_of(scene: Scene, comm: MPI.Comm, n_groups: int = 1) -> Origin:
+    """Return where results of a scene come from that is run now.  Collective on ``comm``; its files are hashed on rank 0.
+
+    A file that cannot be read any more has no hash: it does not keep results from being written.
+    """
+    hosts = comm.allgather(socket.gethostname())
+    started = comm.bcast(time.strftime("%Y-%m-%d %H:%M:%S %z"))
+    return Origin(
+        command=command_line(),
+        started=started,
+        scene_path=str(scene.path),
+        settings=scene.settings,
+        hosts=tuple(hosts),
+        n_groups=n_groups,
+        environment={name: os.environ[name] for name in _VARIABLES if name in os.environ},
+        inputs=on_root(comm, _inputs, scene),
+    )
+
+
+def _inputs(scene: Scene) -> tuple[InputFile, ...]:
+    """Return the files that a scene reads, with their hashes as far as they can be read."""
+    try:
+        files = input_files(scene)
+    except CaseError:
+        files = tuple((key, scene.folder / stated) for key, stated in named_files(scene))
+    found: list[InputFile] = []
+    for key, path in files:
+        try:
+            found += fingerprint([(key, path)])
+        except CaseError:
+            found.append(InputFile(key, str(path), 0, ""))
+    return tuple(found)

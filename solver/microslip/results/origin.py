@@ -1,0 +1,33 @@
+"""Where results come from: with the scene, options and versions all that is needed to compute them again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class InputFile:
+    """A file that a run reads, as it was then."""
+
+    key: str  # where it is named: "[model] mesh", "included by plates.inp"
+    path: str  # absolute
+    size: int  # bytes
+    sha256: str  # "" of a file that could not be read
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """What a run was told beside its scene, by whom it was done, and what it read."""
+
+    command: str
+    started: str  # date and time with the zone
+    scene_path: str
+    settings: tuple[str, ...] = ()  # KEY=VALUE of the command line, which the scene's text holds already
+    hosts: tuple[str, ...]  # of each rank
+    n_groups: int = 1  # of ranks, at work side by side
+    environment: dict[str, str]  # variables that change a run: threads, PETSc's options
+    inputs: tuple[InputFile, ...] = ()
+
+    @property
+    def n_ranks(self) -> int:
+        return len(self.hosts)

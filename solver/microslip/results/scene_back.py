@@ -1,0 +1,105 @@
+"""The scene of a result file as a scene file again, that can be run where it stands."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shlex
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ..parallel.errors import CaseError
+from ..parallel.files import written_whole
+from .origin import InputFile
+from .record import ResultFile
+
+SAME, CHANGED, GONE = "as it was", "changed since", "not there any more"
+
+
+def write_scene(results: ResultFile, folder: Path) -> Path:
+    """Write NAME.toml and return it.  Local.
+
+    Its first lines say how it was run and what became of the files that were read; paths lead there from the new place.
+
+    Raises
+    ------
+    CaseError : there is another file of this name, or it cannot be written
+    ResourceError : the disk is full
+    """
+    path = folder / f"{Path(results.name).name}.toml"
+    text = "\n".join([*(f"# {line}" for line in said_of_run(results)), "", relocated(results, path.parent)])
+    if path.exists() and path.read_bytes() != text.encode():
+        raise CaseError(f"{path}: there is a file of this name already; choose another folder with --out")
+    with written_whole(str(path)) as beside, open(beside, "w", encoding="utf-8", newline="") as file:
+        file.write(text)
+    return path
+
+
+def said_of_run(results: ResultFile) -> list[str]:
+    """Return how results were computed, and which of the files that were read are still the same, in lines.  Local."""
+    origin = results.origin
+    said = ", ".join(f"{name} {version}" for name, version in results.versions.items())
+    lines = [f"from {Path(results.path).name}; computed by {said}"]
+    if origin is not None:
+        ranks = f"{origin.n_ranks} rank{'s' if origin.n_ranks > 1 else ''} in {origin.n_groups} groups"
+        lines.append(f"{origin.started}, {ranks.removesuffix(' in 1 groups')}: {origin.command}")
+        lines += [f"{one.key}: {one.size} bytes, SHA-256 {one.sha256}, {fate(one)}" for one in origin.inputs]
+    if results.options:
+        lines.append(f"PETSc options: -- {shlex.join(results.options)}")
+    return [" ".join("".join(c if c.isprintable() else " " for c in line).split()) for line in lines]
+
+
+def fate(one: InputFile) -> str:
+    """Return what became of a file since it was read: SAME, CHANGED or GONE.  Local."""
+    try:
+        if os.path.getsize(one.path) != one.size:
+            return CHANGED
+        with open(one.path, "rb") as file:
+            return SAME if hashlib.file_digest(file, "sha256").hexdigest() == one.sha256 else CHANGED
+    except (OSError, ValueError):
+        return GONE
+
+
+def relocated(results: ResultFile, folder: Path) -> str:
+    """Return the scene's text with the paths of its files as seen from another folder.  Local.
+
+    Comments stay where a plain exchange of the paths reads as it should; else the text is as it was, the paths too.
+    """
+    text, origin = results.scene_text, results.origin
+    if origin is None:
+        return text
+    home = Path(origin.scene_path).parent
+    known = {os.path.normpath(one.path) for one in origin.inputs}
+
+    def moved(stated: str) -> str:
+        """Return a path of the scene, or a matrix in a file, as seen from the new folder; other texts as they are."""
+        for path, name in ((stated, ""), (stated.rpartition(":")[0], ":" + stated.rpartition(":")[2])):
+            if path and not os.path.isabs(path) and os.path.normpath(home / path) in known:
+                return os.path.relpath(home / path, folder.absolute()) + name
+        return stated
+
+    try:
+        tables = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return text
+    written = re.sub(r"""(=\s*)(["'])([^"'\n\\]+)\2""", lambda match: f"{match[1]}{match[2]}{moved(match[3])}{match[2]}", text)
+    return written if _reads_as(written, _exchanged(tables, moved)) else text
+
+
+def _exchanged(value: Any, moved: Callable[[str], str]) -> Any:
+    """Return tables with each text exchanged."""
+    if isinstance(value, dict):
+        return {key: _exchanged(entry, moved) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_exchanged(entry, moved) for entry in value]
+    return moved(value) if isinstance(value, str) else value
+
+
+def _reads_as(text: str, tables: dict[str, Any]) -> bool:
+    try:
+        return tomllib.loads(text) == tables
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return False

@@ -1,0 +1,1 @@
+"""Two results compared as curves, with what was asked for, and a verdict."""

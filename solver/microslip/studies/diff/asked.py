@@ -1,0 +1,94 @@
+"""What differs in what two results were asked for, and by what they were computed."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ...results.record import ResultFile
+from ...scene.text import value_text
+
+NOT_STATED = "not stated"
+
+
+@dataclass(frozen=True)
+class Change:
+    """A key or fact that two results do not share."""
+
+    key: str
+    a: str
+    b: str
+
+
+def keys_changed(a: ResultFile, b: ResultFile) -> list[Change]:
+    """Return the keys of the scene that differ, named as in ``--set``, in the order of the scenes.  Local."""
+    try:
+        scenes = [flattened(tomllib.loads(results.scene_text)) for results in (a, b)]
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return [] if a.scene_text == b.scene_text else [Change("the text of the scene", "one text", "another, or no TOML")]
+    return _changed(*scenes)
+
+
+def flattened(tables: Mapping[str, Any], before: str = "") -> dict[str, str]:
+    """Return the values of a scene as texts by their keys: ``joints.dovetail.friction``; entries by name, or number from 1."""
+    found: dict[str, str] = {}
+    for key, value in tables.items():
+        name = before + (key if "." not in key else json.dumps(key))
+        if isinstance(value, Mapping):
+            found |= flattened(value, f"{name}.")
+        elif isinstance(value, list) and value and all(isinstance(entry, Mapping) for entry in value):
+            names = [entry.get("name") for entry in value]
+            by_name = all(isinstance(one, str) for one in names) and len(set(names)) == len(names)
+            for number, entry in enumerate(value, 1):
+                found |= flattened(entry, f"{name}.{entry['name'] if by_name else number}.")
+        else:
+            found[name] = value_text(_frozen(value))
+    return found
+
+
+def _frozen(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(map(_frozen, value))
+    if isinstance(value, Mapping):
+        return json.dumps(value, default=str)
+    return value if isinstance(value, bool | int | float | str) else str(value)
+
+
+def _changed(a: Mapping[str, str], b: Mapping[str, str]) -> list[Change]:
+    keys = [*a, *(key for key in b if key not in a)]
+    return [Change(key, a.get(key, NOT_STATED), b.get(key, NOT_STATED)) for key in keys if a.get(key) != b.get(key)]
+
+
+def facts_changed(a: ResultFile, b: ResultFile) -> list[Change]:
+    """Return what else differs that a run depends on: options, versions, ranks and groups, threads, hosts.  Local."""
+    return _changed(_facts(a), _facts(b))
+
+
+def _facts(results: ResultFile) -> dict[str, str]:
+    found = {"method": results.method, "PETSc options": " ".join(results.options) or "none"}
+    found |= {f"version of {name}": version for name, version in results.versions.items()}
+    origin = results.origin
+    if origin is None:
+        return found
+    found |= {"ranks": str(origin.n_ranks), "groups": str(origin.n_groups), "hosts": ", ".join(sorted(set(origin.hosts)))}
+    return found | origin.environment
+
+
+def inputs_changed(a: ResultFile, b: ResultFile) -> list[Change] | None:
+    """Return the files that were read whose contents differ; None where a file does not say what was read.  Local."""
+    if a.origin is None or b.origin is None:
+        return None
+    return _changed(*({name: said for name, said in _inputs(results)} for results in (a, b)))
+
+
+def _inputs(results: ResultFile) -> list[tuple[str, str]]:
+    assert results.origin is not None, "asked for where it is known"
+    found = []
+    for one in results.origin.inputs:
+        name = f"{one.key}, {Path(one.path).name}" if one.key.startswith(("included", "beside")) else one.key
+        found.append((name, f"{one.size} bytes, SHA-256 {one.sha256[:12]}\u2026"))
+    return found

@@ -1,0 +1,31 @@
+"""The command: compare, write what is asked for, say it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ...parallel.files import make_folder, written_whole
+from .picture import draw
+from .report import json_of, text_of
+from .story import diff
+
+DIFFERENT = 1  # exit status, as diff(1) has it
+
+
+def compare_files(a: str, b: str, tolerance: float | None, bars: bool, out: Path | None, as_json: bool) -> tuple[str, int]:
+    """Return what there is to say of two result files, and the exit status: 0 the same, 1 different.  Local.
+
+    Writes diff.png and diff.json into a folder ``out``.
+
+    Raises
+    ------
+    CaseError : a file cannot be read or written
+    ResourceError : the disk is full
+    """
+    found = diff(a, b, tolerance, bars)
+    if out is not None:
+        make_folder(str(out))
+        draw(found, str(out / "diff.png"))
+        with written_whole(str(out / "diff.json")) as beside:
+            Path(beside).write_text(json_of(found) + "\n", encoding="utf-8")
+    return (json_of(found) if as_json else text_of(found)), 0 if found.is_same else DIFFERENT

@@ -1,0 +1,255 @@
+"""A level of two results compared: its curves, peaks, losses, states and error bars.  NumPy and SciPy only."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...error_estimate.components import total
+from ...fourier.coefficients import amplitude
+from ...results.measures import counts
+from ...results.record import COMPLETE, LevelResult
+from .curves import Curve, Foot, half_width
+
+SAME_POINT = 1e-9  # half widths that the frequencies of one point may differ by
+_ENDS = 0.01  # of a step: a foot so close to an end of a curve is the end
+
+
+@dataclass(frozen=True)
+class OutputDifference:
+    """The curves of one output."""
+
+    name: str
+    unit: str
+    difference: float  # the largest, over the peak of A
+    beyond: float  # the same beyond what the points of the curves resolve
+    at: float  # Hz, where it is largest
+    inside_bars: bool | None  # whether harmonic 1 differs by less than both error bars wherever it does; None: without bars
+    peak: tuple[float, float]  # of A and B
+    peak_at: tuple[float, float]  # Hz
+    bar: tuple[float | None, float | None]  # at the peak
+
+
+@dataclass(frozen=True)
+class LevelDifference:
+    """One level of two results, A and B."""
+
+    level: float
+    unit: str
+    n_points: tuple[int, int]
+    status: tuple[str, str]
+    failure: tuple[str, str]
+    same_points: bool
+    ends: tuple[tuple[float, float], tuple[float, float]] | None  # Hz, where only parts of the curves were compared
+    outputs: tuple[OutputDifference, ...]
+    friction: tuple[float, float]  # J a cycle, where the first output is largest
+    damping: tuple[float, float]
+    slip: tuple[int, int]  # pairs, there
+    open: tuple[int, int]
+    n_other_state: int | None  # pairs in another state there; None where the pairs are not the same
+    closes_to: float  # of the energy balance: the accuracy, where that chose how exactly the points were solved
+
+    @property
+    def difference(self) -> float:
+        return max((one.difference for one in self.outputs), default=0.0)
+
+    @property
+    def beyond(self) -> float:
+        return max((one.beyond for one in self.outputs), default=0.0)
+
+    @property
+    def inside_bars(self) -> bool:
+        return bool(self.outputs) and all(one.inside_bars is True for one in self.outputs)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether both curves are complete, and there is no part of one that the other lacks."""
+        return self.status == (COMPLETE, COMPLETE) and self.ends is None and min(self.n_points) > 0
+
+
+def compare_level(
+    a: LevelResult, b: LevelResult, outputs: Sequence[tuple[str, str, int, int]], same_pairs: bool, is_static: bool = False
+) -> LevelDifference:
+    """Return how a level differs.  Local.
+
+    Parameters
+    ----------
+    outputs : name, unit and number in A and B of those that both have
+    """
+    n = len(a.frequency), len(b.frequency)
+    found: list[OutputDifference] = []
+    same, is_whole = _has_same_points(a, b, is_static), True
+    if min(n):
+        for name, unit, i, j in outputs:
+            one, whole = _compare_output(_Output(a, i, is_static), _Output(b, j, is_static), same, name, unit)
+            found.append(one)
+            is_whole = is_whole and whole
+    first = (outputs[0][2], outputs[0][3]) if outputs else (0, 0)
+    tops = [_top(level, output, is_static) for level, output in zip((a, b), first)]
+    states = [counts(level.state[top]) if len(level.frequency) else (0, 0, 0) for level, top in zip((a, b), tops)]
+    friction, damping = ([_at(getattr(level, loss), top) for level, top in zip((a, b), tops)] for loss in ("friction", "damping"))
+    return LevelDifference(
+        level=a.level,
+        unit=a.unit,
+        n_points=n,
+        status=(a.status, b.status),
+        failure=(a.failure, b.failure),
+        same_points=same,
+        ends=None if is_whole else (_range(a), _range(b)),
+        outputs=tuple(found),
+        friction=(friction[0], friction[1]),
+        damping=(damping[0], damping[1]),
+        slip=(int(states[0][1]), int(states[1][1])),
+        open=(int(states[0][2]), int(states[1][2])),
+        n_other_state=int(np.count_nonzero(a.state[tops[0]] != b.state[tops[1]])) if same_pairs and min(n) else None,
+        closes_to=max(a.closes_to, b.closes_to),
+    )
+
+
+class _Output:
+    """One output along a curve."""
+
+    def __init__(self, level: LevelResult, number: int, is_static: bool):
+        self.level, self.frequency = level, level.frequency
+        self.response = level.response[:, number]  # (n, N_H)
+        self.size = np.abs(self.response[:, 0]) if is_static else amplitude(self.response)
+        self.bar = None if level.error is None else total(level.error[:, number])
+        self.is_static = is_static
+
+    @property
+    def scale(self) -> float:
+        """Return the largest amplitude of any harmonic, or mean, on the curve."""
+        harmonics = np.hypot(self.response[:, 1::2], self.response[:, 2::2])
+        return float(max(np.abs(self.response[:, 0]).max(initial=0.0), harmonics.max(initial=0.0)))
+
+
+def _has_same_points(a: LevelResult, b: LevelResult, is_static: bool) -> bool:
+    """Tell whether two curves have the same frequencies in the same order."""
+    if len(a.frequency) != len(b.frequency) or not np.array_equal(a.segment, b.segment):
+        return False
+    size = np.abs(a.response[:, 0, 0]) if is_static else amplitude(a.response[:, 0])
+    width = half_width(a.frequency, size) if len(size) else 1.0
+    return bool(np.all(np.abs(a.frequency - b.frequency) <= SAME_POINT * width))
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far n points of one curve lie from the other curve, where both are."""
+
+    frequency: np.ndarray  # (n,) Hz
+    segment: np.ndarray  # (n,)
+    difference: np.ndarray  # (n,) over the peak of A
+    beyond: np.ndarray  # (n,) the same beyond what the points of the other curve resolve
+    inside_bars: bool | None
+    is_whole: bool  # whether the other curve runs along all of its points
+
+
+def apart_of(a: LevelResult, b: LevelResult, i: int, j: int, is_static: bool = False) -> tuple[Apart, ...]:
+    """Return how far output ``i`` of A and ``j`` of B lie apart: once with the same points, else from each curve.  Local."""
+    one, other = _Output(a, i, is_static), _Output(b, j, is_static)
+    return _apart(one, other, _has_same_points(a, b, is_static))[0]
+
+
+def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...], list[Curve]]:
+    """Return the differences as in ``apart_of``, and the two curves, none with the same points."""
+    N_H = max(a.response.shape[1], b.response.shape[1])
+    padded = [np.pad(one.response, [(0, 0), (0, N_H - one.response.shape[1])]) for one in (a, b)]
+    scale = _scale(a, b)
+    if same_points:
+        delta = padded[0] - padded[1]
+        difference = np.linalg.norm(delta, axis=1) / scale
+        inside = _inside(np.hypot(*delta[:, 1:3].T), a.bar, b.bar, scale)
+        return (Apart(a.frequency, a.level.segment, difference, difference, inside, True),), []
+    width = half_width(a.frequency, a.size)
+    curves = [Curve(np.column_stack([one.frequency / width, x / scale]), one.level.segment) for one, x in zip((a, b), padded)]
+    feet = [curves[1].nearest(curves[0].X), curves[0].nearest(curves[1].X)]
+    found = []
+    for own, (side, other) in enumerate(((a, b), (b, a))):
+        foot, there = feet[own], _both_there(curves, feet, own)
+        difference, place = foot.distance[there], foot.place[there]
+        resolved = curves[1 - own].resolution(place)
+        first = np.hypot(*(foot.at - curves[own].X)[there, 2:4].T)
+        bars = None if side.bar is None else side.bar[there], None if other.bar is None else _between(other.bar, place)
+        inside = _inside(scale * np.maximum(first - resolved, 0.0), *bars, scale)
+        beyond = np.maximum(difference - resolved, 0.0)
+        found.append(Apart(side.frequency[there], side.level.segment[there], difference, beyond, inside, bool(there.all())))
+    return tuple(found), curves
+
+
+def _scale(a: _Output, b: _Output) -> float:
+    """Return the peak of A; of B where A does not move."""
+    return a.scale or b.scale or 1.0
+
+
+def _inside(apart: np.ndarray, own: np.ndarray | None, other: np.ndarray | None, scale: float) -> bool | None:
+    """Tell whether amplitudes differ by less than both error bars; None where one has none."""
+    return None if own is None or other is None else bool(np.all(apart <= own + other + 1e-12 * scale))
+
+
+def _compare_output(a: _Output, b: _Output, same_points: bool, name: str, unit: str) -> tuple[OutputDifference, bool]:
+    """Return how an output differs, and whether all of both curves was compared."""
+    sides, curves = _apart(a, b, same_points)
+    difference, frequency = (np.concatenate([getattr(side, what) for side in sides]) for what in ("difference", "frequency"))
+    worst = int(np.argmax(difference)) if len(difference) else None
+    highest = [int(np.argmax(one.size)) for one in (a, b)]
+    tops = [(float(one.frequency[i]), float(one.size[i])) for one, i in zip((a, b), highest)]
+    if curves:
+        tops = [_top_between(curve, one, half_width(a.frequency, a.size), _scale(a, b)) for curve, one in zip(curves, (a, b))]
+    bars = [None if one.bar is None else float(one.bar[i]) for one, i in zip((a, b), highest)]
+    inside = [side.inside_bars for side in sides]
+    found = OutputDifference(
+        name=name,
+        unit=unit,
+        difference=0.0 if worst is None else float(difference[worst]),
+        beyond=max(float(side.beyond.max(initial=0.0)) for side in sides),
+        at=0.0 if worst is None else float(frequency[worst]),
+        inside_bars=None if None in inside else all(inside),
+        peak=(tops[0][1], tops[1][1]),
+        peak_at=(tops[0][0], tops[1][0]),
+        bar=(bars[0], bars[1]),
+    )
+    return found, all(side.is_whole for side in sides)
+
+
+def _between(values: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Return values at places between points."""
+    return np.interp(place, np.arange(len(values)), values)
+
+
+def _top_between(curve: Curve, side: _Output, width: float, scale: float) -> tuple[float, float]:
+    """Return frequency [Hz] and size of the highest place of a curve."""
+    response = scale * curve.fine[:, 1:]
+    size = np.abs(response[:, 0]) if side.is_static else amplitude(response)
+    top = int(np.argmax(size))
+    return width * float(curve.fine[top, 0]), float(size[top])
+
+
+def _range(level: LevelResult) -> tuple[float, float]:
+    return float(level.frequency.min()), float(level.frequency.max())
+
+
+def _at(values: np.ndarray, i: int) -> float:
+    """Return an entry; 0 of a curve without points."""
+    return float(values[i]) if len(values) else 0.0
+
+
+def _top(level: LevelResult, output: int, is_static: bool) -> int:
+    """Return the point of a level at which an output is largest."""
+    if not len(level.frequency):
+        return 0
+    response = level.response[:, output]
+    return int(np.argmax(np.abs(response[:, 0]) if is_static else amplitude(response)))
+
+
+def _both_there(curves: Sequence[Curve], feet: Sequence[Foot], own: int) -> np.ndarray:
+    """Return which points of one of two curves lie where the other one runs, (n,) bool.
+
+    Of curves in one piece each it is what lies between the ends of the other; those in several pieces are compared whole.
+    """
+    number = np.arange(len(curves[own].X))
+    if any(curve.n_segments != 1 or len(curve.X) < 2 for curve in curves):
+        return np.ones(len(number), dtype=bool)
+    ends = np.sort(feet[1 - own].place[[0, -1]])  # of the other curve, on this one
+    return (number >= ends[0] - _ENDS) & (number <= ends[1] + _ENDS)

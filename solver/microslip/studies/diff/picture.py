@@ -1,0 +1,76 @@
+"""Both curves of each level above each other, and how far apart they are."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+from matplotlib.lines import Line2D
+
+from ...fourier.coefficients import amplitude
+from ...parallel.files import written_whole
+from ...results.measures import segments
+from ...results.record import LevelResult
+from ...results.style import DPI, INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
+from .levels import LevelDifference, apart_of
+from .story import Difference
+
+_MOST_LEVELS, _MOST_OUTPUTS = 4, 3
+_B = {"color": "#d55e00", "lw": 1.1}
+_FLOOR = 1e-13  # of a difference on a logarithmic axis
+
+
+def draw(found: Difference, path: str) -> str | None:
+    """Draw diff.png and return its path; None where no level has points in both.  Local.
+
+    Raises
+    ------
+    CaseError, ResourceError : the file cannot be written
+    """
+    levels = some([level for level in found.levels if level.outputs], _MOST_LEVELS)
+    if not levels:
+        return None
+    with matplotlib.rc_context(RC):
+        page = _page(found, levels)
+        with written_whole(path) as beside:
+            page.figure.savefig(beside, dpi=DPI, format="png")
+    return path
+
+
+def _page(found: Difference, levels: list[LevelDifference]) -> Page:
+    """Return a column a level, and for each output a row with both curves and one with their difference."""
+    outputs = levels[0].outputs[:_MOST_OUTPUTS]
+    names = [plain(one.path, 50) for one in (found.a, found.b)]
+    handles = [Line2D([], [], label=f"{side}: {name}", **looks) for side, name, looks in zip("AB", names, (LINEAR, _B))]
+    handles.append(Line2D([], [], color=INK, lw=0.8, marker=".", ms=2.0, label="difference"))
+    what = "mean" if found.is_static else "amplitude of harmonic 1"
+    says = f"two results: {what}; and the difference of mean and all harmonics, over the peak of A"
+    page = Page(found.a, says, WIDTH, 0.4 + 3.6 * len(outputs), handles)
+    axes = page.grid(2 * len(outputs), len(levels)).subplots(sharex="col", sharey="row", squeeze=False)
+    for k, one in enumerate(outputs):
+        factor, unit = with_prefix([size for level in levels for size in level.outputs[k].peak], one.unit)
+        for level, curve, error in zip(levels, axes[2 * k], axes[2 * k + 1]):
+            _draw_output(found, level, k, factor, curve, error)
+        axes[2 * k, 0].set_ylabel(f"{plain(one.name, 20)} [{unit}]")
+        axes[2 * k + 1, 0].set_ylabel("difference / peak")
+    for level, top, bottom in zip(levels, axes[0], axes[-1]):
+        top.set_title(level_name(found.of_level(level)[0], short=True))
+        bottom.set_xlabel("frequency [Hz]")
+    return page
+
+
+def _draw_output(found: Difference, level: LevelDifference, k: int, factor: float, curve, error) -> None:
+    """Draw an output of a level into two axes."""
+    a, b = found.of_level(level)
+    i, j = (one.outputs.index(level.outputs[k].name) for one in (found.a, found.b))
+    for own, number, looks in ((a, i, LINEAR), (b, j, _B)):
+        values = factor * _size(own, number, found.is_static)
+        for part in segments(own.segment):
+            curve.plot(own.frequency[part], values[part], **looks)
+    for side in apart_of(a, b, i, j, found.is_static):
+        for part in segments(side.segment):
+            error.plot(side.frequency[part], np.maximum(side.difference[part], _FLOOR), color=INK, lw=0.8, marker=".", ms=2.0)
+    error.set_yscale("log")
+
+
+def _size(level: LevelResult, output: int, is_static: bool) -> np.ndarray:
+    return np.abs(level.response[:, output, 0]) if is_static else amplitude(level.response[:, output])

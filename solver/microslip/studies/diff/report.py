@@ -1,0 +1,256 @@
+"""Two results compared, in words, as a table, and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+from ...observe.screen_table import screen_table
+from ...parallel.words import listed
+from ...results.record import COMPLETE, ResultFile
+from .asked import Change
+from .levels import LevelDifference
+from .story import Difference
+
+_MOST = 60  # characters of a value
+_RESOLVED = 0.9  # of a difference: where less is left beyond what the points resolve, it is said
+_ROUNDING = 1e-14  # of the peak
+_HEAD = (
+    "level",
+    "output",
+    "points",
+    "difference %",
+    "at Hz",
+    "peak A",
+    "B",
+    "change %",
+    "at Hz A",
+    "B",
+    "shift %",
+    "friction loss A, J",
+    "B",
+    "slip A, B",
+    "open A, B",
+    "in bars",
+)
+
+
+def text_of(found: Difference) -> str:
+    """Return all that there is to say, the verdict in the last line.  Local."""
+    parts = [_heads(found), _asked(found), _structure(found)]
+    if found.levels:
+        parts.append(_table(found))
+    notes = _notes(found)
+    return "\n\n".join([*(part for part in (*parts, notes) if part), verdict(found)])
+
+
+def verdict(found: Difference) -> str:
+    """Return in one line whether two results are the same, and to what."""
+    largest = max((level.difference for level in found.levels), default=0.0)
+    says = f"the curves differ by up to {_percent(largest)} % of the peak" if largest > _ROUNDING else "the curves are equal"
+    if not found.levels:
+        return "different: no level is in both"
+    if found.is_same:
+        return f"the same: {says}{_by(found)}"
+    why = [
+        *(f"{', '.join(names)} in {side} alone" for side, names in zip("AB", found.only) if names),
+        *(f"{side} is not complete" for side in found.incomplete),
+    ]
+    if all(map(found.is_level_same, found.levels)):
+        ranges = [] if why else ["one runs over a wider range than the other"]
+        return f"different: {'; '.join([*why, *ranges])}; where both are, {says}{_by(found)}"
+    worst = max(found.levels, key=lambda level: level.difference)
+    return f"different: {'; '.join([*why, f'{says}, at {worst.level:g} {worst.unit}'.removesuffix(' 1')])}{_by(found)}"
+
+
+def _by(found: Difference) -> str:
+    """Return which bound was held, or not."""
+    tolerance = max(map(found.bound, found.levels))
+    says = f" (tolerance {100.0 * tolerance:.2g} %"
+    if found.tolerance is None and not all(level.same_points for level in found.levels):
+        says += " beyond what the points resolve"
+    return says + (", or the error bars)" if found.bars else ")")
+
+
+def _heads(found: Difference) -> str:
+    return "\n".join(f"{side}  {_head(one)}" for side, one in (("A", found.a), ("B", found.b)))
+
+
+def _head(one: ResultFile) -> str:
+    origin = one.origin
+    parts = [one.path, f"scene {one.name}"]
+    if origin is not None:
+        parts += [origin.started, f"{origin.n_ranks} rank{'s' if origin.n_ranks > 1 else ''}", origin.command]
+    return _short(", ".join(parts), 200)
+
+
+def _asked(found: Difference) -> str:
+    """Return the keys, facts and files that differ."""
+    lines = _changes("asked for", found.keys) or ["asked for: the same keys and values"]
+    lines += _changes("computed with", found.facts)
+    if found.inputs is None:
+        old = [side for side, one in (("A", found.a), ("B", found.b)) if one.origin is None]
+        lines.append(f"files read: {listed(old)} was written by an earlier version and does not say")
+    else:
+        n = len(found.a.origin.inputs) if found.a.origin else 0
+        lines += _changes("files read", found.inputs) or [f"files read: the same {n}, by their hashes"]
+    return "\n".join(lines)
+
+
+def _changes(head: str, changes: Sequence[Change]) -> list[str]:
+    width = max((len(change.key) for change in changes), default=0)
+    return [head] * bool(changes) + [f"  {change.key:<{width}}  {_short(change.a)}  ->  {_short(change.b)}" for change in changes]
+
+
+def _structure(found: Difference) -> str:
+    one = found.structure
+    parts = []
+    if any(one.n_dof):
+        parts.append(_counted("DOF", one.n_dof))
+    parts.append(_counted("pairs", one.n_pairs))
+    if one.joints[0] != one.joints[1]:
+        parts.append(f"joints {listed(one.joints[0]) or 'none'} -> {listed(one.joints[1]) or 'none'}")
+    elif one.n_pairs[0] == one.n_pairs[1] and not one.same_pairs:
+        parts.append("the pairs lie elsewhere or between other nodes")
+    parts += [f"{name} of the pairs by up to {_percent(apart)} %" for name, apart in one.pairs.items() if apart > 1e-12]
+    parts.append(_counted("modes", one.n_modes))
+    if one.mode:
+        parts.append(f"their frequencies differ by up to {_percent(one.modes)} %, mode {one.mode}" if one.modes else "equal")
+    return f"structure: {', '.join(parts)}"
+
+
+def _counted(what: str, n: tuple[int, int]) -> str:
+    return f"{n[0]} {what}" if n[0] == n[1] else f"{n[0]} -> {n[1]} {what}"
+
+
+def _table(found: Difference) -> str:
+    rows = [row for level in found.levels for row in _rows(level)]
+    title = "difference: of mean and all harmonics, in % of the peak of A; peaks, losses, states: where harmonic 1 is largest"
+    return screen_table(
+        title,
+        _HEAD,
+        [cells for _, cells in rows],
+        [level for level, _ in rows],
+        left=("level", "output"),
+        wraps=("output",),
+        width=200,
+        close=True,
+    )
+
+
+def _rows(level: LevelDifference) -> list[tuple[float, list[str]]]:
+    name = f"{level.level:g} {level.unit}".removesuffix(" 1")
+    n = str(level.n_points[0]) if level.same_points else f"{level.n_points[0]}, {level.n_points[1]}"
+    if not level.outputs:
+        return [(level.level, [name, "\u2013", n, *["\u2013"] * (len(_HEAD) - 3)])]
+    rows = []
+    for k, one in enumerate(level.outputs):
+        both = [
+            *(f"{value:.4g}" for value in level.friction),
+            f"{level.slip[0]}, {level.slip[1]}",
+            f"{level.open[0]}, {level.open[1]}",
+        ]
+        cells = [
+            name if k == 0 else "",
+            one.name,
+            n if k == 0 else "",
+            _percent(one.difference),
+            f"{one.at:.6g}",
+            *(f"{value:.5g}" for value in one.peak),
+            _percent(_relative(*one.peak)),
+            *(f"{value:.7g}" for value in one.peak_at),
+            _percent(_relative(*one.peak_at)),
+            *(both if k == 0 else [""] * len(both)),
+            "\u2013" if one.inside_bars is None else "yes" if one.inside_bars else "no",
+        ]
+        rows.append((level.level, cells))
+    return rows
+
+
+def _notes(found: Difference) -> str:
+    """Return what is to be known of levels: those that ended early, other points, pairs in other states."""
+    lines = []
+    for level in found.levels:
+        name = f"{level.level:g} {level.unit}".removesuffix(" 1")
+        for side, status, failure, n in zip("AB", level.status, level.failure, level.n_points):
+            if status != COMPLETE:
+                how = f"ended early: {_short(failure, 150)}" if failure else "was at work when the file was written"
+                lines.append(f"{name}: {side} {how} ({n} points)")
+        if level.ends is not None:
+            (low_a, high_a), (low_b, high_b) = level.ends
+            lines.append(
+                f"{name}: A from {low_a:.6g} to {high_a:.6g} Hz, B from {low_b:.6g} to {high_b:.6g} Hz; compared where both are"
+            )
+        if level.beyond < _RESOLVED * level.difference:
+            lines.append(
+                f"{name}: other points; beyond what these resolve the curves differ by {_percent(level.beyond)} % of the peak"
+            )
+        if level.n_other_state:
+            lines.append(f"{name}: {level.n_other_state} pairs are in another state where the response is largest")
+    for side, one in (("A", found.a), ("B", found.b)):
+        known = {level.level for level in found.levels}
+        lines += [
+            f"{level.level:g} {level.unit}: {side} {level.status}"
+            for level in one.levels
+            if level.status != COMPLETE and level.level not in known
+        ]
+    return "\n".join(lines)
+
+
+def json_of(found: Difference) -> str:
+    """Return the comparison as JSON: numbers as they are, null where one is not known.  Local."""
+    levels = [
+        {
+            **asdict(level),
+            "difference": level.difference,
+            "beyond": level.beyond,
+            "inside_bars": level.inside_bars,
+            "is_whole": level.is_whole,
+            "is_same": found.is_level_same(level),
+        }
+        for level in found.levels
+    ]
+    content: dict[str, Any] = {
+        "a": found.a.path,
+        "b": found.b.path,
+        "is_same": found.is_same,
+        "verdict": verdict(found),
+        "tolerance": max(map(found.bound, found.levels), default=None),
+        "beyond_resolution": found.tolerance is None,
+        "bars": found.bars,
+        "incomplete": found.incomplete,
+        "asked": [asdict(change) for change in found.keys],
+        "computed_with": [asdict(change) for change in found.facts],
+        "inputs": None if found.inputs is None else [asdict(change) for change in found.inputs],
+        "structure": asdict(found.structure),
+        "levels": levels,
+        "only_a": found.only[0],
+        "only_b": found.only[1],
+    }
+    return json.dumps(_finite(content), indent=2, allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    """Return a value with None in place of numbers that JSON has not."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _relative(a: float, b: float) -> float:
+    return b / a - 1.0 if a else float("nan") if b else 0.0
+
+
+def _percent(share: float) -> str:
+    return "\u2013" if not math.isfinite(share) else f"{100.0 * share:.2g}"
+
+
+def _short(text: str, most: int = _MOST) -> str:
+    """Return a text on one line, short enough, without what a terminal would obey."""
+    line = " ".join("".join(c if c.isprintable() else " " for c in text).split())
+    return line if len(line) <= most else line[: most - 1] + "\u2026"

@@ -1,0 +1,75 @@
+"""`diff` as it is started, and scenes that come back from results, on any number of ranks."""
+
+import json
+
+import pytest
+from lap_scene import SCENE, write_mesh
+from synthetic_results import branch, two_flanks, write
+
+from microslip.parallel.agree import on_root
+from microslip.results.read import read_results
+
+
+@pytest.fixture
+def files(comm, shared_path):
+    """Two results of other levels, and a file that is none."""
+
+    def make():
+        pairs = two_flanks(4, 1)
+        for name, level in (("a", 8.0), ("b", 8.0), ("c", 8.8)):
+            found = branch(level, pairs)
+            found.level = 8.0
+            write(shared_path / name, [found], pairs)
+        (shared_path / "none.h5").write_text("rubbish")
+
+    on_root(comm, make)
+    return [shared_path / name / "results.h5" for name in "abc"]
+
+
+def test_status_0_of_the_same_and_1_of_others(program, files):
+    a, b, c = files
+    status, out, err = program("diff", a, b)
+    assert (status, err) == (0, "") and out.count("the same: the curves are equal") == 1
+    status, out, err = program("diff", a, c, "--json")
+    assert (status, err) == (1, "") and json.loads(out)["is_same"] is False
+    assert program("diff", a, c, "--tolerance", "0.5", "--out", files[0].parent / "d")[0] == 0
+    assert {path.name for path in (files[0].parent / "d").iterdir()} == {"diff.png", "diff.json"}
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (("diff", "A"), "the following arguments are required: B.h5"),
+        (("diff", "A", "none.h5"), "cannot be read as a result file"),
+        (("diff", "gone.h5", "A"), "gone.h5: no such file"),
+        (("diff", "A", "A", "--tolerance", "-1"), "argument --tolerance: '-1' is not a number above 0"),
+        (("diff", "A", "A", "--tol", "1"), "unknown option --tol; nearest is --tolerance"),
+        (("diff", "A", "A", "A"), "is one argument too many"),
+        (("diff", "A", "A", "--", "-hb_snes_max_it", "3"), "diff solves nothing"),
+    ],
+)
+def test_bad_input_is_status_2_and_one_message(program, files, arguments, message):
+    folder = files[0].parents[1]
+    given = [str(files[0]) if word == "A" else str(folder / word) if word.endswith(".h5") else word for word in arguments]
+    status, out, err = program(*given)
+    assert status == 2 and out == ""
+    assert err.count("microslip: error: ") == 1 and message in err and "Traceback" not in err
+
+
+def test_a_scene_comes_back_from_its_results_and_gives_the_same(program, comm, shared_path):
+    def make():
+        write_mesh(shared_path / "lap.msh")
+        (shared_path / "lap.toml").write_text(SCENE)
+
+    on_root(comm, make)
+    keys = ("--set", "response.levels=[2.0]", "--set", "response.points=6", "--set", "response.frequencies=[250.0, 300.0]")
+    assert program("run", shared_path / "lap.toml", *keys, "--out", shared_path / "one")[0] == 0
+    first = shared_path / "one" / "results.h5"
+    assert program("convert", first, "--to", "scene", "--out", shared_path / "back")[0] == 0
+    assert program("run", shared_path / "back" / "lap.toml", "--out", shared_path / "two")[0] == 0
+    status, out, err = program("diff", first, shared_path / "two" / "results.h5")
+    assert status == 0 and "files read: the same 1" in out
+    assert [line for line in out.splitlines() if "->" in line] == ['  model.mesh  "lap.msh"  ->  "../lap.msh"']
+    origin = read_results(str(first)).origin
+    assert origin is not None and origin.settings == keys[1::2] and origin.n_ranks == comm.size
+    assert origin.inputs[0].key == "[model] mesh" and origin.inputs[0].size == (shared_path / "lap.msh").stat().st_size

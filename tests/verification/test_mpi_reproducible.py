@@ -1,0 +1,56 @@
+"""The same scene alone, on all ranks together and in groups of ranks: the same curves, by every method (docs/reliability.md)."""
+
+import pytest
+from bar_scene import write_bar
+from mpi4py import MPI
+
+import microslip
+from microslip.contact.law import SLIP
+from microslip.parallel.agree import on_root
+from microslip.reduction.methods import METHODS
+from microslip.scene.read import changed
+from microslip.studies.diff.report import text_of
+from microslip.studies.diff.story import Difference, compared
+
+pytestmark = pytest.mark.ranks(2, 3)
+
+TOLERANCE = 1e-9  # of the peak, where points are solved to a residual of 1e-10; 1e-12 is found
+OF_MODES = 1e-10  # of a natural frequency
+
+
+@pytest.fixture(scope="module")
+def structures(comm, tmp_path_factory):
+    """The bar of one joint, on this rank alone and on all together."""
+    folder = comm.bcast(tmp_path_factory.mktemp("reproducible"))
+    path = on_root(comm, lambda: write_bar(folder, modes=12, harmonics=3, samples=64, tolerance=1e-10))
+    scene = changed(microslip.read(path), {"response": {"levels": (42.0,), "points": 4}})
+    with microslip.build(scene, MPI.COMM_SELF) as alone, microslip.build(scene, comm) as together:
+        yield alone, together
+
+
+def assert_same(comm, found: Difference) -> None:
+    """Check on every rank, whose own result is that of all."""
+    says = text_of(found)
+    assert all(comm.allgather(found.is_same)), says
+    assert (
+        found.structure.same_pairs
+        and found.structure.modes < OF_MODES
+        and found.structure.n_modes[0] == found.structure.n_modes[1]
+    )
+    for level in found.levels:
+        assert level.n_points[0] == level.n_points[1] > 4 and level.slip[0] == level.slip[1], says
+        assert level.friction[1] == pytest.approx(level.friction[0], rel=1e-5), says
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_one_rank_and_several_give_the_same_curves(comm, structures, method):
+    alone, together = (microslip.respond(structure, method=method, error_bars=False) for structure in structures)
+    found = compared(alone.results, together.results, TOLERANCE)
+    assert_same(comm, found)
+    assert any((level.state == SLIP).any() for level in together.results.levels), "nothing slips"
+    assert found.keys == []
+
+
+def test_groups_of_ranks_give_the_same_curves(comm, structures):
+    one, side_by_side = (microslip.respond(structures[1], levels=(30.0, 42.0), error_bars=False, n_groups=n) for n in (1, 2))
+    assert_same(comm, compared(one.results, side_by_side.results, TOLERANCE))
