@@ -21,11 +21,12 @@ def environment() -> dict[str, str]:
     }
 
 
-def python(*arguments, ranks: int = 1, cwd=None) -> subprocess.CompletedProcess:
+def python(*arguments, ranks: int = 1, cwd=None, variables=None) -> subprocess.CompletedProcess:
     """Run Python with ``arguments`` on some ranks and return what came out; a hang is an error."""
+    env = environment() | {name: str(value) for name, value in (variables or {}).items()}
     launcher = [MPIRUN, "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
     command = [*launcher, sys.executable, *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, env=environment(), capture_output=True, text=True, timeout=LIMIT, check=False)
+    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=LIMIT, check=False)
 
 
 def microslip(*arguments, ranks: int = 1, cwd=None) -> subprocess.CompletedProcess:
