@@ -132,16 +132,24 @@ def _in_stage(name: str, fault: Fault) -> None:
 
 
 def _in_point(number: str, fault: Fault) -> None:
-    from microslip.continuation import acceptance, levels
+    from microslip.observe.log import RunLog
 
-    record, n = acceptance.point_record, iter(range(10**9))
+    begin, n = RunLog.__init__, iter(range(10**9))
 
-    def with_fault(*arguments, **named):
-        if next(n) == int(number):
-            fault.at(_world_rank())
-        return record(*arguments, **named)
+    def with_points(*arguments, **named):  # PETSc has been started by now
+        from microslip.continuation import acceptance, levels
 
-    acceptance.point_record = levels.point_record = with_fault
+        record = acceptance.point_record
+
+        def with_fault(*arguments, **named):
+            if next(n) == int(number):
+                fault.at(_world_rank())
+            return record(*arguments, **named)
+
+        acceptance.point_record = levels.point_record = with_fault
+        begin(*arguments, **named)
+
+    RunLog.__init__ = with_points
 
 
 def _while_writing(number: str, fault: Fault) -> None:
