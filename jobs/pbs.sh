@@ -9,18 +9,20 @@
 #PBS -N microslip
 #PBS -l select=1:ncpus=4:mpiprocs=4:mem=16gb
 #PBS -l walltime=01:00:00
-# A job that has to make room, or whose time is up, is told to end: frf.csv keeps every point and results.h5 every
-# finished level.  Begun again it would start from the beginning, and in the same folder: qsub -r n forbids that,
-# but not for arrays.
+# Shortly before its time is up the run saves and stops, status 5, and is put into the queue again, as a job of its own that
+# waits for the end of this one: the same command goes on from there.  What comes no further is not put there again.  What was
+# asked of qsub beside -v is forgotten then: write it here.
+most=50                            # times that a job may be put into the queue again
 set -euo pipefail
 cd "$PBS_O_WORKDIR"
 scene="${scene:?the scene is missing: qsub -v scene=SCENE.toml jobs/pbs.sh}" values="${values:-}"
-task="${PBS_ARRAY_INDEX:-${PBS_ARRAYID:-}}"
+task="${PBS_ARRAY_INDEX:-${PBS_ARRAYID:-${task:-}}}" times="${times:-0}"
 
 # module load ...                   the modules that microslip was installed with
 . env/bin/activate                  # the environment of README.md, in the folder the job is sent from
 
 export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1      # ranks, not threads, share the cores
+export OMPI_MCA_odls_base_sigkill_timeout=3      # s after which mpirun tells the ranks to end, and again until it kills them
 
 # several levels at once, on two groups of two ranks:   mpirun microslip run --groups 2 SCENE.toml
 # several scenes at once, each on one rank:             mpirun microslip run --groups 4 A.toml B.toml C.toml ...
@@ -32,6 +34,10 @@ if [ -n "$task" ]; then
     arguments+=("${settings[@]/#/--set=}" --out "results/$(basename "$scene" .toml)_$task")
 fi
 
+out="results/$(basename "$scene" .toml)${task:+_$task}"
+progress() { { find "$out" -type f ! -name "*.lock"; find "$out" -name frf.csv -exec cat {} +; } 2> /dev/null | wc -l || true; }
+before=$(progress)
+
 told=
 trap 'told=1; kill -TERM %1 2> /dev/null || true' TERM
 mpirun microslip run "${arguments[@]}" &
@@ -41,5 +47,13 @@ wait "$run" || status=$?
 if [ -n "$told" ]; then            # the signal has ended the wait, not the run
     status=0
     wait "$run" || status=$?
+fi
+if [ "$status" = 5 ] && [ -z "$told" ]; then      # a job that is told to end was deleted, or has to make room
+    if [ "$(progress)" -gt "$before" ] && [ "$times" -lt "$most" ]; then
+        again="scene=$scene,times=$((times + 1))${values:+,values=$values}${task:+,task=$task}"
+        qsub -W "depend=afterany:${PBS_JOBID:?}" -v "$again" "${script:-jobs/pbs.sh}"
+    else
+        echo "not put into the queue again: $out came no further, or has been there $most times; ask for more time" >&2
+    fi
 fi
 exit "$status"

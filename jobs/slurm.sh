@@ -11,10 +11,11 @@
 #SBATCH --cpus-per-task=1
 #SBATCH --mem-per-cpu=4G
 #SBATCH --time=01:00:00
-# A minute before its time is up, and where it has to make room, the job is told to end: frf.csv keeps every point
-# and results.h5 every finished level.  Begun again it would start from the beginning, and in the same folder.
-#SBATCH --signal=B:TERM@60
-#SBATCH --no-requeue
+# Shortly before its time is up the run saves and stops, status 5, and the job is put into the queue again: the same command
+# goes on from there, as it does where Slurm itself begins the job again.  A job that comes no further is not put there again.
+#SBATCH --requeue
+#SBATCH --open-mode=append
+most=50                            # times that a job may be put into the queue again
 set -euo pipefail
 scene="${1:?the scene is missing: sbatch jobs/slurm.sh SCENE.toml}" values="${2:-}" task="${SLURM_ARRAY_TASK_ID:-}"
 
@@ -22,6 +23,7 @@ scene="${1:?the scene is missing: sbatch jobs/slurm.sh SCENE.toml}" values="${2:
 . env/bin/activate                  # the environment of README.md, in the folder the job is sent from
 
 export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1      # ranks, not threads, share the cores
+export OMPI_MCA_odls_base_sigkill_timeout=3      # s after which mpirun tells the ranks to end, and again until it kills them
 
 # several levels at once, on two groups of two ranks:   mpirun microslip run --groups 2 SCENE.toml
 # several scenes at once, each on one rank:             mpirun microslip run --groups 4 A.toml B.toml C.toml ...
@@ -33,6 +35,10 @@ if [ -n "$task" ]; then
     arguments+=("${settings[@]/#/--set=}" --out "results/$(basename "$scene" .toml)_$task")
 fi
 
+out="results/$(basename "$scene" .toml)${task:+_$task}"
+progress() { { find "$out" -type f ! -name "*.lock"; find "$out" -name frf.csv -exec cat {} +; } 2> /dev/null | wc -l || true; }
+before=$(progress)
+
 told=
 trap 'told=1; kill -TERM %1 2> /dev/null || true' TERM
 mpirun microslip run "${arguments[@]}" &
@@ -42,5 +48,12 @@ wait "$run" || status=$?
 if [ -n "$told" ]; then            # the signal has ended the wait, not the run
     status=0
     wait "$run" || status=$?
+fi
+if [ "$status" = 5 ] && [ -z "$told" ]; then      # a job that is told to end was cancelled, or has to make room
+    if [ "$(progress)" -gt "$before" ] && [ "${SLURM_RESTART_COUNT:-0}" -lt "$most" ]; then
+        scontrol requeue "${SLURM_JOB_ID:?}"
+    else
+        echo "not put into the queue again: $out came no further, or has been there $most times; ask for more time" >&2
+    fi
 fi
 exit "$status"

@@ -8,6 +8,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["MPLBACKEND"] = "Agg"
 
 from microslip.parallel.petsc import initialise
+from microslip.parallel.signals import STOPPING
 
 initialise()
 
@@ -42,7 +43,7 @@ def program(comm, capfd, monkeypatch):
     """
     from microslip.__main__ import main
 
-    handler = signal.getsignal(signal.SIGTERM)
+    handlers = {number: signal.getsignal(number) for number in (*STOPPING, signal.SIGUSR1)}
     monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])
 
     def run(*arguments):
@@ -52,7 +53,8 @@ def program(comm, capfd, monkeypatch):
         return status, "".join(comm.allgather(said.out)), "".join(comm.allgather(said.err))
 
     yield run
-    signal.signal(signal.SIGTERM, handler)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session")

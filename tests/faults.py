@@ -12,12 +12,15 @@ import errno
 import os
 import signal
 import sys
+import tempfile
 import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from processes import python
+
+MARK = "FAULT_AT"  # of the environment: a file for the time of the fault
 
 
 def _raise(problem):
@@ -76,14 +79,20 @@ class Ended:
     status: int
     out: str
     err: str
-    seconds: float
+    seconds: float  # in all
+    after: float | None  # of them after the fault; None: it did not come about
 
 
 def microslip_with(moment, fault, rank, *arguments, ranks=1, cwd=None, **variables) -> Ended:
     """Run the program with a fault on some ranks, with further environment ``variables``; a hang of 180 s is an error."""
-    began = time.monotonic()
-    done = python(__file__, moment, fault, rank, *arguments, ranks=ranks, cwd=cwd, variables=variables)
-    return Ended(done.returncode, done.stdout, done.stderr, time.monotonic() - began)
+    began = time.time()
+    with tempfile.TemporaryDirectory() as folder:
+        mark = Path(folder) / "at"
+        told = variables | {MARK: mark}
+        done = python(__file__, moment, fault, rank, *arguments, ranks=ranks, cwd=cwd, variables=told)
+        ended = time.time()
+        after = ended - float(mark.read_text()) if mark.exists() else None
+    return Ended(done.returncode, done.stdout, done.stderr, ended - began, after)
 
 
 class Fault:
@@ -95,6 +104,8 @@ class Fault:
     def at(self, comm_rank: int) -> None:
         if self._left and self._rank in ("all", str(comm_rank)):
             self._left = False
+            if MARK in os.environ:
+                Path(os.environ[MARK]).write_text(f"{time.time()}")
             self._do()
 
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
 from .parallel.agree import on_root
-from .parallel.ending import conclude, launcher_rank, leave, require
-from .parallel.errors import CaseError, Interrupted
+from .parallel.ending import conclude, launcher_rank, leave, no_exit, require
+from .parallel.errors import CaseError
+from .parallel.lock import locked
 from .parallel.petsc import initialise, unused_options
+from .parallel.signals import obey_signals
+from .parallel.walltime import time_limit
+from .parallel.watchdog import show_stacks, watch, wrong_limit
 from .program.command_line import Command, parse
 
 # before anything imports NumPy or Matplotlib
@@ -22,13 +25,20 @@ os.environ["MPLBACKEND"] = "Agg"  # pictures are files, also where there is a sc
 
 def console() -> NoReturn:
     """Run the program with the arguments of the process and end it."""
+    watch()
     leave(main(sys.argv[1:]))
 
 
 def main(arguments: list[str]) -> int:
     """Run the program and return its exit status.  Collective on all ranks."""
     comm = _world()
-    return conclude(comm, lambda: _perform(parse(arguments), comm))
+
+    def action() -> int:
+        command = parse(arguments)
+        with no_exit():
+            return _perform(command, comm)
+
+    return conclude(comm, action)
 
 
 def _world():
@@ -132,50 +142,29 @@ def _solve(command: Command, comm) -> int:
     """Run, compare, verify, trade, export or check a scene.  Collective on ``comm``."""
     from .program.doctor import faults
 
-    require(comm, faults("pydantic", "mpi4py"))
+    require(comm, wrong_limit() or faults("pydantic", "mpi4py"))
     from .parallel.groups import refuse_too_many
     from .scene.read import read_scene
 
+    obey_signals()
     refuse_too_many(command.groups, comm.size)
     scene, *more = (on_root(comm, read_scene, file, command.settings) for file in (command.file, *command.more))
     with suppress(ImportError):  # what is missing is named with the rest, below
         initialise(list(command.petsc))
     require(comm, faults())
-    stop_on(signal.SIGTERM)  # PETSc has taken it for a message of its own
-    from . import run
-    from .studies import batch as several
-    from .studies.check import story as check
-    from .studies.compare import story as compare
-    from .studies.export import story as export
-    from .studies.trade import story as trade
-    from .studies.verify import story as verify
-
-    status = 0
+    obey_signals()  # PETSc has taken some for messages of its own
+    show_stacks()
     if command.name == "check":
-        check.check(scene, comm, command.out)
+        from .studies.check.story import check
+
+        check(scene, comm, command.out)
         return 0
-    if command.name == "compare":
-        out = Path("results", f"{scene.name}_compare") if command.out is None else command.out
-        compare.compare(scene, comm, out, command.methods, command.petsc)
-    elif command.name == "verify":
-        out = Path("results", f"{scene.name}_verify") if command.out is None else command.out
-        asked = verify.Asked(
-            command.at, command.levels, command.harmonics, command.samples, command.steps or verify.STEPS, command.from_rest
-        )
-        verify.verify(scene, comm, out, asked, command.petsc)
-    elif command.name == "trade":
-        out = Path("results", f"{scene.name}_trade") if command.out is None else command.out
-        turned = trade.Asked(command.knobs or trade.KNOBS, command.levels, command.meshes, command.seconds or trade.SECONDS)
-        trade.trade(scene, comm, out, turned, command.petsc)
-    elif command.name == "export":
-        out = Path("results", f"{scene.name}_export") if command.out is None else command.out
-        export.export(scene, comm, out, export.Asked(command.method, command.recovery), command.petsc)
-    elif more:
-        out = Path("results") if command.out is None else command.out
-        status = several.run_scenes([scene, *more], comm, out, command.petsc, command.groups, command.fresh)
+    if command.name == "run":
+        out, status = _run([scene, *more], command, comm)
     else:
-        out = Path("results", scene.name) if command.out is None else command.out
-        run.run(scene, comm, out, command.petsc, n_groups=command.groups, fresh=command.fresh)
+        out, status = Path("results", f"{scene.name}_{command.name}") if command.out is None else command.out, 0
+        with locked(comm, out):
+            _study(command, scene, comm, out)
     unused = set.intersection(*map(set, comm.allgather(unused_options(command.petsc))))  # a group may have had no work
     if unused and status == 0:
         raise CaseError(
@@ -184,13 +173,39 @@ def _solve(command: Command, comm) -> int:
     return status
 
 
-def stop_on(number: signal.Signals) -> None:
-    """Make a signal end the program as an interruption.  Local."""
+def _run(scenes: list, command: Command, comm) -> tuple[Path, int]:
+    """Run one scene or several; return where the results are, and the exit status.  Collective on ``comm``."""
+    from . import run
+    from .studies.batch import run_scenes
 
-    def stop(number: int, frame) -> NoReturn:
-        raise Interrupted(f"stopped by {signal.Signals(number).name}")
+    limit = on_root(comm, time_limit, command.walltime)
+    if len(scenes) > 1:
+        out = Path("results") if command.out is None else command.out
+        return out, run_scenes(scenes, comm, out, command.petsc, command.groups, command.fresh, limit)
+    out = Path("results", scenes[0].name) if command.out is None else command.out
+    run.run(scenes[0], comm, out, command.petsc, n_groups=command.groups, fresh=command.fresh, limit=limit)
+    return out, 0
 
-    signal.signal(number, stop)
+
+def _study(command: Command, scene, comm, out: Path) -> None:
+    """Compare, verify, trade or export a scene, into the folder ``out``.  Collective on ``comm``."""
+    from .studies.compare import story as compare
+    from .studies.export import story as export
+    from .studies.trade import story as trade
+    from .studies.verify import story as verify
+
+    if command.name == "compare":
+        compare.compare(scene, comm, out, command.methods, command.petsc)
+    elif command.name == "verify":
+        asked = verify.Asked(
+            command.at, command.levels, command.harmonics, command.samples, command.steps or verify.STEPS, command.from_rest
+        )
+        verify.verify(scene, comm, out, asked, command.petsc)
+    elif command.name == "trade":
+        turned = trade.Asked(command.knobs or trade.KNOBS, command.levels, command.meshes, command.seconds or trade.SECONDS)
+        trade.trade(scene, comm, out, turned, command.petsc)
+    else:
+        export.export(scene, comm, out, export.Asked(command.method, command.recovery), command.petsc)
 
 
 if __name__ == "__main__":

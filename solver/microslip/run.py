@@ -17,9 +17,12 @@ from .library.settings import units_of
 from .observe.level_log import LevelLog
 from .observe.log import RunLog
 from .observe.not_computed import not_computed
+from .observe.stops import Stops, goes_on
 from .parallel.agree import on_each, on_root
 from .parallel.errors import ConvergenceError
+from .parallel.lock import locked
 from .parallel.versions import versions
+from .parallel.walltime import TimeLimit
 from .restart.folder import Restart
 from .restart.place import place_of, settle
 from .results.audit import audit_text
@@ -41,6 +44,7 @@ def run(
     n_groups: int = 1,
     screen: bool = True,
     fresh: bool = False,
+    limit: TimeLimit | None = None,
 ) -> None:
     """Solve one scene, from mesh or matrices to response and pictures; go on where an earlier run in the folder was left.
 
@@ -51,30 +55,40 @@ def run(
     ------
     CaseError, ResourceError : on every rank, before anything is solved or as soon as it is known
     ConvergenceError : a level ended early, after everything that converged was written and drawn; on every rank
+    Interrupted : a signal or the time ``limit`` stopped the run, after everything that converged was written
     """
-    restart = Restart.open(comm, folder, scene, options, fresh)
-    if restart.done is not None:
-        draw_again(restart, comm, folder, screen)
-        failures = restart.done
-    else:
-        failures = compute(restart, comm, folder, options, n_groups, screen, fresh)
+    with locked(comm, folder) as left:
+        restart = Restart.open(comm, folder, scene, options, fresh)
+        restart.notes = (*left, *restart.notes)
+        if restart.done is not None:
+            draw_again(restart, comm, folder, screen)
+            failures = restart.done
+        else:
+            failures = compute(restart, comm, folder, options, n_groups, screen, fresh, limit)
     if failures:
         raise ConvergenceError("\n".join(failures) + f"\nwhat converged is in {folder}")
 
 
 def compute(
-    restart: Restart, comm: MPI.Comm, folder: Path, options: tuple[str, ...], n_groups: int, screen: bool, fresh: bool
+    restart: Restart,
+    comm: MPI.Comm,
+    folder: Path,
+    options: tuple[str, ...],
+    n_groups: int,
+    screen: bool,
+    fresh: bool,
+    limit: TimeLimit | None,
 ) -> list[str]:
     """Compute what is left of a run, write and draw all of it, and return why levels ended early, if some did.  Collective."""
     scene, place = restart.scene, on_root(comm, place_of, folder)
     facts = {"scene": scene.source, "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
     origin = origin_of(scene, comm, n_groups)
-    with RunLog(comm, str(place / "run.log"), screen=screen, facts=facts) as log:
+    with goes_on(place), RunLog(comm, str(place / "run.log"), screen=screen, facts=facts) as log:
         for note in restart.notes:
             log.note(note)
         prepared = restart.prepared(log, partial(set_up, scene, comm, log))
         with log.stage("response"):
-            branches = follow_logged(prepared, place, options, origin, log, restart.keepers_of(prepared, log))
+            branches = follow_logged(prepared, place, options, origin, log, restart.keepers_of(prepared, log), limit)
         with log.stage("fields for ParaView"):
             write_shapes(prepared, branches, place, record_of(log))
         with log.stage("pictures"):
@@ -114,16 +128,23 @@ def record_of(log: RunLog) -> RunRecord:
 
 
 def follow_logged(
-    prepared: Prepared, folder: Path, options: tuple[str, ...], origin: Origin, log: RunLog, keepers: Keepers
+    prepared: Prepared,
+    folder: Path,
+    options: tuple[str, ...],
+    origin: Origin,
+    log: RunLog,
+    keepers: Keepers,
+    limit: TimeLimit | None = None,
 ) -> list[Branch]:
     """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
     n_groups = origin.n_groups
     writer = writer_of(prepared, folder, options, origin)
-    levels = LevelLog(log, response.sweep, len(response.settings.levels), shown)
+    levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, limit)
     try:
-        branches = follow(response, [levels, writer], n_groups, log, keepers)
+        with stops.kept():
+            branches = follow(response, [levels, writer, stops], n_groups, log, keepers)
         if not in_turn(response, n_groups):
             writer.put_in_order(branches)
     finally:

@@ -6,6 +6,7 @@ import pytest
 from lap_scene import SCENE, write_mesh
 
 from microslip.__main__ import main
+from microslip.parallel.signals import STOPPING
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +18,7 @@ def mesh(comm, tmp_path_factory):
 @pytest.fixture
 def said(comm, shared_path, capfd):
     """Return what to call with a scene and the lines of a mesh: runs the program and gives its messages.  Collective."""
-    handler = signal.getsignal(signal.SIGTERM)
+    handlers = {number: signal.getsignal(number) for number in (*STOPPING, signal.SIGUSR1)}
 
     def run(scene, lines, command="run"):
         if comm.rank == 0:
@@ -30,7 +31,8 @@ def said(comm, shared_path, capfd):
         return "".join(comm.allgather(capfd.readouterr().err))
 
     yield run
-    signal.signal(signal.SIGTERM, handler)
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
 
 
 TIE = '[[ties]]\nname = "glue"\nsurfaces = ["A", "B"]\n'

@@ -19,9 +19,10 @@ SLURM, PBS = ROOT / "jobs" / "slurm.sh", ROOT / "jobs" / "pbs.sh"
 SAY = 'echo "$@" > said'  # in place of mpirun
 
 
-def job(folder, script, scene="scene.toml", values="", task=None, launcher=SAY):
+def job(folder, script, scene="scene.toml", values="", task=None, launcher=SAY, **more):
     """Return the process of a job: ``script`` with the scheduler's variables, an environment ``env`` and ``launcher``."""
     commands = {"mpirun": launcher, "microslip": f'exec {sys.executable} -m microslip "$@"'}
+    commands |= {name: f'echo {name} "$@" > queued' for name in ("scontrol", "qsub")}
     (folder / "env" / "bin").mkdir(parents=True, exist_ok=True)
     (folder / "env" / "bin" / "activate").write_text(f"PATH={folder}/env/bin:$PATH\n")
     for name, command in commands.items():
@@ -31,6 +32,7 @@ def job(folder, script, scene="scene.toml", values="", task=None, launcher=SAY):
         arguments, own = [scene, values][: 2 if values else 1 if scene else 0], {"SLURM_ARRAY_TASK_ID": task}
     else:
         arguments, own = [], {"PBS_O_WORKDIR": folder, "PBS_ARRAY_INDEX": task, "scene": scene, "values": values or None}
+    own |= more
     variables = environment() | {name: str(value) for name, value in own.items() if value is not None}
     command = ["bash", str(script), *arguments]
     where = folder if script == SLURM else folder.parent
@@ -75,6 +77,32 @@ def test_a_signal_to_the_script_reaches_the_run_whose_status_it_ends_with(tmp_pa
     wait_for(tmp_path / "begun")
     process.send_signal(signal.SIGTERM)
     assert ended(process) == (5, "") and (tmp_path / "told").exists()
+
+
+STOPS = "mkdir -p results/fan_1\necho row >> results/fan_1/frf.csv\nexit 5"  # in time, with a point more
+IDS = {"SLURM_JOB_ID": 7, "PBS_JOBID": "7.host"}
+
+
+@pytest.mark.parametrize(
+    "script, first, later",
+    [
+        (SLURM, "scontrol requeue 7\n", {"SLURM_RESTART_COUNT": 50}),
+        (PBS, "qsub -W depend=afterany:7.host -v scene=fan.toml,times=1,values=values.txt,task=1 jobs/pbs.sh\n", {"times": 50}),
+    ],
+    ids=["slurm", "pbs"],
+)
+def test_a_run_that_stops_in_time_is_put_into_the_queue_again_while_it_comes_further(tmp_path, script, first, later):
+    (tmp_path / "values.txt").write_text("joints.a.friction=0.1\n")
+    queued, asked = tmp_path / "queued", {"scene": "fan.toml", "values": "values.txt", "task": 1}
+    for _ in range(2):
+        assert ended(job(tmp_path, script, **asked, launcher=STOPS, **IDS)) == (5, "")
+        assert queued.read_text() == first
+        queued.unlink()
+    for launcher, more in (("exit 5", {}), (STOPS, later)):
+        status, said = ended(job(tmp_path, script, **asked, launcher=launcher, **IDS, **more))
+        assert status == 5 and "not put into the queue again: results/fan_1 came no further" in said and not queued.exists()
+    status, said = ended(job(tmp_path, script, **asked, launcher=STOPS.replace("exit 5", "exit 3"), **IDS))
+    assert (status, said) == (3, "") and not queued.exists()
 
 
 def test_a_task_of_an_array_on_two_ranks(tmp_path):

@@ -1,16 +1,16 @@
 """Endings that a run can take, on the ranks that the name says: started by test_ending.py, not a test itself."""
 
 import os
-import signal
 import sys
 import time
 
 from mpi4py import MPI
 
-from microslip.__main__ import stop_on
 from microslip.parallel import ending
 from microslip.parallel.agree import on_root, raise_together
 from microslip.parallel.errors import CaseError, ConvergenceError
+from microslip.parallel.signals import obey_signals
+from microslip.parallel.watchdog import moved, unwatched, watch
 
 COMM = MPI.COMM_WORLD
 
@@ -59,7 +59,23 @@ def waits_for_a_signal():
         time.sleep(0.01)
 
 
+def hangs():
+    moved()
+    if COMM.rank == 1:
+        time.sleep(60.0)
+    COMM.Barrier()
+
+
+def moves():
+    for _ in range(15):
+        time.sleep(0.1)
+        moved()
+    with unwatched():
+        time.sleep(1.5)
+
+
 if __name__ == "__main__":
+    watch()
     ending.GRACE = 0.5
-    stop_on(signal.SIGTERM)
+    obey_signals()
     sys.exit(ending.conclude(COMM, globals()[sys.argv[1]]))

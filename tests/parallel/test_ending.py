@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from processes import LIMIT, MPIRUN, environment, python, wait_for
 
-from microslip.parallel.ending import conclude, expected
+from microslip.parallel.ending import conclude, expected, no_exit
 from microslip.parallel.errors import CaseError, ConvergenceError, Interrupted, ResourceError
+from microslip.parallel.watchdog import wrong_limit
 
 ENDINGS = Path(__file__).with_name("endings.py")
 
@@ -83,3 +84,36 @@ def test_a_signal_to_one_rank_ends_both(tmp_path):
         job.kill()
     assert job.returncode == 5
     assert said.count("microslip: error: stopped by SIGTERM") == 1
+
+
+def test_ranks_that_wait_for_ever_show_their_stacks_and_end():
+    done = python(ENDINGS, "hangs", ranks=2, variables={"MICROSLIP_WATCHDOG": 2})
+    assert done.returncode not in (0, 5) and done.stderr.count("endings.py") >= 3
+    first, *last = done.stderr.split("Timeout (0:00:02)!")
+    assert last and first.count(" in hangs") == 2
+
+
+def test_a_rank_that_goes_on_is_left_alone():
+    done = python(ENDINGS, "moves", variables={"MICROSLIP_WATCHDOG": 4})
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("text", ["soon", "-1", "nan", "1e9"])
+def test_a_limit_of_the_watch_that_is_none(monkeypatch, text):
+    monkeypatch.setenv("MICROSLIP_WATCHDOG", text)
+    assert f"MICROSLIP_WATCHDOG={text}: a number of seconds is expected" in wrong_limit()
+
+
+@pytest.mark.parametrize("text", ["", "0", "3600", "2.5"])
+def test_a_limit_of_the_watch(monkeypatch, text):
+    monkeypatch.setenv("MICROSLIP_WATCHDOG", text)
+    assert wrong_limit() is None
+
+
+def test_what_exits_in_the_middle_is_a_defect(capsys):
+    def action():
+        with no_exit():
+            sys.exit(0)
+
+    assert conclude(None, action) == 70
+    assert "sys.exit(0) was called in the middle of the work" in capsys.readouterr().err

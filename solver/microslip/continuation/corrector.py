@@ -16,6 +16,7 @@ from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Border, Linearisation, Step
 from ..harmonic.newton_solver import NewtonSolver
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
+from ..parallel.watchdog import moved
 from .constraints import Constraint, Scaling
 from .iterate import Iterate
 from .problems import Problem
@@ -164,6 +165,7 @@ class Corrector:
 
         ``is_patient`` goes on while the residual falls at all, by however short steps.
         """
+        moved()
         self._patience = PATIENT if is_patient else PATIENCE
         self._snes.setTolerances(max_it=max(self._max_it, MOST_PATIENT_ITERATIONS) if is_patient else self._max_it)
         with np.errstate(all="ignore"):  # what is not finite is a failed step, which SNES tells

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from ..parallel.errors import ConvergenceError
+from ..parallel.watchdog import moved
 from .dense import column_norms, diagonal_owned, multiply, summed, wrap
 from .free_motion import explain_singular, is_singular
 from .inverse_entries import inverse_entries
@@ -128,6 +129,7 @@ class Factor:
 
     def _checked(self, B_owned, X_owned: np.ndarray, start: float) -> np.ndarray:
         """Return X, refined once where that can help; raise if its residual stays too large.  Collective."""
+        moved()
         error, rounding = self.relative_residual(B_owned, X_owned)
         if np.isfinite(error) and error > max(_REFINE_ABOVE, rounding):
             R_owned = (B_owned.toarray() if sp.issparse(B_owned) else B_owned) - multiply(self.A, X_owned)

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from ..parallel.errors import ConvergenceError
+from ..parallel.watchdog import moved
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
@@ -56,6 +57,7 @@ class _KeptFactor:
         self.factor = factor
 
     def apply(self, pc, b: PETSc.Vec, x: PETSc.Vec) -> None:
+        moved()
         self.factor.ksp.getPC().getFactorMatrix().solve(b, x)
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from .. import __version__
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, said_of
+from ..parallel.watchdog import moved
 from .screen import Screen
 
 if TYPE_CHECKING:
@@ -131,6 +132,7 @@ class RunLog:
 
         Stages may lie in each other.
         """
+        moved()
         depth, began = self._depth, time.perf_counter()
         self._depth += 1
         self._begin_line("  " * depth + name)

@@ -14,6 +14,7 @@ from ..continuation.keeper import Keepers, keep_nothing
 from ..continuation.levels import ResponseProblem, follow_level
 from ..parallel.agree import on_root
 from ..parallel.groups import Counter, Reports, dealt, split
+from ..parallel.watchdog import unwatched
 from .log import RunLog
 from .observer import Observers
 
@@ -55,7 +56,8 @@ def follow_side_by_side(
             tell("level_started", number, groups.where)
             branch = follow_level(own, levels[number], partial(tell, "point", number), keepers)
             tell("level_finished", number, replace(branch, points=[]))
-        on_root(groups.comm, reports.finish)
+        with unwatched():
+            on_root(groups.comm, reports.finish)
     reports.free()
     counter.free()
     groups.comm.Free()

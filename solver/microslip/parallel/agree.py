@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from .errors import CaseError, MicroslipError
+from .watchdog import moved, unwatched
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -16,6 +17,7 @@ def raise_together(comm: MPI.Comm, problem: str | None, error: type[MicroslipErr
 
     Collective on ``comm``.  The message is that of the lowest rank with a problem.
     """
+    moved()
     found = [(rank, text) for rank, text in enumerate(comm.allgather(problem)) if text]
     if found:
         rank, text = found[0]
@@ -42,6 +44,7 @@ def on_root(comm: MPI.Comm, function: Callable[..., Any], *args: Any, share: boo
             problem = CaseError(f"{getattr(function, '__name__', 'a library')} gave up: {stop}")
         except Exception as found:  # re-raised below, on every rank
             problem = found
+    moved()
     problem, shared = comm.bcast((problem, value if share else None))
     if problem is not None:
         raise problem
@@ -57,13 +60,20 @@ def on_each(comm: MPI.Comm, function: Callable[..., Any], *args: Any) -> Any:
     ------
     Whatever ``function`` raises on the lowest rank on which it does, on every rank.
     """
+    with unwatched():  # the shares may take long, and longer than those of others
+        value, problems = _each(comm, function, args)
+    for one in problems:
+        if one is not None:
+            raise one
+    return value
+
+
+def _each(comm: MPI.Comm, function: Callable[..., Any], args: tuple) -> tuple[Any, list[Exception | None]]:
+    """Return the result of ``function`` on this rank, and what it raised on each.  Collective."""
     value: Any = None
     problem: Exception | None = None
     try:
         value = function(*args)
-    except Exception as found:  # re-raised below, on every rank
+    except Exception as found:  # re-raised by the caller, on every rank
         problem = found
-    for one in comm.allgather(problem):
-        if one is not None:
-            raise one
-    return value
+    return value, comm.allgather(problem)

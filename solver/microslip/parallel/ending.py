@@ -12,19 +12,23 @@ import sys
 import time
 import traceback
 from array import array
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NoReturn
 
 from .errors import CaseError, Interrupted, MicroslipError, ResourceError
+from .watchdog import unwatched
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-GRACE = 20.0  # s that the ranks may arrive apart with a problem they agreed on
-GRACE_OF_SIGNAL = 2.0  # s: longer than mpirun waits before it kills the ranks that follow another one's Abort
+GRACE = 6.0  # s that the ranks may arrive apart with a problem they agreed on, and that rank 0 has to save after a signal
+GRACE_OF_SIGNAL = 2.0  # s that rank 0 waits then: longer than mpirun does before it kills the ranks that follow an Abort
 DEFECT = 70
+_SAID = 2  # of a rank whose problem has been said; 1: it has one
 _INTERRUPTED: list[Interrupted] = []  # kept with their traces, and so with the solvers in them
+_ABORTS = 32  # tag: to rank 0, from one that ends all of them
+_NEWS = 0.2  # s that such a message may take; the launcher kills a second after its signal
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 _PETSC_OUT_OF_MEMORY = 55
 _LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
@@ -68,6 +72,15 @@ def _outcome(comm: MPI.Comm | None, action: Callable[[], int | None]) -> tuple[i
         if problem is None:
             return _defect(comm, found), None
         return problem.exit_status, problem
+
+
+@contextmanager
+def no_exit() -> Iterator[None]:
+    """Make a ``sys.exit`` in the block a defect: what calls it there would end one rank, or a run without its results.  Local."""
+    try:
+        yield
+    except SystemExit as stop:
+        raise RuntimeError(f"sys.exit({stop.code!r}) was called in the middle of the work") from stop
 
 
 def expected(problem: BaseException) -> MicroslipError | None:
@@ -133,28 +146,51 @@ def _defect(comm: MPI.Comm | None, problem: BaseException) -> int:
     rank = "" if comm is None or comm.size == 1 else f" on rank {comm.rank} of {comm.size}"
     trace = "".join(traceback.format_exception(problem))
     _say(f"a defect of the program{rank}; please report it with these lines and run.log\n{trace}")
-    if rank:
-        comm.Abort(DEFECT)
+    if comm is not None and comm.size > 1:
+        _abort(comm, DEFECT)
     return DEFECT
 
 
 def _together(comm: MPI.Comm, status: int, problem: MicroslipError | None, name: str = "") -> int:
     """Wait for all ranks, let the first with a problem say it, and return the largest status.  Collective.
 
-    A rank that has a problem waits for a while only; a rank without one waits for those that still compute.
+    A rank that has a problem waits for a while only; a rank without one waits for those that still compute.  A signal often
+    finds the other ranks in the middle of something: rank 0, where everything is saved, says it before it waits for them.
     """
+    is_said = comm.rank == 0 and isinstance(problem, Interrupted) and not _is_aborted(comm)
+    if is_said:
+        _say(f"{name}{problem}")
     found = array("i", 2 * comm.size * [0])
-    grace = None if problem is None else GRACE_OF_SIGNAL if isinstance(problem, Interrupted) else GRACE
-    if not _arrives(comm.Iallgather(array("i", [status, problem is not None]), found), grace):
-        _say(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
-        comm.Abort(status)
-    if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited in vain, has said so and ends this one, too
-        comm.Abort(status)
-    speaker = next((rank for rank in range(comm.size) if found[2 * rank + 1]), None)
-    if comm.rank == speaker:
+    grace = None if problem is None else GRACE_OF_SIGNAL if is_said else GRACE
+    with unwatched():
+        if not _arrives(comm.Iallgather(array("i", [status, _SAID if is_said else problem is not None]), found), grace):
+            if not is_said:
+                _say(f"{name}{problem} (rank {comm.rank} of {comm.size}, alone)")
+            _abort(comm, status)
+        if not _arrives(comm.Ibarrier(), GRACE):  # a rank has waited in vain, has said so and ends this one, too
+            _abort(comm, status)
+    has_problem = found[1::2]
+    if _SAID not in has_problem and comm.rank == next((rank for rank in range(comm.size) if has_problem[rank]), None):
         _say(f"{name}{problem}")
     comm.Barrier()  # a launcher kills the others as soon as one rank ends with a status
     return max(found[::2])
+
+
+def _abort(comm: MPI.Comm, status: int) -> None:
+    """End all ranks.  Rank 0 hears of it first, and takes the launcher's signal for no news."""
+    if comm.rank > 0:
+        comm.isend(None, 0, _ABORTS)
+    comm.Abort(status)
+
+
+def _is_aborted(comm: MPI.Comm) -> bool:
+    """Return on rank 0 whether another one has ended all ranks: then a signal comes from the launcher."""
+    began = time.monotonic()
+    while time.monotonic() - began < _NEWS:
+        if comm.iprobe(tag=_ABORTS):
+            return True
+        time.sleep(0.01)
+    return False
 
 
 def _arrives(request, grace: float | None) -> bool:

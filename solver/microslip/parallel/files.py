@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from .errors import CaseError, MicroslipError, ResourceError
+from .signals import unbroken
 
 _FORBIDDEN = {
     errno.EACCES,
@@ -57,14 +58,14 @@ def _errno(problem: BaseException) -> int | None:
 def written_whole(path: str) -> Iterator[str]:
     """Yield the name of a file beside ``path`` that takes its place when the block ends without an error.  Local.
 
-    Whoever is killed meanwhile leaves the old file untouched.
+    Whoever is killed meanwhile leaves the old file untouched; a signal to stop waits until the new one is there.
 
     Raises
     ------
     CaseError, ResourceError : as :func:`said_of`
     """
     beside = path + ".part"
-    with said_of(path):
+    with unbroken(), said_of(path):
         try:
             yield beside
             _to_disk(beside)

@@ -172,17 +172,15 @@ class Reports:
     def shared_failure(self) -> Iterator[None]:
         """Let what ends one group end all of them: rank 0 passes it on, and each raises it when it next reports.
 
-        A signal reaches every rank by itself.  Rank 0 keeps what had arrived by then.
+        Rank 0 keeps what had arrived when it was interrupted.
         """
         try:
             yield
-        except Interrupted:
-            if self._world.rank == 0:
-                with suppress(MicroslipError):
-                    self.listen()
-            raise
         except MicroslipError as problem:
             if self._world.rank == 0:
+                if isinstance(problem, Interrupted):
+                    with suppress(MicroslipError):
+                        self.listen()
                 self._end_all(problem)
             elif self._is_root:
                 self._send(0, _REPORT, problem)

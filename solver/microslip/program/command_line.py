@@ -10,6 +10,7 @@ from typing import NoReturn
 from .. import __version__
 from ..parallel.errors import CaseError
 from ..parallel.petsc import PREFIXES
+from ..parallel.walltime import seconds_of
 from ..parallel.words import listed, nearest
 
 _SOLVE = ("run", "compare", "verify", "trade", "export")  # commands that PETSc options are for
@@ -34,14 +35,16 @@ _KEYS = (
     "tolerance",
     "bars",
     "as_json",
+    "walltime",
 )
 _DESCRIPTION = "Steady-state vibration of jointed structures with friction contact."
 _EPILOG = f"""\
 In parallel: mpirun -n N microslip run SCENE.toml; several levels or scenes at once: mpirun -n N microslip run --groups G ...
 PETSc options follow --, each with the prefix of its solver: {", ".join("-" + prefix for prefix in PREFIXES)}
 Exit status: 0 done; 1 diff found a difference; 2 the scene, the mesh or an option is at fault; 3 the computation could not
-be finished, what converged is kept; 4 memory or disk; 5 stopped by a signal: frf.csv keeps every point and results.h5 every
-level finished until then; 70 a defect of the program."""
+be finished, what converged is kept; 4 memory or disk; 5 stopped by a signal or before the time limit: what was found until
+then is kept, and the same command goes on from there; 70 a defect of the program.
+SIGUSR1 saves and goes on; SIGTERM, SIGINT and SIGHUP save and stop; SIGUSR2 shows where each rank is."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class Command:
     more: tuple[str, ...] = ()  # further scenes to run
     settings: tuple[str, ...] = ()  # KEY=VALUE, in place of what the scene says
     groups: int = 1  # of ranks, at work side by side
+    walltime: float | None = None  # s that a run may take; None: what a scheduler says
     at: tuple[float, ...] = ()  # Hz, to verify; empty: around each peak
     harmonics: int | None = None  # to verify; None: those of the scene
     samples: int | None = None
@@ -207,6 +211,14 @@ def _add_run(command: _Parser) -> None:
         help="compute everything anew, in place of going on where an earlier run was left; its results are kept beside",
     )
 
+    command.add_argument(
+        "--walltime",
+        metavar="T",
+        type=_time,
+        help="stop in time to save, with status 5, as 3600, 90m, 1h30m, HH:MM:SS, D-HH:MM:SS "
+        "(default: what Slurm or PBS has left for the job)",
+    )
+
 
 def _add_compare(command: _Parser) -> None:
     """Add the options of ``compare``."""
@@ -356,6 +368,14 @@ def _above_zero(text: str) -> float:
     if not 0.0 < number < float("inf"):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0")
     return number
+
+
+def _time(text: str) -> float:
+    """Return a time in seconds."""
+    seconds = seconds_of(text)
+    if not seconds:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time above 0, as 3600, 90m, 1h30m, 01:30:00 or 1-12:00:00")
+    return seconds
 
 
 def _near(word: str, known) -> str:

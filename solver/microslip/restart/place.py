@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from ..parallel.files import make_folder, said_of
+from ..parallel.signals import unbroken
 
 UNFINISHED, EARLIER = "unfinished", "earlier"
 RESULTS = "results.h5"
@@ -25,7 +26,7 @@ def settle(folder: Path, place: Path, keeps_earlier: bool = False) -> None:
     """
     if place == folder:
         return
-    with said_of(str(folder)):
+    with unbroken(), said_of(str(folder)):
         if keeps_earlier:
             _move(folder, _next_of(folder / EARLIER))
         _move(place, folder)

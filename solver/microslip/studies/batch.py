@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from ..parallel.ending import conclude_part
 from ..parallel.errors import CaseError, Interrupted
 from ..parallel.groups import Counter, Groups, dealt, split
+from ..parallel.walltime import TimeLimit
+from ..parallel.watchdog import unwatched
 from ..run import run
 
 if TYPE_CHECKING:
@@ -19,12 +21,18 @@ if TYPE_CHECKING:
 
 
 def run_scenes(
-    scenes: Sequence, comm: MPI.Comm, out: Path, options: tuple[str, ...] = (), n_groups: int = 1, fresh: bool = False
+    scenes: Sequence,
+    comm: MPI.Comm,
+    out: Path,
+    options: tuple[str, ...] = (),
+    n_groups: int = 1,
+    fresh: bool = False,
+    limit: TimeLimit | None = None,
 ) -> int:
     """Run scenes side by side, or in turn with one group, each into ``out``/its name; return the worst exit status.
 
     Collective on ``comm``.  A group takes the next scene whenever it has done the last one.  A scene that fails is said and
-    ends no other; after a signal no further scene begins.
+    ends no other; after a signal, or when the time ``limit`` is near, no further scene begins.
 
     Raises
     ------
@@ -36,14 +44,15 @@ def run_scenes(
         raise CaseError(f"two scenes are called {twice!r}, and both would write to {out / twice}; rename one of the files")
     groups, counter, statuses = split(comm, min(n_groups, len(scenes))), Counter(comm), [0]
     for number in dealt(groups, counter, len(scenes)):
-        statuses.append(_run(scenes[number], groups, out / names[number], options, fresh))
+        statuses.append(_run(scenes[number], groups, out / names[number], options, fresh, limit))
         if statuses[-1] == Interrupted.exit_status:
             break
-    counter.free()
+    with unwatched():
+        counter.free()
     return max(statuses)
 
 
-def _run(scene: Scene, groups: Groups, folder: Path, options: tuple[str, ...], fresh: bool) -> int:
+def _run(scene: Scene, groups: Groups, folder: Path, options: tuple[str, ...], fresh: bool, limit: TimeLimit | None) -> int:
     """Run one scene on this rank's group and return its exit status.  Collective on ``groups.comm``.
 
     With several groups the screen has a line when a scene begins and one when it ends; run.log has the rest.
@@ -52,7 +61,7 @@ def _run(scene: Scene, groups: Groups, folder: Path, options: tuple[str, ...], f
     if groups.is_root and not is_alone:
         print(f"{scene.name}: begun on {groups.where}", flush=True)
     status = conclude_part(
-        groups.comm, scene.name, lambda: run(scene, groups.comm, folder, options, screen=is_alone, fresh=fresh)
+        groups.comm, scene.name, lambda: run(scene, groups.comm, folder, options, screen=is_alone, fresh=fresh, limit=limit)
     )
     if groups.is_root and not is_alone:
         how = "done" if status == 0 else f"ended with status {status}"

@@ -1,0 +1,205 @@
+"""One run at a time in a folder for results: a file there says who is at work, and is gone when nobody is.
+
+The file is locked by the system (flock), which ends with the process in whatever way that ends.  Where a file system has no
+such locks, or keeps them to one machine, what the file says decides: the process on this machine, by its number and start; on
+another one, whether it still touches the file every now and then.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import json
+import os
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .agree import on_root
+from .errors import CaseError
+from .files import make_folder, said_of
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+NAME = ".microslip.lock"
+TOUCHED_EVERY = 20.0  # s
+STILL = 4.5 * TOUCHED_EVERY  # s untouched after which a run on another machine counts as gone; file systems see it late
+FIRST_WORDS = 1.0  # s that a new file may take to say whose it is
+_NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL, errno.EPERM}
+_JOBS = ("SLURM_JOB_ID", "PBS_JOBID")
+
+
+@contextmanager
+def locked(comm: MPI.Comm, folder: Path) -> Iterator[list[str]]:
+    """Keep a folder, which is created, to this run until the block ends in whatever way; yield what is to be said of it.
+
+    Collective on ``comm`` at its beginning, local at its end: rank 0 holds the lock.
+
+    Raises
+    ------
+    CaseError : another run is at work there; on every rank
+    CaseError, ResourceError : the folder cannot be written to; on every rank
+    """
+    lock, said = on_root(comm, _take, folder, share=False) or (None, [])
+    try:
+        yield said
+    finally:
+        if lock is not None:
+            lock.release()
+
+
+class Lock:
+    """The lock of a folder, held by this process.  Local."""
+
+    def __init__(self, path: Path, handle: int):
+        self._path, self._handle, self._ends = path, handle, threading.Event()
+        os.ftruncate(handle, 0)
+        os.pwrite(handle, json.dumps(_self()).encode(), 0)
+        threading.Thread(target=self._touch, name="lock", daemon=True).start()
+
+    def _touch(self) -> None:
+        """Show now and then that this process goes on, as far as its libraries let a thread run."""
+        while not self._ends.wait(TOUCHED_EVERY):
+            with suppress(OSError):
+                os.utime(self._handle)
+
+    def release(self) -> None:
+        """Take the file away, if it is still this one, and give up the lock."""
+        self._ends.set()
+        with suppress(OSError):
+            if _is_at(self._path, self._handle):
+                os.remove(self._path)
+        with suppress(OSError):
+            os.close(self._handle)
+
+
+def _take(folder: Path) -> tuple[Lock, list[str]]:
+    """Return the lock of a folder, and whose place it took, if somebody left one.  On rank 0.
+
+    Raises
+    ------
+    CaseError, ResourceError
+    """
+    make_folder(str(folder))
+    path = folder / NAME
+    with said_of(str(path)):
+        while True:
+            handle, is_new = _open(path)
+            is_free = _flock(handle)
+            holder = _read(handle)
+            if is_free is None and not is_new and not holder:  # between its creation and its first words
+                time.sleep(FIRST_WORDS)
+                holder = _read(handle)
+            if is_free is False or not (is_new or _is_gone(path, holder, trusted=is_free is True)):
+                os.close(handle)
+                raise CaseError(
+                    f"{folder}: another run is at work there{_in_words(holder)}; wait for it, end it, or choose another "
+                    "folder with --out"
+                )
+            if _is_at(path, handle):
+                left = [f"{path} was left behind{_in_words(holder)}, which is gone; taken over"] if holder else []
+                return Lock(path, handle), left
+            os.close(handle)  # somebody else took it away meanwhile
+
+
+def _open(path: Path) -> tuple[int, bool]:
+    """Return a handle of the file, and whether this call created it."""
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666), True
+    except FileExistsError:
+        return os.open(path, os.O_RDWR | os.O_CREAT, 0o666), False
+
+
+def _flock(handle: int) -> bool | None:
+    """Return whether the system gave its lock on a file; None: it has no such locks there."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError as problem:
+        if problem.errno in _NO_LOCKS:
+            return None
+        raise
+    return True
+
+
+def _is_at(path: Path, handle: int) -> bool:
+    """Return whether the file of a handle is the one that has the name."""
+    try:
+        return os.path.samestat(os.stat(path), os.fstat(handle))
+    except FileNotFoundError:
+        return False
+
+
+def _is_gone(path: Path, holder: dict[str, Any], trusted: bool) -> bool:
+    """Return whether whoever wrote the file is no longer at work; ``trusted`` says that the system gave the lock."""
+    if not holder:
+        return trusted or _stands_still(path)
+    if holder.get("host") == socket.gethostname():
+        return trusted or _started(holder.get("process")) != holder.get("started")
+    is_own_job = bool(holder.get("job")) and holder.get("job") == _self()["job"]  # which was put into the queue again
+    return (trusted and is_own_job) or _stands_still(path)
+
+
+def _stands_still(path: Path) -> bool:
+    """Return whether nobody touches a file, watched until that is certain."""
+    if time.time() - os.stat(path).st_mtime > 10.0 * STILL:
+        return True
+    first, until = _touched(path), time.monotonic() + STILL
+    while time.monotonic() < until:
+        time.sleep(0.05 * STILL)
+        if _touched(path) != first:
+            return False
+    return True
+
+
+def _touched(path: Path) -> int | None:
+    """Return when a file was touched last, asking the server of the file system: it is opened for that."""
+    try:
+        with open(path, "rb") as file:
+            return os.fstat(file.fileno()).st_mtime_ns
+    except FileNotFoundError:
+        return None
+
+
+def _self() -> dict[str, Any]:
+    """Return what the file says of this process."""
+    return {
+        "host": socket.gethostname(),
+        "process": os.getpid(),
+        "started": _started(os.getpid()),
+        "since": time.strftime("%Y-%m-%d %H:%M:%S"),
+        "job": next((os.environ[name] for name in _JOBS if os.environ.get(name)), ""),
+    }
+
+
+def _started(process: Any) -> str:
+    """Return when a process of this machine started, in its own count; nothing if there is no such process."""
+    try:
+        with open("/proc/sys/kernel/random/boot_id") as boot, open(f"/proc/{int(process)}/stat") as file:
+            state, *fields = file.read().rpartition(")")[2].split()
+            return "" if state in "ZX" else f"{boot.read().strip()} {fields[18]}"
+    except (OSError, ValueError, TypeError, IndexError):
+        return ""
+
+
+def _read(handle: int) -> dict[str, Any]:
+    """Return what a lock's file says; nothing if it says nothing that can be read."""
+    try:
+        found = json.loads(os.pread(handle, 4096, 0))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _in_words(holder: dict[str, Any]) -> str:
+    """Name whoever wrote a lock's file."""
+    if not holder:
+        return ""
+    job = f", job {holder['job']}" if holder.get("job") else ""
+    return f" by process {holder.get('process')} on {holder.get('host')}{job}, begun {holder.get('since')}"

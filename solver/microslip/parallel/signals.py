@@ -1,0 +1,69 @@
+"""What signals ask of the program: to save and go on (SIGUSR1), or to save and stop (SIGTERM, SIGINT, SIGHUP).
+
+Under Open MPI's mpirun SIGUSR1 reaches all ranks; any of the others makes it send SIGTERM to them, a second later, and kill
+them another second later.  Schedulers that start the ranks themselves send to all of them.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from .errors import Interrupted
+from .watchdog import end_within
+
+STOPPING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+UNWINDING = 60.0  # s that the way out may take: a library that waits there for other ranks would never end
+
+
+class _Asked:
+    """What signals have asked for so far."""
+
+    to_save = False
+    to_stop: Interrupted | None = None
+    n_holding = 0  # blocks at work that are not to be broken off
+
+
+def obey_signals() -> None:
+    """Make signals ask for what this module says; one that the caller ignores, as nohup does, stays ignored.  Local.
+
+    To be called again after PETSc has started: it takes some for messages of its own.
+    """
+    _Asked.to_save, _Asked.to_stop = False, None
+    for number, answer in (*((number, _stop) for number in STOPPING), (signal.SIGUSR1, _save)):
+        ignored = signal.getsignal(number) == signal.SIG_IGN
+        signal.signal(number, signal.SIG_IGN if ignored else answer)
+
+
+def asked_to_save() -> bool:
+    """Return whether SIGUSR1 has come since the last call.  Local."""
+    asked, _Asked.to_save = _Asked.to_save, False
+    return asked
+
+
+@contextmanager
+def unbroken() -> Iterator[None]:
+    """Do the block to its end also when a signal asks to stop meanwhile: it is obeyed after the block.  Local."""
+    _Asked.n_holding += 1
+    before = _Asked.to_stop
+    try:
+        yield
+    finally:
+        _Asked.n_holding -= 1
+    if not _Asked.n_holding and _Asked.to_stop is not None and before is None:
+        raise _Asked.to_stop
+
+
+def _save(number: int, frame) -> None:
+    _Asked.to_save = True
+
+
+def _stop(number: int, frame) -> None:
+    """Raise Interrupted wherever the program is; a second signal changes nothing about the way out of the first."""
+    if _Asked.to_stop is not None:
+        return
+    _Asked.to_stop = Interrupted(f"stopped by {signal.Signals(number).name}")
+    end_within(UNWINDING)
+    if not _Asked.n_holding:
+        raise _Asked.to_stop

@@ -1,0 +1,100 @@
+"""The watch over a program that may wait for ever: first its stacks, then its end, on every rank by itself.
+
+A rank that waits for another may be in a library that holds Python's lock, where no thread of Python runs and no signal is
+answered in Python.  So a timer of the system sends SIGALRM, and faulthandler answers it at once with the stacks; later its own
+thread writes them again and ends the process, and with it the launcher the others.  A rank that goes on says so: :func:`moved`.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import math
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+VARIABLE = "MICROSLIP_WATCHDOG"  # of the environment: seconds; 0: no watch
+USUAL = 4.0 * 3600.0  # s without a sign until the end: single factors of large models may take an hour
+LONGEST = 1e6  # s
+TO_STACKS = 0.25  # share of that after which the stacks are written
+
+
+class _Watch:
+    """What the watch of this process knows."""
+
+    limit = 0.0  # s; 0: there is none
+    moved_at = -math.inf  # s, when the timers were last set
+
+
+def watch() -> None:
+    """Begin to watch, in a process that is the program's own.  Local."""
+    if sys.stderr is None:  # closed by the caller: there is no place for stacks
+        return
+    _Watch.limit = _stated() if wrong_limit() is None else USUAL
+    if _Watch.limit:
+        faulthandler.register(signal.SIGALRM)
+        _set()
+
+
+def wrong_limit() -> str | None:
+    """Return what is wrong with the time that the environment states, if anything.  Local."""
+    if 0.0 <= _stated() < LONGEST:
+        return None
+    text = os.environ[VARIABLE][:40]
+    return f"{VARIABLE}={text}: a number of seconds is expected, after which a run that stands still is ended; 0: never"
+
+
+def _stated() -> float:
+    """Return the seconds that the environment states, or the usual ones; nan: it is no number."""
+    try:
+        return float(os.environ.get(VARIABLE) or USUAL)
+    except ValueError:
+        return math.nan
+
+
+def show_stacks() -> None:
+    """Write the stacks of all threads to standard error after a crash, and whenever SIGUSR2 asks.  Local.
+
+    After PETSc has started: its own answer to a crash, which ends all ranks, then follows the stacks.
+    """
+    if not faulthandler.is_enabled() and sys.stderr is not None:
+        faulthandler.enable()
+        faulthandler.register(signal.SIGUSR2)
+
+
+def moved() -> None:
+    """Tell the watch that this rank goes on.  Local, and next to nothing when told often."""
+    if _Watch.limit and time.monotonic() - _Watch.moved_at > 0.01 * _Watch.limit:
+        _set()
+
+
+@contextmanager
+def unwatched() -> Iterator[None]:
+    """Wait for ranks that have work of their own, and are watched themselves.  Local."""
+    limit, _Watch.limit = _Watch.limit, 0.0
+    if limit:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        faulthandler.cancel_dump_traceback_later()
+    try:
+        yield
+    finally:
+        _Watch.limit = limit
+        if limit:
+            _set()
+
+
+def end_within(seconds: float) -> None:
+    """Let the process, if it is watched, last that long at most.  Local."""
+    if _Watch.limit:
+        faulthandler.dump_traceback_later(seconds, exit=True)
+
+
+def _set() -> None:
+    """Set both timers, from now."""
+    _Watch.moved_at = time.monotonic()
+    if _Watch.limit:
+        signal.setitimer(signal.ITIMER_REAL, TO_STACKS * _Watch.limit)
+        end_within(_Watch.limit)

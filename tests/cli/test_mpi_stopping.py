@@ -1,0 +1,124 @@
+"""Stopped by a signal or before a time limit: one message, status 5 on all ranks, and every point in the files."""
+
+import json
+import os
+import signal
+
+import h5py
+import numpy as np
+import pytest
+from bar_scene import write_bar
+
+from microslip.continuation import acceptance
+from microslip.observe.stops import Stops
+from microslip.parallel import lock
+from microslip.parallel.agree import on_root
+from microslip.parallel.lock import NAME
+
+record = acceptance.point_record
+
+
+@pytest.fixture
+def scene(comm, shared_path):
+    return on_root(comm, write_bar, shared_path)
+
+
+@pytest.fixture
+def at_point_3(comm, monkeypatch):
+    """Return what to call with something that is to happen on the way to point 3, on rank 0."""
+
+    def set_up(happens):
+        numbers = iter(range(1000))
+
+        def with_event(*arguments, **named):
+            if next(numbers) == 3 and comm.rank == 0:
+                happens()
+            return record(*arguments, **named)
+
+        monkeypatch.setattr(acceptance, "point_record", with_event)
+
+    return set_up
+
+
+def points(out):
+    """Return the frequencies in the table, those in results.h5, and the status of the level there.  Local."""
+    with h5py.File(out / "results.h5") as file:
+        level = file["levels/0000"]
+        return np.loadtxt(out / "frf.csv", delimiter=",", skiprows=1, usecols=2), level["frequency_Hz"][:], level.attrs["status"]
+
+
+def test_sigusr1_saves_and_goes_on(program, scene, comm, shared_path, at_point_3, monkeypatch):
+    kept, save = [], Stops._save_in_time
+
+    def saves(self):
+        save(self)
+        kept.append(points(shared_path / "out"))
+
+    monkeypatch.setattr(Stops, "_save_in_time", saves)
+    at_point_3(lambda: os.kill(os.getpid(), signal.SIGUSR1))
+    status, _, err = program("run", scene, "--out", shared_path / "out")
+    assert (status, err) == (0, "")
+    if comm.rank == 0:
+        ((table, saved, state),) = kept
+        assert state == "running" and 3 <= len(saved) <= 5 and np.allclose(saved, table)
+        table, saved, state = points(shared_path / "out")
+        assert state == "complete" and len(saved) == len(table) > 5
+        assert "saved by SIGUSR1" in (shared_path / "out" / "run.log").read_text()
+        assert not (shared_path / "out" / NAME).exists()
+
+
+def test_the_time_limit_stops_all_ranks_before_its_end(program, scene, comm, shared_path, at_point_3, monkeypatch):
+    at_point_3(lambda: monkeypatch.setattr("microslip.observe.stops.LEAST_MARGIN", 1e6))
+    status, _, err = program("run", scene, "--walltime", "1:00:00", "--out", shared_path / "out")
+    assert status == 5 and err.count("microslip: error: ") == 1 and "(rank" not in err
+    assert "s before the end of --walltime, 3600 s; what was found until then is in" in err
+    assert "the same command goes on from there" in err
+    if comm.rank == 0:
+        table, saved, state = points(shared_path / "out")
+        assert state == "running" and 3 <= len(saved) <= 5 and np.allclose(saved, table)
+        log = (shared_path / "out" / "run.log").read_text()
+        assert log.count("s are left by --walltime, 3600 s") == 1 and "ended by Interrupted: stopped" in log
+        assert not (shared_path / "out" / NAME).exists()
+
+
+def test_the_time_limit_stops_groups_too(program, scene, comm, shared_path, at_point_3, monkeypatch):
+    at_point_3(lambda: monkeypatch.setattr("microslip.observe.stops.LEAST_MARGIN", 1e6))
+    more = ("--set", "response.levels=[10.0,20.0,30.0]", "--groups", comm.size)
+    status, _, err = program("run", scene, *more, "--walltime", "60m", "--out", shared_path / "out")
+    assert status == 5 and err.count("microslip: error: stopped ") == 1
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_stops_with_every_point_saved(program, scene, shared_path, at_point_3, number):
+    at_point_3(lambda: [os.kill(os.getpid(), each) for each in (number, signal.SIGTERM)])
+    status, _, err = program("run", scene, "--out", shared_path / "out")
+    assert status == 5 and err.count(f"microslip: error: stopped by {number.name}; what was found until then is in") == 1
+    table, saved, state = points(shared_path / "out")
+    assert state == "running" and len(saved) >= 2 and np.allclose(saved, table)
+
+
+def test_a_folder_in_use_is_refused_on_all_ranks(program, scene, comm, shared_path):
+    out = shared_path / "out"
+    if comm.rank == 0:
+        out.mkdir()
+        (out / "frf.csv").write_text("the other's")
+    with lock.locked(comm, out):
+        for command in ("run", "export"):
+            status, _, err = program(command, scene, "--out", out)
+            assert status == 2 and err.count("microslip: error: ") == 1 and "another run is at work there by process" in err
+    if comm.rank == 0:
+        assert [file.name for file in out.iterdir()] == ["frf.csv"] and (out / "frf.csv").read_text() == "the other's"
+        (out / NAME).write_text(json.dumps(lock._self() | {"process": 1, "started": "long ago"}))
+    comm.Barrier()
+    status, _, err = program("run", scene, "--walltime", "1s", "--out", out)
+    assert status == 5
+    if comm.rank == 0:
+        assert f"{out / NAME} was left behind by process 1" in (out / "run.log").read_text()
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("text", ["0", "soon", "1h1d", "-3"])
+def test_a_time_that_is_none(program, scene, text):
+    status, _, err = program("run", scene, f"--walltime={text}")
+    assert status == 2 and f"argument --walltime: '{text}' is not a time above 0" in err

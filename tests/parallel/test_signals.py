@@ -1,0 +1,73 @@
+"""What signals ask for, in this process."""
+
+import os
+import signal
+
+import pytest
+
+from microslip.parallel import signals
+from microslip.parallel.errors import Interrupted
+from microslip.parallel.files import written_whole
+from microslip.parallel.signals import STOPPING, asked_to_save, obey_signals, unbroken
+
+
+@pytest.fixture(autouse=True)
+def obeyed():
+    handlers = {number: signal.getsignal(number) for number in (*STOPPING, signal.SIGUSR1)}
+    obey_signals()
+    yield
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+    signals._Asked.to_stop = None
+
+
+def send(number):
+    os.kill(os.getpid(), number)
+
+
+@pytest.mark.parametrize("number", STOPPING)
+def test_the_first_signal_stops_and_further_ones_change_nothing(number):
+    with pytest.raises(Interrupted, match=f"stopped by {number.name}"):
+        send(number)
+    for other in STOPPING:
+        send(other)
+
+
+def test_a_signal_to_save_is_heard_once_and_ends_nothing():
+    assert not asked_to_save()
+    send(signal.SIGUSR1)
+    send(signal.SIGUSR1)
+    assert asked_to_save() and not asked_to_save()
+
+
+def test_a_file_that_is_being_written_is_finished_first(tmp_path):
+    path = tmp_path / "file"
+    path.write_text("before")
+    with pytest.raises(Interrupted), written_whole(str(path)) as beside, open(beside, "w") as file:
+        send(signal.SIGTERM)
+        file.write("after")
+    assert path.read_text() == "after" and os.listdir(tmp_path) == ["file"]
+
+
+def test_blocks_in_each_other_and_an_error_in_one():
+    with pytest.raises(Interrupted):
+        with unbroken():
+            with unbroken():
+                send(signal.SIGTERM)
+            done = True
+        done = False
+    assert done
+    with unbroken():  # on the way out
+        send(signal.SIGTERM)
+    obey_signals()
+    with pytest.raises(ZeroDivisionError), unbroken():
+        send(signal.SIGTERM)
+        raise ZeroDivisionError
+
+
+def test_what_the_caller_ignores_stays_ignored():
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    obey_signals()
+    send(signal.SIGHUP)
+    with pytest.raises(Interrupted):
+        send(signal.SIGTERM)
