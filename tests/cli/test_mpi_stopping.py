@@ -79,6 +79,13 @@ def test_the_time_limit_stops_all_ranks_before_its_end(program, scene, comm, sha
         log = (shared_path / "out" / "run.log").read_text()
         assert log.count("s are left by --walltime, 3600 s") == 1 and "ended by Interrupted: stopped" in log
         assert not (shared_path / "out" / NAME).exists()
+    monkeypatch.undo()
+    monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])
+    status, _, err = program("run", scene, "--out", shared_path / "out")
+    assert (status, err) == (0, "")
+    if comm.rank == 0:
+        _, whole, state = points(shared_path / "out")
+        assert state == "complete" and len(whole) > len(saved) and np.allclose(whole[: len(saved)], saved, rtol=1e-9)
 
 
 def test_the_time_limit_stops_groups_too(program, scene, comm, shared_path, at_point_3, monkeypatch):
