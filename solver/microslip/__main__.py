@@ -146,13 +146,13 @@ def _solve(command: Command, comm) -> int:
     from .parallel.groups import refuse_too_many
     from .scene.read import read_scene
 
-    obey_signals()
+    obey_signals(comm.rank == 0)
     refuse_too_many(command.groups, comm.size)
     scene, *more = (on_root(comm, read_scene, file, command.settings) for file in (command.file, *command.more))
     with suppress(ImportError):  # what is missing is named with the rest, below
         initialise(list(command.petsc))
     require(comm, faults())
-    obey_signals()  # PETSc has taken some for messages of its own
+    obey_signals(comm.rank == 0)  # PETSc has taken some for messages of its own
     show_stacks()
     if command.name == "check":
         from .studies.check.story import check

@@ -77,5 +77,5 @@ def moves():
 if __name__ == "__main__":
     watch()
     ending.GRACE = 0.5
-    obey_signals()
+    obey_signals(COMM.rank == 0)
     sys.exit(ending.conclude(COMM, globals()[sys.argv[1]]))

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 
 import pytest
 
@@ -63,6 +64,17 @@ def test_blocks_in_each_other_and_an_error_in_one():
     with pytest.raises(ZeroDivisionError), unbroken():
         send(signal.SIGTERM)
         raise ZeroDivisionError
+
+
+def test_a_rank_that_does_not_save_goes_on_for_a_while(monkeypatch):
+    monkeypatch.setattr(signals, "TO_FIRST", 0.1)
+    obey_signals(is_first=False)
+    went_on = False
+    with pytest.raises(Interrupted, match="stopped by SIGTERM"):
+        send(signal.SIGTERM)
+        went_on = True
+        time.sleep(60.0)
+    assert went_on
 
 
 def test_what_the_caller_ignores_stays_ignored():

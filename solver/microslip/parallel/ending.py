@@ -22,7 +22,7 @@ from .watchdog import unwatched
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-GRACE = 6.0  # s that the ranks may arrive apart with a problem they agreed on, and that rank 0 has to save after a signal
+GRACE = 5.0  # s that the ranks may arrive apart with a problem they agreed on, and that rank 0 has to save after a signal
 GRACE_OF_SIGNAL = 2.0  # s that rank 0 waits then: longer than mpirun does before it kills the ranks that follow an Abort
 DEFECT = 70
 _SAID = 2  # of a rank whose problem has been said; 1: it has one

@@ -6,7 +6,9 @@ them another second later.  Schedulers that start the ranks themselves send to a
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -14,6 +16,7 @@ from .errors import Interrupted
 from .watchdog import end_within
 
 STOPPING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+TO_FIRST = 2.5  # s that other ranks go on, in case the first has heard of the signal, too
 UNWINDING = 60.0  # s that the way out may take: a library that waits there for other ranks would never end
 
 
@@ -22,15 +25,17 @@ class _Asked:
 
     to_save = False
     to_stop: Interrupted | None = None
+    waits_for_first = False  # another rank saves, and this one goes on for a while so that it can
     n_holding = 0  # blocks at work that are not to be broken off
 
 
-def obey_signals() -> None:
+def obey_signals(is_first: bool = True) -> None:
     """Make signals ask for what this module says; one that the caller ignores, as nohup does, stays ignored.  Local.
 
-    To be called again after PETSc has started: it takes some for messages of its own.
+    To be called again after PETSc has started: it takes some for messages of its own.  The rank that saves ``is_first`` to stop:
+    if another one did, the first would wait for it in the midst of a library, where no signal is answered.
     """
-    _Asked.to_save, _Asked.to_stop = False, None
+    _Asked.to_save, _Asked.to_stop, _Asked.waits_for_first = False, None, not is_first
     for number, answer in (*((number, _stop) for number in STOPPING), (signal.SIGUSR1, _save)):
         ignored = signal.getsignal(number) == signal.SIG_IGN
         signal.signal(number, signal.SIG_IGN if ignored else answer)
@@ -62,6 +67,12 @@ def _save(number: int, frame) -> None:
 def _stop(number: int, frame) -> None:
     """Raise Interrupted wherever the program is; a second signal changes nothing about the way out of the first."""
     if _Asked.to_stop is not None:
+        return
+    if _Asked.waits_for_first:
+        _Asked.waits_for_first = False
+        again = threading.Timer(TO_FIRST, os.kill, (os.getpid(), number))
+        again.daemon = True
+        again.start()
         return
     _Asked.to_stop = Interrupted(f"stopped by {signal.Signals(number).name}")
     end_within(UNWINDING)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ..parallel.ending import conclude_part
 from ..parallel.errors import CaseError, Interrupted
 from ..parallel.groups import Counter, Groups, dealt, split
+from ..parallel.signals import obey_signals
 from ..parallel.walltime import TimeLimit
 from ..parallel.watchdog import unwatched
 from ..run import run
@@ -43,6 +44,7 @@ def run_scenes(
     if twice is not None:
         raise CaseError(f"two scenes are called {twice!r}, and both would write to {out / twice}; rename one of the files")
     groups, counter, statuses = split(comm, min(n_groups, len(scenes))), Counter(comm), [0]
+    obey_signals(groups.is_root)
     for number in dealt(groups, counter, len(scenes)):
         statuses.append(_run(scenes[number], groups, out / names[number], options, fresh, limit))
         if statuses[-1] == Interrupted.exit_status:
