@@ -81,7 +81,17 @@ def _show(command: Command, comm) -> int:
     files = on_root(comm, _shown, command, out) if comm is not None else _shown(command, out)
     if launcher_rank() == 0:
         print("\n".join(map(str, files)) if files else f"{command.file} holds no converged point; nothing is drawn")
+        print(unfinished(command.file), end="")
     return 0
+
+
+def unfinished(file: str) -> str:
+    """Return a line on the levels that a result file lacks; "" where it has all of them.  Local."""
+    from .results.read import read_results
+
+    results = read_results(file, motion=False)
+    missing = ", ".join(f"{level:g}" for level in results.missing)
+    return missing and f"{file} is of a run that has not come to its end: {missing} {results.level_unit} missing or at work\n"
 
 
 def _shown(command: Command, out: Path) -> list:

@@ -1,6 +1,7 @@
 """frf.csv and results.h5: what is written is what was found, when it was found."""
 
 import csv
+import dataclasses
 import os
 
 import h5py
@@ -12,6 +13,7 @@ from synthetic_results import TITLE, branch, head, no_pairs, two_flanks, write, 
 from microslip.parallel.errors import CaseError, ResourceError
 from microslip.results import writer as writer_module
 from microslip.results.read import read_results
+from microslip.results.writer import ResultWriter
 
 HEADER = (
     "level_N,point,frequency_Hz,output,amplitude_m,phase_rad,mean_m,sticking,slipping,open,unknowns,newton,"
@@ -111,6 +113,23 @@ def test_a_level_that_stopped_keeps_its_points_and_the_reason(tmp_path, pairs):
     assert [(level.status, level.failure) for level in levels] == [("failed", found.failure), ("failed", empty.failure)]
     assert [len(level.frequency) for level in levels] == [4, 0]
     assert levels[1].du.shape == (0, pairs.n_pairs, 3, 7)
+
+
+def test_levels_that_have_not_come_to_their_end_are_known(tmp_path, pairs):
+    asked = dataclasses.replace(head(pairs), asked=(1.0, 8.0, 9.0))
+    found, stopped = branch(1.0, pairs, n_points=4), branch(8.0, pairs, n_points=4)
+    stopped.failure = "hb: no convergence beyond 100.1 Hz"
+    writer, missing = ResultWriter(MPI.COMM_SELF, str(tmp_path), asked, 7), []
+    for number, one in enumerate((found, stopped, branch(9.0, pairs, n_points=4))):
+        writer.level_started(number, one.level)
+        for i, point in enumerate(one.points):
+            writer.point(number, i, point)
+        writer.save()
+        missing.append(read_results(writer.path).missing)
+        writer.level_finished(number, one)
+    writer.close()
+    assert missing == [(1.0, 8.0, 9.0), (8.0, 9.0), (9.0,)] and read_results(writer.path).missing == ()
+    assert read_results(write(tmp_path / "earlier", [found], pairs)).missing == ()
 
 
 def test_a_level_at_work_can_be_saved_and_is_replaced_when_it_ends(tmp_path, pairs):

@@ -43,6 +43,7 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
         bolts=None if bolts is None else Bolts(bolts.names, **{name: getattr(bolts, name) for name in BOLT_UNITS}),
         units=units.outputs,
         level_unit=units.level,
+        asked=prepared.response.settings.levels,
         n_dof=outline.n_dof,
         origin=origin,
     )

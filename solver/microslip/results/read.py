@@ -160,7 +160,15 @@ def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
         level_unit,
         int(reader.array("structure/n_dof", "i8", ())) if "structure/n_dof" in reader else 0,
         _origin(reader),
+        asked=_asked(reader),
     )
+
+
+def _asked(reader: Reader) -> tuple[float, ...]:
+    """Return the levels of the run; none where an earlier version wrote the file."""
+    if "scene/levels" not in reader:
+        return ()
+    return tuple(map(float, reader.array("scene/levels", "f8", (None,))))
 
 
 def _bolts(reader: Reader) -> Bolts | None:

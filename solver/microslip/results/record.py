@@ -130,6 +130,13 @@ class ResultFile:
     level_unit: str = "N"
     n_dof: int = 0  # of the structure; 0: an earlier version wrote the file
     origin: Origin | None = None  # None: an earlier version wrote the file
+    asked: tuple[float, ...] = ()  # levels that the run is of [N]; none: an earlier version wrote the file
+
+    @property
+    def missing(self) -> tuple[float, ...]:
+        """The levels of the run that have not come to their end [N]: it is at work, or was stopped."""
+        ended = {level.level for level in self.levels if level.status != RUNNING}
+        return tuple(level for level in self.asked if level not in ended)
 
     def unit_of(self, output: int) -> str:
         """Return the unit of an output."""

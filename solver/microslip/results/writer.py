@@ -117,6 +117,7 @@ def _write_head(file: h5py.File, head: ResultFile) -> None:
         file.create_dataset("structure/n_dof", data=np.int64(head.n_dof))
     if head.origin is not None:
         _write_origin(file.create_group("origin"), head.origin)
+    write_array(file, "scene/levels", np.array(head.asked, dtype="f8"), head.level_unit)
     write_array(file, "modes/frequency_Hz", head.mode_frequency, "Hz")
     if head.linear is not None:
         write_array(file, "linear/frequency_Hz", head.linear.frequency, "Hz")
