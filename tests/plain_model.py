@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import h5py
@@ -90,6 +91,28 @@ def cdb(model: Plain, more: tuple[str, ...] = ()) -> str:
         lines += [f"MPDATA,R5.0, 1,NUXY, {i}, 1, {POISSON},", f"MPDATA,R5.0, 1,DENS, {i}, 1, {DENSITY},"]
     lines += [f"D,{number},{label},0.0,0.0" for number in model.numbers[model.sets["PLATE_BASE"]] for label in ("UX", "UY", "UZ")]
     return "\n".join([*lines, *more, "FINISH", ""])
+
+
+def cdb_with_contact(model: Plain, behaviour: int = 5) -> str:
+    """Return an archive with a contact of real constants 5: on the bar's bottom, with targets on the plate's top.
+
+    ``behaviour`` is its KEYOPT(12), 5: bonded.
+    """
+    x = np.linspace(0.0, 0.05, 4)
+    corners = [((a, 0.0), (b, 0.0), (b, 0.01), (a, 0.01)) for a, b in zip(x, x[1:])]
+    top, bottom = (_numbers_at(model, name) for name in ("PLATE_TOP", "BAR_BOTTOM"))
+    rows = [[2, 7, 5, 1, 0, 0, 0, 0, 4, 0, 901 + i, *map(top, of)] for i, of in enumerate(corners)]
+    rows += [[1, 8, 5, 1, 0, 0, 0, 0, 4, 0, 951 + i, *map(bottom, of[::-1])] for i, of in enumerate(corners)]
+    lines = cdb(model, ("ET,7,170", "ET,8,174", f"KEYOPT,8,12,{behaviour}", "R,5")).splitlines()
+    end = lines.index(f"{-1:9d}")
+    lines[end:end] = ["".join(f"{value:9d}" for value in row) for row in rows]
+    return "\n".join(lines).replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,12,12")
+
+
+def _numbers_at(model: Plain, name: str) -> Callable[[tuple[float, float]], int]:
+    """Return a function from (x, y) to the number of the node there of a set."""
+    nodes = model.sets[name]
+    return lambda at: int(model.numbers[nodes[np.argmin(np.hypot(*(model.points[nodes, :2] - at).T))]])
 
 
 _ANSYS = {  # this program's order of nodes in Ansys' hexahedra that are drawn together

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from plain_model import cdb, plain, tables
+from plain_model import cdb, cdb_with_contact, plain, tables
 
 from microslip import elements
+from microslip.formats.ansys.contacts import side_of
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.mesh.read import read_mesh
@@ -172,6 +173,76 @@ def test_point_masses_and_springs_are_elements(tmp_path):
     (spring,) = found.springs
     assert spring.stiffness == 4e5 and spring.direction is None
     assert [found.groups[name].nodes.tolist() for name in spring.groups] == [[0], [1]]
+
+
+def test_the_sides_of_a_contact_are_groups_that_a_tie_or_a_joint_joins(tmp_path):
+    model = plain()
+    path = written(tmp_path, text=cdb_with_contact(model))
+    found, names = read_model(path), ("CONTA174 real 5", "TARGE170 real 5")
+    of_cells = [
+        {int(node) for block, rows in found.groups[name].cells.items() for node in found.cells[block].nodes[rows].ravel()}
+        for name in names
+    ]
+    assert of_cells == [set(model.sets["BAR_BOTTOM"]), set(model.sets["PLATE_TOP"])]
+    assert [(one.word, one.surfaces, one.is_glued) for one in found.findings] == [
+        ("element type 170", names, True),
+        ("element type 174", names, True),
+    ]
+    base = {**tables("model.cdb"), "joints": ()}
+    with pytest.raises(
+        CaseError, match=r"(?s)2 entries.*bonded; state \[\[ties\]\] or \[\[joints\]\] with surfaces = .*CONTA174 real 5"
+    ):
+        complete(scene_of(tables("model.cdb"), tmp_path / "s.toml"), found)
+    complete(scene_of({**base, "ties": ({"surfaces": names},)}, tmp_path / "s.toml"), found)
+    joint = {**tables("model.cdb")["joints"][0], "surfaces": names}
+    complete(scene_of({**base, "joints": (joint,)}, tmp_path / "s.toml"), found)
+    complete(scene_of(tables("model.cdb", ignore=("element type 174", "element type 170")), tmp_path / "s.toml"), found)
+
+
+def test_a_contact_without_its_other_side_or_with_a_pilot_node_is_named(tmp_path):
+    model = plain()
+    text = cdb_with_contact(model, 0).replace(f"{7:9d}{5:9d}", f"{7:9d}{6:9d}")  # targets of another pair
+    found = read_model(written(tmp_path, text=text))
+    assert [(one.effect, one.surfaces) for one in found.findings] == [("a target of contact", ()), ("a surface in contact", ())]
+    lines = cdb_with_contact(model, 5).splitlines()
+    lines = [line for line in lines if not line.startswith(f"{2:9d}{7:9d}{5:9d}")]
+    lines.insert(lines.index(f"{-1:9d}"), "".join(f"{n:9d}" for n in [2, 7, 5, 1, 0, 0, 0, 0, 1, 0, 901, 101]))
+    found = read_model(written(tmp_path, text="\n".join(lines).replace("SOLID,12,12", "SOLID,10,10")))
+    assert "a pilot node or a rigid body; state [[points]]" in found.findings[0].effect and not found.findings[1].surfaces
+
+
+@pytest.mark.parametrize(
+    "row, kind, nodes",
+    [
+        ((1, 2, 3), "tri3", (1, 2, 3)),
+        ((1, 2, 3, 3), "tri3", (1, 2, 3)),
+        ((1, 2, 3, 4), "quad4", (1, 2, 3, 4)),
+        ((1, 2, 3, 4, 5, 6), "tri6", (1, 2, 3, 4, 5, 6)),
+        ((1, 2, 3, 3, 4, 5, 3, 6), "tri6", (1, 2, 3, 4, 5, 6)),
+        ((1, 2, 3, 4, 5, 6, 7, 8), "quad8", (1, 2, 3, 4, 5, 6, 7, 8)),
+    ],
+)
+def test_faces_of_contact_have_their_shape(row, kind, nodes):
+    rows = np.array([[*row, *[0] * (8 - len(row))]])
+    (cells,) = side_of(170, 7, 5, rows, np.array([9]), np.arange(1, 9)).cells
+    assert (cells.kind, tuple(cells.nodes[0] + 1)) == (kind, nodes)
+
+
+@pytest.mark.parametrize(
+    "more, says", [((), None), (("MP,GXY,1,8.1e10",), "GXY"), (("MP,PRYZ,1,0.31",), "PRYZ"), (("MP,EZ,1,2.0e11",), "EZ")]
+)
+def test_an_isotropic_material_may_state_all_axes(tmp_path, more, says):
+    alike = (
+        "MP,EY,1,2.1e11",
+        "MP,EZ,1,2.1e11",
+        f"MP,GXY,1,{2.1e11 / 2.6:.6e}",
+        "MP,PRYZ,1,0.3",
+        "MP,NUXZ,1,0.3",
+        "MP,PRXY,1,0.3",
+    )
+    found = read_model(written(tmp_path, plain(), *alike, *more))
+    assert [one.effect for one in found.findings] == ([f"{says} of material 1: it is not isotropic"] if says else [])
+    assert found.materials["material 1"].poisson == 0.3
 
 
 def test_supports_in_turned_nodal_axes_become_equations(tmp_path):

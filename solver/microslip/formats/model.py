@@ -165,6 +165,7 @@ class Finding:
     # the scene states what acts before the vibration
     part: str = ""
     surfaces: tuple[str, ...] = ()  # the groups that it connects: a joint or tie of the scene between them takes its place
+    is_glued: bool = False  # whether the file holds them together as one, as a tie does
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..model import Cells, FileBody, Finding, Group
+from .contacts import CONTACT, TARGET, Side, findings_of_contacts, side_of
 from .content import Content
 from .shapes import faces, solids, tetrahedra
 from .types import EFFECTS, Solid, solid_of
@@ -22,17 +23,22 @@ def cells_and_bodies(archive: Any, content: Content, numbers: np.ndarray, groups
         content.types.setdefault(int(number), int(element_type))
     cells: list[Cells] = []
     bodies: dict[str, FileBody] = {}
+    sides: list[Side] = []
     for number in np.unique(kind):
         own_type = content.types.get(int(number), 0)
         solid = solid_of(own_type, content.keys.get(int(number), {}))
         rows_of_type = kind == number
         if not isinstance(solid, Solid):
-            _report_type(content, int(number), own_type, solid, int(rows_of_type.sum()))
-            if own_type in (154, 173, 174):
-                for one in np.unique(real[rows_of_type]):
-                    own = rows_of_type & (real == one)
-                    name = f"{'SURF' if own_type == 154 else 'CONTA'}{own_type} real {one}"
-                    _add_cells(groups, name, cells, faces(_rows(flat, start, n_nodes, own, 8), elements[own], numbers))
+            if own_type not in (*CONTACT, TARGET):
+                _report_type(content, int(number), own_type, solid, int(rows_of_type.sum()))
+            for one in np.unique(real[rows_of_type]) if own_type in (154, *CONTACT, TARGET) else ():
+                own = rows_of_type & (real == one)
+                rows = _rows(flat, start, n_nodes, own, 8)
+                if own_type == 154:
+                    _add_cells(groups, f"SURF154 real {one}", cells, faces(rows, elements[own], numbers))
+                else:
+                    sides.append(side_of(own_type, int(number), int(one), rows, elements[own], numbers))
+                    _add_cells(groups, sides[-1].group, cells, list(sides[-1].cells))
             continue
         if solid.differs:
             content.findings.append(Finding(word=f"SOLID{own_type}", where=f"ET {number}", effect=solid.differs, changes=False))
@@ -44,6 +50,7 @@ def cells_and_bodies(archive: Any, content: Content, numbers: np.ndarray, groups
             bodies[name] = FileBody(
                 group=name, material=f"material {one}", integration=solid.integration, incompatible_modes=solid.incompatible_modes
             )
+    content.findings.extend(findings_of_contacts(content, sides))
     return cells, bodies
 
 
