@@ -109,6 +109,62 @@ def cdb_with_contact(model: Plain, behaviour: int = 5) -> str:
     return "\n".join(lines).replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,12,12")
 
 
+def ds_dat(model: Plain, more: tuple[str, ...] = ()) -> str:
+    """Return an input file in the style of Workbench, with the contact of :func:`cdb_with_contact`; of hex8 or hex20."""
+    of_kind = {"hex8": (185, 3), "hex20": (186, 1)}
+    lines = ["/batch", "*get,_wallstrt,active,,time,wall", "/title,bar on a plate--Modal (A5)", "_dir(1) = 'C:\\x'", "/units,MKS"]
+    lines += ["/prep7", "etcon,set", f"nblock, 3, {len(model.points) + 9}, ! nodes", "(1i9,3e20.9e3)"]
+    lines += [f"{n:9d}{x:20.9E}{y:20.9E}{z:20.9E}" for n, (x, y, z) in zip(model.numbers, model.points)] + ["-1"]
+    element = 0
+    for i, (kind, block) in enumerate(zip(model.kinds, model.elements), 1):
+        lines += [f"et,{i},{of_kind[kind][0]}", f"keyo,{i},2,{of_kind[kind][1]}", f"eblock,19,solid,,{len(block)}", "(19i9)"]
+        for nodes in block:
+            element += 1
+            fields = [i, i, 1, 1, 0, 0, 0, 0, len(nodes), 0, element, *model.numbers[nodes]]
+            lines += ["".join(f"{value:9d}" for value in part) for part in (fields[:19], fields[19:]) if part]
+        lines.append("-1")
+    lines += [
+        f"MP,{label},{i},{value!r},\t! units"
+        for i in (1, 2)
+        for label, value in (("DENS", DENSITY), ("EX", YOUNG), ("NUXY", POISSON))
+    ]
+    for name, nodes in {**model.sets, "_FIXEDSU": model.sets["PLATE_BASE"]}.items():
+        lines += [f"CMBLOCK,{name},NODE,{len(nodes):9d}", "(8i10)"]
+        lines += ["".join(f"{value:10d}" for value in model.numbers[nodes[k : k + 8]]) for k in range(0, len(nodes), 8)]
+    lines += [
+        '/com,*********** Create Contact "Bonded" ***********',
+        "*set,tid,4",
+        "*set,cid,3",
+        "r,tid",
+        "r,cid",
+        "et,tid,170",
+        "et,cid,174",
+    ]
+    lines += ["keyo,cid,12,5              ! Bonded Contact", "rmod,cid,3,10.", "type,cid"]
+    x, contacts, targets = np.linspace(0.0, 0.05, 4), [], []
+    top, bottom = (_numbers_at(model, name) for name in ("PLATE_TOP", "BAR_BOTTOM"))
+    for i, (a, b) in enumerate(zip(x, x[1:])):
+        of = [(a, 0.0), (b, 0.0), (b, 0.01), (a, 0.01)]
+        of += [((a + b) / 2, 0.0), (b, 0.005), ((a + b) / 2, 0.01), (a, 0.005)] if model.kinds[0] == "hex20" else []
+        targets.append([901 + i, 4, 3, 4, 0, *map(top, of)])
+        contacts.append([951 + i, 3, 3, 3, 0, *(map(bottom, [of[k] for k in (3, 2, 1, 0, 6, 5, 4, 7)[: len(of)]]))])
+    for rows in (contacts, targets):
+        lines += ["eblock,10,,,3", "(15i9)", *("".join(f"{value:9d}" for value in row) for row in rows), "-1"]
+    lines += [
+        "cmsel,s,_FIXEDSU",
+        "d,all,all",
+        "nsel,all",
+        *more,
+        "fini",
+        "/solu",
+        "antype,2",
+        "modop,lanb,6",
+        "mxpa,6,,,yes",
+        "solve",
+    ]
+    return "\n".join([*lines, "xmlo,parm", "*get,_walldone,active,,time,wall", "/wb,file,end", ""])
+
+
 def _numbers_at(model: Plain, name: str) -> Callable[[tuple[float, float]], int]:
     """Return a function from (x, y) to the number of the node there of a set."""
     nodes = model.sets[name]

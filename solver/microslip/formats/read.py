@@ -9,7 +9,7 @@ import numpy as np
 from ..parallel.errors import CaseError, MeshError
 from ..parallel.words import place
 from .abaqus.read import read_inp
-from .ansys import read_cdb
+from .ansys import is_input, read_cdb, read_input
 from .exodus import read_exodus
 from .model import FileModel
 from .msh import read_msh
@@ -17,11 +17,18 @@ from .nastran import read_bdf
 from .unv import read_unv
 from .via_meshio import FORMATS, read_other
 
+
+def _read_dat(path: str) -> FileModel:
+    """Return what a file holds whose ending two programs share."""
+    return read_input(path) if is_input(path) else read_bdf(path)
+
+
 READERS = {
     ".msh": read_msh,
     ".inp": read_inp,
     ".cdb": read_cdb,
-    **dict.fromkeys((".bdf", ".nas", ".dat"), read_bdf),
+    **dict.fromkeys((".bdf", ".nas"), read_bdf),
+    ".dat": _read_dat,
     **dict.fromkeys((".e", ".exo", ".ex2"), read_exodus),
     ".unv": read_unv,
     **dict.fromkeys(FORMATS, read_other),

@@ -39,6 +39,7 @@ _EFFECTS = {
     "SLOAD": "a bolt's load; state [[statics.bolts]]",
     "INISTATE": "stress before any load",
     "/INPUT": "a further file",
+    "E": "elements defined one by one (springs, masses, remote points), which are not read; write the model by CDWRITE for them",
     "USE": "a macro that the file does not hold",
     "*USE": "a macro that the file does not hold",
 }
@@ -58,7 +59,8 @@ class Content:
     constraints: between.Restraints = field(default_factory=between.Restraints)
     findings: list[Finding] = field(default_factory=list)
     loads: dict[str, int] = field(default_factory=dict)
-    title: str = ""
+    facts: tuple[str, ...] = ()  # title, units
+    is_chosen: bool = False  # whether Ansys is left to choose KEYOPTs (ETCONTROL,SET)
     selected: np.ndarray | None = None  # nodes that ALL means; None: a selection that is not followed
 
 
@@ -73,7 +75,7 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
             _take_keys(content, command, command.fields[2:8])
         elif word == "ETBLOCK":
             _take_types(content, command)
-        elif word in ("NSEL", "CMSEL", "ALLSEL"):
+        elif word in ("NSEL", "NSLE", "CMSEL", "ALLSEL"):
             _select(content, command, numbers, components)
         elif word in ("KEYO", "KEYOP", "KEYOPT"):
             content.keys.setdefault(int(command.number(0)), {})[int(command.number(1))] = int(command.number(2))
@@ -94,7 +96,11 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
         elif word == "CERIG":
             between.take_rigid(content.constraints, command, content.selected, components)
         elif word == "/TITLE":
-            content.title = ",".join(command.fields).strip()
+            content.facts += (f"title: {','.join(command.fields).strip()}",) if any(command.fields) else ()
+        elif word == "ETCONTROL":
+            content.is_chosen |= command.field(0).upper() == "SET"
+        elif word == "/UNITS":
+            content.facts += (f"units: {command.field(0)}, as it says",)
         else:
             _pass_over(content, command)
     content.findings.extend(_of_other_axes(content))
@@ -147,7 +153,7 @@ def _select(content: Content, command: Command, numbers: np.ndarray, components:
     how, name = command.field(0).upper(), command.field(1).upper()
     if command.word == "ALLSEL" or (command.word == "NSEL" and how in ("", "ALL")):
         content.selected = numbers
-    elif command.word == "NSEL":
+    elif command.word in ("NSEL", "NSLE"):
         content.selected = None
     elif name in components or how != "S":
         content.selected = components.get(name) if how == "S" else None

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..model import Cells, FileBody, Finding, Group
+from .blocks import FIELDS, Blocks
 from .contacts import CONTACT, TARGET, Side, findings_of_contacts, side_of
 from .content import Content
 from .shapes import faces, solids, tetrahedra
 from .types import EFFECTS, Solid, solid_of
 
 
-def cells_and_bodies(archive: Any, content: Content, numbers: np.ndarray, groups: dict[str, Group]):
+def cells_and_bodies(blocks: Blocks, content: Content, groups: dict[str, Group]) -> tuple[list[Cells], dict[str, FileBody]]:
     """Return the cells, and the bodies: solids by material and type; fill groups of solids and contact surfaces.  Local."""
-    start, flat = np.asarray(archive._elem_off[:-1]), np.asarray(archive._elem)
-    n_nodes = np.diff(archive._elem_off) - 10
+    start, flat, numbers, elements = blocks.start[:-1], blocks.flat, blocks.numbers, blocks.elements
+    n_nodes = np.diff(blocks.start) - FIELDS
     material, kind, real = (flat[start + i] for i in range(3))
-    elements = np.asarray(archive.enum, dtype=np.int64)
-    for number, element_type in archive.ekey:
-        content.types.setdefault(int(number), int(element_type))
+    for number, element_type in blocks.types.items():
+        content.types.setdefault(number, element_type)
     cells: list[Cells] = []
     bodies: dict[str, FileBody] = {}
     sides: list[Side] = []
@@ -40,7 +38,10 @@ def cells_and_bodies(archive: Any, content: Content, numbers: np.ndarray, groups
                     sides.append(side_of(own_type, int(number), int(one), rows, elements[own], numbers))
                     _add_cells(groups, sides[-1].group, cells, list(sides[-1].cells))
             continue
-        if solid.differs:
+        if own_type == 185 and content.is_chosen and 2 not in content.keys.get(int(number), {}):
+            effect = "KEYOPT(2) is left to Ansys by ETCONTROL; state it, 2 or 3 for enhanced strains"
+            content.findings.append(Finding(word="SOLID185", where=f"ET {number}", effect=effect, changes=True))
+        elif solid.differs:
             content.findings.append(Finding(word=f"SOLID{own_type}", where=f"ET {number}", effect=solid.differs, changes=False))
         for one in np.unique(material[rows_of_type]):
             own = rows_of_type & (material == one)
@@ -56,7 +57,7 @@ def cells_and_bodies(archive: Any, content: Content, numbers: np.ndarray, groups
 
 def _rows(flat: np.ndarray, start: np.ndarray, n_nodes: np.ndarray, own: np.ndarray, width: int) -> np.ndarray:
     """Return the nodes of some elements, (n, width), 0 where an element has fewer."""
-    at = start[own][:, None] + 10 + np.arange(width)
+    at = start[own][:, None] + FIELDS + np.arange(width)
     is_there = np.arange(width) < n_nodes[own][:, None]
     return np.where(is_there, flat[np.minimum(at, len(flat) - 1)], 0)
 

@@ -191,7 +191,7 @@ def _tie(one: Candidate, finding: Finding) -> str:
     """Return a tie, with the way to a joint in its place."""
     lines = [
         f"# {one.text}; bonded in the file",
-        "# where they may slip: [[joints]] with friction, tangential_stiffness, normal_stiffness and preload in place of [[ties]]",
+        "# where they may slip: [[joints]] with friction, two stiffnesses and a preload in place of [[ties]]",
         "[[ties]]",
         _line("surfaces", f"[{', '.join(map(_quoted, finding.surfaces))}]"),
         "",
