@@ -1,5 +1,7 @@
 """Nastran bulk data: every solid, what the cards say, what changes the answer, and what is damaged."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from plain_model import bdf, plain, tables
@@ -11,6 +13,7 @@ from microslip.parallel.errors import CaseError
 from microslip.scene.read import scene_of
 
 pytest.importorskip("pyNastran")
+DATA = Path(__file__).parents[1] / "data"
 SURFACES = {"surfaces": ("SET 1", "SET 2")}
 
 
@@ -91,6 +94,48 @@ def test_leading_grid_points_have_springs_and_belong_to_their_solids(tmp_path):
     outer, inner = found.connected
     assert (outer.stiffness, outer.rotational_stiffness, found.springs) == ((0.0, 4e5, 0.0), (0.0, 0.0, 7.0), ())
     assert found.groups[inner.group].nodes.tolist() == [2, 3]
+
+
+def test_rigid_elements_of_one_leading_grid_point_are_one(tmp_path):
+    model = plain()
+    a, b, c, d = map(int, model.numbers[:4])
+    more = ("GRID,5000,,0.1,0.0,0.03", f"RBE2,901,5000,123456,{a},{b}", f"RBE2,902,5000,123,{c}")
+    more += (f"RBE3,903,,5001,123456,1.0,123,{d},{a}", "GRID,5001,,0.1,0.1,0.03", f"RBE2,904,5001,123,{c}")
+    found = read_model(written(tmp_path, model, *more))
+    assert [(point.name, point.connection) for point in found.connected] == [("RBE2 901", "rigid"), ("RBE3 903", "distributing")]
+    assert found.groups["RBE2 901"].nodes.tolist() == [0, 1, 2]
+    assert [(one.where, one.effect) for one in found.findings] == [("RBE2 904", "grid point 5001 leads an RBE3 already")]
+
+
+def test_the_geometry_of_nastrans_output_is_that_of_its_bulk_data():
+    """A hex20 that MSC Nastran wrote, in single precision; materials come as they were typed."""
+    found, bulk = read_model(DATA / "chexa20.op2"), read_model(DATA / "chexa20.bdf")
+    np.testing.assert_array_equal(found.numbers, bulk.numbers)
+    np.testing.assert_allclose(found.points, bulk.points, atol=1e-7 * abs(bulk.points).max())
+    for one, other in zip(found.cells, bulk.cells, strict=True):
+        assert one.kind == other.kind == "hex20"
+        np.testing.assert_array_equal(one.nodes, other.nodes)
+    assert (found.materials, found.bodies, found.supports) == (bulk.materials, bulk.bodies, bulk.supports)
+    assert found.materials["MAT1 1"].young == 7.2e10
+    np.testing.assert_array_equal(found.groups["SPC xyz"].nodes, bulk.groups["SPC xyz"].nodes)
+
+
+@pytest.mark.parametrize(
+    "change, says", [(lambda data: data[:9000], "truncated"), (lambda data: b"", "truncated"), (None, "Nastran FATAL")]
+)
+def test_output_without_whole_geometry_is_refused_with_one_message(tmp_path, change, says):
+    data = (DATA / "chexa20.op2").read_bytes() if change else (DATA / "matrices" / "mymatrix.op2").read_bytes()
+    (tmp_path / "m.op2").write_bytes(change(data) if change else data)
+    with pytest.raises(CaseError, match=f"m.op2: .*{says}.*PARAM,POST,-1"):
+        read_model(tmp_path / "m.op2")
+
+
+@pytest.mark.parametrize(
+    "name, says", [("m.rst", "CDWRITE"), ("m.odb", "input file, .inp"), ("m.frd", "input file, .inp"), ("m.xdb", "bulk data")]
+)
+def test_results_and_databases_of_programs_say_what_to_write_instead(tmp_path, name, says):
+    with pytest.raises(CaseError, match=f"the ending '.{name[2:]}' is not read: .*{says}"):
+        read_model(tmp_path / name)
 
 
 @pytest.mark.parametrize(
