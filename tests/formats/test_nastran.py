@@ -8,7 +8,7 @@ from plain_model import bdf, plain, tables
 
 from microslip import elements
 from microslip.formats.read import read_model
-from microslip.library.complete import complete
+from microslip.library.complete import complete, held_by
 from microslip.parallel.errors import CaseError
 from microslip.scene.read import scene_of
 
@@ -163,7 +163,18 @@ def test_supports_in_turned_axes_are_not_left_out_in_silence(tmp_path):
     ):
         complete(scene(tmp_path, take=("materials", "bodies", "supports")), model)
     own = scene(tmp_path).model_dump(exclude_unset=True) | {"supports": ({"group": "SET 3", "fix": ("x", "y", "z")},)}
-    assert any("1 of them are supports in turned axes" in note for note in complete(scene_of(own, tmp_path / "s.toml"), model)[1])
+    replaced = scene_of(own, tmp_path / "s.toml")
+    assert any("1 supports in turned axes of model.bdf are left out" in note for note in complete(replaced, model)[1])
+    assert held_by(replaced, model).equations is None and held_by(scene(tmp_path), model).equations.n_supports == 1
+
+
+def test_supports_of_the_scene_leave_other_equations_of_the_file(tmp_path):
+    more = ("GRDSET,,,,,,7", "CORD2R,7,,0.,0.,0.,0.,1.,0.", ",0.,0.,1.", "SPC1,1,1,102", "MPC,4,101,1,1.0,103,1,-1.0")
+    model = read_model(written(tmp_path, plain(), *more, case=("MPC = 4",)))
+    assert model.equations.where == ("SPC of grid point 102 in turned axes", "MPC 4")
+    left = model.equations.without_supports()
+    assert (left.where, left.equation.tolist(), left.n_supports) == (("MPC 4",), [0, 0], 0)
+    assert model.numbers[left.nodes].tolist() == [101, 103]
 
 
 def test_defaults_of_grid_points_hold_them_and_a_set_that_is_not_asked_for_is_said(tmp_path):

@@ -154,7 +154,7 @@ def _composed(model: Gathered) -> FileModel:
         np.array(terms.axes, dtype=np.int64),
         np.array(terms.coefficients),
         tuple(terms.where),
-        sum(where.startswith("*BOUNDARY") for where in terms.where),
+        np.array([where.startswith("*BOUNDARY") for where in terms.where], dtype=bool),
     )
     return FileModel(
         mesh.points,
