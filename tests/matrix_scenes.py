@@ -9,7 +9,9 @@ import scipy.io
 import scipy.sparse as sp
 
 from microslip.assembly.pair_file import COLUMNS
+from microslip.continuation.keeper import keep_nothing
 from microslip.library.build import build
+from microslip.library.origin import origin_of
 from microslip.library.prepare import prepare
 from microslip.observe.log import RunLog
 from microslip.run import follow_logged
@@ -83,7 +85,9 @@ def branches_of(path: Path, comm) -> list:
     scene = read_scene(path)
     log = RunLog(comm, screen=False)
     structure = build(scene, comm, log)
-    found = follow_logged(prepare(structure, has_bars=False), path.parent / "results", (), 1, log)
+    found = follow_logged(
+        prepare(structure, has_bars=False), path.parent / "results", (), origin_of(scene, comm), log, keep_nothing
+    )
     structure.close()
     assert not any(branch.failure for branch in found), [branch.failure for branch in found]
     return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import h5py
@@ -90,6 +91,84 @@ def cdb(model: Plain, more: tuple[str, ...] = ()) -> str:
         lines += [f"MPDATA,R5.0, 1,NUXY, {i}, 1, {POISSON},", f"MPDATA,R5.0, 1,DENS, {i}, 1, {DENSITY},"]
     lines += [f"D,{number},{label},0.0,0.0" for number in model.numbers[model.sets["PLATE_BASE"]] for label in ("UX", "UY", "UZ")]
     return "\n".join([*lines, *more, "FINISH", ""])
+
+
+def cdb_with_contact(model: Plain, behaviour: int = 5) -> str:
+    """Return an archive with a contact of real constants 5: on the bar's bottom, with targets on the plate's top.
+
+    ``behaviour`` is its KEYOPT(12), 5: bonded.
+    """
+    x = np.linspace(0.0, 0.05, 4)
+    corners = [((a, 0.0), (b, 0.0), (b, 0.01), (a, 0.01)) for a, b in zip(x, x[1:])]
+    top, bottom = (_numbers_at(model, name) for name in ("PLATE_TOP", "BAR_BOTTOM"))
+    rows = [[2, 7, 5, 1, 0, 0, 0, 0, 4, 0, 901 + i, *map(top, of)] for i, of in enumerate(corners)]
+    rows += [[1, 8, 5, 1, 0, 0, 0, 0, 4, 0, 951 + i, *map(bottom, of[::-1])] for i, of in enumerate(corners)]
+    lines = cdb(model, ("ET,7,170", "ET,8,174", f"KEYOPT,8,12,{behaviour}", "R,5")).splitlines()
+    end = lines.index(f"{-1:9d}")
+    lines[end:end] = ["".join(f"{value:9d}" for value in row) for row in rows]
+    return "\n".join(lines).replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,12,12")
+
+
+def ds_dat(model: Plain, more: tuple[str, ...] = ()) -> str:
+    """Return an input file in the style of Workbench, with the contact of :func:`cdb_with_contact`; of hex8 or hex20."""
+    of_kind = {"hex8": (185, 3), "hex20": (186, 1)}
+    lines = ["/batch", "*get,_wallstrt,active,,time,wall", "/title,bar on a plate--Modal (A5)", "_dir(1) = 'C:\\x'", "/units,MKS"]
+    lines += ["/prep7", "etcon,set", f"nblock, 3, {len(model.points) + 9}, ! nodes", "(1i9,3e20.9e3)"]
+    lines += [f"{n:9d}{x:20.9E}{y:20.9E}{z:20.9E}" for n, (x, y, z) in zip(model.numbers, model.points)] + ["-1"]
+    element = 0
+    for i, (kind, block) in enumerate(zip(model.kinds, model.elements), 1):
+        lines += [f"et,{i},{of_kind[kind][0]}", f"keyo,{i},2,{of_kind[kind][1]}", f"eblock,19,solid,,{len(block)}", "(19i9)"]
+        for nodes in block:
+            element += 1
+            fields = [i, i, 1, 1, 0, 0, 0, 0, len(nodes), 0, element, *model.numbers[nodes]]
+            lines += ["".join(f"{value:9d}" for value in part) for part in (fields[:19], fields[19:]) if part]
+        lines.append("-1")
+    lines += [
+        f"MP,{label},{i},{value!r},\t! units"
+        for i in (1, 2)
+        for label, value in (("DENS", DENSITY), ("EX", YOUNG), ("NUXY", POISSON))
+    ]
+    for name, nodes in {**model.sets, "_FIXEDSU": model.sets["PLATE_BASE"]}.items():
+        lines += [f"CMBLOCK,{name},NODE,{len(nodes):9d}", "(8i10)"]
+        lines += ["".join(f"{value:10d}" for value in model.numbers[nodes[k : k + 8]]) for k in range(0, len(nodes), 8)]
+    lines += [
+        '/com,*********** Create Contact "Bonded" ***********',
+        "*set,tid,4",
+        "*set,cid,3",
+        "r,tid",
+        "r,cid",
+        "et,tid,170",
+        "et,cid,174",
+    ]
+    lines += ["keyo,cid,12,5              ! Bonded Contact", "rmod,cid,3,10.", "type,cid"]
+    x, contacts, targets = np.linspace(0.0, 0.05, 4), [], []
+    top, bottom = (_numbers_at(model, name) for name in ("PLATE_TOP", "BAR_BOTTOM"))
+    for i, (a, b) in enumerate(zip(x, x[1:])):
+        of = [(a, 0.0), (b, 0.0), (b, 0.01), (a, 0.01)]
+        of += [((a + b) / 2, 0.0), (b, 0.005), ((a + b) / 2, 0.01), (a, 0.005)] if model.kinds[0] == "hex20" else []
+        targets.append([901 + i, 4, 3, 4, 0, *map(top, of)])
+        contacts.append([951 + i, 3, 3, 3, 0, *(map(bottom, [of[k] for k in (3, 2, 1, 0, 6, 5, 4, 7)[: len(of)]]))])
+    for rows in (contacts, targets):
+        lines += ["eblock,10,,,3", "(15i9)", *("".join(f"{value:9d}" for value in row) for row in rows), "-1"]
+    lines += [
+        "cmsel,s,_FIXEDSU",
+        "d,all,all",
+        "nsel,all",
+        *more,
+        "fini",
+        "/solu",
+        "antype,2",
+        "modop,lanb,6",
+        "mxpa,6,,,yes",
+        "solve",
+    ]
+    return "\n".join([*lines, "xmlo,parm", "*get,_walldone,active,,time,wall", "/wb,file,end", ""])
+
+
+def _numbers_at(model: Plain, name: str) -> Callable[[tuple[float, float]], int]:
+    """Return a function from (x, y) to the number of the node there of a set."""
+    nodes = model.sets[name]
+    return lambda at: int(model.numbers[nodes[np.argmin(np.hypot(*(model.points[nodes, :2] - at).T))]])
 
 
 _ANSYS = {  # this program's order of nodes in Ansys' hexahedra that are drawn together

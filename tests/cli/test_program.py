@@ -108,6 +108,27 @@ def test_a_package_of_which_only_a_part_is_there_is_refused(monkeypatch):
     assert "h5py: only a part of it is there: sudo apt-get install python3-h5py-mpi python3-h5py" in doctor.faults("h5py")
 
 
+def test_the_doctor_names_what_was_built_for_another_numpy(monkeypatch):
+    """As compiled packages say where NumPy is another one than theirs: by a ValueError."""
+
+    def refuse():
+        raise ValueError("numpy.dtype size changed, may indicate binary incompatibility")
+
+    monkeypatch.setattr(doctor, "PARTS", (doctor.Part("petsc4py", refuse, "sudo apt-get install python3-petsc4py"),))
+    lines, is_well = doctor.examine()
+    assert not is_well
+    assert "petsc4py: it does not fit to what is here (numpy.dtype size changed" in doctor.faults("petsc4py")
+
+
+def test_the_doctor_notes_formats_that_are_not_read(monkeypatch):
+    found = doctor.importlib.util.find_spec
+    monkeypatch.setattr(
+        doctor.importlib.util, "find_spec", lambda name, *more: None if name == "pyNastran" else found(name, *more)
+    )
+    lines, is_well = doctor.examine()
+    assert is_well and any("without pyNastran Nastran's files are not read: " in line for line in lines)
+
+
 def test_complex_numbers_are_refused(monkeypatch):
     monkeypatch.setattr(doctor, "_is_real", lambda PETSc: False)
     assert "petsc4py: built with complex numbers, real ones are needed: sudo apt-get" in doctor.faults("petsc4py")

@@ -28,6 +28,7 @@ def on_pyramid(exponent):
 
 
 RULES = {
+    "triangle 1": (quadrature.triangle(1), 1, on_simplex),
     "triangle 3": (quadrature.triangle(3), 2, on_simplex),
     "triangle 6": (quadrature.triangle(6), 4, on_simplex),
     "tetrahedron 1": (quadrature.tetrahedron(1), 1, on_simplex),

@@ -14,7 +14,7 @@ MASS_RANK = {
     "hex20": 8,
     "tet4": 1,
     "tet10": 4,
-    "wedge6": 6,
+    "wedge6": 2,
     "wedge15": 9,
     "pyramid5": 5,
     "pyramid13": 13,
@@ -49,7 +49,10 @@ def test_stiffness_is_symmetric_and_only_rigid_motion_is_free(kind, integration,
     assert abs(K - K.T).max() < 1e-14 * scale
     assert abs(K @ rigid_motions(points[0])).max() < 1e-13 * scale
     # hex20 by 2x2x2 has 8 points with 6 strains: six mechanisms of one element, which a mesh does not share.
-    rank = 48 if kind == "hex20" and integration != "full" else len(K) - 6
+    # wedge6 by two points has one mechanism, which two elements do not share either.
+    rank = {("hex20", "reduced"): 48, ("hex20", "reduced-both"): 48, ("wedge6", "reduced-both"): 11}.get(
+        (kind, integration), len(K) - 6
+    )
     values = np.linalg.eigvalsh(K) / scale
     assert abs(values[: len(K) - rank]).max() < 1e-12
     assert values[len(K) - rank] > 1e-4
@@ -87,7 +90,7 @@ def test_mass_and_its_moments_are_those_of_the_body(kind, integration):
     ]
     assert M.sum() == pytest.approx(DENSITY * volume, rel=1e-14)
     assert M.sum(axis=0) @ reference == pytest.approx(DENSITY * volume * centre, rel=1e-13, abs=1e-9)
-    if (kind, integration) != ("tet4", "reduced-both"):  # one point knows no second moment: the price of C3D4
+    if kind not in ("tet4", "wedge6") or integration != "reduced-both":  # one point of a face or body knows no second moment
         second = np.diag(reference.T @ M @ reference)
         assert second == pytest.approx(DENSITY * volume * np.array(squares) * [1.0, 4.0, 9.0], rel=1e-13)
 
@@ -205,3 +208,14 @@ def test_one_layer_of_hex8_bends_exactly_with_incompatible_modes_and_locks_witho
     exact = 10.0**2 / (2.0 * YOUNG / 12.0)
     # Without the modes a square-sided element of side ratio 2 is 1 + 2^2 / 2 = 3 times too stiff (parasitic shear).
     assert deflection == pytest.approx(exact if incompatible_modes else exact / 3.0, rel=1e-9)
+
+
+def test_wedges_by_two_points_are_held_by_each_other():
+    """The mechanism of one element is none of a mesh: six motions alone are free."""
+    points, nodes = box("wedge6", (1, 1, 1), (1.0, 1.5, 2.0))
+    K = np.zeros((3 * len(points), 3 * len(points)))
+    for own, matrix in zip(nodes, elements.stiffness("wedge6", points[nodes], YOUNG, POISSON, "reduced-both"), strict=True):
+        at = (3 * own[:, None] + np.arange(3)).ravel()
+        K[np.ix_(at, at)] += matrix
+    values = np.linalg.eigvalsh(K)
+    assert abs(values[:6]).max() < 1e-12 * values[-1] and values[6] > 1e-3 * values[-1]

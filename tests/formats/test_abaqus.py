@@ -9,6 +9,7 @@ import pytest
 from mpi4py import MPI
 from plain_model import inp, plain, tables
 
+from microslip import elements
 from microslip.assembly.assemble import assemble
 from microslip.formats.model import FileBody, FileMaterial, FileSpring, FileSupport, FileTie
 from microslip.formats.read import read_model
@@ -196,6 +197,63 @@ def test_a_group_of_a_support_holds_no_other_nodes(tmp_path):
     model = read(tmp_path, text)
     assert [support.group for support in model.supports] == ["CUBE (nodes)"]
     assert numbers(model, "CUBE (nodes)") == [1, 2]
+
+
+GENERATED = """*NODE
+1, 0, 0, 0
+5, 4, 0, 0
+21, 0, 2, 0
+25, 4, 2, 0
+*NGEN, NSET=FRONT
+1, 5
+*NGEN, NSET=BACK
+25, 21, 1
+*NFILL, NSET=FLOOR
+FRONT, BACK, 2, 10
+*NCOPY, CHANGE NUMBER=100, OLD SET=FLOOR, SHIFT, NEW SET=ROOF
+0, 0, 1.5
+
+*ELEMENT, TYPE=C3D8
+1, 1, 2, 12, 11, 101, 102, 112, 111
+*ELGEN, ELSET=CUBE
+1, 4, 1, 1, 2, 10, 10
+*NCOPY, CHANGE NUMBER=1000, OLD SET=FLOOR, SHIFT, NEW SET=FLOOR2
+0., 0., 1.5
+0, 0, 0, 0, 0, 1, 90
+*NCOPY, CHANGE NUMBER=1000, OLD SET=ROOF, SHIFT
+0., 0., 1.5
+0, 0, 0, 0, 0, 1, 90
+*ELCOPY, ELEMENT SHIFT=1000, OLD SET=CUBE, SHIFT NODES=1000, NEW SET=TURNED
+"""
+
+
+def test_nodes_and_elements_that_are_made_of_others(tmp_path):
+    """*NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY: a box of 4 x 2 x 1 elements, and it again above, a quarter of a turn about z."""
+    model = read(tmp_path, GENERATED)
+    at = {int(number): point for number, point in zip(model.numbers, model.points, strict=True)}
+    expected = {1 + i + 10 * j + 100 * k: (i, j, 1.5 * k) for i in range(5) for j in range(3) for k in range(2)}
+    for number, (x, y, z) in expected.items():
+        assert at[number] == pytest.approx((x, y, z))
+        assert at[number + 1000] == pytest.approx((-y, x, z + 1.5), abs=1e-12)
+    assert len(at) == 60
+    rows = {}
+    for cells in model.cells:
+        rows |= {int(number): model.numbers[nodes].tolist() for number, nodes in zip(cells.numbers, cells.nodes, strict=True)}
+        assert (elements.jacobian_minimum(cells.kind, model.points[cells.nodes]) > 0.0).all()
+    corner = np.array([1, 2, 12, 11, 101, 102, 112, 111])
+    made = {1 + i + 10 * j: (corner + i + 10 * j).tolist() for i in range(4) for j in range(2)}
+    assert rows == made | {number + 1000: [node + 1000 for node in nodes] for number, nodes in made.items()}
+    assert {int(number) for number in model.numbers[model.groups["FRONT"].nodes]} == {1, 2, 3, 4, 5}
+    assert {int(number) for number in model.numbers[model.groups["FLOOR"].nodes]} == {n for n in expected if n < 100}
+
+
+def test_nodes_along_an_arc_about_a_centre(tmp_path):
+    model = read(tmp_path, CUBE + "*NODE\n20, 2, 0, 0\n26, 0, 2, 0\n30, 0, 0, 0\n*NGEN, LINE=C\n20, 26, 2, 30\n")
+    at = {int(number): point for number, point in zip(model.numbers, model.points, strict=True)}
+    angles = np.pi / 2 * np.array([1, 2]) / 3
+    np.testing.assert_allclose([at[22], at[24]], 2.0 * np.column_stack([np.cos(angles), np.sin(angles), [0, 0]]), atol=1e-12)
+    by_place = read(tmp_path, CUBE + "*NODE\n20, 2, 0, 0\n26, 0, 2, 0\n*NGEN, LINE=C\n20, 26, 2, , 0., 0., 0.\n")
+    assert by_place.points[by_place.numbers == 22][0] == pytest.approx(at[22])
 
 
 def test_supports_in_axes_of_the_nodes_become_equations(tmp_path):
@@ -416,7 +474,29 @@ BAD = {
     "a falling range": (CUBE + "*NSET, NSET=a, GENERATE\n5, 1\n", "is not a range of numbers"),
     "an absurd number": (CUBE + "*NSET, NSET=a\n99999999999999999999\n", "which is no number of the file"),
     "a face too many": (CUBE + "*SURFACE, NAME=s\nCUBE, S7\n", "line 13: .SURFACE names face S7 of element 1, a hex"),
-    "nodes that are made": (CUBE + "*NGEN\n1, 8\n", "line 12: the keyword .NGEN is not followed here; write the nodes out"),
+    "nodes that are mapped": (CUBE + "*NMAP\n1, 8\n", "line 12: the keyword .NMAP is not followed here; write the nodes out"),
+    "nodes along a parabola": (
+        CUBE + "*NGEN, LINE=P\n1, 8\n",
+        "line 12: .NGEN, LINE=P is not followed here; write the nodes out",
+    ),
+    "nodes between none": (CUBE + "*NGEN\n1, 80\n", "line 13: node 80 is not defined before it is used"),
+    "nodes in steps that do not fit": (
+        CUBE + "*NGEN\n1, 8, 3\n",
+        "line 13: .NGEN: from node 1 to 8 there are no whole steps of 3",
+    ),
+    "an arc of half a turn": (
+        CUBE + "*NGEN, LINE=C\n1, 3, 1, , .5, .5, 0\n",
+        "line 13: .NGEN, LINE=C: an arc of half a turn or more is not followed",
+    ),
+    "filled unevenly": (CUBE + "*NFILL, BIAS=2\n", "line 12: .NFILL, BIAS is not followed here; write the nodes out"),
+    "filled between unlike sets": (
+        CUBE + "*NSET, NSET=A\n1\n*NSET, NSET=B\n2, 3\n*NFILL\nA, B, 4, 10\n",
+        "line 17: .NFILL: A has 1 nodes and B 2, to be joined by 4 intervals",
+    ),
+    "rows of an element that is not there": (CUBE + "*ELGEN\n7, 3, 1, 1\n", "line 13: .ELGEN: element 7 is not defined before"),
+    "endless rows": (CUBE + "*ELGEN\n1, 300000, 1, 1, 300000, 1, 1, 300000\n", "line 13: .ELGEN: rows of .* elements"),
+    "elements reflected": (CUBE + "*ELCOPY, REFLECT, OLD SET=CUBE\n", "line 12: .ELCOPY, REFLECT is not followed here"),
+    "nodes copied without numbers": (CUBE + "*NCOPY, OLD SET=ALL, SHIFT\n1,0,0\n", "line 12: .NCOPY: CHANGE NUMBER is missing"),
     "a part that does not end": ("*PART, NAME=P\n" + CUBE, "line 1: .PART has no .END PART; the file is truncated"),
     "an unknown part": (PART + TWO.replace("one, PART=P", "one, PART=Q"), "there is no part 'Q'; it has: P"),
     "an axis of no length": (

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from plain_model import cdb, plain, tables
+from plain_model import bdf, cdb, cdb_with_contact, ds_dat, plain, tables
 
 from microslip import elements
+from microslip.formats.ansys.contacts import side_of
 from microslip.formats.read import read_model
 from microslip.library.complete import complete
 from microslip.mesh.read import read_mesh
@@ -174,6 +175,76 @@ def test_point_masses_and_springs_are_elements(tmp_path):
     assert [found.groups[name].nodes.tolist() for name in spring.groups] == [[0], [1]]
 
 
+def test_the_sides_of_a_contact_are_groups_that_a_tie_or_a_joint_joins(tmp_path):
+    model = plain()
+    path = written(tmp_path, text=cdb_with_contact(model))
+    found, names = read_model(path), ("CONTA174 real 5", "TARGE170 real 5")
+    of_cells = [
+        {int(node) for block, rows in found.groups[name].cells.items() for node in found.cells[block].nodes[rows].ravel()}
+        for name in names
+    ]
+    assert of_cells == [set(model.sets["BAR_BOTTOM"]), set(model.sets["PLATE_TOP"])]
+    assert [(one.word, one.surfaces, one.is_glued) for one in found.findings] == [
+        ("element type 170", names, True),
+        ("element type 174", names, True),
+    ]
+    base = {**tables("model.cdb"), "joints": ()}
+    with pytest.raises(
+        CaseError, match=r"(?s)2 entries.*bonded; state \[\[ties\]\] or \[\[joints\]\] with surfaces = .*CONTA174 real 5"
+    ):
+        complete(scene_of(tables("model.cdb"), tmp_path / "s.toml"), found)
+    complete(scene_of({**base, "ties": ({"surfaces": names},)}, tmp_path / "s.toml"), found)
+    joint = {**tables("model.cdb")["joints"][0], "surfaces": names}
+    complete(scene_of({**base, "joints": (joint,)}, tmp_path / "s.toml"), found)
+    complete(scene_of(tables("model.cdb", ignore=("element type 174", "element type 170")), tmp_path / "s.toml"), found)
+
+
+def test_a_contact_without_its_other_side_or_with_a_pilot_node_is_named(tmp_path):
+    model = plain()
+    text = cdb_with_contact(model, 0).replace(f"{7:9d}{5:9d}", f"{7:9d}{6:9d}")  # targets of another pair
+    found = read_model(written(tmp_path, text=text))
+    assert [(one.effect, one.surfaces) for one in found.findings] == [("a target of contact", ()), ("a surface in contact", ())]
+    lines = cdb_with_contact(model, 5).splitlines()
+    lines = [line for line in lines if not line.startswith(f"{2:9d}{7:9d}{5:9d}")]
+    lines.insert(lines.index(f"{-1:9d}"), "".join(f"{n:9d}" for n in [2, 7, 5, 1, 0, 0, 0, 0, 1, 0, 901, 101]))
+    found = read_model(written(tmp_path, text="\n".join(lines).replace("SOLID,12,12", "SOLID,10,10")))
+    assert "a pilot node or a rigid body; state [[points]]" in found.findings[0].effect and not found.findings[1].surfaces
+
+
+@pytest.mark.parametrize(
+    "row, kind, nodes",
+    [
+        ((1, 2, 3), "tri3", (1, 2, 3)),
+        ((1, 2, 3, 3), "tri3", (1, 2, 3)),
+        ((1, 2, 3, 4), "quad4", (1, 2, 3, 4)),
+        ((1, 2, 3, 4, 5, 6), "tri6", (1, 2, 3, 4, 5, 6)),
+        ((1, 2, 3, 3, 4, 5, 3, 6), "tri6", (1, 2, 3, 4, 5, 6)),
+        ((1, 2, 3, 4, 5, 6, 7, 8), "quad8", (1, 2, 3, 4, 5, 6, 7, 8)),
+    ],
+)
+def test_faces_of_contact_have_their_shape(row, kind, nodes):
+    rows = np.array([[*row, *[0] * (8 - len(row))]])
+    (cells,) = side_of(170, 7, 5, rows, np.array([9]), np.arange(1, 9)).cells
+    assert (cells.kind, tuple(cells.nodes[0] + 1)) == (kind, nodes)
+
+
+@pytest.mark.parametrize(
+    "more, says", [((), None), (("MP,GXY,1,8.1e10",), "GXY"), (("MP,PRYZ,1,0.31",), "PRYZ"), (("MP,EZ,1,2.0e11",), "EZ")]
+)
+def test_an_isotropic_material_may_state_all_axes(tmp_path, more, says):
+    alike = (
+        "MP,EY,1,2.1e11",
+        "MP,EZ,1,2.1e11",
+        f"MP,GXY,1,{2.1e11 / 2.6:.6e}",
+        "MP,PRYZ,1,0.3",
+        "MP,NUXZ,1,0.3",
+        "MP,PRXY,1,0.3",
+    )
+    found = read_model(written(tmp_path, plain(), *alike, *more))
+    assert [one.effect for one in found.findings] == ([f"{says} of material 1: it is not isotropic"] if says else [])
+    assert found.materials["material 1"].poisson == 0.3
+
+
 def test_supports_in_turned_nodal_axes_become_equations(tmp_path):
     model = plain()
     lines = cdb(model).splitlines()
@@ -225,3 +296,84 @@ def test_damaged_archives_are_refused_with_one_message(tmp_path, change, says):
     text = change(cdb(plain()))
     with pytest.raises(CaseError, match=f"model.cdb: .*{says}"):
         read_model(written(tmp_path, text=text))
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex20"])
+def test_an_input_file_of_workbench_says_what_the_archive_says(tmp_path, kind):
+    model = plain(kind)
+    (tmp_path / "ds.dat").write_text(ds_dat(model))
+    found, archived = read_model(tmp_path / "ds.dat"), read_model(written(tmp_path, model))
+    np.testing.assert_array_equal(found.numbers, archived.numbers)
+    np.testing.assert_allclose(found.points, archived.points, atol=1e-11)
+    solids = [cells for cells in found.cells if cells.kind == kind]
+    for one, other in zip(solids, archived.cells, strict=True):
+        np.testing.assert_array_equal(one.nodes, other.nodes)
+        np.testing.assert_array_equal(one.numbers, other.numbers)
+    assert (found.bodies, found.materials, found.supports) == (archived.bodies, archived.materials, archived.supports)
+    for name in model.sets:
+        np.testing.assert_array_equal(found.groups[name].nodes, archived.groups[name].nodes)
+    names = ("CONTA174 real 3", "TARGE170 real 3")
+    assert [(one.word, one.surfaces, one.is_glued) for one in found.findings] == [
+        ("element type 174", names, True),
+        ("element type 170", names, True),
+    ]
+    for name, nodes in zip(names, ("BAR_BOTTOM", "PLATE_TOP")):
+        ((block, _),) = found.groups[name].cells.items()
+        assert set(found.cells[block].nodes.ravel()) == set(model.sets[nodes])
+    assert found.facts == ("title: bar on a plate--Modal (A5)", "units: MKS, as it says")
+
+
+@pytest.mark.parametrize(
+    "more, word, says",
+    [
+        ("en,501901,102,103", "E", "elements defined one by one .*CDWRITE"),
+        ("esel,s,type,,2\nnsle\nd,all,ux,0", "D", "a support of 'all', which is no node, component or selection known"),
+        ("pp=8.1e10\nmp,gxy,1,pp", "MP", "GXY of material 1: it is not isotropic"),
+        ("wobb,1", "WOBB", "not known"),
+        (
+            "et,9,185\neblock,19,solid,,1\n(19i9)\n"
+            + "".join(f"{n:9d}" for n in (1, 9, 1, 1, 0, 0, 0, 0, 8, 0, 77))
+            + "{nodes}\n-1",
+            "SOLID185",
+            "KEYOPT",
+        ),
+    ],
+)
+def test_what_an_input_file_does_beside_is_refused_until_it_is_waived(tmp_path, more, word, says):
+    model = plain()
+    nodes = "".join(f"{n:9d}" for n in model.numbers[model.elements[0][0]])
+    (tmp_path / "ds.dat").write_text(ds_dat(model, (more.replace("{nodes}", nodes),)))
+    found = read_model(tmp_path / "ds.dat")
+    (finding,) = [one for one in found.findings if one.changes and not one.surfaces]
+    assert finding.word == word
+    with pytest.raises(CaseError, match=says):
+        complete(scene_of(tables("ds.dat"), tmp_path / "s.toml"), found)
+
+
+@pytest.mark.parametrize(
+    "change, says",
+    [
+        (lambda text: text[: text.index("et,1,185") - 200], "the block of line 8 ends without -1; the file is truncated"),
+        (lambda text: text[: text.index("eblock")], "its NBLOCK or EBLOCK is empty or damaged"),
+        (lambda text: text.replace("(1i9,3e20.9e3)", "(3f20.5)"), "line 9: a format like .* is due after NBLOCK"),
+        (lambda text: text.replace("(1i9,3e20.9e3)", "(1i9,2e20.9e3)"), "three coordinates"),
+        (lambda text: text.replace("(19i9)", "(99i999)"), "the format .* is none of a block"),
+        (lambda text: text.replace(f"{8:9d}{0:9d}{1:9d}", f"{80:9d}{0:9d}{1:9d}"), "fewer nodes than it counts"),
+        (lambda text: text.replace(f"{101:9d} ", "     1x1 "), "line 10 and on: .*where numbers in a given width are due"),
+        (
+            lambda text: text.replace("CMBLOCK,PLATE_BASE,NODE,        8", "CMBLOCK,PLATE_BASE,NODE,999999999"),
+            "the file ends before",
+        ),
+        (lambda text: text.replace("keyo,cid,12,5", "keyo,cid,12,who"), "KEYOPT: 'who' where a number is due"),
+    ],
+)
+def test_damaged_input_files_are_refused_with_one_message(tmp_path, change, says):
+    (tmp_path / "ds.dat").write_text(change(ds_dat(plain())))
+    with pytest.raises(CaseError, match=f"ds.dat: .*{says}"):
+        read_model(tmp_path / "ds.dat")
+
+
+def test_a_dat_of_nastran_is_still_one(tmp_path):
+    pytest.importorskip("pyNastran")
+    (tmp_path / "m.dat").write_text(bdf(plain()))
+    assert len(read_model(tmp_path / "m.dat").points) == 32

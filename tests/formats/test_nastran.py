@@ -1,16 +1,19 @@
 """Nastran bulk data: every solid, what the cards say, what changes the answer, and what is damaged."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from plain_model import bdf, plain, tables
 
 from microslip import elements
 from microslip.formats.read import read_model
-from microslip.library.complete import complete
+from microslip.library.complete import complete, held_by
 from microslip.parallel.errors import CaseError
 from microslip.scene.read import scene_of
 
 pytest.importorskip("pyNastran")
+DATA = Path(__file__).parents[1] / "data"
 SURFACES = {"surfaces": ("SET 1", "SET 2")}
 
 
@@ -93,6 +96,48 @@ def test_leading_grid_points_have_springs_and_belong_to_their_solids(tmp_path):
     assert found.groups[inner.group].nodes.tolist() == [2, 3]
 
 
+def test_rigid_elements_of_one_leading_grid_point_are_one(tmp_path):
+    model = plain()
+    a, b, c, d = map(int, model.numbers[:4])
+    more = ("GRID,5000,,0.1,0.0,0.03", f"RBE2,901,5000,123456,{a},{b}", f"RBE2,902,5000,123,{c}")
+    more += (f"RBE3,903,,5001,123456,1.0,123,{d},{a}", "GRID,5001,,0.1,0.1,0.03", f"RBE2,904,5001,123,{c}")
+    found = read_model(written(tmp_path, model, *more))
+    assert [(point.name, point.connection) for point in found.connected] == [("RBE2 901", "rigid"), ("RBE3 903", "distributing")]
+    assert found.groups["RBE2 901"].nodes.tolist() == [0, 1, 2]
+    assert [(one.where, one.effect) for one in found.findings] == [("RBE2 904", "grid point 5001 leads an RBE3 already")]
+
+
+def test_the_geometry_of_nastrans_output_is_that_of_its_bulk_data():
+    """A hex20 that MSC Nastran wrote, in single precision; materials come as they were typed."""
+    found, bulk = read_model(DATA / "chexa20.op2"), read_model(DATA / "chexa20.bdf")
+    np.testing.assert_array_equal(found.numbers, bulk.numbers)
+    np.testing.assert_allclose(found.points, bulk.points, atol=1e-7 * abs(bulk.points).max())
+    for one, other in zip(found.cells, bulk.cells, strict=True):
+        assert one.kind == other.kind == "hex20"
+        np.testing.assert_array_equal(one.nodes, other.nodes)
+    assert (found.materials, found.bodies, found.supports) == (bulk.materials, bulk.bodies, bulk.supports)
+    assert found.materials["MAT1 1"].young == 7.2e10
+    np.testing.assert_array_equal(found.groups["SPC xyz"].nodes, bulk.groups["SPC xyz"].nodes)
+
+
+@pytest.mark.parametrize(
+    "change, says", [(lambda data: data[:9000], "truncated"), (lambda data: b"", "truncated"), (None, "Nastran FATAL")]
+)
+def test_output_without_whole_geometry_is_refused_with_one_message(tmp_path, change, says):
+    data = (DATA / "chexa20.op2").read_bytes() if change else (DATA / "matrices" / "mymatrix.op2").read_bytes()
+    (tmp_path / "m.op2").write_bytes(change(data) if change else data)
+    with pytest.raises(CaseError, match=f"m.op2: .*{says}.*PARAM,POST,-1"):
+        read_model(tmp_path / "m.op2")
+
+
+@pytest.mark.parametrize(
+    "name, says", [("m.rst", "CDWRITE"), ("m.odb", "input file, .inp"), ("m.frd", "input file, .inp"), ("m.xdb", "bulk data")]
+)
+def test_results_and_databases_of_programs_say_what_to_write_instead(tmp_path, name, says):
+    with pytest.raises(CaseError, match=f"the ending '.{name[2:]}' is not read: .*{says}"):
+        read_model(tmp_path / name)
+
+
 @pytest.mark.parametrize(
     "card, says",
     [
@@ -118,7 +163,18 @@ def test_supports_in_turned_axes_are_not_left_out_in_silence(tmp_path):
     ):
         complete(scene(tmp_path, take=("materials", "bodies", "supports")), model)
     own = scene(tmp_path).model_dump(exclude_unset=True) | {"supports": ({"group": "SET 3", "fix": ("x", "y", "z")},)}
-    assert any("1 of them are supports in turned axes" in note for note in complete(scene_of(own, tmp_path / "s.toml"), model)[1])
+    replaced = scene_of(own, tmp_path / "s.toml")
+    assert any("1 supports in turned axes of model.bdf are left out" in note for note in complete(replaced, model)[1])
+    assert held_by(replaced, model).equations is None and held_by(scene(tmp_path), model).equations.n_supports == 1
+
+
+def test_supports_of_the_scene_leave_other_equations_of_the_file(tmp_path):
+    more = ("GRDSET,,,,,,7", "CORD2R,7,,0.,0.,0.,0.,1.,0.", ",0.,0.,1.", "SPC1,1,1,102", "MPC,4,101,1,1.0,103,1,-1.0")
+    model = read_model(written(tmp_path, plain(), *more, case=("MPC = 4",)))
+    assert model.equations.where == ("SPC of grid point 102 in turned axes", "MPC 4")
+    left = model.equations.without_supports()
+    assert (left.where, left.equation.tolist(), left.n_supports) == (("MPC 4",), [0, 0], 0)
+    assert model.numbers[left.nodes].tolist() == [101, 103]
 
 
 def test_defaults_of_grid_points_hold_them_and_a_set_that_is_not_asked_for_is_said(tmp_path):

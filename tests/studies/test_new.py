@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from plain_model import bdf, cdb, exodus, inp, plain, unv
+from plain_model import bdf, cdb, cdb_with_contact, exodus, inp, plain, unv
 
 from microslip.formats.model import Cells, FileModel, Group
 from microslip.formats.units import UNITS
@@ -61,6 +61,17 @@ def test_candidates_without_names_get_them(tmp_path):
     scene = read_scene(tmp_path / "m.toml")
     assert [one.bodies for one in scene.surfaces] == [("BAR-1.ALL", "PLATE-1.ALL"), ("PLATE-1.ALL", "BAR-1.ALL")]
     assert scene.joints[0].surfaces == tuple(one.name for one in scene.surfaces)
+
+
+@pytest.mark.parametrize("behaviour", [5, 0])
+def test_surfaces_that_the_file_holds_in_contact_are_tied_where_it_bonds_them(tmp_path, behaviour):
+    (tmp_path / "m.cdb").write_text(cdb_with_contact(plain(), behaviour))
+    said = "\n".join(_write(str(tmp_path / "m.cdb"), tmp_path / "m.toml", False))
+    assert "to answer" not in said
+    filled(tmp_path / "m.toml")
+    scene, names = read_scene(tmp_path / "m.toml"), ("CONTA174 real 5", "TARGE170 real 5")
+    assert [one.surfaces for one in scene.ties] == ([names] if behaviour == 5 else [])
+    assert [frozenset(one.surfaces) for one in scene.joints] == ([] if behaviour == 5 else [frozenset(names)])
 
 
 def candidates_of(points, blocks, groups):

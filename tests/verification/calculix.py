@@ -35,6 +35,7 @@ TYPES = {
     "C3D20R": ("hex20", "reduced-both", True),
     "C3D4": ("tet4", "reduced-both", True),
     "C3D10": ("tet10", "reduced-both", True),
+    "C3D6": ("wedge6", "reduced-both", True),
     "C3D15": ("wedge15", "reduced-both", True),
 }
 

@@ -65,7 +65,9 @@ def simplex(n_dim: int, *orbits: tuple[float, tuple[float, ...]]) -> Rule:
 
 
 def triangle(n: int) -> Rule:
-    """Return a rule of n points on the unit triangle: 3 (degree 2, inner points) or 6 (degree 4)."""
+    """Return a rule of n points on the unit triangle: 1 (degree 1), 3 (degree 2, inner points) or 6 (degree 4)."""
+    if n == 1:
+        return simplex(2, (1.0, (1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0)))
     if n == 3:
         return simplex(2, (1.0 / 3.0, (1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0)))
     r = np.sqrt(10.0)
@@ -112,9 +114,10 @@ def pyramid(n: int) -> Rule:
 INTEGRATIONS = {
     "full": "all the rank of the stiffness; the mass exact in straight tetrahedra, prisms and parallelepipeds, positive definite",
     "reduced": "hex20: stiffness 2x2x2, mass by Irons' 14 points (Ansys SOLID186); other kinds as full",
-    "reduced-both": "mass by the same few points as the stiffness (CalculiX C3D20R, C3D15, C3D10, C3D4); hex8 and wedge6 as full",
+    "reduced-both": "mass by the same few points as the stiffness (CalculiX C3D20R, C3D15, C3D10, C3D6, C3D4); hex8 as full",
 }
 
+_WEDGE2, _WEDGE6 = (tensor(triangle(n), gauss_line(2)) for n in (1, 3))
 _WEDGE9 = tensor(triangle(3), gauss_line(3))
 # kind: rules of stiffness and mass for each of INTEGRATIONS
 _RULES = {
@@ -122,7 +125,7 @@ _RULES = {
     "hex20": [(cube(3), cube(3)), (cube(2), irons14()), (cube(2), cube(2))],
     "tet4": [(tetrahedron(1), tetrahedron(4))] * 2 + [(tetrahedron(1), tetrahedron(1))],
     "tet10": [(tetrahedron(4), tetrahedron(14))] * 2 + [(tetrahedron(4), tetrahedron(4))],
-    "wedge6": [(tensor(triangle(3), gauss_line(2)),) * 2] * 3,
+    "wedge6": [(_WEDGE6, _WEDGE6)] * 2 + [(_WEDGE2, _WEDGE2)],
     "wedge15": [(_WEDGE9, tensor(triangle(6), gauss_line(3)))] * 2 + [(_WEDGE9, _WEDGE9)],
     "pyramid5": [(pyramid(2), pyramid(2))] * 3,
     "pyramid13": [(pyramid(3), pyramid(3))] * 3,

@@ -141,7 +141,22 @@ class Equations:
     axes: np.ndarray  # (n_terms,) 0, 1, 2: x, y, z
     coefficients: np.ndarray  # (n_terms,)
     where: tuple[str, ...]  # where each equation stands in the file, for messages: "*EQUATION, line 12"
-    n_supports: int = 0  # how many of them are supports in turned axes
+    is_support: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))  # (n_equations,) or none: in turned axes
+
+    @property
+    def n_supports(self) -> int:
+        """How many of them are supports in turned axes."""
+        return int(np.count_nonzero(self.is_support))
+
+    def without_supports(self) -> Equations | None:
+        """Return the others; None where there are none."""
+        if not self.n_supports:
+            return self
+        kept = np.flatnonzero(~self.is_support)
+        own = np.isin(self.equation, kept)
+        where = tuple(self.where[i] for i in kept)
+        equation = np.searchsorted(kept, self.equation[own])
+        return Equations(equation, self.nodes[own], self.axes[own], self.coefficients[own], where) if len(kept) else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +180,7 @@ class Finding:
     # the scene states what acts before the vibration
     part: str = ""
     surfaces: tuple[str, ...] = ()  # the groups that it connects: a joint or tie of the scene between them takes its place
+    is_glued: bool = False  # whether the file holds them together as one, as a tie does
 
 
 @dataclass(frozen=True)

@@ -9,22 +9,43 @@ import numpy as np
 from ..parallel.errors import CaseError, MeshError
 from ..parallel.words import place
 from .abaqus.read import read_inp
-from .ansys import read_cdb
+from .ansys import is_input, read_cdb, read_input
 from .exodus import read_exodus
 from .model import FileModel
 from .msh import read_msh
-from .nastran import read_bdf
+from .nastran import read_bdf, read_op2_model
 from .unv import read_unv
 from .via_meshio import FORMATS, read_other
+
+
+def _read_dat(path: str) -> FileModel:
+    """Return what a file holds whose ending two programs share."""
+    return read_input(path) if is_input(path) else read_bdf(path)
+
 
 READERS = {
     ".msh": read_msh,
     ".inp": read_inp,
     ".cdb": read_cdb,
-    **dict.fromkeys((".bdf", ".nas", ".dat"), read_bdf),
+    **dict.fromkeys((".bdf", ".nas"), read_bdf),
+    ".dat": _read_dat,
+    ".op2": read_op2_model,
     **dict.fromkeys((".e", ".exo", ".ex2"), read_exodus),
     ".unv": read_unv,
     **dict.fromkeys(FORMATS, read_other),
+}
+
+
+# results and databases of programs, and what to have written in their place
+_ADVICE = {
+    **dict.fromkeys(
+        (".rst", ".rth", ".db", ".mechdb", ".wbpj"), "results and databases of Ansys; write the archive: CDWRITE,DB,model,cdb"
+    ),
+    **dict.fromkeys((".odb", ".cae", ".sim", ".fil"), "results and databases of Abaqus; take the input file, .inp, of the job"),
+    **dict.fromkeys((".frd", ".fbd"), "files of CalculiX' cgx; take the input file, .inp"),
+    **dict.fromkeys(
+        (".xdb", ".f06", ".h5", ".dball"), "results of Nastran; take its bulk data, .bdf, or its geometry in an .op2"
+    ),
 }
 
 
@@ -37,6 +58,8 @@ def read_model(path: str | os.PathLike[str]) -> FileModel:
     """
     path = os.path.normpath(path)
     ending = os.path.splitext(path)[1].lower()
+    if ending in _ADVICE:
+        raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not read: {_ADVICE[ending]}")
     if ending not in READERS:
         raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not known; known are {', '.join(READERS)}")
     if not os.path.isfile(path):

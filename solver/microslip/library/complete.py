@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 from ..formats.model import FileModel, Finding
@@ -32,7 +32,18 @@ def read_completed(scene: Scene, comm: MPI.Comm) -> tuple[FileModel | None, Scen
     """
     assert scene.model.mesh is not None, "a scene with a mesh"
     model = on_root(comm, read_model, scene.folder / scene.model.mesh, share=False)
-    return model, *on_root(comm, complete, scene, model)
+    whole, notes = on_root(comm, complete, scene, model)
+    return None if model is None else held_by(scene, model), whole, notes
+
+
+def held_by(scene: Scene, model: FileModel) -> FileModel:
+    """Return the model without its supports in turned axes, which are equations, where those of the scene take their place.
+
+    Local, rank 0.
+    """
+    if model.equations is None or "supports" in _taken(scene, model):
+        return model
+    return replace(model, equations=model.equations.without_supports())
 
 
 def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
@@ -83,12 +94,10 @@ def _equations(model: FileModel, scene: Scene, takes_supports: bool) -> list[str
                 'equations; add "equations", or leave out "supports" and state [[supports]]'
             )
         return []
-    notes = [f"{n} equations taken over from {scene.model.mesh}"] if n else []
-    if n_held and not takes_supports:
-        notes.append(
-            f"{n_held} of them are supports in turned axes, which hold beside those of the scene; to leave all equations out, "
-            "state [model] take without them"
-        )
+    n_left = 0 if takes_supports else n_held
+    notes = [f"{n - n_left} equations taken over from {scene.model.mesh}"] if n > n_left else []
+    if n_left:
+        notes.append(f"{n_left} supports in turned axes of {scene.model.mesh} are left out, as its others are")
     return notes
 
 

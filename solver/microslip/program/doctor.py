@@ -63,6 +63,8 @@ def _fault(part: Part) -> str | None:
     except ImportError as problem:
         missing = isinstance(problem, ModuleNotFoundError) and problem.name == part.name
         return f"missing{'' if missing else f' ({problem})'}: {part.remedy}"
+    except (ValueError, AttributeError, SystemError) as problem:  # built for another NumPy or another Python
+        return f"it does not fit to what is here ({problem}): {part.remedy}"
     return None
 
 
@@ -154,6 +156,12 @@ def _notes(is_well: bool) -> list[str]:
         found.append("MUMPS runs on the reference BLAS, several times slower: sudo apt-get install libopenblas0-pthread")
     if importlib.util.find_spec("plotly") is None:
         found.append(f"without plotly there is no `microslip report`: {_pip('plotly')}")
+    for package, module, files in (
+        ("mapdl-archive", "mapdl_archive", "Ansys archives"),
+        ("pyNastran", "pyNastran", "Nastran's files"),
+    ):
+        if importlib.util.find_spec(module) is None:
+            found.append(f"without {package} {files} are not read: {_pip(package)}")
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "1")
     if threads != "1":
         found.append(f"OPENBLAS_NUM_THREADS = {threads}: each rank uses so many threads")

@@ -148,7 +148,7 @@ def _take_nodes(mesh: FileMesh, names: Names, card: Card) -> None:
     points = names.scope.placed(points @ axes + origin)
     names.given_nodes.append((numbers, points, card.where))
     if card.parameters.get("NSET"):
-        _add(mesh, names, "NSET", card.parameters["NSET"], ("numbers", numbers, card.where))
+        add_to_set(mesh, names, "NSET", card.parameters["NSET"], ("numbers", numbers, card.where))
 
 
 def _take_system(mesh: FileMesh, names: Names, card: Card) -> None:
@@ -159,10 +159,11 @@ def _take_elements(mesh: FileMesh, names: Names, card: Card) -> None:
     block = read_elements(card)
     names.blocks.append(block)
     if card.parameters.get("ELSET"):
-        _add(mesh, names, "ELSET", card.parameters["ELSET"], ("numbers", block.numbers, card.where))
+        add_to_set(mesh, names, "ELSET", card.parameters["ELSET"], ("numbers", block.numbers, card.where))
 
 
-def _add(mesh: FileMesh, names: Names, kind: str, name: str, part: tuple) -> None:
+def add_to_set(mesh: FileMesh, names: Names, kind: str, name: str, part: tuple) -> None:
+    """Add an entry to a set: how its members are told, they themselves, and where that stands."""
     names.sets[kind].setdefault(mesh.spelled(name).upper(), []).append(part)
 
 
@@ -175,15 +176,17 @@ def _take_set(mesh: FileMesh, names: Names, card: Card) -> None:
     names.sets[kind].setdefault(name.upper(), [])
     if "INTERNAL" in card.parameters:
         names.internal.add(name.upper())
+    if "UNSORTED" in card.parameters:
+        names.unsorted.add(name.upper())
     if kind == "NSET" and "ELSET" in card.parameters:
-        _add(mesh, names, kind, name, ("elements", card.parameter("ELSET"), card.where))
+        add_to_set(mesh, names, kind, name, ("elements", card.parameter("ELSET"), card.where))
         return
     instance = card.parameter("INSTANCE")
 
     def add(what) -> None:
         how = "set" if isinstance(what, str) else "numbers"
         part = ("instance", (instance, what), card.where) if instance else (how, what, card.where)
-        _add(mesh, names, kind, name, part)
+        add_to_set(mesh, names, kind, name, part)
 
     if "GENERATE" in card.parameters:
         for words, where in card.lines():

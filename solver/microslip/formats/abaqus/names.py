@@ -64,6 +64,7 @@ class Names:
     blocks: list[Elements] = field(default_factory=list)
     sets: dict[str, dict[str, list[tuple[str, object, str]]]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
     internal: set[str] = field(default_factory=set)  # sets that a pre-processor made for itself
+    unsorted: set[str] = field(default_factory=set)  # sets whose members keep their order
     surfaces: dict[str, list[tuple[str, str, str]]] = field(default_factory=dict)  # element or set, face or "NODE", where
     system: tuple[np.ndarray, np.ndarray] = field(default_factory=lambda: (np.eye(3), np.zeros(3)))
 

@@ -14,6 +14,7 @@ from .discrete import take_discrete
 from .equations import take_equations
 from .findings import REFUSED, TAKEN, Findings, known
 from .gathered import Gathered, Step
+from .generated import take_generated
 from .groups import grouped
 from .mesh import FileMesh, finish, take_mesh_card
 from .parameters import in_full
@@ -43,7 +44,8 @@ def read_inp(path: str) -> FileModel:
     mesh = FileMesh()
     for scope, card in played:
         mesh.of(scope)
-        take_mesh_card(mesh, scope, card)
+        if not take_mesh_card(mesh, scope, card):
+            take_generated(mesh, scope, card)
         if card.keyword in ("NODE", "ELEMENT") and not scope.name:
             card.pieces.clear()  # the longest texts; those of parts are read again for further instances
     every = mesh.names.values()
@@ -152,7 +154,7 @@ def _composed(model: Gathered) -> FileModel:
         np.array(terms.axes, dtype=np.int64),
         np.array(terms.coefficients),
         tuple(terms.where),
-        sum(where.startswith("*BOUNDARY") for where in terms.where),
+        np.array([where.startswith("*BOUNDARY") for where in terms.where], dtype=bool),
     )
     return FileModel(
         mesh.points,

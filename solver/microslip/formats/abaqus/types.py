@@ -45,15 +45,13 @@ def integration_of(word: str) -> Integration | None:
         return Integration("full", "I" in variant or "R" in variant)
     if n_nodes == 20:
         return Integration("reduced-both" if "R" in variant else "full", True)
-    return Integration("reduced-both" if n_nodes in (4, 10, 15) else "full", True)
+    return Integration("reduced-both" if n_nodes in (4, 6, 10, 15) else "full", True)
 
 
 def note_on(word: str) -> str:
     """Return in which way a solid type is taken for another; "" where it is as it is."""
     if word in ("C3D8R", "C3D8RH"):
         return "one integration point with hourglass control is not had here: they are taken as C3D8I, incompatible modes"
-    if word == "C3D6":
-        return "two integration points there, six here: it is stiffer in coarse meshes"
     if re.fullmatch(r"C3D10(M|MH|HS|I)", word):
         return "they are taken as C3D10"
     if re.fullmatch(r"C3D\d+\w*H", word):

@@ -1,5 +1,5 @@
-"""Ansys archives (.cdb), as CDWRITE writes them."""
+"""Ansys archives (.cdb), as CDWRITE writes them, and input files, as Workbench does (ds.dat)."""
 
-from .read import read_cdb
+from .read import is_input, read_cdb, read_input
 
-__all__ = ["read_cdb"]
+__all__ = ["is_input", "read_cdb", "read_input"]

@@ -3,36 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from ...parallel.errors import MeshError
 from ..model import KINDS, Cells, FileMass, FilePoint, FileSpring, Finding, Group, index_of
+from .blocks import FIELDS, Blocks
 from .content import Content
 
 
-def attached(archive: Any, content: Content, numbers: np.ndarray, groups: dict[str, Group], leading: dict[int, FilePoint]):
+def attached(blocks: Blocks, content: Content, groups: dict[str, Group], leading: dict[int, FilePoint]):
     """Return point masses (MASS21) and springs (COMBIN14), with groups for their nodes.  Local.
 
     A mass on a node that leads a rigid region becomes that of the point, in ``leading``.
     """
-    constants = {int(n): list(values) for n, values in zip(archive.rlblock_num, archive.rlblock, strict=True)}
-    constants |= content.constants
-    start, flat = np.asarray(archive._elem_off[:-1]), np.asarray(archive._elem)
+    constants = {**blocks.constants, **content.constants}
+    start, flat, numbers = blocks.start[:-1], blocks.flat, blocks.numbers
     masses, springs = [], []
     is_attached = np.isin(flat[start + 1], [number for number, own_type in content.types.items() if own_type in (14, 21)])
-    for row, number in zip(start[is_attached], archive.enum[is_attached], strict=True):
+    for row, number in zip(start[is_attached], blocks.elements[is_attached], strict=True):
         own_type = content.types[int(flat[row + 1])]
         values, keys = constants.get(int(flat[row + 2]), []), content.keys.get(int(flat[row + 1]), {})
         where = f"element {number}"
         if own_type == 21:
-            masses += _mass(content, where, values, keys, int(flat[row + 10]), numbers, groups, leading)
-        elif any(int(node) in leading for node in flat[row + 10 : row + 12]):
+            masses += _mass(content, where, values, keys, int(flat[row + FIELDS]), numbers, groups, leading)
+        elif any(int(node) in leading for node in flat[row + FIELDS : row + FIELDS + 2]):
             effect = "a spring at a node that leads a rigid region"
             content.findings.append(Finding(word="COMBIN14", where=where, effect=effect, changes=True, part="springs"))
         else:
-            springs += _spring(content, where, values, keys, flat[row + 10 : row + 12], numbers, groups)
+            springs += _spring(content, where, values, keys, flat[row + FIELDS : row + FIELDS + 2], numbers, groups)
     return tuple(masses), tuple(springs)
 
 

@@ -237,5 +237,5 @@ def equations(found: Restraints, numbers: np.ndarray, angles: np.ndarray, leader
     equation, index, axes, values = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(equation, kind="stable")
     places = tuple(place for place, _ in rows)
-    n_supports = sum(one.startswith("D, ") for one in places)
-    return Equations(equation[order], index[order], axes[order], values[order].astype(float), places, n_supports)
+    is_support = np.array([one.startswith("D, ") for one in places], dtype=bool)
+    return Equations(equation[order], index[order], axes[order], values[order].astype(float), places, is_support)

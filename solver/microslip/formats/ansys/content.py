@@ -13,7 +13,13 @@ from . import constraints as between
 from .commands import Command
 
 _PROPERTIES = {"EX": "young", "NUXY": "poisson", "PRXY": "poisson", "DENS": "density", "ALPX": "expansion"}
-_OTHER_AXES = ("EY", "EZ", "GXY", "GYZ", "GXZ", "NUYZ", "NUXZ", "PRYZ", "PRXZ", "ALPY", "ALPZ")
+_OTHER_AXES = {  # what an isotropic material may state of its other axes: the property that they repeat
+    **dict.fromkeys(("EY", "EZ"), "young"),
+    **dict.fromkeys(("GXY", "GYZ", "GXZ"), "shear"),
+    **dict.fromkeys(("NUYZ", "NUXZ", "PRYZ", "PRXZ"), "poisson"),
+    **dict.fromkeys(("ALPY", "ALPZ"), "expansion"),
+}
+_ALIKE = 1e-4  # of a property: digits with which files repeat it
 # what sets up the program, selects, solves or prints; and loads, which are counted
 _HARMLESS = set(
     "FINISH DOF *IF *ELSE *ELSEIF *ENDIF *SET *DIM *GET *DO *ENDDO NUMOFF EXTOPT TYPE MAT REAL ESYS SECNUM SHPP N EN NBLOCK "
@@ -33,6 +39,7 @@ _EFFECTS = {
     "SLOAD": "a bolt's load; state [[statics.bolts]]",
     "INISTATE": "stress before any load",
     "/INPUT": "a further file",
+    "E": "elements defined one by one (springs, masses, remote points), which are not read; write the model by CDWRITE for them",
     "USE": "a macro that the file does not hold",
     "*USE": "a macro that the file does not hold",
 }
@@ -45,11 +52,15 @@ class Content:
     types: dict[int, int] = field(default_factory=dict)  # ET: number of a type, and of its element
     keys: dict[int, dict[int, int]] = field(default_factory=dict)  # KEYOPT
     materials: dict[int, dict[str, float]] = field(default_factory=dict)
-    constants: dict[int, list[float]] = field(default_factory=dict)  # R, RMORE
+    of_axes: list[tuple[Command, str, int, float]] = field(
+        default_factory=list
+    )  # properties of other axes: label, material, value
+    constants: dict[int, list[float]] = field(default_factory=dict)  # R, RMORE, RMODIF
     constraints: between.Restraints = field(default_factory=between.Restraints)
     findings: list[Finding] = field(default_factory=list)
     loads: dict[str, int] = field(default_factory=dict)
-    title: str = ""
+    facts: tuple[str, ...] = ()  # title, units
+    is_chosen: bool = False  # whether Ansys is left to choose KEYOPTs (ETCONTROL,SET)
     selected: np.ndarray | None = None  # nodes that ALL means; None: a selection that is not followed
 
 
@@ -64,9 +75,9 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
             _take_keys(content, command, command.fields[2:8])
         elif word == "ETBLOCK":
             _take_types(content, command)
-        elif word in ("NSEL", "CMSEL", "ALLSEL"):
+        elif word in ("NSEL", "NSLE", "CMSEL", "ALLSEL"):
             _select(content, command, numbers, components)
-        elif word in ("KEYOP", "KEYOPT"):
+        elif word in ("KEYO", "KEYOP", "KEYOPT"):
             content.keys.setdefault(int(command.number(0)), {})[int(command.number(1))] = int(command.number(2))
         elif word in ("MP", "MPDATA"):
             _take_property(content, command)
@@ -74,6 +85,8 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
             last_real = int(command.number(0)) if word == "R" else last_real
             values = [command.number(i) for i in range(1 if word == "R" else 0, len(command.fields))]
             content.constants.setdefault(last_real, []).extend(values)
+        elif word in ("RMOD", "RMODI", "RMODIF"):
+            _change_constants(content, command)
         elif word == "D":
             between.take_support(content.constraints, command, content.selected, components)
         elif word == "CE":
@@ -83,10 +96,38 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
         elif word == "CERIG":
             between.take_rigid(content.constraints, command, content.selected, components)
         elif word == "/TITLE":
-            content.title = ",".join(command.fields).strip()
+            content.facts += (f"title: {','.join(command.fields).strip()}",) if any(command.fields) else ()
+        elif word == "ETCONTROL":
+            content.is_chosen |= command.field(0).upper() == "SET"
+        elif word == "/UNITS":
+            content.facts += (f"units: {command.field(0)}, as it says",)
         else:
             _pass_over(content, command)
+    content.findings.extend(_of_other_axes(content))
     return content
+
+
+def _change_constants(content: Content, command: Command) -> None:
+    """Take an RMODIF command: a set of constants, the first that changes, and values from there on."""
+    known, first = content.constants.setdefault(int(command.number(0)), []), int(command.number(1)) - 1
+    values = {first + i: command.number(2 + i) for i, word in enumerate(command.fields[2:8]) if word and first + i >= 0}
+    known.extend([0.0] * (max(values, default=-1) + 1 - len(known)))
+    for i, value in values.items():
+        known[i] = value
+
+
+def _of_other_axes(content: Content) -> list[Finding]:
+    """Return a finding for each property of another axis that is not that of an isotropic material."""
+    found = []
+    for command, label, number, value in content.of_axes:
+        known = content.materials[number]
+        young, poisson = known.get("young"), known.get("poisson")
+        shear = young / (2.0 * (1.0 + poisson)) if young is not None and poisson not in (None, -1.0) else None
+        expected = {**known, "shear": shear}.get(_OTHER_AXES[label])
+        if expected is None or abs(value - expected) > _ALIKE * abs(expected):
+            effect = f"{label} of material {number}: it is not isotropic"
+            found.append(Finding(word=command.word, where=command.where, effect=effect, changes=True, part="materials"))
+    return found
 
 
 def _take_keys(content: Content, command: Command, fields: tuple[str, ...]) -> None:
@@ -112,7 +153,7 @@ def _select(content: Content, command: Command, numbers: np.ndarray, components:
     how, name = command.field(0).upper(), command.field(1).upper()
     if command.word == "ALLSEL" or (command.word == "NSEL" and how in ("", "ALL")):
         content.selected = numbers
-    elif command.word == "NSEL":
+    elif command.word in ("NSEL", "NSLE"):
         content.selected = None
     elif name in components or how != "S":
         content.selected = components.get(name) if how == "S" else None
@@ -134,9 +175,8 @@ def _take_property(content: Content, command: Command) -> None:
         if command.word == "MP" and any(command.number(k) for k in range(3, 7)):
             effect = f"{label} of material {number} depends on the temperature; its value at 0 would be taken"
             content.findings.append(Finding(word="MP", where=where, effect=effect, changes=True, part=part))
-    elif label in _OTHER_AXES and known.get("young") != value:
-        effect = f"{label} of material {number}: it is not isotropic"
-        content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=True, part=part))
+    elif label in _OTHER_AXES:
+        content.of_axes.append((command, label, number, value))
     elif label in ("DMPR", "BETD", "ALPD", "DMPS"):
         effect = f"damping of material {number}; state [damping]"
         content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=False, part=part))

@@ -2,39 +2,46 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ..model import Cells, FileBody, Finding, Group
+from .blocks import FIELDS, Blocks
+from .contacts import CONTACT, TARGET, Side, findings_of_contacts, side_of
 from .content import Content
 from .shapes import faces, solids, tetrahedra
 from .types import EFFECTS, Solid, solid_of
 
 
-def cells_and_bodies(archive: Any, content: Content, numbers: np.ndarray, groups: dict[str, Group]):
+def cells_and_bodies(blocks: Blocks, content: Content, groups: dict[str, Group]) -> tuple[list[Cells], dict[str, FileBody]]:
     """Return the cells, and the bodies: solids by material and type; fill groups of solids and contact surfaces.  Local."""
-    start, flat = np.asarray(archive._elem_off[:-1]), np.asarray(archive._elem)
-    n_nodes = np.diff(archive._elem_off) - 10
+    start, flat, numbers, elements = blocks.start[:-1], blocks.flat, blocks.numbers, blocks.elements
+    n_nodes = np.diff(blocks.start) - FIELDS
     material, kind, real = (flat[start + i] for i in range(3))
-    elements = np.asarray(archive.enum, dtype=np.int64)
-    for number, element_type in archive.ekey:
-        content.types.setdefault(int(number), int(element_type))
+    for number, element_type in blocks.types.items():
+        content.types.setdefault(number, element_type)
     cells: list[Cells] = []
     bodies: dict[str, FileBody] = {}
+    sides: list[Side] = []
     for number in np.unique(kind):
         own_type = content.types.get(int(number), 0)
         solid = solid_of(own_type, content.keys.get(int(number), {}))
         rows_of_type = kind == number
         if not isinstance(solid, Solid):
-            _report_type(content, int(number), own_type, solid, int(rows_of_type.sum()))
-            if own_type in (154, 173, 174):
-                for one in np.unique(real[rows_of_type]):
-                    own = rows_of_type & (real == one)
-                    name = f"{'SURF' if own_type == 154 else 'CONTA'}{own_type} real {one}"
-                    _add_cells(groups, name, cells, faces(_rows(flat, start, n_nodes, own, 8), elements[own], numbers))
+            if own_type not in (*CONTACT, TARGET):
+                _report_type(content, int(number), own_type, solid, int(rows_of_type.sum()))
+            for one in np.unique(real[rows_of_type]) if own_type in (154, *CONTACT, TARGET) else ():
+                own = rows_of_type & (real == one)
+                rows = _rows(flat, start, n_nodes, own, 8)
+                if own_type == 154:
+                    _add_cells(groups, f"SURF154 real {one}", cells, faces(rows, elements[own], numbers))
+                else:
+                    sides.append(side_of(own_type, int(number), int(one), rows, elements[own], numbers))
+                    _add_cells(groups, sides[-1].group, cells, list(sides[-1].cells))
             continue
-        if solid.differs:
+        if own_type == 185 and content.is_chosen and 2 not in content.keys.get(int(number), {}):
+            effect = "KEYOPT(2) is left to Ansys by ETCONTROL; state it, 2 or 3 for enhanced strains"
+            content.findings.append(Finding(word="SOLID185", where=f"ET {number}", effect=effect, changes=True))
+        elif solid.differs:
             content.findings.append(Finding(word=f"SOLID{own_type}", where=f"ET {number}", effect=solid.differs, changes=False))
         for one in np.unique(material[rows_of_type]):
             own = rows_of_type & (material == one)
@@ -44,12 +51,13 @@ def cells_and_bodies(archive: Any, content: Content, numbers: np.ndarray, groups
             bodies[name] = FileBody(
                 group=name, material=f"material {one}", integration=solid.integration, incompatible_modes=solid.incompatible_modes
             )
+    content.findings.extend(findings_of_contacts(content, sides))
     return cells, bodies
 
 
 def _rows(flat: np.ndarray, start: np.ndarray, n_nodes: np.ndarray, own: np.ndarray, width: int) -> np.ndarray:
     """Return the nodes of some elements, (n, width), 0 where an element has fewer."""
-    at = start[own][:, None] + 10 + np.arange(width)
+    at = start[own][:, None] + FIELDS + np.arange(width)
     is_there = np.arange(width) < n_nodes[own][:, None]
     return np.where(is_there, flat[np.minimum(at, len(flat) - 1)], 0)
 

@@ -1,4 +1,4 @@
-"""Read an Ansys archive: mapdl-archive reads its blocks, the commands between them say what they mean."""
+"""Read an Ansys archive or input file: its blocks, and the commands between them that say what they mean."""
 
 from __future__ import annotations
 
@@ -12,11 +12,15 @@ from ...parallel.errors import MeshError
 from ..model import FileMaterial, FileModel, Group
 from . import constraints as between
 from .attached import attached, known_nodes, nodes_of_solids, rigid_regions
+from .blocks import Blocks, blocks_of_archive, blocks_of_text
 from .commands import Command, commands
 from .content import findings_of_loads, gather
 from .elements import add_elements, cells_and_bodies
+from .input_file import as_archived
 
 _LEAST_BYTES = 8  # of a node or an element in an archive
+_STARTS = ("/BATCH", "/COM", "/PREP7", "/TITLE", "/UNITS", "/WB", "NBLOCK,")  # lines near the beginning of an input file
+_HEAD = 200  # lines that are looked at for them
 
 
 def read_cdb(path: str) -> FileModel:
@@ -28,27 +32,47 @@ def read_cdb(path: str) -> FileModel:
     """
     said = tuple(commands(path))
     _check_counts(path, said)
-    archive = _archive(path)
-    if archive.nnum is None or not len(archive.nnum) or not archive.n_elem:
-        raise MeshError("its NBLOCK or EBLOCK is empty or damaged")
-    numbers, points = np.asarray(archive.nnum, dtype=np.int64), np.asarray(archive.nodes, dtype=float)[:, :3]
+    return _model(blocks_of_archive(_archive(path)), said)
+
+
+def read_input(path: str) -> FileModel:
+    """Return what an input file holds, as Workbench writes it (ds.dat): the same, and elements in blocks of surfaces.  Local.
+
+    Raises
+    ------
+    MeshError without the file's name: damaged, or shapes that are no solids here
+    """
+    said = tuple(as_archived(commands(path)))
+    with open(path, encoding="utf-8", errors="replace") as file:
+        blocks = blocks_of_text(file.read().splitlines())
+    return _model(blocks, said)
+
+
+def is_input(path: str) -> bool:
+    """Return whether a file is an input file for Ansys, and not one of another program with the same ending.  Local."""
+    with open(path, encoding="utf-8", errors="replace") as file:
+        return any(line.strip().upper().startswith(_STARTS) for line in islice(file, _HEAD))
+
+
+def _model(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
+    """Return the model of blocks and commands."""
+    numbers, points, angles = blocks.numbers, blocks.points, blocks.angles
     _refuse_doubles(numbers)
-    components = {name.upper(): np.asarray(nodes, dtype=np.int64) for name, nodes in archive.node_components.items()}
+    components = {name.upper(): nodes for name, nodes in blocks.node_components.items()}
     content = gather(said, numbers, components)
-    for number, keys in archive.key_option.items():
-        content.keys.setdefault(int(number), {}).update({int(key): int(value) for key, value in keys})
+    for number, keys in blocks.keys.items():
+        content.keys.setdefault(number, {}).update(keys)
     groups: dict[str, Group] = {}
-    cells, bodies = cells_and_bodies(archive, content, numbers, groups)
-    for name, own in archive.element_components.items():
-        add_elements(groups.setdefault(name, Group()), cells, np.asarray(own))
-    for name, own in archive.node_components.items():
-        groups.setdefault(name, Group()).add_nodes(known_nodes(numbers, np.asarray(own)))
-    angles = np.zeros((len(numbers), 3)) if archive.node_angles is None else np.asarray(archive.node_angles, dtype=float)
+    cells, bodies = cells_and_bodies(blocks, content, groups)
+    for name, own in blocks.element_components.items():
+        add_elements(groups.setdefault(name, Group()), cells, own)
+    for name, own in blocks.node_components.items():
+        groups.setdefault(name, Group()).add_nodes(known_nodes(numbers, own))
     of_solids = nodes_of_solids(cells, len(numbers))
     leading = rigid_regions(content, numbers, points, groups, of_solids)
     leaders = {node: point.name for node, point in leading.items()}
     supports = between.supports(content.constraints, numbers, angles, groups, leaders)
-    masses, springs = attached(archive, content, numbers, groups, leading)
+    masses, springs = attached(blocks, content, groups, leading)
     outside = set(leaders) - set(numbers[of_solids].tolist())
     equations = between.equations(content.constraints, numbers, angles, outside)
     findings = [*content.findings, *content.constraints.findings]
@@ -65,7 +89,7 @@ def read_cdb(path: str) -> FileModel:
         springs=springs,
         equations=equations,
         findings=tuple(findings) + findings_of_loads(content),
-        facts=(f"title: {content.title}",) if content.title else (),
+        facts=content.facts,
     )
 
 

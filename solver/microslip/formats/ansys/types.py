@@ -40,15 +40,12 @@ def solid_of(number: int, keys: dict[int, int]) -> Solid | str | None:
     return None
 
 
-EFFECTS = {  # of types that are no solids here: what they do, and whether that changes the answer
+EFFECTS = {  # of types that are neither solids nor contact surfaces here: what they do, and whether that changes the answer
     14: ("a spring and damper", True),
     39: ("a nonlinear spring", True),
     40: ("a spring, slider and gap", True),
     154: ("a surface that carries loads", False),
     169: ("a target of contact", True),
-    170: ("a target of contact", True),
-    173: ("a surface in contact", True),
-    174: ("a surface in contact", True),
     175: ("nodes in contact", True),
     177: ("edges in contact", True),
     178: ("two nodes in contact", True),

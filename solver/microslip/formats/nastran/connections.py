@@ -30,8 +30,11 @@ def _rigid(content: Content, number: int, element: Any, points: dict[int, FilePo
     """Take an RBE2 whose grid points follow in all three displacements; rotations of solids' nodes are none."""
     if not {"1", "2", "3"} <= set(str(element.cm)):
         content.left_out("RBE2", number, f"a rigid element in {element.cm} alone", "points")
+    elif int(element.gn) in points and points[int(element.gn)].connection == "rigid":
+        own = content.nodes_of(map(int, element.Gmi), f"RBE2 {number}")
+        content.group(points[int(element.gn)].group, own)  # one rigid body with that of the element before
     elif int(element.gn) in points:
-        content.left_out("RBE2", number, f"grid point {element.gn} leads another element already", "points")
+        content.left_out("RBE2", number, f"grid point {element.gn} leads an RBE3 already", "points")
     else:
         _add_point(content, f"RBE2 {number}", int(element.gn), element.Gmi, "rigid", points)
 

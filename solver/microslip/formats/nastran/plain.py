@@ -1,7 +1,7 @@
 """Plain grid points and solids of bulk data, many at a time: nearly all lines of a large file.
 
-A card is plain where it stands in fixed fields of 8 or 16 characters, in axes of the model and with nothing beside its numbers;
-its lines are taken out of the text.  Every other card is left in it, for pyNastran.
+A card is plain where it stands in fixed fields of 8 or 16 characters, or in free ones that fit into these, in axes of the model
+and with nothing beside its numbers; its lines are taken out of the text.  Every other card is left in it, for pyNastran.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+
+from .free import in_fixed_fields
 
 _SOLIDS = {b"CTETRA": (4, 10), b"CPENTA": (6, 15), b"CHEXA": (8, 20), b"CPYRAM": (5, 13)}
 _WIDTH = 72  # of a line without the mark of the one that follows
@@ -61,6 +63,8 @@ def take_plain(text: bytes) -> Plain:
     upper = text.upper()
     if any(word in upper for word in _OTHERWISE):
         return none_plain(text)
+    original, text = text, in_fixed_fields(text)
+    upper = text.upper() if text is not original else upper
     stop = upper.find(b"\nENDDATA")
     start, end = _lines(text if stop < 0 else text[:stop])
     characters = np.frombuffer(text + b" " * _WIDTH, dtype=np.uint8)
@@ -77,7 +81,7 @@ def take_plain(text: bytes) -> Plain:
         solids=tuple(Solids(word.decode(), own[:, 0], own[:, 1], own[:, 2:]) for (word, _), own in rows.items() if len(own)),
     )
     is_twice = any(len(np.unique(numbers)) < len(numbers) for numbers in (found.numbers, found.elements))
-    return none_plain(text) if is_twice else found  # pyNastran says what stands twice
+    return none_plain(original) if is_twice else found  # pyNastran says what stands twice
 
 
 def _plain_cards(characters: np.ndarray, start: np.ndarray, end: np.ndarray) -> Iterator[tuple[bytes, np.ndarray, np.ndarray]]:

@@ -41,6 +41,16 @@ def read_bdf(path: str) -> FileModel:
     plain, cards = _plain_and_others(path)
     if not (cards.nodes or len(plain.numbers)) or not (cards.elements or plain.solids):
         raise MeshError("the file holds no grid points and elements that this program reads")
+    return model_of(plain, cards)
+
+
+def model_of(plain: Plain, cards: Any) -> FileModel:
+    """Return the model of plain cards and of those that pyNastran has read.  Local.
+
+    Raises
+    ------
+    MeshError : grid points that are not there, elements that lack some of theirs
+    """
     numbers = np.concatenate([plain.numbers, np.array(list(cards.nodes), dtype=np.int64)])
     others = np.array([node.get_position() for node in cards.nodes.values()], dtype=float).reshape(-1, 3)
     order = np.argsort(numbers)
@@ -96,8 +106,7 @@ def _cards(path: str, text: str) -> Any:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
-            only = {f"xref_{name}": False for name in _OTHER_REFERENCES}
-            cards.cross_reference(xref=True, **only)
+            follow_references(cards)
     except (KeyboardInterrupt, MemoryError):
         raise
     except BaseException as problem:  # pyNastran raises errors of many kinds, and some exit
@@ -106,6 +115,11 @@ def _cards(path: str, text: str) -> Any:
             f"it cannot be read as Nastran bulk data; it is truncated, damaged or another format ({text[:200]})"
         ) from None
     return cards
+
+
+def follow_references(cards: Any) -> None:
+    """Have pyNastran follow the references of cards to others that are needed here: coordinate systems.  Local."""
+    cards.cross_reference(xref=True, **{f"xref_{name}": False for name in _OTHER_REFERENCES})
 
 
 def _source(path: str, text: str) -> tuple[Any, bool]:

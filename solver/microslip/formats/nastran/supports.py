@@ -144,4 +144,4 @@ def equations(
         return None
     flat = [(i, *term) for i, (_, own) in enumerate(rows) for term in own]
     equation, nodes, directions, values = (np.array(column) for column in zip(*flat, strict=True))
-    return Equations(equation, nodes, directions, values, tuple(where for where, _ in rows), len(turned))
+    return Equations(equation, nodes, directions, values, tuple(where for where, _ in rows), np.arange(len(rows)) < len(turned))

@@ -162,7 +162,10 @@ _FIX = 'fix = ["x", "y", "z"]'
 
 
 def _joint(one: Candidate, first: First) -> str:
-    """Return a joint with its numbers as comments, after the surfaces that it needs."""
+    """Return a joint with its numbers as comments, after the surfaces that it needs; a tie where the file glues them."""
+    for finding in first.file.findings:
+        if finding.is_glued and frozenset(finding.surfaces) == frozenset(one.surfaces):
+            return _tie(one, finding)
     lines = [_surface(surface) for surface in one.made]
     preload = (
         _line("preload", '"static"', "what [statics] finds")
@@ -179,6 +182,18 @@ def _joint(one: Candidate, first: First) -> str:
         "#> tangential_stiffness = 1e13  # N/m3: 1e12 to 1e14 of metals; a layer of steel as thick as 80e9 / this, in m",
         "#> normal_stiffness = 1.5e13    # N/m3: as it, or up to twice",
         preload,
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _tie(one: Candidate, finding: Finding) -> str:
+    """Return a tie, with the way to a joint in its place."""
+    lines = [
+        f"# {one.text}; bonded in the file",
+        "# where they may slip: [[joints]] with friction, two stiffnesses and a preload in place of [[ties]]",
+        "[[ties]]",
+        _line("surfaces", f"[{', '.join(map(_quoted, finding.surfaces))}]"),
         "",
     ]
     return "\n".join(lines)

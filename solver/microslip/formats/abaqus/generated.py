@@ -1,0 +1,235 @@
+"""Nodes and elements that a file has made from others: *NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import NO_NODES
+from .cards import Card, number
+from .mesh import FileMesh, add_to_set
+from .names import Names, Places
+from .nodes import Elements
+from .scopes import Scope, rotation_about
+
+_MOST = 10**7  # numbers that one line may make
+_HALF_TURN = 1e-9  # sine of the angle between the ends of an arc, below which their plane is not known
+
+
+def take_generated(mesh: FileMesh, scope: Scope, card: Card) -> bool:
+    """Take one card over and return True, if it makes nodes or elements from those before it.
+
+    Raises
+    ------
+    MeshError : what it starts from is not there, or a way to make them that is not followed
+    """
+    taken = _TAKEN.get(card.keyword)
+    if taken is None:
+        return False
+    taken(mesh, mesh.of(scope), card)
+    return True
+
+
+def _refuse(card: Card, *names: str) -> None:
+    for name in names:
+        if name in card.parameters:
+            what = "nodes" if card.keyword[0] == "N" else "elements"
+            raise MeshError(f"{card.where}: *{card.keyword}, {name} is not followed here; write the {what} out")
+
+
+def _rows(card: Card, n_least: int, n_words: int = 0) -> Iterator[tuple[list[str], list[float], str]]:
+    """Yield the words, and the numbers behind the first ``n_words`` of them, of each data line."""
+    for words, where in card.lines():
+        words = words[:-1] if words and not words[-1] else words
+        values = [number(word) if word else math.nan for word in words[n_words:]]
+        if len(words) < n_least or any(value is None for value in values):
+            raise MeshError(f"{where}: *{card.keyword}: {','.join(words)[:60]!r}: expected {n_least} entries or more")
+        yield words[:n_words], [value for value in values if value is not None], where
+
+
+def _whole(values: list[float], i: int, default: int) -> int:
+    """Return an entry of a line, its default where it is empty."""
+    return int(values[i]) if i < len(values) and not math.isnan(values[i]) else default
+
+
+class _Known:
+    """The nodes that one scope has so far."""
+
+    def __init__(self, names: Names):
+        self.numbers = np.concatenate([NO_NODES, *(own for own, _, _ in names.given_nodes)])
+        self.points = np.concatenate([np.zeros((0, 3)), *(points for _, points, _ in names.given_nodes)])
+        self.places = Places(self.numbers)
+
+    def at(self, wanted: np.ndarray, where: str) -> np.ndarray:
+        """Return the points of some numbers, (n, 3)."""
+        place, missing = self.places.find(np.asarray(wanted, dtype=np.int64))
+        if len(missing):
+            raise MeshError(f"{where}: node {missing[0]} is not defined before it is used")
+        return self.points[place]
+
+
+def _add_nodes(mesh: FileMesh, names: Names, card: Card, numbers: list[np.ndarray], points: list[np.ndarray], key: str) -> None:
+    """Add nodes, and a set of ``numbers``, which may hold more than are new (those behind the points)."""
+    new = np.concatenate([NO_NODES, *(own[: len(at)] for own, at in zip(numbers, points, strict=True))])
+    names.given_nodes.append((new, np.concatenate([np.zeros((0, 3)), *points]), card.where))
+    if card.parameters.get(key):
+        add_to_set(mesh, names, "NSET", card.parameters[key], ("numbers", np.concatenate([NO_NODES, *numbers]), card.where))
+
+
+def _take_lines(mesh: FileMesh, names: Names, card: Card) -> None:
+    """Take *NGEN: nodes along a line or an arc between two others."""
+    shape = card.parameter("LINE")
+    if shape not in ("", "C"):
+        raise MeshError(f"{card.where}: *NGEN, LINE={shape} is not followed here; write the nodes out")
+    if shape == "C" and card.parameter("SYSTEM", "RC") != "RC":
+        raise MeshError(f"{card.where}: *NGEN, SYSTEM={card.parameter('SYSTEM')} is not followed here; write the nodes out")
+    known = _Known(names)
+    numbers, points = [], []
+    for _, values, where in _rows(card, 2):
+        first, last, step = int(values[0]), int(values[1]), _whole(values, 2, 1)
+        n = abs(last - first) // step if step > 0 else 0
+        if n < 1 or abs(last - first) != n * step or n > _MOST:
+            raise MeshError(f"{where}: *NGEN: from node {first} to {last} there are no whole steps of {step}")
+        ends, s = known.at(np.array([first, last]), where), np.arange(1, n)[:, None] / n
+        between = ends[0] + s * (ends[1] - ends[0]) if not shape else _arc(names, known, ends, s, values, where)
+        numbers.append(np.concatenate([first + np.sign(last - first) * step * np.arange(1, n), [first, last]]))
+        points.append(between)
+    _add_nodes(mesh, names, card, numbers, points, "NSET")
+
+
+def _arc(names: Names, known: _Known, ends: np.ndarray, s: np.ndarray, values: list[float], where: str) -> np.ndarray:
+    """Return points at parts ``s`` (n, 1) of the angle between two ends, about the centre that the values tell."""
+    if _whole(values, 3, 0):
+        centre = known.at(np.array([_whole(values, 3, 0)]), where)[0]
+    elif len(values) >= 5 and not names.scope.name and (names.system[0] == np.eye(3)).all() and not names.system[1].any():
+        centre = np.nan_to_num(np.array([*values[4:7], 0.0, 0.0, 0.0][:3]))
+    else:
+        raise MeshError(f"{where}: *NGEN, LINE=C: the centre must be a node, or in the axes of the model; write the nodes out")
+    a, b = ends - centre
+    normal = np.cross(a, b)
+    is_plain = np.linalg.norm(normal) > _HALF_TURN * np.linalg.norm(a) * np.linalg.norm(b)
+    if len(values) > 7 or not is_plain or not a.any():
+        raise MeshError(f"{where}: *NGEN, LINE=C: an arc of half a turn or more is not followed here; write the nodes out")
+    normal /= np.linalg.norm(normal)
+    angle = math.atan2(np.cross(a, b) @ normal, a @ b)
+    radius = np.linalg.norm(a) + s * (np.linalg.norm(b) - np.linalg.norm(a))
+    x = a / np.linalg.norm(a)
+    return centre + radius * (np.cos(s * angle) * x + np.sin(s * angle) * np.cross(normal, x))
+
+
+def _take_fill(mesh: FileMesh, names: Names, card: Card) -> None:
+    """Take *NFILL: nodes on straight lines from each of one set to that of another."""
+    _refuse(card, "BIAS", "SINGULAR", "TWOSTEP")
+    known = _Known(names)
+    numbers, points = [], []
+    for words, values, where in _rows(card, 3, 2):
+        bounds = [_members(names, "NSET", word, where) for word in words]
+        n, step = _whole(values, 0, 1), _whole(values, 1, 1)
+        if len(bounds[0]) != len(bounds[1]) or n < 1 or step < 1 or n * len(bounds[0]) > _MOST:
+            raise MeshError(
+                f"{where}: *NFILL: {words[0]} has {len(bounds[0])} nodes and {words[1]} {len(bounds[1])}, to be joined by {n} "
+                f"intervals; expected as many nodes in both and at least one interval"
+            )
+        ends = [known.at(bound, where) for bound in bounds]
+        s = np.arange(1, n)[:, None, None] / n
+        points.append((ends[0] + s * (ends[1] - ends[0])).reshape(-1, 3))
+        numbers.append(np.concatenate([(bounds[0] + step * np.arange(1, n)[:, None]).ravel(), *bounds]))
+    _add_nodes(mesh, names, card, numbers, points, "NSET")
+
+
+def _take_copies(mesh: FileMesh, names: Names, card: Card) -> None:
+    """Take *NCOPY, SHIFT: nodes moved, then turned about an axis."""
+    _refuse(card, "REFLECT", "POLE", "MULTIPLE")
+    if names.scope.name:
+        raise MeshError(f"{card.where}: *NCOPY in a part that has instances is not followed here; write the nodes out")
+    rows = [values for _, values, _ in _rows(card, 1)]
+    values = np.nan_to_num(np.array([*(rows[0] if rows else []), 0.0, 0.0, 0.0][:3]))
+    old = _members(names, "NSET", card.parameter("OLDSET"), card.where)
+    points = _Known(names).at(old, card.where) + values
+    if len(rows) > 1:
+        axis = np.nan_to_num(np.array([*rows[1], *[0.0] * 7][:7]))
+        turn = rotation_about(axis[3:6] - axis[:3], np.deg2rad(axis[6]), card.where)
+        points = (points - axis[:3]) @ turn.T + axis[:3]
+    shift = number(card.parameters.get("CHANGENUMBER", ""))
+    if shift is None:
+        raise MeshError(f"{card.where}: *NCOPY: CHANGE NUMBER is missing")
+    _add_nodes(mesh, names, card, [old + int(shift)], [points], "NEWSET")
+
+
+def _take_rows(mesh: FileMesh, names: Names, card: Card) -> None:
+    """Take *ELGEN: rows, and layers of rows, of elements like one."""
+    found = [NO_NODES]
+    for _, values, where in _rows(card, 2):
+        of = [_whole(values, i, 1) for i in range(10)]
+        counts, steps = (of[1], of[4], of[7]), [(of[i], of[i + 1]) for i in (2, 5, 8)]
+        if len(values) > 10 or min(counts) < 1 or math.prod(counts) > _MOST:
+            raise MeshError(f"{where}: *ELGEN: rows of {counts} elements; expected one or more in each direction")
+        i, j, k = (axis.ravel() for axis in np.meshgrid(*(np.arange(n) for n in counts), indexing="ij"))
+        nodes, elements = (i * steps[0][m] + j * steps[1][m] + k * steps[2][m] for m in (0, 1))
+        master, row = _element(names, of[0], where)
+        new = replace(master, numbers=of[0] + elements[1:], nodes=row + nodes[1:, None] * (row > 0), where=where)
+        names.blocks.append(new)
+        found += [np.array([of[0]]), new.numbers]
+    if card.parameters.get("ELSET"):
+        add_to_set(mesh, names, "ELSET", card.parameters["ELSET"], ("numbers", np.concatenate(found), card.where))
+
+
+def _take_element_copies(mesh: FileMesh, names: Names, card: Card) -> None:
+    """Take *ELCOPY: elements with their numbers and those of their nodes raised."""
+    _refuse(card, "REFLECT")
+    shifts = [number(card.parameters.get(name, "")) for name in ("ELEMENTSHIFT", "SHIFTNODES")]
+    if None in shifts or not card.parameters.get("OLDSET"):
+        raise MeshError(f"{card.where}: *ELCOPY: expected ELEMENT SHIFT, OLD SET and SHIFT NODES")
+    by_element, by_node = (int(shift) for shift in shifts if shift is not None)
+    old = _members(names, "ELSET", card.parameter("OLDSET"), card.where)
+    made = [NO_NODES]
+    for block in list(names.blocks):
+        own = np.isin(block.numbers, old)
+        if own.any():
+            rows = block.nodes[own]
+            nodes = rows + by_node * (rows > 0)
+            names.blocks.append(replace(block, numbers=block.numbers[own] + by_element, nodes=nodes, where=card.where))
+            made.append(names.blocks[-1].numbers)
+    if card.parameters.get("NEWSET"):
+        add_to_set(mesh, names, "ELSET", card.parameters["NEWSET"], ("numbers", np.concatenate(made), card.where))
+
+
+def _element(names: Names, wanted: int, where: str) -> tuple[Elements, np.ndarray]:
+    """Return the block of an element, and its nodes."""
+    for block in reversed(names.blocks):
+        at = np.flatnonzero(block.numbers == wanted)
+        if len(at) and not block.named:
+            return block, block.nodes[at[0]]
+    raise MeshError(f"{where}: *ELGEN: element {wanted} is not defined before it is used")
+
+
+def _members(names: Names, kind: str, word: str, where: str, depth: int = 0) -> np.ndarray:
+    """Return the numbers of a set so far: rising, or as they were stated in a set that is not sorted."""
+    word = word.upper()
+    if word.isdigit():
+        return np.array([int(word)])
+    if word not in names.sets[kind] or depth > 20:
+        raise MeshError(f"{where}: *{kind} {word!r} is not defined before it is used")
+    found = [NO_NODES]
+    for how, what, _ in names.sets[kind][word]:
+        if isinstance(what, str) and how == "set":
+            found.append(_members(names, kind, what, where, depth + 1))
+        elif how == "numbers" and isinstance(what, (range, np.ndarray)):
+            found.append(np.asarray(what, dtype=np.int64))
+        else:
+            raise MeshError(f"{where}: *{kind} {word!r} is made of other sets in a way that is not followed here")
+    every = np.concatenate(found)
+    return every if word in names.unsorted else np.unique(every)
+
+
+_TAKEN: dict[str, Callable[[FileMesh, Names, Card], None]] = {
+    "NGEN": _take_lines,
+    "NFILL": _take_fill,
+    "NCOPY": _take_copies,
+    "ELGEN": _take_rows,
+    "ELCOPY": _take_element_copies,
+}

@@ -1,0 +1,51 @@
+"""Commands of an input file as those of an archive: parameters replaced, words in full, what only sets up left out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from .commands import Command
+
+# words of archives that may be shorter: Ansys tells commands by their first four letters
+_FOLLOWED = "ALLSEL CERIG CMSEL CYCLIC EALIVE EKILL ETCONTROL INISTATE KEYOPT MPDATA PSMESH RMODIF"
+# blocks; what selects elements, sets up a solution, prints or writes, beside what archives hold of it
+_SET_UP = (
+    "ANTYPE AUTOTS CMBLOCK CMDELE CNCHECK CNTR CNVTOL CEWRITE DELTIM DMPOPTION EBLOCK EQSLV ERESX ESLL ESLN FINISH FCUM HROPT "
+    "KEYW MAGOPT MCHECK MODOPT MXPAND NBLOCK NLDIAG NLGEOM NLHIST NSLL NSUBST OUTGEOM OUTPR OUTRES RESCONTROL SELTOL SOLCONTROL "
+    "SOLVE TIMINT TRNOPT XMLO *ASK *CFCLOSE *CFOPEN *LIST *MSG *VGET *VWRITE"
+)
+_IN_FULL = {word[:4]: word for word in _FOLLOWED.split()}
+_PASSED = {word[:4] for word in _SET_UP.split()}
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([ED][-+]?\d+)?\Z", re.IGNORECASE)
+_ASSIGNED = re.compile(r"([A-Z_]\w*)\s*=\s*(\S+)\Z")
+
+
+def as_archived(said: Iterable[Command]) -> Iterator[Command]:
+    """Yield commands with parameters (*SET, name = value) replaced by their numbers and words in full.  Local.
+
+    Elements that are defined one by one come as one command E.
+    """
+    known: dict[str, str] = {}
+    has_elements = False
+    for command in said:
+        fields = tuple(known.get(field.upper(), field) for field in command.fields)
+        assigned = _ASSIGNED.match(command.word)
+        if assigned or command.word == "*SET":
+            name, value = assigned.groups() if assigned else (fields + ("", ""))[:2]
+            _keep(known, name.upper(), known.get(value.upper(), value))
+        elif command.word in ("E", "EN", "EMORE"):
+            if not has_elements:
+                yield replace(command, word="E", fields=fields)
+            has_elements = True
+        elif command.word[:4] not in _PASSED:
+            word = _IN_FULL.get(command.word[:4], command.word)
+            yield replace(command, word=word, fields=fields)
+
+
+def _keep(known: dict[str, str], name: str, value: str) -> None:
+    """Keep the number of a parameter; forget it where it is none, for what it was counts no longer."""
+    known.pop(name, None)
+    if _NUMBER.match(value):
+        known[name] = value
