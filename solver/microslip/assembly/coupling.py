@@ -27,10 +27,7 @@ class Coupling:
     n_dof_each: int  # 3 of nodes, 1 of DOFs
     entries_owned: int  # of this rank's rows of K
     dofs_owned: int
-
-    @property
-    def n_dof(self) -> int:
-        return self.n_dof_each * self.graph.getSize()[0]
+    n_dof: int
 
 
 def coupling_of_nodes(dmesh: DistributedMesh, pairs: ContactPairs, constraints: Constraints | None = None) -> Coupling:
@@ -53,7 +50,7 @@ def coupling_of_nodes(dmesh: DistributedMesh, pairs: ContactPairs, constraints: 
         first = pattern.row_start
     by_pairs = _ones(seen.T.tocsr()[first : first + own.shape[0]] @ seen)
     rows = _ones(own + by_pairs + sp.eye(own.shape[0], n, first, dtype=np.int8))
-    return Coupling(_matrix(comm, rows), 3, 9 * own.nnz, 3 * own.shape[0])
+    return Coupling(_matrix(comm, rows), 3, 9 * own.nnz, 3 * own.shape[0], 3 * n)
 
 
 def coupling_of_dofs(given: GivenStructure | None, comm: MPI.Comm) -> Coupling:
@@ -63,7 +60,7 @@ def coupling_of_dofs(given: GivenStructure | None, comm: MPI.Comm) -> Coupling:
     if given is not None:
         n_entries, R = given.K.nnz, _ones(given.R)
         rows = _ones(_ones(given.K) + R.T @ R + sp.identity(n, dtype=np.int8))
-    return Coupling(_matrix(comm, rows), 1, n_entries, rows.shape[0])
+    return Coupling(_matrix(comm, rows), 1, n_entries, rows.shape[0], n)
 
 
 def _places_that_lead(constraints: Constraints, rank_order: np.ndarray) -> sp.csr_matrix:
