@@ -57,7 +57,8 @@ def test_entries_and_factor_are_those_of_the_matrices(comm, shared_path):
     assert coupling.n_dof == system.n_dof + n_fixed and n_fixed > 0
     assert comm.allreduce(entries(system.K)) < comm.allreduce(coupling.entries_owned) < 1.3 * comm.allreduce(entries(system.K))
     assert found.entries == pytest.approx(linearised.factor.info["entries"], rel=0.3)
-    assert comm.allreduce(found.in_core) == pytest.approx(1e6 * linearised.factor.info["memory_MB"], rel=0.3, abs=2e6 * comm.size)
+    buffers = comm.size * (2e6 if comm.size == 1 else 8e6)  # of messages, whatever the size
+    assert comm.allreduce(found.in_core) == pytest.approx(1e6 * linearised.factor.info["memory_MB"], rel=0.3, abs=buffers)
     linearised.destroy()
 
 
