@@ -2,7 +2,7 @@
 
     [mpirun -n 2] python jobs/bench/leak.py [SCENE.toml] [--points 3000] [--warm 500] [--limit 0.02] [--out DIR]
 
-SCENE is jobs/fan_small.toml unless given.  Its levels are followed again and again, as one response that is logged and written
+SCENE is jobs/fan_small.toml unless given.  Its levels are followed again and again, in one run that is logged, written and kept
 like any other, until there are so many points.  What a rank has in memory after the first of them (``--warm``) may grow by
 ``--limit`` beyond the points themselves, which stay on rank 0 by design, those of other ranks without their motion.  Prints a line
 of JSON; the exit status is 1 if any rank grows by more.
@@ -14,10 +14,11 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
+import contextlib
 import json
 import sys
 import tempfile
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -27,14 +28,13 @@ from microslip.parallel.petsc import initialise
 initialise()
 from mpi4py import MPI
 
-from microslip.library.build import build
-from microslip.library.prepare import prepare
-from microslip.observe.log import RunLog
 from microslip.observe.observer import Observers
 from microslip.parallel.agree import on_root
 from microslip.parallel.memory import give_back, resident_memory
-from microslip.run import follow_logged
+from microslip.run import run
 from microslip.scene.read import read_scene
+
+LEAST = 10  # points that a level has at least
 
 
 class Enough(Exception):
@@ -85,36 +85,33 @@ def held_by_another(value) -> bool:
     return isinstance(value, np.ndarray) and isinstance(value.base, np.ndarray)
 
 
-def measured(comm: MPI.Comm, scene, points: int, folder: Path) -> Meter:
-    """Return the memory over the points of the levels of a scene, again and again.  Collective."""
-    meter = Meter(points)
-    with RunLog(comm, str(folder / "run.log"), screen=False) as log:
-        structure = build(scene, comm, log)
-        prepared = prepare(structure)
-        levels = scene.response.levels
-        many = tuple(levels) * (1 + points // len(levels))  # one point a level is the least
-        settings = replace(prepared.response.settings, levels=many)
-        prepared = replace(prepared, response=replace(prepared.response, settings=settings))
-        try:
-            with meter:
-                follow_logged(prepared, folder, (), 1, log)
-        except Enough:
-            pass
-        structure.close()
+def measured(comm: MPI.Comm, path: str, points: int, folder: Path) -> Meter:
+    """Return the memory over the points of a run of a scene whose levels come again and again.  Collective."""
+    levels = read_scene(path).response.levels
+    cycles = 1 + points // (LEAST * len(levels))
+    many = ", ".join(repr(level * (1.0 + 1e-9 * cycle)) for cycle in range(cycles) for level in levels)
+    scene, meter = read_scene(path, (f"response.levels=[{many}]",)), Meter(points)
+    with contextlib.suppress(Enough), meter:
+        run(scene, comm, folder, screen=False)
     return meter
 
 
 def growth(meter: Meter, warm: int) -> dict[str, float]:
     """Return what a rank holds after the first points and at the end, and its growth beyond the points themselves."""
-    first, last = meter.resident[warm - 1], meter.resident[-1]
-    recorded = meter.recorded[-1] - meter.recorded[warm - 1]
+    first, recorded = meter.resident[warm - 1], meter.recorded[-1] - meter.recorded[warm - 1]
     return {
         "warm_MB": first / 1e6,
-        "end_MB": last / 1e6,
+        "end_MB": meter.resident[-1] / 1e6,
         "points_MB": recorded / 1e6,
         "bytes_a_point": recorded / (len(meter.resident) - warm),
-        "growth": (last - first - recorded) / first,
+        "growth": unexplained(meter, warm) / first,
+        "more_in_second_half_MB": unexplained(meter, len(meter.resident) // 2) / 1e6,
     }
+
+
+def unexplained(meter: Meter, first: int) -> float:
+    """Return by how much a rank grew after its first points, beyond what was recorded since [bytes]."""
+    return (meter.resident[-1] - meter.resident[first - 1]) - (meter.recorded[-1] - meter.recorded[first - 1])
 
 
 def main() -> int:
@@ -127,7 +124,7 @@ def main() -> int:
     asked = parser.parse_args()
     comm = MPI.COMM_WORLD
     folder = on_root(comm, lambda: asked.out or Path(tempfile.mkdtemp(prefix="leak_")))
-    meter = measured(comm, read_scene(asked.scene), asked.points, folder)
+    meter = measured(comm, asked.scene, asked.points, folder)
     found = comm.allgather(growth(meter, asked.warm))
     if comm.rank == 0:
         print(json.dumps({"scene": asked.scene, "points": asked.points, "ranks": found}))

@@ -16,6 +16,7 @@ import argparse
 import json
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -58,6 +59,7 @@ def measure(scene: str, ranks: int, folder: Path) -> dict:
     """Return what was foreseen of a scene and what it took."""
     foreseen = stages(program(["check", scene], ranks), FORESEEN)
     out = folder / f"{Path(scene).stem}_{ranks}"
+    shutil.rmtree(out, ignore_errors=True)  # or it would go on from there
     program(["run", scene, "--out", str(out)], ranks)
     found = compared(foreseen, stages((out / "run.log").read_text(), TAKEN))
     print(scene, ranks, [f"{one['stage']} {one['ratio']:.2f}" for one in found], flush=True)
