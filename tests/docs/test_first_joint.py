@@ -18,8 +18,11 @@ def test_the_files_of_the_page_give_what_it_shows(tmp_path):
         shutil.copy(DOCS / "first_joint" / name, tmp_path)
     made = python("leaves.py", cwd=tmp_path).stdout.splitlines()
     checked = microslip("check", "leaves.toml", cwd=tmp_path).stdout.replace(f"{tmp_path}/", "").splitlines()
-    assert len(made) == 1 and len(checked) == 19
-    assert set(made + checked) <= set(SHOWN)
+    memory = next(row for row, line in enumerate(checked) if line.startswith("memory"))
+    assert len(made) == 1 and memory == 18
+    assert set(made + checked[: memory + 1]) <= set(SHOWN)
+    names = [line[:41] for line in checked[memory + 1 : -2]]  # how much they take depends on the machine and its libraries
+    assert len(names) == 7 and set(names) <= {line[:41] for line in SHOWN}
     scene = tmp_path / "leaves.toml"
     text = re.sub("levels = .*", "levels = [0.1]", scene.read_text())
     scene.write_text(re.sub("span = .*", "span = [0.998, 1.001]\npoints = 10", text))  # the flat top alone

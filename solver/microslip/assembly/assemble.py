@@ -15,6 +15,7 @@ from ..mesh.links import find_links, fixed_places
 from ..mesh.settings import Body, MeshSettings
 from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
+from ..parallel.memory import refuse_beyond
 from .base_motion import with_base_motion
 from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .check import check_elements
@@ -27,6 +28,8 @@ from .system import System
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+ASSEMBLED = 40.0  # bytes an entry of K held at once: sums of element matrices, rows expanded, PETSc's copy of them
 
 
 def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings) -> System:
@@ -42,7 +45,7 @@ def assemble(dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, set
     Raises
     ------
     MeshError, CaseError : inverted elements, a part that nothing holds, a load that moves nothing; on every rank
-    ResourceError : a rank's matrix has more entries than PETSc's integers count
+    ResourceError : not enough memory, or a rank's matrix has more entries than PETSc's integers count; on every rank
     """
     comm = dmesh.comm
     check_elements(dmesh, settings)
@@ -111,6 +114,7 @@ def _matrices(dmesh: DistributedMesh, dof: np.ndarray, row_ranges: np.ndarray, b
         else None,
         ResourceError,
     )
+    refuse_beyond(comm, ASSEMBLED * n_entries, "assembly of the matrices", "use more ranks on more machines, or a coarser mesh")
     n_owned = int(row_ranges[comm.rank + 1] - row_ranges[comm.rank])
     sums = _sums(dmesh, bodies, pattern)
     K = petsc_matrix(comm, n_owned, expand(pattern, sums.pop(0), dof, PETSc.IntType))

@@ -34,6 +34,7 @@ from ..statics.equilibrium import equilibrium
 from ..statics.flight import which_flies
 from ..statics.rest import at_rest, in_words
 from .complete import read_completed
+from .memory import of_factor, refuse_modes
 from .settings import matrix_settings, mesh_settings, outputs, reduction_settings
 
 if TYPE_CHECKING:
@@ -95,11 +96,15 @@ def build(
     check_size(settings, system)
     with log.stage("factor of the stuck structure"):
         linearised = linearise(system, pairs, str(scene.path))
+    for note in (*linearised.factor.info["said"], of_factor(linearised.factor.info)):
+        log.note(note)
+    if known_modes is None:
+        refuse_modes(linearised, settings)
     with log.stage("modes"):
         statics = static_response(linearised)
         modes, why = choose_modes(linearised, pairs, statics, settings) if known_modes is None else (known_modes(linearised), "")
-    if why:
-        log.note(why)
+    for note in filter(None, (*modes.info.get("said", ()), why)):
+        log.note(note)
     return Structure(linearised, pairs, statics, modes, scene, mesh, bolts)
 
 

@@ -14,7 +14,7 @@ from ..parallel.watchdog import moved
 from .dense import column_norms, diagonal_owned, multiply, summed, wrap
 from .free_motion import explain_singular, is_singular
 from .inverse_entries import inverse_entries
-from .mumps import SINGULAR, factorise, solve_block
+from .mumps import SINGULAR, factorise, said_of_solve, solve_block
 
 if TYPE_CHECKING:
     from ..assembly.system import System
@@ -32,7 +32,8 @@ class Factor:
     ----------
     A : PETSc.Mat (n_dof, n_dof), kept by the caller
     ksp : PETSc.KSP that holds the factor
-    info : ordering, entries, memory [MB], seconds of the factorisation; solves, seconds and worst residual since
+    info : ordering, entries, memory [MB], seconds of the factorisation, lines on what was done for want of memory; solves,
+        seconds and worst residual since
     """
 
     def __init__(self, A: PETSc.Mat, system: System | None = None, prefix: str = "static_", what: str = "K_L"):
@@ -50,7 +51,7 @@ class Factor:
         Raises
         ------
         CaseError : A is singular: the message says which part moves freely, and how; on every rank
-        ResourceError : not enough memory
+        ResourceError : not enough memory, in memory and on disk; on every rank
         """
         self.A, self.what, self.prefix = A, what, prefix
         self.comm = A.comm.tompi4py()
@@ -122,7 +123,8 @@ class Factor:
         B_transposed = PETSc.Mat().createAIJ(((m * here, m), (n_dof * here, n_dof)), csr=csr, comm=self.comm)
         B_virtual = PETSc.Mat().createTranspose(B_transposed)
         X = wrap(X_owned, self.comm)
-        self.ksp.getPC().getFactorMatrix().matSolve(B_virtual, X)
+        with said_of_solve(self.ksp) as F:
+            F.matSolve(B_virtual, X)
         for matrix in (X, B_virtual, B_transposed):
             matrix.destroy()
         return X_owned

@@ -11,7 +11,14 @@ from petsc4py import PETSc
 from ..assembly.system import System
 from ..mesh.data import ContactPairs
 from ..parallel.errors import CaseError
+from ..parallel.memory import refuse_beyond
 from .factor import Factor
+from .mumps import ADVICE
+
+# bytes an entry of K
+MADE = 25.0  # K_L while the springs are added: twice
+KEPT = 12.0  # K_L
+ANALYSED = (14.0, 28.0)  # the half of it that MUMPS is handed, and its graph, on one rank and on several
 
 
 @dataclass(frozen=True)
@@ -46,12 +53,23 @@ def linearise(system: System, pairs: ContactPairs, where: str = "") -> Linearise
     for name, matrix in (("stiffness matrix", system.K), ("mass matrix", system.M)):
         if not np.isfinite(matrix.norm(PETSc.NormType.FROBENIUS)):
             raise CaseError(f"the {name} has entries that are not finite numbers; check the material data and the mesh")
+    refuse_beyond(system.comm, memory_before_factor(system.K), "K_L, the stiffness with all pairs stuck", ADVICE)
     K_L = add_springs(system.K, (system.R.T @ sp.diags(K_J) @ system.R).tocsr())
     try:
         return Linearised(system, K_L, system.M, Factor(K_L, system))
     except CaseError as problem:
         K_L.destroy()
         raise CaseError(f"{where}: {problem}" if where else str(problem)) from problem
+
+
+def memory_before_factor(K: PETSc.Mat) -> float:
+    """Return what K_L and the analysis of its factor will take on this rank at most [bytes].  Local."""
+    return analysis_of(K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"], K.comm.size)
+
+
+def analysis_of(entries_owned: float, n_ranks: int) -> float:
+    """Return the same from this rank's entries of K.  Local."""
+    return entries_owned * max(MADE, KEPT + ANALYSED[n_ranks > 1])
 
 
 def joint_stiffness(pairs: ContactPairs) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
+from ..linear.mumps import said_of_solve
 from ..parallel.errors import ConvergenceError
 from ..parallel.watchdog import moved
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
 PREFIX = "modes_"
+_TRIES = 3  # each in a space twice as large as the last
 TOLERANCE = 1e-8  # residual of a mode, relative; the error of its eigenvalue is the square of it
 
 
@@ -25,7 +27,7 @@ def slepc_modes(linearised: Linearised, n_wanted: int) -> tuple[np.ndarray, np.n
 
     Raises
     ------
-    ConvergenceError : fewer modes converged; on every rank
+    ConvergenceError : fewer modes converged, in larger spaces too; on every rank
     """
     eps = SLEPc.EPS().create(linearised.K_L.comm)
     eps.setOptionsPrefix(PREFIX)
@@ -33,7 +35,7 @@ def slepc_modes(linearised: Linearised, n_wanted: int) -> tuple[np.ndarray, np.n
     eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setTarget(0.0)
-    eps.setDimensions(n_wanted, min(linearised.M.getSize()[0], max(2 * n_wanted, n_wanted + 20)))
+    eps.setDimensions(n_wanted, basis_size(n_wanted, linearised.M.getSize()[0]))
     eps.setTolerances(TOLERANCE, 200)
     st = eps.getST()
     st.setType(SLEPc.ST.Type.SINVERT)
@@ -41,13 +43,18 @@ def slepc_modes(linearised: Linearised, n_wanted: int) -> tuple[np.ndarray, np.n
     ksp = _solves_with(linearised.factor)
     st.setKSP(ksp)
     eps.setFromOptions()
-    eps.solve()  # what a signal ends in here cannot be freed any more
     try:
-        _check_modes(eps, n_wanted)
-        return _converged(eps, linearised)
+        said = _solve_with_room(eps, n_wanted, linearised.M.getSize()[0])
+        theta, phi_owned, info = _converged(eps, linearised)
+        return theta, phi_owned, info | {"said": said}
     finally:
         ksp.destroy()
         eps.destroy()
+
+
+def basis_size(n_wanted: int, n_dof: int) -> int:
+    """Return the size of the Krylov space that so many modes are sought in.  Local."""
+    return min(n_dof, max(2 * n_wanted, n_wanted + 20))
 
 
 class _KeptFactor:
@@ -58,7 +65,8 @@ class _KeptFactor:
 
     def apply(self, pc, b: PETSc.Vec, x: PETSc.Vec) -> None:
         moved()
-        self.factor.ksp.getPC().getFactorMatrix().solve(b, x)
+        with said_of_solve(self.factor.ksp) as F:
+            F.solve(b, x)
 
 
 def _solves_with(factor) -> PETSc.KSP:
@@ -72,17 +80,33 @@ def _solves_with(factor) -> PETSc.KSP:
     return ksp
 
 
-def _check_modes(eps: SLEPc.EPS, n_wanted: int) -> None:
-    """Raise ConvergenceError unless ``n_wanted`` modes converged, or all there are: the Krylov space broke down.
+def _solve_with_room(eps: SLEPc.EPS, n_wanted: int, n_dof: int) -> tuple[str, ...]:
+    """Solve, again in a space twice as large where too few modes converged; return what was said of it.  Collective.
+
+    Raises
+    ------
+    ConvergenceError : fewer modes converged in the largest space, too; on every rank
+    """
+    said: list[str] = []
+    for _ in range(_TRIES):
+        eps.solve()  # what a signal ends in here cannot be freed any more
+        basis = eps.getDimensions()[1]
+        if _has_modes(eps, n_wanted):
+            return tuple(said)
+        said.append(f"modes: {eps.getConverged()} of {n_wanted} converged in a space of {basis}")
+        eps.setDimensions(n_wanted, min(2 * basis, n_dof))
+    raise ConvergenceError(
+        f"{'; '.join(said)}: the last after {eps.getIterationNumber()} iterations (reason {eps.getConvergedReason()}); ask for "
+        f"fewer [solver] modes, or try -{PREFIX}eps_max_it {2 * eps.getTolerances()[1]}"
+    )
+
+
+def _has_modes(eps: SLEPc.EPS, n_wanted: int) -> bool:
+    """Return whether ``n_wanted`` modes converged, or all there are: the Krylov space broke down.
 
     Local; counts agree on all ranks.
     """
-    n_found = eps.getConverged()
-    if n_found < n_wanted and eps.getConvergedReason() != SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN:
-        raise ConvergenceError(
-            f"{n_found} of {n_wanted} modes after {eps.getIterationNumber()} iterations (reason {eps.getConvergedReason()}); "
-            f"try -{PREFIX}eps_ncv {4 * n_wanted}"
-        )
+    return eps.getConverged() >= n_wanted or eps.getConvergedReason() == SLEPc.EPS.ConvergedReason.DIVERGED_BREAKDOWN
 
 
 def _converged(eps: SLEPc.EPS, linearised: Linearised) -> tuple[np.ndarray, np.ndarray, dict]:

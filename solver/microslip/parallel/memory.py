@@ -1,25 +1,247 @@
-"""How much memory is left on the machines of a run."""
+"""How much memory is left to the ranks of a run, by machine, control group and limit, and the refusal of what is more.
+
+A limit is shared: by all ranks of a machine, of a control group, or by none.  What a stage needs is compared with every one of
+them before it is taken: a process that takes more is killed without a word.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import os
+import resource
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path, PurePosixPath
+
 from mpi4py import MPI
+
+from .errors import ResourceError
+
+UNLIMITED = 2.0**60  # bytes: control groups of the first version write 2^63 where there is no limit
+_MIB = 1024.0**2
+_FILES_KEPT = {1: ("total_inactive_file", "total_active_file"), 2: ("inactive_file", "active_file")}  # given up for others
+_LIMITS = {1: ("memory.limit_in_bytes",), 2: ("memory.max", "memory.high")}
+_USED = {1: "memory.usage_in_bytes", 2: "memory.current"}
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A bound on the memory of some processes."""
+
+    name: str  # what messages call it
+    shared_by: str  # the same for all processes that share it
+    left: float  # bytes
+
+
+@dataclass(frozen=True)
+class Shortage:
+    """What is needed and what is left of a limit that does not suffice."""
+
+    limit: str
+    n_ranks: int  # that share it
+    needed: float  # bytes, all of them together
+    left: float  # bytes
+
+    def __str__(self) -> str:
+        who = "one rank needs" if self.n_ranks == 1 else f"its {self.n_ranks} ranks need"
+        return f"{who} {gigabytes(self.needed)} more, but of {self.limit} {gigabytes(self.left)} are left"
+
+
+def gigabytes(size: float) -> str:
+    """Return a number of bytes in words.  Local."""
+    return f"{size / 1e9:.3g} GB" if size >= 0.995e9 else f"{size / 1e6:.3g} MB"
 
 
 def memory_left(comm: MPI.Comm) -> float:
     """Return the memory that the ranks of ``comm`` may still take together [bytes]; infinite where nothing tells.
 
-    Collective: every machine shares what it has left among its ranks, and the rank with least counts for all.
+    Collective: what ranks share is parted evenly, and the rank with least counts for all.
     """
+    of_ranks = limits_of_ranks(comm)
+    sharing = Counter(limit.shared_by for limits in of_ranks for limit in limits)
+    shares = [limit.left / sharing[limit.shared_by] for limits in of_ranks for limit in limits]
+    return comm.size * min(shares, default=float("inf"))
+
+
+def refuse_beyond(comm: MPI.Comm, needed: float, what: str, advice: str) -> None:
+    """Raise ResourceError if the memory that the ranks need is more than is left: before it is taken.
+
+    Collective on ``comm``: two gathers.
+
+    Parameters
+    ----------
+    needed : bytes that this rank will take
+    what, advice : for the message: what needs it, and what to do
+
+    Raises
+    ------
+    ResourceError : on every rank
+    """
+    found = shortage(comm, needed)
+    if found is not None:
+        raise ResourceError(f"{what}: not enough memory: {found}; {advice}")
+
+
+def shortage(comm: MPI.Comm, needed: float) -> Shortage | None:
+    """Return the limit that ``needed`` bytes more on this rank, and those of the others, exceed most; None if all fits.
+
+    Collective on ``comm``; the same on every rank.
+    """
+    return worst(limits_of_ranks(comm), comm.allgather(float(needed)))
+
+
+def worst(of_ranks: Sequence[Sequence[Limit]], needed: Sequence[float]) -> Shortage | None:
+    """Return the limit that is exceeded most, from the limits and the need [bytes] of each rank.  Local."""
+    sums: dict[str, float] = {}
+    for limits, more in zip(of_ranks, needed):
+        for limit in limits:
+            sums[limit.shared_by] = sums.get(limit.shared_by, 0.0) + more
+    sharing = Counter(limit.shared_by for limits in of_ranks for limit in limits)
+    exceeded = [limit for limits in of_ranks for limit in limits if sums[limit.shared_by] > limit.left]
+    if not exceeded:
+        return None
+    first = min(exceeded, key=lambda limit: (limit.left - sums[limit.shared_by], limit.shared_by))
+    return Shortage(first.name, sharing[first.shared_by], sums[first.shared_by], max(first.left, 0.0))
+
+
+def limits_of_ranks(comm: MPI.Comm) -> list[list[Limit]]:
+    """Return the limits of each rank, on every rank.  Collective: each machine is asked once by each of its ranks."""
+    give_back()
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    share = _available() / here.size
+    machine, resident = here.allreduce(comm.rank, op=MPI.MIN), here.allreduce(resident_memory())
     here.Free()
-    return comm.size * comm.allreduce(share, op=MPI.MIN)
+    found = limits_here(f"machine {machine}", f"rank {comm.rank}", resident)
+    return comm.allgather(found)
 
 
-def _available() -> float:
-    """Return what this machine has left [bytes].  Local."""
+def give_back() -> None:
+    """Return memory that was freed to the system, which otherwise counts it as this process's.  Local."""
+    trim = _trim()
+    if trim is not None:
+        trim(0)
+
+
+@lru_cache(maxsize=1)
+def _trim() -> Callable[[int], int] | None:
+    """Return malloc_trim of the C library; None of one without it.  Local."""
     try:
-        with open("/proc/meminfo") as file:
-            return next(1024.0 * float(line.split()[1]) for line in file if line.startswith("MemAvailable:"))
-    except (OSError, StopIteration, ValueError):
-        return float("inf")
+        return ctypes.CDLL(None).malloc_trim
+    except AttributeError:
+        return None
+
+
+def resident_memory() -> float:
+    """Return what this process has in memory [bytes]; 0 where nothing tells.  Local."""
+    try:
+        return float(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, IndexError, ValueError):
+        return 0.0
+
+
+def peak_memory() -> float:
+    """Return the most that this process has had in memory so far [bytes].  Local."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
+
+
+# -- limits, read ------------------------------------------------------------------------------------------------------
+
+
+def limits_here(machine: str, process: str, resident: float, root: Path = Path("/")) -> list[Limit]:
+    """Return what bounds the memory of this process.  Local.
+
+    Parameters
+    ----------
+    machine, process : what tells processes of one machine, and this one, from others
+    resident : bytes that the ranks of this machine have together
+    root : where /proc and /sys are found
+    """
+    found = [Limit("the machine", machine, left) for left in _machine(root)]
+    found += [Limit(name, f"{machine} {name}", left) for name, left in _control_groups(root)]
+    found += [Limit(name, f"{machine} {name}", total - resident) for name, total in _slurm()]
+    return found + [Limit(name, process + name, left) for name, left in _of_process(root)]
+
+
+def _machine(root: Path) -> Iterator[float]:
+    """Yield what the machine has left [bytes], if it tells."""
+    for line in _lines(root / "proc/meminfo"):
+        if line.startswith("MemAvailable:"):
+            yield 1024.0 * float(line.split()[1])
+
+
+def _control_groups(root: Path) -> Iterator[tuple[str, float]]:
+    """Yield name and bytes left of each control group of this process that has a limit, from its own up to the mounted one."""
+    mounts = {version: (mounted, base) for version, mounted, base in _mounted(root)}
+    for line in _lines(root / "proc/self/cgroup"):
+        number, controllers, path = line.rstrip("\n").split(":", 2)
+        version = 2 if number == "0" and not controllers else 1
+        if version not in mounts or (version == 1 and "memory" not in controllers.split(",")):
+            continue
+        mounted, base = mounts[version]
+        try:
+            inside = PurePosixPath(path).relative_to(base)
+        except ValueError:  # the namespace of a container shows another path: its own group is the mounted one
+            inside = PurePosixPath()
+        for group in [inside, *inside.parents]:
+            folder = root / mounted.relative_to("/") / group
+            total = min((_number(folder / name) for name in _LIMITS[version]), default=UNLIMITED)
+            if total < UNLIMITED:
+                yield f"control group /{group}".replace("/.", "/"), total - _used(folder, version)
+
+
+def _mounted(root: Path) -> Iterator[tuple[int, PurePosixPath, PurePosixPath]]:
+    """Yield version, mount point and the group that is mounted there, of hierarchies that control memory."""
+    for line in _lines(root / "proc/self/mountinfo"):
+        before, _, after = line.partition(" - ")
+        fields, kind = before.split(), after.split()
+        if kind[0] == "cgroup2":
+            yield 2, PurePosixPath(fields[4]), PurePosixPath(fields[3])
+        elif kind[0] == "cgroup" and "memory" in kind[2].split(","):
+            yield 1, PurePosixPath(fields[4]), PurePosixPath(fields[3])
+
+
+def _used(folder: Path, version: int) -> float:
+    """Return what a group uses [bytes], without files kept in memory that it gives up for others."""
+    entries = dict(line.split()[:2] for line in _lines(folder / "memory.stat"))
+    kept = sum(float(entries.get(name, 0.0)) for name in _FILES_KEPT[version])
+    used = _number(folder / _USED[version])
+    return 0.0 if used >= UNLIMITED else max(used - kept, 0.0)
+
+
+def _slurm() -> Iterator[tuple[str, float]]:
+    """Yield what Slurm grants the job on this machine [bytes], if it tells: not every site has control groups."""
+    try:
+        node, cpu = (float(os.environ.get(f"SLURM_MEM_PER_{one}", 0.0)) for one in ("NODE", "CPU"))
+        total = node or cpu * float(os.environ.get("SLURM_CPUS_ON_NODE", 0.0))
+    except ValueError:
+        return
+    if total > 0.0:
+        yield "the job's memory in Slurm", total * _MIB
+
+
+def _of_process(root: Path) -> Iterator[tuple[str, float]]:
+    """Yield name and bytes left of the limits of this process alone."""
+    sizes = dict(line.split()[:2] for line in _lines(root / "proc/self/status") if line.startswith("Vm"))
+    limits = (("address space (ulimit -v)", resource.RLIMIT_AS, "VmSize:"), ("data (ulimit -d)", resource.RLIMIT_DATA, "VmData:"))
+    for name, which, used in limits:
+        total = resource.getrlimit(which)[0]
+        if total != resource.RLIM_INFINITY and used in sizes:
+            yield f"the process's {name}", total - 1024.0 * float(sizes[used])
+
+
+def _number(path: Path) -> float:
+    """Return the number in a file, ``UNLIMITED`` where there is none."""
+    try:
+        return float(next(_lines(path)))
+    except (StopIteration, ValueError):
+        return UNLIMITED
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """Yield the lines of a file; none where it cannot be read."""
+    try:
+        with open(path) as file:
+            yield from file
+    except OSError:
+        return

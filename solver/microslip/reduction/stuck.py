@@ -14,8 +14,12 @@ from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..modes.constraint import static_columns
 from ..modes.eigen import Modes
+from ..parallel.memory import refuse_beyond
 from ..parallel.ownership import split_evenly
 from ..receptance.static_columns import StaticColumns
+
+_ASKED_FROM = 1e8  # bytes of columns from which memory is asked for before they are solved for
+_FEWER = "fewer pairs slip at lower [response] levels; more ranks on more machines hold more of them"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +76,17 @@ def seen_rows(system: System) -> sp.csr_matrix:
 
 
 def pair_columns(linearised: Linearised, pair_ranges: np.ndarray) -> StaticColumns:
-    """Return the columns of R K_L^-1 R^T, to be solved for with the kept factor when they are needed.  Local."""
+    """Return the columns of R K_L^-1 R^T, to be solved for with the kept factor when they are needed.  Local.
+
+    Where there is no memory for them, that raises ResourceError on every rank.
+    """
     R, comm = linearised.system.R, linearised.system.comm
-    R_T = R.T.tocsc()
+    R_T, n_owned = R.T.tocsc(), int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
 
     def solve(pairs: np.ndarray) -> np.ndarray:
         chosen = (3 * pairs[:, None] + np.arange(3)).ravel()
+        if 8.0 * len(chosen) * R.shape[0] > _ASKED_FROM:
+            refuse_beyond(comm, 16.0 * len(chosen) * 3 * n_owned, f"static columns of {len(pairs)} more pairs", _FEWER)
         return static_columns(linearised, R, R_T[:, chosen], row_ranges=3 * pair_ranges)
 
-    n_owned = int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
     return StaticColumns(R.shape[0] // 3, n_owned, solve)

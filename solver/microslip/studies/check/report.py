@@ -23,9 +23,6 @@ from ...scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
 from . import content
 from .plausible import SI, suspicion
 
-# measured on the hex20 fan-blade sector of 122,124 DOF: 1.0 GB for the factor and 4 GiB in all at most (docs/guide.md)
-_FACTOR_GB, _MEASURED_DOF = 1.0, 122_124
-
 
 def needs(
     scene: Scene, file: FileModel, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...] = (), stated: Container[str] = ()
@@ -168,8 +165,6 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
         f"with all pairs slipping{', besides those of the modes' if has_more else ''}",
         f"modes      {modes}",
         f"response   {len(scene.response.levels)} levels of {points}",
-        f"memory     about {_FACTOR_GB * (n_dof / _MEASURED_DOF) ** (4 / 3):.2g} GB for the factor (solid meshes), "
-        f"{72e-9 * n_pairs**2:.2g} GB for static columns if every pair slips",
     ]
 
 

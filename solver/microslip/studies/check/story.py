@@ -13,8 +13,10 @@ from ...mesh.pairing import pair_contacts
 from ...mesh.partition import distribute
 from ...mesh.read import read_mesh
 from ...parallel.agree import on_root
+from ...parallel.memory import peak_memory
 from ...scene.schema import Scene
 from .marks import marks_of_scene
+from .memory import memory_of_matrices, memory_of_mesh
 from .picture import draw
 from .report import needs, needs_of_matrices
 
@@ -32,15 +34,19 @@ def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:
     CaseError, MeshError : on every rank
     """
     if scene.model.mesh is None:
-        lines = on_root(comm, lambda: needs_of_matrices(scene, read_structure(matrix_settings(scene))))
+        given = on_root(comm, lambda: read_structure(matrix_settings(scene)), share=False)
+        lines = on_root(comm, needs_of_matrices, scene, given)
+        lines += memory_of_matrices(scene, given, comm)
     else:
         stated = tuple(scene.materials)
         file, scene, notes = read_completed(scene, comm)
         settings = mesh_settings(scene)
         mesh = on_root(comm, read_mesh, settings, file, share=False)
         pairs = on_root(comm, pair_contacts, mesh, settings.joints)
-        check_elements(distribute(mesh, settings, comm), settings)
+        dmesh, so_far = distribute(mesh, settings, comm), peak_memory()
+        check_elements(dmesh, settings)
         lines = on_root(comm, needs, scene, file, mesh, pairs, notes, stated)
+        lines += memory_of_mesh(scene, dmesh, mesh, pairs, settings, so_far)
         if out is not None:
             lines += on_root(comm, lambda: draw(out, mesh, marks_of_scene(mesh, settings), scene.title or scene.name))
     if comm.rank == 0:

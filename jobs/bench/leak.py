@@ -1,0 +1,135 @@
+"""No growth over thousands of points: the memory of each rank, point by point, beside what the recorded points take.
+
+    [mpirun -n 2] python jobs/bench/leak.py [SCENE.toml] [--points 3000] [--warm 500] [--limit 0.02] [--out DIR]
+
+SCENE is jobs/fan_small.toml unless given.  Its levels are followed again and again, in one run that is logged, written and kept
+like any other, until there are so many points.  What a rank has in memory after the first of them (``--warm``) may grow by
+``--limit`` beyond the points themselves, which stay on rank 0 by design, those of other ranks without their motion.  Prints a line
+of JSON; the exit status is 1 if any rank grows by more.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+import argparse
+import contextlib
+import json
+import sys
+import tempfile
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from microslip.parallel.petsc import initialise
+
+initialise()
+from mpi4py import MPI
+
+from microslip.observe.observer import Observers
+from microslip.parallel.agree import on_root
+from microslip.parallel.memory import give_back, resident_memory
+from microslip.run import run
+from microslip.scene.read import read_scene
+
+LEAST = 10  # points that a level has at least
+
+
+class Enough(Exception):
+    """As many points as were asked for."""
+
+
+class Meter:
+    """Memory of this rank after each point, and the bytes of the points so far [bytes]; wraps ``Observers.tell`` in its context."""
+
+    def __init__(self, points: int):
+        self.points, self.resident, self.recorded = points, list[float](), list[float]()
+        self._held, self._tell = 0.0, Observers.tell
+
+    def __enter__(self) -> Meter:
+        meter = self
+
+        def tell(observers: Observers, event: str, *news) -> None:
+            meter._tell(observers, event, *news)
+            if event == "point":
+                meter.take(news[1])
+
+        Observers.tell = tell
+        return self
+
+    def __exit__(self, *_) -> None:
+        Observers.tell = self._tell
+
+    def take(self, point) -> None:
+        """Note what is held after a point.  Local; the same number of points on every rank."""
+        self._held += size_of(point)
+        give_back()
+        self.resident.append(resident_memory())
+        self.recorded.append(self._held)
+        if len(self.resident) >= self.points:
+            raise Enough
+
+
+def size_of(point) -> float:
+    """Return the bytes of a recorded point."""
+    values = [getattr(point, one.name) for one in fields(point)]
+    return sum(sys.getsizeof(value) + (value.base.nbytes if held_by_another(value) else 0) for value in values) + sys.getsizeof(
+        point
+    )
+
+
+def held_by_another(value) -> bool:
+    """Return whether an array keeps the memory of another one."""
+    return isinstance(value, np.ndarray) and isinstance(value.base, np.ndarray)
+
+
+def measured(comm: MPI.Comm, path: str, points: int, folder: Path) -> Meter:
+    """Return the memory over the points of a run of a scene whose levels come again and again.  Collective."""
+    levels = read_scene(path).response.levels
+    cycles = 1 + points // (LEAST * len(levels))
+    many = ", ".join(repr(level * (1.0 + 1e-9 * cycle)) for cycle in range(cycles) for level in levels)
+    scene, meter = read_scene(path, (f"response.levels=[{many}]",)), Meter(points)
+    with contextlib.suppress(Enough), meter:
+        run(scene, comm, folder, screen=False)
+    return meter
+
+
+def growth(meter: Meter, warm: int) -> dict[str, float]:
+    """Return what a rank holds after the first points and at the end, and its growth beyond the points themselves."""
+    first, recorded = meter.resident[warm - 1], meter.recorded[-1] - meter.recorded[warm - 1]
+    return {
+        "warm_MB": first / 1e6,
+        "end_MB": meter.resident[-1] / 1e6,
+        "points_MB": recorded / 1e6,
+        "bytes_a_point": recorded / (len(meter.resident) - warm),
+        "growth": unexplained(meter, warm) / first,
+        "more_in_second_half_MB": unexplained(meter, len(meter.resident) // 2) / 1e6,
+    }
+
+
+def unexplained(meter: Meter, first: int) -> float:
+    """Return by how much a rank grew after its first points, beyond what was recorded since [bytes]."""
+    return (meter.resident[-1] - meter.resident[first - 1]) - (meter.recorded[-1] - meter.recorded[first - 1])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("scene", nargs="?", default="jobs/fan_small.toml")
+    parser.add_argument("--points", type=int, default=3000)
+    parser.add_argument("--warm", type=int, default=500)
+    parser.add_argument("--limit", type=float, default=0.02)
+    parser.add_argument("--out", type=Path, default=None)
+    asked = parser.parse_args()
+    comm = MPI.COMM_WORLD
+    folder = on_root(comm, lambda: asked.out or Path(tempfile.mkdtemp(prefix="leak_")))
+    meter = measured(comm, asked.scene, asked.points, folder)
+    found = comm.allgather(growth(meter, asked.warm))
+    if comm.rank == 0:
+        print(json.dumps({"scene": asked.scene, "points": asked.points, "ranks": found}))
+    return int(max(rank["growth"] for rank in found) > asked.limit)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

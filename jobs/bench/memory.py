@@ -1,0 +1,105 @@
+"""The memory that `microslip check` foresees of a run, stage by stage, beside what the run then takes.
+
+    python jobs/bench/memory.py [SCENE.toml ...] [--ranks 1 2] [--out DIR]
+
+Scenes are jobs/fan_small.toml, jobs/lap_joint.toml and jobs/fan_paper.toml unless given.  Each is checked and run on each number
+of ranks (mpirun, or what $MPIRUN names), in jobs of their own.  Writes memory.json and memory.md in DIR (results/bench_memory).
+Both numbers are the highest resident memory of all ranks together until the end of a stage.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+import argparse
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import machine
+
+SCENES = ("jobs/fan_small.toml", "jobs/lap_joint.toml", "jobs/fan_paper.toml")
+FORESEEN = re.compile(r"^ {11}(\S.*?) {2,}(\d+) +(\d+)( measured)?$")
+TAKEN = re.compile(r"^(\S.*?) {2,}[\d.]+ +[\d.]+% +(\d+) +(\d+)$")
+WITHIN = 0.3
+
+
+def program(arguments: list[str], ranks: int) -> str:
+    """Return what the program prints on so many ranks."""
+    command = [sys.executable, "-m", "microslip", *arguments]
+    if ranks > 1:
+        command = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "--oversubscribe", "-n", str(ranks), *command]
+    found = subprocess.run(command, stdout=subprocess.PIPE, text=True)
+    if found.returncode != 0:
+        sys.exit(f"memory.py: {shlex.join(command)} ended with status {found.returncode}")
+    return found.stdout
+
+
+def stages(text: str, pattern: re.Pattern) -> dict[str, tuple[float, float]]:
+    """Return the memory of all ranks and of the largest at the end of each stage [MiB], from the lines that say it."""
+    found = [pattern.match(line) for line in text.splitlines()]
+    return {one[1]: (float(one[2]), float(one[3])) for one in found if one is not None}
+
+
+def compared(foreseen: dict, taken: dict) -> list[dict]:
+    """Return the stages that both name, in their order."""
+    return [
+        {"stage": name, "foreseen": foreseen[name], "taken": taken[name], "ratio": foreseen[name][0] / taken[name][0]}
+        for name in foreseen
+        if name in taken
+    ]
+
+
+def measure(scene: str, ranks: int, folder: Path) -> dict:
+    """Return what was foreseen of a scene and what it took."""
+    foreseen = stages(program(["check", scene], ranks), FORESEEN)
+    out = folder / f"{Path(scene).stem}_{ranks}"
+    shutil.rmtree(out, ignore_errors=True)  # or it would go on from there
+    program(["run", scene, "--out", str(out)], ranks)
+    found = compared(foreseen, stages((out / "run.log").read_text(), TAKEN))
+    print(scene, ranks, [f"{one['stage']} {one['ratio']:.2f}" for one in found], flush=True)
+    return {"scene": Path(scene).stem, "ranks": ranks, "stages": found}
+
+
+def page(found: list[dict]) -> str:
+    """Return the tables as a page of Markdown."""
+    lines = []
+    for one in found:
+        many = "s" * (one["ranks"] > 1)
+        lines += [
+            f"## {one['scene']}, {one['ranks']} rank{many}",
+            "",
+            "| stage | foreseen, MiB | taken | ratio | largest rank, foreseen | taken |",
+        ]
+        lines += ["| --- | ---: | ---: | ---: | ---: | ---: |"]
+        for stage in one["stages"]:
+            (all_f, most_f), (all_t, most_t) = stage["foreseen"], stage["taken"]
+            lines.append(
+                f"| {stage['stage']} | {all_f:,.0f} | {all_t:,.0f} | {all_f / all_t:.2f} | {most_f:,.0f} | {most_t:,.0f} |"
+            )
+        lines.append("")
+    return machine.page("Memory foreseen and taken", lines, machine.lines(machine.facts()))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("scenes", nargs="*", default=list(SCENES))
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--out", type=Path, default=Path("results/bench_memory"))
+    asked = parser.parse_args()
+    asked.out.mkdir(parents=True, exist_ok=True)
+    found = [measure(scene, ranks, asked.out) for scene in asked.scenes for ranks in asked.ranks]
+    (asked.out / "memory.json").write_text(json.dumps(found, indent=1))
+    (asked.out / "memory.md").write_text(page(found))
+    worst = max(abs(stage["ratio"] - 1.0) for one in found for stage in one["stages"])
+    print(f"at worst {worst:.0%} off; {asked.out / 'memory.md'}")
+    return int(worst > WITHIN)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,171 @@
+"""The memory of a run before it is taken: the peak of each rank until the end of each stage, from the mesh and the scene alone.
+
+What a matrix takes is counted: its entries are known from the mesh.  What its factor takes is MUMPS' own analysis, of the graph
+of the nodes.  Both are sums over arrays that the stages hold at once; what the allocator adds to them is not known.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from petsc4py import PETSc
+
+from ..assembly.assemble import ASSEMBLED
+from ..assembly.coupling import Coupling
+from ..linear.analysis import FactorMemory
+from ..linear.joint_springs import KEPT, analysis_of
+from ..linear.mumps import foreseen
+from ..modes.krylov_schur import basis_size
+from ..parallel.memory import refuse_beyond
+from ..reduction.galerkin import memory_of_basis
+from ..reduction.methods import METHODS
+from ..reduction.settings import ReductionSettings
+from ..scene.schema import Scene
+from .settings import reduction_settings
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..linear.joint_springs import Linearised
+
+# bytes an entry of K, of the arrays held at once; M has a third of the entries
+HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M as PETSc keeps them
+FACTORED = KEPT + 10.5  # K_L, and the half of it that is handed to MUMPS, with places and its analysis
+SHARPENED = 24.0  # the rows of K_L twice: eigenvalues in extended precision
+LIBRARIES = 16e6  # bytes of MUMPS, BLAS and SLEPc and their buffers, touched at first use
+PICTURES = 30e6  # bytes of Matplotlib and its fonts, likewise
+PICKED = 24  # modes assumed where the program picks their number
+VECTORS = 3  # blocks of the modes' size beside the basis that they are found in
+COLUMNS = 2.5e8  # bytes of a batch of static solutions, all ranks
+
+
+@dataclass(frozen=True)
+class StageMemory:
+    """The most memory that ranks have had by the end of a stage, counted from the start of the program."""
+
+    name: str  # as in run.log
+    peak: np.ndarray  # (size,) bytes
+    is_measured: bool = False
+
+
+@dataclass(frozen=True)
+class MemoryEstimate:
+    """The memory of a run by stage, and of the factor alone; of all ranks."""
+
+    stages: tuple[StageMemory, ...]
+    factor: tuple[FactorMemory, ...] | None  # of each rank; None where MUMPS does not tell
+    modes: int  # counted with
+
+    @property
+    def more(self) -> np.ndarray:
+        """What each rank will take beyond what it has had so far, (size,) bytes."""
+        measured = np.max([stage.peak for stage in self.stages if stage.is_measured], axis=0)
+        return np.max([stage.peak for stage in self.stages], axis=0) - measured
+
+
+def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, highest: int) -> MemoryEstimate:
+    """Return the memory of a run of a scene, whose mesh has been read and distributed: ``so_far`` bytes at most on this rank.
+
+    Collective on the graph's communicator; the same on every rank.  ``highest`` is the highest harmonic of its points.
+    """
+    comm = coupling.graph.comm.tompi4py()
+    factor = foreseen(coupling.graph, coupling.n_dof_each, coupling.entries_owned)
+    names = _peaks(scene, coupling, n_pairs, so_far, highest, factor, comm)
+    found = comm.allgather(list(names.values()))
+    stages = tuple(
+        StageMemory(name, np.array(peaks), is_measured=i == 0) for i, (name, peaks) in enumerate(zip(names, zip(*found)))
+    )
+    return MemoryEstimate(stages, None if factor is None else tuple(comm.allgather(factor)), _n_modes(scene, coupling.n_dof))
+
+
+def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
+    """Raise ResourceError if the modes and the proof that none is missing would not fit beside the kept factor.
+
+    Collective.  Before the first of them is sought: the proof comes last, and takes as much again as the factor.
+
+    Raises
+    ------
+    ResourceError : on every rank
+    """
+    system, memory = linearised.system, linearised.factor.info.get("memory")
+    n_dof, n_owned = system.n_dof, linearised.K_L.getLocalSize()[0]
+    n_modes = min(settings.modes or PICKED, n_dof)
+    vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
+    entries = linearised.K_L.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
+    proof = 0.0 if memory is None or not settings.verify_modes else FACTORED * entries + memory.out_of_core
+    advice = "ask for fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
+    if proof > 0.0:
+        advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factor"
+    refuse_beyond(system.comm, vectors + max(proof, SHARPENED * entries), f"{settings.where}: {n_modes} modes", advice)
+
+
+def of_factor(info: dict[str, Any]) -> str:
+    """Return what a factor took beside what was foreseen, in words.  Local."""
+    memory = info.get("memory")
+    if memory is None:
+        return f"factor by {info['package']}"
+    foreseen = memory.out_of_core if info["out_of_core"] else memory.in_core
+    return (
+        f"factor: {info['entries']} entries, ordered by {info['ordering']}; memory {info['memory_MB']} MB on all ranks, "
+        f"{info['memory_max_MB']} MB on the largest (foreseen on rank 0: {foreseen / 1e6:.0f} MB)"
+    )
+
+
+def _peaks(
+    scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, highest: int, factor: FactorMemory | None, comm: MPI.Comm
+) -> dict[str, float]:
+    """Return the peak of this rank until the end of each stage [bytes].  Local."""
+    entries, n_owned, n_dof = coupling.entries_owned, coupling.dofs_owned, coupling.n_dof
+    of_factor = FACTORED * entries + (factor.in_core if factor is not None else _by_size(n_dof) / comm.size)
+    n_modes, solver = _n_modes(scene, n_dof), scene.solver
+    settings = reduction_settings(scene)
+    own_pairs, N_H = -(-n_pairs // comm.size), 2 * highest + 1
+    held = so_far + HELD * entries
+    if scene.model.mesh is None:  # what was read stays on rank 0
+        stages = {"matrices and contact pairs": so_far, "assembly": so_far + HELD * entries}
+    else:
+        stages = {"partition": so_far, "assembly": so_far + ASSEMBLED * entries}
+    if scene.statics is not None:
+        stages["statics"] = held + of_factor + LIBRARIES
+    before = held + analysis_of(entries, comm.size)
+    held += of_factor + LIBRARIES
+    stages["factor of the stuck structure"] = max(before, held)
+    columns = min(8.0 * 128 * n_dof, COLUMNS) * (n_owned / max(n_dof, 1) + (comm.rank == 0))
+    vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
+    proof = of_factor if solver.verify_modes else 0.0
+    stages["modes"] = held + vectors + max(proof, SHARPENED * entries, columns)
+    held += 8.0 * n_owned * n_modes
+    n_columns = METHODS[solver.method].coordinates(
+        settings, n_modes, n_dof, n_pairs, sum(len(one.phases) for one in settings.loads)
+    )
+    basis = memory_of_basis(n_owned, n_columns) if solver.method in _GALERKIN else columns
+    stages["reduction"] = held + basis
+    static = 72.0 * n_pairs * own_pairs
+    points = _bytes_a_point(n_pairs, N_H) * scene.response.points * (len(scene.response.levels) + 1) * (comm.rank == 0)
+    stages["response"] = held + 2.5 * static + points
+    stages["pictures"] = held + static + points + PICTURES
+    return _rising(stages)
+
+
+_GALERKIN = ("rubin", "craig-bampton", "joint-interface-modes", "trial-vectors")
+
+
+def _rising(stages: dict[str, float]) -> dict[str, float]:
+    """Return peaks until the end of each stage, those of earlier ones included.  Local."""
+    return dict(zip(stages, np.maximum.accumulate(list(stages.values())).tolist()))
+
+
+def _n_modes(scene: Scene, n_dof: int) -> int:
+    return min(scene.solver.modes or PICKED, n_dof)
+
+
+def _bytes_a_point(n_pairs: int, N_H: int) -> float:
+    """Return what a recorded point takes: motion and forces of the pairs, and a few numbers of each pair and of itself."""
+    return 8.0 * (6 * n_pairs * N_H + 8 * n_pairs) + 4e3
+
+
+def _by_size(n_dof: int) -> float:
+    """Return the memory of a factor of a solid mesh [bytes], as measured on a fan-blade sector of 122,124 DOF."""
+    return 1.0e9 * (n_dof / 122_124) ** (4.0 / 3.0)

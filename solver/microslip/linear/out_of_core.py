@@ -1,0 +1,74 @@
+"""Factors that do not fit into memory: written to disk by MUMPS, where a disk has room."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from ..parallel.agree import raise_together
+from ..parallel.errors import ResourceError
+from ..parallel.memory import gigabytes
+
+if TYPE_CHECKING:
+    from .analysis import FactorMemory
+
+VARIABLE = "MUMPS_OOC_TMPDIR"  # where MUMPS writes; it reads the variable when it starts to factor
+_OUT_OF_CORE = 22  # ICNTL
+_IN_MEMORY = ("tmpfs", "ramfs", "rootfs")  # file systems that are no disk
+_MARGIN = 1.2  # of the estimate, for what MUMPS adds to it while it factors
+
+
+def room_on_disk(comm: MPI.Comm, memory: FactorMemory) -> str | None:
+    """Return the folder to which each rank may write its part of a factor; None, on every rank, if one has no room.
+
+    Collective on ``comm``.  Ranks of one machine are taken to share a disk.
+    """
+    here = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    needed = _MARGIN * here.allreduce(memory.on_disk)
+    here.Free()
+    folder = next((folder for folder in _folders() if _is_on_disk(folder) and shutil.disk_usage(folder).free > needed), None)
+    return folder if comm.allreduce(folder is not None, op=MPI.LAND) else None
+
+
+def write_to_disk(comm: MPI.Comm, F: PETSc.Mat, folder: str | None) -> None:
+    """Make an analysed factor one that MUMPS keeps on disk, in ``folder``.  Collective on ``comm``."""
+    problem = None if folder is not None and os.access(folder, os.W_OK) else f"{folder}: cannot be written; set {VARIABLE}"
+    raise_together(comm, problem, ResourceError)
+    os.environ[VARIABLE] = str(folder)
+    F.setMumpsIcntl(_OUT_OF_CORE, 1)
+
+
+def disks(memory: FactorMemory) -> str:
+    """Return where a factor could be written, and what it needs there, in words.  Local."""
+    return f"{gigabytes(memory.on_disk)} on a disk in {' or '.join(_folders())} (${VARIABLE} names another folder)"
+
+
+def _folders() -> list[str]:
+    """Return the folders that may take a factor: the one stated, or else the usual ones.  Local."""
+    stated = os.environ.get(VARIABLE)
+    return [stated] if stated else list(dict.fromkeys([os.environ.get("TMPDIR") or "/tmp", "/tmp", "/var/tmp"]))
+
+
+def _is_on_disk(folder: str) -> bool:
+    """Return whether a folder is there, may be written, and lies on no file system that is itself memory.  Local."""
+    path = Path(folder).resolve()
+    mounts = {Path(place): kind for place, kind in _mounts()}
+    kind = next((mounts[parent] for parent in (path, *path.parents) if parent in mounts), "")
+    return path.is_dir() and os.access(path, os.W_OK) and kind not in _IN_MEMORY
+
+
+def _mounts() -> Iterator[tuple[str, str]]:
+    """Yield place and type of each file system; none where the system does not tell."""
+    try:
+        with open("/proc/mounts") as file:
+            for line in file:
+                _, place, kind, *_ = line.split()
+                yield place, kind
+    except OSError:
+        return

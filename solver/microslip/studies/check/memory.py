@@ -1,0 +1,81 @@
+"""What a run will take of the memory, stage by stage and rank by rank, in lines; nothing is solved for it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...assembly.assemble import read_off
+from ...assembly.constraints import constrain
+from ...assembly.coupling import Coupling, coupling_of_dofs, coupling_of_nodes
+from ...assembly.matrices import GivenStructure
+from ...library.memory import MemoryEstimate, estimate_memory
+from ...mesh.data import ContactPairs, DistributedMesh, Mesh
+from ...mesh.settings import MeshSettings
+from ...parallel.agree import on_root
+from ...parallel.memory import Shortage, gigabytes, memory_left, peak_memory, shortage
+from ...scene.schema import Scene
+from .report import highest_harmonic
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+_MIB = 1024.0**2
+
+
+def memory_of_mesh(
+    scene: Scene, dmesh: DistributedMesh, mesh: Mesh | None, pairs: ContactPairs, settings: MeshSettings, so_far: float
+) -> list[str]:
+    """Return lines on the memory of a run of a scene with a mesh, which took ``so_far`` bytes on this rank.  Collective."""
+    constraints = None
+    if settings.ties or settings.points or settings.has_equations or settings.attached:
+        is_fixed, _, _, _, _, links, clusters = on_root(dmesh.comm, read_off, mesh, pairs, settings)
+        constraints = None if links.is_empty else constrain(dmesh, links, is_fixed, *clusters)
+    return _lines(scene, coupling_of_nodes(dmesh, pairs, constraints), pairs.n_pairs, so_far, dmesh.comm)
+
+
+def memory_of_matrices(scene: Scene, given: GivenStructure | None, comm: MPI.Comm) -> list[str]:
+    """Return the same of a scene given as matrices, on rank 0.  Collective."""
+    so_far, n_pairs = peak_memory(), comm.bcast(0 if given is None else given.pairs.n_pairs)
+    return _lines(scene, coupling_of_dofs(given, comm), n_pairs, so_far, comm)
+
+
+def _lines(scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, comm: MPI.Comm) -> list[str]:
+    """Return the estimate in lines, the coupling freed.  Collective."""
+    estimate = estimate_memory(scene, coupling, n_pairs, so_far, highest_harmonic(scene))
+    coupling.graph.destroy()
+    left, lacks = memory_left(comm), shortage(comm, float(estimate.more[comm.rank]))
+    return in_words(estimate, 72.0 * n_pairs**2, left, lacks, picked=not scene.solver.modes)
+
+
+def in_words(estimate: MemoryEstimate, columns: float, left: float, lacks: Shortage | None, picked: bool) -> list[str]:
+    """Return an estimate in lines.  Local.
+
+    Parameters
+    ----------
+    columns : bytes of the static columns of all pairs, all ranks
+    left : bytes that all ranks may still take
+    lacks : the limit that does not suffice; None where all of it fits
+    picked : whether the number of modes is left to the program
+    """
+    assumed = f", with {estimate.modes} modes" if picked else ""
+    lines = [f"memory     peak by the end of each stage, MiB: all ranks, largest{assumed}"]
+    for stage in estimate.stages:
+        how = " measured" if stage.is_measured else ""
+        lines.append(f"           {stage.name:<30}{stage.peak.sum() / _MIB:>9.0f}{stage.peak.max() / _MIB:>9.0f}{how}")
+    lines.append(f"           of it {_factor(estimate)}; {gigabytes(columns)} for static columns if every pair slips")
+    if lacks is not None:
+        return [*lines, f"           WARNING: too much for this machine: {lacks}"]
+    return [
+        *lines,
+        f"           this machine has {gigabytes(left)} left" if np.isfinite(left) else "           what is left is not known",
+    ]
+
+
+def _factor(estimate: MemoryEstimate) -> str:
+    """Return what the factor takes, in words."""
+    if estimate.factor is None:
+        return "the factor, by the number of DOF alone: this PETSc does not analyse without factoring"
+    memory, on_disk = (sum(getattr(one, name) for one in estimate.factor) for name in ("in_core", "on_disk"))
+    return f"{gigabytes(memory)} for the factor, or with {gigabytes(on_disk)} of it on disk, less"

@@ -1,0 +1,26 @@
+"""What the benchmark of memory reads of check and run.log."""
+
+import memory
+import pytest
+
+CHECKED = """memory     peak by the end of each stage, MiB: all ranks, largest, with 24 modes
+           partition                           162      162 measured
+           factor of the stuck structure       253      130
+           of it 30.3 MB for the factor, or with 20.1 MB of it on disk, less; 0.152 MB for static columns
+           this machine has 21.7 GB left
+"""
+LOGGED = """stage                                      seconds  share  peak memory, MiB: all ranks  largest
+partition                                    0.005   0.1%                          160      160
+assembly                                     0.226   2.9%                          206      206
+factor of the stuck structure                0.204   2.6%                          220      120
+total                                        7.762 100.0%                          318      318
+"""
+
+
+def test_stages_of_both_are_compared():
+    found = memory.compared(memory.stages(CHECKED, memory.FORESEEN), memory.stages(LOGGED, memory.TAKEN))
+    assert [one["stage"] for one in found] == ["partition", "factor of the stuck structure"]
+    assert found[1]["foreseen"] == (253.0, 130.0) and found[1]["taken"] == (220.0, 120.0)
+    assert found[1]["ratio"] == pytest.approx(1.15)
+    text = memory.page([{"scene": "fan_small", "ranks": 2, "stages": found}])
+    assert "## fan_small, 2 ranks" in text and "| factor of the stuck structure | 253 | 220 | 1.15 | 130 | 120 |" in text

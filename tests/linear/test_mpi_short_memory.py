@@ -1,0 +1,213 @@
+"""A factor for which memory is short: foreseen, written to disk, tried again, and refused on all ranks alike."""
+
+import lattices
+import numpy as np
+import pytest
+from lattices import distributed, split_rows
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.sparse.linalg import spsolve
+
+from microslip.linear import mumps, out_of_core
+from microslip.linear.analysis import analyse, count, factor_memory
+from microslip.linear.factor import Factor
+from microslip.linear.mumps import said_of_solve
+from microslip.parallel import memory
+from microslip.parallel.errors import CaseError, ResourceError
+from microslip.parallel.memory import Limit
+
+comm = MPI.COMM_WORLD
+K = lattices.lattice_stiffness((24, 12, 10))
+
+
+@pytest.fixture
+def A():
+    matrix = distributed(comm, K, split_rows(K.shape[0], comm.size))
+    matrix.setOption(PETSc.Mat.Option.SPD, True)
+    yield matrix
+    matrix.destroy()
+
+
+@pytest.fixture
+def options():
+    """Set PETSc's options by name, and take them away again."""
+    database, names = PETSc.Options(), []
+
+    def set_to(name, value):
+        names.append(name)
+        database[name] = value
+
+    yield set_to
+    for name in names:
+        database.delValue(name)
+
+
+def has(monkeypatch, left):
+    monkeypatch.setattr(memory, "limits_here", lambda machine, process, resident: [Limit("the test", process, left)])
+
+
+def solves(factor):
+    b = np.random.default_rng(1).standard_normal((K.shape[0], 3))
+    owned = slice(*factor.A.getOwnershipRange())
+    x_owned = factor.solve(b[owned])
+    residual = factor.relative_residual(b[owned], x_owned)[0]
+    return residual < 1e-9
+
+
+def foreseen(A):
+    ksp = mumps._direct_solver(A, "static_", None, False)
+    assert analyse(ksp.getPC(), A) == 0
+    found = factor_memory(ksp.getPC().getFactorMatrix())
+    ksp.destroy()
+    return found
+
+
+def test_the_analysis_foresees_what_is_used_and_is_not_repeated(A, monkeypatch):
+    found = foreseen(A)
+    factor = Factor(A)
+    assert comm.allreduce(found.in_core) == pytest.approx(1e6 * factor.info["memory_MB"], rel=0.3)
+    assert found.entries == pytest.approx(factor.info["entries"], rel=0.01)
+    assert 0.0 < found.out_of_core < found.in_core and comm.allreduce(found.on_disk) >= 8.0 * factor.info["entries"]
+    assert factor.info["said"] == () and not factor.info["out_of_core"]
+    factor.destroy()
+
+
+def test_what_does_not_fit_is_kept_on_disk_and_solves_as_well(A, monkeypatch, tmp_path):
+    found, folder = foreseen(A), comm.bcast(str(tmp_path))
+    monkeypatch.setenv(out_of_core.VARIABLE, folder)
+    monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: True)
+    has(monkeypatch, 0.5 * (found.in_core + found.out_of_core))
+    factor = Factor(A)
+    assert factor.info["out_of_core"] and "does not fit into memory (one rank needs" in factor.info["said"][0]
+    assert list(tmp_path.parent.parent.rglob("mumps_*")) if comm.rank == 0 else True
+    assert solves(factor)
+    factor.destroy()
+    comm.Barrier()
+    assert not list(tmp_path.rglob("mumps_*"))
+
+
+def test_entries_of_the_inverse_from_a_factor_on_disk(A, options):
+    options("static_mat_mumps_icntl_22", 1)
+    factor = Factor(A)
+    rows, columns = np.array([0, 5, 9]), np.array([0, 7])
+    entries = factor.inverse_entries(rows, columns)
+    if comm.rank == 0:
+        expected = spsolve(K.tocsc(), np.eye(K.shape[0])[:, columns])[rows]
+        np.testing.assert_allclose(entries, expected, rtol=1e-9, atol=1e-18)
+    factor.destroy()
+
+
+@pytest.mark.parametrize("why", ["memory", "disk"])
+def test_no_room_in_memory_nor_on_disk_is_refused_before_it_is_taken(A, monkeypatch, why):
+    found = foreseen(A)
+    has(monkeypatch, 1.0 if why == "memory" else 0.5 * (found.in_core + found.out_of_core))
+    monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: why == "memory")
+    says = (
+        "on disk it would still be so"
+        if why == "memory"
+        else r"nor is there room for .* \(\$MUMPS_OOC_TMPDIR names another folder\)"
+    )
+    with pytest.raises(ResourceError, match=f"K_L: not enough memory for its factor.*{says}.*use more ranks on more machines"):
+        Factor(A)
+
+
+def test_a_file_system_in_memory_is_no_disk(monkeypatch):
+    monkeypatch.setattr(out_of_core, "_mounts", lambda: [("/", "ext4"), ("/tmp", "tmpfs")])
+    assert not out_of_core._is_on_disk("/tmp") and out_of_core._is_on_disk("/") and not out_of_core._is_on_disk("/nowhere")
+
+
+def test_too_little_workspace_asked_for_by_an_option_is_raised(A, options):
+    """ICNTL(14) far below MUMPS' own: INFOG(1) = -8 or -9, then more of it, whatever the option says."""
+    options("static_mat_mumps_icntl_14", -60)
+    factor = Factor(A)
+    assert len(factor.info["said"]) == 1
+    assert "INFOG(1) = -9" in factor.info["said"][0] and "again with 60 % of workspace" in factor.info["said"][0]
+    assert solves(factor)
+    factor.destroy()
+
+
+def test_a_limit_that_an_option_sets_is_named(A, options):
+    options("static_mat_mumps_icntl_23", 1)
+    with pytest.raises(
+        ResourceError, match=r"INFOG\(1\) = -(9|19).*use more ranks" if comm.size > 1 else "-static_mat_mumps_icntl_23"
+    ):
+        Factor(A)
+
+
+def reported(monkeypatch, *codes):
+    """Let MUMPS report failures: INFOG(1) of its attempts, one after the other, the last one for all that follow."""
+    report, attempts = mumps._report, []
+
+    def failing(ksp):
+        attempts.append(codes[min(len(attempts), len(codes) - 1)])
+        return report(ksp) | {"code": attempts[-1], "detail": 7}
+
+    monkeypatch.setattr(mumps, "_report", failing)
+    return attempts
+
+
+def test_a_failed_allocation_moves_the_factor_to_disk(A, monkeypatch):
+    attempts = reported(monkeypatch, -13, 0)
+    factor = Factor(A)
+    assert factor.info["out_of_core"] and attempts == [-13, 0]
+    assert "INFOG(1) = -13, INFOG(2) = 7; again with the factor on disk" in factor.info["said"][0] and solves(factor)
+    factor.destroy()
+
+
+@pytest.mark.parametrize(
+    "code, n_attempts, error, says",
+    [
+        (-8, 4, ResourceError, "not enough memory"),
+        (-9, 4, ResourceError, "not enough memory"),
+        (-11, 4, ResourceError, "not enough memory"),
+        (-17, 4, ResourceError, "not enough memory"),
+        (-5, 2, ResourceError, "not enough memory"),
+        (-7, 2, ResourceError, "not enough memory"),
+        (-13, 2, ResourceError, "not enough memory"),
+        (-19, 2, ResourceError, "-static_mat_mumps_icntl_23 allows it too few MB"),
+        (-90, 1, ResourceError, r"could not be written to disk.*\$MUMPS_OOC_TMPDIR"),
+        (-53, 1, CaseError, "check the -static_mat_mumps options"),
+    ],
+)
+def test_retries_end_and_all_ranks_hear_the_same(A, monkeypatch, code, n_attempts, error, says):
+    attempts = reported(monkeypatch, code)
+    with pytest.raises(error, match=f"INFOG\\(1\\) = {code}") as caught:
+        Factor(A)
+    assert len(attempts) == n_attempts
+    with pytest.raises(error, match=says):
+        raise caught.value
+    assert len(set(comm.allgather(str(caught.value)))) == 1
+
+
+def test_a_solve_that_runs_out_of_memory_has_its_status(A, monkeypatch):
+    factor = Factor(A)
+
+    class Told:
+        def getMumpsInfog(self, which):
+            return {1: -13, 2: 99}[which]
+
+        def getSize(self):
+            return A.getSize()
+
+    class Pc:
+        def getFactorMatrix(self):
+            return Told()
+
+        def getFactorSolverType(self):
+            return PETSc.Mat.SolverType.MUMPS
+
+    class Ksp:
+        getPC, getOptionsPrefix = Pc, lambda self: "static_"
+
+    with pytest.raises(
+        ResourceError, match=r"a solve with the kept factor: not enough memory.*INFOG\(1\) = -13, INFOG\(2\) = 99"
+    ):
+        with said_of_solve(Ksp()):
+            raise PETSc.Error(76)
+    with pytest.raises(PETSc.Error), said_of_solve(factor.ksp):  # MUMPS tells of nothing
+        raise PETSc.Error(76)
+    factor.destroy()
+
+
+def test_counts_beyond_32_bits_come_in_millions():
+    assert count(12) == 12 and count(-12) == 12_000_000

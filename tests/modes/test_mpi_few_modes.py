@@ -1,0 +1,61 @@
+"""An eigensolver that finds too few modes: again in a larger space, then a failure with its status, on all ranks alike."""
+
+import lattices
+import numpy as np
+import pytest
+from petsc4py import PETSc
+
+from microslip.linear.joint_springs import linearise
+from microslip.modes import krylov_schur
+from microslip.modes.eigen import lowest_modes
+from microslip.modes.krylov_schur import slepc_modes
+from microslip.parallel.errors import ConvergenceError
+
+SHAPE = (12, 7, 6)
+
+
+@pytest.fixture
+def options():
+    """Set PETSc's options by name, and take them away again."""
+    database, names = PETSc.Options(), []
+
+    def set_to(**values):
+        for name, value in values.items():
+            names.append(name)
+            database[name] = value
+
+    yield set_to
+    for name in names:
+        database.delValue(name)
+
+
+@pytest.fixture
+def linearised(comm):
+    system, pairs = lattices.lattice(comm, SHAPE)
+    found = linearise(system, pairs)
+    yield found
+    found.destroy()
+
+
+def test_a_space_too_small_is_doubled(comm, linearised, options):
+    """One restart in a space of 24 finds some of 12 modes; in a larger space all of them come."""
+    options(modes_eps_ncv=24, modes_eps_max_it=1)
+    modes = lowest_modes(linearised, 10)
+    np.testing.assert_allclose(modes.omega_n, lattices.lattice_frequencies(SHAPE)[:10], rtol=1e-9)
+    said = modes.info["said"]
+    assert 1 <= len(said) <= 2 and "of 12 converged in a space of 24" in said[0] and modes.info["basis"] == 24 * 2 ** len(said)
+    assert len(set(comm.allgather(said))) == 1
+
+
+def test_too_few_in_the_largest_space_too_is_a_failure(comm, linearised, options, monkeypatch):
+    monkeypatch.setattr(krylov_schur, "_TRIES", 2)
+    options(modes_eps_ncv=41, modes_eps_max_it=1, modes_eps_tol=1e-30)
+    with pytest.raises(
+        ConvergenceError, match="in a space of 41; modes: .* in a space of 82.*fewer .solver. modes.*eps_max_it 2"
+    ) as caught:
+        slepc_modes(linearised, 40)
+    assert caught.value.exit_status == 3 and len(set(comm.allgather(str(caught.value)))) == 1
+
+
+def test_nothing_is_said_where_the_first_space_suffices(linearised):
+    assert lowest_modes(linearised, 5).info["said"] == ()

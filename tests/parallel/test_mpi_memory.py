@@ -1,0 +1,43 @@
+"""Memory refused on all ranks, whichever of them needs too much."""
+
+import pytest
+from mpi4py import MPI
+
+from microslip.parallel import memory
+from microslip.parallel.errors import ResourceError
+from microslip.parallel.memory import Limit, memory_left, refuse_beyond
+
+COMM = MPI.COMM_WORLD
+
+
+def has(monkeypatch, left, shared=True):
+    def limits(machine, process, resident):
+        assert resident > 1e7 * COMM.size
+        return [Limit("the test", machine if shared else process, left)]
+
+    monkeypatch.setattr(memory, "limits_here", limits)
+
+
+@pytest.mark.parametrize("rank", range(COMM.size))
+def test_one_rank_that_needs_too_much_ends_all(monkeypatch, rank):
+    has(monkeypatch, 1e9, shared=False)
+    with pytest.raises(
+        ResourceError,
+        match="^the modes: not enough memory: one rank needs 2 GB more, but of the test 1 GB are left; ask for fewer$",
+    ):
+        refuse_beyond(COMM, 2e9 if COMM.rank == rank else 0.0, "the modes", "ask for fewer")
+    refuse_beyond(COMM, 0.9e9, "the modes", "ask for fewer")
+
+
+def test_ranks_of_a_machine_share_what_it_has(monkeypatch):
+    has(monkeypatch, 1e9)
+    assert memory_left(COMM) == pytest.approx(1e9)
+    refuse_beyond(COMM, 0.99e9 / COMM.size, "the modes", "")
+    with pytest.raises(
+        ResourceError, match="needs? 1.2 GB more" if COMM.size == 1 else f"its {COMM.size} ranks need 1.2 GB more"
+    ):
+        refuse_beyond(COMM, 1.2e9 / COMM.size, "the modes", "")
+
+
+def test_what_this_machine_says_is_believable():
+    assert 1e7 < memory_left(COMM) < 1e16
