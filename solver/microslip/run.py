@@ -144,7 +144,7 @@ def follow_logged(
     levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, limit)
     try:
         with stops.kept():
-            branches = follow(response, [levels, writer, stops], n_groups, log, keepers)
+            branches = follow(response, [levels, writer, stops], n_groups, log, keepers, keeps_motion=False)
         if not in_turn(response, n_groups):
             writer.put_in_order(branches)
     finally:

@@ -77,6 +77,7 @@ class Point:
 
 
 QUANTITIES = declared(Point)
+NOTHING = np.empty((0, 3, 0))  # the motion of a point where it is not kept: on ranks other than 0
 CLOSES_TO = 1e-6  # closure of the energy balance beyond which a point deserves a second look
 
 
@@ -91,6 +92,16 @@ class Branch:
     closes_to: float = CLOSES_TO  # of the energy balance, what the tolerance of its points asks for
     odd: bool = False  # solved in odd harmonics alone, by the symmetry of the scene
     broken: str | None = None  # why its first segment ends early, where a second one completes it
+
+    @property
+    def peak(self) -> int:
+        """The number of the point of largest response of the first output; there must be a point."""
+        return max(range(len(self.points)), key=lambda i: float(np.hypot(*self.points[i].response[0, 1:3])))
+
+    def without_motion(self) -> list[Point]:
+        """Return the points without the motion and forces of their pairs, but for the peak.  Local."""
+        top = self.peak if self.points else -1
+        return [point if i == top else replace(point, U=NOTHING, p=NOTHING) for i, point in enumerate(self.points)]
 
     def with_segment_from_the_other_end(self, other: Branch) -> Branch:
         """Return the branch, which ended early, and what was followed from the other end of the range, as one."""

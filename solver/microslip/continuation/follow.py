@@ -9,7 +9,7 @@ import numpy as np
 
 from ..parallel.errors import ConvergenceError
 from .acceptance import Accepted, accept
-from .branch import Branch, Point
+from .branch import NOTHING, Branch, Point
 from .first_point import reach_first
 from .hold import MOSTLY, MOVED, hold, let_go
 from .iterate import Iterate, PointState, interpolate
@@ -22,7 +22,6 @@ from .task import BranchTask
 from .widen import widened
 
 FINEST_WAY = 1e-2  # of the way from a point to an asked value: the smallest step in between
-NOTHING = np.empty((0, 3, 0))  # the motion of a recorded point on ranks other than 0
 Emit = Callable[[Point], None]
 
 

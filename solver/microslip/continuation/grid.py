@@ -12,9 +12,9 @@ from ..parallel.errors import ConvergenceError
 from ..reduction.selection import Selection
 from .acceptance import Accepted, accept
 from .accuracy import Accuracy
-from .branch import Branch, Point
+from .branch import NOTHING, Branch, Point
 from .first_point import reach_first
-from .follow import NOTHING, advance, solved
+from .follow import advance, solved
 from .iterate import Iterate, PointState, interpolate
 from .point_solver import Workspace
 from .problems import Problem

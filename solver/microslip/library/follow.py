@@ -20,8 +20,9 @@ def follow(
     n_groups: int = 1,
     log: RunLog | None = None,
     keepers: Keepers = keep_nothing,
+    keeps_motion: bool = True,
 ) -> list[Branch]:
-    """Return the branches of all levels, in their order; the motion of the points is on rank 0.
+    """Return the branches of all levels, in their order; the motion of the points is on rank 0, if it is to be kept.
 
     Collective on the model's communicator.  ``observers`` hear of levels and points as they come; ``keepers`` keep
     them, so that what was followed before is not followed again.
@@ -31,7 +32,7 @@ def follow(
     MicroslipError : on every rank; a level that ends early raises nothing, its branch says why
     """
     comm, columns = response.model.comm, response.model.G_static
-    told, log = Observers(comm, response.settings.levels, observers), log or RunLog(comm, screen=False)
+    told, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
     if not in_turn(response, n_groups):
         return follow_side_by_side(response, n_groups, told, log, keepers)
     branches = follow_levels(response, told.tell, keepers)

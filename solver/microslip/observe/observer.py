@@ -33,11 +33,12 @@ class Observer(Protocol):
 class Observers:
     """All observers of the levels of a run.  ``branches`` has one for each level [N], with the points heard of so far.
 
-    Its methods are local, on rank 0, but for ``tell``.
+    Its methods are local, on rank 0, but for ``tell``.  Without ``keeps_motion`` the points of a level that has ended lose theirs
+    when all have heard of it, but for the one of the largest response: it takes most of the memory of a run.
     """
 
-    def __init__(self, comm: MPI.Comm, levels: Sequence[float], observers: Iterable[Observer] = ()):
-        self.comm, self.observers = comm, tuple(observers)
+    def __init__(self, comm: MPI.Comm, levels: Sequence[float], observers: Iterable[Observer] = (), keeps_motion: bool = True):
+        self.comm, self.observers, self.keeps_motion = comm, tuple(observers), keeps_motion
         self.branches = [Branch(level) for level in levels]
 
     def tell(self, event: str, *news: Any) -> None:
@@ -62,3 +63,6 @@ class Observers:
         branch = self.branches[number] = replace(found, points=self.branches[number].points)
         for observer in self.observers:
             observer.level_finished(number, branch)
+        if not self.keeps_motion:
+            for one in (branch, found):
+                one.points[:] = one.without_motion()

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..continuation.branch import Branch
-from ..continuation.follow import NOTHING
+from ..continuation.branch import NOTHING, Branch
 from ..continuation.keeper import Keepers, keep_nothing
 from ..continuation.levels import ResponseProblem, follow_level
 from ..parallel.agree import on_root

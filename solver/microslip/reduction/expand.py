@@ -48,7 +48,7 @@ def peak_displacement(system: System, reduction, branch) -> tuple[int, np.ndarra
     """
     if not branch.points:
         return -1, None
-    at = max(range(len(branch.points)), key=lambda i: float(np.hypot(*branch.points[i].response[0, 1:3])))
+    at = branch.peak
     p = reduction.model.comm.bcast(branch.points[at].p)
     u = reduction.displacement(branch.level, branch.points[at].omega, p.reshape(-1, p.shape[-1]))
     return at, node_fields(system, u)

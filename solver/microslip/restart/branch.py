@@ -7,9 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..continuation.branch import Branch, Point
+from ..continuation.branch import NOTHING, Branch, Point
 from ..continuation.checkpoint import from_arrays, to_arrays
-from ..continuation.follow import NOTHING
 from ..continuation.keeper import Begun, Shorter
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder
