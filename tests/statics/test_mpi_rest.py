@@ -6,6 +6,7 @@ from blocks import stacked
 from msh import write_msh
 
 import microslip
+from microslip.library.complete import read_completed
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ConvergenceError
 
@@ -258,6 +259,48 @@ def test_bad_input(comm, folder, name):
     statics, changes, says = MISTAKES[name]
     with pytest.raises(CaseError, match=says):
         microslip.build(scene_of(comm, folder, statics, *changes, name=f"bad {name}"), comm)
+
+
+def test_an_axis_about_which_nothing_turns_is_noted(comm, folder):
+    for statics in (force(0.0, 0.0, -1.0), "rotation_speed = 0.0\n" + force(0.0, 0.0, -1.0)):
+        _, _, notes = read_completed(scene_of(comm, folder, statics), comm)
+        assert [note[:37] for note in notes] == ["[model] axis: nothing turns about it;"]
+    assert read_completed(scene_of(comm, folder, "rotation_speed = 10.0\n"), comm)[2] == ()
+
+
+BALANCED = {
+    "stretched": force(1000.0, 0.0, 0.0, "bar_end") + force(-1000.0, 0.0, 0.0, "bar_start"),
+    "squeezed": force(-1000.0, 0.0, 0.0, "bar_end") + force(1000.0, 0.0, 0.0, "bar_start"),
+    "pressed on both sides": force(0.0, 0.0, -1000.0) + force(0.0, 0.0, 1000.0, "bar_bottom"),
+    "warm": '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 100.0\n',
+    "not loaded": force(0.0, 0.0, -1000.0, "ground_top"),
+}
+
+
+@pytest.mark.parametrize("stiffening", ["", "stress_stiffening = false\n"])
+@pytest.mark.parametrize("name", BALANCED)
+def test_loads_that_balance_press_on_nothing(comm, folder, name, stiffening):
+    """What rounding leaves in the joint is no preload, whether the stiffness at rest is singular with it or not."""
+    scene = scene_of(comm, folder, stiffening + BALANCED[name], name=f"balanced {name}")
+    with pytest.raises(
+        CaseError, match=r"balanced .*\.toml: \[statics\]: nothing presses on body 'bar' at rest: .* of 'joint' is "
+    ) as found:
+        microslip.build(scene, comm)
+    assert found.value.exit_status == 2
+
+
+def test_a_light_load_on_a_warm_body_presses_it_on(comm, folder):
+    """A twenty-millionth of all loads is far above rounding."""
+    warm = '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 100.0\n'
+    with microslip.build(scene_of(comm, folder, warm + force(0.0, 0.0, -0.1)), comm) as structure:
+        assert np.maximum(structure.pairs.N0, 0.0).sum() == pytest.approx(0.1, rel=1e-4)
+
+
+def test_rest_that_is_not_stable_is_named(comm, folder):
+    """A long load pulls on what hardly presses: the bar rocks on a line of pairs."""
+    statics = force(0.0, 0.0, -0.1) + force(1e5, 0.0, 0.0, "bar_end") + force(-1e5, 0.0, 0.0, "bar_start")
+    with pytest.raises(CaseError, match="a stiffness matrix must not release energy; the stress at rest is part of it"):
+        microslip.build(scene_of(comm, folder, statics), comm)
 
 
 def test_friction_and_preload_of_a_joint_at_rest_are_not_changed_without_its_statics(comm, folder):

@@ -278,6 +278,15 @@ def _axis(scene: Scene) -> list[str]:
     return []
 
 
+def remarks(scene: Scene) -> list[str]:
+    """Return what of a scene that fits together has no effect, a text each.  Local."""
+    turns = scene.statics is not None and scene.statics.rotation_speed > 0.0
+    turns = turns or any(load.engine_order is not None for load in scene.loads)
+    if scene.model.axis is None or turns:
+        return []
+    return ["[model] axis: nothing turns about it; [statics] rotation_speed is not stated, or 0"]
+
+
 def _points(scene: Scene) -> list[str]:
     """Points that are not there, that cannot be held, or whose inertia would have to turn with the structure."""
     found, points = [], {point.name: point for point in scene.points}

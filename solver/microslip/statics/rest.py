@@ -84,16 +84,10 @@ def _of_bolts(rest: Rest) -> list[str]:
 
 def _of_bodies(system: System, mesh: Mesh, rest: Rest, forces: np.ndarray, body_of: Mapping[str, str]) -> list[str]:
     """Return a line for each part without a support: loads and contact forces on it, and what is left over."""
-    assert system.dof is not None, "a structure with a mesh"
     contact = -(system.R.T @ rest.force.ravel())
     part, part_names = connected_parts(mesh, body_of)
-    if system.constraints is None:
-        held = np.unique(part[(system.dof < 0).any(axis=1)])
-        loose = tuple(np.array([i]) for i in range(len(part_names)) if i not in held)
-    else:
-        loose = system.constraints.loose
     lines = []
-    for own in loose:
+    for own in loose_parts(system, part, len(part_names)):
         nodes = np.flatnonzero(np.isin(part, own))
         applied, pressed = (_resultant(system, mesh, nodes, values) for values in (forces, contact))
         size = max(applied.size, pressed.size) or 1.0
@@ -106,6 +100,18 @@ def _of_bodies(system: System, mesh: Mesh, rest: Rest, forces: np.ndarray, body_
             f"{left:.1e} of the forces, {turned:.1e} of their moments"
         )
     return lines
+
+
+def loose_parts(system: System, part: np.ndarray, n_parts: int) -> tuple[np.ndarray, ...]:
+    """Return the connected parts that nothing but joints holds, those that are tied together in one array.  Local, rank 0.
+
+    ``part`` (n_nodes,) is that of each node.
+    """
+    assert system.dof is not None, "a structure with a mesh"
+    if system.constraints is not None:
+        return system.constraints.loose
+    held = np.unique(part[(system.dof < 0).any(axis=1)])
+    return tuple(np.array([i]) for i in range(n_parts) if i not in held)
 
 
 def _resultant(system: System, mesh: Mesh, nodes: np.ndarray, values: np.ndarray) -> Resultant:
