@@ -1,5 +1,7 @@
 """The joint at rest under constant loads, and the vibration about it; on one rank and on several."""
 
+import csv
+
 import numpy as np
 import pytest
 from blocks import stacked
@@ -259,6 +261,21 @@ def test_bad_input(comm, folder, name):
     statics, changes, says = MISTAKES[name]
     with pytest.raises(CaseError, match=says):
         microslip.build(scene_of(comm, folder, statics, *changes, name=f"bad {name}"), comm)
+
+
+def test_time_integration_knows_pairs_that_are_open_at_rest(comm, folder, program):
+    changes = ("levels = [5.0]", "levels = [40.0]"), ("samples = 64", "samples = 64\nharmonics = 7"), ("modes = 8", "modes = 12")
+    scene = scene_of(comm, folder, eccentric(400.0), *changes, name="open")
+    status, _, err = program("verify", scene.path, "--out", folder / "open", "--steps", "128", "--at", "1700")
+    assert (status, err) == (0, "")
+
+    def row():
+        with open(folder / "open" / "verify.csv", newline="") as file:
+            return next(csv.DictReader(file))
+
+    found = on_root(comm, row)
+    assert float(found["higher_harmonics"]) > 0.03  # pairs close and open
+    assert float(found["difference_with_phase"]) < 1e-3 and abs(float(found["energy_closure"])) < 2e-3
 
 
 def test_an_axis_about_which_nothing_turns_is_noted(comm, folder):

@@ -66,6 +66,11 @@ class Iwan:
         """Displacement at which all of a pair slips, (n,) [m]: docs/theory.md, eq. (3.13)."""
         return self.F_S * (1.0 + self.beta) / (self.K_T * (self.beta + (self.chi + 1.0) / (self.chi + 2.0)))
 
+    @property
+    def springs(self) -> np.ndarray:
+        """The springs of a pair that touches, (n, 3) [N/m]: those at rest."""
+        return self.stiffness
+
     def take(self, indices) -> Iwan:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
         return replace(self, **{name: getattr(self, name)[indices] for name in ("F_S", "K_T", "k_n", "chi", "beta")})

@@ -69,6 +69,11 @@ class Rough:
         """The springs K_J at rest: k_t, k_t, k_n, (n, 3) [N/m]."""
         return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
 
+    @property
+    def springs(self) -> np.ndarray:
+        """The springs of a pair that touches, (n, 3) [N/m]: those at rest."""
+        return self.stiffness
+
     def take(self, indices) -> Rough:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
         names = ("mu", "N0", "k_t", "k_n", "exponent", "separate")
