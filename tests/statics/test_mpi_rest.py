@@ -6,62 +6,12 @@ import numpy as np
 import pytest
 from blocks import stacked
 from msh import write_msh
+from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentric, force, scene_of
 
 import microslip
 from microslip.library.complete import read_completed
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ConvergenceError
-
-LENGTH, WIDTH, HEIGHT = 0.05, 0.01, 0.02
-SCENE = """
-[model]
-mesh = "bar.msh"
-axis = [0.0, 0.0, 1.0]
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7800.0
-expansion = 1.2e-5
-[bodies.bar]
-group = "bar"
-material = "steel"
-[bodies.ground]
-group = "ground"
-material = "steel"
-[[supports]]
-group = "ground_base"
-fix = ["x", "y", "z"]
-[[joints]]
-name = "joint"
-surfaces = ["bar_bottom", "ground_top"]
-friction = 0.3
-tangential_stiffness = 1.0e12
-normal_stiffness = 2.0e12
-preload = "static"
-[[loads]]
-position = [0.05, 0.01, 0.02]
-direction = [0.2, 0.1, 1.0]
-[[outputs]]
-name = "corner"
-position = [0.0, 0.0, 0.02]
-direction = [0.0, 0.0, 1.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [5.0]
-mode = 1
-span = [0.9, 1.1]
-points = 10
-[solver]
-modes = 8
-samples = 64
-"""
-
-
-GUIDED = (  # no friction: the bar is held along the joint by a support
-    ("friction = 0.3", "friction = 0.0"),
-    ('fix = ["x", "y", "z"]\n', 'fix = ["x", "y", "z"]\n[[supports]]\ngroup = "bar_start"\nfix = ["x", "y"]\n'),
-)
 
 
 @pytest.fixture(scope="module")
@@ -69,30 +19,6 @@ def folder(comm, tmp_path_factory):
     path = comm.bcast(tmp_path_factory.mktemp("rest"))
     on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
     return path
-
-
-def scene_of(comm, folder, statics: str | None, *changes: tuple[str, str], name="scene"):
-    """Return the scene with a table [statics] of these lines, or none, and replaced texts.  Collective."""
-
-    def write():
-        text = SCENE
-        for old, new in changes:
-            assert old in text
-            text = text.replace(old, new)
-        path = folder / f"{name}.toml"
-        path.write_text(text if statics is None else text + "[statics]\n" + statics)
-        return path
-
-    return microslip.read(on_root(comm, write))
-
-
-def force(x, y, z, group="bar_top"):
-    return f'[[statics.forces]]\ngroup = "{group}"\nforce = [{x}, {y}, {z}]\n'
-
-
-def eccentric(size):
-    """A load whose line of action meets the joint at 0.9 of its length."""
-    return force(0.0, 0.0, -0.2 * size) + force(0.0, 0.0, -0.8 * size, "bar_end")
 
 
 def test_normal_and_friction_forces_carry_the_load(comm, folder):
@@ -156,14 +82,6 @@ def test_a_warm_bar_presses_as_before(comm, folder):
     with microslip.build(scene_of(comm, folder, force(0.0, 0.0, -100.0) + warm, *GUIDED), comm) as structure:
         assert np.maximum(structure.pairs.N0, 0.0).sum() == pytest.approx(100.0, rel=1e-9)
         assert not structure.pairs.T0.any()
-
-
-def at_one_frequency(comm, scene):
-    """Return harmonics 1 to 3 of the output at the frequency asked for, and the states of the pairs."""
-    with microslip.build(scene, comm) as structure:
-        (level,) = microslip.respond(structure, error_bars=False).results.levels
-    (i,) = np.flatnonzero(level.asked)
-    return level.response[i, 0, 1:], level.state[i], structure.pairs
 
 
 def test_vibration_about_rest_is_that_under_the_load_as_a_mean(comm, folder):

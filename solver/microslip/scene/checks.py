@@ -8,7 +8,6 @@ from typing import Any
 
 from ..parallel.words import nearest
 from .inputs import named_files
-from .joint_laws import ELASTIC_COULOMB
 from .matrix_names import may_know_nodes
 from .schema import Scene, Statics
 
@@ -167,8 +166,6 @@ def _statics(scene: Scene) -> list[str]:
             found.append(
                 f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa'
             )
-        if joint.law != ELASTIC_COULOMB and statics is not None:
-            found.append(f'{where} law = "{joint.law}": [statics] knows joints with law = "{ELASTIC_COULOMB}" alone')
     if statics is None:
         return found
     if statics.rotation_speed > 0.0 and scene.model.axis is None:

@@ -49,7 +49,7 @@ def check_pressed(
         loose = loose_parts(system, part, len(names))
         group_of, is_held = _groups(part, len(names), loose)
         first, second = (_on_groups(on_parts(side, part, len(names)), group_of) for side in pairs.sides(len(part)))
-        free = _not_pressed(first, second, np.nan_to_num(rest.N, nan=np.inf), is_held, RESOLVED * size)
+        free = _not_pressed(first, second, np.where(np.isnan(pairs.N0), np.inf, rest.N), is_held, RESOLVED * size)
         if len(free):
             bodies = [names[i] for i in np.flatnonzero(np.isin(group_of, free))]
             own = np.isin(first, free) | np.isin(second, free)
