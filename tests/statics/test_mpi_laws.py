@@ -7,8 +7,10 @@ from msh import write_msh
 from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentric, force, scene_of
 
 import microslip
+from microslip.library.prepare import prepare
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ConvergenceError
+from microslip.restart.setup import pairs_of, to_arrays
 
 ELASTIC = 'friction = 0.3\ntangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\npreload = "static"\n'
 HEIGHT_OF_ROUGHNESS, PRESSURE, AREA = 2e-6, 1e6, LENGTH * WIDTH
@@ -79,6 +81,8 @@ def test_an_iwan_joint_holds_without_pressure(comm, folder):
         assert np.einsum("pji,pj->i", pairs.frame[:, :2], pairs.T0)[:2] == pytest.approx([150.0, 50.0], rel=1e-9)
         stuck = pairs.law.bundle.held_at_rest
         assert stuck == pytest.approx(np.hypot(*pairs.T0.T), rel=1e-9) and np.isnan(pairs.N0).all() and not pairs.apart.any()
+        again = pairs_of(*to_arrays(prepare(structure)))
+        assert np.array_equal(again.law.w0, pairs.law.w0) and pairs.law.w0.any()
         response = microslip.respond(structure, levels=[20.0], points=5)
         assert response.branches[0].failure is None and max(point.energy.sum() for point in response.branches[0].points) > 0.0
 
