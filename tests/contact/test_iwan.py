@@ -107,3 +107,33 @@ def test_surfaces_share_the_slip_force_of_their_joint():
 def test_parameters_out_of_range_are_refused():
     with pytest.raises(ValueError, match="chi of pair 0 is -1, too small"):
         law(chi=-1.0)
+
+
+def test_about_another_rest_it_goes_on_as_it_would_have():
+    of, rng = law(10), np.random.default_rng(3)
+    path, before = np.cumsum(0.1 * rng.standard_normal((30, 10, 3)), axis=0), np.zeros((10, 3 + law().n_memory))
+    for du in path[:15]:
+        before, _, _ = of.step(du, before)
+    rest, p_rest = path[14], before[:, :3]
+    there, after = of.about(rest, before[:, 3:]), np.zeros_like(before)
+    T0 = p_rest[:, :2] + K_T * rest[:, :2]
+    assert (
+        there.bundle.held_at_rest == pytest.approx(np.hypot(*T0.T), rel=1e-12)
+        and not there.keeps_half_wave_symmetry(path[0]).any()
+    )
+    for du in path[15:]:
+        before, _, _ = of.step(du, before)
+        after, _, _ = there.step(du - rest, after)
+        assert after[:, :3] == pytest.approx(before[:, :3] - p_rest, abs=1e-13)
+
+
+def test_what_is_left_of_its_limits_about_another_rest():
+    of = law(2)
+    before, _, _ = of.step(np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.zeros((2, 3 + of.n_memory)))
+    there, small = of.about(np.array([[0.2, 0.0, 0.0], [0.0, 0.0, 0.0]]), before[:, 3:]), np.array([[1e-3, 0.0, 0.0]] * 2)
+    assert (
+        there.utilisation(small)[0] > 1.1 * there.utilisation(small)[1]
+        and there.utilisation(small)[1] == of.utilisation(small)[1]
+    )
+    assert there.slip_safety(small)[0] < there.slip_safety(small)[1] == pytest.approx(of.slip_safety(small)[1])
+    assert there.take([0]).w0.shape == (1, 51, 2)

@@ -161,3 +161,31 @@ def test_parameters_that_carry_nothing_are_refused():
         Rough(*np.array([[0.3], [0.0], [1.0], [1.0], [2.0]]))
     with pytest.raises(ValueError, match="exponent of pair 0 is 1"):
         Rough(*np.array([[0.3], [1.0], [1.0], [1.0], [1.0]]))
+
+
+@pytest.mark.parametrize("exponent", [np.inf, 2.5])
+def test_about_another_rest_it_goes_on_as_it_would_have(exponent):
+    """A march through slip and pressure, interrupted and gone on with about where it stood: what differs falls as 1 / n^2."""
+    worst = []
+    for n_sliders in (12, 48):
+        of, rng = law(exponent, 20, n_sliders=n_sliders), np.random.default_rng(2)
+        path = np.cumsum(0.04 * rng.standard_normal((40, 20, 3)), axis=0)
+        before = np.zeros((20, 3 + of.n_memory))
+        for du in path[:20]:
+            before, _, _ = of.step(du, before)
+        rest, T0 = path[19], before[:, :2] + of.stiffness[:, :2] * path[19, :, :2]
+        there, after, differs = of.about(rest, before[:, 3:]), np.zeros_like(before), []
+        assert there.bundle.held_at_rest == pytest.approx(np.hypot(*T0.T), abs=2.0 * MU * N0 * 4.0 / n_sliders**2)
+        for du in path[20:]:
+            before, _, _ = of.step(du, before)
+            after, _, _ = there.step(du - rest, after)
+            T = before[:, :2] + of.stiffness[:, :2] * du[:, :2]
+            differs.append(T - T0 - after[:, :2] - there.stiffness[:, :2] * (du - rest)[:, :2])
+            assert there.normal_force(du[:, 2] - rest[:, 2])[0] == pytest.approx(of.normal_force(du[:, 2])[0], rel=1e-12)
+        worst.append(np.abs(differs).max())
+    assert worst[0] < 0.05 * MU * N0 and worst[1] < worst[0] / 8.0
+
+
+def test_a_pair_that_has_parted_is_no_rest():
+    with pytest.raises(ValueError, match="1 of 2 pairs carry nothing"):
+        law(2.0, 2).about(np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 5.0]]), np.zeros((2, law(2.0).n_memory)))

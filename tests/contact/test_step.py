@@ -68,14 +68,35 @@ def test_a_batch_is_its_parts():
         assert all(np.array_equal(whole[b], part) for whole, part in zip((p, L, state), alone))
 
 
-def test_steps_until_they_repeat_are_the_cycle_of_the_return_map():
+def test_a_pair_that_is_apart_at_rest_bears_all_of_its_force():
+    of, _, _ = example(6)
+    gaps = of.N0 <= 0.0
+    bare, rng, springs = replace(of, w0=np.zeros((N, 2)), apart=gaps), np.random.default_rng(7), of.springs * gaps[:, None]
+    sprung = replace(bare, apart=np.zeros(N, dtype=bool))
+    p, after = np.zeros((N, 3)), np.zeros((N, 3 + bare.n_memory))
+    touched = np.zeros(N, dtype=bool)
+    for _ in range(20):
+        du = rng.normal(size=(N, 3))
+        (p, L, state), (after, L_bare, state_bare) = sprung.step(du, p), bare.step(du, after)
+        assert after[:, :3] == pytest.approx(p + springs * du, abs=1e-12) and np.array_equal(state, state_bare)
+        assert L_bare == pytest.approx(L + springs[:, :, None] * np.eye(3), abs=1e-12)
+        is_open = gaps & (state == OPEN)
+        assert not after[is_open, :3].any() and not L_bare[is_open].any()
+        touched |= gaps & ~is_open
+    assert touched.sum() > 10 and of.n_memory == 0
+
+
+@pytest.mark.parametrize("gaps_have_springs", [True, False])
+def test_steps_until_they_repeat_are_the_cycle_of_the_return_map(gaps_have_springs):
     of, _, _ = example(4)
     of = replace(of, sampled=True)
+    if not gaps_have_springs:
+        of = replace(of, apart=of.N0 <= 0.0, w0=np.where(of.N0[:, None] <= 0.0, 0.0, of.w0))
     U, N_t = np.random.default_rng(5).normal(size=(N, 3, 7)), 40
-    du, p, kept = np.moveaxis(synthesise(U, N_t), -1, 0), np.zeros((N, 3)), []
+    du, p, kept = np.moveaxis(synthesise(U, N_t), -1, 0), np.zeros((N, 3 + of.n_memory)), []
     for sample in range(1, 60 * N_t):
         p, _, state = of.step(du[sample % N_t], p)
-        kept.append((p, state))
+        kept.append((p[:, :3], state))
     forces, states = zip(*kept[-N_t:])
     found = of.cycle(U, N_t)
     repeats = np.abs(kept[-1][0] - kept[-1 - N_t][0]).max(axis=1) < 1e-14

@@ -22,11 +22,12 @@ from microslip.reduction.selection import AllPairs
 def reduced(system, comm, H, n_modes=None):
     """Return the reduced model of a system and its contact parameters; all modes unless told.
 
-    ``H`` is the highest harmonic, or a set of harmonics.
+    ``H`` is the highest harmonic, or a set of harmonics.  Pairs that the system says are ``apart`` have no springs in it.
     """
     harmonics = H if isinstance(H, Harmonics) else Harmonics.up_to(H)
     M, R, f = system["M"], system["R"], np.stack([load["vector"] for load in system["loads"]], axis=1)
-    k = np.stack([system["k_t"], system["k_t"], system["k_n"]], axis=1).ravel()
+    apart = system.get("apart", np.zeros(len(system["k_t"]), dtype=bool))
+    k = np.where(apart[:, None], 0.0, np.stack([system["k_t"], system["k_t"], system["k_n"]], axis=1)).ravel()
     K_L = system["K"] + R.T @ (k[:, None] * R)
     squares, phi = scipy.linalg.eigh(K_L, M)
     omega_n, phi = np.sqrt(squares[:n_modes]), phi[:, :n_modes]
@@ -56,7 +57,7 @@ def reduced(system, comm, H, n_modes=None):
         harmonics=harmonics,
     )
     return model, ElasticCoulomb(
-        *(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")), sampled=system.get("sampled", False)
+        *(system[key] for key in ("mu", "N0", "k_t", "k_n", "separate")), sampled=system.get("sampled", False), apart=apart
     )
 
 

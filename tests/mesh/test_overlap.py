@@ -139,7 +139,20 @@ def test_penetration_at_rest_is_refused():
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] -= 0.01
     with pytest.raises(MeshError, match=r"the sides penetrate at rest, by 0.01 m at \(.*\) m; move them apart, or state the gap"):
         pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap=GEOMETRY)])
-    assert pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")]).n_pairs == 48  # within the tolerance, as it was drawn
+    pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")])  # within the tolerance, as it was drawn
+    assert pairs.n_pairs == 48
+    assert "joint 'joint': the sides penetrate in the mesh, by 0.01 m at " in pairs.notes[-1]
+    mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.02
+    assert not any("penetrate" in note for note in pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")]).notes)
+
+
+def test_a_gap_of_the_mesh_is_not_advised_where_it_is_stated():
+    mesh = boxes()
+    mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.5
+    for gap, advised in ((0.0, True), (GEOMETRY, False)):
+        with pytest.raises(MeshError, match="or state a larger tolerance") as found:
+            pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", preload=0.0, gap=gap, tolerance=0.1)])
+        assert ('gap = "geometry"' in str(found.value)) is advised
 
 
 def test_a_plane_takes_its_gap_from_the_mesh():

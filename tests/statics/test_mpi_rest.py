@@ -1,64 +1,17 @@
 """The joint at rest under constant loads, and the vibration about it; on one rank and on several."""
 
+import csv
+
 import numpy as np
 import pytest
 from blocks import stacked
 from msh import write_msh
+from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentric, force, scene_of
 
 import microslip
+from microslip.library.complete import read_completed
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ConvergenceError
-
-LENGTH, WIDTH, HEIGHT = 0.05, 0.01, 0.02
-SCENE = """
-[model]
-mesh = "bar.msh"
-axis = [0.0, 0.0, 1.0]
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7800.0
-expansion = 1.2e-5
-[bodies.bar]
-group = "bar"
-material = "steel"
-[bodies.ground]
-group = "ground"
-material = "steel"
-[[supports]]
-group = "ground_base"
-fix = ["x", "y", "z"]
-[[joints]]
-name = "joint"
-surfaces = ["bar_bottom", "ground_top"]
-friction = 0.3
-tangential_stiffness = 1.0e12
-normal_stiffness = 2.0e12
-preload = "static"
-[[loads]]
-position = [0.05, 0.01, 0.02]
-direction = [0.2, 0.1, 1.0]
-[[outputs]]
-name = "corner"
-position = [0.0, 0.0, 0.02]
-direction = [0.0, 0.0, 1.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [5.0]
-mode = 1
-span = [0.9, 1.1]
-points = 10
-[solver]
-modes = 8
-samples = 64
-"""
-
-
-GUIDED = (  # no friction: the bar is held along the joint by a support
-    ("friction = 0.3", "friction = 0.0"),
-    ('fix = ["x", "y", "z"]\n', 'fix = ["x", "y", "z"]\n[[supports]]\ngroup = "bar_start"\nfix = ["x", "y"]\n'),
-)
 
 
 @pytest.fixture(scope="module")
@@ -66,30 +19,6 @@ def folder(comm, tmp_path_factory):
     path = comm.bcast(tmp_path_factory.mktemp("rest"))
     on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
     return path
-
-
-def scene_of(comm, folder, statics: str | None, *changes: tuple[str, str], name="scene"):
-    """Return the scene with a table [statics] of these lines, or none, and replaced texts.  Collective."""
-
-    def write():
-        text = SCENE
-        for old, new in changes:
-            assert old in text
-            text = text.replace(old, new)
-        path = folder / f"{name}.toml"
-        path.write_text(text if statics is None else text + "[statics]\n" + statics)
-        return path
-
-    return microslip.read(on_root(comm, write))
-
-
-def force(x, y, z, group="bar_top"):
-    return f'[[statics.forces]]\ngroup = "{group}"\nforce = [{x}, {y}, {z}]\n'
-
-
-def eccentric(size):
-    """A load whose line of action meets the joint at 0.9 of its length."""
-    return force(0.0, 0.0, -0.2 * size) + force(0.0, 0.0, -0.8 * size, "bar_end")
 
 
 def test_normal_and_friction_forces_carry_the_load(comm, folder):
@@ -153,14 +82,6 @@ def test_a_warm_bar_presses_as_before(comm, folder):
     with microslip.build(scene_of(comm, folder, force(0.0, 0.0, -100.0) + warm, *GUIDED), comm) as structure:
         assert np.maximum(structure.pairs.N0, 0.0).sum() == pytest.approx(100.0, rel=1e-9)
         assert not structure.pairs.T0.any()
-
-
-def at_one_frequency(comm, scene):
-    """Return harmonics 1 to 3 of the output at the frequency asked for, and the states of the pairs."""
-    with microslip.build(scene, comm) as structure:
-        (level,) = microslip.respond(structure, error_bars=False).results.levels
-    (i,) = np.flatnonzero(level.asked)
-    return level.response[i, 0, 1:], level.state[i], structure.pairs
 
 
 def test_vibration_about_rest_is_that_under_the_load_as_a_mean(comm, folder):
@@ -258,6 +179,63 @@ def test_bad_input(comm, folder, name):
     statics, changes, says = MISTAKES[name]
     with pytest.raises(CaseError, match=says):
         microslip.build(scene_of(comm, folder, statics, *changes, name=f"bad {name}"), comm)
+
+
+def test_time_integration_knows_pairs_that_are_open_at_rest(comm, folder, program):
+    changes = ("levels = [5.0]", "levels = [40.0]"), ("samples = 64", "samples = 64\nharmonics = 7"), ("modes = 8", "modes = 12")
+    scene = scene_of(comm, folder, eccentric(400.0), *changes, name="open")
+    status, _, err = program("verify", scene.path, "--out", folder / "open", "--steps", "128", "--at", "1700")
+    assert (status, err) == (0, "")
+
+    def row():
+        with open(folder / "open" / "verify.csv", newline="") as file:
+            return next(csv.DictReader(file))
+
+    found = on_root(comm, row)
+    assert float(found["higher_harmonics"]) > 0.03  # pairs close and open
+    assert float(found["difference_with_phase"]) < 1e-3 and abs(float(found["energy_closure"])) < 2e-3
+
+
+def test_an_axis_about_which_nothing_turns_is_noted(comm, folder):
+    for statics in (force(0.0, 0.0, -1.0), "rotation_speed = 0.0\n" + force(0.0, 0.0, -1.0)):
+        _, _, notes = read_completed(scene_of(comm, folder, statics), comm)
+        assert [note[:37] for note in notes] == ["[model] axis: nothing turns about it;"]
+    assert read_completed(scene_of(comm, folder, "rotation_speed = 10.0\n"), comm)[2] == ()
+
+
+BALANCED = {
+    "stretched": force(1000.0, 0.0, 0.0, "bar_end") + force(-1000.0, 0.0, 0.0, "bar_start"),
+    "squeezed": force(-1000.0, 0.0, 0.0, "bar_end") + force(1000.0, 0.0, 0.0, "bar_start"),
+    "pressed on both sides": force(0.0, 0.0, -1000.0) + force(0.0, 0.0, 1000.0, "bar_bottom"),
+    "warm": '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 100.0\n',
+    "not loaded": force(0.0, 0.0, -1000.0, "ground_top"),
+}
+
+
+@pytest.mark.parametrize("stiffening", ["", "stress_stiffening = false\n"])
+@pytest.mark.parametrize("name", BALANCED)
+def test_loads_that_balance_press_on_nothing(comm, folder, name, stiffening):
+    """What rounding leaves in the joint is no preload, whether the stiffness at rest is singular with it or not."""
+    scene = scene_of(comm, folder, stiffening + BALANCED[name], name=f"balanced {name}")
+    with pytest.raises(
+        CaseError, match=r"balanced .*\.toml: \[statics\]: nothing presses on body 'bar' at rest: .* of 'joint' is "
+    ) as found:
+        microslip.build(scene, comm)
+    assert found.value.exit_status == 2
+
+
+def test_a_light_load_on_a_warm_body_presses_it_on(comm, folder):
+    """A twenty-millionth of all loads is far above rounding."""
+    warm = '[[statics.temperatures]]\ngroup = "bar"\ntemperature = 100.0\n'
+    with microslip.build(scene_of(comm, folder, warm + force(0.0, 0.0, -0.1)), comm) as structure:
+        assert np.maximum(structure.pairs.N0, 0.0).sum() == pytest.approx(0.1, rel=1e-4)
+
+
+def test_rest_that_is_not_stable_is_named(comm, folder):
+    """A long load pulls on what hardly presses: the bar rocks on a line of pairs."""
+    statics = force(0.0, 0.0, -0.1) + force(1e5, 0.0, 0.0, "bar_end") + force(-1e5, 0.0, 0.0, "bar_start")
+    with pytest.raises(CaseError, match="a stiffness matrix must not release energy; the stress at rest is part of it"):
+        microslip.build(scene_of(comm, folder, statics), comm)
 
 
 def test_friction_and_preload_of_a_joint_at_rest_are_not_changed_without_its_statics(comm, folder):

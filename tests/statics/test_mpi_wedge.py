@@ -128,5 +128,5 @@ def test_a_damper_that_is_pulled_inwards_flies_off(comm, folder):
 
 def test_a_damper_without_pull_is_not_held(comm, folder):
     """Only the platforms move, apart from each other: nothing presses the damper on, and open pairs hold nothing."""
-    with pytest.raises((CaseError, ConvergenceError), match="body 'damper' moves"):
+    with pytest.raises(CaseError, match="nothing presses on body 'damper' at rest: .* of 'left' and 'right' is "):
         flanks(comm, scene_of(comm, folder, "slow", speed=0.0, pressure=1e4))

@@ -1,5 +1,7 @@
 """Steady states of the reduced model in time: exact solutions, an independent march, the energy balance, harmonic balance."""
 
+import re
+
 import numpy as np
 import pytest
 from dense_model import branch, reduced
@@ -7,7 +9,7 @@ from mpi4py import MPI
 from oracles import exact, scenes, time_integration
 
 from microslip.fourier.amplitudes import to_real
-from microslip.transient.march import March
+from microslip.transient.march import March, StepContact
 from microslip.transient.model import transient_model
 from microslip.transient.steady import coefficients, energies, from_harmonics, from_rest, samples, steady_state
 
@@ -119,3 +121,41 @@ def test_the_linear_response_is_exact():
         known = model.output_motion(0.01, w, none)[0]
         assert output(transient, level, found, 3)[i] == pytest.approx(known, abs=5e-4 * np.abs(known).max())
     assert found.periods.max() == 2 and not found.cycle.p.any()
+
+
+def on_stops(apart):
+    """A block between two pairs that are closed and two stops beside them that are open at rest."""
+    m, k = np.diag([1.0, 1.0, 1.0, 0.3, 0.2, 0.4]), np.diag([0.5, 0.4, 0.6, 0.8, 0.9, 0.7])
+    k[:3, 3:] = k[3:, :3] = -0.1 * np.eye(3)
+    return scenes.make_system(
+        "stops", m, k, [[0, 1, 2, -1, -1, -1], [3, 4, 5, -1, -1, -1], [0, 1, 2, 3, 4, 5]],
+        mu=0.4, N0=[1.0, -0.3, -0.2], k_t=[1.0, 0.8, 0.6], k_n=[1.5, 1.2, 0.9], C=0.05 * np.eye(6),
+        loads=[{"vector": np.array([0.5, 0.2, 0.3, 0.2, 0.1, 1.0]), "harmonic": 1, "phase": 0.0}],
+        output=[0, 0, 0, 0, 0, 1], omega=(0.8, 1.6), levels={},
+    ) | {"apart": np.array([False, apart, apart])}  # fmt: skip
+
+
+def test_pairs_without_springs_come_to_the_motion_of_those_with_springs():
+    """The same structure twice: what the springs of an open pair add to K_L the law takes away again; damping is that of a matrix."""
+    found = []
+    for apart in (False, True):
+        system = on_stops(apart)
+        transient, _, level, one = marched(system, [1.1, 1.3], 0.8, 64, tolerance=1e-7)
+        found.append(output(transient, level, one))
+        assert (one.cycle.state[:, 1:] == 2).all() and np.abs(one.cycle.p).max(axis=(0, 1)).reshape(3, 3)[1:, 2].min() > 0.01
+    assert found[0] == pytest.approx(found[1], abs=1e-5 * np.abs(found[0]).max())
+
+
+def test_a_motion_without_inertia_is_named_where_a_step_fails():
+    """A block that hangs on its pair alone, by two of its three modes."""
+    system = scenes.make_system(
+        "hung", np.diag([1.0, 2.0, 3.0]), np.zeros((3, 3)), [[0, 1, 2, -1, -1, -1]], mu=0.3, N0=1.0, k_t=1.0, k_n=2.0, zeta=0.01,
+        loads=[{"vector": np.array([1.0, 0.0, 0.0]), "harmonic": 1, "phase": 0.0}], output=[1, 0, 0], omega=(0.1, 1.0), levels={},
+    )  # fmt: skip
+    for n_modes, says in (
+        (2, "1 motion has neither inertia nor stiffness .* more .* modes, 3 at least"),
+        (3, "take more steps a period"),
+    ):
+        transient = transient_model(*reduced(system, COMM, 1, n_modes))
+        march = March(transient, np.array([0.9]), np.ones(1), 64)
+        assert re.search(says, StepContact(transient, march.scheme)._advice(0))

@@ -6,6 +6,7 @@ the sliders of an Iwan element.  What is exact of one of them, its path, its der
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -124,8 +125,29 @@ class Bundle:
 
     # -- its limits --------------------------------------------------------------------------------------------
 
+    @cached_property
+    def held_at_rest(self) -> np.ndarray:
+        """The friction force at rest, (n,) [N]."""
+        return np.hypot(*(self.elements.k_t[:, None] * self.elements.w0).reshape(-1, self.size, 2).sum(axis=1).T)
+
+    def stretch(self, du: np.ndarray, memory: np.ndarray) -> np.ndarray:
+        """Return how far each element is stretched by its friction force, (n, size, 2) [m], at ``du`` (n, 3) in a march.  Local.
+
+        ``memory`` (n, n_memory or more) begins with that of :meth:`step`; an element without stiffness is not stretched.
+        """
+        k_t = self.elements.k_t.reshape(-1, self.size, 1)
+        p = memory[:, : self.n_memory].reshape(-1, self.size, 2)
+        stretch = du[:, None, :2] - self.elements.w0.reshape(-1, self.size, 2)
+        return np.where(k_t > 0.0, stretch + np.divide(p, k_t, out=np.zeros_like(p), where=k_t > 0.0), 0.0)
+
     def slip_safety(self, amplitudes: np.ndarray, weakest: int) -> np.ndarray:
-        """Return the factor by which motions may grow while the ``weakest`` element of each pair surely sticks, (..., n)."""
+        """Return the factor by which motions may grow while all elements of each pair surely stick, (..., n).
+
+        Without friction forces at rest that is the factor of the ``weakest`` one.
+        """
+        if self.elements.w0.any():
+            safety = self.of_elements(self.elements.slip_safety(np.repeat(amplitudes, self.size, axis=-2)))
+            return np.where(self.has_gap, np.inf, safety).min(axis=-1)
         return self.elements.take(slice(weakest, None, self.size)).slip_safety(amplitudes)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float) -> np.ndarray:
@@ -133,6 +155,12 @@ class Bundle:
         share = self.elements.slipping_share(np.repeat(amplitudes, self.size, axis=-2), of_limit)[..., 0]
         carried = np.where(self.has_gap, 0.0, self.stiffness)
         return (carried * self.of_elements(share)).sum(axis=-1) / carried.sum(axis=1)
+
+
+def started(columns: Mapping[str, np.ndarray], size: int) -> np.ndarray | None:
+    """Return where the elements of pairs start, (n, size, 2) [m], from the columns of pairs; None: at 0.  Local."""
+    w0 = columns.get("w0")
+    return None if w0 is None or w0.shape[1] < size else w0[:, :size]
 
 
 def _joined(found: list[ContactCycle]) -> ContactCycle:

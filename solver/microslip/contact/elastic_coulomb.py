@@ -68,8 +68,11 @@ class ElasticCoulomb:
 
     @property
     def n_memory(self) -> int:
-        """Numbers of a pair that a step of time remembers beside p: none, for p says where the sliders stand."""
-        return 0
+        """Numbers of a pair that a step of time remembers beside p: none, for p says where the sliders stand.
+
+        Two where pairs are apart at rest: p of such a pair is all of its force, and says nothing of a slider that follows it.
+        """
+        return 2 if self.apart.any() else 0
 
     @property
     def n_pairs(self) -> int:
@@ -83,10 +86,11 @@ class ElasticCoulomb:
     @cached_property
     def stiffness(self) -> np.ndarray:
         """The springs K_J of a pair that sticks: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is apart at rest."""
-        return np.where(self.apart[:, None], 0.0, self._springs)
+        return np.where(self.apart[:, None], 0.0, self.springs)
 
     @cached_property
-    def _springs(self) -> np.ndarray:
+    def springs(self) -> np.ndarray:
+        """The springs of a pair that touches, (n, 3) [N/m], of one that is apart at rest, too."""
         return np.column_stack([self._k_xy, self.k_n])
 
     @cached_property
@@ -181,32 +185,46 @@ class ElasticCoulomb:
         active = found.active[touches[found.active]]
         p, P = np.where(touches[:, None, None], found.p, 0.0), found.P
         now = self.apart & touches
-        p[now] += self._springs[now, :, None] * U[now]
+        p[now] += self.springs[now, :, None] * U[now]
         if P is not None:
             P = P[touches[found.active]]
             n = P.shape[-1]
-            springs = np.where(self.apart[:, None], self._springs, 0.0)[active]
+            springs = np.where(self.apart[:, None], self.springs, 0.0)[active]
             P[:, np.arange(n), np.arange(n)] += np.repeat(springs, n // 3, axis=1)
         return replace(found, p=p, active=active, P=P)
 
     # -- a step of time ----------------------------------------------------------------------------------------
 
-    def step(self, du: np.ndarray, p_before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return p after a step that ends at ``du``, its derivative and the states.
+    def step(self, du: np.ndarray, before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return p after a step that ends at ``du``, with what is remembered, its derivative and the states.
 
-        Local.  docs/theory.md, eq. (3.1), eq. (3.2), eq. (3.3) and eq. (3.4).  Sliders stand at w = w0 - p_t / k_t, so that p is
-        all that the law remembers, and p of a pair that sticks stays what it was, to the bit.
+        Local.  docs/theory.md, eq. (3.1), eq. (3.2), eq. (3.3), eq. (3.4) and eq. (3.8).  Sliders stand at w = w0 - p_t / k_t, so
+        that p is all that the law remembers, and p of a pair that sticks stays what it was, to the bit.  Of a pair that is apart
+        at rest p_t without its springs is remembered beside p.
 
         Parameters
         ----------
         du : (..., n, 3) relative displacement at the end of the step [m]
-        p_before : (..., n, 3) p at its beginning [N]
+        before : (..., n, 3 + n_memory) p at its beginning [N], and what is remembered beside it
 
         Returns
         -------
-        p : (..., n, 3) [N]
-        L : (..., n, 3, 3) d p / d du [N/m]; zero where a pair sticks
+        after : (..., n, 3 + n_memory) [N], as ``before``
+        L : (..., n, 3, 3) d p / d du [N/m]; zero where a pair sticks, or is apart at rest and open
         state : (..., n) uint8, STICK, SLIP or OPEN during the step
+        """
+        if not self.apart.any():
+            return self._sprung_step(du, before)
+        apart, springs = self.apart[:, None], np.where(self.apart[:, None], self.springs, 0.0)
+        p, L, state = self._sprung_step(du, np.where(apart, before[..., 3:], before[..., :2]))
+        memory = np.where(apart, p[..., :2], 0.0)
+        L[..., np.arange(3), np.arange(3)] += springs
+        return np.concatenate([p + springs * du, memory], axis=-1), L, state
+
+    def _sprung_step(self, du: np.ndarray, p_before: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return p (..., n, 3) after a step as if all pairs had their springs, its derivative and the states.
+
+        Of ``p_before`` (..., n, 2 or more) the tangential components count.
         """
         closing = self.N0 - self.k_n * du[..., 2]
         is_open = closing <= 0.0

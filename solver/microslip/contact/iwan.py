@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from .bundle import Bundle
+from .bundle import Bundle, started
 from .elastic_coulomb import ElasticCoulomb
 from .law import SLIP, STICK, ContactCycle
 
@@ -32,6 +32,7 @@ class Iwan:
     beta: np.ndarray  # stiffness of the last slider over that of all others, at least 0 [-]
     n_sliders: int = SLIDERS
     sampled: bool = False  # sliders that know samples alone
+    w0: np.ndarray | None = None  # (n, n_sliders + 1, 2) where they start [m], as elastic-Coulomb sliders do; None: at 0
     bundle: Bundle = field(init=False, repr=False)
 
     def __post_init__(self):
@@ -66,9 +67,15 @@ class Iwan:
         """Displacement at which all of a pair slips, (n,) [m]: docs/theory.md, eq. (3.13)."""
         return self.F_S * (1.0 + self.beta) / (self.K_T * (self.beta + (self.chi + 1.0) / (self.chi + 2.0)))
 
+    @property
+    def springs(self) -> np.ndarray:
+        """The springs of a pair that touches, (n, 3) [N/m]: those at rest."""
+        return self.stiffness
+
     def take(self, indices) -> Iwan:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
-        return replace(self, **{name: getattr(self, name)[indices] for name in ("F_S", "K_T", "k_n", "chi", "beta")})
+        names = ("F_S", "K_T", "k_n", "chi", "beta", "w0")
+        return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})
 
     def followed(self, path: bool) -> Iwan:
         """Return the law whose sliders follow the path between samples, or know samples alone.  Local."""
@@ -83,7 +90,8 @@ class Iwan:
         strength = self.phi_max[:, None] * np.column_stack([weak * share, k[:, -1]])
         none = np.zeros(k.size)
         separate = np.ones(k.size, dtype=bool)
-        elements = ElasticCoulomb(strength.ravel(), none + 1.0, k.ravel(), none, separate, sampled=self.sampled)
+        w0 = np.zeros(2) if self.w0 is None else self.w0.reshape(-1, 2)
+        elements = ElasticCoulomb(strength.ravel(), none + 1.0, k.ravel(), none, separate, w0, sampled=self.sampled)
         return Bundle(elements, k.shape[1])
 
     # -- forces ------------------------------------------------------------------------------------------------
@@ -116,7 +124,9 @@ class Iwan:
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
         """Return the share of the slip force that motions take up while nothing slips, (..., n).  Local."""
-        return self.K_T * np.hypot(amplitudes[..., 0], amplitudes[..., 1]) / self.F_S
+        with np.errstate(divide="ignore", invalid="ignore"):
+            left = np.maximum(self.F_S - self.bundle.held_at_rest, 0.0)
+            return np.nan_to_num(self.K_T * np.hypot(amplitudes[..., 0], amplitudes[..., 1]) / left, nan=0.0, posinf=np.inf)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
         """Return the share of the stuck force that p takes away at most, (..., n, 3).  Local."""
@@ -124,8 +134,20 @@ class Iwan:
         return np.stack([share, share, np.zeros_like(share)], axis=-1)
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
-        """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move: all, (n,).  Local."""
-        return np.ones(self.n_pairs, dtype=bool)
+        """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local.
+
+        Those without friction at rest.
+        """
+        return self.bundle.held_at_rest == 0.0
+
+    # -- another rest ------------------------------------------------------------------------------------------
+
+    def about(self, du: np.ndarray, memory: np.ndarray) -> Iwan:
+        """Return the law about the state that a march came to: ``du`` (n, 3), and the memory there (n, n_memory).  Local.
+
+        docs/theory.md, eq. (12.10): each slider starts as far from its pair as it is stretched there.
+        """
+        return replace(self, w0=-self.bundle.stretch(du, memory))
 
 
 # -- of the columns of pairs ---------------------------------------------------------------------------------------
@@ -135,7 +157,13 @@ def of_columns(columns: Mapping[str, np.ndarray]) -> Iwan:
     """Return the law of pairs with these columns, (n,) each; pairs from a CSV file slip at mu N0.  Local."""
     F_S = np.where(np.isnan(columns["slip_force"]), columns["mu"] * columns["N0"], columns["slip_force"])
     k_n, chi, beta = (columns[name] for name in ("k_n", "chi", "beta"))
-    return Iwan(F_S, columns["k_t"], k_n, chi, beta, n_sliders=int(columns["sliders"][0]))
+    n_sliders = int(columns["sliders"][0])
+    return Iwan(F_S, columns["k_t"], k_n, chi, beta, n_sliders=n_sliders, w0=started(columns, n_sliders + 1))
+
+
+def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray | None]:
+    """Return the columns that change about the state that a march came to.  Local."""
+    return {"w0": of_columns(columns).about(du, memory).w0}
 
 
 def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:

@@ -42,6 +42,10 @@ class Law(Protocol):
         """The springs K_J of a pair that sticks, (n, 3) [N/m]."""
 
     @property
+    def springs(self) -> np.ndarray:
+        """The same, of pairs that are open at rest and have no part in K_J, too: the stiffness of a pair that touches."""
+
+    @property
     def order(self) -> int:
         """The order in 1 / N_t at which the harmonics of a cycle converge."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +27,7 @@ class Kind:
     own: Callable[[Keys], Mapping[str, float]]  # columns beside those of ContactPairs, the same for all pairs of a joint
     on_area: Callable[[Keys, np.ndarray], Mapping[str, np.ndarray]]  # columns of a joint of surfaces, from its pairs' areas
     per_point: tuple[str, ...]  # values that each contact point of surfaces may have of its own
+    about_rest: Callable[[Columns, np.ndarray, np.ndarray], Mapping[str, np.ndarray | None]] | None = None  # columns, du, memory
     above_0: tuple[str, ...] = ()  # columns of a file of pairs that it cannot do without
 
 
@@ -58,8 +59,10 @@ LAWS: dict[str, Kind] = {
         _by_direction,
         ("friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"),
     ),
-    "rough": Kind(rough.of_columns, rough.own, rough.on_area, ("friction", "preload"), ("n0", "kt", "kn")),
-    "iwan": Kind(iwan.of_columns, iwan.own, iwan.on_area, ("tangential_stiffness", "normal_stiffness"), ("mu", "n0", "kt")),
+    "rough": Kind(rough.of_columns, rough.own, rough.on_area, ("friction", "preload"), rough.about_rest, ("n0", "kt", "kn")),
+    "iwan": Kind(
+        iwan.of_columns, iwan.own, iwan.on_area, ("tangential_stiffness", "normal_stiffness"), iwan.about_rest, ("mu", "n0", "kt")
+    ),
 }
 
 
@@ -68,16 +71,39 @@ def law_of(names: Sequence[str] | np.ndarray, columns: Columns) -> Law:
 
     ``columns`` are those of all pairs; what a pair's law does not have is NaN there.
     """
+    return as_one([(own, LAWS[law].of_columns(part)) for own, law, part in _parts(names, columns)])
+
+
+def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray]:
+    """Return those columns of pairs that a march has changed, which came to ``du`` (n, 3) with ``memory`` (n, n_memory).  Local.
+
+    Of elastic-Coulomb pairs nothing changes here: N0 and T0 say all.
+
+    Raises
+    ------
+    ValueError : pairs have come apart whose law knows no rest without pressure
+    """
+    found: dict[str, np.ndarray] = {}
+    for own, law, part in _parts(names, columns):
+        about = LAWS[law].about_rest
+        for name, values in (about(part, du[own], memory[own]) if about is not None else {}).items():
+            assert values is not None, "a state that a march came to"
+            if name == "w0":
+                values = np.pad(values, ((0, 0), (0, memory.shape[1] // 2 - values.shape[1]), (0, 0)))
+            whole = columns[name] if name != "w0" else np.zeros((len(du), *values.shape[1:]))
+            found.setdefault(name, whole.copy())[own] = values
+    return found
+
+
+def _parts(names: Sequence[str] | np.ndarray, columns: Columns) -> Iterator[tuple[np.ndarray, str, Columns]]:
+    """Yield pairs that share a law and its number of sliders, its name, and their columns."""
     of_pairs = np.asarray(names, dtype=str)
     sliders = np.nan_to_num(columns.get("sliders", np.zeros(len(of_pairs))))
-    parts = []
     for law in [name for name in LAWS if name in of_pairs] or [ELASTIC_COULOMB]:
         for n_sliders in np.unique(sliders[of_pairs == law]) if len(of_pairs) else (0.0,):
             own = np.flatnonzero((of_pairs == law) & (sliders == n_sliders))
             everything = slice(None) if len(own) == len(of_pairs) else own
-            part = {name: values[everything] for name, values in columns.items()}
-            parts.append((own, LAWS[law].of_columns(part)))
-    return as_one(parts)
+            yield own, law, {name: values[everything] for name, values in columns.items()}
 
 
 def columns_on_area(law: str, keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:

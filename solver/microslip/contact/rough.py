@@ -16,12 +16,13 @@ import numpy as np
 
 from ..fourier.coefficients import analysis_matrix, synthesis_matrix
 from ..fourier.harmonics import Harmonics
-from .bundle import Bundle
+from .bundle import Bundle, started
 from .elastic_coulomb import ElasticCoulomb
 from .law import OPEN, SLIP, STICK, ContactCycle
 
 SLIDERS = 24  # asperities that carry a pair at rest, where a joint states no number
 MOST_FORCE = 16.0  # normal force over that at rest up to which further asperities come into contact
+CARRIES = 1e-9  # normal force over that at the stated preload: a pair that statics leave with less has come apart
 _MOST = 200.0  # logarithm of the same, beyond which a guess of the solver is none, and its squares are no numbers
 MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential over normal stiffness at Poisson's ratio 0.3
 
@@ -38,6 +39,7 @@ class Rough:
     separate: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: each direction has its own limit
     n_sliders: int = SLIDERS
     sampled: bool = False  # asperities that know samples alone
+    w0: np.ndarray | None = None  # (n, n_asperities, 2) where they start [m], as elastic-Coulomb sliders do; None: at 0
     bundle: Bundle = field(init=False, repr=False)
 
     def __post_init__(self):
@@ -69,10 +71,15 @@ class Rough:
         """The springs K_J at rest: k_t, k_t, k_n, (n, 3) [N/m]."""
         return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
 
+    @property
+    def springs(self) -> np.ndarray:
+        """The springs of a pair that touches, (n, 3) [N/m]: those at rest."""
+        return self.stiffness
+
     def take(self, indices) -> Rough:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
-        names = ("mu", "N0", "k_t", "k_n", "exponent", "separate")
-        return replace(self, **{name: getattr(self, name)[indices] for name in names})
+        names = ("mu", "N0", "k_t", "k_n", "exponent", "separate", "w0")
+        return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})
 
     def followed(self, path: bool) -> Rough:
         """Return the law whose asperities follow the path between samples, or know samples alone.  Local."""
@@ -111,6 +118,7 @@ class Rough:
             each["k_t"] * share.ravel(),
             each["k_n"] * share.ravel(),
             np.repeat(self.separate, size),
+            np.zeros(2) if self.w0 is None else self.w0.reshape(-1, 2),
             sampled=self.sampled,
         )
         return Bundle(elements, size)
@@ -167,7 +175,8 @@ class Rough:
         """Return the share of friction limit or preload that motions take up at the stiffness of rest, (..., n).  Local."""
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            shares = np.stack([self.k_t * np.hypot(x, y) / (self.mu * self.N0), self.k_n * z / self.N0])
+            left = np.maximum(self.mu * self.N0 - self.bundle.held_at_rest, 0.0)
+            shares = np.stack([self.k_t * np.hypot(x, y) / left, self.k_n * z / self.N0])
         return np.nan_to_num(shares, nan=0.0, posinf=np.inf).max(axis=0)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
@@ -187,7 +196,45 @@ class Rough:
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
         """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local."""
-        return ~moves[:, 2]
+        return ~moves[:, 2] & (self.bundle.held_at_rest == 0.0)
+
+    # -- another rest ------------------------------------------------------------------------------------------
+
+    def about(self, du: np.ndarray, memory: np.ndarray) -> Rough:
+        """Return the law about the state that a march came to: ``du`` (n, 3), and the memory there (n, n_memory).  Local.
+
+        docs/theory.md, eq. (12.10): pressure and stiffness are those of (3.11) there, and again of the same power.  The
+        asperities are divided anew; each is stretched as those were that touch at the same approach, within its limit.
+
+        Raises
+        ------
+        ValueError : a pair carries next to nothing there, which is no rest of such a law
+        """
+        N, k_n = self.normal_force(du[:, 2])
+        if not np.all(N > CARRIES * self.N0):
+            raise ValueError(f"{np.count_nonzero(~(N > CARRIES * self.N0))} of {self.n_pairs} pairs carry nothing")
+        there = replace(self, N0=N, k_t=self.k_t * k_n / self.k_n, k_n=k_n, w0=None)
+        stretch = _carried_over(self.bundle, there.bundle, self.bundle.stretch(du, memory), du[:, 2])
+        elements, separate = there.bundle.elements, self.separate[:, None, None]
+        force, limit = (values.reshape(self.n_pairs, -1, 1) for values in (elements.k_t, elements.mu * elements.N0))
+        force = force * stretch
+        size = np.where(separate, np.abs(force), np.linalg.norm(force, axis=2, keepdims=True))
+        limit = np.maximum(limit, 0.0)
+        return replace(there, w0=-stretch * np.divide(limit, size, out=np.ones_like(size), where=size > limit))
+
+
+def _carried_over(old: Bundle, new: Bundle, stretch: np.ndarray, du_z: np.ndarray) -> np.ndarray:
+    """Return what new asperities are stretched by, (n, size, 2), from old ones that touch at the same approach.
+
+    The new ones count from a rest at ``du_z`` (n,).
+    """
+    touch = [one.of_elements(one.elements.N0 / one.elements.k_n) for one in (old, new)]
+    found = np.empty((len(du_z), new.size, 2))
+    for i, (of_old, of_new) in enumerate(zip(touch[0], touch[1] + du_z[:, None])):
+        order = np.argsort(of_old)
+        for direction in range(2):
+            found[i, :, direction] = np.interp(of_new, of_old[order], stretch[i, order, direction])
+    return found
 
 
 def tangents_at(n: int) -> np.ndarray:
@@ -205,7 +252,19 @@ def tangents_at(n: int) -> np.ndarray:
 def of_columns(columns: Mapping[str, np.ndarray]) -> Rough:
     """Return the law of pairs with these columns, (n,) each.  Local."""
     mu, N0, k_t, k_n, m, separate = (columns[name] for name in ("mu", "N0", "k_t", "k_n", "exponent", "separate"))
-    return Rough(mu, N0, k_t, k_n, m, separate, n_sliders=int(columns["sliders"][0]))
+    n_sliders = int(columns["sliders"][0])
+    return Rough(mu, N0, k_t, k_n, m, separate, n_sliders=n_sliders, w0=started(columns, 3 * n_sliders))
+
+
+def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the columns that change about the state that a march came to.  Local.
+
+    Raises
+    ------
+    ValueError : as :meth:`Rough.about`
+    """
+    found = of_columns(columns).about(du, memory)
+    return {name: getattr(found, name) for name in ("N0", "k_t", "k_n", "w0")}
 
 
 def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:

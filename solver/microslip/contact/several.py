@@ -36,6 +36,11 @@ class Several:
         """The springs K_J of a pair that sticks, (n, 3) [N/m]."""
         return self._together(lambda law, own: law.stiffness)
 
+    @property
+    def springs(self) -> np.ndarray:
+        """The springs of a pair that touches, (n, 3) [N/m]."""
+        return self._together(lambda law, own: law.springs)
+
     def take(self, indices) -> Law:
         """Return the law of some pairs, an index array, a mask or a slice; that of their part where they share one.  Local."""
         chosen = np.arange(self.n_pairs)[indices]

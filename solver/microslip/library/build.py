@@ -32,6 +32,7 @@ from ..scene.schema import Scene
 from ..statics.bolts import BoltsAtRest
 from ..statics.equilibrium import equilibrium
 from ..statics.flight import which_flies
+from ..statics.pressed import check_pressed
 from ..statics.rest import at_rest, in_words
 from .complete import read_completed
 from .memory import of_factor, refuse_modes
@@ -154,6 +155,7 @@ def brought_to_rest(
         flies = partial(which_flies, system, mesh, pairs, forces, settings.body_of)
         rest = equilibrium(linearised, pairs, forces, statics.steps, bolts, flies, where)
         linearised.destroy()
+        check_pressed(system, mesh, pairs, rest, forces, settings.body_of, where)
         seen = None if bolts is None or rest.bolts is None else partial(bolts.overlap.seen, shortening=rest.bolts.shortening)
         K = stiffness_at_rest(shares, settings, system, rest.u_owned, seen) if statics.stiffens else system.K
     for line in in_words(system, mesh, pairs, rest, forces, settings.body_of):

@@ -12,6 +12,7 @@ from ..formats.units import UNITS, Units
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 from ..parallel.words import listed, nearest
+from ..scene.checks import remarks
 from ..scene.read import completed
 from ..scene.schema import Scene
 
@@ -33,7 +34,7 @@ def read_completed(scene: Scene, comm: MPI.Comm) -> tuple[FileModel | None, Scen
     assert scene.model.mesh is not None, "a scene with a mesh"
     model = on_root(comm, read_model, scene.folder / scene.model.mesh, share=False)
     whole, notes = on_root(comm, complete, scene, model)
-    return None if model is None else held_by(scene, model), whole, notes
+    return None if model is None else held_by(scene, model), whole, (*notes, *remarks(whole))
 
 
 def held_by(scene: Scene, model: FileModel) -> FileModel:

@@ -27,6 +27,10 @@ _N_SOUGHT = 12  # two bodies without any support
 _ROUNDS = 4
 _HELD = 1e-3  # squared share of a free motion below which a part does not take part in it
 _ALL = 0.99  # squared share of a translation in the free motions from which it is one of them
+_OF_REST = (
+    "; the stress at rest is part of it, and that rest is not stable: a body buckles, or rocks on too few closed pairs; check "
+    "the loads of [statics]"
+)
 
 
 def is_singular(A: PETSc.Mat, ksp: PETSc.KSP) -> bool:
@@ -56,7 +60,7 @@ def explain_singular(A: PETSc.Mat, system: System | None, what: str) -> NoReturn
         raise CaseError(
             f"{what} is not positive definite: a motion with z^T {what} z = {strains[0]:.1e} z^T diag z exists, "
             f"largest at {_name_of_row(_largest_row(comm, A, Z_owned[:, 0]), system)}; "
-            "a stiffness matrix must not release energy"
+            f"a stiffness matrix must not release energy{_OF_REST if getattr(system, 'rest_owned', None) is not None else ''}"
         )
     n_free = int(np.count_nonzero(strains <= FREE))
     if n_free == 0:

@@ -85,7 +85,7 @@ def check_held(
     """Raise MeshError for a part that neither has a support nor is joined or tied to a part that has one.  Local, rank 0."""
     n_parts = len(names)
     held = held_parts(part, n_parts, mesh, supports, links)
-    first, second = (_on_parts(side, part, n_parts) for side in pairs.sides(len(part)))
+    first, second = (on_parts(side, part, n_parts) for side in pairs.sides(len(part)))
     part1, part2 = (first.T @ second).nonzero()
     tied = clusters_of(part, n_parts, links)
     _, cluster = _components(np.r_[part1, np.arange(n_parts)], np.r_[part2, n_parts + tied], 2 * n_parts)
@@ -102,8 +102,8 @@ def check_held(
         )
 
 
-def _on_parts(weights: sp.csr_matrix, part: np.ndarray, n_parts: int) -> sp.csr_matrix:
-    """Return how many nodes of each part move each contact point, (n_pairs, n_parts)."""
+def on_parts(weights: sp.csr_matrix, part: np.ndarray, n_parts: int) -> sp.csr_matrix:
+    """Return how many nodes of each part move each contact point, (n_pairs, n_parts), from their weights.  Local."""
     ones = np.ones(len(weights.indices))
     return sp.csr_matrix((ones, part[weights.indices], weights.indptr), (weights.shape[0], n_parts))
 

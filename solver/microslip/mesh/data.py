@@ -111,12 +111,15 @@ class ContactPairs:
     cells: np.ndarray = field(default_factory=lambda: np.full((0, 4, 3), np.nan))  # (n_pairs, 4, 3) m, for pictures; NaN: none
     notes: tuple[str, ...] = ()  # how they were found, for the log
     laws: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=str))  # (n_pairs,) names of laws; none: elastic-Coulomb
+    w0: np.ndarray = field(
+        default_factory=lambda: np.zeros((0, 0, 2))
+    )  # (n_pairs, n_elements, 2) m, of laws of many elements at rest
     own: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_pairs,) each: what laws have beside these; NaN: not this one
 
     def __post_init__(self):
         if len(self.laws) != self.n_pairs:
             object.__setattr__(self, "laws", np.full(self.n_pairs, ELASTIC_COULOMB))
-        for name in ("T0", "apart"):  # of pairs that have no statics
+        for name in ("T0", "apart", "w0"):  # of pairs that have no statics
             values = getattr(self, name)
             if len(values) != self.n_pairs:
                 object.__setattr__(self, name, np.zeros((self.n_pairs, *values.shape[1:]), dtype=values.dtype))
@@ -136,8 +139,13 @@ class ContactPairs:
     @property
     def law(self) -> Law:
         """The contact law of the pairs about their state of rest."""
-        names = ("mu", "N0", "k_t", "k_n", "separate", "T0", "apart")
-        return law_of(self.laws, {name: getattr(self, name) for name in names} | dict(self.own))
+        return law_of(self.laws, self.columns)
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """What laws are made of, (n_pairs, ...) each."""
+        names = ("mu", "N0", "k_t", "k_n", "separate", "T0", "apart", "w0")
+        return {name: getattr(self, name) for name in names} | dict(self.own)
 
 
 def on_nodes(nodes: np.ndarray, n_nodes: int) -> sp.csr_matrix:

@@ -252,7 +252,8 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, sh
     found = f"{1.0 - covered:.1%} of the area of {first.group!r}" if covered > _LEAST else "no contact point found: all its faces"
     advice = "name the smaller surface first, restrict the first group to what touches, or state a larger tolerance"
     if covered <= _LEAST:
-        advice = 'bring the surfaces together, or state a larger tolerance (gap = "geometry" where they are apart at rest)'
+        apart = "" if joint.gap == GEOMETRY else ' (gap = "geometry" where they are apart at rest)'
+        advice = f"bring the surfaces together, or state a larger tolerance{apart}"
     raise MeshError(
         f"{where}: {found} have no partner within {reach:.3g} m on {second.group!r}; the worst is node "
         f"{mesh.numbers[first.nodes[worst]]} of {first.group!r} at {place(mesh.points[first.nodes[worst]])} m, "

@@ -42,7 +42,7 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
         points = contact_points(mesh, joint)
         parts.append(_columns(mesh, joint, points))
         faces += [own + n_pairs for own in points.faces]
-        notes += [points.note] * bool(points.note)
+        notes += [note for note in (points.note, _penetration(mesh, joint, points)) if note]
         n_pairs += points.n_points
     joined = {name: _stacked([part[name] for part in parts]) for name in parts[0] if name not in ("joint", "own")}
     joined["own"] = joined_columns([(len(part["area"]), part["own"]) for part in parts])
@@ -138,13 +138,34 @@ def _preload(mesh: Mesh, joint: Joint, points: ContactPoints, values: Values, k_
     """
     if joint.gap != GEOMETRY:
         return np.where(values.gap > 0.0, -values.gap * k_n, values.preload * points.area)
-    deepest = int(np.argmin(points.distance))
-    if points.distance[deepest] < -PENETRATION * mesh.diagonal:
+    deepest = _deepest(mesh, points)
+    if deepest is not None:
         raise MeshError(
-            f"{mesh.path}: joint {joint.name!r}: the sides penetrate at rest, by {-points.distance[deepest]:.3g} m at "
-            f"{place(points.position[deepest])} m; move them apart, or state the gap as a number in place of the mesh's"
+            f"{mesh.path}: joint {joint.name!r}: the sides penetrate at rest, {_how_deep(points, deepest)}; move them apart, or "
+            "state the gap as a number in place of the mesh's"
         )
     return -np.maximum(points.distance, 0.0) * k_n
+
+
+def _penetration(mesh: Mesh, joint: Joint, points: ContactPoints) -> str:
+    """Say how far the sides of a joint penetrate whose gap is not that of the mesh; empty where they do not."""
+    deepest = _deepest(mesh, points)
+    if deepest is None or joint.gap == GEOMETRY:
+        return ""
+    return (
+        f'joint {joint.name!r}: the sides penetrate in the mesh, {_how_deep(points, deepest)}; without gap = "geometry" that '
+        "does not count: they touch, or have the gap stated"
+    )
+
+
+def _deepest(mesh: Mesh, points: ContactPoints) -> int | None:
+    """Return the point at which the sides penetrate most, None where that is not more than rounding of the mesh."""
+    deepest = int(np.argmin(points.distance)) if points.n_points else 0
+    return deepest if points.n_points and points.distance[deepest] < -PENETRATION * mesh.diagonal else None
+
+
+def _how_deep(points: ContactPoints, deepest: int) -> str:
+    return f"by {-points.distance[deepest]:.3g} m at {place(points.position[deepest])} m"
 
 
 def contact_frames(z: np.ndarray, tangent=None, where: str = "") -> np.ndarray:

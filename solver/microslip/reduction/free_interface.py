@@ -25,6 +25,7 @@ RIGID = 1e-6  # eigenvalue over the lowest one of the stuck structure below whic
 _CONVERGED = 1e-12  # relative change of the attachment modes that is still to come
 _MOST_ROUNDS = 40
 _BATCH = 128
+_MOST_PARTS_UNNAMED = 3  # that matrices without a mesh are taken to have
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,20 @@ def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodie
             f'modes, all of which method = "{settings.method}" needs; ask for {n_rigid} modes at least'
         )
     return FreeBodies(shifted, alpha, found.omega_n**2 - alpha, found.phi_owned, n_rigid)
+
+
+def check_rigid(stuck: StuckStructure, settings: ReductionSettings) -> None:
+    """Refuse fewer modes than the bodies have rigid-body modes, before anything is solved with them.  Collective.
+
+    Costs what the modes of :func:`free_bodies` cost, and nothing where there are as many modes as so many parts can have.
+
+    Raises
+    ------
+    CaseError : as :func:`free_bodies`; on every rank
+    """
+    n_parts = max(len(stuck.linearised.system.part_names), _MOST_PARTS_UNNAMED)
+    if len(stuck.modes.omega_n) < 6 * n_parts:
+        free_bodies(stuck, settings).destroy()
 
 
 def _count_rigid(found: Modes, alpha: float, modes: Modes) -> int:

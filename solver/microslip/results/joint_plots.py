@@ -100,9 +100,11 @@ def draw_rest(results: ResultFile, out_dir: str) -> list[str]:
     if not surfaces:
         return []
     shown = sorted(sorted(surfaces, key=lambda patch: -len(patch.pairs))[:_MOST_PATCHES], key=surfaces.index)
-    N = np.maximum(joint.N0, 0.0)
+    without = np.isnan(joint.N0)  # pairs of a law that knows no normal force
+    N = np.where(without, 0.0, np.maximum(joint.N0, 0.0))
     pressure = N / joint.area / 1e6
-    friction = np.divide(np.hypot(*joint.T0.T), joint.mu * N, out=np.zeros_like(N), where=joint.mu * N > 0.0)
+    limit = np.where(without, joint.own.get("slip_force", np.zeros_like(N)), np.nan_to_num(joint.mu) * N)
+    friction = np.divide(np.hypot(*joint.T0.T), limit, out=np.zeros_like(N), where=limit > 0.0)
     palette = matplotlib.colormaps["viridis_r"]
     most = max(pressure.max(initial=0.0), 1e-300)
     layout = choose_layout(np.array([patch.size for patch in shown]), 2, len(surfaces) > 1)
@@ -110,19 +112,25 @@ def draw_rest(results: ResultFile, out_dir: str) -> list[str]:
         f"; {len(shown)} of {len(surfaces)} surfaces" if len(shown) < len(surfaces) else ""
     )
     page = Page(
-        results, says, WIDTH, layout.height(2) + 0.56, [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="open")]
+        results,
+        says,
+        WIDTH,
+        layout.height(2) + 0.56,
+        [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="open, or no pressure known" if without.any() else "open")],
     )
+    known = f"pressure up to {most:.4g} MPa, {(N > 0.0).sum()} of {np.count_nonzero(~without)} pairs closed"
     heads = (
-        (pressure / most, f"pressure up to {most:.4g} MPa, {(N > 0.0).sum()} of {len(N)} pairs closed"),
-        (friction, f"friction over its limit: up to {friction.max(initial=0.0):.3g}"),
+        (pressure / most, N > 0.0, "pressure: this law knows none" if without.all() else known),
+        (friction, (N > 0.0) | without, f"friction over its limit: up to {friction.max(initial=0.0):.3g}"),
     )
-    for i, (share, head) in enumerate(heads):
+    for i, (share, carries, head) in enumerate(heads):
         row, column = divmod(i, layout.level_columns)
         x, y = layout.LEFT + column * layout.block[0], page.top + row * layout.block[1]
         page.text(x, y + 0.04, head)
-        rgba = np.where((N > 0.0)[:, None], palette(np.clip(share, 0.0, 1.0)), matplotlib.colors.to_rgba(_NO_LOSS))
+        rgba = np.where(carries[:, None], palette(np.clip(share, 0.0, 1.0)), matplotlib.colors.to_rgba(_NO_LOSS))
         _block(page, layout, shown, (x, y), rgba, column == 0, i + layout.level_columns >= 2)
-    _colour_bar(page, palette, matplotlib.colors.Normalize(0.0, 1.0), f"pressure over {most:.4g} MPa, friction over its limit")
+    over = "" if without.all() else f"pressure over {most:.4g} MPa, "
+    _colour_bar(page, palette, matplotlib.colors.Normalize(0.0, 1.0), f"{over}friction over its limit")
     return [page.save(f"{out_dir}/rest.png")]
 
 

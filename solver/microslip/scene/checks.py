@@ -8,7 +8,6 @@ from typing import Any
 
 from ..parallel.words import nearest
 from .inputs import named_files
-from .joint_laws import ELASTIC_COULOMB
 from .matrix_names import may_know_nodes
 from .schema import Scene, Statics
 
@@ -167,8 +166,6 @@ def _statics(scene: Scene) -> list[str]:
             found.append(
                 f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa'
             )
-        if joint.law != ELASTIC_COULOMB and statics is not None:
-            found.append(f'{where} law = "{joint.law}": [statics] knows joints with law = "{ELASTIC_COULOMB}" alone')
     if statics is None:
         return found
     if statics.rotation_speed > 0.0 and scene.model.axis is None:
@@ -276,6 +273,15 @@ def _axis(scene: Scene) -> list[str]:
     if scene.statics is None and not turned:
         return ["[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out"]
     return []
+
+
+def remarks(scene: Scene) -> list[str]:
+    """Return what of a scene that fits together has no effect, a text each.  Local."""
+    turns = scene.statics is not None and scene.statics.rotation_speed > 0.0
+    turns = turns or any(load.engine_order is not None for load in scene.loads)
+    if scene.model.axis is None or turns:
+        return []
+    return ["[model] axis: nothing turns about it; [statics] rotation_speed is not stated, or 0"]
 
 
 def _points(scene: Scene) -> list[str]:

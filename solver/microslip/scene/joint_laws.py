@@ -67,7 +67,10 @@ def _check_directions(joint: Joint, key: str) -> None:
 def _check_rough(joint: Joint) -> None:
     """Raise ValueError where rough surfaces carry nothing at rest, or their power is half stated."""
     if joint.preload == "static":
-        raise ValueError(f'preload = "static": statics do not know law = {_quoted(ROUGH)}; state it in Pa')
+        raise ValueError(
+            f'preload = "static": law = {_quoted(ROUGH)} has no stiffness before anything presses; state in Pa the pressure at '
+            "which the surfaces lie as the mesh has them, and [statics] goes on from there"
+        )
     if joint.preload == 0.0:
         raise ValueError(f"preload = 0: rough surfaces that carry nothing have no stiffness, law = {_quoted(ROUGH)} needs some")
     if (joint.exponent is None) != (joint.roughness_pressure is None):

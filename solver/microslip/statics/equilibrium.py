@@ -7,13 +7,14 @@ balance with the mean alone, condensed to the pairs, and the law is that of the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from mpi4py.MPI import LOR
 
 from ..assembly.pretension import Bolts
 from ..contact.law import Law
+from ..contact.laws import ELASTIC_COULOMB
 from ..linear.dense import summed
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
@@ -40,6 +41,7 @@ class Rest:
     iterations: int  # of Newton, in all steps
     steps: int  # that were taken
     bolts: BoltsAtRest | None = None
+    memory: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))  # (n_pairs, n_memory) what the law remembers beside p
 
     @property
     def N(self) -> np.ndarray:
@@ -104,7 +106,8 @@ def equilibrium(
     u_load = linearised.factor.solve(forces_owned[:, None])[:, 0]
     du_load = comm.bcast(summed(comm, R_owned @ u_load)).reshape(-1, 3)
     contact = _Contact(comm, pairs, Flexibility(linearised))
-    now, n_taken, found = _State(np.zeros(du_load.shape), np.zeros(du_load.shape)), 0, None
+    unloaded = np.zeros((pairs.n_pairs, 3 + pairs.law.n_memory))
+    now, n_taken, found = _State(np.zeros(du_load.shape), unloaded), 0, None
     held, u_held = np.zeros(du_load.shape), 0.0
     if bolts is not None:
         cuts = cuts_of(linearised, bolts, where)
@@ -123,14 +126,18 @@ def equilibrium(
         found = BoltsAtRest(tuple(bolt.name for bolt in bolts.given), bolts.area, delta, tightened, at_rest)
     u_owned = u_held + u_load - linearised.factor.solve((R_owned.T @ now.p.ravel())[:, None])[:, 0]
     force = now.p + pairs.law.stiffness * now.du
-    force[:, 2] -= np.maximum(pairs.N0, 0.0)
-    return Rest(now.du, force, u_owned, contact.iterations, n_taken, found)
+    force[:, 2] -= np.maximum(np.nan_to_num(pairs.N0), 0.0)
+    return Rest(now.du, force, u_owned, contact.iterations, n_taken, found, now.after[:, 3:])
 
 
 @dataclass(frozen=True, eq=False)
 class _State:
     du: np.ndarray  # (n_pairs, 3) m
-    p: np.ndarray  # (n_pairs, 3) N
+    after: np.ndarray  # (n_pairs, 3 + n_memory) N, p and what the law remembers beside it
+
+    @property
+    def p(self) -> np.ndarray:
+        return self.after[:, :3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,9 +197,9 @@ class _Contact:
             now, opened, step = (now, opened, 0.5 * step) if found is None else (found, target, 2.0 * step)
         if now is None:
             return None
-        p = now.p.copy()
-        p[:, :2] = -self.law.stiffness[:, :2] * now.du[:, :2]
-        return self._solve(loading, _State(now.du, p), share, now.du)
+        after, plain = now.after.copy(), self.pairs.laws == ELASTIC_COULOMB
+        after[plain, :2] = -(self.law.stiffness[:, :2] * now.du[:, :2])[plain]
+        return self._solve(loading, _State(now.du, after), share, now.du)
 
     def _solve(self, loading: _Loading, was: _State, share: float, du: np.ndarray, law: Law | None = None) -> _State | None:
         """Return the state at a share of the load, from ``du``; None where Newton does not find one.  Collective.
@@ -208,7 +215,8 @@ class _Contact:
         load = loading.held + share * loading.rising
         largest = max(loading.largest, float(np.abs(du).max(initial=0.0)))
         for _ in range(MOST_ITERATIONS):
-            p, L, _ = law.step(du, was.p)
+            after, L, _ = law.step(du, was.after)
+            p = after[:, :3]
             active = p.any(axis=1) | L.any(axis=(1, 2))
             if 3 * np.count_nonzero(active) > LARGEST:
                 raise ResourceError(
@@ -222,7 +230,7 @@ class _Contact:
             if size > FARTHEST * largest:
                 return None
             if error <= TOLERANCE * size:
-                return _State(du, p)
+                return _State(du, after)
             if better is None:
                 return None
             du = better
@@ -240,7 +248,7 @@ class _Contact:
         best, best_error = du + step, np.inf
         for k in range(halvings + 1):
             trial = du + 0.5**k * step
-            p_trial, _, _ = law.step(trial, was.p)
+            p_trial = law.step(trial, was.after)[0][:, :3]
             moving = p_trial.any(axis=1)
             if not (moving & ~self.G.known).any():
                 trial_error = float(np.abs(self._residual(loading, load, trial, p_trial, moving)).max(initial=0.0))

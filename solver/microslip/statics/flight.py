@@ -75,6 +75,8 @@ def _rigid_motions(system: System, mesh: Mesh, body_of: Mapping[str, str]) -> _R
 
 def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndarray) -> np.ndarray:
     """Return the motion of each part, (n_parts, 6); zero where all are held.  Local, rank 0."""
+    if np.isnan(pairs.mu).any():  # pairs of a law that holds without pressure
+        return np.zeros((len(rigid.names), 6))
     T = _by_row(system, rigid)
     B = np.asarray(system.R @ T).reshape(pairs.n_pairs, 3, T.shape[1])
     Z = _allowed(system, rigid)

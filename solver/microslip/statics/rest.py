@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..assembly.system import System
+from ..contact.laws import ELASTIC_COULOMB, about_rest
 from ..mesh.connected import connected_parts
 from ..mesh.data import ContactPairs, Mesh
 from ..parallel.agree import on_root
+from ..parallel.errors import CaseError
 from ..parallel.words import listed
 from .equilibrium import Rest
 
@@ -18,12 +20,25 @@ from .equilibrium import Rest
 def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
     """Return the pairs as they vibrate about their rest: preload or gap, friction force, and no springs where they are open.
 
-    Local.  docs/theory.md, eq. (12.4).
+    Local.  docs/theory.md, eq. (12.4) and eq. (12.10).
+
+    Raises
+    ------
+    CaseError : pairs have come apart whose law knows no rest without pressure
     """
-    N0 = pairs.N0 - pairs.k_n * rest.du[:, 2]
-    apart = N0 <= 0.0
+    plain = pairs.laws == ELASTIC_COULOMB
+    N0 = np.where(plain, pairs.N0 - pairs.k_n * rest.du[:, 2], pairs.N0)
+    apart = plain & (N0 <= 0.0)
     T0 = np.where(apart[:, None], 0.0, rest.force[:, :2])
-    return replace(pairs, N0=N0, T0=T0, apart=apart)
+    try:
+        changed = about_rest(pairs.laws, pairs.columns, rest.du, rest.memory)
+    except ValueError as problem:
+        raise CaseError(
+            f'[statics]: {problem} of a joint with law = "rough" at rest: its stiffness there is none, and no slider says where '
+            'it would touch again; state more preload, less of what pulls, or law = "elastic-coulomb", which may open'
+        ) from problem
+    k_t, k_n, w0 = (changed.get(name, getattr(pairs, name)) for name in ("k_t", "k_n", "w0"))
+    return replace(pairs, N0=np.where(plain, N0, changed.get("N0", N0)), k_t=k_t, k_n=k_n, w0=w0, T0=T0, apart=apart)
 
 
 @dataclass(frozen=True)
@@ -46,7 +61,7 @@ def in_words(
 
     def lines() -> list[str]:
         assert mesh is not None and forces is not None, "called on rank 0 of a scene with a mesh"
-        return _of_joints(pairs, rest) + _of_bolts(rest) + _of_bodies(system, mesh, rest, np.concatenate(forces), body_of)
+        return _of_joints(pairs, rest) + _of_bolts(rest) + _of_bodies(system, mesh, pairs, rest, np.concatenate(forces), body_of)
 
     return on_root(system.comm, lines)
 
@@ -58,10 +73,11 @@ def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
     for name in dict.fromkeys(pairs.joint):
         own = names == name
         N, T = rest.N[own], np.hypot(*rest.force[own, :2].T)
-        closed = N > 0.0
+        plain = pairs.laws[own] == ELASTIC_COULOMB
+        closed = (N > 0.0) | np.isnan(pairs.N0[own])
         slid = closed & (T >= (1.0 - 1e-9) * pairs.mu[own] * N)
         pressure = N / pairs.area[own]
-        gap = np.maximum(rest.du[own, 2] - pairs.N0[own] / pairs.k_n[own], 0.0)
+        gap = np.where(plain, np.maximum(rest.du[own, 2] - pairs.N0[own] / pairs.k_n[own], 0.0), 0.0)
         lines.append(
             f"  {name}: {closed.sum()} of {own.sum()} pairs closed, {slid.sum()} slid to their limit; "
             f"normal force {N.sum():.6g} N, friction {T.sum():.4g} N, pressure up to {pressure.max():.4g} Pa, "
@@ -82,18 +98,16 @@ def _of_bolts(rest: Rest) -> list[str]:
     ]
 
 
-def _of_bodies(system: System, mesh: Mesh, rest: Rest, forces: np.ndarray, body_of: Mapping[str, str]) -> list[str]:
+def _of_bodies(
+    system: System, mesh: Mesh, pairs: ContactPairs, rest: Rest, forces: np.ndarray, body_of: Mapping[str, str]
+) -> list[str]:
     """Return a line for each part without a support: loads and contact forces on it, and what is left over."""
-    assert system.dof is not None, "a structure with a mesh"
-    contact = -(system.R.T @ rest.force.ravel())
+    loaded = rest.force.copy()
+    loaded[:, 2] += np.maximum(np.nan_to_num(pairs.N0), 0.0)  # what a stated preload presses with balances itself
+    contact = -(system.R.T @ loaded.ravel())
     part, part_names = connected_parts(mesh, body_of)
-    if system.constraints is None:
-        held = np.unique(part[(system.dof < 0).any(axis=1)])
-        loose = tuple(np.array([i]) for i in range(len(part_names)) if i not in held)
-    else:
-        loose = system.constraints.loose
     lines = []
-    for own in loose:
+    for own in loose_parts(system, part, len(part_names)):
         nodes = np.flatnonzero(np.isin(part, own))
         applied, pressed = (_resultant(system, mesh, nodes, values) for values in (forces, contact))
         size = max(applied.size, pressed.size) or 1.0
@@ -106,6 +120,18 @@ def _of_bodies(system: System, mesh: Mesh, rest: Rest, forces: np.ndarray, body_
             f"{left:.1e} of the forces, {turned:.1e} of their moments"
         )
     return lines
+
+
+def loose_parts(system: System, part: np.ndarray, n_parts: int) -> tuple[np.ndarray, ...]:
+    """Return the connected parts that nothing but joints holds, those that are tied together in one array.  Local, rank 0.
+
+    ``part`` (n_nodes,) is that of each node.
+    """
+    assert system.dof is not None, "a structure with a mesh"
+    if system.constraints is not None:
+        return system.constraints.loose
+    held = np.unique(part[(system.dof < 0).any(axis=1)])
+    return tuple(np.array([i]) for i in range(n_parts) if i not in held)
 
 
 def _resultant(system: System, mesh: Mesh, nodes: np.ndarray, values: np.ndarray) -> Resultant:

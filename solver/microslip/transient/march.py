@@ -12,6 +12,8 @@ from .scheme import RHO, GeneralisedAlpha, Motion, fitted_angle
 
 _NEWTON = 60  # iterations of a step
 _TOLERANCE = 1e-10  # of a step's contact forces, over the largest force of the joint's springs in the period
+_NO_INERTIA = 1e-9  # 1 - share of the joint's springs in the flexibility of a step: below it nothing but them resists a motion
+_MOST_ROWS = 3000  # of pairs of which these shares are computed
 _HALVINGS = 4  # of a Newton step that makes the error grow
 
 
@@ -85,7 +87,7 @@ class StepContact:
 
     def __init__(self, model: TransientModel, scheme: GeneralisedAlpha):
         self.model, self.flexibility = model, scheme.flexibility()
-        self.K_J, self.scale = model.law.stiffness.ravel(), np.zeros(len(scheme.h))
+        self.springs, self.scale = model.law.springs.ravel(), np.zeros(len(scheme.h))
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G_h p, (B, 3 n_pairs) [m].  Local."""
@@ -98,7 +100,7 @@ class StepContact:
 
     def solve(self, du_free: np.ndarray, before: np.ndarray, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return p with the law's memory (B, n_pairs (3 + n_memory)) and states (B, n_pairs) at the end of the step.  Local."""
-        self.scale = np.maximum(self.scale, np.abs(self.K_J * du_free).max(axis=1, initial=0.0))
+        self.scale = np.maximum(self.scale, np.abs(self.springs * du_free).max(axis=1, initial=0.0))
         p, after, new, L, state = self._law(du_free, before, guess)
         error = self._error(p, new)
         for _ in range(_NEWTON):
@@ -115,8 +117,25 @@ class StepContact:
                 step[worse] *= 0.5
             p, after, new, L, state, error = trial, after_trial, new_trial, L_trial, state_trial, error_trial
         raise ConvergenceError(
-            f"contact forces of a time step not found within {_NEWTON} Newton iterations: "
-            f"error {error.max():.2e} N; take more steps a period"
+            f"contact forces of a time step not found within {_NEWTON} Newton iterations: error {error.max():.2e} N; "
+            f"{self._advice(int(np.nanargmax(error)))}"
+        )
+
+    def _advice(self, b: int) -> str:
+        """Say what may help: modes, where released pairs of the b-th point leave motions that nothing resists, eq. (10.5)."""
+        root, n_modes = np.sqrt(self.model.law.stiffness.ravel()), self.model.modes.R_phi.shape[1]
+        rows = np.flatnonzero(root)
+        if len(rows) > _MOST_ROWS:
+            return "take more [solver] modes, or more steps a period"
+        R_phi = self.model.modes.R_phi[rows]
+        G_h = self.model.G[np.ix_(rows, rows)] + self.flexibility.between(R_phi, b, R_phi)
+        shares = np.linalg.eigvalsh(root[rows, None] * (G_h + G_h.T) / 2.0 * root[rows])
+        n_free = int(np.count_nonzero(shares > 1.0 - _NO_INERTIA))
+        if n_free == 0:
+            return "take more steps a period"
+        return (
+            f"with all pairs released {n_free} {'motion has' if n_free == 1 else 'motions have'} neither inertia nor stiffness "
+            f"in the reduced model, whose {n_modes} modes leave them out: take more [solver] modes, {n_modes + n_free} at least"
         )
 
     def _law(self, du_free, before, p):

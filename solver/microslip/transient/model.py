@@ -32,7 +32,7 @@ class TransientModel:
     @property
     def memory_scale(self) -> np.ndarray:
         """What numbers of p and memory are over, in the root of an energy, (n_pairs (3 + n_memory),) [(N/m)^1/2]."""
-        root = np.sqrt(np.where(self.law.stiffness > 0.0, self.law.stiffness, 1.0))
+        root = np.sqrt(np.where(self.law.springs > 0.0, self.law.springs, 1.0))
         return np.concatenate([root, np.repeat(root[:, :1], self.law.n_memory, axis=1)], axis=1).ravel()
 
     def forces(self, contact: np.ndarray) -> np.ndarray:

@@ -123,7 +123,7 @@ def steady_state(
     """
     B = len(march.level)
     accelerations = [Acceleration(3 * len(march.model.modes.omega_n)) for _ in range(B)] if accelerated else None
-    K_J = march.model.law.stiffness.ravel()
+    springs = march.model.law.springs.ravel()
     root = march.model.memory_scale  # p / root is an energy's root, as the scaled motion is
     found: list[tuple] = [()] * B
     best = np.full(B, np.inf)
@@ -139,7 +139,7 @@ def steady_state(
         size = np.maximum(_norm(after), 1e-300)
         distance = _norm(correction) / size
         du = np.abs(cycle.eta @ march.model.modes.R_phi.T).max(axis=0, initial=0.0)
-        force = np.maximum((K_J * du).max(axis=1, initial=0.0), 1e-300)
+        force = np.maximum((springs * du).max(axis=1, initial=0.0), 1e-300)
         moved = np.abs(p - now.p).max(axis=1, initial=0.0) / force
         change = np.maximum(_norm(after - before) / size, moved)
         merit = np.maximum(distance, 0.1 * moved)

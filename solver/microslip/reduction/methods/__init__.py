@@ -35,12 +35,24 @@ METHODS: dict[str, Method] = {
     "trial-vectors": trial_vectors,
 }
 CHECKS: dict[str, Callable[..., None]] = {"full": full.check}  # of size, before anything is solved
+MODE_CHECKS: dict[str, Callable[[StuckStructure, ReductionSettings], None]] = {"rubin": rubin.check_modes}
 
 
 def check_size(settings: ReductionSettings, system: System) -> None:
     """Refuse a structure that is too large for the method, before anything is solved.  Collective on ``system.comm``."""
     if settings.method in CHECKS:
         CHECKS[settings.method](settings, system.n_dof, system.R.shape[0], system.comm)
+
+
+def check_modes(stuck: StuckStructure, settings: ReductionSettings) -> None:
+    """Refuse too few modes for the method, before anything is reduced.  Collective.
+
+    Raises
+    ------
+    CaseError : on every rank
+    """
+    if settings.method in MODE_CHECKS:
+        MODE_CHECKS[settings.method](stuck, settings)
 
 
 def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:

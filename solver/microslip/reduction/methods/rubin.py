@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..free_interface import free_bodies, residual_attachment_modes
+from ..free_interface import check_rigid, free_bodies, residual_attachment_modes
 from ..galerkin import reduce_on_basis
 from ..interface_dofs import interface_dofs, unit_columns
 from ..reduction import Reduction
@@ -23,6 +23,11 @@ from ..stuck import StuckStructure
 def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
     """Return how many unknowns a harmonic coefficient has at most.  Local."""
     return n_modes + (3 if settings.condensed else 6) * n_pairs + n_loads
+
+
+def check_modes(stuck: StuckStructure, settings: ReductionSettings) -> None:
+    """Refuse too few modes.  Collective."""
+    check_rigid(stuck, settings)
 
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:

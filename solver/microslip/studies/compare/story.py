@@ -11,12 +11,13 @@ from ...continuation.levels import most_points
 from ...continuation.task import BranchTask
 from ...library.build import Structure, build
 from ...library.prepare import Prepared, prepare
+from ...library.settings import reduction_settings
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
 from ...parallel.words import nearest
-from ...reduction.methods import METHODS
+from ...reduction.methods import METHODS, check_modes
 from ...results.measures import shown_with
 from .report import Row, write_comparison
 
@@ -36,7 +37,7 @@ def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...]
 
     Raises
     ------
-    CaseError : an unknown method, or one that cannot be used here; on every rank
+    CaseError : an unknown method, or one that cannot be used here, too few modes for one before any is run; on every rank
     ConvergenceError : a method ended early, after everything was written; on every rank
     """
     methods = known_methods(methods)
@@ -45,6 +46,8 @@ def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...]
         structure = build(by_method(scene, "receptance"), comm, log)
         if structure.pairs.n_pairs == 0:
             raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint every method is the same linear response")
+        for method in methods:
+            check_modes(structure, reduction_settings(by_method(scene, method)))
         comparison = Comparison(scene, structure, log)
         reference, prepared = comparison.reference("full" in methods)
         comparison.points_of(reference, prepared)

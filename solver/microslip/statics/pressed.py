@@ -1,0 +1,98 @@
+"""Whether contact at rest presses on every body that nothing but contact holds (docs/theory.md, section 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from ..assembly.system import System
+from ..mesh.connected import connected_parts, on_parts
+from ..mesh.data import ContactPairs, Mesh
+from ..parallel.agree import on_root
+from ..parallel.errors import CaseError
+from ..parallel.words import listed
+from .equilibrium import Rest
+from .rest import loose_parts
+
+RESOLVED = 1e-10  # normal force over the sum of all loads: below it a hundred times what equilibrium is solved to
+
+
+def check_pressed(
+    system: System,
+    mesh: Mesh | None,
+    pairs: ContactPairs,
+    rest: Rest,
+    forces_owned: np.ndarray,
+    body_of: Mapping[str, str],
+    where: str = "",
+) -> None:
+    """Raise CaseError on every rank for a body that contact alone holds and nothing presses on.
+
+    Collective on ``system.comm``.  Loads that balance each other on a body leave its joints to rounding: a pair or two then
+    count as closed, and what vibrates hangs on them.
+
+    Parameters
+    ----------
+    mesh : that of rank 0
+    forces_owned : (n_dof_owned,) N, this rank's rows of the loads
+    where : the scene file, for messages
+    """
+    gathered = system.comm.gather(forces_owned)
+
+    def check() -> None:
+        assert mesh is not None and gathered is not None, "called on rank 0 of a scene with a mesh"
+        size = _size(np.concatenate(gathered), pairs, rest)
+        part, names = connected_parts(mesh, body_of)
+        loose = loose_parts(system, part, len(names))
+        group_of, is_held = _groups(part, len(names), loose)
+        first, second = (_on_groups(on_parts(side, part, len(names)), group_of) for side in pairs.sides(len(part)))
+        free = _not_pressed(first, second, np.where(np.isnan(pairs.N0), np.inf, rest.N), is_held, RESOLVED * size)
+        if len(free):
+            bodies = [names[i] for i in np.flatnonzero(np.isin(group_of, free))]
+            own = np.isin(first, free) | np.isin(second, free)
+            raise CaseError(_in_words(bodies, dict.fromkeys(np.array(pairs.joint)[own]), rest.N[own].max(), size, where))
+
+    on_root(system.comm, check)
+
+
+def _size(forces: np.ndarray, pairs: ContactPairs, rest: Rest) -> float:
+    """Return the sum of all loads [N]: forces, bolts and preloads."""
+    bolts = 0.0 if rest.bolts is None else np.abs(rest.bolts.force).sum()
+    return float(np.abs(forces).sum() + bolts + np.nansum(np.maximum(pairs.N0, 0.0)))
+
+
+def _groups(part: np.ndarray, n_parts: int, loose: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the group of each part, (n_parts,), and which groups are held: all held parts are the first, what is tied is one."""
+    group_of = np.zeros(n_parts, dtype=int)
+    for i, own in enumerate(loose, 1):
+        group_of[own] = i
+    return group_of, np.arange(len(loose) + 1) == 0
+
+
+def _on_groups(counts: sp.csr_matrix, group_of: np.ndarray) -> np.ndarray:
+    """Return the group that moves a side of each contact point, (n_pairs,); ground is with what is held."""
+    has_part = np.diff(counts.indptr) > 0
+    found = np.zeros(counts.shape[0], dtype=int)
+    found[has_part] = group_of[counts.indices[counts.indptr[:-1][has_part]]]
+    return found
+
+
+def _not_pressed(first: np.ndarray, second: np.ndarray, N: np.ndarray, is_held: np.ndarray, least: float) -> np.ndarray:
+    """Return the groups that no chain of joints, each carrying ``least`` [N] or more, connects to what is held."""
+    carried = sp.coo_matrix((np.maximum(N, 0.0), (first, second)), (len(is_held), len(is_held))).tocsr()
+    carried.data[~(carried.data > least)] = 0.0
+    carried.eliminate_zeros()
+    component = connected_components(carried, directed=False)[1]
+    return np.flatnonzero(~np.isin(component, component[is_held]))
+
+
+def _in_words(bodies: list[str], joints: Iterable[str], largest: float, size: float, where: str) -> str:
+    most = f"at most {largest:.1g} N a pair" if largest > 0.0 else "zero in every pair"
+    return (
+        f"{where}{': ' if where else ''}[statics]: nothing presses on {listed(bodies)} at rest: the contact force of "
+        f"{listed([repr(joint) for joint in joints])} is {most} under loads of {size:.3g} N in all, and contact alone would hold "
+        "it; let a load press on it, state a preload, or hold it by [[supports]]"
+    )

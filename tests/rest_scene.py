@@ -1,0 +1,89 @@
+"""A bar that its joint alone holds on ground, under constant loads: scenes of the tests of statics."""
+
+import numpy as np
+
+import microslip
+from microslip.parallel.agree import on_root
+
+LENGTH, WIDTH, HEIGHT = 0.05, 0.01, 0.02
+SCENE = """
+[model]
+mesh = "bar.msh"
+axis = [0.0, 0.0, 1.0]
+[materials.steel]
+young = 2.1e11
+poisson = 0.3
+density = 7800.0
+expansion = 1.2e-5
+[bodies.bar]
+group = "bar"
+material = "steel"
+[bodies.ground]
+group = "ground"
+material = "steel"
+[[supports]]
+group = "ground_base"
+fix = ["x", "y", "z"]
+[[joints]]
+name = "joint"
+surfaces = ["bar_bottom", "ground_top"]
+friction = 0.3
+tangential_stiffness = 1.0e12
+normal_stiffness = 2.0e12
+preload = "static"
+[[loads]]
+position = [0.05, 0.01, 0.02]
+direction = [0.2, 0.1, 1.0]
+[[outputs]]
+name = "corner"
+position = [0.0, 0.0, 0.02]
+direction = [0.0, 0.0, 1.0]
+[damping]
+ratio = 0.01
+[response]
+levels = [5.0]
+mode = 1
+span = [0.9, 1.1]
+points = 10
+[solver]
+modes = 8
+samples = 64
+"""
+
+
+GUIDED = (  # no friction: the bar is held along the joint by a support
+    ("friction = 0.3", "friction = 0.0"),
+    ('fix = ["x", "y", "z"]\n', 'fix = ["x", "y", "z"]\n[[supports]]\ngroup = "bar_start"\nfix = ["x", "y"]\n'),
+)
+
+
+def scene_of(comm, folder, statics: str | None, *changes: tuple[str, str], name="scene"):
+    """Return the scene with a table [statics] of these lines, or none, and replaced texts.  Collective."""
+
+    def write():
+        text = SCENE
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        path = folder / f"{name}.toml"
+        path.write_text(text if statics is None else text + "[statics]\n" + statics)
+        return path
+
+    return microslip.read(on_root(comm, write))
+
+
+def force(x, y, z, group="bar_top"):
+    return f'[[statics.forces]]\ngroup = "{group}"\nforce = [{x}, {y}, {z}]\n'
+
+
+def eccentric(size):
+    """A load whose line of action meets the joint at 0.9 of its length."""
+    return force(0.0, 0.0, -0.2 * size) + force(0.0, 0.0, -0.8 * size, "bar_end")
+
+
+def at_one_frequency(comm, scene):
+    """Return harmonics 1 to 3 of the output at the frequency asked for, and the states of the pairs."""
+    with microslip.build(scene, comm) as structure:
+        (level,) = microslip.respond(structure, error_bars=False).results.levels
+    (i,) = np.flatnonzero(level.asked)
+    return level.response[i, 0, 1:], level.state[i], structure.pairs

@@ -1,0 +1,106 @@
+"""Rough surfaces and Iwan joints at rest, and the vibration about it; on one rank and on several."""
+
+import numpy as np
+import pytest
+from blocks import stacked
+from msh import write_msh
+from rest_scene import GUIDED, HEIGHT, LENGTH, WIDTH, at_one_frequency, eccentric, force, scene_of
+
+import microslip
+from microslip.library.prepare import prepare
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError, ConvergenceError
+from microslip.restart.setup import pairs_of, to_arrays
+
+ELASTIC = 'friction = 0.3\ntangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\npreload = "static"\n'
+HEIGHT_OF_ROUGHNESS, PRESSURE, AREA = 2e-6, 1e6, LENGTH * WIDTH
+ROUGH = f'law = "rough"\nfriction = 0.3\npreload = {PRESSURE}\nroughness_height = {HEIGHT_OF_ROUGHNESS}\n'
+POWER = ROUGH + f"exponent = 2.0\nroughness_pressure = {PRESSURE}\n"
+IWAN = 'law = "iwan"\nslip_force = 400.0\ntangential_stiffness = 1e12\nnormal_stiffness = 2e12\nchi = -0.5\nbeta = 0.3\n'
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    path = comm.bcast(tmp_path_factory.mktemp("laws"))
+    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
+    return path
+
+
+def carried(pairs):
+    """Return what the joint carries at rest against the bar, (n_pairs, 3) [N] in model axes, beyond the stated preload."""
+    N = pairs.N0 - PRESSURE * pairs.area
+    return np.einsum("pji,pj->pi", pairs.frame, np.column_stack([pairs.T0, -N]))
+
+
+@pytest.mark.parametrize("law, exponent", [(ROUGH, np.inf), (POWER, 2.0)])
+def test_rough_surfaces_carry_the_load_and_are_stiffer_under_it(comm, folder, law, exponent):
+    statics = eccentric(400.0) + force(60.0, 20.0, -300.0)
+    with microslip.build(scene_of(comm, folder, statics, (ELASTIC, law)), comm) as structure:
+        pairs = structure.pairs
+    forces = carried(pairs)
+    assert forces.sum(axis=0) == pytest.approx([60.0, 20.0, -700.0], rel=1e-9)
+    moment = 300.0 * 0.5 * LENGTH + 400.0 * 0.9 * LENGTH  # about y, at the height of the joint; that of friction is none
+    assert -(forces[:, 2] @ pairs.position[:, 0]) == pytest.approx(moment + 60.0 * HEIGHT, rel=1e-6)
+    ratio = pairs.N0 / (PRESSURE * pairs.area)
+    at_first = (1.0 if np.isinf(exponent) else exponent) * PRESSURE / HEIGHT_OF_ROUGHNESS * pairs.area
+    assert (
+        pairs.k_n == pytest.approx(at_first * ratio ** (1.0 - 1.0 / exponent), rel=1e-12)
+        and ratio.max() > 3.0 > 1.5 > ratio.min()
+    )
+    assert pairs.k_t / pairs.k_n == pytest.approx(np.full(pairs.n_pairs, 1.4 / 1.7), rel=1e-12)
+    assert not pairs.apart.any() and np.hypot(*pairs.T0.T).max() > 0.0
+
+
+def test_rough_surfaces_vibrate_about_rest_as_under_the_load_as_a_mean(comm, folder):
+    """Without friction: the pressure of the law about another state is that of the same law, in its full nonlinearity."""
+    statics = "stress_stiffening = false\n" + eccentric(60.0)
+    common = (
+        ("ratio = 0.01", "rayleigh = [100.0, 0.0]"),
+        ("modes = 8", "modes = 123"),
+        ("samples = 64", "samples = 64\ntolerance = 1e-11"),
+        ("points = 10", "points = 10\nat = [2500.0]"),
+        ("mode = 1\nspan = [0.9, 1.1]", "frequencies = [2400.0, 2600.0]"),
+        *GUIDED,
+    )
+    law = (ELASTIC.replace("0.3", "0.0"), ROUGH.replace("0.3", "0.0").replace(f"{PRESSURE}", "1e5"))
+    about_rest, _, pairs = at_one_frequency(comm, scene_of(comm, folder, statics, *common, law, name="rest"))
+    loads = "".join(
+        f'[[loads]]\ngroup = "{group}"\ndirection = [0.0, 0.0, {size}]\nharmonic = 0\n'
+        for group, size in (("bar_end", -9.6), ("bar_top", -2.4))
+    )
+    mean = ("axis = [0.0, 0.0, 1.0]\n", ""), ("[[outputs]]", loads + "[[outputs]]")
+    as_mean, _, _ = at_one_frequency(comm, scene_of(comm, folder, None, *common, law, *mean, name="mean"))
+    assert np.ptp(pairs.N0 / pairs.area) > 0.5e5 and np.abs(pairs.T0).max() < 1e-12
+    assert about_rest == pytest.approx(as_mean, abs=1e-6 * np.abs(as_mean).max())
+
+
+def test_an_iwan_joint_holds_without_pressure(comm, folder):
+    """It pulls, too, and slips in part: the vibration begins where its sliders stand."""
+    with microslip.build(scene_of(comm, folder, force(150.0, 50.0, 300.0), (ELASTIC, IWAN)), comm) as structure:
+        pairs = structure.pairs
+        assert np.einsum("pji,pj->i", pairs.frame[:, :2], pairs.T0)[:2] == pytest.approx([150.0, 50.0], rel=1e-9)
+        stuck = pairs.law.bundle.held_at_rest
+        assert stuck == pytest.approx(np.hypot(*pairs.T0.T), rel=1e-9) and np.isnan(pairs.N0).all() and not pairs.apart.any()
+        again = pairs_of(*to_arrays(prepare(structure)))
+        assert np.array_equal(again.law.w0, pairs.law.w0) and pairs.law.w0.any()
+        response = microslip.respond(structure, levels=[20.0], points=5)
+        assert response.branches[0].failure is None and max(point.energy.sum() for point in response.branches[0].points) > 0.0
+
+
+REFUSED = {
+    "parted": (
+        eccentric(-200.0),
+        POWER,
+        CaseError,
+        r"[1-9]\d* of 15 pairs carry nothing of a joint with law = \"rough\" at rest",
+    ),
+    "torn off": (force(0.0, 0.0, 600.0), POWER, ConvergenceError, "no equilibrium beyond .* body 'bar' moves along"),
+    "torn off Iwan": (force(900.0, 0.0, 0.0), IWAN, ConvergenceError, "no equilibrium beyond"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_such_joints_cannot_hold(comm, folder, name):
+    statics, law, error, says = REFUSED[name]
+    with pytest.raises(error, match=says):
+        microslip.build(scene_of(comm, folder, statics, (ELASTIC, law), name="refused"), comm)
