@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from itertools import islice
 from typing import Any
 
@@ -17,6 +18,8 @@ from .content import findings_of_loads, gather
 from .elements import add_elements, cells_and_bodies
 
 _LEAST_BYTES = 8  # of a node or an element in an archive
+_LONG_EXPONENT = re.compile(rb"[0-9.][EeDd][+-]?[0-9]{4,}")
+_DIGITS = tuple(bytes([byte]) for byte in b"0123456789+-.")
 
 
 def read_cdb(path: str) -> FileModel:
@@ -28,6 +31,7 @@ def read_cdb(path: str) -> FileModel:
     """
     said = tuple(commands(path))
     _check_counts(path, said)
+    _refuse_exponents(path)
     archive = _archive(path)
     if archive.nnum is None or not len(archive.nnum) or not archive.n_elem:
         raise MeshError("its NBLOCK or EBLOCK is empty or damaged")
@@ -95,6 +99,17 @@ def _check_counts(path: str, said: tuple[Command, ...]) -> None:
                 raise MeshError(f"{command.where}: {command.word} counts {count}, more than a file of {size} bytes holds")
     if lacking:
         raise MeshError("the file holds no NBLOCK and EBLOCK that this program reads")
+
+
+def _refuse_exponents(path: str) -> None:
+    """Raise MeshError for an exponent of four digits and more, for which the library multiplies by ten so often."""
+    with open(path, "rb") as file:
+        content = file.read()
+    for found in _LONG_EXPONENT.finditer(content):
+        start = content.rfind(b"\n", 0, found.start()) + 1
+        if content[start : found.start()].lstrip()[:1] in _DIGITS:
+            line = content.count(b"\n", 0, start) + 1
+            raise MeshError(f"line {line}: {found[0].decode('ascii')!r} is part of no number; the file is damaged")
 
 
 def _refuse_short_lines(path: str, command: Command) -> None:

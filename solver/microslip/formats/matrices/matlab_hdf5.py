@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from ..hdf5 import Storage
 from .file_matrix import FileMatrix, Wanted
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -51,6 +52,9 @@ def _inside(group, name: str, wanted: Wanted):
             raise wanted.error(f"the numbers of {name} lie in another file; they are not read")
         if item.nbytes > _MOST_DEFLATED * max(item.id.get_storage_size(), 1):
             raise wanted.error(f"{name} claims {item.nbytes} bytes, and the file has {item.id.get_storage_size()} of it")
+        fault = Storage(wanted.size).fault(item, name)
+        if fault is not None:
+            raise wanted.error(fault)
     return item
 
 
