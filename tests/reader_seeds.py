@@ -132,7 +132,13 @@ def _scenes(folder: Path) -> list[bytes]:
 def _results(folder: Path) -> list[bytes]:
     (folder / "seed").mkdir(exist_ok=True)
     pairs = boxes_in_contact()
-    path = write(folder / "seed", [branch(level, pairs, n_outputs=2, n_points=2) for level in LEVELS], pairs, outputs=("tip", "root"), linear=False)
+    path = write(
+        folder / "seed",
+        [branch(level, pairs, n_outputs=2, n_points=2) for level in LEVELS],
+        pairs,
+        outputs=("tip", "root"),
+        linear=False,
+    )
     keep_fields(path, fields(), RunRecord((StageRecord("modes", 1.5, 200.0),), ("a note",)))
     return [Path(path).read_bytes()]
 
@@ -195,7 +201,11 @@ BOTTOMS, 1, 3
 
 SEEDS: dict[str, Callable[[Path], list[bytes]]] = {
     "msh": _gmsh,
-    "abaqus": lambda folder: [inp(plain("tet4")).encode(), inp(plain("hex8")).encode(), _CUBES.replace("BOTTOMS", "SOME").encode()],
+    "abaqus": lambda folder: [
+        inp(plain("tet4")).encode(),
+        inp(plain("hex8")).encode(),
+        _CUBES.replace("BOTTOMS", "SOME").encode(),
+    ],
     "ansys": lambda folder: [
         cdb(plain("tet10")).encode(),
         cdb(plain("hex8"), ("CE,1,0,101,UX,1,102,UX,-1", "CP,2,UY,101,102", "CERIG,101,102,ALL", "MP,EX,1,2e11")).encode(),

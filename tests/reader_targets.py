@@ -28,7 +28,19 @@ from microslip.results.read import read_results
 from microslip.scene.read import read_scene
 
 MOST_SECONDS = 5.0  # of the processor, for any file of 64 kB
-_NUMBERS = ("-1", "0", "1e308", "1e400", "-1e308", "nan", "inf", "0.5", "2147483648", "9223372036854775807", "99999999999999999999")
+_NUMBERS = (
+    "-1",
+    "0",
+    "1e308",
+    "1e400",
+    "-1e308",
+    "nan",
+    "inf",
+    "0.5",
+    "2147483648",
+    "9223372036854775807",
+    "99999999999999999999",
+)
 
 
 @dataclass(frozen=True)
@@ -98,7 +110,18 @@ TARGETS = {
     "msh": Target(
         ".msh",
         read_model,
-        ("$MeshFormat", "$Nodes", "$EndNodes", "$Elements", "$EndElements", "$Entities", "$PhysicalNames", "$NodeData", "2.2", "4.1"),
+        (
+            "$MeshFormat",
+            "$Nodes",
+            "$EndNodes",
+            "$Elements",
+            "$EndElements",
+            "$Entities",
+            "$PhysicalNames",
+            "$NodeData",
+            "2.2",
+            "4.1",
+        ),
     ),
     "abaqus": Target(
         ".inp",
@@ -109,22 +132,56 @@ TARGETS = {
     "ansys": Target(
         ".cdb",
         read_model,
-        ("NBLOCK,", "EBLOCK,", "CMBLOCK,", "(3i9,6e21.13e3)", "(19i9)", "(8i10)", "ET,", "KEYOP,", "MPDATA,", "RLBLOCK,", "CE,", "CP,")
+        (
+            "NBLOCK,",
+            "EBLOCK,",
+            "CMBLOCK,",
+            "(3i9,6e21.13e3)",
+            "(19i9)",
+            "(8i10)",
+            "ET,",
+            "KEYOP,",
+            "MPDATA,",
+            "RLBLOCK,",
+            "CE,",
+            "CP,",
+        )
         + ("CERIG,", "D,", "ETBLOCK,", "SOLID", "ALL", "R,", "TYPE,", "UX"),
     ),
     "nastran": Target(
         ".bdf",
         read_model,
-        ("GRID", "GRID*", "CHEXA", "CTETRA", "PSOLID", "MAT1", "RBE2", "RBE3", "CONM2", "SPC1", "MPC", "INCLUDE '", "CORD2R", "THRU")
+        (
+            "GRID",
+            "GRID*",
+            "CHEXA",
+            "CTETRA",
+            "PSOLID",
+            "MAT1",
+            "RBE2",
+            "RBE3",
+            "CONM2",
+            "SPC1",
+            "MPC",
+            "INCLUDE '",
+            "CORD2R",
+            "THRU",
+        )
         + ("BEGIN BULK", "CEND", "ENDDATA", "SET 1 =", "CELAS2", "PARAM,WTMASS", "1.5-3"),
     ),
     "unv": Target(".unv", read_model, ("    -1\n", "  2411\n", "  2412\n", "  2420\n", "  2467\n", "   164\n", "1.0D+00")),
     "exodus": Target(".e", read_model, ("coordx", "connect1", "elem_type", "num_nodes", "HEX8", "CDF\x01", "CDF\x02")),
     "vtu": Target(".vtu", read_model, ("<DataArray", 'format="appended"', 'NumberOfComponents="', "<!ENTITY", "&lt;", "offset=")),
-    "vtk": Target(".vtk", read_model, ("POINTS", "CELLS", "CELL_TYPES", "BINARY", "ASCII", "SCALARS", "FIELD", "LOOKUP_TABLE", "METADATA")),
+    "vtk": Target(
+        ".vtk", read_model, ("POINTS", "CELLS", "CELL_TYPES", "BINARY", "ASCII", "SCALARS", "FIELD", "LOOKUP_TABLE", "METADATA")
+    ),
     "fem": Target(".fem", read_model, ("GRID", "CHEXA", "GRID*", "BEGIN BULK", "ENDDATA", "+", "*")),
-    "mtx": Target(".mtx", _matrix, ("%%MatrixMarket matrix", "coordinate", "array", "real", "complex", "symmetric", "general", "*")),
-    "npz": Target(".npz", _matrix, ("descr", "fortran_order", "shape", "<f8", "|O", "format.npy", "csr", "bsr", "dia", "PK\x01\x02")),
+    "mtx": Target(
+        ".mtx", _matrix, ("%%MatrixMarket matrix", "coordinate", "array", "real", "complex", "symmetric", "general", "*")
+    ),
+    "npz": Target(
+        ".npz", _matrix, ("descr", "fortran_order", "shape", "<f8", "|O", "format.npy", "csr", "bsr", "dia", "PK\x01\x02")
+    ),
     "mat": Target(".mat", _matrix, ("MATLAB 5.0", "MATLAB_sparse", "MATLAB_class", "K", "jc", "ir", "\x0f\0\0\0", "\x0e\0\0\0")),
     "calculix": Target(".sti", _matrix),
     "op4": Target(".op4", _matrix, ("1P,5E16.9", "1P,3E23.16", "K       ")),

@@ -31,8 +31,20 @@ ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "solver"), str(ROOT / "tests")]
 LONGEST = 65536  # bytes of a file
 HANG = 30  # seconds on a busy machine
-INSTRUMENTED = ("microslip.formats", "microslip.parallel", "microslip.scene", "microslip.results.read", "microslip.results.fields")
-INSTRUMENTED += ("microslip.mesh.nodes", "microslip.mesh.listed", "microslip.mesh.values", "microslip.assembly.pair_file", "tomllib")
+INSTRUMENTED = (
+    "microslip.formats",
+    "microslip.parallel",
+    "microslip.scene",
+    "microslip.results.read",
+    "microslip.results.fields",
+)
+INSTRUMENTED += (
+    "microslip.mesh.nodes",
+    "microslip.mesh.listed",
+    "microslip.mesh.values",
+    "microslip.assembly.pair_file",
+    "tomllib",
+)
 BENEATH = {"exodus": ("scipy.io._netcdf",), "ansys": ("mapdl_archive",), "nastran": ("pyNastran.bdf.bdf_interface",)}
 BENEATH |= dict.fromkeys(("vtu", "vtk", "fem"), ("meshio",))  # libraries that a reader stands on
 
@@ -59,7 +71,9 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("readers", nargs="*", metavar="READER", help="of tests/reader_targets.py; all if none is named")
     parser.add_argument("--seconds", type=float, default=600.0, help="for each reader")
-    parser.add_argument("--out", default="results/fuzz", help="files that reached something new, and findings; kept for the next time")
+    parser.add_argument(
+        "--out", default="results/fuzz", help="files that reached something new, and findings; kept for the next time"
+    )
     parser.add_argument("--memory", type=int, default=1024, help="MiB that a file may take")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+_LONGEST = 200  # letters that are compared: names come from files, too
+
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word nearest to ``word``, capitals aside, or the first it abbreviates, or None.  Local."""
-    by_lower = {name.lower(): name for name in known}
-    word = word.lower()
+    by_lower = {name.lower()[:_LONGEST]: name for name in known}
+    word = word.lower()[:_LONGEST]
     found = difflib.get_close_matches(word, by_lower, n=1)
     if not found and len(word) > 2:
         found = [name for name in by_lower if name.startswith(word)]
@@ -20,6 +22,11 @@ def listed(words: Iterable[str], last: str = "and") -> str:
     """Return "a, b and c".  Local."""
     *first, end = words
     return f"{', '.join(first)} {last} {end}" if first else end
+
+
+def shortened(text: str, n_letters: int = 400) -> str:
+    """Return a text that fits into a message.  Local."""
+    return text if len(text) <= n_letters else f"{text[:n_letters]} ..."
 
 
 def place(point: Iterable[float]) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..parallel.errors import CaseError
+from ..parallel.files import refuse_devices
 from .checks import absent, contradictions, missing_files
 from .messages import in_words
 from .not_yet import not_yet
@@ -112,6 +113,7 @@ def _text(path: Path) -> str:
             raise CaseError(f"{path} is a folder; a scene file is expected")
         if not path.exists():
             raise CaseError(f"{path}: {absent(path.absolute())}")
+        refuse_devices(path)
         if path.stat().st_size > _LARGEST_FILE:
             raise CaseError(f"{path}: {path.stat().st_size / 1e6:.0f} MB are too much for a scene; a TOML file is expected")
         return path.read_bytes().decode("utf-8-sig")
