@@ -24,7 +24,7 @@ from microslip.mesh.values import COLUMNS, PLACES
 from microslip.parallel.csv_table import read_table
 from microslip.parallel.errors import MicroslipError, ResourceError
 from microslip.results.fields import read_fields, read_run
-from microslip.results.read import read_results
+from microslip.results.read import read_results, refuse_deadly
 from microslip.scene.read import read_scene
 
 MOST_SECONDS = 5.0  # of the processor, for any file of 64 kB
@@ -103,6 +103,7 @@ def _parameters(path: Path) -> Any:
 
 
 def _results(path: Path) -> Any:
+    refuse_deadly(str(path))
     return read_results(str(path)), read_fields(str(path)), read_run(str(path))
 
 

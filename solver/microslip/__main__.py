@@ -92,6 +92,9 @@ def _show(command: Command, comm) -> int:
 
 def _shown(command: Command, out: Path) -> list:
     """Write what is asked of a result file and return the files.  Local."""
+    from .results.read import refuse_deadly
+
+    refuse_deadly(command.file)
     if command.name == "report":
         from .results.report.page import write_report
 

@@ -14,7 +14,7 @@ import scipy.io
 
 from .. import elements
 from ..parallel.errors import MeshError
-from .hdf5 import Storage
+from .hdf5 import Storage, deadly
 from .model import KINDS, Cells, FileModel, Finding, Group
 
 _KINDS = {
@@ -43,6 +43,7 @@ _SIDES = {
     "wedge": ((0, 1, 3, 4), (1, 2, 4, 5), (0, 2, 3, 5), (0, 1, 2), (3, 4, 5)),
     "pyramid": ((0, 1, 4), (1, 2, 4), (2, 3, 4), (0, 3, 4), (0, 1, 2, 3)),
 }
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _MOST_BYTES = 2**33  # of one variable
 
 
@@ -55,6 +56,16 @@ def read_exodus(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, no Exodus file, or HDF5 that refers to other files
     """
+    with open(path, "rb") as file:
+        head = file.read(8)
+    if head[:3] != b"CDF" and head != _HDF5:
+        raise MeshError("it is no NetCDF file, classic or of HDF5; Exodus files are")
+    if head == _HDF5 and (fault := deadly(path, _read, path)) is not None:
+        raise MeshError(f"it is truncated or damaged: {fault}")
+    return _read(path)
+
+
+def _read(path: str) -> FileModel:
     with ExitStack() as stack:
         variable = _opened(path, stack)
         try:
@@ -76,15 +87,13 @@ def _opened(path: str, stack: ExitStack) -> Callable[[str], Any]:
     """Return what gives a variable by its name, None where there is none, with its attributes."""
     with open(path, "rb") as file:
         head = file.read(8)
-    if head[:3] == b"CDF":
+    if head != _HDF5:
         try:
             file = stack.enter_context(_Bounded(io.FileIO(path)))
             netcdf = stack.enter_context(scipy.io.netcdf_file(file, mmap=False))
         except (TypeError, ValueError, OSError, KeyError, AssertionError, AttributeError) as problem:
             raise MeshError(f"it is truncated, damaged or no NetCDF file ({problem})") from None
         return lambda name: netcdf.variables.get(name)
-    if head != b"\x89HDF\r\n\x1a\n":
-        raise MeshError("it is no NetCDF file, classic or of HDF5; Exodus files are")
     try:
         hdf = stack.enter_context(h5py.File(path, "r"))
     except OSError as problem:

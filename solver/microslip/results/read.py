@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -15,7 +12,7 @@ import numpy as np
 from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import CLOSES_TO, QUANTITIES
 from ..continuation.quantities import TEXT, Quantity, axis_lengths
-from ..formats.hdf5 import Storage
+from ..formats.hdf5 import Storage, deadly
 from ..parallel.errors import CaseError
 from .origin import InputFile, Origin
 from .record import BOLT_UNITS, JOINT_QUANTITIES, Bolts, Joint, LevelResult, LinearCurve, ResultFile
@@ -37,6 +34,17 @@ def read_results(path: str, motion: bool = True) -> ResultFile:
     """
     with opened(path) as reader:
         return _read(path, reader, motion)
+
+
+def refuse_deadly(path: str) -> None:
+    """Raise CaseError where a process dies of reading a result file, which may come from anywhere.  Local."""
+    from .fields import read_fields, read_run
+
+    if not os.path.isfile(path):
+        return  # who opens it says so
+    fault = deadly(path, lambda: (read_results(path), read_fields(path), read_run(path)))
+    if fault is not None:
+        raise CaseError(f"{path}: cannot be read as a result file: {fault}; the file is damaged")
 
 
 @contextmanager
@@ -114,7 +122,7 @@ class Reader:
         if item.size and item.nbytes > _MOST_GAIN * max(item.id.get_storage_size(), 1):
             raise CaseError(f"{self.path}: dataset {name!r} claims {item.nbytes} bytes and holds {item.id.get_storage_size()}")
         if h5py.check_string_dtype(item.dtype) is not None and item.dtype.hasobject:
-            return item  # of an earlier version; texts() reads it elsewhere
+            return item  # texts of variable length, of an earlier version
         fault = self.storage.fault(item, f"dataset {name!r}")
         if fault is not None:
             raise CaseError(f"{self.path}: {fault}; such files are refused")
@@ -134,36 +142,8 @@ class Reader:
         dataset = self._dataset(name)
         if h5py.check_string_dtype(dataset.dtype) is None or dataset.ndim > 1 or dataset.size > _MOST_TEXTS:
             raise CaseError(f"{self.path}: dataset {name!r} is {dataset.dtype} {dataset.shape}, not text")
-        if dataset.dtype.hasobject:
-            return self._texts_apart(name)
         values = np.atleast_1d(dataset.asstr(errors="replace")[()])
         return [str(value) for value in values]
-
-    def _texts_apart(self, name: str) -> list[str]:
-        """Return texts of variable length, as earlier versions wrote them: where they are damaged HDF5 crashes, in a process of its own."""
-        limit = 2**30 + 10 * self.storage.n_bytes
-        command = [sys.executable, "-P", "-c", _TEXTS, self.path, name, str(limit)]
-        alone = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMI", "PRTE_"))}
-        try:
-            said = subprocess.run(command, env=alone, stdin=subprocess.DEVNULL, capture_output=True, timeout=60.0, check=True)
-        except (OSError, subprocess.SubprocessError):
-            raise CaseError(f"{self.path}: the texts of dataset {name!r} cannot be read; the file is damaged") from None
-        return [str(text) for text in json.loads(said.stdout)]
-
-
-# arguments: file, data set, bytes of address space
-_TEXTS = """
-import json, resource, sys
-try:
-    import mpi4py
-    mpi4py.rc.initialize = False
-except ImportError:
-    pass
-import h5py, numpy
-resource.setrlimit(resource.RLIMIT_AS, (int(sys.argv[3]),) * 2)
-with h5py.File(sys.argv[1], "r") as file:
-    print(json.dumps(numpy.atleast_1d(file[sys.argv[2]].asstr(errors="replace")[()]).tolist()))
-"""
 
 
 def _read(path: str, reader: Reader, motion: bool) -> ResultFile:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..hdf5 import Storage
+from ..hdf5 import Storage, deadly
 from .file_matrix import FileMatrix, Wanted
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -26,9 +26,19 @@ def read_hdf5(wanted: Wanted) -> FileMatrix:
     CaseError : the file is at fault, or needs h5py
     """
     try:
-        import h5py
+        import h5py  # noqa: F401
     except ImportError:
         raise wanted.error("a .mat of version 7.3 needs h5py; save it with -v7, or install h5py") from None
+    fault = deadly(wanted.path, _matrix, wanted)
+    if fault is not None:
+        raise wanted.error(fault)
+    return _matrix(wanted)
+
+
+def _matrix(wanted: Wanted) -> FileMatrix:
+    """Return the matrix of a file that does no harm."""
+    import h5py
+
     with h5py.File(wanted.path, "r", locking=False) as file:
         name = wanted.choose([name for name in file if name not in _OWN])
         item = _inside(file, name, wanted)
