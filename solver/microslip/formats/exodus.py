@@ -13,8 +13,9 @@ import numpy as np
 import scipy.io
 
 from .. import elements
+from ..parallel.apart import Died, read_apart
 from ..parallel.errors import MeshError
-from .hdf5 import Storage, deadly
+from .hdf5 import MOST_GAIN, Storage
 from .model import KINDS, Cells, FileModel, Finding, Group
 
 _KINDS = {
@@ -60,9 +61,10 @@ def read_exodus(path: str) -> FileModel:
         head = file.read(8)
     if head[:3] != b"CDF" and head != _HDF5:
         raise MeshError("it is no NetCDF file, classic or of HDF5; Exodus files are")
-    if head == _HDF5 and (fault := deadly(path, _read, path)) is not None:
-        raise MeshError(f"it is truncated or damaged: {fault}")
-    return _read(path)
+    try:
+        return _read(path) if head != _HDF5 else read_apart(path, _read, path, gain=MOST_GAIN)
+    except Died as problem:
+        raise MeshError(f"it is truncated or damaged: {problem}") from None
 
 
 def _read(path: str) -> FileModel:

@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
 from typing import Any
 
-from ..parallel.trial import dies_of
-
-_MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1
+MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1
 _OF_ANY_FILE = 2**24  # bytes that a data set may have without a value in the file: all of them are its fill value
 _OWN_FILTERS = range(1, 7)  # deflate, shuffle, fletcher32, szip, nbit, scaleoffset
-
-
-def deadly(path: str | os.PathLike[str], read: Callable[..., Any], *arguments: Any) -> str | None:
-    """Return what befalls a process that reads a file, None where it lives: damage in the right place crashes HDF5.  Local."""
-    n_bytes = os.path.getsize(path)
-    return dies_of(read, *arguments, seconds=20 + n_bytes // 2**20, memory=2**30 + _MOST_GAIN * n_bytes)
 
 
 class Storage:
@@ -41,9 +31,9 @@ class Storage:
             return f"{name} is packed by a filter, {foreign}, that is no part of HDF5"
         if dataset.dtype.hasobject:
             return f"{name} has values of variable length or references, which are not read"
-        if claimed > max(_MOST_GAIN * stored, _OF_ANY_FILE):
+        if claimed > max(MOST_GAIN * stored, _OF_ANY_FILE):
             return f"{name} claims {claimed} bytes and holds {stored}"
-        if dataset.chunks is not None and (chunk := _bytes_of_chunk(dataset)) > max(_MOST_GAIN * stored, _OF_ANY_FILE):
+        if dataset.chunks is not None and (chunk := _bytes_of_chunk(dataset)) > max(MOST_GAIN * stored, _OF_ANY_FILE):
             return f"{name} has chunks of {chunk} bytes and holds {stored}"
         return self._shared(dataset, name, stored)
 

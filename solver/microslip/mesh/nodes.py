@@ -26,9 +26,9 @@ def read_nodes(path: Path) -> Mesh:
     if path.suffix.lower() != ".csv":
         return read_whole(path)
     columns, lines = read_table(path, ("node", "x", "y", "z"), what="node")
-    numbers = columns["node"].astype(np.int64)
-    if (columns["node"] % 1.0).any() or numbers.min() < 1 or columns["node"].max() > _LARGEST:
+    if (columns["node"] % 1.0).any() or columns["node"].min() < 1 or columns["node"].max() > _LARGEST:
         raise CaseError(f"{path}: node numbers must be whole and above 0")
+    numbers = columns["node"].astype(np.int64)
     order = np.argsort(numbers, kind="stable")
     twice = np.flatnonzero(np.diff(numbers[order]) == 0)
     if len(twice):

@@ -12,7 +12,8 @@ import numpy as np
 from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import CLOSES_TO, QUANTITIES
 from ..continuation.quantities import TEXT, Quantity, axis_lengths
-from ..formats.hdf5 import Storage, deadly
+from ..formats.hdf5 import MOST_GAIN, Storage
+from ..parallel.apart import Died, read_apart
 from ..parallel.errors import CaseError
 from .origin import InputFile, Origin
 from .record import BOLT_UNITS, JOINT_QUANTITIES, Bolts, Joint, LevelResult, LinearCurve, ResultFile
@@ -42,9 +43,14 @@ def refuse_deadly(path: str) -> None:
 
     if not os.path.isfile(path):
         return  # who opens it says so
-    fault = deadly(path, lambda: (read_results(path), read_fields(path), read_run(path)))
-    if fault is not None:
-        raise CaseError(f"{path}: cannot be read as a result file: {fault}; the file is damaged")
+
+    def read() -> None:
+        read_results(path), read_fields(path), read_run(path)
+
+    try:
+        read_apart(path, read, gain=MOST_GAIN)
+    except Died as problem:
+        raise CaseError(f"{path}: cannot be read as a result file: {problem}; the file is damaged") from None
 
 
 @contextmanager

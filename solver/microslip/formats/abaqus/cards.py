@@ -17,7 +17,7 @@ _DEEPEST = 50
 _BLANKS = bytes.maketrans(b",\t\r", b"   ")
 _FORTRAN = bytes.maketrans(b"dD", b"ee")
 _REPEATED = 8  # times that included files may be read, all together, ...
-_OF_ANY = 2**26  # ... and bytes that they may have whatever their size
+_OF_ANY = 2**24  # ... and bytes that they may have whatever their size
 _IS_SEPARATOR = np.isin(np.arange(256), list(b", \t\r\n"))
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import re
 from itertools import islice
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from ...parallel.apart import Died, read_apart
 from ...parallel.errors import MeshError
 from ..model import FileMaterial, FileModel, Group
 from . import constraints as between
@@ -18,6 +20,11 @@ from .content import findings_of_loads, gather
 from .elements import add_elements, cells_and_bodies
 
 _LEAST_BYTES = 8  # of a node or an element in an archive
+_GAIN = 200  # bytes of memory for a byte of the file
+# of mapdl-archive, which writes beyond its arrays where a file is damaged
+_TAKEN = (
+    "nnum nodes n_elem enum ekey _elem _elem_off node_components element_components key_option node_angles rlblock rlblock_num"
+).split()
 _LONG_EXPONENT = re.compile(rb"[0-9.][EeDd][+-]?[0-9]{4,}")
 _DIGITS = tuple(bytes([byte]) for byte in b"0123456789+-.")
 
@@ -79,11 +86,28 @@ def _archive(path: str) -> Any:
     except ImportError:
         raise MeshError("Ansys archives are read by mapdl-archive; install it: pip install mapdl-archive") from None
     try:
-        return mapdl_archive.Archive(path, parse_vtk=False)
+        return read_apart(path, _parts, mapdl_archive, path, gain=_GAIN)
+    except Died as problem:
+        raise MeshError(f"it is truncated or damaged: {problem}") from None
     except (RuntimeError, ValueError, IndexError, OverflowError, MemoryError) as problem:
         raise MeshError(
             f"it cannot be read as an Ansys archive; it is truncated, damaged or another format ({problem})"
         ) from None
+
+
+def _parts(library: Any, path: str) -> SimpleNamespace:
+    """Return what the library has read."""
+    archive = library.Archive(path, parse_vtk=False)
+    return SimpleNamespace(**{name: _plain(getattr(archive, name)) for name in _TAKEN})
+
+
+def _plain(value: Any) -> Any:
+    """Return arrays, and dicts and lists of them, without what the library has around them."""
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return np.array(value) if isinstance(value, np.ndarray) else value
 
 
 def _check_counts(path: str, said: tuple[Command, ...]) -> None:

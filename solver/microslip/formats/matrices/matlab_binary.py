@@ -16,8 +16,9 @@ from .file_matrix import FileMatrix, Wanted, from_coordinates
 
 _MATRIX, _COMPRESSED = 14, 15  # types of elements
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-_CLASSES = ("", "cell", "struct", "object", "char", "sparse", "double", "single", "int8", "uint8", "int16", "uint16", "int32")
-_CLASSES += ("uint32", "int64", "uint64", "function", "opaque")
+_CLASSES = (
+    " cell struct object char sparse double single int8 uint8 int16 uint16 int32 uint32 int64 uint64 function opaque".split(" ")
+)
 _SPARSE, _NUMBERS = 5, range(5, 16)
 _COMPLEX = 0x800  # of the flags
 _MOST_DEFLATED = 1040  # bytes that one byte can stand for

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..hdf5 import Storage, deadly
+from ...parallel.apart import Died, read_apart
+from ..hdf5 import MOST_GAIN, Storage
 from .file_matrix import FileMatrix, Wanted
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -29,10 +30,10 @@ def read_hdf5(wanted: Wanted) -> FileMatrix:
         import h5py  # noqa: F401
     except ImportError:
         raise wanted.error("a .mat of version 7.3 needs h5py; save it with -v7, or install h5py") from None
-    fault = deadly(wanted.path, _matrix, wanted)
-    if fault is not None:
-        raise wanted.error(fault)
-    return _matrix(wanted)
+    try:
+        return read_apart(wanted.path, _matrix, wanted, gain=MOST_GAIN)
+    except Died as problem:
+        raise wanted.error(str(problem)) from None
 
 
 def _matrix(wanted: Wanted) -> FileMatrix:

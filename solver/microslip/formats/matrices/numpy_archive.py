@@ -114,5 +114,5 @@ def _check_claims(wanted: Wanted) -> None:
                 version = np.lib.format.read_magic(file)
                 read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
                 shape, _, kind = read(file)
-            if not kind.hasobject and int(np.prod(shape, dtype=object)) * kind.itemsize > member.file_size:
+            if kind.itemsize < 0 or not kind.hasobject and int(np.prod(shape, dtype=object)) * kind.itemsize > member.file_size:
                 raise wanted.error(f"{member.filename} is truncated: its header asks for an array of shape {shape}")

@@ -22,7 +22,7 @@ from .supports import equations, supports
 # references of cards to others that need not be followed
 _OTHER_REFERENCES = "elements nodes_with_elements properties masses materials loads constraints aero sets optimization".split()
 _MOST_FILES, _DEEPEST = 10_000, 50  # included, all together and within each other
-_OF_ANY = 2**26  # bytes that they may have whatever their size
+_OF_ANY = 2**24  # bytes that they may have whatever their size
 _SOLIDS = {"CTETRA": "tet", "CPENTA": "wedge", "CHEXA": "hex", "CPYRAM": "pyramid"}
 _ORDER = {  # Nastran writes the mid-sides of vertical edges before those of the top
     "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
