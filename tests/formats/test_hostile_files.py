@@ -78,7 +78,7 @@ VTK = "# vtk DataFile Version 4.2\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\n"
         ("scene", "a = " + "[" * 100_000, ""),
         ("scene", ".".join("a" * 50_000) + " = 1", ""),
         ("scene", f"title = {'9' * 6000}", ""),
-        ("scene", f"{'a' * 100_000} = 1\n", "unknown"),
+        ("scene", f"{'a' * 100_000} = 1\n", "mistakes"),
     ],
 )
 def test_counts_and_numbers_that_no_file_can_hold_are_refused(tmp_path, name, content, said):
