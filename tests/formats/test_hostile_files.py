@@ -18,6 +18,7 @@ from reader_targets import TARGETS, verdict
 from scene_files import GOOD
 
 from microslip.formats import bounded
+from microslip.formats.includes import included_files
 from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
 from microslip.parallel.apart import Died, apart
@@ -127,6 +128,15 @@ def test_files_that_include_the_next_one_again_and_again_end(tmp_path, name, lin
         (tmp_path / f"f{i}").write_text(2 * line.format(f"f{i + 1}"))
     (tmp_path / "f20").write_text(100 * f"** {100 * 'x'}\n" if name == "abaqus" else 100 * f"$ {60 * 'x'}\n")
     assert "included" in read(tmp_path, name, line.format("f0"))
+
+
+@pytest.mark.parametrize("name, line", [("abaqus", "*INCLUDE, INPUT={}\n"), ("nastran", "INCLUDE '{}'\n")])
+def test_a_thousand_files_within_each_other_are_refused(tmp_path, name, line):
+    for i in range(1200):
+        (tmp_path / f"f{i}").write_text(line.format(f"f{i + 1}"))
+    (tmp_path / "f1200").write_text("")
+    assert "includ" in read(tmp_path, name, line.format("f0"))
+    assert 50 < len(included_files(tmp_path / f"file{TARGETS[name].ending}")) < 1200
 
 
 def test_included_bulk_data_is_in_its_place(tmp_path):
@@ -305,13 +315,12 @@ def test_memory_is_bounded_while_a_file_is_read_and_not_afterwards(tmp_path, mon
 
 
 def test_modules_and_settings_in_the_folder_are_not_taken(tmp_path):
-    """Modules of names that the program imports, and files of settings for PETSc and Matplotlib."""
+    """Modules of names that the program imports."""
     for name in ("numpy", "h5py", "pydantic", "tomllib", "signal", "json", "matplotlib", "petsc4py", "scipy"):
         (tmp_path / f"{name}.py").write_text("open('executed', 'w').close()\n")
-    for name in (".petscrc", "petscrc"):
-        (tmp_path / name).write_text("-info\n-options_left\n-log_view\n")
     (tmp_path / "s.toml").write_text("title = 1\n")
-    environment = {**os.environ, "PYTHONPATH": str(SOLVER), "MPLCONFIGDIR": str(tmp_path / "cache")}
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMI"))}
+    environment |= {"PYTHONPATH": str(SOLVER), "MPLCONFIGDIR": str(tmp_path / "cache")}
     for command in (["check", "s.toml"], ["plot", "none.h5"]):
         done = subprocess.run(
             [sys.executable, "-m", "microslip", *command],
@@ -323,6 +332,23 @@ def test_modules_and_settings_in_the_folder_are_not_taken(tmp_path):
         )
         assert done.returncode == 2, done.stderr
     assert not (tmp_path / "executed").exists()
+
+
+def test_options_of_petsc_in_the_folder_are_not_taken(tmp_path):
+    """Neither .petscrc nor petscrc of the folder, nor .petscrc of the home folder; what PETSc is told is what the command says."""
+    for name in (".petscrc", "petscrc"):
+        (tmp_path / name).write_text("-from_a_file 1\n")
+    program = (
+        "from microslip.parallel.petsc import initialise\n"
+        "PETSc, _ = initialise(['-hb_snes_max_it', '7'])\n"
+        "print(sorted(PETSc.Options().getAll()))\n"
+    )
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMI", "PETSC_OPTIONS"))}
+    environment |= {"PYTHONPATH": str(SOLVER), "HOME": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert "hb_snes_max_it" in done.stdout and "from_a_file" not in done.stdout, done.stderr
 
 
 def test_pictures_take_nothing_from_a_matplotlibrc():
