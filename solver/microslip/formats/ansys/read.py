@@ -25,7 +25,7 @@ _GAIN = 200  # bytes of memory for a byte of the file
 _TAKEN = (
     "nnum nodes n_elem enum ekey _elem _elem_off node_components element_components key_option node_angles rlblock rlblock_num"
 ).split()
-_LONG_EXPONENT = re.compile(rb"[0-9.][EeDd][+-]?[0-9]{4,}")
+_LONG_EXPONENT = re.compile(rb"[EeDd][+-]?[0-9]{4,}")
 _DIGITS = tuple(bytes([byte]) for byte in b"0123456789+-.")
 
 
