@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import importlib.util
 import io
 import json
 import os
@@ -55,6 +56,8 @@ def main() -> None:
     if asked.child:
         _fuzz(asked.readers[0], Path(asked.out), Path(asked.work), asked)
         return
+    if importlib.util.find_spec("atheris") is None:
+        sys.exit("fuzzing needs atheris: python -m pip install --target DIR atheris, and DIR in PYTHONPATH")
     from reader_targets import TARGETS
 
     unknown = set(asked.readers) - set(TARGETS)
@@ -125,6 +128,8 @@ def _keep_crash(folder: Path, work: Path, status: int) -> None:
 def _report(name: str, folder: Path, seconds: float, n_files: int) -> int:
     """Print the line of a reader and return how many findings there are."""
     causes = sorted({path.read_text().splitlines()[0] for path in (folder / "findings").glob("*.txt")})
+    if not n_files:
+        causes.append(f"no file was read; {folder / 'log'} says why")
     print(f"| {name} | {seconds:.0f} | {n_files} | {'; '.join(causes) or 'none'} |", flush=True)
     (folder / "summary.json").write_text(json.dumps({"reader": name, "seconds": seconds, "files": n_files, "findings": causes}))
     return len(causes)
@@ -132,10 +137,8 @@ def _report(name: str, folder: Path, seconds: float, n_files: int) -> int:
 
 def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> None:
     """Fuzz one reader in this process, which ends with it."""
-    try:
-        import atheris
-    except ImportError:
-        sys.exit("fuzzing needs atheris: python -m pip install --target DIR atheris, and DIR in PYTHONPATH")
+    import atheris
+
     with atheris.instrument_imports(include=[*INSTRUMENTED, *BENEATH.get(name, ())], enable_loader_override=False):
         from reader_seeds import SEEDS
         from reader_targets import TARGETS, verdict
