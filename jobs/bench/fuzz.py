@@ -30,7 +30,7 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "solver"), str(ROOT / "tests")]
-LONGEST = 65536  # bytes of a file
+LONGEST = 65536  # bytes of a file, or twice the longest one that it begins with
 HANG = 30  # seconds on a busy machine
 INSTRUMENTED = (
     "microslip.formats",
@@ -144,7 +144,8 @@ def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> Non
         from reader_targets import TARGETS, verdict
 
     target, findings = TARGETS[name], folder / "findings"
-    for i, content in enumerate(SEEDS[name](work)):
+    seeds = SEEDS[name](work)
+    for i, content in enumerate(seeds):
         (folder / "corpus" / f"seed{i}").write_bytes(content)
         (work / f"first{target.ending}").write_bytes(content)
         verdict(target, work / f"first{target.ending}")  # what is imported late is imported now
@@ -161,10 +162,16 @@ def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> Non
             _keep(findings, cause, content)
 
     limit = int(re.search(r"VmSize:\s+(\d+)", Path("/proc/self/status").read_text())[1]) * 1024 + asked.memory * 2**20
-    options = [f"-max_total_time={int(asked.seconds)}", f"-timeout={HANG}", f"-max_len={LONGEST}", f"-artifact_prefix={folder}/"]
+    options = [
+        f"-max_total_time={int(asked.seconds)}",
+        f"-timeout={HANG}",
+        f"-max_len={max(LONGEST, 2 * max(map(len, seeds)))}",
+        f"-artifact_prefix={folder}/",
+    ]
     options += [f"-dict={folder / 'words'}", f"-seed={asked.seed}", "-rss_limit_mb=0", "-print_final_stats=1", "-verbosity=1"]
-    packed = {"custom_mutator": _in_archive} if name == "npz" else {}
-    atheris.Setup([sys.argv[0], *options, str(folder / "corpus")], one_file, enable_python_coverage=True, **packed)
+    changed = {"npz": _in_archive, **dict.fromkeys(("results", "exodus", "mat"), _in_place)}
+    own = {"custom_mutator": changed[name]} if name in changed else {}
+    atheris.Setup([sys.argv[0], *options, str(folder / "corpus")], one_file, enable_python_coverage=True, **own)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     atheris.Fuzz()
@@ -180,6 +187,20 @@ def _keep(findings: Path, cause: str, content: bytes) -> None:
 
 def _escaped(word: str) -> str:
     return "".join(f"\\x{byte:02x}" for byte in word.encode("latin-1"))
+
+
+def _in_place(content: bytes, longest: int, seed: int) -> bytes:
+    """Return an HDF5 file with some bytes changed and none moved: addresses are all over it; every eighth time anything."""
+    import atheris
+
+    if seed % 8 == 0 or b"\x89HDF" not in content[:1024]:
+        return atheris.Mutate(content, longest)
+    random, changed = np.random.default_rng(seed), bytearray(content)
+    for at in random.integers(0, len(content), random.integers(1, 6)):
+        n = int(random.choice([1, 1, 1, 2, 4, 8]))
+        put = random.bytes(n) if random.random() < 0.5 else bytes([int(random.choice([0, 1, 127, 128, 255]))]) * n
+        changed[at : at + n] = put[: len(content) - at]
+    return bytes(changed)
 
 
 def _in_archive(content: bytes, longest: int, seed: int) -> bytes:
