@@ -113,10 +113,16 @@ def _diff(command: Command, comm) -> int:
     from .program.doctor import faults
 
     require(comm, faults("matplotlib", "h5py", "pydantic"))
+    from .results.read import refuse_deadly
     from .studies.diff.command import compare_files
 
+    def compared(*asked) -> tuple[str, int]:
+        for file in asked[:2]:
+            refuse_deadly(file)
+        return compare_files(*asked)
+
     asked = command.file, command.other, command.tolerance, command.bars, command.out, command.as_json
-    text, status = on_root(comm, compare_files, *asked) if comm is not None else compare_files(*asked)
+    text, status = on_root(comm, compared, *asked) if comm is not None else compared(*asked)
     if launcher_rank() == 0:
         print(text)
     return status

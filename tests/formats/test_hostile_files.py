@@ -7,6 +7,7 @@ import sys
 import time
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import matplotlib
@@ -24,6 +25,7 @@ from microslip.formats.read import read_model
 from microslip.parallel.apart import Died, apart
 from microslip.parallel.errors import CaseError, MeshError, MicroslipError
 from microslip.results.read import read_results, refuse_deadly
+from microslip.results.scene_back import GONE, fate
 from microslip.results.style import RC
 from microslip.scene.read import read_scene
 
@@ -245,6 +247,12 @@ def _message_of_convert(path, folder):
     except CaseError as problem:
         return str(problem)
     return "converted"
+
+
+@pytest.mark.parametrize("place", ["pipe", "/dev/zero", ".", "none\0"])
+def test_what_results_say_that_they_were_made_of_may_be_a_pipe(tmp_path, place):
+    os.mkfifo(tmp_path / "pipe")
+    assert fate(SimpleNamespace(path=os.path.join(tmp_path, place), size=0, sha256="")) == GONE
 
 
 def test_texts_of_variable_length_are_read_still(tmp_path):

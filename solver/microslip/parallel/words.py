@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
+_DEEP = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){50}""")  # a.a.a: TOML's reader takes the square of its length
 _LONGEST = 200  # letters that are compared: names come from files, too
 
 
@@ -27,6 +29,11 @@ def listed(words: Iterable[str], last: str = "and") -> str:
 def shortened(text: str, n_letters: int = 400) -> str:
     """Return a text that fits into a message.  Local."""
     return text if len(text) <= n_letters else f"{text[:n_letters]} ..."
+
+
+def lies_deep(text: str) -> bool:
+    """Return whether tables of a TOML file lie deeper in each other than any that is meant.  Local."""
+    return _DEEP.search(text) is not None
 
 
 def place(point: Iterable[float]) -> str:

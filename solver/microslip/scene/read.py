@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from ..parallel.errors import CaseError
 from ..parallel.files import refuse_devices
-from ..parallel.words import shortened
+from ..parallel.words import lies_deep, shortened
 from .checks import absent, contradictions, missing_files
 from .messages import in_words
 from .not_yet import not_yet
@@ -21,7 +21,6 @@ from .schema import Scene
 from .text import as_toml
 
 _LARGEST_FILE = 10_000_000  # bytes
-_DEEP = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){50}""")  # a.a.a: TOML's reader takes the square of its length
 _MOST_MISTAKES, _LONGEST = 100, 1000  # that are said at once; letters of one
 
 
@@ -129,7 +128,7 @@ def _text(path: Path) -> str:
 
 
 def _tables(path: Path, text: str) -> dict[str, Any]:
-    if _DEEP.search(text):
+    if lies_deep(text):
         raise CaseError(f"{path}: not a scene: lists or tables lie too deep in each other")
     try:
         return _frozen(tomllib.loads(text))
