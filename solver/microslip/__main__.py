@@ -9,7 +9,6 @@ if __name__ == "__main__" or os.path.basename(sys.argv[0]) == "microslip":
     # the folder of a scene is no place for modules: python -m puts it before all others
     sys.path[:] = [folder for folder in sys.path if folder not in ("", os.getcwd())]
 
-import signal
 from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
