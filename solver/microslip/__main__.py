@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
+
+if __name__ == "__main__" or os.path.basename(sys.argv[0]) == "microslip":
+    # the folder of a scene is no place for modules: python -m puts it before all others
+    sys.path[:] = [folder for folder in sys.path if folder not in ("", os.getcwd())]
+
 from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
@@ -96,6 +101,9 @@ def unfinished(file: str) -> str:
 
 def _shown(command: Command, out: Path) -> list:
     """Write what is asked of a result file and return the files.  Local."""
+    from .results.read import refuse_deadly
+
+    refuse_deadly(command.file)
     if command.name == "report":
         from .results.report.page import write_report
 
@@ -114,10 +122,16 @@ def _diff(command: Command, comm) -> int:
     from .program.doctor import faults
 
     require(comm, faults("matplotlib", "h5py", "pydantic"))
+    from .results.read import refuse_deadly
     from .studies.diff.command import compare_files
 
+    def compared(*asked) -> tuple[str, int]:
+        for file in asked[:2]:
+            refuse_deadly(file)
+        return compare_files(*asked)
+
     asked = command.file, command.other, command.tolerance, command.bars, command.out, command.as_json
-    text, status = on_root(comm, compare_files, *asked) if comm is not None else compare_files(*asked)
+    text, status = on_root(comm, compared, *asked) if comm is not None else compared(*asked)
     if launcher_rank() == 0:
         print(text)
     return status

@@ -142,7 +142,7 @@ def dofs_of_rows(path: Path | None, given: DofMap | None, n_rows: int, key: str)
         raise CaseError(f"{path}: [model] {key}: the matrix's own file says which node and direction its rows are; leave it out")
     columns, lines = read_table(path, ("node", "direction"), what="row")
     table = np.column_stack([columns["node"], columns["direction"]])
-    wrong = np.flatnonzero((table % 1.0).any(axis=1) | (table[:, 1] < 0) | (table[:, 1] > 6))
+    wrong = np.flatnonzero((table % 1.0).any(axis=1) | (table[:, 1] < 0) | (table[:, 1] > 6) | (abs(table[:, 0]) > 2.0**53))
     if len(wrong):
         raise CaseError(
             f"{path}, line {lines[wrong[0]]}: a node number and a direction from 1 (x) to 6 (rotation about z) are needed; "

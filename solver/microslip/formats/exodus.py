@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import os
 from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any
@@ -11,7 +13,9 @@ import numpy as np
 import scipy.io
 
 from .. import elements
+from ..parallel.apart import Died, read_apart
 from ..parallel.errors import MeshError
+from .hdf5 import MOST_GAIN, Storage
 from .model import KINDS, Cells, FileModel, Finding, Group
 
 _KINDS = {
@@ -40,6 +44,7 @@ _SIDES = {
     "wedge": ((0, 1, 3, 4), (1, 2, 4, 5), (0, 2, 3, 5), (0, 1, 2), (3, 4, 5)),
     "pyramid": ((0, 1, 4), (1, 2, 4), (2, 3, 4), (0, 3, 4), (0, 1, 2, 3)),
 }
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _MOST_BYTES = 2**33  # of one variable
 
 
@@ -52,13 +57,31 @@ def read_exodus(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, no Exodus file, or HDF5 that refers to other files
     """
+    with open(path, "rb") as file:
+        head = file.read(8)
+    if head[:3] != b"CDF" and head != _HDF5:
+        raise MeshError("it is no NetCDF file, classic or of HDF5; Exodus files are")
+    try:
+        return _read(path) if head != _HDF5 else read_apart(path, _read, path, gain=MOST_GAIN)
+    except Died as problem:
+        raise MeshError(f"it is truncated or damaged: {problem}") from None
+
+
+def _read(path: str) -> FileModel:
     with ExitStack() as stack:
         variable = _opened(path, stack)
-        points = _points(variable)
-        numbers = _numbers(variable("node_num_map"), len(points))
-        cells, groups, findings = _blocks(variable)
-        _node_sets(variable, groups, len(points))
-        _side_sets(variable, cells, groups)
+        try:
+            return _model(variable)
+        except (RuntimeError, KeyError, TypeError, AttributeError) as problem:  # of the libraries, where a file is damaged
+            raise MeshError(f"it is truncated or damaged ({' '.join(str(problem).split())[:200]})") from None
+
+
+def _model(variable: Callable[[str], Any]) -> FileModel:
+    points = _points(variable)
+    numbers = _numbers(variable("node_num_map"), len(points))
+    cells, groups, findings = _blocks(variable)
+    _node_sets(variable, groups, len(points))
+    _side_sets(variable, cells, groups)
     return FileModel(points, numbers, tuple(cells), groups, findings=tuple(findings))
 
 
@@ -66,22 +89,32 @@ def _opened(path: str, stack: ExitStack) -> Callable[[str], Any]:
     """Return what gives a variable by its name, None where there is none, with its attributes."""
     with open(path, "rb") as file:
         head = file.read(8)
-    if head[:3] == b"CDF":
+    if head != _HDF5:
         try:
-            netcdf = stack.enter_context(scipy.io.netcdf_file(path, mmap=False))
-        except (TypeError, ValueError, OSError) as problem:
+            file = stack.enter_context(_Bounded(io.FileIO(path)))
+            netcdf = stack.enter_context(scipy.io.netcdf_file(file, mmap=False))
+        except (TypeError, ValueError, OSError, KeyError, AssertionError, AttributeError) as problem:
             raise MeshError(f"it is truncated, damaged or no NetCDF file ({problem})") from None
         return lambda name: netcdf.variables.get(name)
-    if head != b"\x89HDF\r\n\x1a\n":
-        raise MeshError("it is no NetCDF file, classic or of HDF5; Exodus files are")
     try:
         hdf = stack.enter_context(h5py.File(path, "r"))
     except OSError as problem:
         raise MeshError(f"it is truncated or damaged ({problem})") from None
-    return lambda name: _dataset(hdf, name)
+    storage = Storage(os.path.getsize(path))
+    return lambda name: _dataset(hdf, name, storage)
 
 
-def _dataset(hdf: h5py.File, name: str) -> Any:
+class _Bounded(io.BufferedReader):
+    """A file that is never asked for more bytes than it has: counts of classic NetCDF are read before anything checks them."""
+
+    def read(self, n: int | None = -1, /) -> bytes:
+        n_left = os.fstat(self.fileno()).st_size - self.tell()
+        if n is None or not 0 <= n <= n_left:
+            raise ValueError(f"{n} bytes are announced, {n_left} follow")
+        return super().read(n)
+
+
+def _dataset(hdf: h5py.File, name: str, storage: Storage) -> Any:
     """Return a data set of the file itself; MeshError where it lies elsewhere or is too large."""
     link = hdf.get(name, getlink=True)
     if link is None:
@@ -93,6 +126,9 @@ def _dataset(hdf: h5py.File, name: str) -> Any:
         raise MeshError(f"{name} lies in another file; only files that hold their data are read")
     if found.size * found.dtype.itemsize > _MOST_BYTES:
         raise MeshError(f"{name} has {found.size} values, more than this program reads")
+    fault = storage.fault(found, name)
+    if fault is not None:
+        raise MeshError(f"{fault}; the file is damaged")
     return found
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 _BLOCK, _LONGEST = 2**20, 2**13  # bytes: read at a time, and the longest keyword with its parameters
+_DEEPEST = 100  # files within each other
 _KEYWORD = rb"^[ \t]*\*(?!\*)(?:[^\n]*,[ \t]*\r?\n){0,20}"  # a comma at the end of its line continues it
 _ABAQUS = re.compile(
     _KEYWORD + rb'[^\n]*?(?<=[,\n])[ \t]*INPUT[ \t]*=[ \t]*("[^"\n]*"|[^,\r\n]*)(?=[,\r\n])', re.IGNORECASE | re.MULTILINE
@@ -35,14 +36,14 @@ def included_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def _follow(path: Path, folder: Path, word: bytes, pattern: re.Pattern[bytes], found: dict[Path, None]) -> None:
-    """Add what a file includes, in depth, unless it is known."""
+def _follow(path: Path, folder: Path, word: bytes, pattern: re.Pattern[bytes], found: dict[Path, None], depth: int = 0) -> None:
+    """Add what a file includes, in depth, unless it is known; the readers refuse what lies deeper than here."""
     for name in _names(path, word, pattern):
         beside = [Path(os.path.realpath(place / name)) for place in (path.parent, folder)]
         inner = next((one for one in beside if one.is_file() and one.is_relative_to(folder)), None)
-        if inner is not None and inner not in found:
+        if inner is not None and inner not in found and depth < _DEEPEST:
             found[inner] = None
-            _follow(inner, folder, word, pattern, found)
+            _follow(inner, folder, word, pattern, found, depth + 1)
 
 
 def _names(path: Path, word: bytes, pattern: re.Pattern[bytes]) -> Iterator[str]:

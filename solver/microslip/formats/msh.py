@@ -40,6 +40,9 @@ _TO_VTK = {
 }
 
 
+_LONGEST_HEADER = 1 << 16  # bytes of a view's names, times and counts
+
+
 def read_msh(path: str) -> FileModel:
     """Read a Gmsh file.  Local.
 
@@ -68,8 +71,7 @@ def _fields(content: bytes, numbers: np.ndarray, is_binary: bool, order: str) ->
     """Return the views of one number a node, $NodeData, (n_points,) each; the last one of a name counts."""
     fields, at = {}, content.find(b"$NodeData")
     while at >= 0:
-        section = _section(content[at:], "NodeData", False)
-        name, n, header = _field_header(section)
+        name, n, header = _field_header(content[content.find(b"\n", at) + 1 : at + _LONGEST_HEADER])
         if name is not None:
             if is_binary:  # what looks like its end may be part of a number
                 start = content.find(b"\n", at) + 1 + header
@@ -77,7 +79,9 @@ def _fields(content: bytes, numbers: np.ndarray, is_binary: bool, order: str) ->
                 rows = np.frombuffer(content[start : start + n * kind.itemsize], dtype=kind)
                 nodes, values = rows["node"].astype(np.int64), rows["value"].astype(float)
             else:
+                section = _section(content, "NodeData", False, at)
                 table = _numbers(section[header:], "NodeData")
+                at += len(section)
                 nodes, values = table[: 2 * n : 2].astype(np.int64), table[1 : 2 * n : 2]
             if len(values) < n:
                 raise MeshError(
@@ -131,9 +135,9 @@ def _format(content: bytes) -> tuple[str, bool, str]:
     return version, is_binary, "<" if not is_binary or lines[2][:4] == b"\1\0\0\0" else ">"
 
 
-def _section(content: bytes, name: str, is_binary: bool) -> bytes:
-    """Return what stands between $Name and $EndName."""
-    start = content.find(b"$" + name.encode())
+def _section(content: bytes, name: str, is_binary: bool, first: int = 0) -> bytes:
+    """Return what stands between $Name and $EndName, searched from ``first`` on."""
+    start = content.find(b"$" + name.encode(), first)
     if start < 0:
         raise MeshError(f"the file has no ${name} section; it is truncated, or not a mesh")
     start = content.find(b"\n", start) + 1

@@ -10,6 +10,7 @@ from ..parallel.errors import CaseError, MeshError
 from ..parallel.words import place
 from .abaqus.read import read_inp
 from .ansys import is_input, read_cdb, read_input
+from .bounded import bounded_memory
 from .exodus import read_exodus
 from .model import FileModel
 from .msh import read_msh
@@ -65,7 +66,8 @@ def read_model(path: str | os.PathLike[str]) -> FileModel:
     if not os.path.isfile(path):
         raise CaseError(f"[model] mesh: there is no file {path}")
     try:
-        model = READERS[ending](path)
+        with bounded_memory(path):
+            model = READERS[ending](path)
         _check_points(model)
     except (MeshError, OSError) as problem:
         raise MeshError(f"{path}: {problem}") from None

@@ -11,6 +11,8 @@ from ..parallel.errors import CaseError
 from .data import Mesh
 from .read import read_whole
 
+_LARGEST = 2.0**53  # number that a table of decimals tells from the next one
+
 
 def read_nodes(path: Path) -> Mesh:
     """Return the nodes of a file: of a table node,x,y,z in metres without elements, of a mesh with all its solids and groups.
@@ -24,9 +26,9 @@ def read_nodes(path: Path) -> Mesh:
     if path.suffix.lower() != ".csv":
         return read_whole(path)
     columns, lines = read_table(path, ("node", "x", "y", "z"), what="node")
-    numbers = columns["node"].astype(np.int64)
-    if (columns["node"] % 1.0).any() or numbers.min() < 1:
+    if (columns["node"] % 1.0).any() or columns["node"].min() < 1 or columns["node"].max() > _LARGEST:
         raise CaseError(f"{path}: node numbers must be whole and above 0")
+    numbers = columns["node"].astype(np.int64)
     order = np.argsort(numbers, kind="stable")
     twice = np.flatnonzero(np.diff(numbers[order]) == 0)
     if len(twice):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .errors import CaseError
+from .files import refuse_devices
 from .words import nearest
 
 
@@ -43,6 +44,7 @@ def numbered_rows(path: Path) -> list[tuple[int, list[str]]]:
     ------
     CaseError : the file is not there, or no text of comma-separated values
     """
+    refuse_devices(path)
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file, strict=True)

@@ -137,7 +137,8 @@ def leave(status: int) -> NoReturn:
 def _say(text: str) -> None:
     """Write a problem to standard error at once."""
     sys.stdout.flush()
-    sys.stderr.write(f"microslip: error: {text}\n")
+    plain = "".join(letter if letter.isprintable() or letter in "\n\t" else "?" for letter in text)
+    sys.stderr.write(f"microslip: error: {plain}\n")  # names of a file may hold what steers a terminal
     sys.stderr.flush()
 
 

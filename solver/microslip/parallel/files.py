@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
@@ -23,6 +24,9 @@ _FORBIDDEN = {
     errno.ELOOP,
     errno.EINVAL,
 }
+
+
+NO_FILE = "that is a pipe or a device; a file is expected"
 
 
 @contextmanager
@@ -84,6 +88,19 @@ def _to_disk(path: str) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def refuse_devices(path: str | os.PathLike[str]) -> None:
+    """Raise CaseError for a pipe, a socket or a device, whose reading may never end.  Local.
+
+    A folder, and what is not there, is for those to say who open it.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise CaseError(f"{path}: {NO_FILE}")
 
 
 def make_folder(folder: str) -> None:

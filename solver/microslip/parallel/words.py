@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
+
+_DEEP = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){50}""")  # a.a.a: TOML's reader takes the square of its length
+_LONGEST = 200  # letters that are compared: names come from files, too
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """Return the known word nearest to ``word``, capitals aside, or the first it abbreviates, or None.  Local."""
-    by_lower = {name.lower(): name for name in known}
-    word = word.lower()
+    by_lower = {name.lower()[:_LONGEST]: name for name in known}
+    word = word.lower()[:_LONGEST]
     found = difflib.get_close_matches(word, by_lower, n=1)
     if not found and len(word) > 2:
         found = [name for name in by_lower if name.startswith(word)]
@@ -20,6 +24,16 @@ def listed(words: Iterable[str], last: str = "and") -> str:
     """Return "a, b and c".  Local."""
     *first, end = words
     return f"{', '.join(first)} {last} {end}" if first else end
+
+
+def shortened(text: str, n_letters: int = 400) -> str:
+    """Return a text that fits into a message.  Local."""
+    return text if len(text) <= n_letters else f"{text[:n_letters]} ..."
+
+
+def lies_deep(text: str) -> bool:
+    """Return whether tables of a TOML file lie deeper in each other than any that is meant.  Local."""
+    return _DEEP.search(text) is not None
 
 
 def place(point: Iterable[float]) -> str:

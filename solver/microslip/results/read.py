@@ -12,6 +12,8 @@ import numpy as np
 from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import CLOSES_TO, QUANTITIES
 from ..continuation.quantities import TEXT, Quantity, axis_lengths
+from ..formats.hdf5 import MOST_GAIN, Storage
+from ..parallel.apart import Died, read_apart
 from ..parallel.errors import CaseError
 from .origin import InputFile, Origin
 from .record import BOLT_UNITS, JOINT_QUANTITIES, Bolts, Joint, LevelResult, LinearCurve, ResultFile
@@ -33,6 +35,22 @@ def read_results(path: str, motion: bool = True) -> ResultFile:
     """
     with opened(path) as reader:
         return _read(path, reader, motion)
+
+
+def refuse_deadly(path: str) -> None:
+    """Raise CaseError where a process dies of reading a result file, which may come from anywhere.  Local."""
+    from .fields import read_fields, read_run
+
+    if not os.path.isfile(path):
+        return  # who opens it says so
+
+    def read() -> None:
+        read_results(path), read_fields(path), read_run(path)
+
+    try:
+        read_apart(path, read, gain=MOST_GAIN)
+    except Died as problem:
+        raise CaseError(f"{path}: cannot be read as a result file: {problem}; the file is damaged") from None
 
 
 @contextmanager
@@ -78,7 +96,7 @@ class Reader:
     """Datasets of a file by name, refused where they would make HDF5 open other files or swell."""
 
     def __init__(self, path: str, file: h5py.File):
-        self.path, self.file = path, file
+        self.path, self.file, self.storage = path, file, Storage(os.path.getsize(path))
 
     def __contains__(self, name: str) -> bool:
         return self._item(name) is not None
@@ -109,6 +127,11 @@ class Reader:
             raise CaseError(f"{self.path}: dataset {name!r} keeps its values in another file; such files are refused")
         if item.size and item.nbytes > _MOST_GAIN * max(item.id.get_storage_size(), 1):
             raise CaseError(f"{self.path}: dataset {name!r} claims {item.nbytes} bytes and holds {item.id.get_storage_size()}")
+        if h5py.check_string_dtype(item.dtype) is not None and item.dtype.hasobject:
+            return item  # texts of variable length, of an earlier version
+        fault = self.storage.fault(item, f"dataset {name!r}")
+        if fault is not None:
+            raise CaseError(f"{self.path}: {fault}; such files are refused")
         return item
 
     def array(self, name: str, kind: str, shape: tuple[int | None, ...]) -> np.ndarray:

@@ -13,6 +13,7 @@ from typing import Any
 
 from ..parallel.errors import CaseError
 from ..parallel.files import written_whole
+from ..parallel.words import lies_deep
 from .origin import InputFile
 from .record import ResultFile
 
@@ -55,6 +56,8 @@ def said_of_run(results: ResultFile) -> list[str]:
 def fate(one: InputFile) -> str:
     """Return what became of a file since it was read: SAME, CHANGED or GONE.  Local."""
     try:
+        if not os.path.isfile(one.path):  # a path of a file from anywhere: a pipe would not end
+            return GONE
         if os.path.getsize(one.path) != one.size:
             return CHANGED
         with open(one.path, "rb") as file:
@@ -81,9 +84,11 @@ def relocated(results: ResultFile, folder: Path) -> str:
                 return os.path.relpath(home / path, folder.absolute()) + name
         return stated
 
+    if lies_deep(text):
+        return text
     try:
         tables = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         return text
     written = re.sub(r"""(=\s*)(["'])([^"'\n\\]+)\2""", lambda match: f"{match[1]}{match[2]}{moved(match[3])}{match[2]}", text)
     return written if _reads_as(written, _exchanged(tables, moved)) else text
@@ -101,5 +106,5 @@ def _exchanged(value: Any, moved: Callable[[str], str]) -> Any:
 def _reads_as(text: str, tables: dict[str, Any]) -> bool:
     try:
         return tomllib.loads(text) == tables
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (ValueError, RecursionError):
         return False

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import matplotlib
+import matplotlib.style
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -19,7 +20,8 @@ DPI = 200
 MOST_PANELS = 12  # small multiples in one picture
 MOST_NAMED = 12  # levels named in a legend
 
-RC = {
+# no key is left to a matplotlibrc, which may lie in the folder of a scene and name a program to run
+RC = {key: value for key, value in matplotlib.rcParamsDefault.items() if key not in matplotlib.style.core.STYLE_BLACKLIST} | {
     "font.family": "DejaVu Sans",
     "font.size": 8.0,
     "axes.titlesize": 8.0,

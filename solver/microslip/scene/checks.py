@@ -6,6 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from ..parallel.files import NO_FILE
 from ..parallel.words import nearest
 from .inputs import named_files
 from .matrix_names import may_know_nodes
@@ -354,7 +355,7 @@ def _missing(where: str, file: str, folder: Path) -> str | None:
     try:
         if path.is_file():
             return None
-        fault = "that is a folder; a file is expected" if path.is_dir() else None
+        fault = "that is a folder; a file is expected" if path.is_dir() else NO_FILE if path.exists() else None
     except (OSError, ValueError) as problem:  # a name too long, or with a null character
         fault = str(problem)
     return f'{where} = "{file}": {fault or absent(path)}'

@@ -37,6 +37,8 @@ def may_know_nodes(model: Model, folder: Path) -> bool:
 def _is_matrix_market(path: Path) -> bool:
     """Return whether a file begins as Matrix Market's do, or cannot be read; otherwise it may be one of Abaqus."""
     try:
+        if not path.is_file():
+            return True
         with open(path, "rb") as file:
             return file.read(2) in (b"%%", b"")
     except (OSError, ValueError):

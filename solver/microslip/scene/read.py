@@ -11,6 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from ..parallel.errors import CaseError
+from ..parallel.files import refuse_devices
+from ..parallel.words import lies_deep, shortened
 from .checks import absent, contradictions, missing_files
 from .messages import in_words
 from .not_yet import not_yet
@@ -19,6 +21,7 @@ from .schema import Scene
 from .text import as_toml
 
 _LARGEST_FILE = 10_000_000  # bytes
+_MOST_MISTAKES, _LONGEST = 100, 1000  # that are said at once; letters of one
 
 
 def read_scene(path: str | Path, settings: Sequence[str] = ()) -> Scene:
@@ -101,9 +104,11 @@ def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = 
 def _refuse(said: str, problems: list[str]) -> None:
     """Raise CaseError with all problems of the scene that is said, if there are any."""
     if len(problems) == 1:
-        raise CaseError(f"{said}: {problems[0]}") from None
+        raise CaseError(f"{said}: {shortened(problems[0], _LONGEST)}") from None
     if problems:
-        raise CaseError("\n  ".join([f"{said}: {len(problems)} mistakes", *problems])) from None
+        shown = [shortened(problem, _LONGEST) for problem in problems[:_MOST_MISTAKES]]
+        shown += [f"and {len(problems) - _MOST_MISTAKES} more"] * (len(problems) > _MOST_MISTAKES)
+        raise CaseError("\n  ".join([f"{said}: {len(problems)} mistakes", *shown])) from None
 
 
 def _text(path: Path) -> str:
@@ -112,6 +117,7 @@ def _text(path: Path) -> str:
             raise CaseError(f"{path} is a folder; a scene file is expected")
         if not path.exists():
             raise CaseError(f"{path}: {absent(path.absolute())}")
+        refuse_devices(path)
         if path.stat().st_size > _LARGEST_FILE:
             raise CaseError(f"{path}: {path.stat().st_size / 1e6:.0f} MB are too much for a scene; a TOML file is expected")
         return path.read_bytes().decode("utf-8-sig")
@@ -122,10 +128,14 @@ def _text(path: Path) -> str:
 
 
 def _tables(path: Path, text: str) -> dict[str, Any]:
+    if lies_deep(text):
+        raise CaseError(f"{path}: not a scene: lists or tables lie too deep in each other")
     try:
         return _frozen(tomllib.loads(text))
     except tomllib.TOMLDecodeError as problem:
         raise CaseError(f"{path}: not valid TOML: {problem}{_line(str(problem), text)}") from None
+    except ValueError as problem:  # a number of thousands of digits
+        raise CaseError(f"{path}: not valid TOML: {problem}") from None
     except RecursionError:
         raise CaseError(f"{path}: not a scene: lists or tables lie too deep in each other") from None
 

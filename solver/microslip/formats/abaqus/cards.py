@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -17,7 +16,8 @@ _MOST_FILES = 10_000  # included, one by one
 _DEEPEST = 50
 _BLANKS = bytes.maketrans(b",\t\r", b"   ")
 _FORTRAN = bytes.maketrans(b"dD", b"ee")
-_COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')  # outside of quotes
+_REPEATED = 8  # times that included files may be read, all together, ...
+_OF_ANY = 2**24  # ... and bytes that they may have whatever their size
 _IS_SEPARATOR = np.isin(np.arange(256), list(b", \t\r\n"))
 
 
@@ -99,6 +99,8 @@ class _Reader:
         self.folder = os.path.realpath(os.path.dirname(path) or ".")
         self.cards: list[Card] = []
         self.n_files = 0
+        self.sizes: dict[str, int] = {}  # bytes of each file
+        self.n_bytes = 0  # read so far
 
     def read(self) -> list[Card]:
         self._read(os.path.realpath(self.path), "", ())
@@ -108,6 +110,10 @@ class _Reader:
         """Add the cards of one file; data lines before its first keyword belong to the card before."""
         with open(path, "rb") as file:
             text = file.read()
+        self.sizes[path] = len(text)
+        self.n_bytes += len(text)
+        if self.n_bytes > max(_OF_ANY, _REPEATED * sum(self.sizes.values())):
+            raise MeshError(f"{label}: files are included again and again, {self.n_bytes} bytes in all")
         at, line = 0, 1
         for start, end in _star_lines(text):
             if start < at:
@@ -181,10 +187,18 @@ def _continued(text: bytes, start: int, end: int) -> int:
 
 def _card(text: bytes, label: str, line: int) -> Card:
     line_ = text.decode("utf-8", "replace").strip()[1:].replace("\n", " ")
-    words = _COMMA.split(line_) if '"' in line_ else line_.split(",")
+    words = _outside_of_quotes(line_) if '"' in line_ else line_.split(",")
     pairs = (word.partition("=") for word in words[1:] if word.strip())
     parameters = {"".join(key.upper().split()): _bare(value) for key, _, value in pairs}
     return Card(" ".join(words[0].upper().split()), parameters, label, line)
+
+
+def _outside_of_quotes(line: str) -> list[str]:
+    """Return what stands between the commas of a line that are not within quotes."""
+    parts = line.split('"')
+    for i in range(len(parts) - 1, -1, -2):
+        parts[i] = parts[i].replace(",", "\n")
+    return '"'.join(parts).split("\n")
 
 
 def number(word: str) -> float | None:

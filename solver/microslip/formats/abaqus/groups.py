@@ -172,6 +172,8 @@ def _group_surface(found: Grouped, names: Names, name: str, entries: list[tuple[
     for word, face, where in entries:
         if face == "NODE":
             found.groups.setdefault(name, Group()).add_nodes(mesh.nodes(scope, word, where))
+        elif not word and face:
+            raise MeshError(f"{where}: *SURFACE names face {face} of no element")
         elif not word:  # all elements of the model
             by_face.setdefault("", []).append(np.arange(len(found.block_of)))
         else:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 from itertools import islice
 from typing import Any
 
 import numpy as np
 
+from ...parallel.apart import Died, read_apart
 from ...parallel.errors import MeshError
 from ..model import FileMaterial, FileModel, Group
 from . import constraints as between
@@ -21,6 +23,9 @@ from .input_file import as_archived
 _LEAST_BYTES = 8  # of a node or an element in an archive
 _STARTS = ("/BATCH", "/COM", "/PREP7", "/TITLE", "/UNITS", "/WB", "NBLOCK,")  # lines near the beginning of an input file
 _HEAD = 200  # lines that are looked at for them
+_GAIN = 200  # bytes of memory for a byte of the file
+_LONG_EXPONENT = re.compile(rb"[EeDd][+-]?[0-9]{4,}")
+_DIGITS = tuple(bytes([byte]) for byte in b"0123456789+-.")
 
 
 def read_cdb(path: str) -> FileModel:
@@ -32,7 +37,8 @@ def read_cdb(path: str) -> FileModel:
     """
     said = tuple(commands(path))
     _check_counts(path, said)
-    return _model(blocks_of_archive(_archive(path)), said)
+    _refuse_exponents(path)
+    return _model(_archive(path), said)
 
 
 def read_input(path: str) -> FileModel:
@@ -93,17 +99,24 @@ def _model(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
     )
 
 
-def _archive(path: str) -> Any:
+def _archive(path: str) -> Blocks:
     try:
         import mapdl_archive
     except ImportError:
         raise MeshError("Ansys archives are read by mapdl-archive; install it: pip install mapdl-archive") from None
     try:
-        return mapdl_archive.Archive(path, parse_vtk=False)
+        return read_apart(path, _parts, mapdl_archive, path, gain=_GAIN)
+    except Died as problem:
+        raise MeshError(f"it is truncated or damaged: {problem}") from None
     except (RuntimeError, ValueError, IndexError, OverflowError, MemoryError) as problem:
         raise MeshError(
             f"it cannot be read as an Ansys archive; it is truncated, damaged or another format ({problem})"
         ) from None
+
+
+def _parts(library: Any, path: str) -> Blocks:
+    """Return what the library has read."""
+    return blocks_of_archive(library.Archive(path, parse_vtk=False))
 
 
 def _check_counts(path: str, said: tuple[Command, ...]) -> None:
@@ -119,6 +132,17 @@ def _check_counts(path: str, said: tuple[Command, ...]) -> None:
                 raise MeshError(f"{command.where}: {command.word} counts {count}, more than a file of {size} bytes holds")
     if lacking:
         raise MeshError("the file holds no NBLOCK and EBLOCK that this program reads")
+
+
+def _refuse_exponents(path: str) -> None:
+    """Raise MeshError for an exponent of four digits and more, for which the library multiplies by ten so often."""
+    with open(path, "rb") as file:
+        content = file.read()
+    for found in _LONG_EXPONENT.finditer(content):
+        start = content.rfind(b"\n", 0, found.start()) + 1
+        if content[start : found.start()].lstrip()[:1] in _DIGITS:
+            line = content.count(b"\n", 0, start) + 1
+            raise MeshError(f"line {line}: {found[0].decode('ascii')!r} is part of no number; the file is damaged")
 
 
 def _refuse_short_lines(path: str, command: Command) -> None:

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from .file_matrix import DofMap, FileMatrix, Wanted, from_coordinates
+from .file_matrix import LARGEST, DofMap, FileMatrix, Wanted, from_coordinates
 from .text import table_of
 
 _HELD = 1e36  # on the diagonal of what a *BOUNDARY holds
@@ -40,7 +40,7 @@ def read_abaqus(wanted: Wanted) -> FileMatrix:
             raise wanted.error("its lines are neither node, dof, node, dof, value nor row, column, value")
         file.seek(position)
         table = table_of(file, n_columns, wanted)
-    if (table[:, :-1] % 1.0).any() or not np.isfinite(table[:, :-1]).all():
+    if (table[:, :-1] % 1.0).any() or not (abs(table[:, :-1]) < LARGEST).all():
         raise wanted.error("nodes and degrees of freedom must be whole numbers")
     return (_labelled if n_columns == 5 else _numbered)(table, wanted)
 

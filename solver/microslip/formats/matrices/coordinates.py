@@ -43,5 +43,7 @@ def _dofs(wanted: Wanted) -> DofMap | None:
     if not all(node.isdigit() and direction.isdigit() and len(direction) == 1 for node, _, direction in parts):
         wrong = next(word for word in words if not all(part.isdigit() for part in word.split(b".")) or word.count(b".") != 1)
         raise CaseError(f"{path}: '{wrong[:20].decode('latin-1')}' is not a node and its direction, as 12.3")
+    if max((len(node) for node, _, _ in parts), default=0) > 15:
+        raise CaseError(f"{path}: a node number of more than 15 digits")
     nodes, directions = (np.array([int(part[i]) for part in parts], dtype=np.int64) for i in (0, 2))
     return DofMap(nodes, directions)

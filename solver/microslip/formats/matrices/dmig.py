@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ...parallel.errors import CaseError
-from .file_matrix import DofMap, FileMatrix, Wanted, from_coordinates
+from .file_matrix import LARGEST, DofMap, FileMatrix, Wanted, from_coordinates
 
 _EXPONENT = re.compile(r"(?<=[\d.])([+-]\d)")  # Nastran writes 1.5-3 for 1.5e-3
 
@@ -102,6 +102,8 @@ def _entries(cards: list, wanted: Wanted) -> tuple[np.ndarray, np.ndarray]:
         except (ValueError, IndexError):
             raise wanted.error(f"the DMIG entry of line {number} has a field that is no number") from None
     found = np.array(places, dtype=np.int64).reshape(-1, 4)
+    if len(found) and abs(found).max() >= LARGEST:
+        raise wanted.error(f"it has a grid point of the number {abs(found).max()}")
     if len(found) and (found[:, [1, 3]].min() < 0 or found[:, [1, 3]].max() > 6):
         raise wanted.error("a component of a DMIG entry is not 0 to 6")
     return found, np.array(values)

@@ -10,8 +10,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...parallel.errors import CaseError, ResourceError
+from ...parallel.words import shortened
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")  # 1 to 6 of DofMap
+LARGEST = 2**53  # number of a node: larger ones are not told apart by decimals, and leave no room for a direction
 SCALAR = 0  # direction of a DOF that belongs to no axis: a mode of a superelement, a scalar point
 _MOST_BYTES = 2**40  # of any machine that this program runs on
 _ROWS_OF_ANY_FILE = 10**7  # whose empty rows cost less than a hundred megabytes
@@ -80,7 +82,7 @@ class Wanted:
         ------
         CaseError : none of them
         """
-        known = ", ".join(sorted(names)) or "none"
+        known = shortened(", ".join(sorted(names))) or "none"
         if self.name is not None:
             if self.name not in names:
                 raise CaseError(f"{self.where} has no matrix of this name; it has {known}")

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from ...parallel.apart import Died, read_apart
+from ..hdf5 import MOST_GAIN, Storage
 from .file_matrix import FileMatrix, Wanted
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -25,9 +27,19 @@ def read_hdf5(wanted: Wanted) -> FileMatrix:
     CaseError : the file is at fault, or needs h5py
     """
     try:
-        import h5py
+        import h5py  # noqa: F401
     except ImportError:
         raise wanted.error("a .mat of version 7.3 needs h5py; save it with -v7, or install h5py") from None
+    try:
+        return read_apart(wanted.path, _matrix, wanted, gain=MOST_GAIN)
+    except Died as problem:
+        raise wanted.error(str(problem)) from None
+
+
+def _matrix(wanted: Wanted) -> FileMatrix:
+    """Return the matrix of a file that does no harm."""
+    import h5py
+
     with h5py.File(wanted.path, "r", locking=False) as file:
         name = wanted.choose([name for name in file if name not in _OWN])
         item = _inside(file, name, wanted)
@@ -51,6 +63,9 @@ def _inside(group, name: str, wanted: Wanted):
             raise wanted.error(f"the numbers of {name} lie in another file; they are not read")
         if item.nbytes > _MOST_DEFLATED * max(item.id.get_storage_size(), 1):
             raise wanted.error(f"{name} claims {item.nbytes} bytes, and the file has {item.id.get_storage_size()} of it")
+        fault = Storage(wanted.size).fault(item, name)
+        if fault is not None:
+            raise wanted.error(fault)
     return item
 
 

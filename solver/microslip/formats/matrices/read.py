@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...parallel.errors import CaseError, ResourceError
+from ...parallel.files import refuse_devices
 from .abaqus import is_abaqus, read_abaqus
 from .ansys_full import read_full
 from .coordinates import read_calculix
@@ -101,6 +102,7 @@ def read_any(path: Path, key: str, symbol: str, name: str | None = None, *, is_s
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise CaseError(f"{where}: ending {path.suffix!r} is not one of {', '.join(ENDINGS)}")
+    refuse_devices(path)
     wanted = Wanted(path, symbol, where, name)
     try:
         found = reader(wanted)

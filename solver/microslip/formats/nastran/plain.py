@@ -19,8 +19,8 @@ _SOLIDS = {b"CTETRA": (4, 10), b"CPENTA": (6, 15), b"CHEXA": (8, 20), b"CPYRAM":
 _WIDTH = 72  # of a line without the mark of the one that follows
 _LONGEST = 6  # lines of a plain card
 _CARD = re.compile(rb"(GRID|CTETRA|CPENTA|CHEXA|CPYRAM)(\*?) *")
-# where one of these words stands, grid points have further meaning, or there are further files and models
-_OTHERWISE = (b"INCLUDE", b"GRDSET", b"CORD1", b"SUPER")
+# where one of these words stands, grid points have further meaning, or there are further models
+_OTHERWISE = (b"GRDSET", b"CORD1", b"SUPER")
 _AT_A_TIME = 100_000  # cards whose characters are held
 
 

@@ -21,6 +21,8 @@ from .supports import equations, supports
 
 # references of cards to others that need not be followed
 _OTHER_REFERENCES = "elements nodes_with_elements properties masses materials loads constraints aero sets optimization".split()
+_MOST_FILES, _DEEPEST = 10_000, 50  # included, all together and within each other
+_OF_ANY = 2**24  # bytes that they may have whatever their size
 _SOLIDS = {"CTETRA": "tet", "CPENTA": "wedge", "CHEXA": "hex", "CPYRAM": "pyramid"}
 _ORDER = {  # Nastran writes the mid-sides of vertical edges before those of the top
     "hex20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
@@ -37,7 +39,6 @@ def read_bdf(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, includes that are not there or leave its folder
     """
-    _check_includes(path, os.path.dirname(os.path.abspath(path)), ())
     plain, cards = _plain_and_others(path)
     if not (cards.nodes or len(plain.numbers)) or not (cards.elements or plain.solids):
         raise MeshError("the file holds no grid points and elements that this program reads")
@@ -81,17 +82,16 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
 
 def _plain_and_others(path: str) -> tuple[Plain, Any]:
     """Return the plain cards of a file, and pyNastran's reading of the others."""
-    with open(path, "rb") as file:
-        text = file.read()
+    text = _Files(path).text(path)
     plain = take_plain(text)
-    cards = _cards(path, plain.rest)
+    cards = _cards(plain.rest)
     if plain.meets(cards.nodes, cards.elements):  # a number that stands twice: pyNastran says where
         plain = none_plain(text)
-        cards = _cards(path, plain.rest)
+        cards = _cards(plain.rest)
     return plain, cards
 
 
-def _cards(path: str, text: str) -> Any:
+def _cards(text: str) -> Any:
     """Return pyNastran's reading of the text of a file."""
     try:
         from pyNastran.bdf.bdf import BDF
@@ -99,7 +99,7 @@ def _cards(path: str, text: str) -> Any:
         raise MeshError("Nastran bulk data is read by pyNastran; install it: pip install pyNastran") from None
     if not text.strip():
         raise MeshError("the file is empty")
-    source, is_whole = _source(path, text)
+    source, is_whole = _source(text)
     cards = BDF(debug=None)
     cards.disable_cards(("DEFUSET",))
     try:
@@ -122,40 +122,60 @@ def follow_references(cards: Any) -> None:
     cards.cross_reference(xref=True, **{f"xref_{name}": False for name in _OTHER_REFERENCES})
 
 
-def _source(path: str, text: str) -> tuple[Any, bool]:
+def _source(text: str) -> tuple[Any, bool]:
     """Return what pyNastran reads, and whether it has an executive and a case control.
 
     Gmsh writes bulk data alone, with or without its first line, and meshio ends the names of quadratic elements with a stroke.
     """
-    is_whole = re.search(r"^\s*CEND", text, re.MULTILINE | re.IGNORECASE) is not None
-    if re.search(r"^\s*INCLUDE", text, re.MULTILINE | re.IGNORECASE):
-        return path, is_whole
-    if is_whole:
+    if re.search(r"^[^\S\n]*CEND", text, re.MULTILINE | re.IGNORECASE):
         return io.StringIO(text), True
-    text = re.sub(r"^\s*BEGIN\s+BULK.*$", "", text, flags=re.MULTILINE | re.IGNORECASE)
+    text = re.sub(r"^[^\S\n]*BEGIN[^\S\n]+BULK.*$", "", text, flags=re.MULTILINE | re.IGNORECASE)
     text = re.sub(r"^(CHEXA|CTETRA|CPENTA)_", r"\1 ", text, flags=re.MULTILINE)
     return io.StringIO(re.sub(r"^CPYRA_", "CPYRAM", text, flags=re.MULTILINE)), False
 
 
-def _check_includes(path: str, folder: str, chain: tuple[str, ...]) -> None:
-    """Raise MeshError for an include that is not there, leaves the folder of the file or includes itself."""
-    with open(path, "rb") as file:
-        content = file.read()
-    if b"INCLUDE" not in content.upper():
-        return
-    text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8", errors="replace")
-    lines = [(number, line) for number, line in enumerate(text, 1) if line.lstrip()[:7].upper() == "INCLUDE"]
-    for number, line in lines:
+class _Files:
+    """The text of a file with those that it includes in their places."""
+
+    def __init__(self, path: str):
+        self.folder = os.path.dirname(os.path.abspath(path))
+        self.sizes: dict[str, int] = {}  # bytes of each file
+        self.n_files = self.n_bytes = 0  # read so far
+
+    def text(self, path: str, chain: tuple[str, ...] = ()) -> bytes:
+        """Return the text of a file.
+
+        Raises
+        ------
+        MeshError : an include that is not there, leaves the folder of the file, includes itself, or comes again and again
+        """
+        with open(path, "rb") as file:
+            content = file.read()
+        self.sizes[path] = len(content)
+        self.n_files, self.n_bytes = self.n_files + 1, self.n_bytes + len(content)
+        if self.n_files > _MOST_FILES or len(chain) > _DEEPEST or self.n_bytes > max(_OF_ANY, 8 * sum(self.sizes.values())):
+            raise MeshError(f"{os.path.basename(path)}: files are included again and again, {self.n_bytes} bytes in all")
+        if b"INCLUDE" not in content.upper():
+            return content
+        lines = content.splitlines(keepends=True)
+        for i, line in enumerate(lines):
+            if line.lstrip()[:7].upper() == b"INCLUDE":
+                inner = self._inner(path, i + 1, line.decode("utf-8", "replace"), chain)
+                lines[i] = self.text(inner, (*chain, os.path.abspath(path))) + b"\n"
+        return b"".join(lines)
+
+    def _inner(self, path: str, number: int, line: str, chain: tuple[str, ...]) -> str:
+        """Return the path of the file that a line includes."""
         name = line.strip()[7:].split("$")[0].strip().strip("'\"")
-        inner = os.path.normpath(os.path.join(folder, name))
+        inner = os.path.normpath(os.path.join(self.folder, name))
         where = f"{os.path.basename(path)}, line {number}: INCLUDE '{name}'"
-        if os.path.isabs(name) or not os.path.realpath(inner).startswith(os.path.realpath(folder) + os.sep):
+        if os.path.isabs(name) or not os.path.realpath(inner).startswith(os.path.realpath(self.folder) + os.sep):
             raise MeshError(f"{where} leaves the folder of the file; copy it there")
         if not os.path.isfile(inner):
             raise MeshError(f"{where}: there is no such file")
         if inner in (*chain, os.path.abspath(path)):
             raise MeshError(f"{where}: a file that includes itself")
-        _check_includes(inner, folder, (*chain, os.path.abspath(path)))
+        return inner
 
 
 def _cells_and_bodies(content: Content, plain: tuple[Solids, ...]) -> tuple[list[Cells], dict[str, FileBody]]:

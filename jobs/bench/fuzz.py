@@ -1,0 +1,227 @@
+"""Feed every reader of the program with rubbish that grows out of small files, guided by what of the code it reaches.
+
+    python -m pip install --target /tmp/atheris atheris
+    PYTHONPATH=/tmp/atheris python jobs/bench/fuzz.py [READER ...] --seconds 600 --out results/fuzz
+
+A reader may return what it has read, or say in one message what is at fault.  Any other exception, an allocation that fails, a
+crash of a library beneath it and a hang are findings: the file and the cause lie in OUT/READER/findings afterwards.  Each reader
+runs in a process of its own that may take MEMORY more than it starts with; where that process dies, another one goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import importlib.util
+import io
+import json
+import os
+import re
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT / "solver"), str(ROOT / "tests")]
+LONGEST = 65536  # bytes of a file, or twice the longest one that it begins with
+HANG = 30  # seconds on a busy machine
+INSTRUMENTED = (
+    "microslip.formats",
+    "microslip.parallel",
+    "microslip.scene",
+    "microslip.results.read",
+    "microslip.results.fields",
+)
+INSTRUMENTED += (
+    "microslip.mesh.nodes",
+    "microslip.mesh.listed",
+    "microslip.mesh.values",
+    "microslip.assembly.pair_file",
+    "tomllib",
+)
+BENEATH = {"exodus": ("scipy.io._netcdf",), "ansys": ("mapdl_archive",), "nastran": ("pyNastran.bdf.bdf_interface",)}
+BENEATH |= dict.fromkeys(("vtu", "vtk", "fem"), ("meshio",))  # libraries that a reader stands on
+
+
+def main() -> None:
+    """Fuzz the readers one after the other and print what was found."""
+    asked = _arguments()
+    if asked.child:
+        _fuzz(asked.readers[0], Path(asked.out), Path(asked.work), asked)
+        return
+    if importlib.util.find_spec("atheris") is None:
+        sys.exit("fuzzing needs atheris: python -m pip install --target DIR atheris, and DIR in PYTHONPATH")
+    from reader_targets import TARGETS
+
+    unknown = set(asked.readers) - set(TARGETS)
+    if unknown:
+        sys.exit(f"{', '.join(sorted(unknown))}: no such reader; there are {', '.join(TARGETS)}")
+    print("| reader | seconds | files | findings |\n| --- | ---: | ---: | --- |", flush=True)
+    n_findings = 0
+    for name in asked.readers or TARGETS:
+        n_findings += _report(name, Path(asked.out) / name, *_in_processes(name, asked))
+    sys.exit(1 if n_findings else 0)
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("readers", nargs="*", metavar="READER", help="of tests/reader_targets.py; all if none is named")
+    parser.add_argument("--seconds", type=float, default=600.0, help="for each reader")
+    parser.add_argument(
+        "--out", default="results/fuzz", help="files that reached something new, and findings; kept for the next time"
+    )
+    parser.add_argument("--memory", type=int, default=1024, help="MiB that a file may take")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--child", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--work", help=argparse.SUPPRESS)
+    return parser.parse_args()
+
+
+def _in_processes(name: str, asked: argparse.Namespace) -> tuple[float, int]:
+    """Fuzz a reader until its time is over, in a new process after each that dies; return seconds and files."""
+    folder = Path(asked.out) / name
+    shutil.rmtree(folder / "findings", ignore_errors=True)
+    (folder / "findings").mkdir(parents=True)
+    (folder / "corpus").mkdir(exist_ok=True)
+    (folder / "count").write_bytes(bytes(16))
+    seed, n_short, taken = asked.seed, 0, 0.0
+    environment = {**os.environ, "OMPI_MCA_opal_signal": "", "PYTHONHASHSEED": "0"}  # crashes are the fuzzer's to see
+    while asked.seconds - taken > 1.0 and n_short < 5:
+        with tempfile.TemporaryDirectory(dir="/dev/shm" if os.path.isdir("/dev/shm") else None, prefix="fuzz_") as work:
+            command = [sys.executable, __file__, name, "--child", "--out", str(folder), "--work", work]
+            command += ["--seconds", str(int(asked.seconds - taken) + 1), "--seed", str(seed), "--memory", str(asked.memory)]
+            with open(folder / "log", "ab") as log:
+                status = subprocess.run(command, stdout=log, stderr=log, env=environment, check=False).returncode
+            if status == 0:
+                break
+            _keep_crash(folder, Path(work), status)
+        seed += 1
+        before, taken = taken, _counted(folder)[0]
+        n_short += taken - before < 1.0
+    return _counted(folder)
+
+
+def _counted(folder: Path) -> tuple[float, int]:
+    """Return the seconds that files were read for, and their number."""
+    n_files, microseconds = np.fromfile(folder / "count", dtype="i8")
+    return float(microseconds) * 1e-6, int(n_files)
+
+
+def _keep_crash(folder: Path, work: Path, status: int) -> None:
+    """Move the file that killed the process to the findings."""
+    made = [*folder.glob("crash-*"), *folder.glob("timeout-*"), *folder.glob("oom-*")] or list(work.glob("input.*"))
+    for path in made:
+        is_hang = path.name.startswith("timeout")
+        name = hashlib.sha1(path.read_bytes()).hexdigest()[:12]
+        shutil.move(path, folder / "findings" / name)
+        cause = "hangs" if is_hang else f"the process died with status {status}"
+        (folder / "findings" / f"{name}.txt").write_text(cause + "\n")
+
+
+def _report(name: str, folder: Path, seconds: float, n_files: int) -> int:
+    """Print the line of a reader and return how many findings there are."""
+    causes = sorted({path.read_text().splitlines()[0] for path in (folder / "findings").glob("*.txt")})
+    if not n_files:
+        causes.append(f"no file was read; {folder / 'log'} says why")
+    print(f"| {name} | {seconds:.0f} | {n_files} | {'; '.join(causes) or 'none'} |", flush=True)
+    (folder / "summary.json").write_text(json.dumps({"reader": name, "seconds": seconds, "files": n_files, "findings": causes}))
+    return len(causes)
+
+
+def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> None:
+    """Fuzz one reader in this process, which ends with it."""
+    import atheris
+
+    with atheris.instrument_imports(include=[*INSTRUMENTED, *BENEATH.get(name, ())], enable_loader_override=False):
+        from reader_seeds import SEEDS
+        from reader_targets import TARGETS, verdict
+
+    target, findings = TARGETS[name], folder / "findings"
+    seeds = SEEDS[name](work)
+    for i, content in enumerate(seeds):
+        (folder / "corpus" / f"seed{i}").write_bytes(content)
+        (work / f"first{target.ending}").write_bytes(content)
+        verdict(target, work / f"first{target.ending}")  # what is imported late is imported now
+    (folder / "words").write_text("".join(f'"{_escaped(word)}"\n' for word in target.dictionary))
+    path, count = work / f"input{target.ending}", np.memmap(folder / "count", dtype="i8", mode="r+")
+
+    before, began = int(count[1]), time.monotonic()
+
+    def one_file(content: bytes) -> None:
+        count[:] = count[0] + 1, before + int(1e6 * (time.monotonic() - began))
+        path.write_bytes(content)
+        cause = verdict(target, path)
+        if cause is not None:
+            _keep(findings, cause, content)
+
+    limit = int(re.search(r"VmSize:\s+(\d+)", Path("/proc/self/status").read_text())[1]) * 1024 + asked.memory * 2**20
+    options = [
+        f"-max_total_time={int(asked.seconds)}",
+        f"-timeout={HANG}",
+        f"-max_len={max(LONGEST, 2 * max(map(len, seeds)))}",
+        f"-artifact_prefix={folder}/",
+    ]
+    options += [f"-dict={folder / 'words'}", f"-seed={asked.seed}", "-rss_limit_mb=0", "-print_final_stats=1", "-verbosity=1"]
+    changed = {"npz": _in_archive, **dict.fromkeys(("results", "exodus", "mat"), _in_place)}
+    own = {"custom_mutator": changed[name]} if name in changed else {}
+    atheris.Setup([sys.argv[0], *options, str(folder / "corpus")], one_file, enable_python_coverage=True, **own)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    atheris.Fuzz()
+
+
+def _keep(findings: Path, cause: str, content: bytes) -> None:
+    """Keep the shortest file of each cause."""
+    name = hashlib.sha1(re.sub(r"\d+|'[^']*'", "", cause).encode()).hexdigest()[:12]
+    if not (findings / name).exists() or len(content) < (findings / name).stat().st_size:
+        (findings / name).write_bytes(content)
+        (findings / f"{name}.txt").write_text(cause + "\n")
+
+
+def _escaped(word: str) -> str:
+    return "".join(f"\\x{byte:02x}" for byte in word.encode("latin-1"))
+
+
+def _in_place(content: bytes, longest: int, seed: int) -> bytes:
+    """Return an HDF5 file with some bytes changed and none moved: addresses are all over it; every eighth time anything."""
+    import atheris
+
+    if seed % 8 == 0 or b"\x89HDF" not in content[:1024]:
+        return atheris.Mutate(content, longest)
+    random, changed = np.random.default_rng(seed), bytearray(content)
+    for at in random.integers(0, len(content), random.integers(1, 6)):
+        n = int(random.choice([1, 1, 1, 2, 4, 8]))
+        put = random.bytes(n) if random.random() < 0.5 else bytes([int(random.choice([0, 1, 127, 128, 255]))]) * n
+        changed[at : at + n] = put[: len(content) - at]
+    return bytes(changed)
+
+
+def _in_archive(content: bytes, longest: int, seed: int) -> bytes:
+    """Return an archive with one of its members changed, whose sums are right; every fourth time the archive itself."""
+    import atheris
+
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            members = {name: archive.read(name) for name in archive.namelist()}
+    except Exception:  # it is no archive any more
+        return atheris.Mutate(content, longest)
+    if seed % 4 == 0 or not members:
+        return atheris.Mutate(content, longest)
+    chosen = sorted(members)[seed // 4 % len(members)]
+    members[chosen] = atheris.Mutate(members[chosen], len(members[chosen]) + 64)
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED if seed % 8 == 1 else zipfile.ZIP_STORED) as archive:
+        for name, data in members.items():
+            archive.writestr(name, data)
+    return made.getvalue()[:longest]
+
+
+if __name__ == "__main__":
+    main()

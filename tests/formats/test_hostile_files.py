@@ -1,0 +1,386 @@
+"""Files made to fool a reader: counts beyond the file, pipes and devices, circles, bombs, links, code in the folder of a scene."""
+
+import os
+import pickle
+import subprocess
+import sys
+import time
+import zipfile
+from pathlib import Path
+from types import SimpleNamespace
+
+import h5py
+import matplotlib
+import numpy as np
+import pytest
+from kept_results import kept
+from plain_model import bdf, exodus, inp, plain
+from reader_targets import TARGETS, verdict
+from scene_files import GOOD
+
+from microslip.formats import bounded
+from microslip.formats.includes import included_files
+from microslip.formats.matrices.read import read_matrix
+from microslip.formats.read import read_model
+from microslip.parallel.apart import Died, apart
+from microslip.parallel.errors import CaseError, MeshError, MicroslipError
+from microslip.results.read import read_results, refuse_deadly
+from microslip.results.scene_back import GONE, fate
+from microslip.results.style import RC
+from microslip.scene.read import read_scene
+
+CASES = Path(__file__).parent / "fuzz_cases"
+SOLVER = Path(__file__).parents[2] / "solver"
+HUGE = "999999999999999999"
+
+
+def read(folder, name, content):
+    """Return what the reader of ``name`` says of a file with this content."""
+    target = TARGETS[name]
+    path = folder / f"file{target.ending}"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    began = time.process_time()
+    with pytest.raises(MicroslipError) as said:
+        target.read(path)
+    assert time.process_time() - began < 5.0
+    assert str(path) in str(said.value) and len(str(said.value)) < 1500
+    return str(said.value)
+
+
+CUBE = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n*ELEMENT,TYPE=C3D8,ELSET=E\n1,1,2,3,4,5,6,7,8\n"
+VTK = "# vtk DataFile Version 4.2\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+
+
+@pytest.mark.parametrize(
+    "name, content, said",
+    [
+        ("msh", f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{HUGE}\n1 0 0 0\n$EndNodes\n", "holds 4 numbers"),
+        ("msh", f"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n{HUGE} 1 1 1\n$EndNodes\n", "ends early"),
+        ("abaqus", CUBE.replace("8,0,1,1\n", f"{HUGE}0,0,1,1\n"), ""),
+        ("abaqus", CUBE + f"*NSET, NSET=N, GENERATE\n1, 1e300, 1\n*BOUNDARY\nN, 1, {HUGE}\n", ""),
+        ("abaqus", f'*NODE, NSET={"," * 200_000}"\n1,0,0,0\n', ""),
+        ("ansys", f"NBLOCK,6,SOLID,1,{HUGE}\n(3i9,6e21.13e3)\n        1\nEBLOCK,19,SOLID,1,1\n(19i9)\n", "more than a file of"),
+        ("nastran", "GRID,1,,0.,0.,0.\nCTETRA,1,1,1,1,1,1\nSPC1,5,123,1,THRU,999999999999\n", ""),
+        ("nastran", "\n" * 100_000, "empty"),
+        ("unv", f"    -1\n  2412\n         1       115         1         1         7{HUGE}\n         1\n    -1\n", ""),
+        ("vtk", VTK + f"POINTS {HUGE} double\n0 0 0\n", ""),
+        ("vtk", VTK + f"POINTS 1 double\n0 0 0\nCELLS 1 2\n1 0\nCELL_TYPES {HUGE}\n1\n", ""),
+        ("vtk", (CASES / "vtk-cells_of_90_gigabytes").read_bytes(), "more memory than a file"),
+        ("vtu", '<?xml version="1.0"?><VTKFile type="UnstructuredGrid"><UnstructuredGrid><Piece NumberOfPoints="9', ""),
+        ("mtx", f"%%MatrixMarket matrix coordinate real general\n{HUGE} {HUGE} 1\n1 1 1\n", "asks for"),
+        ("mtx", "1e300,1, 1,1, 1.0\n", "whole numbers"),
+        ("calculix", "1e300 1 2.0\n", "asks for"),
+        ("dmig", f"DMIG,K,0,6,2,0\nDMIG*,K,{HUGE},1\n*,{HUGE},1,1.0\n", ""),
+        ("harwell_boeing", f"t\n1 1 {HUGE} 1 0\nRUA {HUGE:>20} {HUGE} {HUGE}\n(1I8) (1I8) (1E20.12)\n", ""),
+        ("pairs", "x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n1e300,1,2,3,4,5,0.3,1,0,1,1\n", "is not a DOF number"),
+        ("dofs", "node,direction\n1e300,1\n", "a node number and a direction"),
+        ("nodes", "node,x,y,z\n1e300,0,0,0\n", "whole and above 0"),
+        ("nodes", "node,x,y,z\n1,0,0,nan\n", "not a finite number"),
+        ("forces", "node,fx,fy,fz\n1e300,1,0,0\n", "no element of a body has a node"),
+        ("parameters", f"node,friction\n{'1' * 200_000},0.3\n", ""),
+        ("scene", "a = " + "[" * 100_000, ""),
+        ("scene", ".".join("a" * 50_000) + " = 1", ""),
+        ("scene", f"title = {'9' * 6000}", ""),
+        ("scene", f"{'a' * 100_000} = 1\n", "mistakes"),
+    ],
+)
+def test_counts_and_numbers_that_no_file_can_hold_are_refused(tmp_path, name, content, said):
+    assert said in read(tmp_path, name, content)
+
+
+@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize("content", [b"", b"\n", b"\0" * 300, b"\xff\xfe" * 200, b"-1 " * 300])
+def test_files_without_sense_are_refused(tmp_path, name, content):
+    read(tmp_path, name, content)
+
+
+# -- what is no file ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", TARGETS)
+@pytest.mark.parametrize("sort", ["pipe", "device"])
+def test_pipes_and_devices_are_not_opened(tmp_path, name, sort):
+    path = tmp_path / f"input{TARGETS[name].ending}"
+    if sort == "pipe":
+        os.mkfifo(path)
+    else:
+        path.symlink_to("/dev/zero")
+    with pytest.raises(MicroslipError, match="pipe or a device|no file|no such file"):
+        TARGETS[name].read(path)
+
+
+def test_a_scene_that_names_a_pipe_says_so(tmp_path):
+    os.mkfifo(tmp_path / "fan_sector.msh")
+    (tmp_path / "s.toml").write_text(GOOD)
+    with pytest.raises(CaseError, match='mesh = "fan_sector.msh": that is a pipe or a device; a file is expected'):
+        read_scene(tmp_path / "s.toml")
+
+
+@pytest.mark.parametrize("line", ["*INCLUDE, INPUT=pipe", "*INCLUDE, INPUT=/dev/zero", "*INCLUDE, INPUT=."])
+def test_what_is_included_is_a_file_of_the_folder(tmp_path, line):
+    os.mkfifo(tmp_path / "pipe")
+    read(tmp_path, "abaqus", f"{line}\n{CUBE}")
+    read(tmp_path, "nastran", f"INCLUDE '{line.partition('=')[2]}'\n" + bdf(plain()))
+
+
+@pytest.mark.parametrize("name, line", [("abaqus", "*INCLUDE, INPUT={}\n"), ("nastran", "INCLUDE '{}'\n")])
+def test_files_that_include_the_next_one_again_and_again_end(tmp_path, name, line):
+    """Two to the power of 20 times a file of 10 kB would be ten gigabytes."""
+    for i in range(20):
+        (tmp_path / f"f{i}").write_text(2 * line.format(f"f{i + 1}"))
+    (tmp_path / "f20").write_text(100 * f"** {100 * 'x'}\n" if name == "abaqus" else 100 * f"$ {60 * 'x'}\n")
+    assert "included" in read(tmp_path, name, line.format("f0"))
+
+
+@pytest.mark.parametrize("name, line", [("abaqus", "*INCLUDE, INPUT={}\n"), ("nastran", "INCLUDE '{}'\n")])
+def test_a_thousand_files_within_each_other_are_refused(tmp_path, name, line):
+    for i in range(1200):
+        (tmp_path / f"f{i}").write_text(line.format(f"f{i + 1}"))
+    (tmp_path / "f1200").write_text("")
+    assert "includ" in read(tmp_path, name, line.format("f0"))
+    assert 50 < len(included_files(tmp_path / f"file{TARGETS[name].ending}")) < 1200
+
+
+def test_included_bulk_data_is_in_its_place(tmp_path):
+    lines = bdf(plain("hex8")).splitlines(keepends=True)
+    at = next(i for i, line in enumerate(lines) if line.startswith("GRID"))
+    (tmp_path / "grid.inc").write_text("".join(lines[at : at + 5]))
+    (tmp_path / "whole.bdf").write_text("".join(lines))
+    (tmp_path / "parts.bdf").write_text("".join([*lines[:at], "INCLUDE 'grid.inc'\n", *lines[at + 5 :]]))
+    whole, parts = read_model(tmp_path / "whole.bdf"), read_model(tmp_path / "parts.bdf")
+    np.testing.assert_array_equal(parts.numbers, whole.numbers)
+    np.testing.assert_array_equal(parts.points, whole.points)
+
+
+# -- archives and HDF5 --------------------------------------------------------------------------------------------------
+
+
+class Deed:
+    """What unpickling would do."""
+
+    def __reduce__(self):
+        return os.system, ("touch executed",)
+
+
+def test_objects_of_archives_are_not_made(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.savez(tmp_path / "file.npz", K=np.array([[Deed()]], dtype=object))
+    with pytest.raises(CaseError, match="cannot be read as a matrix"):
+        read_matrix(tmp_path / "file.npz", "[model] stiffness", "K")
+    with zipfile.ZipFile(tmp_path / "raw.npz", "w") as archive:
+        archive.writestr("K.npy", pickle.dumps(Deed()))
+    with pytest.raises(CaseError, match="cannot be read as a matrix"):
+        read_matrix(tmp_path / "raw.npz", "[model] stiffness", "K")
+    assert not (tmp_path / "executed").exists()
+
+
+def test_an_archive_that_unpacks_to_gigabytes_is_refused(tmp_path):
+    head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (20000, 20000), }".ljust(117) + b"\n"
+    with zipfile.ZipFile(tmp_path / "K.npz", "w", zipfile.ZIP_BZIP2) as archive:
+        archive.writestr("K.npy", b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head + bytes(10**7))
+    assert (tmp_path / "K.npz").stat().st_size < 2000
+    with pytest.raises(CaseError, match="claims 10000128 bytes in a file of"):
+        read_matrix(tmp_path / "K.npz", "[model] stiffness", "K")
+
+
+def test_entities_of_xml_do_not_swell(tmp_path):
+    bomb = "".join(f'<!ENTITY a{i} "{10 * f"&a{i - 1};"}">' for i in range(1, 10))
+    read(tmp_path, "vtu", f'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY a0 "0 0 0 0 0 0">{bomb}]><VTKFile>&a9;</VTKFile>')
+    (tmp_path / "secret").write_text("7")
+    read(
+        tmp_path,
+        "vtu",
+        f'<?xml version="1.0"?><!DOCTYPE x [<!ENTITY s SYSTEM "file://{tmp_path}/secret">]><VTKFile>&s;</VTKFile>',
+    )
+
+
+def replaced(path, name, make):
+    with h5py.File(path, "r+") as file:
+        values = file[name][()]
+        del file[name]
+        make(file, values)
+    return path
+
+
+def _alias(file, values):
+    file["joint/mu"] = file["joint/area"]
+
+
+def _wide_chunk(file, values):
+    file.create_dataset("joint/mu", values.shape, "f8", chunks=(2**27,), maxshape=(None,))
+
+
+def _foreign_filter(file, values):
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_chunk((len(values),))
+    plist.set_filter(32015, h5py.h5z.FLAG_OPTIONAL, (3,))
+    space = h5py.h5s.create_simple(values.shape)
+    h5py.h5d.create(file.id, b"joint/mu", h5py.h5t.IEEE_F64LE, space, plist)
+
+
+def _references(file, values):
+    file.create_dataset("joint/mu", data=np.array([file.ref] * len(values), dtype=h5py.ref_dtype), dtype=h5py.ref_dtype)
+
+
+@pytest.mark.parametrize(
+    "make, said",
+    [
+        (_alias, "are one data set under two names"),
+        (_wide_chunk, "chunks of 1073741824 bytes"),
+        (_foreign_filter, "a filter, number 32015"),
+        (_references, "variable length or references"),
+    ],
+)
+def test_results_that_swell_or_need_plugins_are_refused(tmp_path, make, said):
+    path = replaced(kept(tmp_path), "joint/mu", make)
+    with pytest.raises(CaseError, match=said):
+        read_results(path)
+    with pytest.raises(CaseError, match=said):
+        raise CaseError(_message_of_convert(path, tmp_path))
+
+
+def _message_of_convert(path, folder):
+    from microslip.results.convert import convert
+
+    try:
+        convert(path, folder / "out", ("mat",))
+    except CaseError as problem:
+        return str(problem)
+    return "converted"
+
+
+@pytest.mark.parametrize("place", ["pipe", "/dev/zero", ".", "none\0"])
+def test_what_results_say_that_they_were_made_of_may_be_a_pipe(tmp_path, place):
+    os.mkfifo(tmp_path / "pipe")
+    assert fate(SimpleNamespace(path=os.path.join(tmp_path, place), size=0, sha256="")) == GONE
+
+
+def test_texts_of_variable_length_are_read_still(tmp_path):
+    path = kept(tmp_path)
+    with h5py.File(path, "r+") as file:
+        del file["scene/name"]
+        file["scene/name"] = "earlier"
+    refuse_deadly(path)
+    assert read_results(path).name == "earlier"
+
+
+def test_exodus_in_hdf5_claims_no_more_than_it_holds(tmp_path):
+    exodus(plain("tet4"), tmp_path / "file.e", True)
+    with h5py.File(tmp_path / "file.e", "r+") as file:
+        del file["coordx"]
+        file.create_dataset("coordx", (10**8,), "f8", chunks=(100,))
+    with pytest.raises(MeshError, match="coordx claims 800000000 bytes and holds 0"):
+        read_model(tmp_path / "file.e")
+
+
+# -- processes that die of a file ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "call, said",
+    [
+        (os.abort, r"crashes on it \(SIGABRT\)"),
+        (lambda: np.ones(2**27), "more memory"),
+        (lambda: time.sleep(60), "does not end within 1 s"),
+        (lambda: os._exit(0), "more memory"),
+    ],
+)
+def test_a_call_that_kills_or_fills_or_never_ends_is_named_and_does_no_harm(call, said):
+    with pytest.raises(Died, match=said):
+        apart(call, seconds=1 if "end" in said else 60, memory=2**28)
+
+
+def test_what_a_call_returns_and_raises_comes_back():
+    many = {"seconds": 60, "memory": 2**28}
+    np.testing.assert_array_equal(apart(np.arange, 5, **many), np.arange(5))
+    with pytest.raises(MeshError, match="a text"):
+        apart(_raises, MeshError("a text"), **many)
+    with pytest.raises(RuntimeError, match="Unsent: gone"):
+        apart(_raises, Unsent("gone"), **many)
+
+
+class Unsent(Exception):
+    """An error that cannot be sent from one process to another."""
+
+    def __reduce__(self):
+        raise TypeError
+
+
+def _raises(problem):
+    raise problem
+
+
+def test_memory_is_bounded_while_a_file_is_read_and_not_afterwards(tmp_path, monkeypatch):
+    monkeypatch.setattr(bounded, "_FREE", 2**27)
+    (tmp_path / "f").write_bytes(b"x")
+    with pytest.raises(MeshError, match="more memory than a file of 1 bytes"):
+        with bounded.bounded_memory(str(tmp_path / "f")):
+            np.ones(2**26)
+    assert len(np.ones(2**26)) == 2**26
+
+
+# -- nothing in the folder of a scene is executed -----------------------------------------------------------------------
+
+
+def test_modules_and_settings_in_the_folder_are_not_taken(tmp_path):
+    """Modules of names that the program imports."""
+    for name in ("numpy", "h5py", "pydantic", "tomllib", "signal", "json", "matplotlib", "petsc4py", "scipy"):
+        (tmp_path / f"{name}.py").write_text("open('executed', 'w').close()\n")
+    (tmp_path / "s.toml").write_text("title = 1\n")
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMI"))}
+    environment |= {"PYTHONPATH": str(SOLVER), "MPLCONFIGDIR": str(tmp_path / "cache")}
+    for command in (["check", "s.toml"], ["plot", "none.h5"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "microslip", *command],
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
+        assert done.returncode == 2, done.stderr
+    assert not (tmp_path / "executed").exists()
+
+
+def test_options_of_petsc_in_the_folder_are_not_taken(tmp_path):
+    """Neither .petscrc nor petscrc of the folder, nor .petscrc of the home folder; what PETSc is told is what the command says."""
+    for name in (".petscrc", "petscrc"):
+        (tmp_path / name).write_text("-from_a_file 1\n")
+    program = (
+        "from microslip.parallel.petsc import initialise\n"
+        "PETSc, _ = initialise(['-hb_snes_max_it', '7'])\n"
+        "print(sorted(PETSc.Options().getAll()))\n"
+    )
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMI", "PETSC_OPTIONS"))}
+    environment |= {"PYTHONPATH": str(SOLVER), "HOME": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert "hb_snes_max_it" in done.stdout and "from_a_file" not in done.stdout, done.stderr
+
+
+def test_pictures_take_nothing_from_a_matplotlibrc():
+    with matplotlib.rc_context({"text.usetex": True, "text.latex.preamble": r"\input{secret}", "font.size": 40.0}):
+        with matplotlib.rc_context(RC):
+            assert not matplotlib.rcParams["text.usetex"] and not matplotlib.rcParams["text.latex.preamble"]
+            assert matplotlib.rcParams["font.size"] == RC["font.size"]
+
+
+def test_names_of_a_file_do_not_steer_the_terminal(capsys):
+    from microslip.parallel.ending import _say
+
+    _say("group \x1b]0;owned\x07 'blade' \u202e\n  second line")
+    said = capsys.readouterr().err
+    assert "\x1b" not in said and "\x07" not in said and said.endswith("\n  second line\n") and "'blade'" in said
+
+
+def test_the_verdict_of_the_fuzzers_finds_what_is_wrong(tmp_path):
+    """An oracle that cannot fail shows nothing."""
+    from reader_targets import Target
+
+    def gives_up(path):
+        raise KeyError("x")
+
+    assert verdict(Target(".x", gives_up), tmp_path / "f").startswith("KeyError in")
+    assert verdict(Target(".x", lambda path: None), tmp_path / "f") is None
+    assert inp(plain()).startswith("*Heading")

@@ -1,0 +1,240 @@
+"""A few small files for every reader, as programs write them: what fuzzers start from."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+import scipy.sparse as sp
+from box_meshes import box
+from kept_results import LEVELS, boxes_in_contact, fields
+from matrix_files import WRITERS
+from plain_model import bdf, cdb, exodus, inp, plain, unv
+from scene_files import GOOD
+from synthetic_results import branch, write
+
+from microslip.formats.matrices.file_matrix import DofMap
+from microslip.formats.via_meshio import load_meshio
+from microslip.results.fields import RunRecord, StageRecord, keep_fields
+
+ROOT = Path(__file__).parents[1]
+N = 6  # rows of the matrices
+A = np.diag(np.full(N, 4.0)) - np.diag(np.full(N - 1, 1.0), 1) - np.diag(np.full(N - 1, 1.0), -1)
+DOFS = DofMap(np.repeat([1, 2], 3), np.tile([1, 2, 3], 2))
+DATA = ROOT / "tests" / "data" / "matrices"
+
+
+def _gmsh(folder: Path) -> list[bytes]:
+    """Return both versions, as text and binary, with groups and a view."""
+    points, rows = box("tet4", (1, 1, 1))
+    tags = {"gmsh:physical": [np.full(len(rows), 3)], "gmsh:geometrical": [np.full(len(rows), 1)]}
+    mesh = load_meshio().Mesh(
+        points, [("tetra", rows)], cell_data=tags, field_data={"bar": np.array([3, 3])}, point_data={"gap": points[:, 0]}
+    )
+    found = []
+    for form in ("gmsh22", "gmsh"):
+        for is_binary in (False, True):
+            mesh.write(folder / "seed.msh", file_format=form, binary=is_binary)
+            found.append((folder / "seed.msh").read_bytes())
+    return found
+
+
+def _by_meshio(ending: str, forms: tuple[dict, ...]) -> Callable[[Path], list[bytes]]:
+    def write(folder: Path) -> list[bytes]:
+        points, rows = box("hex8", (1, 1, 1))
+        found = []
+        for options in forms:
+            mesh = load_meshio().Mesh(
+                points, [("hexahedron", rows)], point_data={"gap": points[:, 0]}, cell_data={"part": [np.array([2])]}
+            )
+            mesh.write(folder / f"seed{ending}", **options)
+            found.append((folder / f"seed{ending}").read_bytes())
+        return found
+
+    return write
+
+
+def _exodus(folder: Path) -> list[bytes]:
+    found = []
+    for is_hdf5 in (False, True):
+        exodus(plain("tet4"), folder / "seed.e", is_hdf5)
+        found.append((folder / "seed.e").read_bytes())
+    return found
+
+
+def _matrix(*endings: str) -> Callable[[Path], list[bytes]]:
+    def write(folder: Path) -> list[bytes]:
+        found = []
+        for ending in endings:
+            path = folder / f"seed.{ending}"
+            WRITERS[ending][0](path, sp.csr_matrix(A), DOFS)
+            found.append(path.read_bytes())
+        return found
+
+    return write
+
+
+def _with_data(write: Callable[[Path], list[bytes]], *names: str) -> Callable[[Path], list[bytes]]:
+    return lambda folder: write(folder) + [(DATA / name).read_bytes() for name in names]
+
+
+def _mtx(folder: Path) -> list[bytes]:
+    array = io.BytesIO()
+    scipy.io.mmwrite(array, A, precision=5)
+    return [*_matrix("mtx", "abaqus.mtx")(folder), array.getvalue()]
+
+
+def _npz(folder: Path) -> list[bytes]:
+    found = []
+    for save in (
+        lambda file: np.savez(file, K=A),
+        lambda file: np.savez_compressed(file, K=A, M=A),
+        lambda file: sp.save_npz(file, sp.csr_matrix(A), compressed=False),
+        lambda file: sp.save_npz(file, sp.coo_matrix(A), compressed=False),
+    ):
+        file = io.BytesIO()
+        save(file)
+        found.append(file.getvalue())
+    return found
+
+
+def _mat(folder: Path) -> list[bytes]:
+    found = []
+    for options in ({"format": "4"}, {"format": "5"}, {"format": "5", "do_compression": True}):
+        file = io.BytesIO()
+        scipy.io.savemat(file, {"K": sp.csc_matrix(A), "n": np.arange(3)}, **options)
+        found.append(file.getvalue())
+    return [*found, *_matrix("v73.mat")(folder)]
+
+
+def _petsc(folder: Path) -> list[bytes]:
+    """Return compressed rows and a dense matrix, as PETSc lays them out."""
+    rows = sp.csr_matrix(A)
+    head = np.array([1211216, N, N, rows.nnz, *np.diff(rows.indptr), *rows.indices], dtype=">i4")
+    dense = np.array([1211216, N, N, -1], dtype=">i4")
+    return [head.tobytes() + rows.data.astype(">f8").tobytes(), dense.tobytes() + A.astype(">f8").tobytes()]
+
+
+def _scenes(folder: Path) -> list[bytes]:
+    """Return the scenes of the jobs, with empty files beside them for those that they name."""
+    texts = [GOOD, *(path.read_text() for path in sorted((ROOT / "jobs").glob("*.toml")))]
+    texts = [re.sub(r'"[^"\n]*/([\w.]+)"', r'"\1"', text) for text in texts]
+    for text in texts:
+        for name in re.findall(r'"(\w+\.[a-z]{3})"', text):
+            (folder / name).touch()
+    return [text.encode() for text in texts]
+
+
+def _results(folder: Path) -> list[bytes]:
+    (folder / "seed").mkdir(exist_ok=True)
+    pairs = boxes_in_contact()
+    path = write(
+        folder / "seed",
+        [branch(level, pairs, n_outputs=2, n_points=2) for level in LEVELS],
+        pairs,
+        outputs=("tip", "root"),
+        linear=False,
+    )
+    keep_fields(path, fields(), RunRecord((StageRecord("modes", 1.5, 200.0),), ("a note",)))
+    return [Path(path).read_bytes()]
+
+
+def _text(*texts: str) -> Callable[[Path], list[bytes]]:
+    return lambda folder: [text.encode() for text in texts]
+
+
+_CUBES = """*NODE, NSET=ALL
+1, 0, 0, 0
+2, 1, 0, 0
+3, 1, 1, 0
+4, 0, 1, 0
+5, 0, 0, 1
+6, 1, 0, 1
+7, 1, 1, 1
+8, 0, 1, 1
+9, 0.5, 0.5, 2
+*ELEMENT, TYPE=C3D8, ELSET=CUBE
+1, 1, 2, 3, 4, 5, 6, 7, 8
+*ELEMENT, TYPE=MASS, ELSET=LUMP
+3, 9
+*MASS, ELSET=LUMP
+1.0
+*ELEMENT, TYPE=SPRING1, ELSET=SPR
+4, 3
+*SPRING, ELSET=SPR
+1,
+1e6
+*NSET, NSET=SOME, GENERATE
+1, 7, 2
+*ELSET, ELSET=E
+CUBE
+*SURFACE, NAME=TOP
+CUBE, S2
+*SURFACE, NAME=BOTTOM
+1, S1
+*COUPLING, CONSTRAINT NAME=C, REF NODE=9, SURFACE=TOP
+*KINEMATIC
+1, 6
+*TRANSFORM, NSET=SOME, TYPE=C
+0.3, 0.3, 0, 0.3, 0.3, 1
+*EQUATION
+2
+2, 1, 1.0, 4, 1, -1.0
+*MATERIAL, NAME=STEEL
+*ELASTIC
+210000., .3
+*DENSITY
+7.85e-9
+*SOLID SECTION, ELSET=CUBE, MATERIAL=STEEL
+*BOUNDARY
+BOTTOMS, 1, 3
+1, 1
+*STEP, PERTURBATION
+*FREQUENCY
+5
+*END STEP
+"""
+
+SEEDS: dict[str, Callable[[Path], list[bytes]]] = {
+    "msh": _gmsh,
+    "abaqus": lambda folder: [
+        inp(plain("tet4")).encode(),
+        inp(plain("hex8")).encode(),
+        _CUBES.replace("BOTTOMS", "SOME").encode(),
+    ],
+    "ansys": lambda folder: [
+        cdb(plain("tet10")).encode(),
+        cdb(plain("hex8"), ("CE,1,0,101,UX,1,102,UX,-1", "CP,2,UY,101,102", "CERIG,101,102,ALL", "MP,EX,1,2e11")).encode(),
+    ],
+    "nastran": lambda folder: [
+        bdf(plain("tet4")).encode(),
+        bdf(plain("hex8"), ("RBE2,900,101,123,102", "CONM2,901,101,,3.0", "MPC,5,101,1,1.0,102,1,-1.0")).encode(),
+    ],
+    "unv": lambda folder: [unv(plain("tet4")).encode(), unv(plain("hex20")).encode()],
+    "exodus": _exodus,
+    "vtu": _by_meshio(".vtu", ({"binary": False}, {"binary": True, "compression": None}, {"binary": True})),
+    "vtk": _by_meshio(".vtk", ({"binary": False}, {"binary": True})),
+    "fem": _by_meshio(".fem", ({"file_format": "nastran"},)),
+    "mtx": _with_data(_mtx, "model_STIF1.mtx"),
+    "npz": _npz,
+    "mat": _mat,
+    "calculix": _matrix("sti"),
+    "op4": _with_data(_matrix("text.op4", "op4"), "mat_t_s1.op4", "mat_b_s2.op4", "mat_b_dn.op4"),
+    "op2": _with_data(_matrix("op2"), "mymatrix.op2"),
+    "dmig": _with_data(_matrix("pch"), "dmig.pch"),
+    "full": _matrix("full"),
+    "harwell_boeing": _matrix("rua"),
+    "petsc": _petsc,
+    "scene": _scenes,
+    "pairs": _text("x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n0,1,2,3,4,5,0.3,1e3,0,1e7,2e7\n# a comment\n6,7,8,-1,-1,-1,0.3,1,0,1,1\n"),
+    "forces": _text("node,fx,fy,fz\n1,0,0,1.5\n", "dof,value,imag\n3,1.0,0.5\n", "node,fx,fy,fz,fx_im\n2,1,0,0,3\n"),
+    "dofs": _text("node,direction\n1,1\n1,2\n1,3\n2,1\n2,2\n2,3\n"),
+    "nodes": _text("node,x,y,z\n1,0,0,0\n2,1.0,0,0.5\n"),
+    "node_pairs": _text("node1,node2,nx,ny,nz,area\n1,2,0,0,1,1e-6\n2,-1,0,0,1,1e-6\n"),
+    "parameters": _text("node,friction,preload\n1,0.3,1e6\n2,0.4,2e6\n", "x,y,z,friction\n0,0,0,0.3\n"),
+    "results": _results,
+}

@@ -1,0 +1,207 @@
+"""Every reader of the program, as a function of one file, and what it may do with whatever is in it."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from microslip.assembly.force_file import forces_on_dofs, forces_on_nodes
+from microslip.assembly.matrix_places import dofs_of_rows, names_nodes
+from microslip.assembly.pair_file import read_pairs
+from microslip.formats.matrices.read import read_matrix
+from microslip.formats.read import read_model
+from microslip.mesh.data import Mesh
+from microslip.mesh.listed import listed_nodes
+from microslip.mesh.nodes import read_nodes
+from microslip.mesh.values import COLUMNS, PLACES
+from microslip.parallel.csv_table import read_table
+from microslip.parallel.errors import MicroslipError, ResourceError
+from microslip.results.fields import read_fields, read_run
+from microslip.results.read import read_results, refuse_deadly
+from microslip.scene.read import read_scene
+
+MOST_SECONDS = 5.0  # of the processor, for any file of 64 kB
+_NUMBERS = (
+    "-1",
+    "0",
+    "1e308",
+    "1e400",
+    "-1e308",
+    "nan",
+    "inf",
+    "0.5",
+    "2147483648",
+    "9223372036854775807",
+    "99999999999999999999",
+)
+
+
+@dataclass(frozen=True)
+class Target:
+    """A reader."""
+
+    ending: str  # of the names of its files
+    read: Callable[[Path], Any]
+    words: tuple[str, ...] = ()  # what its files are made of, beside numbers
+
+    @property
+    def dictionary(self) -> tuple[str, ...]:
+        return self.words + _NUMBERS
+
+
+def verdict(target: Target, path: Path) -> str | None:
+    """Return what a reader does wrong with a file, one line for each cause; None where it reads it or says what is at fault."""
+    began = time.process_time()
+    try:
+        target.read(path)
+    except MicroslipError as problem:
+        if isinstance(problem, ResourceError) and _out_of_memory(problem):
+            return "asked for more memory than there is"
+        if not str(problem).strip() or len(str(problem)) > 5000:
+            return f"a message of {len(str(problem))} characters"
+    except BaseException as problem:  # the reader's, or what a library beneath it exits with
+        if isinstance(problem, KeyboardInterrupt):
+            raise
+        own = [frame for frame in traceback.extract_tb(problem.__traceback__) if "/microslip/" in frame.filename]
+        last = own[-1] if own else traceback.extract_tb(problem.__traceback__)[-1]
+        return f"{type(problem).__name__} in {Path(last.filename).name}, {last.name}: {' '.join(str(problem).split())[:120]}"
+    took = time.process_time() - began
+    return f"took {MOST_SECONDS:g} s and more" if took > MOST_SECONDS else None
+
+
+def _out_of_memory(problem: BaseException | None) -> bool:
+    """Return whether an error stands for an allocation that failed."""
+    while problem is not None:
+        if isinstance(problem, MemoryError):
+            return True
+        problem = problem.__cause__ or problem.__context__
+    return False
+
+
+def _matrix(path: Path) -> Any:
+    return read_matrix(path, "[model] stiffness", "K")
+
+
+def _forces(path: Path) -> Any:
+    return forces_on_nodes(path, np.array([1, 2, 5])) if names_nodes(path) else forces_on_dofs(path, 30)
+
+
+def _node_pairs(path: Path) -> Any:
+    mesh = Mesh("model.msh", np.eye(3), np.array([1, 2, 5]), (), (), {})
+    return listed_nodes(mesh, SimpleNamespace(name="joint", node_pairs=path))
+
+
+def _parameters(path: Path) -> Any:
+    return read_table(path, (), (*PLACES, *COLUMNS), "contact point")
+
+
+def _results(path: Path) -> Any:
+    refuse_deadly(str(path))
+    return read_results(str(path)), read_fields(str(path)), read_run(str(path))
+
+
+TARGETS = {
+    "msh": Target(
+        ".msh",
+        read_model,
+        (
+            "$MeshFormat",
+            "$Nodes",
+            "$EndNodes",
+            "$Elements",
+            "$EndElements",
+            "$Entities",
+            "$PhysicalNames",
+            "$NodeData",
+            "2.2",
+            "4.1",
+        ),
+    ),
+    "abaqus": Target(
+        ".inp",
+        read_model,
+        ("*NODE", "*ELEMENT, TYPE=C3D8", "*NSET, NSET=", "GENERATE", "*INCLUDE, INPUT=", "*SURFACE", "*TIE", "*EQUATION", "*STEP")
+        + ("*MATERIAL", "*ELASTIC", "*BOUNDARY", "*PART", "*INSTANCE", "*MPC", "*COUPLING", "*SYSTEM", "*TRANSFORM", "*MASS"),
+    ),
+    "ansys": Target(
+        ".cdb",
+        read_model,
+        (
+            "NBLOCK,",
+            "EBLOCK,",
+            "CMBLOCK,",
+            "(3i9,6e21.13e3)",
+            "(19i9)",
+            "(8i10)",
+            "ET,",
+            "KEYOP,",
+            "MPDATA,",
+            "RLBLOCK,",
+            "CE,",
+            "CP,",
+        )
+        + ("CERIG,", "D,", "ETBLOCK,", "SOLID", "ALL", "R,", "TYPE,", "UX"),
+    ),
+    "nastran": Target(
+        ".bdf",
+        read_model,
+        (
+            "GRID",
+            "GRID*",
+            "CHEXA",
+            "CTETRA",
+            "PSOLID",
+            "MAT1",
+            "RBE2",
+            "RBE3",
+            "CONM2",
+            "SPC1",
+            "MPC",
+            "INCLUDE '",
+            "CORD2R",
+            "THRU",
+        )
+        + ("BEGIN BULK", "CEND", "ENDDATA", "SET 1 =", "CELAS2", "PARAM,WTMASS", "1.5-3"),
+    ),
+    "unv": Target(".unv", read_model, ("    -1\n", "  2411\n", "  2412\n", "  2420\n", "  2467\n", "   164\n", "1.0D+00")),
+    "exodus": Target(".e", read_model, ("coordx", "connect1", "elem_type", "num_nodes", "HEX8", "CDF\x01", "CDF\x02")),
+    "vtu": Target(".vtu", read_model, ("<DataArray", 'format="appended"', 'NumberOfComponents="', "<!ENTITY", "&lt;", "offset=")),
+    "vtk": Target(
+        ".vtk", read_model, ("POINTS", "CELLS", "CELL_TYPES", "BINARY", "ASCII", "SCALARS", "FIELD", "LOOKUP_TABLE", "METADATA")
+    ),
+    "fem": Target(".fem", read_model, ("GRID", "CHEXA", "GRID*", "BEGIN BULK", "ENDDATA", "+", "*")),
+    "mtx": Target(
+        ".mtx", _matrix, ("%%MatrixMarket matrix", "coordinate", "array", "real", "complex", "symmetric", "general", "*")
+    ),
+    "npz": Target(
+        ".npz", _matrix, ("descr", "fortran_order", "shape", "<f8", "|O", "format.npy", "csr", "bsr", "dia", "PK\x01\x02")
+    ),
+    "mat": Target(".mat", _matrix, ("MATLAB 5.0", "MATLAB_sparse", "MATLAB_class", "K", "jc", "ir", "\x0f\0\0\0", "\x0e\0\0\0")),
+    "calculix": Target(".sti", _matrix),
+    "op4": Target(".op4", _matrix, ("1P,5E16.9", "1P,3E23.16", "K       ")),
+    "op2": Target(".op2", _matrix, ("K       ", "\4\0\0\0", "\2\0\0\0")),
+    "dmig": Target(".pch", _matrix, ("DMIG", "DMIG*", "KAAX", "*       ", "1.5D+03", "UACCEL")),
+    "full": Target(".full", _matrix, ("\0\0\0\x80",)),
+    "harwell_boeing": Target(".rua", _matrix, ("RUA", "RSA", "(16I5)", "(4E20.12)", "(1I1)", "(0I0)")),
+    "petsc": Target(".petsc", _matrix, ("\0\x12\x7b\x50", "\xff\xff\xff\xff")),
+    "scene": Target(
+        ".toml",
+        read_scene,
+        ("[[joints]]", "[model]", "[response]", "mesh = ", "stiffness = ", "[[loads]]", "= [", "{", "}", "'''", "\\u0000", "true")
+        + ("parameters = ", "pairs = ", "[materials.", "levels = ", "2026-11-22"),
+    ),
+    "pairs": Target(".csv", lambda path: read_pairs(path, 30), ("x1,y1,z1", "n0", "\n", ",", '"', "#")),
+    "forces": Target(".csv", _forces, ("node,fx,fy,fz", "dof,value", "imag", ",", '"', "#")),
+    "dofs": Target(".csv", lambda path: dofs_of_rows(path, None, 6, "dofs"), ("node,direction", ",", '"', "#")),
+    "nodes": Target(".csv", read_nodes, ("node,x,y,z", ",", '"', "#")),
+    "node_pairs": Target(".csv", _node_pairs, ("node1,node2,nx,ny,nz,area", ",", '"', "#")),
+    "parameters": Target(".csv", _parameters, ("friction", "preload", "gap", ",", '"', "#")),
+    "results": Target(".h5", _results, ("OHDR", "TREE", "SNOD", "HEAP", "FRHP", "format", "levels", "joint", "mu")),
+}
