@@ -93,5 +93,7 @@ def make_folder(folder: str) -> None:
     ------
     CaseError, ResourceError : as :func:`said_of`
     """
+    if os.path.exists(folder) and not os.path.isdir(folder):
+        raise CaseError(f"{folder}: cannot be written: that is a file and no folder; choose another folder with --out")
     with said_of(folder):
         os.makedirs(folder, exist_ok=True)
