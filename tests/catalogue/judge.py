@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
+
+from microslip.parallel.ending import DEFECT
+
+from .case import Case
+from .faults import ENDED_BY_LAUNCHER, WITHIN, Fault
 
 MARK = "microslip: error: "
 _NOT_FOR_PEOPLE = re.compile(
@@ -11,35 +17,56 @@ _NOT_FOR_PEOPLE = re.compile(
 _LONGEST = 1500  # characters of a message: a screen, all mistakes of a scene together
 
 
-def violations(
-    status: int | None,
-    said: str,
-    expected: int,
-    words: tuple[str, ...],
-    earlier: dict[str, str],
-    found: dict[str, str],
-    seconds: float,
-    limit: float,
-) -> list[str]:
-    """Return what is wrong with how the program ended, a text each; none is as it should be.  Local.
+@dataclass(frozen=True)
+class Ended:
+    """How the program ended."""
 
-    Parameters
-    ----------
-    status, said : the exit status, None where it had to be killed, and what came on standard error, of all ranks
-    expected, words : the status that is promised, and what the message must hold
-    earlier, found : the results of an earlier run before and after, by :func:`.sound.fingerprint`
-    seconds, limit : what it took, and may take
+    status: int | None  # None: it had to be killed, as it took too long
+    said: str  # on standard error, by all ranks
+    seconds: float
+
+
+def violations(ended: Ended, case: Case, earlier: dict[str, str], found: dict[str, str], limit: float) -> list[str]:
+    """Return what is wrong with how a bad input ended, a text each; none is as it should be.  Local.
+
+    ``earlier`` and ``found`` are the results of an earlier run before and after, by :func:`.sound.fingerprint`.
     """
-    wrong = [] if status == expected else [f"status {status}, not {expected}"]
-    if said.count(MARK) != 1:
-        wrong.append(f"{said.count(MARK)} messages")
-    message = said.partition(MARK)[2]
-    wrong += [f"{word!r} is missing" for word in words if word not in message]
-    if (strange := _NOT_FOR_PEOPLE.search(said)) is not None:
+    wrong = [] if ended.status == case.status else [f"status {ended.status}, not {case.status}"]
+    if ended.said.count(MARK) != 1:
+        wrong.append(f"{ended.said.count(MARK)} messages")
+    message = ended.said.partition(MARK)[2]
+    wrong += [f"{word!r} is missing" for word in case.words if word not in message]
+    if (strange := _NOT_FOR_PEOPLE.search(ended.said)) is not None:
         wrong.append(f"{strange[0]!r} is nothing for people")
     if len(message) > _LONGEST:
         wrong.append(f"a message of {len(message)} characters")
-    wrong += [f"{name} of an earlier run was touched" for name, digest in earlier.items() if found.get(name) != digest]
-    if seconds > limit:
-        wrong.append(f"{seconds:.1f} s")
-    return wrong
+    if ended.seconds > limit:
+        wrong.append(f"{ended.seconds:.1f} s")
+    return wrong + _touched(earlier, found)
+
+
+def violations_of_fault(
+    ended: Ended, after: float | None, fault: Fault, n_ranks: int, earlier: dict[str, str], found: dict[str, str]
+) -> list[str]:
+    """Return what is wrong with how a run with a fault ended, a text each.  Local.
+
+    ``after`` is the time from the fault to the end [s], None where that did not come about.
+    """
+    right = ended.status not in (0, None) if fault.status is ENDED_BY_LAUNCHER else ended.status == fault.status
+    wrong = [] if right else [f"status {ended.status}, not {'above 0' if fault.status is ENDED_BY_LAUNCHER else fault.status}"]
+    if fault.is_said and ended.said.count(MARK) != 1:
+        wrong.append(f"{ended.said.count(MARK)} messages")
+    if not ended.said.strip() and ended.status != 0 and n_ranks > 1:
+        wrong.append("nothing was said")
+    wrong += [f"{word!r} is missing" for word in fault.words if word not in ended.said]
+    if fault.is_said and fault.status != DEFECT and (strange := _NOT_FOR_PEOPLE.search(ended.said)) is not None:
+        wrong.append(f"{strange[0]!r} is nothing for people")
+    if fault.moment and after is None:
+        wrong.append("the fault did not come about")
+    if fault.moment and fault.status != 0 and (after or 0.0) > WITHIN:
+        wrong.append(f"{after:.1f} s until the end")
+    return wrong + (_touched(earlier, found) if fault.status != 0 else [])
+
+
+def _touched(earlier: dict[str, str], found: dict[str, str]) -> list[str]:
+    return [f"{name} of an earlier run was touched" for name, digest in earlier.items() if found.get(name) != digest]

@@ -41,6 +41,8 @@ def said_of(path: str) -> Iterator[None]:
     except (OSError, RuntimeError) as problem:  # HDF5 reports a full disk at close as RuntimeError
         number = _errno(problem)
         cause = os.strerror(number) if number else " ".join(str(problem).split())[:200]
+        if os.path.isdir(path) and isinstance(getattr(problem, "filename", None), str):
+            path = problem.filename.removesuffix(".part")  # of the files in a folder, the one at fault
         if number in _FORBIDDEN:
             raise CaseError(f"{path}: cannot be written: {cause}; choose another folder with --out") from problem
         raise ResourceError(f"{path}: could not be written: {cause}; make room or choose another disk with --out") from problem
