@@ -56,6 +56,7 @@ class Undisturbed:
     n_rows: int  # of frf.csv
     seconds: float
     first_point: float  # s until the first point was told
+    last_point: float  # s until the last one was
     n_writes: int
 
     @property
@@ -109,17 +110,16 @@ class Test:
         out = self.folder / f"undisturbed_{ranks}"
         out.mkdir()
         writes = Writes(out)
-        run, first, n = Run(self.command(ranks, out), self.folder / "said"), None, 0
+        run, told, n = Run(self.command(ranks, out), self.folder / "said"), [], 0
         while not run.is_over:
             n += writes.wait(0.02)
-            if first is None and _POINT.search(run.said()):
-                first = run.seconds
+            told += [run.seconds] * (len(_POINT.findall(run.said())) - len(told))
         n += writes.wait(0.0)
         writes.close()
-        if run.process.returncode != 0 or first is None:
+        if run.process.returncode != 0 or not told:
             raise SystemExit(f"the scene does not run by itself, status {run.process.returncode}:\n{run.said()}")
         levels = [(level.frequency, level.response) for level in read_results(str(out / "results.h5")).levels]
-        return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, first, n)
+        return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, told[0], told[-1], n)
 
     def earlier(self) -> Path:
         """Return the folder of a finished run of the same scene at another level."""
@@ -183,7 +183,7 @@ class Test:
         n = self.random.randrange(goal.n_points) + 1
         while not run.is_over and len(_POINT.findall(run.said())) < n:
             time.sleep(0.005)
-        self._sleep(run, self.random.uniform(0.0, 2.0 * (goal.seconds - goal.first_point) / goal.n_points))
+        self._sleep(run, self.random.uniform(0.0, 2.0 * (goal.last_point - goal.first_point) / goal.n_points))
 
     def _while_writing(self, run: Run, writes: Writes, goal: Undisturbed) -> None:
         """Wait for one of the writes, and for the time that a short one takes at most."""

@@ -26,6 +26,7 @@ class Fault:
     words: tuple[str, ...] = ()  # of standard error
     scene: str = "chain"
     options: tuple[str, ...] = ()  # of the command line
+    once: tuple[str, ...] = ()  # options that the same command leaves out when it is given again
     launcher: tuple[str, ...] = ()  # before the program: limits of the system
     variables: dict[str, str] = field(default_factory=dict)  # of the environment
     before: Callable[[Path], None] | None = None  # done to the folder
@@ -47,7 +48,7 @@ def while_writing(number: int, fault: str, rank: str, status: int | None, *words
 
 DEFECT = ("a defect of the program", "ZeroDivisionError: a mistake")
 FULL = ("No space left on device", "make room")
-LAP = {"scene": "lap"}
+LAP = {"scene": "lap", "options": ("--set", "response.frequencies=[10.0, 12.0]", "--set", "solver.error_bars=false")}
 STAGES = [
     Fault("defect before MPI", "start", "defect", FIRST, 1, ("ZeroDivisionError",), is_said=False),
     Fault("kill before MPI", "start", "kill", LAST, ENDED_BY_LAUNCHER, is_said=False),
@@ -114,7 +115,7 @@ SURROUNDINGS = [
     Fault("a language without letters", "", "", FIRST, 0, variables={"LC_ALL": "C", "PYTHONUTF8": "0"}, is_said=False),
     Fault("the disk of the log is full", "", "", FIRST, 0, ("run.log: no longer written: No space left on device",), options=ELSEWHERE, before=_fifo_for_the_log, is_said=False),
     Fault("a watch of words", "", "", FIRST, 2, ("MICROSLIP_WATCHDOG=soon",), variables={"MICROSLIP_WATCHDOG": "soon"}),
-    Fault("no time at all", "", "", FIRST, 5, ("time",), options=("--walltime", "00:00:01")),
+    Fault("no time at all", "", "", FIRST, 5, ("time",), once=("--walltime", "00:00:01")),
 ]  # fmt: skip
 
 FAULTS = [*STAGES, *POINTS, *WRITING, *SURROUNDINGS]
