@@ -90,7 +90,7 @@ def expected(problem: BaseException) -> MicroslipError | None:
         return problem
     if isinstance(problem, MemoryError) or getattr(problem, "ierr", None) == _PETSC_OUT_OF_MEMORY:
         return ResourceError(
-            f"not enough memory ({problem or 'no more could be had'}); use more ranks on more machines, or a smaller model"
+            f"not enough memory ({str(problem) or 'no more could be had'}); use more ranks on more machines, or a smaller model"
         )
     if (refused := refused_option(problem)) is not None:
         return CaseError(refused)
