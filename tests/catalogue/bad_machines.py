@@ -33,7 +33,6 @@ def solver(name: str, options: str, *words: str, status: int = 3, scene: str = "
 SAID = ("No space left on device", "make room")
 DISK = [
     disk("disk full: frf.csv", full("new/frf.csv"), "frf.csv", *SAID),
-    disk("disk full: results.h5", full("new/results.h5.part"), "results.h5", *SAID),
     disk("disk full: report", full("new/report.html.part"), "report.html", *SAID, line="report out/results.h5 --out new"),
     disk("disk full: unv", full("new/results.unv.part"), "results.unv", *SAID, line="convert out/results.h5 --to unv --out new"),
     disk("disk full: scene", full("bar.toml.part"), "bar.toml", *SAID, line="new bar.inp --out bar.toml"),
