@@ -45,6 +45,7 @@ TOLERANCE = 1e-8  # of a level's peak
 LIMIT = 900.0  # s that a run may take: longer is a hang
 _POINT = re.compile(r"^ +\d+ +[\d.]+ +\d\.\d+e[+-]\d+ ", re.MULTILINE)
 _TAKEN = re.compile(r"(?:goes on after|its) (\d+) points (?:are there from|of) an earlier run")
+_DONE = "nothing is left to compute"
 _LEVEL = re.compile(r"^level \d+ of \d+: [^,:]+, ", re.MULTILINE)
 
 
@@ -147,7 +148,7 @@ class Test:
                 break
         run = Run(self.command(ranks, out), self.folder / "said")
         status = run.wait(LIMIT)
-        found.taken = _taken(run.said())
+        found.taken = found.told if _DONE in run.said() else _taken(run.said())
         if status != 0:
             found.wrong.append("does not end" if status is None else f"status {status}: {run.said()[-300:]}")
             return found
@@ -163,7 +164,7 @@ class Test:
         writes = Writes(out)
         run = Run(self.command(ranks, out), self.folder / "said")
         moment = {"set-up": self._in_set_up, "points": self._at_points, "writing": self._while_writing}[kind]
-        moment(run, writes, goal)
+        moment(run, writes, goal, found)
         run.kill()
         writes.close()
         said = run.said()
@@ -175,17 +176,17 @@ class Test:
         found.hit.append(f"{kind}: {run.seconds:.2f} s, {where}{over}")
         return run
 
-    def _in_set_up(self, run: Run, writes: Writes, goal: Undisturbed) -> None:
+    def _in_set_up(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
         self._sleep(run, self.random.uniform(0.0, goal.first_point))
 
-    def _at_points(self, run: Run, writes: Writes, goal: Undisturbed) -> None:
-        """Wait for one of the points, and for some part of the time to the next one."""
-        n = self.random.randrange(goal.n_points) + 1
+    def _at_points(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
+        """Wait for one of the points that were not told before, and for some part of the time to the next one."""
+        n = self.random.randrange(min(found.told, goal.n_points - 1), goal.n_points) + 1
         while not run.is_over and len(_POINT.findall(run.said())) < n:
             time.sleep(0.005)
         self._sleep(run, self.random.uniform(0.0, 2.0 * (goal.last_point - goal.first_point) / goal.n_points))
 
-    def _while_writing(self, run: Run, writes: Writes, goal: Undisturbed) -> None:
+    def _while_writing(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
         """Wait for one of the writes, and for the time that a short one takes at most."""
         n, at = 0, self.random.randrange(goal.n_writes) + 1
         while not run.is_over and n < at:

@@ -1,7 +1,7 @@
 """Every bad input and every fault of the catalogue as a user meets it: in processes of its own, on some ranks, in limited time.
 
     python jobs/bench/try_catalogue.py [--ranks 1 2] [--sorts scene model matrices command results machine fault] [--only WORD]
-                                   [--every N] [--messages]
+                                   [--every N] [--once] [--messages]
 
 Each works on a folder of sound files of which one is spoiled (tests/catalogue).  What must come of it: the status that is promised,
 one message that holds what a user needs, no traceback, an end in time, and the results of an earlier run as they were; after a fault
@@ -56,6 +56,7 @@ def main() -> None:
     parser.add_argument("--sorts", nargs="+", choices=ENTRIES, default=list(ENTRIES))
     parser.add_argument("--only", default="", metavar="WORD", help="of the names")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="the first of each N")
+    parser.add_argument("--once", action="store_true", help="of faults: do not run again")
     parser.add_argument("--messages", action="store_true")
     asked = parser.parse_args()
     print("\n".join(machine.lines(machine.facts())), flush=True)
@@ -67,9 +68,12 @@ def main() -> None:
         write_sound(sound)
         for ranks in asked.ranks:
             for sort, name, entry in chosen(asked):
-                run = apart.fault if sort == "fault" else apart.bad_input
-                ended, wrong = run(entry, sound, Path(folder, "here"), ranks)
-                shutil.rmtree(Path(folder, "here"))
+                here = Path(folder, "here")
+                if sort == "fault":
+                    ended, wrong = apart.fault(entry, sound, here, ranks, not asked.once)
+                else:
+                    ended, wrong = apart.bad_input(entry, sound, here, ranks)
+                shutil.rmtree(here)
                 good, n = counts.setdefault((sort, ranks), [0, 0])
                 counts[sort, ranks] = [good + (not wrong), n + 1]
                 if wrong or asked.messages:

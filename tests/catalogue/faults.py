@@ -30,8 +30,8 @@ class Fault:
     launcher: tuple[str, ...] = ()  # before the program: limits of the system
     variables: dict[str, str] = field(default_factory=dict)  # of the environment
     before: Callable[[Path], None] | None = None  # done to the folder
+    within: float = WITHIN  # s from the fault to the end
     is_said: bool = True  # by one message of the program; else by the system, by PETSc or by the launcher
-    over_earlier: bool = True  # the results of an earlier run are there, and must stay as they are, or be whole and new
 
 
 def in_stage(stage: str, fault: str, rank: str, status: int | None, *words: str, **more) -> Fault:
@@ -89,7 +89,7 @@ POINTS = [
     in_point(3, "slow", LAST, 0, is_said=False),
     in_point(3, "exit0", FIRST, 70, "sys.exit(0)"),
     in_point(3, "petsc-memory", FIRST, 4, "not enough memory"),
-    in_point(2, "hang", LAST, ENDED_BY_LAUNCHER, "in _hang", variables={"MICROSLIP_WATCHDOG": "3"}, is_said=False),
+    in_point(2, "hang", LAST, ENDED_BY_LAUNCHER, "in _hang", variables={"MICROSLIP_WATCHDOG": "30"}, within=45.0, is_said=False),
 ]
 WRITING = [
     while_writing(0, "kill", FIRST, ENDED_BY_LAUNCHER, is_said=False),
@@ -101,7 +101,7 @@ WRITING = [
 ]
 
 
-def _fifo_for_the_log(folder: Path) -> None:
+def _log_on_a_full_disk(folder: Path) -> None:
     """Make run.log a link to a disk that is full: nothing of the results is lost with it."""
     (folder / "new").mkdir()
     (folder / "new" / "run.log").symlink_to("/dev/full")
@@ -109,11 +109,10 @@ def _fifo_for_the_log(folder: Path) -> None:
 
 ELSEWHERE = ("--out", "new")
 SURROUNDINGS = [
-    Fault("files of 2 kB at most", "", "", FIRST, 4, ("File too large", "make room"), launcher=("prlimit", "--fsize=2000"), options=ELSEWHERE),
     Fault("24 open files at most", "", "", FIRST, ENDED_BY_LAUNCHER, ("Too many open files",), launcher=("prlimit", "--nofile=24"), is_said=False),
     Fault("no home", "", "", FIRST, 0, variables={"HOME": "/none", "MPLCONFIGDIR": "/proc/none"}, is_said=False),
     Fault("a language without letters", "", "", FIRST, 0, variables={"LC_ALL": "C", "PYTHONUTF8": "0"}, is_said=False),
-    Fault("the disk of the log is full", "", "", FIRST, 0, ("run.log: no longer written: No space left on device",), options=ELSEWHERE, before=_fifo_for_the_log, is_said=False),
+    Fault("the disk of the log is full", "", "", FIRST, 0, ("run.log: no longer written: No space left on device",), options=ELSEWHERE, before=_log_on_a_full_disk, is_said=False),
     Fault("a watch of words", "", "", FIRST, 2, ("MICROSLIP_WATCHDOG=soon",), variables={"MICROSLIP_WATCHDOG": "soon"}),
     Fault("no time at all", "", "", FIRST, 5, ("time",), once=("--walltime", "00:00:01")),
 ]  # fmt: skip

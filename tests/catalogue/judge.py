@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from microslip.parallel.ending import DEFECT
 
 from .case import Case
-from .faults import ENDED_BY_LAUNCHER, WITHIN, Fault
+from .faults import ENDED_BY_LAUNCHER, Fault
 
 MARK = "microslip: error: "
 _NOT_FOR_PEOPLE = re.compile(
@@ -63,7 +63,7 @@ def violations_of_fault(
         wrong.append(f"{strange[0]!r} is nothing for people")
     if fault.moment and after is None:
         wrong.append("the fault did not come about")
-    if fault.moment and fault.status != 0 and (after or 0.0) > WITHIN:
+    if fault.moment and fault.status != 0 and (after or 0.0) > fault.within:
         wrong.append(f"{after:.1f} s until the end")
     return wrong + (_touched(earlier, found) if fault.status != 0 else [])
 
