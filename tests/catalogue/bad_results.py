@@ -79,6 +79,8 @@ FILES = [
     plot("results are a table", written(FILE, "level_N,point\n"), "no HDF5 file"),
     Case("scene for results", "plot lap.toml --out pictures", ("lap.toml", "no HDF5 file")),
     Case("report of nothing", "report none.h5", ("none.h5: no such file",)),
+    Case("difference from nothing", "diff out/results.h5 none.h5", ("none.h5: no such file",)),
+    Case("difference from a scene", "diff out/results.h5 lap.toml", ("lap.toml", "no HDF5 file")),
     Case("conversion of nothing", "convert none.h5", ("none.h5: no such file",)),
 ]
 CONTENTS = [
@@ -98,6 +100,8 @@ CONTENTS = [
     plot("frequencies from another file, virtually", of_hdf5(_virtual), FREQUENCY),
     plot("group for a dataset", of_hdf5(lambda file: (file.__delitem__(RESPONSE), file.create_group(RESPONSE))), RESPONSE),
     Case("report of damaged results", f"report {FILE} --out pages", (FILE, RESPONSE), without(RESPONSE)),
+    Case("difference from damaged results", f"diff {FILE} out/results.h5", (FILE, RESPONSE), without(RESPONSE)),
+    Case("difference from cut results", f"diff out/results.h5 {FILE}", (FILE, "truncated"), cut(FILE)),
     Case("conversion of damaged results", f"convert {FILE} --out others", (FILE, RESPONSE), without(RESPONSE)),
 ]  # fmt: skip
 

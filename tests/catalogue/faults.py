@@ -83,7 +83,7 @@ POINTS = [
     in_point(1, "case", FIRST, 2, "met by one rank alone"),
     in_point(2, "segfault", LAST, ENDED_BY_LAUNCHER, is_said=False),
     in_point(2, "term", FIRST, 5, "SIGTERM"),
-    in_point(2, "int", LAST, 5),
+    in_point(2, "int", FIRST, 5, "SIGINT"),
     in_point(2, "keyboard", FIRST, 5, "keyboard"),
     in_point(2, "usr1", FIRST, 0, is_said=False),
     in_point(3, "slow", LAST, 0, is_said=False),
