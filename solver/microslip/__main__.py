@@ -15,7 +15,7 @@ from typing import NoReturn
 
 from .parallel.agree import on_root
 from .parallel.ending import conclude, launcher_rank, leave, no_exit, require
-from .parallel.errors import CaseError
+from .parallel.errors import CaseError, naming
 from .parallel.lock import locked
 from .parallel.petsc import initialise, unused_options
 from .parallel.signals import obey_signals
@@ -65,7 +65,8 @@ def _perform(command: Command, comm) -> int:
         return _diff(command, comm)
     if command.name == "new" or (command.name == "check" and _is_model(command.file)):
         return _look(command, comm)
-    return _solve(command, comm)
+    with naming(command.file):
+        return _solve(command, comm)
 
 
 def _doctor() -> int:

@@ -210,7 +210,7 @@ $Elements\n3\n1 15 2 9 9 1\n2 4 2 1 1 1 2 3 4\n3 4 2 2 1 1 2 3 4\n$EndElements\n
 BAD = {
     "truncated in the nodes": (MSH[: MSH.index("9 9 9")], r"truncated: \$Nodes is not closed by \$EndNodes"),
     "truncated before the elements": (MSH[: MSH.index("$Elements")], r"no \$Elements section"),
-    "empty": ("", r"does not begin with \$MeshFormat"),
+    "empty": ("", r"the file is empty"),
     "not a mesh": ("<html>404</html>", r"not a Gmsh file"),
     "version": (MSH.replace("4.1 0 8", "4 0 8"), r"Gmsh format 4 is not read, only 2.2 and 4.1"),
     "NaN": (MSH.replace("0 1 0\n0 0 1\n1", "0 nan 0\n0 0 1\n1"), r"1 of 6 nodes .* first is node 33 at \(0, nan, 0\)"),

@@ -62,9 +62,12 @@ def read_model(path: str | os.PathLike[str]) -> FileModel:
     if ending in _ADVICE:
         raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not read: {_ADVICE[ending]}")
     if ending not in READERS:
-        raise CaseError(f"[model] mesh: {path}: the ending {ending!r} is not known; known are {', '.join(READERS)}")
+        cause = f"the ending {ending!r} is not known" if ending else "the name has no ending, which would tell the format"
+        raise CaseError(f"[model] mesh: {path}: {cause}; known are {', '.join(READERS)}")
     if not os.path.isfile(path):
         raise CaseError(f"[model] mesh: there is no file {path}")
+    if not os.path.getsize(path):
+        raise MeshError(f"{path}: the file is empty")
     try:
         with bounded_memory(path):
             model = READERS[ending](path)

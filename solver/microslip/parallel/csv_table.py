@@ -25,12 +25,13 @@ def read_table(
     CaseError : names the line at fault
     """
     numbered = numbered_rows(path)
-    columns = ",".join(needed) + (f" and may name {','.join(optional)}" if optional else "")
+    columns = " and may name ".join(",".join(names) for names in (needed, optional) if names)
+    columns = f"the columns {columns}" if needed else f"some of the columns {columns}"
     if not numbered:
-        raise CaseError(f"{path}: the file is empty; its first line names the columns {columns}")
+        raise CaseError(f"{path}: the file is empty; its first line names {columns}")
     (line, header), *rest = numbered
     header = [cell.lower() for cell in header]
-    _check_header(header, needed, optional, f"{path}, line {line}: the header must name the columns {columns}")
+    _check_header(header, needed, optional, f"{path}, line {line}: the header must name {columns}")
     if not rest:
         raise CaseError(f"{path}: there is no {what} after the header")
     values = np.array([_numbers(row, header, f"{path}, line {line}") for line, row in rest])

@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NoReturn
 
 from .errors import CaseError, Interrupted, MicroslipError, ResourceError
+from .petsc import refused_option
 from .watchdog import unwatched
 
 if TYPE_CHECKING:
@@ -89,8 +90,10 @@ def expected(problem: BaseException) -> MicroslipError | None:
         return problem
     if isinstance(problem, MemoryError) or getattr(problem, "ierr", None) == _PETSC_OUT_OF_MEMORY:
         return ResourceError(
-            f"not enough memory ({problem or 'no more could be had'}); use more ranks on more machines, or a smaller model"
+            f"not enough memory ({str(problem) or 'no more could be had'}); use more ranks on more machines, or a smaller model"
         )
+    if (refused := refused_option(problem)) is not None:
+        return CaseError(refused)
     if isinstance(problem, KeyboardInterrupt):
         return Interrupted("interrupted from the keyboard")
     if isinstance(problem, BrokenPipeError):

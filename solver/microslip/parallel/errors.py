@@ -1,5 +1,10 @@
 """Errors that a user, a mesh, a solver or a machine can cause; each knows its exit status (docs/guide.md)."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class MicroslipError(Exception):
     """Base of the errors that end the program with one message and no traceback."""
@@ -33,3 +38,14 @@ class Interrupted(MicroslipError):
     """A signal or the time limit stopped the run; what converged before is kept."""
 
     exit_status = 5
+
+
+@contextmanager
+def naming(file: str) -> Iterator[None]:
+    """Put the scene's file before a problem that begins with one of its tables, met where the file is not known.  Local."""
+    try:
+        yield
+    except CaseError as problem:
+        if not str(problem).startswith("["):
+            raise
+        raise type(problem)(f"{file}: {problem}") from problem

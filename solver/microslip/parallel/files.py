@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from .errors import CaseError, MicroslipError, ResourceError
 from .signals import unbroken
 
+BESIDE = ".part"  # what a file is called until it is whole
 _FORBIDDEN = {
     errno.EACCES,
     errno.EPERM,
@@ -45,6 +46,8 @@ def said_of(path: str) -> Iterator[None]:
     except (OSError, RuntimeError) as problem:  # HDF5 reports a full disk at close as RuntimeError
         number = _errno(problem)
         cause = os.strerror(number) if number else " ".join(str(problem).split())[:200]
+        if os.path.isdir(path) and isinstance(getattr(problem, "filename", None), str):
+            path = problem.filename.removesuffix(BESIDE)  # of the files in a folder, the one at fault
         if number in _FORBIDDEN:
             raise CaseError(f"{path}: cannot be written: {cause}; choose another folder with --out") from problem
         raise ResourceError(f"{path}: could not be written: {cause}; make room or choose another disk with --out") from problem
@@ -68,7 +71,7 @@ def written_whole(path: str) -> Iterator[str]:
     ------
     CaseError, ResourceError : as :func:`said_of`
     """
-    beside = path + ".part"
+    beside = path + BESIDE
     with unbroken(), said_of(path):
         try:
             yield beside
@@ -110,5 +113,7 @@ def make_folder(folder: str) -> None:
     ------
     CaseError, ResourceError : as :func:`said_of`
     """
+    if os.path.exists(folder) and not os.path.isdir(folder):
+        raise CaseError(f"{folder}: cannot be written: that is a file and no folder; choose another folder with --out")
     with said_of(folder):
         os.makedirs(folder, exist_ok=True)

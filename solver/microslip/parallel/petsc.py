@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+_REFUSED = (62, 63, 86, 92)  # errors of PETSc: a wrong argument, one out of range, an unknown kind, a solver not there
 PREFIXES = ("static_", "modes_", "hb_")
 _DEBIAN = {
     "petsc4py": ("PETSC_DIR", "/usr/lib/petscdir/petsc*/*-real"),
@@ -82,3 +83,17 @@ def unused_options(options: tuple[str, ...]) -> list[str]:
             if not used.value:
                 found.append(name)
     return found
+
+
+def refused_option(problem: BaseException) -> str | None:
+    """Return what PETSc says of a value that it refuses, and the options that were given; None of anything else.  Local."""
+    if getattr(problem, "ierr", None) not in _REFUSED:
+        return None
+    from petsc4py import PETSc
+
+    given = {name: value for name, value in PETSc.Options().getAll().items() if name.startswith(PREFIXES)}
+    if not given:
+        return None
+    reason = str(problem).splitlines()[-1].partition("] ")[2].strip().rstrip(".")
+    options = " ".join(f"-{name} {value}".strip() for name, value in given.items())
+    return f"PETSc refuses an option: {reason}; after -- was given: {options}"

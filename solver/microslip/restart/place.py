@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
-from ..parallel.files import make_folder, said_of
+from ..parallel.files import BESIDE, make_folder, said_of
 from ..parallel.signals import unbroken
 
 UNFINISHED, EARLIER = "unfinished", "earlier"
@@ -13,8 +14,15 @@ RESULTS = "results.h5"
 
 
 def place_of(folder: Path) -> Path:
-    """Return where files are made: beside the results of an earlier run until all are there, or in the folder itself."""
-    return folder / UNFINISHED if (folder / RESULTS).exists() else folder
+    """Return where files are made: beside the results of an earlier run until all are there, or in the folder itself.
+
+    What a run that was killed had half written is removed from both.
+    """
+    place = folder / UNFINISHED if (folder / RESULTS).exists() else folder
+    for half in (*folder.glob(f"*{BESIDE}"), *place.glob(f"*{BESIDE}")):
+        with suppress(OSError):  # also a place that is taken, of which writing will tell
+            half.unlink()
+    return place
 
 
 def settle(folder: Path, place: Path, keeps_earlier: bool = False) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -364,6 +365,8 @@ def _missing(where: str, file: str, folder: Path) -> str | None:
 def absent(path: Path) -> str:
     """Say that a file is not there, and what in its folder has nearly its name.  Local."""
     folder = path.parent
+    if path.is_symlink():
+        return f"that is a symbolic link to {os.readlink(path)}, where there is no file"
     if not folder.is_dir():
         return f"there is no folder {folder}"
     try:

@@ -93,6 +93,8 @@ def _in_words(problem: ErrorDetails, raw: Mapping[str, Any]) -> str:
     for step in loc[: n_table + 1]:
         found = found[step]  # type: ignore[index]
     hint = _hint(loc, found)
+    if problem["type"] == "less_than_equal" and "at most" not in expected:
+        hint += f"; at most {problem['ctx']['le']:g}"
     return f"{_join(where, key)} = {shown(found)}: expected {expected}{hint}"
 
 

@@ -22,6 +22,7 @@ from .text import as_toml
 
 _LARGEST_FILE = 10_000_000  # bytes
 _MOST_MISTAKES, _LONGEST = 100, 1000  # that are said at once; letters of one
+_TABLE = re.compile(r"\('(.*?)',?\)")  # as tomllib names one
 
 
 def read_scene(path: str | Path, settings: Sequence[str] = ()) -> Scene:
@@ -122,7 +123,8 @@ def _text(path: Path) -> str:
             raise CaseError(f"{path}: {path.stat().st_size / 1e6:.0f} MB are too much for a scene; a TOML file is expected")
         return path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as problem:
-        raise CaseError(f"{path}: not a text file in UTF-8 (byte {problem.start}); a scene is a TOML file") from None
+        cause = f"not a text file in UTF-8 (byte {problem.start}); a scene is a TOML file"
+        raise CaseError(f"{path}: {cause}{_no_scene(path)}") from None
     except (OSError, ValueError) as problem:
         raise CaseError(f"{path}: {getattr(problem, 'strerror', None) or problem}") from None
 
@@ -133,11 +135,17 @@ def _tables(path: Path, text: str) -> dict[str, Any]:
     try:
         return _frozen(tomllib.loads(text))
     except tomllib.TOMLDecodeError as problem:
-        raise CaseError(f"{path}: not valid TOML: {problem}{_line(str(problem), text)}") from None
+        said = _TABLE.sub(lambda keys: f"[{keys[1]}]".replace("', '", "."), str(problem))
+        raise CaseError(f"{path}: not valid TOML: {said}{_line(said, text)}{_no_scene(path)}") from None
     except ValueError as problem:  # a number of thousands of digits
         raise CaseError(f"{path}: not valid TOML: {problem}") from None
     except RecursionError:
         raise CaseError(f"{path}: not a scene: lists or tables lie too deep in each other") from None
+
+
+def _no_scene(path: Path) -> str:
+    """Return what helps where the file is named like something else, probably the model."""
+    return "" if path.suffix.lower() in (".toml", "") else f"; for a model file, microslip new {path} writes a scene"
 
 
 def _line(problem: str, text: str) -> str:

@@ -250,7 +250,8 @@ class Point(Table):
     )
     mass: NotNegative = Field(0.0, description="the mass in kg, a number of at least 0")
     inertia: tuple[NotNegative, NotNegative, NotNegative] | tuple[float, float, float, float, float, float] | None = Field(
-        None, description="the moments of inertia about the point in kg m2, [xx, yy, zz] or [xx, yy, zz, xy, yz, zx]"
+        None,
+        description="the moments of inertia about the point in kg m2, [xx, yy, zz] or [xx, yy, zz, xy, yz, zx], never below 0",
     )
     stiffness: tuple[NotNegative, NotNegative, NotNegative] | None = Field(
         None, description="the springs to ground along x, y and z in N/m, three numbers of at least 0"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ...parallel.errors import MeshError
 
+_BLOCKS = ("NBLOCK", "EBLOCK", "CMBLOCK")  # lines of numbers follow, all of one width, without commas
 _NO_NUMBER = re.compile(rb"[^\s0-9+\-.EeDd]")
 
 
@@ -46,12 +47,14 @@ def commands(path: str) -> Iterator[Command]:
     """Yield the commands of an archive.  Local."""
     with open(path, "rb") as file:
         content = file.read()
-    lines = _Lines(content)
+    lines, block = _Lines(content), ""
     while (line := lines.next()) is not None:
         text = line.partition("!")[0].strip()
         if not text:
             continue
         if _is_data(text):
+            if block and text[0] != "(" and _NO_NUMBER.search(text.encode()):
+                raise MeshError(f"line {lines.number}: {block} holds {text[:60]!r} where numbers are due")
             lines.skip_numbers()
             continue
         number = lines.number
@@ -60,6 +63,7 @@ def commands(path: str) -> Iterator[Command]:
             word, *fields = (field.strip() for field in part.split(","))
             word = word.upper()
             if word:
+                block = word if word in _BLOCKS else ""
                 yield Command(word, tuple(fields), number, lines.block() if word == "ETBLOCK" else ())
 
 

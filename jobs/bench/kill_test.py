@@ -1,0 +1,309 @@
+"""kill -9 at random moments, and the same command again: does the run go on to the same curves, and what was lost?
+
+    python jobs/bench/kill_test.py [SCENE] [--times 100] [--ranks 1 2] [--seed S] [--earlier SHARE] [--set KEY=VALUE ...]
+                                   [--in-a-row N] [--folder DIR]
+
+The scene, by default that of the demo, runs once undisturbed on each number of ranks.  Then, `--times` times, it runs in a new
+folder, all of its processes are killed at one moment, and the same command is given again until it ends.  Moments are drawn in
+turn from three kinds, so that all of them are hit: in the *set-up*, a time before the first point; at *points*, some time after one
+of them was told; while *writing*, as one of the files of the run is created, written or renamed.  With `--in-a-row` a run is killed
+several times before it may end.  A share of the runs (`--earlier`, a half) begins over the results of an earlier run of another level.
+
+A trial fails where the run does not end with status 0, where its points are not those of the undisturbed run, or their response is
+off by more than 1e-8 of the peak, where more than one point that had been told is computed again for a kill, where results.h5 or
+frf.csv are neither those of the earlier run nor whole and right, or where results.h5 cannot be read.  Any failure makes status 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import re
+import shlex
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import machine
+import numpy as np
+from killing import Run, Writes
+
+from microslip.parallel.errors import CaseError
+from microslip.results.read import read_results
+from microslip.results.record import COMPLETE, ResultFile
+from microslip.scene.read import read_scene
+
+ROOT = Path(__file__).parents[2]
+DEMO = ROOT / "jobs" / "fan_small.toml"
+KINDS = ("set-up", "points", "writing")
+TOLERANCE = 1e-8  # of a level's peak
+LIMIT = 900.0  # s that a run may take: longer is a hang
+_POINT = re.compile(r"^ +\d+ +[\d.]+ +\d\.\d+e[+-]\d+ ", re.MULTILINE)
+_TAKEN = re.compile(r"(?:goes on after|its) (\d+) points (?:are there from|of) an earlier run")
+_DONE = "nothing is left to compute"
+_LEVEL = re.compile(r"^level \d+ of \d+: [^,:]+, ", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Undisturbed:
+    """What a run that nobody kills comes to, on a number of ranks."""
+
+    levels: list[tuple[np.ndarray, np.ndarray]]  # frequencies [Hz] and response of each
+    n_rows: int  # of frf.csv
+    seconds: float
+    first_point: float  # s until the first point was told
+    last_point: float  # s until the last one was
+    n_writes: int
+
+    @property
+    def n_points(self) -> int:
+        return sum(len(frequency) for frequency, _ in self.levels)
+
+
+@dataclass
+class Trial:
+    """A run that was killed, and how it went on."""
+
+    number: int
+    ranks: int
+    over_earlier: bool
+    hit: list[str] = field(default_factory=list)  # what was killed, a text a kill
+    told: int = 0  # points before the kills, without those taken over
+    taken: int = 0  # points that the last start took over
+    off: float = np.nan  # largest difference of the response, over the peak
+    wrong: list[str] = field(default_factory=list)
+
+    @property
+    def lost(self) -> int:
+        """How many points that had been told were computed again."""
+        return self.told - self.taken
+
+    def row(self) -> str:
+        cells = [self.number, self.ranks, "earlier" if self.over_earlier else "new", "; ".join(self.hit), self.told, self.taken]
+        return " | ".join(
+            map(str, ["", *cells, self.lost, f"{self.off:.1e}", "; ".join(self.wrong) or "as it should be", ""])
+        ).strip()
+
+
+class Test:
+    """The kill test of a scene in a folder."""
+
+    def __init__(self, asked: argparse.Namespace, folder: Path):
+        self.asked, self.folder = asked, folder
+        self.scene = read_scene(asked.scene, asked.settings)
+        self.random = random.Random(asked.seed)
+
+    def command(self, ranks: int, out: Path, *more: str) -> list[str]:
+        launcher = [*shlex.split(os.environ.get("MPIRUN", "mpirun")), "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
+        settings = [word for setting in self.asked.settings for word in ("--set", setting)]
+        own = ["run", str(self.asked.scene), "--out", str(out), *settings, *more]
+        return [*launcher, sys.executable, "-m", "microslip", *own]
+
+    # -- what it should be -------------------------------------------------------------------------------------------
+
+    def undisturbed(self, ranks: int) -> Undisturbed:
+        """Run once and measure what moments are drawn from."""
+        out = self.folder / f"undisturbed_{ranks}"
+        out.mkdir()
+        writes = Writes(out)
+        run, told, n = Run(self.command(ranks, out), self.folder / "said"), [], 0
+        while not run.is_over:
+            n += writes.wait(0.02)
+            told += [run.seconds] * (len(_POINT.findall(run.said())) - len(told))
+        n += writes.wait(0.0)
+        writes.close()
+        if run.process.returncode != 0 or not told:
+            raise SystemExit(f"the scene does not run by itself, status {run.process.returncode}:\n{run.said()}")
+        levels = [(level.frequency, level.response) for level in read_results(str(out / "results.h5")).levels]
+        return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, told[0], told[-1], n)
+
+    def earlier(self) -> Path:
+        """Return the folder of a finished run of the same scene at another level."""
+        out = self.folder / "earlier"
+        if not out.exists():
+            level = 0.5 * min(self.scene.response.levels)
+            run = Run(self.command(1, out, "--set", f"response.levels=[{level!r}]"), self.folder / "said")
+            if run.wait(LIMIT) != 0:
+                raise SystemExit(f"the scene does not run at half of its lowest level:\n{run.said()}")
+        return out
+
+    # -- a trial -----------------------------------------------------------------------------------------------------
+
+    def trial(self, number: int, ranks: int, goal: Undisturbed) -> Trial:
+        """Run, kill, run again until the end, and say what was wrong."""
+        out, over_earlier = self.folder / "out", self.random.random() < self.asked.earlier
+        found = Trial(number, ranks, over_earlier)
+        shutil.rmtree(out, ignore_errors=True)
+        shutil.copytree(self.earlier(), out) if over_earlier else out.mkdir()
+        before = {name: (out / name).read_bytes() for name in ("results.h5", "frf.csv") if over_earlier}
+        while len(found.hit) < self.asked.in_a_row:
+            run = self._killed(KINDS[(number + len(found.hit)) % 3], ranks, out, goal, found)
+            self._check_files(out, goal, before, found)
+            if run.process.returncode == 0:
+                break
+        run = Run(self.command(ranks, out), self.folder / "said")
+        status = run.wait(LIMIT)
+        found.taken = found.told if _DONE in run.said() else _taken(run.said())
+        if status != 0:
+            found.wrong.append("does not end" if status is None else f"status {status}: {run.said()[-300:]}")
+            return found
+        if not 0 <= found.lost <= len(found.hit):
+            found.wrong.append(f"{found.lost} points computed twice")
+        self._compare(out, goal, found)
+        left = [path.name for path in out.iterdir() if path.name == "unfinished" or path.suffix == ".part"]
+        found.wrong += [f"{name} is left behind" for name in left]
+        return found
+
+    def _killed(self, kind: str, ranks: int, out: Path, goal: Undisturbed, found: Trial) -> Run:
+        """Start a run, kill it at a moment of a kind, and note what was hit."""
+        writes = Writes(out)
+        run = Run(self.command(ranks, out), self.folder / "said")
+        moment = {"set-up": self._in_set_up, "points": self._at_points, "writing": self._while_writing}[kind]
+        moment(run, writes, goal, found)
+        run.kill()
+        writes.close()
+        said = run.said()
+        n, taken = len(_POINT.findall(said)), _taken(said)
+        if n or taken:
+            found.told = max(n, found.told)  # a start tells again what it takes over
+        where = "set-up" if not _LEVEL.search(said) else f"point {n}" if n < goal.n_points else "files and pictures"
+        over = "" if run.process.returncode != 0 else ", had ended"
+        found.hit.append(f"{kind}: {run.seconds:.2f} s, {where}{over}")
+        return run
+
+    def _in_set_up(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
+        self._sleep(run, self.random.uniform(0.0, goal.first_point))
+
+    def _at_points(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
+        """Wait for one of the points that were not told before, and for some part of the time to the next one."""
+        n = self.random.randrange(min(found.told, goal.n_points - 1), goal.n_points) + 1
+        while not run.is_over and len(_POINT.findall(run.said())) < n:
+            time.sleep(0.005)
+        self._sleep(run, self.random.uniform(0.0, 2.0 * (goal.last_point - goal.first_point) / goal.n_points))
+
+    def _while_writing(self, run: Run, writes: Writes, goal: Undisturbed, found: Trial) -> None:
+        """Wait for one of the writes, and for the time that a short one takes at most."""
+        n, at = 0, self.random.randrange(goal.n_writes) + 1
+        while not run.is_over and n < at:
+            n += writes.wait(0.2)
+        self._sleep(run, self.random.uniform(0.0, 0.002))
+
+    def _sleep(self, run: Run, seconds: float) -> None:
+        end = time.monotonic() + seconds
+        while not run.is_over and time.monotonic() < end:
+            time.sleep(max(0.0, min(0.05, end - time.monotonic())))
+
+    # -- what is there -----------------------------------------------------------------------------------------------
+
+    def _check_files(self, out: Path, goal: Undisturbed, before: dict[str, bytes], found: Trial) -> None:
+        """Note where the files after a kill are neither earlier nor right, or look complete and are not."""
+        results, table = out / "results.h5", out / "frf.csv"
+        if before and not table.exists():
+            found.wrong.append("frf.csv of the earlier run is gone")
+        elif before and table.read_bytes() != before["frf.csv"] and _rows(table) != goal.n_rows:
+            found.wrong.append("frf.csv is neither that of the earlier run nor whole")
+        if not results.exists():
+            found.wrong += ["results.h5 of the earlier run is gone"] if before else []
+            return
+        if before and results.read_bytes() == before["results.h5"]:
+            return
+        try:
+            read = read_results(str(results))
+        except CaseError as problem:
+            found.wrong.append(f"after the kill {problem}")
+            return
+        if _looks_complete(read, len(self.scene.response.levels)):
+            found.wrong += [f"results.h5 looks complete and is not: {text}" for text in _differences(read, goal)[1]]
+        elif before:
+            found.wrong.append("results.h5 of the earlier run was replaced by incomplete ones")
+
+    def _compare(self, out: Path, goal: Undisturbed, found: Trial) -> None:
+        """Note how far the curves are from those of the undisturbed run."""
+        read = read_results(str(out / "results.h5"))
+        found.off, wrong = _differences(read, goal)
+        found.wrong += wrong
+        if not _looks_complete(read, len(self.scene.response.levels)):
+            found.wrong.append("results.h5 is not complete")
+        if _rows(out / "frf.csv") != goal.n_rows:
+            found.wrong.append(f"frf.csv has {_rows(out / 'frf.csv')} rows, not {goal.n_rows}")
+
+
+def _taken(said: str) -> int:
+    return sum(map(int, _TAKEN.findall(said)))
+
+
+def _rows(table: Path) -> int:
+    """Return how many whole rows a table has after its header."""
+    return table.read_bytes().count(b"\n") - 1 if table.exists() else -1
+
+
+def _looks_complete(read: ResultFile, n_levels: int) -> bool:
+    """Return whether a reader must take results for those of a whole run."""
+    return len(read.levels) == n_levels and all(level.status == COMPLETE for level in read.levels)
+
+
+def _differences(read: ResultFile, goal: Undisturbed) -> tuple[float, list[str]]:
+    """Return the largest difference of the response over the peak of its level, and what is wrong with the curves."""
+    off, wrong = 0.0, []
+    if len(read.levels) != len(goal.levels):
+        return np.nan, [f"{len(read.levels)} levels, not {len(goal.levels)}"]
+    for level, (frequency, response) in zip(read.levels, goal.levels):
+        if level.frequency.shape != frequency.shape:
+            wrong.append(f"{len(level.frequency)} points at {level.level:g} N, not {len(frequency)}")
+            continue
+        off = max(off, float(np.abs(level.response - response).max() / np.abs(response).max()))
+        off = max(off, float(np.abs(level.frequency / frequency - 1.0).max()))
+    return off, wrong + ([f"curves differ by {off:.1e} of the peak"] if off > TOLERANCE else [])
+
+
+def summary(trials: list[Trial]) -> list[str]:
+    """Return the sum of all trials."""
+    good = sum(not trial.wrong for trial in trials)
+    kinds = [sum(text.startswith(kind) for trial in trials for text in trial.hit) for kind in KINDS]
+    hits = f"{sum(kinds)} kills ({', '.join(f'{n} {kind}' for n, kind in zip(kinds, KINDS))})"
+    lost, off = [trial.lost for trial in trials], [trial.off for trial in trials]
+    return [
+        f"{good} of {len(trials)} runs went on as they should, {hits}",
+        f"points computed twice: {sum(lost)} in all, {max(lost)} in a run at most; largest difference {np.nanmax(off):.1e} of the peak",
+    ]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", nargs="?", type=Path, default=DEMO)
+    parser.add_argument("--times", type=int, default=100, help="on each number of ranks")
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6))
+    parser.add_argument("--earlier", type=float, default=0.5, metavar="SHARE")
+    parser.add_argument("--in-a-row", type=int, default=1, metavar="N")
+    parser.add_argument("--set", dest="settings", metavar="KEY=VALUE", action="append", default=[])
+    parser.add_argument("--folder", type=Path, help="keep what is written there")
+    asked = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *of: sys.exit("stopped"))  # and the run with it
+    print("\n".join(machine.lines(machine.facts())))
+    print(f"Seed {asked.seed}; {asked.scene}", flush=True)
+    with tempfile.TemporaryDirectory(prefix="kill_test_") as own:
+        folder = asked.folder or Path(own)
+        folder.mkdir(parents=True, exist_ok=True)
+        test, trials = Test(asked, folder), []
+        for ranks in asked.ranks:
+            goal = test.undisturbed(ranks)
+            print(
+                f"\n{ranks} ranks, undisturbed: {goal.n_points} points, {goal.seconds:.1f} s, first point after {goal.first_point:.1f} s, {goal.n_writes} writes\n"
+            )
+            print("| run | ranks | folder | killed at | points told | taken over | computed twice | off, of the peak | |")
+            print("| ---: | ---: | --- | --- | ---: | ---: | ---: | ---: | --- |", flush=True)
+            for number in range(asked.times):
+                trials.append(test.trial(number, ranks, goal))
+                print(trials[-1].row(), flush=True)
+        print("", *summary(trials), sep="\n")
+    sys.exit(any(trial.wrong for trial in trials))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""Every bad input and every fault of the catalogue as a user meets it: in processes of its own, on some ranks, in limited time.
+
+    python jobs/bench/try_catalogue.py [--ranks 1 2] [--sorts scene model matrices command results machine fault] [--only WORD]
+                                   [--every N] [--once] [--messages]
+
+Each works on a folder of sound files of which one is spoiled (tests/catalogue).  What must come of it: the status that is promised,
+one message that holds what a user needs, no traceback, an end in time, and the results of an earlier run as they were; after a fault
+also an end within 10 s, and that the same command then ends well.  `--messages` shows what is said; `--every` takes some of them only.
+Any violation makes status 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(ROOT / "tests"), str(ROOT / "meshes")]
+
+from microslip.parallel.petsc import initialise
+
+initialise()
+import machine
+from catalogue import apart
+from catalogue.bad_inputs import BY_SORT
+from catalogue.faults import FAULTS
+from catalogue.judge import MARK
+from catalogue.sound import write_sound
+
+ENTRIES = {
+    **{sort: [(case.name, case) for case in cases] for sort, cases in BY_SORT.items()},
+    "fault": [(one.name, one) for one in FAULTS],
+}
+
+
+def chosen(asked: argparse.Namespace) -> list[tuple[str, str, object]]:
+    """Return sort, name and entry of those that are asked for."""
+    found = [(sort, name, entry) for sort in asked.sorts for name, entry in ENTRIES[sort] if asked.only in name]
+    found = [one for one in found if not (getattr(one[2], "not_by_root", False) and os.geteuid() == 0)]
+    return found[:: asked.every]
+
+
+def message(said: str) -> str:
+    """Return what was said, in a line."""
+    return " ".join((said.partition(MARK)[2] or said[-200:]).split())[:400]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--sorts", nargs="+", choices=ENTRIES, default=list(ENTRIES))
+    parser.add_argument("--only", default="", metavar="WORD", help="of the names")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="the first of each N")
+    parser.add_argument("--once", action="store_true", help="of faults: do not run again")
+    parser.add_argument("--messages", action="store_true")
+    asked = parser.parse_args()
+    print("\n".join(machine.lines(machine.facts())), flush=True)
+    counts: dict[tuple[str, int], list[int]] = {}
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="catalogue_") as folder:
+        sound = Path(folder, "sound")
+        sound.mkdir()
+        write_sound(sound)
+        for ranks in asked.ranks:
+            for sort, name, entry in chosen(asked):
+                here = Path(folder, "here")
+                if sort == "fault":
+                    ended, wrong = apart.fault(entry, sound, here, ranks, not asked.once)
+                else:
+                    ended, wrong = apart.bad_input(entry, sound, here, ranks)
+                shutil.rmtree(here)
+                good, n = counts.setdefault((sort, ranks), [0, 0])
+                counts[sort, ranks] = [good + (not wrong), n + 1]
+                if wrong or asked.messages:
+                    print(
+                        f"{sort}, {ranks} ranks, {name}: {'; '.join(wrong) or 'as it should be'} [{ended.status}, {ended.seconds:.1f} s]\n    {message(ended.said)}",
+                        flush=True,
+                    )
+    print("\n| sort | ranks | entries | as they should be |\n| --- | ---: | ---: | ---: |")
+    print("\n".join(f"| {sort} | {ranks} | {n} | {good} |" for (sort, ranks), (good, n) in counts.items()))
+    print(f"\n{time.monotonic() - began:.0f} s")
+    sys.exit(any(good < n for good, n in counts.values()))
+
+
+if __name__ == "__main__":
+    main()
