@@ -6,7 +6,14 @@ from microslip.restart.place import place_of, settle
 def test_half_a_file_is_removed_and_the_rest_stays(tmp_path):
     folder = tmp_path / "out"
     (folder / "unfinished").mkdir(parents=True)
-    for name in ("results.h5", "results.h5.part", "frf.csv", "unfinished/results.h5.part", "unfinished/frf.csv"):
+    for name in (
+        "results.h5",
+        "results.h5.part",
+        "frf.csv",
+        "unfinished/results.h5.part",
+        "unfinished/frf.csv",
+        "unfinished/rest.png",
+    ):
         (folder / name).write_text(name)
     place = place_of(folder)
     assert place == folder / "unfinished" and [path.name for path in place.iterdir()] == ["frf.csv"]

@@ -14,7 +14,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 VARIABLE = "MICROSLIP_WATCHDOG"  # of the environment: seconds; 0: no watch
 USUAL = 4.0 * 3600.0  # s without a sign until the end: single factors of large models may take an hour
@@ -61,8 +61,9 @@ def show_stacks() -> None:
     After PETSc has started: its own answer to a crash, which ends all ranks, then follows the stacks.
     """
     if not faulthandler.is_enabled() and sys.stderr is not None:
-        faulthandler.enable()
-        faulthandler.register(signal.SIGUSR2)
+        with suppress(OSError, AttributeError):  # of a notebook, which has no file there
+            faulthandler.enable()
+            faulthandler.register(signal.SIGUSR2)
 
 
 def moved() -> None:

@@ -11,15 +11,17 @@ from ..parallel.signals import unbroken
 
 UNFINISHED, EARLIER = "unfinished", "earlier"
 RESULTS = "results.h5"
+WRITTEN = (RESULTS, "frf.csv", "run.log")  # again by every run
 
 
 def place_of(folder: Path) -> Path:
     """Return where files are made: beside the results of an earlier run until all are there, or in the folder itself.
 
-    What a run that was killed had half written is removed from both.
+    What a run that was killed had half written is removed from both, and what it had drawn beside: it may be of another scene.
     """
     place = folder / UNFINISHED if (folder / RESULTS).exists() else folder
-    for half in (*folder.glob(f"*{BESIDE}"), *place.glob(f"*{BESIDE}")):
+    drawn = [path for path in place.glob("*") if path.name not in WRITTEN] if place != folder else []
+    for half in (*folder.glob(f"*{BESIDE}"), *drawn):
         with suppress(OSError):  # also a place that is taken, of which writing will tell
             half.unlink()
     return place

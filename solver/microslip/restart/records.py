@@ -23,7 +23,7 @@ Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _FRAME = struct.Struct("<QI")  # bytes of a record, their CRC-32
 _HEAD = struct.Struct("<I")  # bytes of its head
 _KINDS = "iufbc"  # of arrays; texts travel in the head
-_SHARE = 100.0  # times as long as the disk takes to have it all: files are left to the system's memory in between
+_SHARE = 300.0  # times as long as the disk takes to have it all: files are left to the system's memory in between
 
 
 def pack(arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | None = None) -> bytes:
@@ -102,7 +102,7 @@ def read_record(path: Path) -> tuple[Arrays, dict] | None:
     records = read_records(path)
     try:
         return unpack(records[0]) if records else None
-    except (ValueError, TypeError, KeyError, struct.error):
+    except (ValueError, TypeError, KeyError, AttributeError, struct.error):
         return None
 
 
@@ -110,7 +110,7 @@ class Journal:
     """A file that records are appended to; ``keep`` bytes of it stay, what lies behind them is dropped.
 
     Each record is with the system when ``append`` returns, so that it outlives the process, and soon on the disk, so that it
-    outlives the machine: the disk is waited for at most a hundredth of the time.
+    outlives the machine: the disk is waited for at most a three-hundredth of the time.
 
     Raises
     ------
@@ -187,7 +187,7 @@ class Latest:
 
 
 class Disk:
-    """Waits for the disk now and then: at first, and whenever that takes less than a hundredth of the time since."""
+    """Waits for the disk now and then: at first, and whenever that takes less than a three-hundredth of the time since."""
 
     def __init__(self) -> None:
         self._next = 0.0

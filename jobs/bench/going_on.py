@@ -1,0 +1,105 @@
+"""What it costs to keep a run on disk as it goes, and to go on from there, beside what the run and its set-up cost.
+
+    [mpirun -n 2] python jobs/bench/going_on.py [SCENE.toml ...]
+
+Each scene is run twice in a new folder: at first from the beginning, then with its set-up kept and its points forgotten.  Pictures
+are left out.  Prints a line of JSON for each scene; times are of rank 0: wall time, and in brackets of the processor.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from microslip.parallel.petsc import initialise
+
+initialise()
+from mpi4py import MPI
+
+import microslip.run as story
+from microslip.parallel.agree import on_root
+from microslip.restart import folder as kept
+from microslip.restart.branch import KeptBranch
+from microslip.restart.columns import KeptColumns
+from microslip.scene.read import read_scene
+
+KEEPING = ((KeptBranch, "keep"), (KeptBranch, "end"), (KeptColumns, "_keep"), (kept.Restart, "_keep"), (kept.Restart, "finish"))
+
+
+class Clock:
+    """Wall and processor time spent in some functions [s]."""
+
+    def __init__(self) -> None:
+        self.wall = self.processor = 0.0
+
+    def around(self, function: Callable) -> Callable:
+        """Return a function that is timed."""
+
+        def timed(*arguments: Any, **named: Any) -> Any:
+            wall, processor = time.perf_counter(), time.process_time()
+            try:
+                return function(*arguments, **named)
+            finally:
+                self.wall += time.perf_counter() - wall
+                self.processor += time.process_time() - processor
+
+        return timed
+
+    def __str__(self) -> str:
+        return f"{self.wall:.3f} ({self.processor:.3f})"
+
+
+def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
+    """Return what a run takes: all of it, its set-up, keeping, going on with a kept set-up.  Collective."""
+    clocks = {name: Clock() for name in ("run", "set-up", "keeping", "identity", "going on")}
+    patched = [(owner, name, "keeping") for owner, name in KEEPING]
+    patched += [(story, "set_up", "set-up"), (kept, "identity_of", "identity"), (kept, "restored", "going on")]
+    before = [(owner, name, getattr(owner, name)) for owner, name, _ in patched]
+    try:
+        for owner, name, of in patched:
+            setattr(owner, name, clocks[of].around(getattr(owner, name)))
+        clocks["run"].around(story.run)(scene, comm, folder, screen=False)
+    finally:
+        for owner, name, function in before:
+            setattr(owner, name, function)
+    return clocks
+
+
+def forget_points(folder: Path) -> None:
+    """Remove the levels of a run, and that it is done."""
+    for path in (folder / kept.NAME).glob("level-*/*"):
+        path.unlink()
+    (folder / kept.NAME / "done").unlink()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="*", default=["jobs/fan_small.toml"], metavar="SCENE.toml")
+    comm = MPI.COMM_WORLD
+    story.draw = lambda *_: None
+    for file in parser.parse_args().scenes:
+        with tempfile.TemporaryDirectory() as own:
+            folder, scene = Path(comm.bcast(own)), on_root(comm, read_scene, file)
+            first = timed_run(scene, comm, folder)
+            on_root(comm, forget_points, folder)
+            again = timed_run(scene, comm, folder)
+            comm.barrier()
+        if comm.rank == 0:
+            found = {name: str(first[name]) for name in ("run", "set-up", "keeping", "identity")}
+            found |= {"going on": str(again["going on"]), "ranks": comm.size, "scene": scene.name}
+            found["keeping over run"] = f"{first['keeping'].wall / first['run'].wall:.2%}"
+            whole = again["going on"].wall + again["identity"].wall
+            found["going on over set-up"] = f"{whole / first['set-up'].wall:.2%}"
+            print(json.dumps(found), flush=True)
+
+
+if __name__ == "__main__":
+    main()
