@@ -9,12 +9,11 @@ import scipy.io
 import scipy.sparse as sp
 
 from microslip.assembly.pair_file import COLUMNS
-from microslip.continuation.keeper import keep_nothing
 from microslip.library.build import build
-from microslip.library.origin import origin_of
+from microslip.library.files import writer_of
+from microslip.library.follow import follow
 from microslip.library.prepare import prepare
 from microslip.observe.log import RunLog
-from microslip.run import follow_logged
 from microslip.scene.read import read_scene
 
 HZ = 2.0 * np.pi
@@ -85,9 +84,10 @@ def branches_of(path: Path, comm) -> list:
     scene = read_scene(path)
     log = RunLog(comm, screen=False)
     structure = build(scene, comm, log)
-    found = follow_logged(
-        prepare(structure, has_bars=False), path.parent / "results", (), origin_of(scene, comm), log, keep_nothing
-    )
+    prepared = prepare(structure, has_bars=False)
+    writer = writer_of(prepared, path.parent / "results")
+    found = follow(prepared.response, [writer], log=log)
+    writer.close()
     structure.close()
     assert not any(branch.failure for branch in found), [branch.failure for branch in found]
     return found

@@ -359,7 +359,7 @@ def test_what_an_input_file_does_beside_is_refused_until_it_is_waived(tmp_path, 
         (lambda text: text.replace("(1i9,3e20.9e3)", "(1i9,2e20.9e3)"), "three coordinates"),
         (lambda text: text.replace("(19i9)", "(99i999)"), "the format .* is none of a block"),
         (lambda text: text.replace(f"{8:9d}{0:9d}{1:9d}", f"{80:9d}{0:9d}{1:9d}"), "fewer nodes than it counts"),
-        (lambda text: text.replace(f"{101:9d} ", "     1x1 "), "line 10 and on: .*where numbers in a given width are due"),
+        (lambda text: text.replace(f"{101:9d} ", "     1x1 "), "line 10: NBLOCK holds .*where numbers are due"),
         (
             lambda text: text.replace("CMBLOCK,PLATE_BASE,NODE,        8", "CMBLOCK,PLATE_BASE,NODE,999999999"),
             "the file ends before",

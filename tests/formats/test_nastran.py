@@ -121,12 +121,17 @@ def test_the_geometry_of_nastrans_output_is_that_of_its_bulk_data():
 
 
 @pytest.mark.parametrize(
-    "change, says", [(lambda data: data[:9000], "truncated"), (lambda data: b"", "truncated"), (None, "Nastran FATAL")]
+    "change, says",
+    [
+        (lambda data: data[:9000], "truncated.*PARAM,POST,-1"),
+        (lambda data: b"", "the file is empty"),
+        (None, "Nastran FATAL.*PARAM,POST,-1"),
+    ],
 )
 def test_output_without_whole_geometry_is_refused_with_one_message(tmp_path, change, says):
     data = (DATA / "chexa20.op2").read_bytes() if change else (DATA / "matrices" / "mymatrix.op2").read_bytes()
     (tmp_path / "m.op2").write_bytes(change(data) if change else data)
-    with pytest.raises(CaseError, match=f"m.op2: .*{says}.*PARAM,POST,-1"):
+    with pytest.raises(CaseError, match=f"m.op2: .*{says}"):
         read_model(tmp_path / "m.op2")
 
 
