@@ -4,8 +4,8 @@
 
 SCENE is jobs/fan_small.toml unless given.  Its levels are followed again and again, in one run that is logged, written and kept
 like any other, until there are so many points.  What a rank has in memory after the first of them (``--warm``) may grow by
-``--limit`` beyond the points themselves, which stay on rank 0 by design, those of other ranks without their motion.  Prints a line
-of JSON; the exit status is 1 if any rank grows by more.
+``--limit`` beyond the points themselves, which stay by design: on rank 0 until their level is written with the motion of their
+pairs, then without, as on other ranks.  Prints a line of JSON; the exit status is 1 if any rank grows by more.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Meter:
 
     def __init__(self, points: int):
         self.points, self.resident, self.recorded = points, list[float](), list[float]()
-        self._held, self._tell = 0.0, Observers.tell
+        self._held, self._motion, self._tell = 0.0, 0.0, Observers.tell
 
     def __enter__(self) -> Meter:
         meter = self
@@ -55,6 +55,8 @@ class Meter:
             meter._tell(observers, event, *news)
             if event == "point":
                 meter.take(news[1])
+            if event == "level_finished":
+                meter.let_go()
 
         Observers.tell = tell
         return self
@@ -65,19 +67,26 @@ class Meter:
     def take(self, point) -> None:
         """Note what is held after a point.  Local; the same number of points on every rank."""
         self._held += size_of(point)
+        self._motion += sum(size_of_value(value) for value in (point.U, point.p))
         give_back()
         self.resident.append(resident_memory())
         self.recorded.append(self._held)
         if len(self.resident) >= self.points:
             raise Enough
 
+    def let_go(self) -> None:
+        """Take off the motion of a level that is written.  Local."""
+        self._held, self._motion = self._held - self._motion, 0.0
+
 
 def size_of(point) -> float:
     """Return the bytes of a recorded point."""
-    values = [getattr(point, one.name) for one in fields(point)]
-    return sum(sys.getsizeof(value) + (value.base.nbytes if held_by_another(value) else 0) for value in values) + sys.getsizeof(
-        point
-    )
+    return sys.getsizeof(point) + sum(size_of_value(getattr(point, one.name)) for one in fields(point))
+
+
+def size_of_value(value) -> float:
+    """Return the bytes of a value and of the memory that it keeps."""
+    return sys.getsizeof(value) + (value.base.nbytes if held_by_another(value) else 0)
 
 
 def held_by_another(value) -> bool:
