@@ -12,7 +12,7 @@ from microslip.library.follow import follow
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import ConvergenceError, Interrupted
-from microslip.restart import restore
+from microslip.restart import identity, restore
 from microslip.restart.folder import NAME, Restart
 from microslip.results.read import read_results
 from microslip.run import run, set_up
@@ -183,7 +183,7 @@ def test_a_wider_range_is_added_to_the_one_that_is_there(direction, shared_path,
         assert [omega[0], omega[-1]] == [three.points[0].omega, three.points[-1].omega]
         assert len(set(omega)) == len(omega) > len(one.points)
         assert_on_one_curve(two, three)
-    assert built == {"first": 2, "again": 0}
+    assert built == {"first": 3, "again": 0}  # whether the modes reach the end of the range is said with the set-up
 
 
 def assert_on_one_curve(branch, other):
@@ -226,6 +226,26 @@ def test_a_changed_mesh_is_noticed(shared_path):
     (note,) = (restart := Restart.open(COMM, shared_path, scene)).notes
     assert "bar.msh: the file has changed" in note
     assert not list((shared_path / NAME).glob(f"setup-{restart.identity.setup}"))
+
+
+@pytest.mark.ranks(1)
+def test_files_of_one_name_in_two_folders_both_count(shared_path, monkeypatch):
+    scene, files = scene_at(shared_path), [shared_path / folder / "nodes.inp" for folder in ("a", "b")]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text("1")
+    monkeypatch.setattr(identity, "input_files", lambda scene: tuple(("included by bar.inp", file) for file in files))
+    seen = {identity.identity_of(scene).setup}
+    for file in files:
+        file.write_text("2")
+        seen.add(identity.identity_of(scene).setup)
+    assert len(seen) == 3
+
+
+@pytest.mark.ranks(1)
+def test_that_modes_end_within_a_wider_range_is_said(shared_path):
+    narrow, wide = (scene_at(shared_path, f"response.span={span}", "solver.modes=3") for span in ("[0.95, 1.03]", "[0.9, 20.0]"))
+    assert Restart.open(COMM, shared_path, narrow).identity.setup != Restart.open(COMM, shared_path, wide).identity.setup
 
 
 # -- the whole story ---------------------------------------------------------------------------------------------------

@@ -48,14 +48,17 @@ class Identity:
 
     @property
     def setup(self) -> str:
-        """The key of the set-up: all but what only the response follows, with what the choice of modes looked at."""
+        """The key of the set-up: all but what only the response follows.
+
+        The range is part of it, also where modes are stated: whether they reach its end is said with the set-up.
+        """
         scene, response = dict(self.scene), dict(self.scene["response"])
         solver = {key: value for key, value in scene.pop("solver", {}).items() if key not in _OF_RESPONSE}
         for name in ("title", "continuation"):
             scene.pop(name, None)
-        chosen_by = {} if "modes" in solver else {"level": max(response["levels"])}
-        if "modes" not in solver or solver.get("method") == "full":
-            chosen_by |= {key: response[key] for key in _RANGE if key in response}
+        chosen_by = {key: response[key] for key in _RANGE if key in response}
+        if "modes" not in solver:
+            chosen_by["level"] = max(response["levels"])
         return self._key({**scene, "solver": solver, "response": chosen_by})
 
     def level(self, level: float, n_modes: int) -> str:
@@ -96,7 +99,10 @@ def identity_of(scene: Scene, options: Iterable[str] = ()) -> Identity:
     ------
     CaseError : a file cannot be read
     """
-    files = {f"{one.key} {Path(one.path).name}": one.sha256 for one in fingerprint(input_files(scene))}
+    files: dict[str, str] = {}
+    for one in fingerprint(input_files(scene)):
+        name = f"{one.key} {Path(one.path).name}"
+        files[name] = files.get(name, "") + one.sha256  # files of one name in several folders
     program = {"microslip": f"{__version__} ({program_hash()})", **versions()}
     return Identity(scene.model_dump(mode="json", exclude_unset=True), files, program, tuple(options))
 
