@@ -22,6 +22,8 @@ from .supports import equations, supports
 # references of cards to others that need not be followed
 _OTHER_REFERENCES = "elements nodes_with_elements properties masses materials loads constraints aero sets optimization".split()
 _MOST_FILES, _DEEPEST = 10_000, 50  # included, all together and within each other
+_RANGE = re.compile(r"\b(\d{1,18})[\s,+*]+THRU[\s,+*]+(\d{1,18})\b", re.IGNORECASE)
+_LONGEST_RANGE = 2**22  # numbers in any file
 _OF_ANY = 2**24  # bytes that they may have whatever their size
 _SOLIDS = {"CTETRA": "tet", "CPENTA": "wedge", "CHEXA": "hex", "CPYRAM": "pyramid"}
 _ORDER = {  # Nastran writes the mid-sides of vertical edges before those of the top
@@ -99,6 +101,7 @@ def _cards(text: str) -> Any:
         raise MeshError("Nastran bulk data is read by pyNastran; install it: pip install pyNastran") from None
     if not text.strip():
         raise MeshError("the file is empty")
+    _refuse_endless_ranges(text)
     source, is_whole = _source(text)
     cards = BDF(debug=None)
     cards.disable_cards(("DEFUSET",))
@@ -115,6 +118,21 @@ def _cards(text: str) -> Any:
             f"it cannot be read as Nastran bulk data; it is truncated, damaged or another format ({text[:200]})"
         ) from None
     return cards
+
+
+def _refuse_endless_ranges(text: str) -> None:
+    """Refuse "1 THRU 999999999": pyNastran would write every number of it into memory.  Local.
+
+    Raises
+    ------
+    MeshError : more numbers than a file of this size can have grid points or elements
+    """
+    for first, last in _RANGE.findall(text):
+        if int(last) - int(first) > _LONGEST_RANGE + len(text):
+            raise MeshError(
+                f"{first} THRU {last} asks for more memory than a file of {len(text)} characters can stand for; "
+                "end the range at the last number that there is"
+            )
 
 
 def follow_references(cards: Any) -> None:
