@@ -57,5 +57,6 @@ def test_too_few_in_the_largest_space_too_is_a_failure(comm, linearised, options
     assert caught.value.exit_status == 3 and len(set(comm.allgather(str(caught.value)))) == 1
 
 
-def test_nothing_is_said_where_the_first_space_suffices(linearised):
+def test_nothing_is_said_where_the_first_space_suffices(linearised, options):
+    options(modes_eps_type="krylovschur")
     assert lowest_modes(linearised, 5).info["said"] == ()

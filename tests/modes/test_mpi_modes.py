@@ -13,14 +13,14 @@ from petsc4py import PETSc
 from microslip.linear.dense import gram, multiply
 from microslip.linear.factor import Factor
 from microslip.linear.joint_springs import Linearised, linearise
-from microslip.modes import eigen
+from microslip.modes.block_lanczos import BlockLanczos
 from microslip.modes.eigen import lowest_modes
 from microslip.modes.inertia import count_below, find_gap
 from microslip.modes.rayleigh import sharpened
 from microslip.parallel.errors import CaseError, ConvergenceError
 
 comm = MPI.COMM_WORLD
-SMALL, LARGE = (6, 3, 2), (12, 7, 6)  # 108 DOFs: LAPACK; 1512: SLEPc
+SMALL, LARGE = (6, 3, 2), (12, 7, 6)  # 108 DOFs: LAPACK; 1512: block Lanczos
 
 
 class Bare:
@@ -165,25 +165,25 @@ def test_gap_that_proves_the_wanted_modes():
 
 def test_a_mode_missed_below_a_cluster_is_noticed(monkeypatch):
     """Many equal modes above a lower one that the solver skips at first."""
-    solve, calls = eigen.slepc_modes, []
+    solve, calls = BlockLanczos.lowest, []
 
     def forgetful(*args):
         theta, phi_owned, info = solve(*args)
         calls.append(len(theta))
         return (theta[1:], phi_owned[:, 1:], info) if len(calls) == 1 else (theta, phi_owned, info)
 
-    monkeypatch.setattr(eigen, "slepc_modes", forgetful)
+    monkeypatch.setattr(BlockLanczos, "lowest", forgetful)
     stiffness = np.where(np.arange(450) == 200, 0.999, np.where(np.arange(450) < 400, 1.0, 2.0))
     linearised = structure(sp.diags(stiffness).tocsr(), sp.identity(450))
     np.testing.assert_allclose(lowest_modes(linearised, 5).omega_n ** 2, [0.999, 1.0, 1.0, 1.0, 1.0], rtol=1e-10)
-    assert len(calls) == 2
+    assert len(calls) > 1
     linearised.destroy()
 
 
 @pytest.mark.parametrize("always", [False, True])
 def test_a_missed_mode_is_noticed(monkeypatch, always):
     """A solver that skips the third mode, once or always: found by the count, and repaired or reported."""
-    solve, calls = eigen.slepc_modes, []
+    solve, calls = BlockLanczos.lowest, []
 
     def forgetful(*args):
         theta, phi_owned, info = solve(*args)
@@ -192,7 +192,7 @@ def test_a_missed_mode_is_noticed(monkeypatch, always):
             theta, phi_owned = np.delete(theta, 2), np.delete(phi_owned, 2, axis=1)
         return theta, phi_owned, info
 
-    monkeypatch.setattr(eigen, "slepc_modes", forgetful)
+    monkeypatch.setattr(BlockLanczos, "lowest", forgetful)
     linearised = structure(lattices.chain(450, True), sp.identity(450))
     if always:
         with pytest.raises(ConvergenceError, match=r"\+1 modes lie below"):
@@ -205,13 +205,13 @@ def test_a_missed_mode_is_noticed(monkeypatch, always):
 
 
 def test_wrong_modes_are_refused(monkeypatch):
-    solve = eigen.slepc_modes
+    solve = BlockLanczos.lowest
 
     def inaccurate(*args):
         theta, phi_owned, info = solve(*args)
         return theta, phi_owned + 1e-3 * np.roll(phi_owned, 1, axis=1), info
 
-    monkeypatch.setattr(eigen, "slepc_modes", inaccurate)
+    monkeypatch.setattr(BlockLanczos, "lowest", inaccurate)
     linearised = structure(lattices.chain(450, True), sp.identity(450))
     with pytest.raises(ConvergenceError, match="mode 1 at .* Hz"):
         lowest_modes(linearised, 6)

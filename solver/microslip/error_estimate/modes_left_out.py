@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..linear.dense import diagonal_owned, gram, multiply, summed
+from ..linear.random_signs import random_signs
 from ..receptance.model import ReducedModel
 from ..reduction.build import owned_product
 from .structural_coupling import StructuralCoupling
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from ..modes.eigen import Modes
 
 SAMPLES = 32  # random vectors: norms are known to about a quarter
+_KEY = 20  # of the random vectors
 _NEAR = 0.9  # of that frequency: a harmonic above it is taken to lie here
 
 
@@ -95,7 +97,7 @@ def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedMo
     first, last = linearised.K_L.getOwnershipRange()
     # the diagonal of M, scaled to have the kinetic energy of the highest modes kept
     energies = summed(comm, mass @ modes.phi_owned[:, -3:] ** 2)
-    random = np.sqrt(mass / energies.mean())[:, None] * signs(first, last - first)
+    random = np.sqrt(mass / energies.mean())[:, None] * random_signs(first, last - first, SAMPLES, _KEY)
     given = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
     Z_random, Z_given = (beyond_modes(linearised, modes, right_owned) for right_owned in (random, given))
     everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
@@ -137,12 +139,3 @@ def beyond_modes(linearised: Linearised, modes: Modes, right_owned: np.ndarray) 
     comm = linearised.system.comm
     of_modes = gram(comm, modes.phi_owned, right_owned) / modes.omega_n[:, None] ** 2
     return linearised.factor.solve(right_owned) - modes.phi_owned @ of_modes
-
-
-def signs(first: int, n: int) -> np.ndarray:
-    """Return random signs of rows ``first`` to ``first + n``, (n, SAMPLES): the same whatever rank owns a row.  Local."""
-    generator = np.random.Philox(key=20)
-    generator.advance(first // 4)  # four words of 64 bits a step of the counter
-    words = generator.random_raw(first % 4 + n)[first % 4 :]
-    bits = (words[:, None] >> np.arange(SAMPLES, dtype=np.uint64)) & np.uint64(1)
-    return 1.0 - 2.0 * bits.astype(float)

@@ -17,7 +17,7 @@ from ..assembly.coupling import Coupling
 from ..linear.analysis import FactorMemory
 from ..linear.joint_springs import KEPT, analysis_of
 from ..linear.mumps import foreseen
-from ..modes.krylov_schur import basis_size
+from ..modes.block_lanczos import basis_size
 from ..parallel.memory import refuse_beyond
 from ..reduction.galerkin import memory_of_basis
 from ..reduction.methods import METHODS

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from ..linear.dense import column_norms, gram, multiply
 from ..parallel.errors import CaseError, ConvergenceError
+from .block_lanczos import BlockLanczos
 from .dense import dense_modes
 from .inertia import count_below, find_gap
-from .krylov_schur import slepc_modes
+from .krylov_schur import SlepcSearch, is_asked_for
 from .limits import SHARE
 from .rayleigh import orthonormalised, sharpened
 from .user_order import user_order
@@ -42,7 +43,21 @@ class Modes:
         return self.omega_n / (2.0 * np.pi)
 
 
-def lowest_modes(linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False) -> Modes:
+class Search(Protocol):
+    """Finds modes, more of them each time it is asked for more.  Collective."""
+
+    def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
+        """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta falling, and what is worth knowing of them."""
+
+
+def search_of(linearised: Linearised) -> Search:
+    """Return the search that the user's options name, or that by blocks.  Local."""
+    return SlepcSearch(linearised) if is_asked_for() else BlockLanczos(linearised)
+
+
+def lowest_modes(
+    linearised: Linearised, n_modes: int, verify: bool = True, fewer_will_do: bool = False, search: Search | None = None
+) -> Modes:
     """Return the ``n_modes`` lowest modes of (K_L, M).
 
     Collective on the system's communicator.
@@ -52,6 +67,7 @@ def lowest_modes(linearised: Linearised, n_modes: int, verify: bool = True, fewe
     linearised : ``K_L``, ``M``, ``factor`` of K_L, ``system``
     verify : prove by the inertia of K_L - sigma M that no mode is missing: one more factorisation
     fewer_will_do : return all there are where fewer motions have mass
+    search : that of an earlier call, to go on with
 
     Returns
     -------
@@ -70,7 +86,7 @@ def lowest_modes(linearised: Linearised, n_modes: int, verify: bool = True, fewe
         raise CaseError(
             f"[solver] modes = {n_modes}, but the structure has {n_dof} degrees of freedom; ask for 1 to {n_dof} modes"
         )
-    theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify)
+    theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify, search)
     phi_owned = orthonormalised(linearised, phi_owned[:, :n_modes])
     eigenvalues = linearised.system.comm.bcast(sharpened(linearised, 1.0 / theta[:n_modes], phi_owned))
     order = np.argsort(eigenvalues)
@@ -87,7 +103,7 @@ def first_of(modes: Modes, n_modes: int) -> Modes:
 
 def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
     """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: one factorisation, if any."""
-    if "restarts" not in modes.info or modes.info["complete"]:
+    if modes.info.get("complete", True):
         return True  # all of the spectrum
     n_below, sigma = find_gap(modes.omega_n**2, n_modes)
     is_proved = count_below(linearised.K_L, linearised.M, sigma) == n_below
@@ -100,7 +116,9 @@ def _proof(n_below: int, sigma: float) -> str:
     return f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz"
 
 
-def _solve(linearised: Linearised, n_modes: int, n_least: int, verify: bool) -> tuple[np.ndarray, np.ndarray, dict]:
+def _solve(
+    linearised: Linearised, n_modes: int, n_least: int, verify: bool, search: Search | None
+) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return at least ``n_modes`` (theta, phi) and how they were found, complete if ``verify``.  Collective.
 
     All there are, at least ``n_least``, where no more motions have mass.
@@ -108,9 +126,9 @@ def _solve(linearised: Linearised, n_modes: int, n_least: int, verify: bool) -> 
     n_dof = linearised.M.getSize()[0]
     if n_dof <= _DENSE or SHARE * n_modes > n_dof:
         return dense_modes(linearised, n_modes, n_least)  # all of the spectrum: nothing can be missing
-    n_wanted = n_modes + _GUARD * verify
+    n_wanted, search = n_modes + _GUARD * verify, search or search_of(linearised)
     for _ in range(_MAX_TRIES):
-        theta, phi_owned, info = slepc_modes(linearised, n_wanted)
+        theta, phi_owned, info = search.lowest(n_wanted)
         if len(theta) < n_least:
             raise CaseError(
                 f"[solver] modes = {n_least}, but the structure has only {len(theta)}: its mass matrix leaves "

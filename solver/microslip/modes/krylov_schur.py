@@ -1,4 +1,7 @@
-"""The lowest modes by SLEPc: Krylov-Schur, shift-invert at 0 with the kept factor."""
+"""The lowest modes by an eigensolver of SLEPc, shift-invert at 0 with the kept factor: where the user's options name one.
+
+Without a word of them the search is that of block_lanczos.py, which solves for many vectors at once and goes on where it was.
+"""
 
 from __future__ import annotations
 
@@ -20,6 +23,22 @@ _TRIES = 3  # each in a space twice as large as the last
 TOLERANCE = 1e-8  # residual of a mode, relative; the error of its eigenvalue is the square of it
 
 
+class SlepcSearch:
+    """The same search by SLEPc; each time anew."""
+
+    def __init__(self, linearised: Linearised):
+        self.linearised = linearised
+
+    def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
+        """Return at least ``n_wanted`` (theta, phi): :func:`slepc_modes`.  Collective."""
+        return slepc_modes(self.linearised, n_wanted)
+
+
+def is_asked_for() -> bool:
+    """Return whether the user's options say something of SLEPc's eigensolver.  Local."""
+    return any(name.startswith(("eps_", "st_")) for name in PETSc.Options(PREFIX).getAll())
+
+
 def slepc_modes(linearised: Linearised, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
     """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta = 1 / omega_n^2 falling, phi^T M phi = I.
 
@@ -35,7 +54,7 @@ def slepc_modes(linearised: Linearised, n_wanted: int) -> tuple[np.ndarray, np.n
     eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setTarget(0.0)
-    eps.setDimensions(n_wanted, basis_size(n_wanted, linearised.M.getSize()[0]))
+    eps.setDimensions(n_wanted, min(linearised.M.getSize()[0], max(2 * n_wanted, n_wanted + 20)))
     eps.setTolerances(TOLERANCE, 200)
     st = eps.getST()
     st.setType(SLEPc.ST.Type.SINVERT)
@@ -50,11 +69,6 @@ def slepc_modes(linearised: Linearised, n_wanted: int) -> tuple[np.ndarray, np.n
     finally:
         ksp.destroy()
         eps.destroy()
-
-
-def basis_size(n_wanted: int, n_dof: int) -> int:
-    """Return the size of the Krylov space that so many modes are sought in.  Local."""
-    return min(n_dof, max(2 * n_wanted, n_wanted + 20))
 
 
 class _KeptFactor:

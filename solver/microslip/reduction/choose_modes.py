@@ -7,7 +7,7 @@ import numpy as np
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..modes.band import Band, frequency_band
-from ..modes.eigen import Modes, first_of, is_complete, lowest_modes
+from ..modes.eigen import Modes, first_of, is_complete, lowest_modes, search_of
 from ..modes.limits import FEW, SHARE, most_modes
 from ..parallel.errors import CaseError
 from .settings import ReductionSettings
@@ -57,10 +57,10 @@ def _fewest(linearised: Linearised, pairs: ContactPairs, statics: Statics, setti
     """Return the fewest modes whose bound meets the accuracy, from batches of growing size."""
     n_dof, verify, mode = linearised.system.n_dof, settings.verify_modes, settings.band.mode or 0
     cap = n_dof if n_dof <= SHARE * _MOST else min(_MOST, most_modes(n_dof))
-    n_batch = max(_START, mode + 1)
+    n_batch, search = max(_START, mode + 1), search_of(linearised)
     while True:
         n_batch = n_dof if n_dof <= _AT_ONCE or (SHARE * n_batch > n_dof and cap == n_dof) else min(n_batch, cap)
-        modes = lowest_modes(linearised, n_batch, verify=False, fewer_will_do=True)
+        modes = lowest_modes(linearised, n_batch, verify=False, fewer_will_do=True, search=search)
         n_found = len(modes.omega_n)
         is_all, is_last = n_found < n_batch or n_found == n_dof, n_batch == cap
         if mode < n_found or is_all or is_last:
@@ -73,7 +73,7 @@ def _fewest(linearised: Linearised, pairs: ContactPairs, statics: Statics, setti
             if n_modes and (not verify or is_complete(linearised, modes, n_modes)):
                 return first_of(modes, n_modes), _why(n_modes, modes.omega_n, bound, settings.accuracy)
         if is_last:
-            return lowest_modes(linearised, n_found), f"modes: {n_found}, the most the program picks by itself"
+            return lowest_modes(linearised, n_found, search=search), f"modes: {n_found}, the most the program picks by itself"
         n_batch *= 2
 
 
