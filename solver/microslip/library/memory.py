@@ -38,6 +38,7 @@ LIBRARIES = 16e6  # bytes of MUMPS, BLAS and SLEPc and their buffers, touched at
 PICTURES = 30e6  # bytes of Matplotlib and its fonts, likewise
 PICKED = 24  # modes assumed where the program picks their number
 VECTORS = 3  # blocks of the modes' size beside the basis that they are found in
+_FRONTS = 0.25  # of a factor: what a factorisation takes that drops it as it comes
 COLUMNS = 2.5e8  # bytes of a batch of static solutions, all ranks
 
 
@@ -83,7 +84,7 @@ def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: floa
 def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
     """Raise ResourceError if the modes and the proof that none is missing would not fit beside the kept factor.
 
-    Collective.  Before the first of them is sought: the proof comes last, and takes as much again as the factor.
+    Collective.  Before the first of them is sought: the proof comes last, and takes the fronts of another factorisation.
 
     Raises
     ------
@@ -97,7 +98,7 @@ def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
     proof = 0.0 if memory is None or not settings.verify_modes else FACTORED * entries + memory.out_of_core
     advice = "ask for fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
     if proof > 0.0:
-        advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factor"
+        advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factorisation"
     refuse_beyond(system.comm, vectors + max(proof, SHARPENED * entries), f"{settings.where}: {n_modes} modes", advice)
 
 
@@ -134,7 +135,8 @@ def _peaks(
     stages["factor of the stuck structure"] = max(before, held)
     columns = min(8.0 * 128 * n_dof, COLUMNS) * (n_owned / max(n_dof, 1) + (comm.rank == 0))
     vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
-    proof = of_factor if solver.verify_modes else 0.0
+    fronts = factor.out_of_core if factor is not None else _FRONTS * _by_size(n_dof) / comm.size
+    proof = FACTORED * entries + fronts if solver.verify_modes else 0.0
     stages["modes"] = held + vectors + max(proof, SHARPENED * entries, columns)
     held += 8.0 * n_owned * n_modes
     n_columns = METHODS[solver.method].coordinates(

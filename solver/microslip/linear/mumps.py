@@ -17,6 +17,7 @@ from .dense import wrap
 from .out_of_core import disks, room_on_disk, write_to_disk
 
 _METIS = 5
+_FOR_INERTIA = (13, 24, 31)  # no ScaLAPACK at the root, null pivots are counted, factors are dropped as they come
 _RHS_BLOCK = 128  # right-hand sides MUMPS takes at once; its own 32 is up to twice as slow on 2 ranks
 _RELAXATION = (None, 60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
 _WORKSPACE_TOO_SMALL = (-8, -9, -11, -12, -14, -15, -17, -20)
@@ -27,7 +28,7 @@ SINGULAR = (-6, -10, -40)  # structurally, numerically, not positive definite at
 ADVICE = "use more ranks on more machines, a machine with more memory, or a coarser mesh"
 
 
-def factorise(A: PETSc.Mat, prefix: str, what: str, *, exact_inertia: bool = False) -> tuple[PETSc.KSP, dict[str, Any]]:
+def factorise(A: PETSc.Mat, prefix: str, what: str, *, inertia_only: bool = False) -> tuple[PETSc.KSP, dict[str, Any]]:
     """Factor A and return the KSP that holds the factor, and what is worth logging.
 
     Collective on A's communicator.  A flagged as SPD is factored without pivoting, otherwise as L D L^T.  The memory it takes is
@@ -37,7 +38,7 @@ def factorise(A: PETSc.Mat, prefix: str, what: str, *, exact_inertia: bool = Fal
     ----------
     prefix : of the PETSc options, read last
     what : how messages call A
-    exact_inertia : count every negative pivot, those of the last front too, which ScaLAPACK would hide
+    inertia_only : count every negative pivot, those of the last front too, which ScaLAPACK would hide, and keep nothing else
 
     Returns
     -------
@@ -52,7 +53,7 @@ def factorise(A: PETSc.Mat, prefix: str, what: str, *, exact_inertia: bool = Fal
     start, said, relaxations, on_disk = perf_counter(), list[str](), iter(_RELAXATION), False
     relaxation = next(relaxations)
     while True:
-        ksp = _direct_solver(A, prefix, relaxation, exact_inertia)
+        ksp = _direct_solver(A, prefix, relaxation, inertia_only)
         info = _attempt(ksp, A, prefix, what, relaxation, on_disk)
         code, said = info["code"], said + info.pop("said")
         if code >= 0 or code in SINGULAR:
@@ -77,7 +78,7 @@ def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMem
     Collective on the graph's communicator; nothing is solved.  ``entries_owned`` of the matrix lie on this rank.  None, on every
     rank, where PETSc has no MUMPS, or does not let it analyse alone.
     """
-    ksp = _direct_solver(graph, "static_", None, exact_inertia=False)
+    ksp = _direct_solver(graph, "static_", None, inertia_only=False)
     try:
         pc = ksp.getPC()
         if not _is_mumps(pc) or analyse(pc, graph) != 0:
@@ -190,7 +191,7 @@ def solve_block(ksp: PETSc.KSP, B_owned: np.ndarray) -> np.ndarray:
     return X_owned
 
 
-def _direct_solver(A: PETSc.Mat, prefix: str, relaxation: int | None, exact_inertia: bool) -> PETSc.KSP:
+def _direct_solver(A: PETSc.Mat, prefix: str, relaxation: int | None, inertia_only: bool) -> PETSc.KSP:
     """Return a KSP that will factor A: our defaults, then the user's options."""
     ksp = PETSc.KSP().create(A.comm)
     ksp.setOptionsPrefix(prefix)
@@ -211,8 +212,9 @@ def _direct_solver(A: PETSc.Mat, prefix: str, relaxation: int | None, exact_iner
         F.setMumpsIcntl(27, _RHS_BLOCK)
         if relaxation is not None:
             F.setMumpsIcntl(14, relaxation)
-        if exact_inertia:
-            F.setMumpsIcntl(13, 1)
+        if inertia_only:
+            for number in _FOR_INERTIA:
+                F.setMumpsIcntl(number, 1)
     return ksp
 
 
@@ -228,7 +230,7 @@ def _report(ksp: PETSc.KSP) -> dict[str, Any]:
     pc = ksp.getPC()
     if not _is_mumps(pc):
         failed = ksp.getPC().getFailedReason() != 0
-        return {"package": pc.getFactorSolverType(), "code": SINGULAR[1] if failed else 0, "detail": 0, "negative": 0}
+        return {"package": pc.getFactorSolverType(), "code": SINGULAR[1] if failed else 0, "detail": 0, "negative": 0, "null": 0}
     F = pc.getFactorMatrix()
     parallel = F.getMumpsInfog(32) == 2
     ordering = {1: "PT-Scotch", 2: "ParMETIS"} if parallel else _ORDERINGS
@@ -237,6 +239,7 @@ def _report(ksp: PETSc.KSP) -> dict[str, Any]:
         "code": min(0, F.getMumpsInfog(1)),  # positive values are warnings
         "detail": F.getMumpsInfog(2),
         "negative": F.getMumpsInfog(12),  # pivots
+        "null": F.getMumpsInfog(28),
         "ordering": ordering.get(F.getMumpsInfog(7), "unknown"),
         "entries": count(F.getMumpsInfog(29)),  # of the factor
         "memory_MB": F.getMumpsInfog(22),  # used while factoring, all ranks together
