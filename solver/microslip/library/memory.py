@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # bytes an entry of K, of the arrays held at once; M has a third of the entries
 HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M as PETSc keeps them
 FACTORED = KEPT + 10.5  # K_L, and the half of it that is handed to MUMPS, with places and its analysis
-SHARPENED = 24.0  # the rows of K_L twice: eigenvalues in extended precision
+SHARPENED = 1e8  # bytes of some rows of K_L twice and in extended precision, for the eigenvalues
 LIBRARIES = 16e6  # bytes of MUMPS, BLAS and SLEPc and their buffers, touched at first use
 PICTURES = 30e6  # bytes of Matplotlib and its fonts, likewise
 PICKED = 24  # modes assumed where the program picks their number
@@ -99,7 +99,7 @@ def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
     advice = "ask for fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
     if proof > 0.0:
         advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factorisation"
-    refuse_beyond(system.comm, vectors + max(proof, SHARPENED * entries), f"{settings.where}: {n_modes} modes", advice)
+    refuse_beyond(system.comm, vectors + max(proof, SHARPENED), f"{settings.where}: {n_modes} modes", advice)
 
 
 def of_factor(info: dict[str, Any]) -> str:
@@ -137,7 +137,7 @@ def _peaks(
     vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
     fronts = factor.out_of_core if factor is not None else _FRONTS * _by_size(n_dof) / comm.size
     proof = FACTORED * entries + fronts if solver.verify_modes else 0.0
-    stages["modes"] = held + vectors + max(proof, SHARPENED * entries, columns)
+    stages["modes"] = held + vectors + max(proof, SHARPENED, columns)
     held += 8.0 * n_owned * n_modes
     n_columns = METHODS[solver.method].coordinates(
         settings, n_modes, n_dof, n_pairs, sum(len(one.phases) for one in settings.loads)

@@ -13,7 +13,9 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-_INVERSE_ENTRIES, _DISTRIBUTED_SOLUTION = 30, 21  # ICNTL that PETSc changes and leaves so
+_INVERSE_ENTRIES, _DISTRIBUTED_SOLUTION, _AT_ONCE = 30, 21, 27  # ICNTL that PETSc changes and leaves so, and columns at once
+_ON_DISK = 22
+_FROM_DISK = 1024  # columns at once: each time the factor is read again
 
 
 def inverse_entries(F: PETSc.Mat, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
@@ -72,7 +74,9 @@ def _wanted(rows: np.ndarray, columns: np.ndarray, is_asked: np.ndarray, n: int)
 def _answered(function: Callable[[int, int], int], F: PETSc.Mat, wanted: PETSc.Mat) -> bool:
     """Put the entries of the inverse into the transposed pattern ``wanted``; return whether MUMPS did.  Collective."""
     pattern = PETSc.Mat().createTranspose(wanted)
-    before = {which: F.getMumpsIcntl(which) for which in (_INVERSE_ENTRIES, _DISTRIBUTED_SOLUTION)}
+    before = {which: F.getMumpsIcntl(which) for which in (_INVERSE_ENTRIES, _DISTRIBUTED_SOLUTION, _AT_ONCE)}
+    if F.getMumpsIcntl(_ON_DISK) == 1:
+        F.setMumpsIcntl(_AT_ONCE, _FROM_DISK)
     try:
         return function(F.handle, pattern.handle) == 0
     finally:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-8  # |K_L^-1 M phi - theta phi| / theta of a mode, in the norm of M; the error of theta is the square of it
 _BLOCK = (4, 16)  # vectors: a small block converges in fewer of them, in a large one each is cheaper
+_FROM_DISK = 16  # vectors, where each block reads the factor from disk
 _MODES_A_VECTOR = 3  # modes asked for at first, for each vector of a block
 _DEPENDENT = 1e-12  # part of a vector beyond the space, over the vector, that is rounding
 _SLANTED = 1e-11  # product of two unit vectors that should be orthogonal
@@ -71,7 +72,7 @@ class BlockLanczos:
         ConvergenceError : fewer converged in a space far larger than that should take; on every rank
         """
         if self._n_random == 0:
-            self._draw(block_size(n_wanted))
+            self._draw(_FROM_DISK if self.linearised.factor.info.get("out_of_core") else block_size(n_wanted))
         while True:
             theta, Z, n_found = self._converged()
             if n_found >= n_wanted or self._is_whole:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..linear.dense import gram, multiply, summed
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
 _NOISE = 1e-11  # of omega_n^2, expected from rounding, that is let pass
-_CHUNK = 2_000_000  # matrix entries multiplied at a time
+_ROWS = 10_000  # of the matrix, multiplied at a time
 
 
 def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
@@ -44,35 +45,37 @@ def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.nda
     if len(noisy) == 0:
         return eigenvalues
     eigenvalues = eigenvalues.copy()
-    rows = _owned_rows(linearised.K_L)
-    for k in noisy:
-        x_owned = phi_owned[:, k]
-        x = np.concatenate(comm.allgather(x_owned))
-        eigenvalues[k] = float(sum(comm.allgather(_energy(rows, x_owned, x))))
+    X_owned = phi_owned[:, noisy]
+    eigenvalues[noisy] = sum(comm.allgather(_energies(linearised.K_L, X_owned, np.concatenate(comm.allgather(X_owned)))))
     return eigenvalues
 
 
-def _energy(rows: tuple, x_owned: np.ndarray, x: np.ndarray) -> np.longdouble:
-    """Return the owned rows' part of x^T A x.  Local."""
-    indptr, columns, values = rows
-    row = np.repeat(np.arange(len(x_owned)), np.diff(indptr))
-    total = np.longdouble(0.0)
-    for start in range(0, len(values), _CHUNK):
-        chunk = slice(start, start + _CHUNK)
-        product = values[chunk].astype(np.longdouble)
-        product *= x[columns[chunk]]
-        product *= x_owned[row[chunk]]
-        total += product.sum()
+def _energies(A: PETSc.Mat, X_owned: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return the owned rows' part of x^T A x of every column of X (n_dof, m), (m,), in extended precision.
+
+    Collective, some rows at a time.
+    """
+    comm, (first, last) = A.comm.tompi4py(), A.getOwnershipRange()
+    everything = PETSc.IS().createStride(A.getSize()[1], 0, 1, comm=PETSc.COMM_SELF)
+    total = np.zeros(X.shape[1], dtype=np.longdouble)
+    for k in range(comm.allreduce(-(-(last - first) // _ROWS), MPI.MAX)):
+        start, end = (min(first + i * _ROWS, last) for i in (k, k + 1))
+        mine = PETSc.IS().createStride(end - start, start, 1, comm=PETSc.COMM_SELF)
+        (local,) = A.createSubMatrices(mine, everything)
+        total += _products(local.getValuesCSR(), X_owned[start - first : end - first], X)
+        local.destroy()
+        mine.destroy()
+    everything.destroy()
     return total
 
 
-def _owned_rows(A: PETSc.Mat) -> tuple:
-    """Return (indptr, columns, values) of this rank's rows, columns global.  Collective."""
-    row_start, row_end = A.getOwnershipRange()
-    mine = PETSc.IS().createStride(row_end - row_start, row_start, 1, comm=PETSc.COMM_SELF)
-    everything = PETSc.IS().createStride(A.getSize()[1], 0, 1, comm=PETSc.COMM_SELF)
-    (local,) = A.createSubMatrices(mine, everything)
-    rows = local.getValuesCSR()
-    for created in (local, mine, everything):
-        created.destroy()
-    return rows
+def _products(csr: tuple[np.ndarray, ...], X_rows: np.ndarray, X: np.ndarray) -> np.ndarray:
+    """Return the sums over rows i and columns j of x_i A_ij x_j, (m,).  Local."""
+    indptr, columns, values = csr
+    row, exact = np.repeat(np.arange(len(X_rows)), np.diff(indptr)), values.astype(np.longdouble)
+    found = np.zeros(X.shape[1], dtype=np.longdouble)
+    for k in range(X.shape[1]):
+        product = exact * X[columns, k]
+        product *= X_rows[row, k]
+        found[k] = product.sum()
+    return found
