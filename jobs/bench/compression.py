@@ -28,7 +28,7 @@ initialise()
 from machine import facts
 from mpi4py import MPI
 from prepared import prepare
-from synthetic import joint_model, patch
+from synthetic import grid, joint_model, patch
 
 N_H = 7  # vectors of a product
 
@@ -136,11 +136,14 @@ def main() -> None:
     parser.add_argument("--leaf", type=int, default=64)
     given = parser.parse_args()
     comm = MPI.COMM_SELF
-    print(f"{facts()['processor']}\n\n| matrix | pairs | tolerance | memory, share | rank: most; mean | error of a product |", end="")
+    print(
+        f"{facts()['processor']}\n\n| matrix | pairs | tolerance | memory, share | rank: most; mean | error of a product |",
+        end="",
+    )
     print(" ms, double (whole) | ms, single (whole) |\n| --- |" + " ---: |" * 7)
     for n in given.pairs:
         columns = joint_model(comm, n, 1).G_static.transposed(np.arange(n))
-        measure("synthetic", np.ascontiguousarray(columns.T), patch(n), given.tolerances, given.leaf)
+        measure("synthetic", np.ascontiguousarray(columns.T), patch(grid(n)), given.tolerances, given.leaf)
     for scene in given.scenes:
         found = prepare(scene, comm)
         G = np.ascontiguousarray(found.model.G_static.transposed(np.arange(found.model.n_pairs)).T)

@@ -108,9 +108,11 @@ def mean(points, name: str) -> float:
 
 
 def of_joint(comm, n_pairs: int, share: float, H: int, points: int) -> dict:
-    """Return the costs a point of a synthetic joint; the first point, which starts from the stuck motion, is left out."""
+    """Return the costs a point of a synthetic joint; the first point, which starts from the stuck motion, is left out.
+
+    It is there that the columns of the slipping pairs come to be, as in any run.
+    """
     model = joint_model(comm, n_pairs, H)
-    model.G_static.require(np.arange(n_pairs))
     problem = joint_problem(model, share)
     with Stopwatch(GROUPS) as watch:
         meter = Meter(comm, watch)

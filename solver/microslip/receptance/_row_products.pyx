@@ -1,4 +1,4 @@
-# cython: language_level=3, boundscheck=False, wraparound=False
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True
 """Bridge from NumPy arrays to row_products.c; what it computes is stated there and in rows.py."""
 
 cdef extern from "row_products.h" nogil:
@@ -32,3 +32,14 @@ def project(const Py_ssize_t[::1] places, Py_ssize_t n, const real[:, ::1] x, re
             project_double(m, <const double **> &places[0], n, &x[0, 0], N, &y[0, 0])
         else:
             project_float(m, <const float **> &places[0], n, &x[0, 0], N, &y[0, 0])
+
+
+def pick(const Py_ssize_t[::1] places, const Py_ssize_t[::1] columns, double unit, real[:, :] out):
+    """Write the ``columns`` (k,) of A, over ``unit``, into ``out`` (m, k), for rows of A in double precision at ``places`` (m,)."""
+    cdef Py_ssize_t i, j
+    cdef const double *row
+    with nogil:
+        for j in range(places.shape[0]):
+            row = <const double *> places[j]
+            for i in range(columns.shape[0]):
+                out[j, i] = <real> (row[columns[i]] / unit)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .damping import Flexibility
 from .model import ReducedModel
-from .rows import ChosenRows
+from .rows import Rows
 from .static_columns import rows_of
 
 
@@ -32,9 +32,12 @@ class ReceptanceColumns:
     @cached_property
     def rows(self) -> np.ndarray:
         """Rows of the active pairs of this rank, counted from its first, (3 m,)."""
+        return rows_of(self._owned(self.active))
+
+    def _owned(self, pairs: np.ndarray) -> np.ndarray:
+        """Return those of some pairs that are this rank's, counted from its first."""
         first, last = self.model.owned.start, self.model.owned.stop
-        own = self.active[(self.active >= first) & (self.active < last)] - first
-        return rows_of(own)
+        return pairs[(pairs >= first) & (pairs < last)] - first
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
@@ -69,21 +72,38 @@ class ReceptanceColumns:
 
     # -- the block between the active pairs ------------------------------------------------------------------------
 
-    def blocks(self) -> Iterator[np.ndarray]:
+    def blocks(self, chosen: np.ndarray | None = None) -> Iterator[np.ndarray]:
         """Return G_n between the active pairs for each harmonic of the set, (3 n_active, 3 n_active), complex [m/N].
 
-        Collective: one gather, before the first is asked for.
+        Collective: one gather, before the first is asked for.  Between the ``chosen`` ones alone, (m,) numbers among the active
+        pairs, rising, where they are given: (3 m, 3 m).
         """
-        between: np.ndarray = np.empty((3 * len(self.active), len(self.rows)))
-        self.G_static.columns_into(self.rows, 1.0, between)
-        static = between.T
+        part, own = np.arange(3 * len(self.active)), self.rows
+        if chosen is not None:
+            part, own = rows_of(chosen), rows_of(self._owned(self.active[chosen]))
+        static = self.G_static.part(part).columns(own).T
         if self.model.comm.size > 1:
             static = np.concatenate(self.model.comm.allgather(static))  # rank order is row order
-        return (static + self._dynamic_block(n) for n in self.model.harmonics.chosen)
+        return (static + self._dynamic_block(n, part) for n in self.model.harmonics.chosen)
 
-    def _dynamic_block(self, n: int) -> np.ndarray:
+    def moved_by(self, chosen: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return G_n p_n of this rank's active pairs, complex (n_harmonics, 3 n_active_owned, k) [m].  Local.
+
+        ``p`` (m, n_harmonics, 3, k) [N] are the amplitudes of forces on the ``chosen`` ones (m,) of the active pairs.
+        """
+        rows, forces = rows_of(chosen), p.swapaxes(0, 1).reshape(p.shape[1], -1, p.shape[3]).astype(complex)
+        static = self.G_static.part(rows).columns(self.rows).T
+        own = slice(*np.searchsorted(self.active, [self.model.owned.start, self.model.owned.stop]) * 3)
+        found = np.stack([(static @ force.view(float)).view(complex) for force in forces])
+        for moved, force, n in zip(found, forces, self.model.harmonics.chosen):
+            k, i = self.model.index_of(n)
+            moved += self.flexibilities[k].between(self.R_active[k][own], i, force.T @ self.R_active[k][rows])
+        return found
+
+    def _dynamic_block(self, n: int, part: np.ndarray) -> np.ndarray:
+        """Return what the modes add to G_n between some rows of the active pairs."""
         k, i = self.model.index_of(n)
-        return self.flexibilities[k].between(self.R_active[k], i, self.R_active[k])
+        return self.flexibilities[k].between(self.R_active[k][part], i, self.R_active[k][part])
 
     def matrix(self) -> np.ndarray:
         """Return G between the active pairs, all harmonics, (3 n_active N_H, 3 n_active N_H) [m/N].  Collective: one gather.
@@ -116,10 +136,10 @@ class ActiveColumns:
         ends = np.cumsum([self.n_rows] + [R.shape[1] for R in G.R_active])
         self.modes = [slice(first, last) for first, last in zip(ends, ends[1:])]  # columns of the modes of each share
         self.columns: np.ndarray = np.empty((3 * len(G.active), ends[-1]), dtype=precision)
-        G.G_static.columns_into(G.rows, self.unit, self.columns[:, : self.n_rows])
+        G.G_static.write_columns(G.rows, self.unit, self.columns[:, : self.n_rows])
         for modes, R in zip(self.modes, G.R_active):
             self.columns[:, modes] = R / R_unit
-        self._rows = ChosenRows(self.columns)
+        self._rows = Rows.of(self.columns)
         self.R_rows = [s.family.R_phi[G.model.owned_rows][G.rows] * (R_unit / self.unit) for s in G.model.shares]
         self.move_to(G)
 
