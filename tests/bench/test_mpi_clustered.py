@@ -29,7 +29,8 @@ def linearised(problem):
     """Return the linearisation at a solution."""
     (point,) = at_frequencies(problem, AllPairs(), synthetic.frequencies(1), tolerance=1e-8).points
     equation, at = problem.equation, problem.at((synthetic.OMEGA,))
-    forces = equation.contact_forces(point.U.reshape(equation.shape), equation.every_pair, tangents=True)
+    U = COMM.bcast(point.U).reshape(-1, *equation.shape[1:])[equation.model.owned]
+    forces = equation.contact_forces(U, equation.every_pair, tangents=True)
     assert len(forces.active) == N_PAIRS
     return Linearisation.of(equation, at, forces)
 

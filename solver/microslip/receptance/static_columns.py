@@ -58,7 +58,7 @@ class StaticColumns:
         self._held.append(held)
         self._places[pairs] = places_of(held).reshape(-1, 3)
         self._largest[pairs] = np.abs(held).reshape(len(pairs), -1).max(axis=1, initial=0.0)
-        self.known[pairs] = True
+        self.known[pairs], self._last = True, None
 
     def chosen(self, pairs: np.ndarray) -> ChosenColumns:
         """Return the columns of ``pairs`` (m,), which are not copied.  Collective where some are new."""
