@@ -24,7 +24,7 @@ SINGLE = 1e-5  # relative tolerance of GMRES down to which products in single pr
 SMALL = 2000  # rows of the pairs that do not stick, up to which double precision costs no more
 MANY_KRYLOV = 50  # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
 MANY_IN_STIFF = 10  # the same where rows are weighted
-MANY_IN_LARGE = 15  # the same in a large joint, whose preconditioner costs some ten products
+MANY_IN_LARGE = 25  # the same in a large joint, whose preconditioner is soon made
 
 
 @dataclass(frozen=True, eq=False)
