@@ -30,7 +30,7 @@ from microslip.contact.law import STICK
 from microslip.continuation import acceptance, corrector, follow
 from microslip.continuation.grid import at_frequencies
 from microslip.continuation.task import BranchTask
-from microslip.harmonic import balance, linearisation, newton_solver, preconditioner
+from microslip.harmonic import balance, clustered, linearisation, newton_solver, preconditioner
 from microslip.receptance import columns
 from microslip.receptance.static_columns import StaticColumns
 from microslip.reduction.selection import AllPairs
@@ -49,6 +49,7 @@ GROUPS = [
     (newton_solver.NewtonSolver, "_multiply", "Krylov products, besides G p"),
     (newton_solver.NewtonSolver, "_precondition", "preconditioner: applying"),
     (preconditioner.HarmonicPreconditioner, "__init__", "preconditioner: factoring"),
+    (clustered.ClusteredPreconditioner, "__init__", "preconditioner: factoring"),
     (newton_solver.NewtonSolver, "solve", "Newton step, besides"),
     (corrector.Corrector, "_residual", "residual, besides"),
     (corrector.Corrector, "_linearise", "Jacobian, besides"),
@@ -108,9 +109,11 @@ def mean(points, name: str) -> float:
 
 
 def of_joint(comm, n_pairs: int, share: float, H: int, points: int) -> dict:
-    """Return the costs a point of a synthetic joint; the first point, which starts from the stuck motion, is left out."""
+    """Return the costs a point of a synthetic joint; the first point, which starts from the stuck motion, is left out.
+
+    It is there that the columns of the slipping pairs come to be, as in any run.
+    """
     model = joint_model(comm, n_pairs, H)
-    model.G_static.require(np.arange(n_pairs))
     problem = joint_problem(model, share)
     with Stopwatch(GROUPS) as watch:
         meter = Meter(comm, watch)

@@ -1,6 +1,7 @@
 """Reduced models of any number of pairs without finite elements, for the growth of the response part.
 
-The joint is a square patch of pairs.  Without its springs it gives under a force by F, which decays with distance; with the
+The joint is a patch of pairs on a grid whose opposite edges meet: what one pair feels of another depends on their distance along
+the grid alone, so that a column is known without a matrix, and a joint of any size costs no more than its columns.  Without its springs it gives under a force by F, which decays with distance; with the
 springs K_J = k I and one more compliance C of modes by
 
     G_static = (F^-1 + K_J / (1 - beta))^-1 + r Omega^-2 r^T,        |K_J^(1/2) r Omega^-2 r^T K_J^(1/2)| = beta,
@@ -35,8 +36,8 @@ SLIPS, HOLDS = 0.7, 3.0  # friction limit of slipping and of other pairs over th
 def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
     """Return the reduced model of a joint of ``n_pairs`` pairs, loaded with unit level.  Collective on ``comm``."""
     rng = np.random.default_rng(1)
-    x = patch(n_pairs)
-    G_local = local_compliance(x)
+    shape = grid(n_pairs)
+    x, G_local = patch(shape), local_compliance(shape)
     omega_n = 560.0 * np.linspace(1.0, 40.0, n_modes)
     R_phi = smooth_shapes(x, n_modes, rng)
     compliance = R_phi / omega_n
@@ -46,8 +47,11 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
 
     def columns(pairs: np.ndarray) -> np.ndarray:
         chosen = (3 * pairs[:, None] + np.arange(3)).ravel()
-        local = np.where(own[:, None] % 3 == chosen % 3, G_local[own[:, None] // 3, chosen // 3], 0.0)
-        return local + (R_phi[own] / omega_n**2) @ R_phi[chosen].T
+        found = (R_phi[own] / omega_n**2) @ R_phi[chosen].T
+        between = G_local[apart(own[::3] // 3, pairs, shape)]  # (n_owned, m)
+        for direction in range(3):
+            found[direction::3, direction::3] += between
+        return found
 
     b = np.zeros((n_modes, 1))
     b[0] = 1.0
@@ -70,18 +74,33 @@ def joint_model(comm, n_pairs: int, H: int, n_modes: int = 20) -> ReducedModel:
     )
 
 
-def patch(n_pairs: int) -> np.ndarray:
+def grid(n_pairs: int) -> tuple[int, int]:
+    """Return the two numbers of pairs nearest to each other whose product is ``n_pairs``."""
+    short = next(n for n in range(int(np.sqrt(n_pairs)), 0, -1) if n_pairs % n == 0)
+    return short, n_pairs // short
+
+
+def patch(shape: tuple[int, int]) -> np.ndarray:
     """Return positions on a unit square, (n_pairs, 2)."""
-    side = int(np.ceil(np.sqrt(n_pairs)))
-    grid = np.stack(np.meshgrid(np.arange(side), np.arange(side), indexing="ij"), axis=-1).reshape(-1, 2) / side
-    return grid[:n_pairs]
+    return np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2) / shape
 
 
-def local_compliance(x: np.ndarray) -> np.ndarray:
-    """Return (F^-1 + K_J / (1 - beta))^-1 of one direction, (n_pairs, n_pairs) [m/N], for F = 4 exp(-distance) / k."""
-    distance = np.linalg.norm(x[:, None] - x, axis=2)
-    F = 4.0 / K_T * np.exp(-distance / DECAY)
-    return np.linalg.solve(np.eye(len(x)) + K_T / (1.0 - BETA) * F, F)
+def local_compliance(shape: tuple[int, int]) -> np.ndarray:
+    """Return (F^-1 + K_J / (1 - beta))^-1 of one direction between the first pair and each, (n_pairs,) [m/N].
+
+    F is the sum of 4 exp(-distance) / k over a pair and its images beyond the edges.  Both are circulant over the grid: Fourier's
+    transform makes them diagonal.
+    """
+    x, images = patch(shape), np.stack(np.meshgrid(*2 * [np.arange(-3, 3)]), axis=-1).reshape(-1, 2)
+    F = sum(4.0 / K_T * np.exp(-np.linalg.norm(x + image, axis=1) / DECAY) for image in images)
+    values = np.fft.fft2(np.reshape(F, shape)).real
+    return np.fft.ifft2(values / (1.0 + K_T / (1.0 - BETA) * values)).real.ravel()
+
+
+def apart(a: np.ndarray, b: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """Return the pair that is as far from the first one as pairs ``a`` are from pairs ``b``, (n_a, n_b)."""
+    (i, j), (k, m) = divmod(a[:, None], shape[1]), divmod(b, shape[1])
+    return (i - k) % shape[0] * shape[1] + (j - m) % shape[1]
 
 
 def smooth_shapes(x: np.ndarray, n_modes: int, rng) -> np.ndarray:

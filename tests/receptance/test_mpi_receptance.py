@@ -150,6 +150,14 @@ def test_products_blocks_and_matrix_are_one_receptance(name, active):
         dense = (static_of(model) + dynamic(model, n, pairs_of, pairs_of))[np.ix_(rows, rows)]
         np.testing.assert_allclose(block, dense, atol=1e-12)
     if len(active) > 0:
+        chosen = np.arange(len(active))[::2]
+        some = (3 * chosen[:, None] + np.arange(3)).ravel()
+        between = np.stack(list(G.blocks(chosen)))
+        np.testing.assert_allclose(between, np.stack(list(G.blocks()))[:, some][:, :, some], atol=1e-12)
+        force = random(8, len(chosen), len(model.harmonics), 3, 2) + 1j * random(9, len(chosen), len(model.harmonics), 3, 2)
+        moved = np.concatenate(COMM.allgather(G.moved_by(chosen, force)), axis=1)
+        by_row = force.swapaxes(0, 1).reshape(len(moved), len(some), 2)
+        np.testing.assert_allclose(moved, np.stack(list(G.blocks()))[:, :, some] @ by_row, atol=1e-12)
         columns = ActiveColumns(G, np.float64)
         here = whole(columns.apply(p * columns.unit))
         np.testing.assert_allclose(here, expected[rows], atol=1e-12)

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
+from ..harmonic.clustered import ClusteredPreconditioner
 from ..harmonic.direct import WholeInverse
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import OperatingPoint
@@ -25,7 +26,7 @@ from .task import BranchTask
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _POINTS = ("earlier", "before", "now")
 _NUMBERS = ("size", "force", "sticks", "sliding", "moved")
-_KINDS = (WholeInverse, HarmonicPreconditioner)
+_KINDS = (WholeInverse, HarmonicPreconditioner, ClusteredPreconditioner)
 
 
 def to_arrays(task: BranchTask, state: BranchState) -> Arrays:

@@ -12,6 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..receptance.columns import ActiveColumns
+from .clustered import ClusteredPreconditioner, of_wide_slip
 from .direct import WholeInverse
 from .gmres import Gmres, kept
 from .linearisation import Gatherer, Linearisation
@@ -27,7 +28,7 @@ class AdjointSolver:
 
     def __init__(self, comm: MPI.Comm):
         self.comm = comm
-        self.preconditioner: HarmonicPreconditioner | None = None
+        self.preconditioner: HarmonicPreconditioner | ClusteredPreconditioner | None = None
         self._gmres: Gmres | None = None
 
     def destroy(self) -> None:
@@ -86,7 +87,7 @@ class AdjointSolver:
         for _ in range(2):
             x, outcome = gmres.solve(b.ravel())
             if outcome.iterations > MANY_KRYLOV or outcome.reason < 0:
-                self.preconditioner = HarmonicPreconditioner(self._at)
+                self.preconditioner = of_wide_slip(self._at)
             if outcome.reason >= 0:
                 break
         return self._if_finite(x.reshape(b.shape).copy(), outcome.reason >= 0)

@@ -49,7 +49,7 @@ def is_held_by_its_joint_alone(equation) -> bool:
     tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
     n_owned = model.owned.stop - model.owned.start
     own = (3 * np.arange(n_owned)[:, None] + np.arange(2)).ravel()
-    rows = comm.gather(model.G_static.transposed(np.arange(model.n_pairs))[np.ix_(tangential, own)].T)
+    rows = comm.gather(model.G_static.chosen(np.arange(model.n_pairs)).part(tangential).columns(own).T)
     roots = comm.gather(np.sqrt(equation.law.stiffness[:, :2]).ravel())
     return on_root(comm, _largest_share, rows, roots) > 1.0 - FREE
 

@@ -9,6 +9,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from ..receptance.columns import ActiveColumns
+from .clustered import LARGE, ClusteredPreconditioner, of_wide_slip
 from .direct import LARGEST, WholeInverse
 from .gmres import Gmres
 from .linearisation import Border, Gatherer, Linearisation, Step
@@ -23,6 +24,7 @@ SINGLE = 1e-5  # relative tolerance of GMRES down to which products in single pr
 SMALL = 2000  # rows of the pairs that do not stick, up to which double precision costs no more
 MANY_KRYLOV = 50  # GMRES iterations a Newton step beyond which the preconditioner of wide slip is built, or built anew
 MANY_IN_STIFF = 10  # the same where rows are weighted
+MANY_IN_LARGE = 25  # the same in a large joint, whose preconditioner is soon made
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class NewtonSolver:
     def __init__(self, comm: MPI.Comm):
         self.comm = comm
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
-        self.preconditioner: HarmonicPreconditioner | WholeInverse | None = None
+        self.preconditioner: HarmonicPreconditioner | ClusteredPreconditioner | WholeInverse | None = None
         self.wants_preconditioner = False
         self.weight = 1.0  # the largest of the residual's rows, the same on all ranks: GMRES is as much more exact
         self.in_double = False  # whatever the size: where steps in single precision lead nowhere
@@ -62,7 +64,8 @@ class NewtonSolver:
 
     def weigh(self, newton: int, krylov: int) -> None:
         """Ask for a (new) preconditioner at the next linearisation where GMRES needed many iterations a Newton step.  Local."""
-        many = MANY_KRYLOV if self.weight == 1.0 else MANY_IN_STIFF
+        is_large = self._active is not None and len(self._active) > LARGE
+        many = MANY_IN_STIFF if self.weight != 1.0 else MANY_IN_LARGE if is_large else MANY_KRYLOV
         if newton > 0 and krylov > many * newton:
             self.wants_preconditioner = True
 
@@ -93,7 +96,7 @@ class NewtonSolver:
         is_small = at.n_rows <= LARGEST
         wanted = self.wants_preconditioner or (is_small and isinstance(self.preconditioner, WholeInverse))
         if wanted and at.n_rows > 0:
-            self.preconditioner = (WholeInverse if is_small else HarmonicPreconditioner)(at)
+            self.preconditioner = (WholeInverse if is_small else of_wide_slip)(at)
             self.wants_preconditioner = False
 
     def _set_up(self, at: Linearisation, k: int) -> tuple[Gmres, float]:

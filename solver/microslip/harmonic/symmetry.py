@@ -7,6 +7,8 @@ from mpi4py import MPI
 
 from .balance import HarmonicBalance
 
+_TOGETHER = 64  # pairs whose static columns are looked at together
+
 
 def symmetric(equation: HarmonicBalance) -> bool:
     """Tell whether odd harmonics alone give a solution of the full set, exact but for roundoff.  Collective.
@@ -45,5 +47,9 @@ def _statically_moving_rows(model) -> np.ndarray:
 
     Collective where static columns are not known yet.
     """
-    tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
-    return (model.G_static.transposed(np.arange(model.n_pairs))[tangential] != 0.0).any(axis=0)
+    every, moves = np.arange(model.n_pairs), np.zeros(3 * (model.owned.stop - model.owned.start), dtype=bool)
+    model.G_static.require(every)
+    for pairs in np.array_split(every, len(every) // _TOGETHER + 1):
+        columns = model.G_static.transposed(pairs).reshape(len(pairs), 3, len(moves))
+        moves |= (columns[:, :2] != 0.0).any((0, 1))
+    return moves

@@ -139,7 +139,8 @@ def _dotted(numbers) -> str:
 
 
 def _kernel() -> str:
-    importlib.import_module("microslip.contact._elastic_coulomb")
+    for name in ("contact._elastic_coulomb", "receptance._row_products"):
+        importlib.import_module(f"microslip.{name}")
     return "compiled"
 
 

@@ -11,6 +11,8 @@ import numpy as np
 
 from .damping import Flexibility
 from .model import ReducedModel
+from .rows import Rows
+from .static_columns import rows_of
 
 
 class ReceptanceColumns:
@@ -21,24 +23,27 @@ class ReceptanceColumns:
 
     def __init__(self, model: ReducedModel, omega: float, active: np.ndarray):
         self.model, self.omega, self.active = model, omega, active
-        self.G_static = model.G_static.transposed(active)
+        self.G_static = model.G_static.chosen(active)
         self.flexibilities: Sequence[Flexibility] = model.flexibilities(omega)
-        rows = slice(None) if len(active) == model.n_pairs else (3 * active[:, None] + np.arange(3)).ravel()
+        rows = slice(None) if len(active) == model.n_pairs else rows_of(active)
         self.R_active = [share.family.R_phi[rows] for share in model.shares]
         self.shape = (-1, 3, model.N_H)
 
     @cached_property
     def rows(self) -> np.ndarray:
         """Rows of the active pairs of this rank, counted from its first, (3 m,)."""
+        return rows_of(self._owned(self.active))
+
+    def _owned(self, pairs: np.ndarray) -> np.ndarray:
+        """Return those of some pairs that are this rank's, counted from its first."""
         first, last = self.model.owned.start, self.model.owned.stop
-        own = self.active[(self.active >= first) & (self.active < last)] - first
-        return (3 * own[:, None] + np.arange(3)).ravel()
+        return pairs[(pairs >= first) & (pairs < last)] - first
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p on this rank's pairs, (n_owned, 3, N_H) [m], for p (3 n_active, N_H) [N].  Local."""
         if len(p) == 0:
             return np.zeros((self.model.owned.stop - self.model.owned.start, *self.shape[1:]))
-        return ((p.T @ self.G_static).T + self._dynamic(self.flexibilities, p)).reshape(self.shape)
+        return (self.G_static.combined(p).T + self._dynamic(self.flexibilities, p)).reshape(self.shape)
 
     def apply_rate(self, p: np.ndarray, d_omega: float = 1.0, d_sigma: float = 0.0) -> np.ndarray:
         """Return dG p on this rank's pairs, (n_owned, 3, N_H), dG being the rate of G where omega changes at ``d_omega`` and a
@@ -57,7 +62,7 @@ class ReceptanceColumns:
         model, own, x = self.model, self.model.owned_rows, x.reshape(-1, x.shape[-1])
         of_shares = zip(model.shares, self.R_active, self.adjoint().flexibilities)
         dynamic = [R @ c.apply(s.family.R_phi[own].T @ x[:, s.columns]) for s, R, c in of_shares]
-        return self.G_static @ x + model.joined(dynamic)
+        return self.G_static.times(x) + model.joined(dynamic)
 
     def adjoint(self) -> ReceptanceColumns:
         """Return the columns of the transposed of G, which has the same static part.  Local."""
@@ -67,19 +72,38 @@ class ReceptanceColumns:
 
     # -- the block between the active pairs ------------------------------------------------------------------------
 
-    def blocks(self) -> Iterator[np.ndarray]:
+    def blocks(self, chosen: np.ndarray | None = None) -> Iterator[np.ndarray]:
         """Return G_n between the active pairs for each harmonic of the set, (3 n_active, 3 n_active), complex [m/N].
 
-        Collective: one gather, before the first is asked for.
+        Collective: one gather, before the first is asked for.  Between the ``chosen`` ones alone, (m,) numbers among the active
+        pairs, rising, where they are given: (3 m, 3 m).
         """
-        static = self.G_static[:, self.rows].T
+        part, own = np.arange(3 * len(self.active)), self.rows
+        if chosen is not None:
+            part, own = rows_of(chosen), rows_of(self._owned(self.active[chosen]))
+        static = self.G_static.part(part).columns(own).T
         if self.model.comm.size > 1:
             static = np.concatenate(self.model.comm.allgather(static))  # rank order is row order
-        return (static + self._dynamic_block(n) for n in self.model.harmonics.chosen)
+        return (static + self._dynamic_block(n, part) for n in self.model.harmonics.chosen)
 
-    def _dynamic_block(self, n: int) -> np.ndarray:
+    def moved_by(self, chosen: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return G_n p_n of this rank's active pairs, complex (n_harmonics, 3 n_active_owned, k) [m].  Local.
+
+        ``p`` (m, n_harmonics, 3, k) [N] are the amplitudes of forces on the ``chosen`` ones (m,) of the active pairs.
+        """
+        rows, forces = rows_of(chosen), p.swapaxes(0, 1).reshape(p.shape[1], -1, p.shape[3]).astype(complex)
+        static = self.G_static.part(rows).columns(self.rows).T
+        own = slice(*np.searchsorted(self.active, [self.model.owned.start, self.model.owned.stop]) * 3)
+        found = np.stack([(static @ force.view(float)).view(complex) for force in forces])
+        for moved, force, n in zip(found, forces, self.model.harmonics.chosen):
+            k, i = self.model.index_of(n)
+            moved += self.flexibilities[k].between(self.R_active[k][own], i, force.T @ self.R_active[k][rows])
+        return found
+
+    def _dynamic_block(self, n: int, part: np.ndarray) -> np.ndarray:
+        """Return what the modes add to G_n between some rows of the active pairs."""
         k, i = self.model.index_of(n)
-        return self.flexibilities[k].between(self.R_active[k], i, self.R_active[k])
+        return self.flexibilities[k].between(self.R_active[k][part], i, self.R_active[k][part])
 
     def matrix(self) -> np.ndarray:
         """Return G between the active pairs, all harmonics, (3 n_active N_H, 3 n_active N_H) [m/N].  Collective: one gather.
@@ -106,15 +130,16 @@ class ActiveColumns:
 
     def __init__(self, G: ReceptanceColumns, precision: type):
         self.model, self.precision = G.model, precision
-        self.unit = max(G.model.comm.allgather(float(np.abs(G.G_static).max(initial=0.0)))) or 1.0  # m/N
+        self.unit = max(G.model.comm.allgather(G.G_static.largest)) or 1.0  # m/N
         R_unit = max(float(np.abs(R).max(initial=0.0)) for R in G.R_active) or 1.0
         self.n_rows = len(G.rows)
         ends = np.cumsum([self.n_rows] + [R.shape[1] for R in G.R_active])
         self.modes = [slice(first, last) for first, last in zip(ends, ends[1:])]  # columns of the modes of each share
         self.columns: np.ndarray = np.empty((3 * len(G.active), ends[-1]), dtype=precision)
-        self.columns[:, : self.n_rows] = G.G_static[:, G.rows] / self.unit
+        G.G_static.write_columns(G.rows, self.unit, self.columns[:, : self.n_rows])
         for modes, R in zip(self.modes, G.R_active):
             self.columns[:, modes] = R / R_unit
+        self._rows = Rows.of(self.columns)
         self.R_rows = [s.family.R_phi[G.model.owned_rows][G.rows] * (R_unit / self.unit) for s in G.model.shares]
         self.move_to(G)
 
@@ -124,7 +149,7 @@ class ActiveColumns:
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
-        product = (p.T.astype(self.precision, copy=False) @ self.columns).T
+        product = self._rows.combined(p).T
         return product[: self.n_rows] + self._dynamic(product)
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:

@@ -7,7 +7,10 @@ from time import perf_counter
 
 import numpy as np
 
+from .rows import Rows, places_of
+
 BATCH = 24  # pairs solved for together: a few more right-hand sides cost little beside another pass
+_PART_BYTES = 2.5e8  # of columns solved for at a time, over all ranks: more are held twice, as solved for and as kept
 
 
 class StaticColumns:
@@ -23,13 +26,16 @@ class StaticColumns:
 
     def __init__(self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray]):
         self.solve = solve
-        # transposed, so that a pair's columns lie together; pages that no pair needs are never touched
-        self._columns = np.empty((3 * n_pairs, 3 * n_owned))
+        self.n_owned = n_owned
+        # transposed, so that a pair's columns lie together; in the order in which they come, so that there is no more than needed
+        self._held: list[np.ndarray] = []
+        self._places = np.zeros((n_pairs, 3), dtype=np.intp)  # of each pair's columns
         self.known = np.zeros(n_pairs, dtype=bool)
+        self._largest = np.zeros(n_pairs)  # of the columns' entries, on this rank
         self.likely = np.empty(0, dtype=int)
         self.batches, self.seconds = 0, 0.0  # solved for, and the time that took
         self.on_new: Callable[[np.ndarray], None] = lambda pairs: None  # collective; hears of pairs whose columns were solved for
-        self._last: tuple[np.ndarray, np.ndarray] | None = None  # pairs asked for last, and their columns
+        self._last: tuple[np.ndarray, ChosenColumns] | None = None  # pairs chosen last, and their columns
 
     def require(self, pairs: np.ndarray) -> None:
         """Solve for the columns of ``pairs`` (m,) that are not known yet.  Collective; the same pairs on every rank."""
@@ -38,28 +44,43 @@ class StaticColumns:
             return
         others = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
         missing = np.concatenate([missing, others[: max(BATCH - len(missing), 0)]])
+        together = max(int(_PART_BYTES / (72 * len(self.known))), BATCH)
         start = perf_counter()
-        self.put(missing, self.solve(missing))
+        for first in range(0, len(missing), together):
+            part = missing[first : first + together]
+            self.put(part, self.solve(part))
+            self.on_new(part)
         self.batches, self.seconds = self.batches + 1, self.seconds + perf_counter() - start
-        self.on_new(missing)
 
     def put(self, pairs: np.ndarray, columns: np.ndarray) -> None:
         """Take in this rank's rows of the columns of ``pairs`` (m,), (3 n_owned, 3 m) [m/N].  Local."""
-        self._columns[_rows(pairs)] = columns.T
-        self.known[pairs] = True
+        held = np.ascontiguousarray(columns.T, dtype=float)
+        self._held.append(held)
+        self._places[pairs] = places_of(held).reshape(-1, 3)
+        self._largest[pairs] = np.abs(held).reshape(len(pairs), -1).max(axis=1, initial=0.0)
+        self.known[pairs], self._last = True, None
 
-    def transposed(self, pairs: np.ndarray) -> np.ndarray:
-        """Return the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N]; the same array while the pairs stay the same.
-
-        Collective where some are new.
-        """
+    def chosen(self, pairs: np.ndarray) -> ChosenColumns:
+        """Return the columns of ``pairs`` (m,), which are not copied.  Collective where some are new."""
         self.require(pairs)
-        if len(pairs) == len(self.known) and np.array_equal(pairs, np.arange(len(pairs))):
-            return self._columns
         if self._last is None or not np.array_equal(self._last[0], pairs):
-            self._last = pairs, self._columns[_rows(pairs)]
+            largest = float(self._largest[pairs].max(initial=0.0))
+            self._last = pairs, ChosenColumns(self._places[pairs].ravel(), 3 * self.n_owned, self._held, largest)
         return self._last[1]
 
+    def transposed(self, pairs: np.ndarray) -> np.ndarray:
+        """Return a copy of the columns of ``pairs``, transposed, (3 m, 3 n_owned) [m/N].  Collective where some are new."""
+        return self.chosen(pairs).columns(np.arange(3 * self.n_owned))
 
-def _rows(pairs: np.ndarray) -> np.ndarray:
+
+class ChosenColumns(Rows):
+    """This rank's rows of the columns of some pairs, as the rows of the transposed matrix, (3 m, 3 n_owned) [m/N]."""
+
+    def __init__(self, places: np.ndarray, n: int, held: list[np.ndarray], largest: float):
+        super().__init__(places, n, np.float64, held)
+        self.largest = largest  # of its entries, in size
+
+
+def rows_of(pairs: np.ndarray) -> np.ndarray:
+    """Return the three rows of each of the ``pairs`` (m,), (3 m,)."""
     return (3 * np.asarray(pairs)[:, None] + np.arange(3)).ravel()

@@ -1,0 +1,142 @@
+"""How time and memory of a point grow with the pairs of a joint, up to 10,000.
+
+    python jobs/bench/large_joint.py [--pairs 200 500 1000 2000 5000 10000] [--ranks 1 2] [--points 4] [--out DIR] [--draw]
+
+The joint is that of synthetic.py, 30 % of its pairs slip, H = 3.  Each measurement is a job of its own (cost_of.py; mpirun, or what
+$MPIRUN names).  The first point, at which the columns of the slipping pairs come to be, is left out of the time and is in the memory,
+which is the highest of all ranks together.  Writes large_joint.json, large_joint.md and img/large_joint.png in DIR (results/bench);
+``--draw`` does so from the file of an earlier run.
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+import argparse
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import costs
+import machine
+import matplotlib
+
+matplotlib.use("Agg")
+import numpy as np
+
+from microslip.results import style
+
+PAIRS = (200, 500, 1000, 2000, 5000, 10000)
+SHARE, H = 0.3, 3
+GOAL = {"seconds": 5.0, "memory_MiB": 8192.0}  # of 10,000 pairs
+PARTS = {  # as the table and the picture name them
+    "static rows of all pairs": ("G p: residuals, steps",),
+    "products of GMRES": ("G p", "Krylov products, besides G p"),
+    "contact forces": ("AFT",),
+    "preconditioner": ("preconditioner: factoring", "preconditioner: applying"),
+}
+COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7")  # Okabe and Ito
+
+
+def measured(given) -> list[dict]:
+    """Return what every joint takes on each number of ranks."""
+    base = {"kind": "joint", "share": SHARE, "H": H, "points": given.points}
+    return [costs.measure({**base, "n_pairs": n}, ranks) for n in given.pairs for ranks in given.ranks]
+
+
+def seconds_of(found: dict, part: str) -> float:
+    return sum(found["groups"].get(name, 0.0) for name in PARTS[part])
+
+
+def held(n_pairs: int, share: float, n_modes: int = 20) -> float:
+    """Return the memory that the columns of the slipping pairs take, as solved for and in single precision [MiB]."""
+    rows, columns = 3.0 * n_pairs, 3.0 * share * n_pairs
+    return (8.0 * rows * columns + 4.0 * columns * (columns + n_modes)) / 2**20
+
+
+def exponent(found: list[dict], key: str) -> float:
+    """Return the power of the pairs with which the last two of a growth grew."""
+    one, other = found[-2:]
+    return float(np.log(other[key] / one[key]) / np.log(other["n_pairs"] / one["n_pairs"]))
+
+
+def page(found: list[dict]) -> str:
+    """Return the table as a page of Markdown."""
+    titles = ["pairs", "slipping", "ranks", "wall, s a point", "processor, s", *PARTS, "the rest", "Newton; GMRES"]
+    titles += ["MiB, all ranks", "of it columns"]
+    rows = []
+    for r in found:
+        parts = [seconds_of(r, part) for part in PARTS]
+        cells = [f"{r['n_pairs']:,}", f"{r['not_sticking']:,.0f}", str(r["ranks"]), f"{r['seconds']:.3g}", f"{r['cpu']:.3g}"]
+        cells += [f"{seconds:.2g}" for seconds in (*parts, r["cpu"] - sum(parts))]
+        rows.append(
+            [*cells, f"{r['newton']:.1f}; {r['krylov']:.1f}", f"{r['memory_MiB']:,.0f}", f"{held(r['n_pairs'], SHARE):,.0f}"]
+        )
+    one = [r for r in found if r["ranks"] == found[0]["ranks"]]
+    said = f"From {one[-2]['n_pairs']:,} to {one[-1]['n_pairs']:,} pairs the processor's time grows with the power "
+    said += f"{exponent(one, 'cpu'):.2f} of the pairs, memory with {exponent(one, 'memory_MiB'):.2f}."
+    lines = machine.lines(machine.facts())
+    return machine.page(
+        "Large joints", [said, "", "![Time and memory of a point](img/large_joint.png)", "", *costs.table(titles, rows)], lines
+    )
+
+
+def draw(found: list[dict], path: Path) -> None:
+    """Draw time and memory of a point over the pairs."""
+    ranks = sorted({r["ranks"] for r in found})
+    curves = {count: [r for r in found if r["ranks"] == count] for count in ranks}
+    one = curves[ranks[0]]
+    n = [r["n_pairs"] for r in one]
+    with matplotlib.rc_context(style.RC):
+        page = style.Page(
+            Heading("Large joints"), f"a point over the pairs, of which {100 * SHARE:.0f} % slip, H = {H}", style.WIDTH, 2.9
+        )
+        times, memory = page.grid(1, 2).subplots(squeeze=False)[0]
+        times.plot(n, [r["cpu"] for r in one], ".-", color=style.INK, label="a point")
+        for part, colour in zip(PARTS, COLOURS):
+            seconds = [seconds_of(r, part) for r in one]
+            if max(seconds) > 0.01 * one[-1]["cpu"]:
+                times.plot(n, seconds, ".-", lw=0.9, color=colour, label=part)
+        for count, colour in zip(ranks, (style.INK, *COLOURS)):
+            gib = [r["memory_MiB"] / 1024 for r in curves[count]]
+            memory.plot(n, gib, ".-", color=colour, label=f"{count} rank{'s' * (count > 1)}")
+        memory.plot(n, [held(k, SHARE) / 1024 for k in n], ":", color=style.FAINT, label="columns of the slipping pairs")
+        for axes, most in ((times, GOAL["seconds"]), (memory, GOAL["memory_MiB"] / 1024)):
+            axes.plot(10000, most, "x", color=style.INK, ms=6, label="goal, at most")
+            axes.set(xscale="log", yscale="log", xlabel="pairs")
+            axes.set_xticks(n, [f"{k:,}" for k in n])
+            axes.minorticks_off()
+            axes.legend()
+        memory.set_ylim(bottom=0.5 * min(r["memory_MiB"] for r in found) / 1024)
+        times.set_ylabel(f"processor's time, {ranks[0]} rank{'s' * (ranks[0] > 1)} [s]")
+        memory.set_ylabel("memory of all ranks [GiB]")
+        page.save(str(path))
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What stands above the picture."""
+
+    title: str
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pairs", type=int, nargs="+", default=PAIRS)
+    parser.add_argument("--ranks", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--points", type=int, default=4)
+    parser.add_argument("--out", type=Path, default=Path("results/bench"))
+    parser.add_argument("--draw", action="store_true")
+    given = parser.parse_args()
+    (given.out / "img").mkdir(parents=True, exist_ok=True)
+    file = given.out / "large_joint.json"
+    found = json.loads(file.read_text()) if given.draw else measured(given)
+    file.write_text(json.dumps(found, indent=1))
+    (given.out / "large_joint.md").write_text(page(found))
+    draw(found, given.out / "img" / "large_joint.png")
+    print(given.out / "large_joint.md")
+
+
+if __name__ == "__main__":
+    main()

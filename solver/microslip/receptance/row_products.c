@@ -1,0 +1,33 @@
+/* Products of a matrix that is given by the places of its rows with few vectors, one pass over the matrix.
+ *
+ *     combine: y = p^T A, (N, n), for p (m, N)        project: y = A x^T, (m, N), for x (N, n)
+ *
+ * Rows of A are of length n each, contiguous, anywhere in memory.  What such products cost is reading A: blocks of ROWS rows and CHUNK
+ * bytes stay in the fastest cache while all N vectors pass.  A library's matrix product copies A into an order of its own first.
+ */
+#include "row_products.h"
+
+#ifndef KERNEL
+#define KERNEL(name) name##_baseline
+#endif
+
+enum { ROWS = 8 };                                  /* taken together */
+enum { CHUNK = 2048 };                              /* bytes of each at a time */
+enum { LANE_BYTES = 64 };
+
+#pragma GCC diagnostic ignored "-Wpsabi"            /* lanes are never passed */
+typedef double lanes_of_double __attribute__((vector_size(LANE_BYTES), aligned(sizeof(double)), may_alias));
+typedef float lanes_of_float __attribute__((vector_size(LANE_BYTES), aligned(sizeof(float)), may_alias));
+
+#define REAL double
+#define LANES lanes_of_double
+#define NAME(name) KERNEL(name##_rows_double)
+#include "row_products_of.h"
+#undef REAL
+#undef LANES
+#undef NAME
+
+#define REAL float
+#define LANES lanes_of_float
+#define NAME(name) KERNEL(name##_rows_float)
+#include "row_products_of.h"

@@ -1,0 +1,61 @@
+/* The two products of row_products.c for numbers of the type REAL. */
+
+void NAME(combine)(index_t m, const REAL *const *rows, index_t n, const REAL *p, index_t N, REAL *y)
+{
+    const index_t chunk = CHUNK / sizeof(REAL);
+    for (index_t i = 0; i < N * n; i++)
+        y[i] = 0;
+    for (index_t start = 0; start < n; start += chunk) {
+        const index_t width = n - start < chunk ? n - start : chunk;
+        index_t j = 0;
+        for (; j + ROWS <= m; j += ROWS) {
+            const REAL *a[ROWS];
+            for (int k = 0; k < ROWS; k++)
+                a[k] = rows[j + k] + start;
+            for (index_t h = 0; h < N; h++) {
+                const REAL *q = p + j * N + h;
+                const REAL q0 = q[0], q1 = q[N], q2 = q[2 * N], q3 = q[3 * N];
+                const REAL q4 = q[4 * N], q5 = q[5 * N], q6 = q[6 * N], q7 = q[7 * N];
+                REAL *restrict to = y + h * n + start;
+                for (index_t i = 0; i < width; i++)
+                    to[i] += ((q0 * a[0][i] + q1 * a[1][i]) + (q2 * a[2][i] + q3 * a[3][i])) +
+                             ((q4 * a[4][i] + q5 * a[5][i]) + (q6 * a[6][i] + q7 * a[7][i]));
+            }
+        }
+        for (; j < m; j++)
+            for (index_t h = 0; h < N; h++) {
+                const REAL q = p[j * N + h], *a = rows[j] + start;
+                REAL *restrict to = y + h * n + start;
+                for (index_t i = 0; i < width; i++)
+                    to[i] += q * a[i];
+            }
+    }
+}
+
+static REAL NAME(dot)(const REAL *a, const REAL *b, index_t n)
+{
+    const index_t whole = sizeof(LANES) / sizeof(REAL);
+    LANES sums = {0};
+    REAL sum = 0;
+    index_t i = 0;
+    for (; i + whole <= n; i += whole)
+        sums += *(const LANES *)(a + i) * *(const LANES *)(b + i);
+    for (; i < n; i++)
+        sum += a[i] * b[i];
+    for (index_t l = 0; l < whole; l++)
+        sum += sums[l];
+    return sum;
+}
+
+void NAME(project)(index_t m, const REAL *const *rows, index_t n, const REAL *x, index_t N, REAL *y)
+{
+    const index_t chunk = CHUNK / sizeof(REAL);
+    for (index_t i = 0; i < m * N; i++)
+        y[i] = 0;
+    for (index_t start = 0; start < n; start += chunk) {
+        const index_t width = n - start < chunk ? n - start : chunk;
+        for (index_t j = 0; j < m; j++)
+            for (index_t h = 0; h < N; h++)
+                y[j * N + h] += NAME(dot)(rows[j] + start, x + h * n + start, width);
+    }
+}

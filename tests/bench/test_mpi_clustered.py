@@ -1,0 +1,99 @@
+"""The preconditioner of large joints: exact with one cluster, near enough with many, and the same curve with it."""
+
+import numpy as np
+import pytest
+import synthetic
+from mpi4py import MPI
+
+from microslip.continuation.grid import at_frequencies
+from microslip.harmonic import clustered, newton_solver
+from microslip.harmonic.clustered import ClusteredPreconditioner, of_wide_slip
+from microslip.harmonic.gmres import Gmres
+from microslip.harmonic.linearisation import Linearisation
+from microslip.harmonic.preconditioner import HarmonicPreconditioner
+from microslip.receptance.clusters import felt, halved
+from microslip.reduction.selection import AllPairs
+
+pytestmark = pytest.mark.ranks(1, 2, 3)
+COMM, N_PAIRS, H = MPI.COMM_WORLD, 150, 2
+
+
+@pytest.fixture
+def problem(monkeypatch):
+    """A joint of which all pairs slip, far beyond their limits, so that GMRES has much to do."""
+    monkeypatch.setattr(synthetic, "SLIPS", 0.03)
+    return synthetic.joint_problem(synthetic.joint_model(COMM, N_PAIRS, H, n_modes=4), 1.0, n_samples=32)
+
+
+def linearised(problem):
+    """Return the linearisation at a solution."""
+    (point,) = at_frequencies(problem, AllPairs(), synthetic.frequencies(1), tolerance=1e-8).points
+    equation, at = problem.equation, problem.at((synthetic.OMEGA,))
+    U = COMM.bcast(point.U).reshape(-1, *equation.shape[1:])[equation.model.owned]
+    forces = equation.contact_forces(U, equation.every_pair, tangents=True)
+    assert len(forces.active) == N_PAIRS
+    return Linearisation.of(equation, at, forces)
+
+
+def iterations(at, precondition):
+    """Return how many GMRES iterations I + G P takes."""
+    rows = (-1, 3, at.equation.model.N_H)
+    b = np.random.default_rng(0).standard_normal((N_PAIRS, *rows[1:]))[at.equation.model.owned]
+
+    def multiply(x, out):
+        dp = at.equation.gather(at.pair_forces(x).reshape(-1, rows[2]))
+        out[:] = x + at.G.apply(dp).ravel()
+
+    gmres = Gmres(COMM, b.size, multiply, lambda x, out: np.copyto(out, precondition(x.reshape(rows)).ravel()), 1e-3)
+    outcome = gmres.solve(b.ravel())[1]
+    gmres.destroy()
+    assert outcome.reason > 0
+    return outcome.iterations
+
+
+def test_one_cluster_is_the_whole_preconditioner(problem, monkeypatch):
+    monkeypatch.setattr(clustered, "LOCAL", N_PAIRS)
+    at = linearised(problem)
+    b = np.random.default_rng(COMM.rank).standard_normal((len(at.forces.active_owned), 3, 2 * H + 1))
+    exact = HarmonicPreconditioner(at).apply(b)
+    assert ClusteredPreconditioner(at).apply(b) == pytest.approx(exact, abs=1e-9 * max(1.0, np.abs(exact).max(initial=0.0)))
+
+
+def test_clusters_leave_gmres_little_to_do(problem, monkeypatch):
+    monkeypatch.setattr(clustered, "LOCAL", 8)
+    monkeypatch.setattr(clustered, "REGIONS", 6)
+    at = linearised(problem)
+    made = ClusteredPreconditioner(at)
+    assert len(made.clusters) > len(made.regions.rows) >= 6 and max(map(len, made.clusters)) <= 3 * 8
+    none, whole = iterations(at, lambda x: x), iterations(at, HarmonicPreconditioner(at).apply)
+    adjoint = at.transposed()
+    assert iterations(at, made.apply) < min(0.5 * none, 3 * whole)
+    assert iterations(adjoint, ClusteredPreconditioner(adjoint).apply) < 0.5 * iterations(adjoint, lambda x: x)
+
+
+def test_clusters_are_of_neighbours(problem):
+    at = linearised(problem)
+    found = halved(at.G, [np.arange(N_PAIRS)], 16)
+    assert np.array_equal(np.sort(np.concatenate(found)), np.arange(N_PAIRS)) and 9 <= min(map(len, found))
+    assert felt(at.G, 5)[5] == 1.0 == felt(at.G, 5).max()
+    every, shape = np.arange(N_PAIRS), synthetic.grid(N_PAIRS)
+    steps = np.array(divmod(synthetic.apart(every, every, shape), shape[1])).T
+    distance = np.linalg.norm(np.minimum(steps, shape - steps) / shape, axis=2)
+    within = np.mean([distance[np.ix_(one, one)].mean() for one in found])
+    assert within < 0.75 * distance.mean()
+
+
+def test_the_curve_is_the_same_with_it(problem, monkeypatch):
+    plain = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
+    made = []
+    monkeypatch.setattr(clustered, "LARGE", 10)
+    monkeypatch.setattr(newton_solver, "LARGE", 10)
+    monkeypatch.setattr(newton_solver, "LARGEST", 0)
+    monkeypatch.setattr(newton_solver, "MANY_IN_LARGE", 0)
+    monkeypatch.setattr(clustered, "LOCAL", 12)
+    monkeypatch.setattr(newton_solver, "of_wide_slip", lambda at: made.append(of_wide_slip(at)) or made[-1])
+    found = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
+    assert plain.failure is None and found.failure is None and made and isinstance(made[0], ClusteredPreconditioner)
+    for one, other in zip(plain.points, found.points, strict=True):
+        assert other.response == pytest.approx(one.response, abs=1e-8 * np.abs(one.response).max())
+    assert sum(p.krylov for p in found.points[1:]) < sum(p.krylov for p in plain.points[1:])

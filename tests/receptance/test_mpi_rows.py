@@ -1,0 +1,51 @@
+"""Products with rows wherever they lie, against dense ones; columns kept as they come, in parts of limited size."""
+
+import numpy as np
+import pytest
+
+from microslip.receptance import static_columns
+from microslip.receptance.rows import Rows
+from microslip.receptance.static_columns import StaticColumns
+
+pytestmark = pytest.mark.ranks(1, 2, 3)
+
+
+@pytest.mark.parametrize("precision", [np.float64, np.float32])
+@pytest.mark.parametrize("m, n", [(1, 1), (7, 5), (8, 256), (19, 1030), (0, 4), (4, 0)])
+@pytest.mark.parametrize("N", [1, 7])
+def test_products_are_those_of_the_dense_matrix(m, n, N, precision):
+    rng, near = np.random.default_rng(m + n), 1e-13 if precision is np.float64 else 1e-4
+    A = rng.standard_normal((m, n)).astype(precision)
+    p, x = rng.standard_normal((m, N)), rng.standard_normal((n, N))
+    assert Rows.of(A).combined(p) == pytest.approx(p.T @ A, abs=near) and Rows.of(A).combined(p).dtype == precision
+    assert Rows.of(A).times(x) == pytest.approx(A @ x, abs=near) and Rows.of(A).times(x).dtype == precision
+
+
+def test_some_rows_in_any_order_and_from_several_arrays_are_not_copied():
+    rng, pairs = np.random.default_rng(1), np.array([3, 0, 4])
+    G, n_solved = rng.standard_normal((15, 15)), []
+    columns = StaticColumns(5, 5, lambda of: n_solved.append(len(of)) or G[:, static_columns.rows_of(of)])
+    columns.require(np.array([4, 1]))
+    found = columns.chosen(pairs)
+    assert n_solved == [2, 2] and columns.chosen(pairs.copy()) is found
+    x, rows = rng.standard_normal((15, 3)), static_columns.rows_of(pairs)
+    assert found.combined(x[:9]) == pytest.approx(x[:9].T @ G[:, rows].T, abs=1e-14)
+    assert found.times(x) == pytest.approx(G[:, rows].T @ x, abs=1e-14)
+    assert found.largest == np.abs(G[:, rows]).max()
+    assert np.array_equal(columns.transposed(pairs), G[:, rows].T)
+    single = np.empty((2, 2), dtype=np.float32)
+    found.part(np.array([8, 0])).write_columns(np.array([1, 7]), 2.0, single)
+    assert np.array_equal(single, (G[np.ix_([1, 7], rows[[8, 0]])].T / 2.0).astype(np.float32))
+    columns._held[0][:] = 0.0  # what pair 4 has: the products see it
+    assert not found.times(x)[6:].any() and found.times(x)[:6].all()
+
+
+def test_many_columns_are_solved_for_in_parts(monkeypatch):
+    monkeypatch.setattr(static_columns, "_PART_BYTES", 72 * 60 * 25)
+    G, solved, heard = np.random.default_rng(2).standard_normal((180, 180)), [], []
+    columns = StaticColumns(60, 60, lambda of: solved.append(len(of)) or G[:, static_columns.rows_of(of)])
+    columns.on_new = lambda pairs: heard.append((pairs.copy(), columns.known[pairs].all()))
+    columns.require(np.arange(60))
+    assert solved == [25, 25, 10] and columns.batches == 1
+    assert np.array_equal(np.concatenate([pairs for pairs, _ in heard]), np.arange(60)) and all(known for _, known in heard)
+    assert np.array_equal(columns.transposed(np.arange(60)), G.T)
