@@ -81,7 +81,7 @@ class Trial:
     @property
     def lost(self) -> int:
         """How many points that had been told were computed again."""
-        return self.told - self.taken
+        return max(0, self.told - self.taken)
 
     def row(self) -> str:
         cells = [self.number, self.ranks, "earlier" if self.over_earlier else "new", "; ".join(self.hit), self.told, self.taken]
@@ -152,8 +152,10 @@ class Test:
         if status != 0:
             found.wrong.append("does not end" if status is None else f"status {status}: {run.said()[-300:]}")
             return found
-        if not 0 <= found.lost <= len(found.hit):
+        if found.lost > len(found.hit):
             found.wrong.append(f"{found.lost} points computed twice")
+        if found.taken > found.told + len(found.hit):  # a point is kept just before it is told
+            found.wrong.append(f"{found.taken} points taken over, of {found.told}")
         self._compare(out, goal, found)
         left = [path.name for path in out.iterdir() if path.name == "unfinished" or path.suffix == ".part"]
         found.wrong += [f"{name} is left behind" for name in left]

@@ -87,7 +87,7 @@ def test_the_latest_record_stays_whole_while_the_next_is_written(tmp_path):
     assert [int(arrays["i"]) for arrays, _ in Latest(path).read()] == [4, 3]
 
 
-def test_the_disk_is_waited_for_a_small_part_of_the_time(monkeypatch):
+def test_the_disk_is_waited_for_a_small_part_of_the_time(tmp_path, monkeypatch):
     now, waits = [0.0], []
 
     def wait(handle):
@@ -97,11 +97,13 @@ def test_the_disk_is_waited_for_a_small_part_of_the_time(monkeypatch):
     monkeypatch.setattr(os, "fsync", wait)
     monkeypatch.setattr(records, "monotonic", lambda: now[0])
     monkeypatch.setattr(records, "perf_counter", lambda: now[0])
-    disk = Disk()
+    disk, handle = Disk(), os.open(tmp_path, os.O_RDONLY)
     while now[0] < 60.0:
-        disk.reach(0)
+        disk.reach(handle)
+        disk.wait()
         now[0] += 0.1
     assert len(waits) == 10 and np.diff(waits).min() > 300 * 0.02  # at first, and every six seconds
+    os.close(handle)
 
 
 def test_a_record_that_cannot_be_written_says_where(tmp_path):

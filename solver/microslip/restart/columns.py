@@ -9,7 +9,7 @@ import numpy as np
 
 from ..parallel.agree import on_root
 from ..receptance.static_columns import StaticColumns
-from .records import Arrays, Journal, length_of, read_records, unpack
+from .records import Arrays, Disk, Journal, length_of, read_records, unpack
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -25,8 +25,8 @@ class KeptColumns:
     CaseError, ResourceError : the file cannot be written; on every rank
     """
 
-    def __init__(self, comm: MPI.Comm, path: Path):
-        self.comm, self.path = comm, path
+    def __init__(self, comm: MPI.Comm, path: Path, disk: Disk | None = None):
+        self.comm, self.path, self._disk = comm, path, disk or Disk()
         self._journal: Journal | None = None
 
     def restore(self, G_static: StaticColumns, owned_rows: slice) -> None:
@@ -48,7 +48,7 @@ class KeptColumns:
     def _open(self) -> np.ndarray:
         """Open the file behind its whole records; return the pairs that they hold."""
         records = read_records(self.path)
-        self._journal = Journal(self.path, keep=length_of(records))
+        self._journal = Journal(self.path, keep=length_of(records), disk=self._disk)
         return np.concatenate([np.empty(0, dtype=int), *(unpack(record)[0]["pairs"] for record in records)])
 
     def _keep(self, G_static: StaticColumns, pairs: np.ndarray) -> None:
