@@ -17,7 +17,7 @@ from ..parallel.agree import on_root
 from ..parallel.errors import MicroslipError
 from ..parallel.files import make_folder
 from .points import of_point, to_point
-from .records import Arrays, Disk, Journal, Latest, length_of, note_record, pack, read_record, read_records, unpack
+from .records import Arrays, Disk, Journal, Latest, as_written, length_of, note_record, pack, read_record, read_records, unpack
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -83,7 +83,7 @@ class KeptBranch:
         self._may_put_off, self._written_at = False, -math.inf
 
     def ended(self) -> Branch | None:
-        return self._shared(on_root(self.comm, self._read_end, share=False))
+        return self._shared(on_root(self.comm, as_written, self._folder, self._read_end, share=False))
 
     def _read_end(self) -> Branch | None:
         """Return the branch that has ended; None where it has not, or files are damaged."""
@@ -98,13 +98,13 @@ class KeptBranch:
         return Branch(said["level"], points, **{name: said[name] for name in _SAID})
 
     def begun(self, task: BranchTask, workspace: Workspace) -> Begun | None:
-        found = on_root(self.comm, self._open, share=False)
+        found = on_root(self.comm, as_written, self._folder, self._open, share=False)
         arrays = self.comm.bcast(found[0] if found else None)
         if arrays is None:
             return None
         branch = self._shared(Branch(0.0, found[1]) if found else None)
         assert branch is not None, "rank 0 has read its points"
-        return from_arrays(task, arrays, workspace), branch.points
+        return as_written(self._folder, from_arrays, task, arrays, workspace), branch.points
 
     def _open(self) -> tuple[Arrays, list[Point]] | None:
         """Open the files for what comes, after the latest state that is there and the points before it."""
@@ -121,14 +121,14 @@ class KeptBranch:
         return None
 
     def shorter(self, task: BranchTask, workspace: Workspace) -> Shorter | None:
-        found = on_root(self.comm, self._read_shorter, task.sweep, share=False)
+        found = on_root(self.comm, as_written, self._folder.parent, self._read_shorter, task.sweep, share=False)
         known = self.comm.bcast(found and (found[0], found[1]))
         if known is None:
             return None
         sweep, arrays = known
         branch = self._shared(Branch(0.0, found[2]) if found else None)
         assert branch is not None, "rank 0 has read its points"
-        return sweep, from_arrays(task, arrays, workspace), branch.points
+        return sweep, as_written(self._folder.parent, from_arrays, task, arrays, workspace), branch.points
 
     def _read_shorter(self, wider: Sweep) -> tuple[Sweep, Arrays, list[Point]] | None:
         """Return the widest range within another over which the branch came to its end, its last state and its points."""

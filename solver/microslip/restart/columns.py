@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from ..parallel.agree import on_root
 from ..receptance.static_columns import StaticColumns
-from .records import Arrays, Disk, Journal, length_of, read_records, unpack
+from .records import Arrays, Disk, Journal, as_written, length_of, read_records, unpack
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -33,12 +34,17 @@ class KeptColumns:
         """Put what is there into ``G_static``, whose ranks have the rows ``owned_rows`` of it."""
         records = on_root(self.comm, read_records, self.path, share=False)
         for i in range(self.comm.bcast(len(records) if records is not None else None)):
-            kept: Arrays = self.comm.bcast(unpack(records[i])[0] if records is not None else None)
+            kept = on_root(self.comm, as_written, self.path, self._columns, records, i)
             G_static.put(kept["pairs"], kept["columns"][owned_rows])
+
+    def _columns(self, records: Sequence[bytes], i: int) -> Arrays:
+        """Return pairs and columns of a record."""
+        arrays, _ = unpack(records[i])
+        return {name: arrays[name] for name in ("pairs", "columns")}
 
     def follow(self, G_static: StaticColumns) -> None:
         """Keep what is known of ``G_static`` beyond the file, and from now on what comes to be."""
-        there = on_root(self.comm, self._open)
+        there = on_root(self.comm, as_written, self.path, self._open)
         new = np.flatnonzero(G_static.known)
         new = new[~np.isin(new, there)]
         for start in range(0, len(new), BATCH):

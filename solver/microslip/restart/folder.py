@@ -29,7 +29,7 @@ from .branch import KeptBranch
 from .columns import KeptColumns
 from .identity import Identity, identity_of
 from .place import RESULTS
-from .records import Disk, note_record, read_record, write_record
+from .records import Disk, as_written, note_record, read_record, write_record
 from .restore import exact_columns, restored
 from .setup import to_arrays
 
@@ -64,7 +64,7 @@ class Restart:
     def open(cls, comm: MPI.Comm, folder: Path, scene: Scene, options: tuple[str, ...] = (), fresh: bool = False) -> Restart:
         """Return what is kept in the folder of a run; nothing if it is to start afresh."""
         path = folder / NAME
-        identity, notes, done = on_root(comm, _opened, path, scene, options, fresh)
+        identity, notes, done = on_root(comm, as_written, path, _opened, path, scene, options, fresh)
         return cls(comm, path, scene, identity, notes, done)
 
     # -- the set-up --------------------------------------------------------------------------------------------------
@@ -83,7 +83,7 @@ class Restart:
             self._keep(prepared, log.notes[before:])
         else:
             with log.stage("set-up as it was kept"):
-                prepared = restored(found[0], found[1], columns, self.scene, log, self._read_modes)
+                prepared = as_written(self._setup, restored, *found, columns, self.scene, log, self._read_modes)
             for note in found[1]["notes"]:
                 log.note(note)
         known = exact_columns(prepared.reduction, prepared.response.better)

@@ -13,21 +13,25 @@ import json
 import os
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import lru_cache
 from pathlib import Path
 from time import monotonic, perf_counter
+from typing import TypeVar
 
 import numpy as np
 
+from ..parallel.errors import CaseError
 from ..parallel.files import said_of, written_whole
 
+T = TypeVar("T")
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _FRAME = struct.Struct("<QI")  # bytes of a record, their CRC-32
 _HEAD = struct.Struct("<I")  # bytes of its head
 _KINDS = "iufbc"  # of arrays; texts travel in the head
-_DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, struct.error)  # what bytes that are no record come to
+# what bytes that are no record come to
+_DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError, struct.error)
 _SHARE = 300.0  # times as long as the disk takes to have it all: files are left to the system's memory in between
 
 
@@ -37,6 +41,11 @@ def pack(arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | None = 
     head = _head_of(tuple(arrays), *zip(*[(value.dtype, value.shape) for value in values]))
     coded = head + (json.dumps(texts).encode() if texts else b"{}") + b"]"
     body = b"".join([_HEAD.pack(len(coded)), coded, *values])  # type: ignore[list-item]  # NumPy 1.24 does not say that arrays are buffers
+    return framed(body)
+
+
+def framed(body: bytes) -> bytes:
+    """Return what is in a record as one, with its length and checksum."""
     return _FRAME.pack(len(body), zlib.crc32(body)) + body
 
 
@@ -106,6 +115,22 @@ def write_record(path: Path, arrays: Mapping[str, np.ndarray], texts: Mapping[st
     """
     with written_whole(str(path)) as beside, open(beside, "wb") as file:
         file.write(pack(arrays, texts))
+
+
+def as_written(path: Path, read: Callable[..., T], *arguments: object) -> T:
+    """Return what ``read(*arguments)`` makes of the records of a file or a folder.
+
+    Records are whole, their sums say.  What they hold was written by this very program, or by somebody else.
+
+    Raises
+    ------
+    CaseError : it is not what this program writes
+    """
+    try:
+        return read(*arguments)
+    except _DAMAGED as problem:
+        cause = " ".join(f"{type(problem).__name__}: {problem}".split())[:200]
+        raise CaseError(f"{path}: holds what this program does not write there ({cause}); begin anew with --fresh") from problem
 
 
 def note_record(path: Path, arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | None = None) -> None:
