@@ -153,7 +153,8 @@ def _restart(folder: Path) -> list[bytes]:
     points = [pack(*of_point(point)) for point in branch(LEVELS[1], pairs, n_points=2).points]
     said = {"level": 1.0, "n_points": 2, "failure": None, "is_linear": False, "closes_to": 1e-6, "odd": False}
     part = pack({"U": np.zeros((2, 3, 3)), "harmonics": np.arange(2)})
-    state = pack({"step": np.zeros(4)}, {"n_points": 2, "number": 3, "parts": {"now": checksum_of(part)}})
+    counts = {"n_points": np.array(2), "number": np.array(3), "sums": np.array([checksum_of(part)])}
+    state = pack({"step": np.zeros(4), **counts}, {"parts": ["now"]})
     identity = {
         "scene": {"response": {"levels": [1.0]}},
         "files": {"mesh a.msh": "ab"},

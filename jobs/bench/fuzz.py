@@ -61,6 +61,9 @@ def main() -> None:
         return
     if importlib.util.find_spec("atheris") is None:
         sys.exit("fuzzing needs atheris: python -m pip install --target DIR atheris, and DIR in PYTHONPATH")
+    from microslip.parallel.petsc import initialise
+
+    initialise()
     from reader_targets import TARGETS
 
     unknown = set(asked.readers) - set(TARGETS)

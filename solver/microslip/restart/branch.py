@@ -10,6 +10,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..continuation.branch import NOTHING, Branch, Point
 from ..continuation.checkpoint import Part, from_arrays, own_arrays, parts_of
 from ..continuation.keeper import Begun, Shorter
@@ -111,9 +113,10 @@ class KeptBranch:
         make_folder(str(self._folder))
         self._end.unlink(missing_ok=True)
         self._latest = Latest(self._state, self._disk)
-        for arrays, said in self._latest.read():
-            points, length = self._read_points(said["n_points"])
-            if len(points) == said["n_points"]:
+        for arrays, _ in self._latest.read():
+            n_points = int(arrays["n_points"])
+            points, length = self._read_points(n_points)
+            if len(points) == n_points:
                 self._journal, self._n_points = Journal(self._points, length, self._disk), len(points)
                 self._say(f"  goes on after {len(points)} points of an earlier run")
                 return arrays, points
@@ -138,7 +141,7 @@ class KeptBranch:
             if not ended or ended[1]["failure"] is not None or not states or not wider.contains(sweep):
                 continue
             points, _ = other._read_points(ended[1]["n_points"])
-            if len(points) == ended[1]["n_points"] == states[0][1]["n_points"]:
+            if len(points) == ended[1]["n_points"] == states[0][0]["n_points"]:
                 self._say(f"  {len(points)} of its points are there from a shorter range")
                 return sweep, states[0][0], points
         return None
@@ -181,7 +184,7 @@ class KeptBranch:
             self._journal.append_packed([pack(*of_point(point)) for point in step.points])
             self._n_points += len(step.points)
             if step.arrays is not None:
-                self._latest.write(step.arrays, {"n_points": self._n_points}, self._packed(step.parts))
+                self._latest.write({**step.arrays, "n_points": np.array(self._n_points)}, parts=self._packed(step.parts))
         since, self._written_at = began - self._written_at, perf_counter()
         return since < min(SELDOM * (self._written_at - began), SHORT)
 

@@ -35,12 +35,12 @@ _DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, Overflo
 _SHARE = 300.0  # times as long as the disk takes to have it all: files are left to the system's memory in between
 
 
-def pack(arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | None = None) -> bytes:
-    """Return arrays and texts, anything that JSON holds, as one record."""
+def pack(arrays: Mapping[str, np.ndarray], texts: Mapping[str, object] | bytes | None = None) -> bytes:
+    """Return arrays and texts, anything that JSON holds or JSON itself, as one record."""
     values = [np.asarray(value, order="C") for value in arrays.values()]
     head = _head_of(tuple(arrays), *zip(*[(value.dtype, value.shape) for value in values]))
-    coded = head + (json.dumps(texts).encode() if texts else b"{}") + b"]"
-    body = b"".join([_HEAD.pack(len(coded)), coded, *values])  # type: ignore[list-item]  # NumPy 1.24 does not say that arrays are buffers
+    coded = head + (texts if isinstance(texts, bytes) else json.dumps(texts).encode() if texts else b"{}") + b"]"
+    body = b"".join([_HEAD.pack(len(coded)), coded, *values])  # type: ignore[list-item]  # arrays are buffers
     return framed(body)
 
 
@@ -141,7 +141,7 @@ def note_record(path: Path, arrays: Mapping[str, np.ndarray], texts: Mapping[str
     CaseError, ResourceError : it cannot be written
     """
     with said_of(str(path)), open(path, "wb", buffering=0) as file:
-        _write_all(file.fileno(), pack(arrays, texts))
+        _write_all(file.fileno(), [pack(arrays, texts)])
 
 
 def read_record(path: Path) -> tuple[Arrays, dict] | None:
@@ -223,9 +223,12 @@ class Journal:
 
     def append_packed(self, records: Sequence[bytes]) -> None:
         """Append records."""
-        with said_of(str(self.path)):
-            _write_all(self._handle, b"".join(records))
+        try:
+            _write_all(self._handle, records)
             self._disk.reach(self._handle)
+        except OSError:
+            with said_of(str(self.path)):
+                raise
 
     def close(self) -> None:
         """Leave the file to the disk and close it."""
@@ -261,27 +264,29 @@ class Latest:
         """Return what is whole of it, the latest first, with the arrays of its parts under their names."""
         return sorted(self._whole(), key=lambda found: -found[1]["number"])
 
-    def write(
-        self,
-        arrays: Mapping[str, np.ndarray],
-        texts: Mapping[str, object] | None = None,
-        parts: Mapping[str, bytes] | None = None,
-    ) -> None:
+    def write(self, arrays: Mapping[str, np.ndarray], parts: Mapping[str, bytes] | None = None) -> None:
         """Write a record in place of the one before the last."""
         self._number += 1
         turn, parts = self._number % 2, parts or {}
-        sums = {name: checksum_of(part) for name, part in parts.items()}
-        content = b"".join([pack(arrays, {**(texts or {}), "number": self._number, "parts": sums}), *parts.values()])
-        with said_of(str(self._paths[turn])):
-            if self._handles[turn] < 0:
-                self._handles[turn] = os.open(self._paths[turn], os.O_RDWR | os.O_CREAT, 0o644)
-            handle = self._handles[turn]
-            os.lseek(handle, 0, os.SEEK_SET)
-            _write_all(handle, content)
-            if len(content) < self._lengths[turn]:
-                os.ftruncate(handle, len(content))
-            self._lengths[turn] = len(content)
-            self._disk.reach(handle)
+        said = {"number": np.array(self._number), "sums": np.array([checksum_of(part) for part in parts.values()], dtype="u4")}
+        record = pack({**arrays, **said}, _names_of(tuple(parts)))
+        try:
+            self._put(turn, [record, *parts.values()])
+        except OSError:
+            with said_of(str(self._paths[turn])):
+                raise
+
+    def _put(self, turn: int, records: Sequence[bytes]) -> None:
+        """Write one of the files from its beginning."""
+        if self._handles[turn] < 0:
+            self._handles[turn] = os.open(self._paths[turn], os.O_RDWR | os.O_CREAT, 0o644)
+        handle = self._handles[turn]
+        os.lseek(handle, 0, os.SEEK_SET)
+        length = _write_all(handle, records)
+        if length < self._lengths[turn]:
+            os.ftruncate(handle, length)
+        self._lengths[turn] = length
+        self._disk.reach(handle)
 
     def close(self) -> None:
         """Close both files."""
@@ -291,24 +296,33 @@ class Latest:
         self._handles = [-1, -1]
 
 
+@lru_cache(maxsize=64)
+def _names_of(parts: tuple[str, ...]) -> bytes:
+    """Return names of parts as texts, which are mostly those of the record before."""
+    return json.dumps({"parts": parts}).encode()
+
+
 def _with_parts(path: Path) -> tuple[Arrays, dict] | None:
     """Return arrays and texts of a record and its parts; None where one of them is missing or damaged."""
     records = read_records(path)
     try:
         arrays, said = unpack(records[0])
-        sums = said.pop("parts")
+        number, sums, names = int(arrays.pop("number")), arrays.pop("sums").tolist(), said["parts"]
         parts = records[1 : 1 + len(sums)]  # what lies behind is of a longer one before
-        if [zlib.crc32(part) for part in parts] != list(sums.values()):
+        if [zlib.crc32(part) for part in parts] != sums:
             return None
-        for name, part in zip(sums, parts):
+        for name, part in zip(names, parts, strict=True):
             arrays |= {f"{name}/{key}": value for key, value in unpack(part)[0].items()}
-        return arrays, {**said, "number": int(said["number"])}
+        return arrays, {"number": number}
     except _DAMAGED:
         return None
 
 
-def _write_all(handle: int, record: bytes) -> None:
-    """Write all bytes; the system may take a part at a time."""
-    view = memoryview(record)
-    while len(view):
-        view = view[os.write(handle, view) :]
+def _write_all(handle: int, records: Sequence[bytes]) -> int:
+    """Write records and return their bytes; the system may take a part at a time."""
+    length, written = sum(map(len, records)), os.writev(handle, records)
+    if written < length:
+        view = memoryview(b"".join(records))
+        while written < length:
+            written += os.write(handle, view[written:])
+    return length
