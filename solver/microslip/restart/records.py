@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import struct
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +30,7 @@ T = TypeVar("T")
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _FRAME = struct.Struct("<QI")  # bytes of a record, their CRC-32
 _HEAD = struct.Struct("<I")  # bytes of its head
-_KINDS = "iufbc"  # of arrays; texts travel in the head
+_KIND = re.compile(r"[<>|][iufbc]\d{1,2}")  # of arrays; texts travel in the head
 # what bytes that are no record come to
 _DAMAGED = (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError, struct.error)
 _SHARE = 300.0  # times as long as the disk takes to have it all: files are left to the system's memory in between
@@ -67,9 +68,9 @@ def unpack(body: bytes) -> tuple[Arrays, dict]:
     head, texts = json.loads(body[_HEAD.size : start])
     arrays = {}
     for name, (kind, shape) in head.items():
-        dtype = np.dtype(kind)
-        if dtype.kind not in _KINDS:
+        if not _KIND.fullmatch(kind):
             raise ValueError(f"{name} is no array of numbers")
+        dtype = np.dtype(kind)
         size = dtype.itemsize * int(np.prod(shape, dtype=object))
         arrays[name] = np.frombuffer(body[start : start + size], dtype).reshape(shape).copy()
         start += size
