@@ -13,12 +13,16 @@ import scipy.sparse as sp
 from box_meshes import box
 from kept_results import LEVELS, boxes_in_contact, fields
 from matrix_files import WRITERS
-from plain_model import bdf, cdb, exodus, inp, plain, unv
+from plain_model import bdf, cdb, ds_dat, exodus, inp, plain, unv
 from scene_files import GOOD
 from synthetic_results import branch, write
 
 from microslip.formats.matrices.file_matrix import DofMap
 from microslip.formats.via_meshio import load_meshio
+from microslip.mesh.data import ContactPairs
+from microslip.restart.points import of_point
+from microslip.restart.records import checksum_of, pack
+from microslip.restart.setup import of_numbers, over
 from microslip.results.fields import RunRecord, StageRecord, keep_fields
 
 ROOT = Path(__file__).parents[1]
@@ -143,6 +147,33 @@ def _results(folder: Path) -> list[bytes]:
     return [Path(path).read_bytes()]
 
 
+def _restart(folder: Path) -> list[bytes]:
+    """Return a journal of points, its end, a state with a part, an identity, columns and a set-up, of few numbers each."""
+    pairs = boxes_in_contact()
+    points = [pack(*of_point(point)) for point in branch(LEVELS[1], pairs, n_points=2).points]
+    said = {"level": 1.0, "n_points": 2, "failure": None, "is_linear": False, "closes_to": 1e-6, "odd": False}
+    part = pack({"U": np.zeros((2, 3, 3)), "harmonics": np.arange(2)})
+    counts = {"n_points": np.array(2), "number": np.array(3), "sums": np.array([checksum_of(part)])}
+    state = pack({"step": np.zeros(4), **counts}, {"parts": ["now"]})
+    identity = {
+        "scene": {"response": {"levels": [1.0]}},
+        "files": {"mesh a.msh": "ab"},
+        "program": {"microslip": "1"},
+        "options": [],
+    }
+    columns = pack({"pairs": np.array([1]), "columns": np.zeros((6, 3))})
+    return [b"".join(points), pack({}, said) + b"".join(points), state + part, pack({}, identity), columns, pack(*_set_up(pairs))]
+
+
+def _set_up(pairs: ContactPairs) -> tuple[dict[str, np.ndarray], dict]:
+    """Return arrays and texts as a set-up has them."""
+    n, family = 3 * pairs.n_pairs, {"omega_n": np.ones(2), "C": np.ones(2), "b": np.ones((2, 1)), "o": np.ones((1, 2))}
+    arrays = over("pairs", of_numbers(pairs)) | over("model/family", {**family, "R_phi": np.ones((n, 2))})
+    arrays |= over("outline", {"n_dof": np.array(9), "omega_n": np.ones(2), "has_mesh": np.array(True)})
+    texts = {"joint": list(pairs.joint), "laws": list(pairs.laws), "selection": ["AllPairs", {}], "leaves_out": "modes"}
+    return arrays, {**texts, "has_bars": False, "notes": []}
+
+
 def _text(*texts: str) -> Callable[[Path], list[bytes]]:
     return lambda folder: [text.encode() for text in texts]
 
@@ -214,6 +245,8 @@ SEEDS: dict[str, Callable[[Path], list[bytes]]] = {
         bdf(plain("tet4")).encode(),
         bdf(plain("hex8"), ("RBE2,900,101,123,102", "CONM2,901,101,,3.0", "MPC,5,101,1,1.0,102,1,-1.0")).encode(),
     ],
+    "ansys_input": lambda folder: [ds_dat(plain("hex8")).encode(), ds_dat(plain("hex20")).encode()],
+    "op2_model": lambda folder: [(ROOT / "tests" / "data" / "chexa20.op2").read_bytes()],
     "unv": lambda folder: [unv(plain("tet4")).encode(), unv(plain("hex20")).encode()],
     "exodus": _exodus,
     "vtu": _by_meshio(".vtu", ({"binary": False}, {"binary": True, "compression": None}, {"binary": True})),
@@ -236,5 +269,7 @@ SEEDS: dict[str, Callable[[Path], list[bytes]]] = {
     "nodes": _text("node,x,y,z\n1,0,0,0\n2,1.0,0,0.5\n"),
     "node_pairs": _text("node1,node2,nx,ny,nz,area\n1,2,0,0,1,1e-6\n2,-1,0,0,1,1e-6\n"),
     "parameters": _text("node,friction,preload\n1,0.3,1e6\n2,0.4,2e6\n", "x,y,z,friction\n0,0,0,0.3\n"),
+    "restart": _restart,
+    "lock": _text('{"host": "here", "process": 1, "started": "a 1", "since": "2026-11-22 10:00:00", "job": ""}', "{}"),
     "results": _results,
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 import traceback
 from collections.abc import Callable
@@ -11,18 +12,28 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from microslip.assembly.force_file import forces_on_dofs, forces_on_nodes
 from microslip.assembly.matrix_places import dofs_of_rows, names_nodes
 from microslip.assembly.pair_file import read_pairs
+from microslip.continuation.branch import Point
 from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
 from microslip.mesh.data import Mesh
 from microslip.mesh.listed import listed_nodes
 from microslip.mesh.nodes import read_nodes
 from microslip.mesh.values import COLUMNS, PLACES
+from microslip.parallel import lock
 from microslip.parallel.csv_table import read_table
-from microslip.parallel.errors import MicroslipError, ResourceError
+from microslip.parallel.errors import CaseError, MicroslipError, ResourceError
+from microslip.receptance.static_columns import StaticColumns
+from microslip.restart.branch import KeptBranch
+from microslip.restart.columns import KeptColumns
+from microslip.restart.identity import Identity
+from microslip.restart.points import to_point
+from microslip.restart.records import Latest, as_written, length_of, read_record, read_records, unpack
+from microslip.restart.setup import family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of, under
 from microslip.results.fields import read_fields, read_run
 from microslip.results.read import read_results, refuse_deadly
 from microslip.scene.read import read_scene
@@ -50,6 +61,7 @@ class Target:
     ending: str  # of the names of its files
     read: Callable[[Path], Any]
     words: tuple[str, ...] = ()  # what its files are made of, beside numbers
+    is_own: bool = False  # files of the program's own: damaged, they are as good as not there
 
     @property
     def dictionary(self) -> tuple[str, ...]:
@@ -100,6 +112,56 @@ def _node_pairs(path: Path) -> Any:
 
 def _parameters(path: Path) -> Any:
     return read_table(path, (), (*PLACES, *COLUMNS), "contact point")
+
+
+def _lock(path: Path) -> Any:
+    with open(path, "rb") as file:
+        holder = lock._read(file.fileno())
+    return lock._in_words(holder), lock._started(holder.get("process"))
+
+
+def _restart(path: Path) -> Any:
+    """Read a file as each of those that a run goes on from."""
+    for read in (_points, _ended, _identity, _set_up, _columns):
+        with contextlib.suppress(CaseError):
+            as_written(path, read, path)
+    return Latest(path.with_suffix("")).read()
+
+
+def _points(path: Path) -> list[Point]:
+    return [to_point(*unpack(record)) for record in read_records(path)]
+
+
+def _ended(path: Path) -> Any:
+    """Read the first record as the end of a branch, and the others as its points."""
+    content, first = path.read_bytes(), length_of(read_records(path)[:1])
+    path.with_name("end.0").write_bytes(content[:first])
+    path.with_name("points.0").write_bytes(content[first:])
+    return KeptBranch(MPI.COMM_SELF, path.parent, 0)._read_end()
+
+
+def _identity(path: Path) -> list[str]:
+    found = read_record(path)
+    return [] if found is None else Identity({}, {}, {}, ()).differences(Identity.from_texts(found[1]))
+
+
+def _set_up(path: Path) -> Any:
+    found = read_record(path)
+    if found is None:
+        return None
+    model = under("model", found[0])
+    return (
+        outline_of(*found),
+        pairs_of(*found),
+        selection_of(found[1]),
+        family_of(model),
+        observed_of(model),
+        left_out_of(found[0]),
+    )
+
+
+def _columns(path: Path) -> None:
+    KeptColumns(MPI.COMM_SELF, path).restore(StaticColumns(2, 2, lambda pairs: np.zeros((6, 3 * len(pairs)))), slice(None))
 
 
 def _results(path: Path) -> Any:
@@ -170,6 +232,29 @@ TARGETS = {
         )
         + ("BEGIN BULK", "CEND", "ENDDATA", "SET 1 =", "CELAS2", "PARAM,WTMASS", "1.5-3"),
     ),
+    "ansys_input": Target(
+        ".dat",
+        read_model,
+        (
+            "nblock,3,,",
+            "eblock,10,,,",
+            "eblock,19,solid",
+            "(1i9,3e20.9e3)",
+            "(15i9)",
+            "et,1,185",
+            "CMBLOCK,",
+            "keyo,",
+            "-1",
+            "/wb,",
+        )
+        + ("*set,tid,", "type,tid", "real,", "mat,", "r,tid", "en,", "cmsel,s,", "d,all,all", "mp,ex,1,", "local,12,1,", "nmod,"),
+    ),
+    "op2_model": Target(
+        ".op2",
+        read_model,
+        ("GEOM1S  ", "GEOM2S  ", "EPTS    ", "MPTS    ", "GEOM4S  ", "\4\0\0\0", "\2\0\0\0", "\0\0\0\0")
+        + ("\x95\x11\0\0\x2d\0\0\0\1\0\0\0",),
+    ),
     "unv": Target(".unv", read_model, ("    -1\n", "  2411\n", "  2412\n", "  2420\n", "  2467\n", "   164\n", "1.0D+00")),
     "exodus": Target(".e", read_model, ("coordx", "connect1", "elem_type", "num_nodes", "HEX8", "CDF\x01", "CDF\x02")),
     "vtu": Target(".vtu", read_model, ("<DataArray", 'format="appended"', 'NumberOfComponents="', "<!ENTITY", "&lt;", "offset=")),
@@ -203,5 +288,12 @@ TARGETS = {
     "nodes": Target(".csv", read_nodes, ("node,x,y,z", ",", '"', "#")),
     "node_pairs": Target(".csv", _node_pairs, ("node1,node2,nx,ny,nz,area", ",", '"', "#")),
     "parameters": Target(".csv", _parameters, ("friction", "preload", "gap", ",", '"', "#")),
+    "restart": Target(
+        ".0",
+        _restart,
+        ('"<f8"', '"|O8"', '"notes"', '"n_points"', '"number"', '"parts"', '"numbers"', "[0]", "{}", "[[{}],{}]"),
+        is_own=True,
+    ),
+    "lock": Target("", _lock, ("process", "host", "since", "started", "job", "Infinity", "[", "{}", "\x1b"), is_own=True),
     "results": Target(".h5", _results, ("OHDR", "TREE", "SNOD", "HEAP", "FRHP", "format", "levels", "joint", "mu")),
 }

@@ -19,6 +19,7 @@ import os
 import re
 import resource
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
@@ -31,13 +32,14 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT / "solver"), str(ROOT / "tests")]
 LONGEST = 65536  # bytes of a file, or twice the longest one that it begins with
-HANG = 30  # seconds on a busy machine
+HANG = 90  # seconds on a busy machine, above those after which processes of readers end themselves
 INSTRUMENTED = (
     "microslip.formats",
     "microslip.parallel",
     "microslip.scene",
     "microslip.results.read",
     "microslip.results.fields",
+    "microslip.restart",
 )
 INSTRUMENTED += (
     "microslip.mesh.nodes",
@@ -47,6 +49,7 @@ INSTRUMENTED += (
     "tomllib",
 )
 BENEATH = {"exodus": ("scipy.io._netcdf",), "ansys": ("mapdl_archive",), "nastran": ("pyNastran.bdf.bdf_interface",)}
+BENEATH |= {"ansys_input": ("mapdl_archive",), "op2_model": ("pyNastran.op2",)}
 BENEATH |= dict.fromkeys(("vtu", "vtk", "fem"), ("meshio",))  # libraries that a reader stands on
 
 
@@ -58,6 +61,9 @@ def main() -> None:
         return
     if importlib.util.find_spec("atheris") is None:
         sys.exit("fuzzing needs atheris: python -m pip install --target DIR atheris, and DIR in PYTHONPATH")
+    from microslip.parallel.petsc import initialise
+
+    initialise()
     from reader_targets import TARGETS
 
     unknown = set(asked.readers) - set(TARGETS)
@@ -139,6 +145,9 @@ def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> Non
     """Fuzz one reader in this process, which ends with it."""
     import atheris
 
+    from microslip.parallel.petsc import initialise
+
+    initialise(["-no_signal_handler"])  # crashes are the fuzzer's to see
     with atheris.instrument_imports(include=[*INSTRUMENTED, *BENEATH.get(name, ())], enable_loader_override=False):
         from reader_seeds import SEEDS
         from reader_targets import TARGETS, verdict
@@ -169,7 +178,7 @@ def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> Non
         f"-artifact_prefix={folder}/",
     ]
     options += [f"-dict={folder / 'words'}", f"-seed={asked.seed}", "-rss_limit_mb=0", "-print_final_stats=1", "-verbosity=1"]
-    changed = {"npz": _in_archive, **dict.fromkeys(("results", "exodus", "mat"), _in_place)}
+    changed = {"npz": _in_archive, "restart": _in_records, **dict.fromkeys(("results", "exodus", "mat"), _in_place)}
     own = {"custom_mutator": changed[name]} if name in changed else {}
     atheris.Setup([sys.argv[0], *options, str(folder / "corpus")], one_file, enable_python_coverage=True, **own)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
@@ -221,6 +230,24 @@ def _in_archive(content: bytes, longest: int, seed: int) -> bytes:
         for name, data in members.items():
             archive.writestr(name, data)
     return made.getvalue()[:longest]
+
+
+def _in_records(content: bytes, longest: int, seed: int) -> bytes:
+    """Return records of a restart file with one of them changed, whose sums are right; every eighth time the file itself."""
+    import atheris
+
+    from microslip.restart.records import framed
+
+    bodies, at = [], 0
+    while at + 12 <= len(content):
+        (length,) = struct.unpack_from("<Q", content, at)
+        bodies.append(content[at + 12 : at + 12 + min(length, len(content))])
+        at += 12 + min(length, len(content))
+    if seed % 8 == 0 or not bodies:
+        return atheris.Mutate(content, longest)
+    chosen = seed // 8 % len(bodies)
+    bodies[chosen] = atheris.Mutate(bodies[chosen], max(1, min(longest, len(bodies[chosen]) + 64)))
+    return b"".join(map(framed, bodies))[:longest]
 
 
 if __name__ == "__main__":

@@ -9,8 +9,10 @@ turn from three kinds, so that all of them are hit: in the *set-up*, a time befo
 of them was told; while *writing*, as one of the files of the run is created, written or renamed.  With `--in-a-row` a run is killed
 several times before it may end.  A share of the runs (`--earlier`, a half) begins over the results of an earlier run of another level.
 
-A trial fails where the run does not end with status 0, where its points are not those of the undisturbed run, or their response is
-off by more than 1e-8 of the peak, where more than one point that had been told is computed again for a kill, where results.h5 or
+A trial fails where the run does not end with status 0, where its curves are not those of the undisturbed run: points at the same
+frequencies, whose response is off by no more than 1e-8 of the peak.  A set-up that was killed before it was kept is built again; on
+several ranks its last bits are others, which decides now and then whether a step is taken once more.  So where the numbers of points
+differ, those that only one of the two has are compared with a third run that is asked for their frequencies.  It fails, too, where more than one point that had been told is computed again for a kill, where results.h5 or
 frf.csv are neither those of the earlier run nor whole and right, or where results.h5 cannot be read.  Any failure makes status 1.
 """
 
@@ -28,6 +30,7 @@ import tempfile
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import machine
 import numpy as np
@@ -49,11 +52,18 @@ _DONE = "nothing is left to compute"
 _LEVEL = re.compile(r"^level \d+ of \d+: [^,:]+, ", re.MULTILINE)
 
 
+class Curve(NamedTuple):
+    """The points of a level."""
+
+    frequency: np.ndarray  # Hz
+    response: np.ndarray  # (n_points, n_outputs, N_H) m
+
+
 @dataclass(frozen=True)
 class Undisturbed:
     """What a run that nobody kills comes to, on a number of ranks."""
 
-    levels: list[tuple[np.ndarray, np.ndarray]]  # frequencies [Hz] and response of each
+    levels: list[Curve]
     n_rows: int  # of frf.csv
     seconds: float
     first_point: float  # s until the first point was told
@@ -76,18 +86,21 @@ class Trial:
     told: int = 0  # points before the kills, without those taken over
     taken: int = 0  # points that the last start took over
     off: float = np.nan  # largest difference of the response, over the peak
+    n_rows: list[int] = field(default_factory=list)  # of frf.csv after kills, where it was no longer the earlier one
+    n_more: int = 0  # points that the undisturbed run does not have
+    n_fewer: int = 0  # and those that it alone has
     wrong: list[str] = field(default_factory=list)
 
     @property
     def lost(self) -> int:
         """How many points that had been told were computed again."""
-        return self.told - self.taken
+        return max(0, self.told - self.taken)
 
     def row(self) -> str:
         cells = [self.number, self.ranks, "earlier" if self.over_earlier else "new", "; ".join(self.hit), self.told, self.taken]
-        return " | ".join(
-            map(str, ["", *cells, self.lost, f"{self.off:.1e}", "; ".join(self.wrong) or "as it should be", ""])
-        ).strip()
+        others = f", {self.n_more} points more and {self.n_fewer} fewer" if self.n_more or self.n_fewer else ""
+        said = "; ".join(self.wrong) or f"as it should be{others}"
+        return " | ".join(map(str, ["", *cells, self.lost, f"{self.off:.1e}", said, ""])).strip()
 
 
 class Test:
@@ -119,7 +132,7 @@ class Test:
         writes.close()
         if run.process.returncode != 0 or not told:
             raise SystemExit(f"the scene does not run by itself, status {run.process.returncode}:\n{run.said()}")
-        levels = [(level.frequency, level.response) for level in read_results(str(out / "results.h5")).levels]
+        levels = [Curve(level.frequency, level.response) for level in read_results(str(out / "results.h5")).levels]
         return Undisturbed(levels, _rows(out / "frf.csv"), run.seconds, told[0], told[-1], n)
 
     def earlier(self) -> Path:
@@ -152,8 +165,10 @@ class Test:
         if status != 0:
             found.wrong.append("does not end" if status is None else f"status {status}: {run.said()[-300:]}")
             return found
-        if not 0 <= found.lost <= len(found.hit):
+        if found.lost > len(found.hit):
             found.wrong.append(f"{found.lost} points computed twice")
+        if found.taken > found.told + len(found.hit):  # a point is kept just before it is told
+            found.wrong.append(f"{found.taken} points taken over, of {found.told}")
         self._compare(out, goal, found)
         left = [path.name for path in out.iterdir() if path.name == "unfinished" or path.suffix == ".part"]
         found.wrong += [f"{name} is left behind" for name in left]
@@ -205,8 +220,8 @@ class Test:
         results, table = out / "results.h5", out / "frf.csv"
         if before and not table.exists():
             found.wrong.append("frf.csv of the earlier run is gone")
-        elif before and table.read_bytes() != before["frf.csv"] and _rows(table) != goal.n_rows:
-            found.wrong.append("frf.csv is neither that of the earlier run nor whole")
+        elif before and table.read_bytes() != before["frf.csv"]:
+            found.n_rows.append(_rows(table))
         if not results.exists():
             found.wrong += ["results.h5 of the earlier run is gone"] if before else []
             return
@@ -218,19 +233,55 @@ class Test:
             found.wrong.append(f"after the kill {problem}")
             return
         if _looks_complete(read, len(self.scene.response.levels)):
-            found.wrong += [f"results.h5 looks complete and is not: {text}" for text in _differences(read, goal)[1]]
+            wrong = self._differences(read, goal, found)[1]
+            found.wrong += [f"results.h5 looks complete and is not: {text}" for text in wrong]
         elif before:
             found.wrong.append("results.h5 of the earlier run was replaced by incomplete ones")
 
     def _compare(self, out: Path, goal: Undisturbed, found: Trial) -> None:
         """Note how far the curves are from those of the undisturbed run."""
         read = read_results(str(out / "results.h5"))
-        found.off, wrong = _differences(read, goal)
+        found.off, wrong = self._differences(read, goal, found)
         found.wrong += wrong
         if not _looks_complete(read, len(self.scene.response.levels)):
             found.wrong.append("results.h5 is not complete")
-        if _rows(out / "frf.csv") != goal.n_rows:
-            found.wrong.append(f"frf.csv has {_rows(out / 'frf.csv')} rows, not {goal.n_rows}")
+        n_rows = goal.n_rows + found.n_more - found.n_fewer
+        if _rows(out / "frf.csv") != n_rows:
+            found.wrong.append(f"frf.csv has {_rows(out / 'frf.csv')} rows, not {n_rows}")
+        if any(n != n_rows for n in found.n_rows):
+            found.wrong.append("after a kill frf.csv was neither that of the earlier run nor whole")
+
+    def _differences(self, read: ResultFile, goal: Undisturbed, found: Trial) -> tuple[float, list[str]]:
+        """Return the largest difference of the response over the peak of its level, and what is wrong with the curves."""
+        off, wrong = 0.0, []
+        found.n_more = found.n_fewer = 0
+        if len(read.levels) != len(goal.levels):
+            return np.nan, [f"{len(read.levels)} levels, not {len(goal.levels)}"]
+        for level, of_goal in zip(read.levels, goal.levels):
+            own = Curve(level.frequency, level.response)
+            if len(own[0]) == len(of_goal[0]):
+                off = max(off, float(np.abs(own[0] / of_goal[0] - 1.0).max()), _gap(own[1] - of_goal[1], of_goal))
+                continue
+            more, of_both = _apart(own, of_goal)
+            fewer, _ = _apart(of_goal, own)
+            found.n_more, found.n_fewer = found.n_more + len(more[0]), found.n_fewer + len(fewer[0])
+            both = Curve(*map(np.concatenate, zip(more, fewer)))
+            left, of_third = _apart(both, self._asked(found.ranks, level.level, both[0]))
+            wrong += [f"{len(left[0])} points at {level.level:g} N that the curve does not have"] if len(left[0]) else []
+            off = max(off, of_both, of_third)
+        return off, wrong + ([f"curves differ by {off:.1e} of the peak"] if off > TOLERANCE else [])
+
+    def _asked(self, ranks: int, level: float, frequency: np.ndarray) -> Curve:
+        """Return the curve of a level with points at some frequencies [Hz], by a run of its own."""
+        out = self.folder / "asked"
+        shutil.rmtree(out, ignore_errors=True)
+        at = ", ".join(repr(float(f)) for f in np.unique(frequency))
+        settings = ("--set", f"response.levels=[{level!r}]", "--set", f"response.at=[{at}]")
+        run = Run(self.command(ranks, out, *settings), self.folder / "said")
+        if run.wait(LIMIT) != 0:
+            raise SystemExit(f"the scene does not run with points at frequencies that are asked for:\n{run.said()}")
+        (only,) = read_results(str(out / "results.h5")).levels
+        return Curve(only.frequency, only.response)
 
 
 def _taken(said: str) -> int:
@@ -247,18 +298,20 @@ def _looks_complete(read: ResultFile, n_levels: int) -> bool:
     return len(read.levels) == n_levels and all(level.status == COMPLETE for level in read.levels)
 
 
-def _differences(read: ResultFile, goal: Undisturbed) -> tuple[float, list[str]]:
-    """Return the largest difference of the response over the peak of its level, and what is wrong with the curves."""
-    off, wrong = 0.0, []
-    if len(read.levels) != len(goal.levels):
-        return np.nan, [f"{len(read.levels)} levels, not {len(goal.levels)}"]
-    for level, (frequency, response) in zip(read.levels, goal.levels):
-        if level.frequency.shape != frequency.shape:
-            wrong.append(f"{len(level.frequency)} points at {level.level:g} N, not {len(frequency)}")
-            continue
-        off = max(off, float(np.abs(level.response - response).max() / np.abs(response).max()))
-        off = max(off, float(np.abs(level.frequency / frequency - 1.0).max()))
-    return off, wrong + ([f"curves differ by {off:.1e} of the peak"] if off > TOLERANCE else [])
+def _gap(difference: np.ndarray, curve: Curve) -> float:
+    """Return the size of a difference of responses over the peak of a curve."""
+    return float(np.abs(difference).max(initial=0.0) / np.abs(curve.response).max())
+
+
+def _apart(points: Curve, curve: Curve) -> tuple[Curve, float]:
+    """Return those of some points at whose frequencies a curve has none, and how far the others are off it, over its peak."""
+    off, left = 0.0, []
+    for i, frequency in enumerate(points.frequency):
+        there = np.flatnonzero(np.abs(curve.frequency / frequency - 1.0) <= TOLERANCE)
+        gaps = [_gap(curve.response[j] - points.response[i], curve) for j in there]  # beyond a fold there may be two
+        left += [] if gaps else [i]
+        off = max(off, min(gaps, default=0.0))
+    return Curve(points.frequency[left], points.response[left]), off
 
 
 def summary(trials: list[Trial]) -> list[str]:
@@ -266,10 +319,12 @@ def summary(trials: list[Trial]) -> list[str]:
     good = sum(not trial.wrong for trial in trials)
     kinds = [sum(text.startswith(kind) for trial in trials for text in trial.hit) for kind in KINDS]
     hits = f"{sum(kinds)} kills ({', '.join(f'{n} {kind}' for n, kind in zip(kinds, KINDS))})"
+    others = sum(bool(trial.n_more or trial.n_fewer) for trial in trials)
     lost, off = [trial.lost for trial in trials], [trial.off for trial in trials]
     return [
         f"{good} of {len(trials)} runs went on as they should, {hits}",
         f"points computed twice: {sum(lost)} in all, {max(lost)} in a run at most; largest difference {np.nanmax(off):.1e} of the peak",
+        f"runs with other numbers of points, on the same curves: {others}",
     ]
 
 

@@ -5,7 +5,7 @@
 SCENE is jobs/fan_small.toml unless given.  Its levels are followed again and again, in one run that is logged, written and kept
 like any other, until there are so many points.  What a rank has in memory after the first of them (``--warm``) may grow by
 ``--limit`` beyond the points themselves, which stay by design: on rank 0 until their level is written with the motion of their
-pairs, then without, as on other ranks.  Prints a line of JSON; the exit status is 1 if any rank grows by more.
+pairs, then without but for the peak's, as on other ranks.  Prints a line of JSON; the exit status is 1 if any rank grows by more.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from microslip.parallel.petsc import initialise
 initialise()
 from mpi4py import MPI
 
+from microslip.continuation.branch import Branch
 from microslip.observe.observer import Observers
 from microslip.parallel.agree import on_root
 from microslip.parallel.memory import give_back, resident_memory
@@ -42,11 +43,15 @@ class Enough(Exception):
 
 
 class Meter:
-    """Memory of this rank after each point, and the bytes of the points so far [bytes]; wraps ``Observers.tell`` in its context."""
+    """Memory of this rank after each point, and the bytes of the points so far [bytes]; wraps ``Observers.tell`` in its context.
 
-    def __init__(self, points: int):
-        self.points, self.resident, self.recorded = points, list[float](), list[float]()
-        self._held, self._motion, self._tell = 0.0, 0.0, Observers.tell
+    With ``has_motion``, as on rank 0, points hold the motion of their pairs until their level is written, its peak for good.
+    """
+
+    def __init__(self, points: int, has_motion: bool = True):
+        self.points, self.has_motion = points, has_motion
+        self.resident, self.recorded = np.full((2, points), np.nan)  # all of it now: it is no growth
+        self._n, self._held, self._motion, self._tell = 0, 0.0, 0.0, Observers.tell
 
     def __enter__(self) -> Meter:
         meter = self
@@ -56,7 +61,7 @@ class Meter:
             if event == "point":
                 meter.take(news[1])
             if event == "level_finished":
-                meter.let_go()
+                meter.let_go(news[1])
 
         Observers.tell = tell
         return self
@@ -66,17 +71,24 @@ class Meter:
 
     def take(self, point) -> None:
         """Note what is held after a point.  Local; the same number of points on every rank."""
-        self._held += size_of(point)
-        self._motion += sum(size_of_value(value) for value in (point.U, point.p))
+        motion = motion_of(point)
+        self._held += size_of(point) - (0.0 if self.has_motion else motion)
+        self._motion += motion if self.has_motion else 0.0
         give_back()
-        self.resident.append(resident_memory())
-        self.recorded.append(self._held)
-        if len(self.resident) >= self.points:
+        self.resident[self._n], self.recorded[self._n] = resident_memory(), self._held
+        self._n += 1
+        if self._n == self.points:
             raise Enough
 
-    def let_go(self) -> None:
-        """Take off the motion of a level that is written.  Local."""
-        self._held, self._motion = self._held - self._motion, 0.0
+    def let_go(self, branch: Branch) -> None:
+        """Take off the motion of a level that is written, but for that of its peak.  Local."""
+        stays = motion_of(branch.points[branch.peak]) if self.has_motion and branch.points else 0.0
+        self._held, self._motion = self._held - self._motion + stays, 0.0
+
+
+def motion_of(point) -> float:
+    """Return the bytes of a point's motion and forces."""
+    return sum(size_of_value(value) for value in (point.U, point.p))
 
 
 def size_of(point) -> float:
@@ -99,7 +111,7 @@ def measured(comm: MPI.Comm, path: str, points: int, folder: Path) -> Meter:
     levels = read_scene(path).response.levels
     cycles = 1 + points // (LEAST * len(levels))
     many = ", ".join(repr(level * (1.0 + 1e-9 * cycle)) for cycle in range(cycles) for level in levels)
-    scene, meter = read_scene(path, (f"response.levels=[{many}]",)), Meter(points)
+    scene, meter = read_scene(path, (f"response.levels=[{many}]",)), Meter(points, comm.rank == 0)
     with contextlib.suppress(Enough), meter:
         run(scene, comm, folder, screen=False)
     return meter

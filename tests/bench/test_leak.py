@@ -25,7 +25,7 @@ def test_a_short_run_does_not_grow():
 
 def test_growth_is_what_the_points_do_not_explain():
     meter = leak.Meter(4)
-    meter.resident, meter.recorded = [90e6, 100e6, 105e6, 110e6], [0.0, 1e6, 2e6, 3e6]
+    meter.resident[:], meter.recorded[:] = [90e6, 100e6, 105e6, 110e6], [0.0, 1e6, 2e6, 3e6]
     found = leak.growth(meter, 2)
     assert found["growth"] == pytest.approx(0.08) and found["bytes_a_point"] == 1e6 and found["warm_MB"] == 100.0
 

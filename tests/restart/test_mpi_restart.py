@@ -1,5 +1,6 @@
 """A run that was stopped anywhere goes on where it was: to the same curve, without a point computed twice; on any ranks."""
 
+import math
 from functools import partial
 from pathlib import Path
 
@@ -11,9 +12,11 @@ from mpi4py import MPI
 from microslip.library.follow import follow
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import ConvergenceError, Interrupted
+from microslip.parallel.errors import CaseError, ConvergenceError, Interrupted
 from microslip.restart import identity, restore
+from microslip.restart.branch import KeptBranch
 from microslip.restart.folder import NAME, Restart
+from microslip.restart.records import pack
 from microslip.results.read import read_results
 from microslip.run import run, set_up
 from microslip.scene.read import read_scene
@@ -109,12 +112,36 @@ def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, shared_p
     with pytest.raises(Interrupted):
         followed(scene, shared_path / "parts", [StopsAfter(n_points)])
     before = [point.seconds for branch in kept_points(shared_path / "parts") for point in branch]
-    assert len(before) == n_points  # the point at which it was stopped alone is lost
+    assert len(before) == n_points + 1  # with the one at which it was stopped, put off or not
     assert_same(whole, (rest := followed(scene, shared_path / "parts")))
     after = {point.seconds for branch in rest for point in branch.points}
     assert set(before) <= after
     assert built["first"] == 2  # built again where it was stopped before static columns were known
     assert built["again"] == 0 or n_points <= 2
+
+
+@pytest.mark.parametrize("n_points", [9, 10])
+def test_a_run_that_is_killed_loses_one_point_at_most_and_goes_on_to_the_same_curve(n_points, shared_path, monkeypatch):
+    monkeypatch.setattr("microslip.restart.branch.SHORT", math.inf)  # every other step is put off
+    monkeypatch.setattr("microslip.restart.branch.SELDOM", math.inf)
+    monkeypatch.setattr(KeptBranch, "let_go", lambda kept: None)
+    scene = scene_at(shared_path, "response.levels=[50.0]")
+    whole = followed(scene, shared_path / "whole")
+    with pytest.raises(Interrupted):
+        followed(scene, shared_path / "parts", [StopsAfter(n_points)])  # in the middle of telling the next one
+    n_kept = sum(map(len, kept_points(shared_path / "parts")))
+    assert n_kept == n_points + n_points % 2  # pairs
+    assert_same(whole, followed(scene, shared_path / "parts"))
+
+
+def test_files_that_hold_something_else_are_refused_by_all_ranks(shared_path):
+    scene = scene_at(shared_path, "response.levels=[30.0]")
+    followed(scene, shared_path)
+    (end,) = (shared_path / NAME).glob("level-*/end.0")
+    on_root(COMM, lambda: end.write_bytes(pack({}, {"of": "another program"})))
+    with pytest.raises(CaseError, match="holds what this program does not write there .*'n_points'.* --fresh"):
+        followed(scene, shared_path)
+    followed(scene, shared_path, fresh=True)
 
 
 def seconds_of(branch):

@@ -1,6 +1,8 @@
 """Records on disk: what is read back is whole or not there, wherever a file ends and whatever byte of it is wrong."""
 
+import errno
 import os
+from concurrent import futures
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from microslip.parallel.errors import CaseError
+from microslip.parallel.errors import CaseError, ResourceError
 from microslip.restart import records
 from microslip.restart.records import Disk, Journal, Latest, length_of, pack, read_record, read_records, unpack, write_record
 
@@ -87,7 +89,7 @@ def test_the_latest_record_stays_whole_while_the_next_is_written(tmp_path):
     assert [int(arrays["i"]) for arrays, _ in Latest(path).read()] == [4, 3]
 
 
-def test_the_disk_is_waited_for_a_small_part_of_the_time(monkeypatch):
+def test_the_disk_is_waited_for_a_small_part_of_the_time(tmp_path, monkeypatch):
     now, waits = [0.0], []
 
     def wait(handle):
@@ -97,11 +99,44 @@ def test_the_disk_is_waited_for_a_small_part_of_the_time(monkeypatch):
     monkeypatch.setattr(os, "fsync", wait)
     monkeypatch.setattr(records, "monotonic", lambda: now[0])
     monkeypatch.setattr(records, "perf_counter", lambda: now[0])
-    disk = Disk()
+    disk, handle = Disk(), os.open(tmp_path, os.O_RDONLY)
     while now[0] < 60.0:
-        disk.reach(0)
+        disk.reach(handle)
+        disk.wait()
         now[0] += 0.1
     assert len(waits) == 10 and np.diff(waits).min() > 300 * 0.02  # at first, and every six seconds
+    os.close(handle)
+
+
+def test_parts_of_a_record_are_its_own(tmp_path):
+    """A file of which the beginning alone was written, over parts of the record before the last, is not whole."""
+    path, parts = tmp_path / "state", [pack({"U": np.full(3, float(i))}) for i in range(4)]
+    latest = Latest(path)
+    for i in range(3):
+        latest.write({"i": np.array(i)}, {"now": parts[i + 1], "before": parts[i]})
+    latest.close()
+    (found, _), (other, _) = Latest(path).read()
+    assert [found["i"], *found["now/U"], *found["before/U"]] == [2, 3, 3, 3, 2, 2, 2] and other["before/U"][0] == 1.0
+    newest, older = tmp_path / "state.0", tmp_path / "state.1"
+    head = len(newest.read_bytes()) - 2 * len(parts[0])
+    older.write_bytes(newest.read_bytes()[:head] + older.read_bytes()[head:])
+    assert [int(arrays["i"]) for arrays, _ in Latest(path).read()] == [2]
+
+
+def test_a_disk_that_fails_is_told_with_the_next_record(tmp_path, monkeypatch):
+    def fail(handle):
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    disk = Disk()
+    journal = Journal(tmp_path / "points", disk=disk)
+    monkeypatch.setattr(os, "fsync", fail)
+    journal.append({}, {"i": 0})
+    futures.wait(disk._under_way)
+    with pytest.raises(ResourceError, match="points: could not be written: Input/output error"):
+        journal.append({}, {"i": 1})
+    journal.close()
+    with pytest.raises(OSError):
+        disk.wait()
 
 
 def test_a_record_that_cannot_be_written_says_where(tmp_path):

@@ -44,7 +44,7 @@ _HARMONICS = "the highest that it was solved with; arrays are as wide as the mos
 _PARTS = "parts of the error bar, in the order of the attribute `parts`"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Point:
     """A converged point of a curve.  Arrays are gathered on rank 0; counts and floats agree on all ranks.
 

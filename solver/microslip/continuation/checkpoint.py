@@ -6,7 +6,10 @@ where preconditioners were made.  These are no part of a solution, but decide it
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -26,34 +29,60 @@ from .task import BranchTask
 Arrays = dict[str, np.ndarray]  # by a path: "now/U"
 _POINTS = ("earlier", "before", "now")
 _NUMBERS = ("size", "force", "sticks", "sliding", "moved")
+_numbers = attrgetter(*_NUMBERS)
 _KINDS = (WholeInverse, HarmonicPreconditioner, ClusteredPreconditioner)
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of a state that mostly stays from one state to the next: what it is made of, and how.  ``arrays`` is collective."""
+
+    of: object
+    arrays: Callable[[], Arrays]
+
+    def gathered(self) -> Part:
+        """Return the part with its arrays, which take no other rank any more.  Collective."""
+        arrays = self.arrays()
+        return replace(self, arrays=lambda: arrays)
 
 
 def to_arrays(task: BranchTask, state: BranchState) -> Arrays:
     """Return a state between two steps.  Collective: the motions of all ranks are gathered."""
+    found = own_arrays(state)
+    for name, part in parts_of(task, state).items():
+        found |= _under(name, part.arrays())
+    return found
+
+
+def own_arrays(state: BranchState) -> Arrays:
+    """Return the arrays of a state that none of its parts has.  Collective."""
     solver, equation, memory = state.solver, state.solver.equation, state.memory
+    newton = solver.workspace.newton_solver(equation, solver.resolution)
     found = {
         "resolution": np.array([equation.n_samples, solver.tolerance]),
         "harmonics": np.array(equation.harmonics.chosen),
-        "step": np.array([state.ds, solver.is_linear, state.is_done]),
-        "calm": np.array(list(memory.calm.values())),
-        "patience": np.array(list(memory.patience.values())),
+        "step": np.array([state.ds, solver.is_linear, state.is_done, newton.wants_preconditioner]),
+        "counts": np.array([*memory.calm.values(), *memory.patience.values()]),
     }
     if memory.peak is not None:
         found["peak"] = memory.peak
     if equation.held is not None:
         found["held"] = equation.gather(equation.held)
+    return found
+
+
+def parts_of(task: BranchTask, state: BranchState) -> dict[str, Part]:
+    """Return the last points of a state and where its preconditioners were made, by name; the same ones on every rank.  Local."""
+    solver, found = state.solver, dict[str, Part]()
     for name in _POINTS:
         point = getattr(state, name)
         if point is not None:
-            found |= _under(name, _of_point(equation, point))
-    newton = solver.workspace.newton_solver(equation, solver.resolution)
-    found["wants_preconditioner"] = np.array(newton.wants_preconditioner)
+            found[name] = Part(point, partial(_of_point, solver.equation, point))
+    newton = solver.workspace.newton_solver(solver.equation, solver.resolution)
     adjoint = task.estimator and task.estimator.adjoint_solver
     for name, solver_of in (("newton", newton), ("adjoint", adjoint)):
         if solver_of and solver_of.preconditioner is not None:
-            made = solver_of.preconditioner
-            found |= _under(name, _of_place(made.made_at)) | {f"{name}/kind": np.array(_KINDS.index(type(made)))}
+            found[name] = Part(solver_of.preconditioner, partial(_of_preconditioner, solver_of.preconditioner))
     return found
 
 
@@ -64,12 +93,13 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     solver = start.solver.resolved(Resolution(_harmonics(arrays["harmonics"]), int(n_samples), float(tolerance)))
     owned = solver.equation.model.owned
     solver = solver.holding(arrays["held"][owned] if "held" in arrays else None)
-    ds, is_linear, is_done = arrays["step"]
+    ds, is_linear, is_done, wants_preconditioner = arrays["step"]
     parts = start.memory.calm.keys()
-    memory = Memory(arrays.get("peak"), *(dict(zip(parts, map(int, arrays[name]))) for name in ("calm", "patience")))
+    calm, patience = (dict(zip(parts, map(int, counts))) for counts in arrays["counts"].reshape(2, -1))
+    memory = Memory(arrays.get("peak"), calm, patience)
     points = {name: _point(_within(arrays, name), owned) for name in _POINTS if f"{name}/U" in arrays}
     newton = workspace.newton_solver(solver.equation, solver.resolution)
-    newton.wants_preconditioner = bool(arrays["wants_preconditioner"])
+    newton.wants_preconditioner = bool(wants_preconditioner)
     if "newton/U" in arrays:
         newton.preconditioner = _made_again(_within(arrays, "newton"), solver.equation)
     if "adjoint/U" in arrays and task.estimator is not None:
@@ -91,7 +121,7 @@ def _of_point(equation: HarmonicBalance, point: PointState) -> Arrays:
         "harmonics": np.array(there.harmonics.chosen),
         "selected": point.selected,
         "amplitude": point.amplitude,
-        "numbers": np.array([float(getattr(point, name)) for name in _NUMBERS]),
+        "numbers": np.array(_numbers(point), dtype=float),
     }
 
 
@@ -106,13 +136,14 @@ def _point(arrays: Arrays, owned: slice) -> PointState:
 # -- where a preconditioner was made -------------------------------------------------------------------------------
 
 
-def _of_place(made_at: Linearisation) -> Arrays:
-    """Return the arrays that a linearisation can be made of again.  Collective."""
-    equation, at = made_at.equation, made_at.at
+def _of_preconditioner(made: WholeInverse | HarmonicPreconditioner | ClusteredPreconditioner) -> Arrays:
+    """Return the arrays that a preconditioner can be made of again.  Collective."""
+    equation, at = made.made_at.equation, made.made_at.at
     held = {} if equation.held is None else {"held": equation.gather(equation.held)}
     return held | {
-        "U": equation.gather(made_at.forces.U),
-        "selected": made_at.forces.selected,
+        "kind": np.array(_KINDS.index(type(made))),
+        "U": equation.gather(made.made_at.forces.U),
+        "selected": made.made_at.forces.selected,
         "at": np.array([getattr(at, field.name) for field in fields(at)]),
         "harmonics": np.array(equation.harmonics.chosen),
         "n_samples": np.array(equation.n_samples),

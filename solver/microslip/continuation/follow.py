@@ -218,20 +218,20 @@ def follow_branch(
 ) -> Branch:
     """Follow a branch to the end of its range, from where it was left if the ``keeper`` knows it.  Collective.
 
-    A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.
+    A branch that cannot be continued keeps its points and says why in ``failure``; nothing is raised.  ``on_point`` hears of the
+    points of a step when the ``keeper`` has them, so that at most those are lost again which that puts off.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
     branch, workspace = Branch(task.problem.at((task.sweep.start,)).level), Workspace(task.problem.equation)
-    since: list[Point] = []  # the last state that was kept
+    since: list[Point] = []  # the last step
 
     def take(point: Point) -> None:
         on_point(point)
         branch.points.append(point if workspace.comm.rank == 0 else replace(point, U=NOTHING, p=NOTHING))
 
     def record(point: Point) -> None:
-        if len(branch.points) < max_points:
+        if len(branch.points) + len(since) < max_points:
             since.append(replace(point, segment=segment))
-            take(since[-1])
 
     try:
         state, before = keeper.begun(task, workspace) or _wider(task, keeper, workspace) or (task.start(workspace), [])
@@ -240,11 +240,16 @@ def follow_branch(
         while not state.is_done and branch.failure is None:
             found = advance(task, state, record)
             state, branch.failure = found.state, found.failure
-            if len(branch.points) == max_points:
+            if len(branch.points) + len(since) == max_points:
                 where = task.problem.where(task.sweep.stop)
                 branch.failure = f"{max_points} points without reaching {where}: raise [response] points"
             keeper.keep(task, None if found.failure else state, since)
+            for point in since:
+                take(point)
             since.clear()
+    except BaseException:  # a signal, or a problem of one rank alone
+        keeper.let_go()
+        raise
     finally:
         workspace.destroy()
         if task.estimator is not None:

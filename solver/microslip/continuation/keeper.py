@@ -20,7 +20,7 @@ Shorter = tuple["Sweep", "BranchState", list[Point]]
 
 
 class Keeper(Protocol):
-    """Keeps one way through a range.  All methods are collective on the ranks that follow it.
+    """Keeps one way through a range.  All methods but one are collective on the ranks that follow it.
 
     Points that are handed back have their motion on rank 0, as those of a branch.
     """
@@ -35,7 +35,13 @@ class Keeper(Protocol):
         """Return a range within that of the task over which the branch was followed to its end, the state there, its points."""
 
     def keep(self, task: BranchTask, state: BranchState | None, points: Sequence[Point]) -> None:
-        """Keep a state between two steps, None where there are none, and the points that have come since the last one."""
+        """Keep a state between two steps, None where there are none, and the points that have come since the last one.
+
+        One step may be put off until the next one is kept.
+        """
+
+    def let_go(self) -> None:
+        """Keep what was put off, as well as that can be done: the branch is given up.  Local."""
 
     def end(self, branch: Branch) -> None:
         """Keep that the branch has come to its end, and how."""
@@ -54,6 +60,9 @@ class KeepsNothing:
         return None
 
     def keep(self, task: BranchTask, state: BranchState | None, points: Sequence[Point]) -> None:
+        pass
+
+    def let_go(self) -> None:
         pass
 
     def end(self, branch: Branch) -> None:

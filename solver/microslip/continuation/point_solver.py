@@ -189,7 +189,8 @@ class PointSolver:
 
     def carried(self, state: PointState) -> PointState:
         """Return a point in the harmonics of the problem.  Local."""
-        return replace(state, iterate=state.iterate.on(self.harmonics))
+        there = state.iterate.on(self.harmonics)
+        return state if there is state.iterate else replace(state, iterate=there)
 
     def still(self, found: Found, was: PointSolver) -> tuple[Found, PointSolver]:
         """Return a solution that ``was`` found as one of this solver, and this solver; both as they were where Newton fails.

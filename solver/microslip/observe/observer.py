@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, Protocol
 
 from ..continuation.branch import Branch, Point
@@ -64,5 +65,7 @@ class Observers:
         for observer in self.observers:
             observer.level_finished(number, branch)
         if not self.keeps_motion:
-            for one in (branch, found):
-                one.points[:] = one.without_motion()
+            light = branch.without_motion()
+            is_same = all(own is theirs for own, theirs in zip_longest(branch.points, found.points))
+            found.points[:] = light if is_same else found.without_motion()  # one object a point, if there was one
+            branch.points[:] = light

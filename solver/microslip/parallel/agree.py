@@ -36,6 +36,7 @@ def on_root(comm: MPI.Comm, function: Callable[..., Any], *args: Any, share: boo
     A ``SystemExit`` from a library becomes a ``CaseError``.
     """
     value: Any = None
+    shared: Any = None
     problem: Exception | None = None
     if comm.rank == 0:
         try:
@@ -45,10 +46,11 @@ def on_root(comm: MPI.Comm, function: Callable[..., Any], *args: Any, share: boo
         except Exception as found:  # re-raised below, on every rank
             problem = found
     moved()
-    problem, shared = comm.bcast((problem, value if share else None))
+    if comm.size > 1:
+        problem, shared = comm.bcast((problem, value if share else None))
     if problem is not None:
         raise problem
-    return shared if share else value
+    return shared if share and comm.size > 1 else value
 
 
 def on_each(comm: MPI.Comm, function: Callable[..., Any], *args: Any) -> Any:

@@ -184,7 +184,7 @@ def _started(process: Any) -> str:
         with open("/proc/sys/kernel/random/boot_id") as boot, open(f"/proc/{int(process)}/stat") as file:
             state, *fields = file.read().rpartition(")")[2].split()
             return "" if state in "ZX" else f"{boot.read().strip()} {fields[18]}"
-    except (OSError, ValueError, TypeError, IndexError):
+    except (OSError, ValueError, TypeError, IndexError, OverflowError):
         return ""
 
 
@@ -192,7 +192,7 @@ def _read(handle: int) -> dict[str, Any]:
     """Return what a lock's file says; nothing if it says nothing that can be read."""
     try:
         found = json.loads(os.pread(handle, 4096, 0))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from ..parallel.agree import on_root
 from ..receptance.static_columns import StaticColumns
-from .records import Arrays, Journal, length_of, read_records, unpack
+from .records import Arrays, Disk, Journal, as_written, length_of, read_records, unpack
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -25,20 +26,25 @@ class KeptColumns:
     CaseError, ResourceError : the file cannot be written; on every rank
     """
 
-    def __init__(self, comm: MPI.Comm, path: Path):
-        self.comm, self.path = comm, path
+    def __init__(self, comm: MPI.Comm, path: Path, disk: Disk | None = None):
+        self.comm, self.path, self._disk = comm, path, disk or Disk()
         self._journal: Journal | None = None
 
     def restore(self, G_static: StaticColumns, owned_rows: slice) -> None:
         """Put what is there into ``G_static``, whose ranks have the rows ``owned_rows`` of it."""
         records = on_root(self.comm, read_records, self.path, share=False)
         for i in range(self.comm.bcast(len(records) if records is not None else None)):
-            kept: Arrays = self.comm.bcast(unpack(records[i])[0] if records is not None else None)
+            kept = on_root(self.comm, as_written, self.path, self._columns, records, i)
             G_static.put(kept["pairs"], kept["columns"][owned_rows])
+
+    def _columns(self, records: Sequence[bytes], i: int) -> Arrays:
+        """Return pairs and columns of a record."""
+        arrays, _ = unpack(records[i])
+        return {name: arrays[name] for name in ("pairs", "columns")}
 
     def follow(self, G_static: StaticColumns) -> None:
         """Keep what is known of ``G_static`` beyond the file, and from now on what comes to be."""
-        there = on_root(self.comm, self._open)
+        there = on_root(self.comm, as_written, self.path, self._open)
         new = np.flatnonzero(G_static.known)
         new = new[~np.isin(new, there)]
         for start in range(0, len(new), BATCH):
@@ -48,7 +54,7 @@ class KeptColumns:
     def _open(self) -> np.ndarray:
         """Open the file behind its whole records; return the pairs that they hold."""
         records = read_records(self.path)
-        self._journal = Journal(self.path, keep=length_of(records))
+        self._journal = Journal(self.path, keep=length_of(records), disk=self._disk)
         return np.concatenate([np.empty(0, dtype=int), *(unpack(record)[0]["pairs"] for record in records)])
 
     def _keep(self, G_static: StaticColumns, pairs: np.ndarray) -> None:

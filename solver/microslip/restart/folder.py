@@ -23,13 +23,13 @@ from ..continuation.sweep import Sweep
 from ..library.prepare import Prepared
 from ..modes.user_order import in_user_order
 from ..observe.log import RunLog
-from ..parallel.agree import on_root
+from ..parallel.agree import on_each, on_root
 from ..parallel.files import make_folder, said_of
 from .branch import KeptBranch
 from .columns import KeptColumns
 from .identity import Identity, identity_of
 from .place import RESULTS
-from .records import read_record, write_record
+from .records import Disk, as_written, note_record, read_record, write_record
 from .restore import exact_columns, restored
 from .setup import to_arrays
 
@@ -58,12 +58,13 @@ class Restart:
     notes: tuple[str, ...]  # what is there, and how it differs
     done: list[str] | None = None  # why levels ended early, of a run that was finished before; None: there is something left
     _used: set[str] = field(default_factory=set)  # names of folders that this run has used; on rank 0
+    _disk: Disk = field(default_factory=Disk)  # of all files that grow
 
     @classmethod
     def open(cls, comm: MPI.Comm, folder: Path, scene: Scene, options: tuple[str, ...] = (), fresh: bool = False) -> Restart:
         """Return what is kept in the folder of a run; nothing if it is to start afresh."""
         path = folder / NAME
-        identity, notes, done = on_root(comm, _opened, path, scene, options, fresh)
+        identity, notes, done = on_root(comm, as_written, path, _opened, path, scene, options, fresh)
         return cls(comm, path, scene, identity, notes, done)
 
     # -- the set-up --------------------------------------------------------------------------------------------------
@@ -75,14 +76,14 @@ class Restart:
     def prepared(self, log: RunLog, make: Callable[[], Prepared]) -> Prepared:
         """Return the structure made ready: from the set-up that is there, or by ``make``, and then it is kept."""
         self._used.add(self._setup.name)
-        columns = KeptColumns(self.comm, self._setup / "columns")
+        columns = KeptColumns(self.comm, self._setup / "columns", self._disk)
         found = on_root(self.comm, read_record, self._setup / "model")
         if found is None:
             before, prepared = len(log.notes), make()
             self._keep(prepared, log.notes[before:])
         else:
             with log.stage("set-up as it was kept"):
-                prepared = restored(found[0], found[1], columns, self.scene, log, self._read_modes)
+                prepared = as_written(self._setup, restored, *found, columns, self.scene, log, self._read_modes)
             for note in found[1]["notes"]:
                 log.note(note)
         known = exact_columns(prepared.reduction, prepared.response.better)
@@ -119,7 +120,7 @@ class Restart:
             folder, branch = self.path / self._level(level, n_modes), self.identity.branch(level, n_modes)
             on_root(comm, _sign, folder, branch, sweep)
             others = partial(_of_branch, self.path, branch) if segment == 0 else list
-            return KeptBranch(comm, folder, segment, log.note, others)
+            return KeptBranch(comm, folder, segment, log.note, others, self._disk)
 
         self._used |= {self._level(level, n_modes) for level in prepared.response.settings.levels}
         return keeper
@@ -131,7 +132,13 @@ class Restart:
 
     def finish(self, folder: Path, failures: list[str]) -> None:
         """Keep that all of the run is in its folder, and remove what it has not used: that belongs to other scenes."""
+        on_each(self.comm, self._wait)
         on_root(self.comm, self._finish, folder, failures)
+
+    def _wait(self) -> None:
+        """Wait until all files of this rank have reached the disk."""
+        with said_of(str(self.path)):
+            self._disk.wait()
 
     def _finish(self, folder: Path, failures: list[str]) -> None:
         found = {"of": self.identity.whole, "results": _hash(folder / RESULTS), "failures": failures}
@@ -145,7 +152,7 @@ def _sign(folder: Path, branch: str, sweep: Sweep) -> None:
     """Note of which branch the folder of a level is, and its range.  Rank 0."""
     make_folder(str(folder))
     if read_record(folder / "of") is None:
-        write_record(folder / "of", {"range": np.array([sweep.start, sweep.stop])}, {"branch": branch})
+        note_record(folder / "of", {"range": np.array([sweep.start, sweep.stop])}, {"branch": branch})
 
 
 def _of_branch(path: Path, branch: str) -> list[tuple[Path, Sweep]]:

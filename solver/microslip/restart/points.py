@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any
+from operator import attrgetter
+from typing import Any, get_type_hints
 
 import numpy as np
 
 from ..continuation.branch import Point
 from .records import Arrays
 
-_NUMBERS = tuple(field.name for field in fields(Point) if field.name != "notes")
+_KINDS = get_type_hints(Point)
+_NUMBERS = {name: kind for name, kind in _KINDS.items() if kind in (float, int, bool)}  # doubles hold them all: counts are small
+_ARRAYS = tuple(name for name in _KINDS if name not in _NUMBERS and name != "notes")
+_numbers = attrgetter(*_NUMBERS)
 
 
 def of_point(point: Point) -> tuple[Arrays, dict[str, Any]]:
     """Return the arrays and texts of a point."""
-    arrays = {name: np.asarray(value) for name in _NUMBERS if (value := getattr(point, name)) is not None}
-    return arrays, {"notes": list(point.notes)}
+    arrays = {name: value for name in _ARRAYS if (value := getattr(point, name)) is not None}
+    arrays["numbers"] = np.array(_numbers(point), dtype=float)
+    return arrays, {"notes": list(point.notes)} if point.notes else {}
 
 
 def to_point(arrays: Arrays, texts: dict[str, Any]) -> Point:
     """Return the point of arrays and texts."""
-    values: dict[str, Any] = {name: value.item() if value.ndim == 0 else value for name, value in arrays.items()}
-    return Point(**values, notes=tuple(texts["notes"]))
+    numbers = {name: kind(value) for (name, kind), value in zip(_NUMBERS.items(), arrays["numbers"], strict=True)}
+    values: dict[str, Any] = {name: value for name, value in arrays.items() if name != "numbers"}
+    return Point(**numbers, **values, notes=tuple(texts.get("notes", ())))

@@ -32,8 +32,8 @@ _OF_MESH = ("weights1", "weights2", "notes")  # of pairs: assembly alone needs t
 def to_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     """Return the arrays and texts of what was prepared, without static columns.  Local, on rank 0."""
     outline, reduction, better = prepared.outline, prepared.reduction, prepared.response.better
-    arrays = over("pairs", _numbers(prepared.pairs)) | over("model", _of_model(reduction.model))
-    arrays |= over("outline", _numbers(outline))
+    arrays = over("pairs", of_numbers(prepared.pairs)) | over("model", _of_model(reduction.model))
+    arrays |= over("outline", of_numbers(outline))
     texts: dict[str, Any] = {
         "joint": list(prepared.pairs.joint),
         "laws": list(map(str, prepared.pairs.laws)),
@@ -42,11 +42,11 @@ def to_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
         "has_bars": better is not None,
     }
     if outline.bolts is not None:
-        arrays |= over("bolts", _numbers(outline.bolts))
+        arrays |= over("bolts", of_numbers(outline.bolts))
         texts["bolts"] = list(outline.bolts.names)
     if better is not None:
         arrays |= {} if better.is_solved else over("better", _of_model(better.model))
-        arrays |= {} if better.left_out is None else over("left_out", _numbers(better.left_out))
+        arrays |= {} if better.left_out is None else over("left_out", of_numbers(better.left_out))
     return arrays, texts
 
 
@@ -104,10 +104,10 @@ def _of_model(model: ReducedModel) -> Arrays:
     found = over("family", {"omega_n": family.omega_n, "R_phi": family.R_phi, "b": family.b, "o": family.o})
     found |= {"family/C": family.damping.C, **({} if family.damping.S is None else {"family/S": family.damping.S})}
     found |= {name: getattr(model, name) for name in STATICS}
-    return found | ({} if model.observed is None else over("observed", _numbers(model.observed)))
+    return found | ({} if model.observed is None else over("observed", of_numbers(model.observed)))
 
 
-def _numbers(of: Any) -> Arrays:
+def of_numbers(of: Any) -> Arrays:
     """Return what a dataclass holds of numbers, by path: arrays, single ones, and those of what it holds in turn."""
     found: Arrays = {}
     for field in fields(of):
@@ -115,7 +115,7 @@ def _numbers(of: Any) -> Arrays:
         if field.name in _OF_MESH or value is None or isinstance(value, BoltsAtRest):
             continue
         if is_dataclass(value):
-            found |= over(field.name, _numbers(value))
+            found |= over(field.name, of_numbers(value))
         elif isinstance(value, Mapping):
             found |= over(field.name, value)
         elif isinstance(value, tuple) and value and isinstance(value[0], np.ndarray):
