@@ -134,9 +134,8 @@ def main() -> None:
     options.count = dict(options.count)
     options.out.mkdir(parents=True, exist_ok=True)
     kept = options.out / "scaling.json"
-    found = (
-        json.loads(kept.read_text()) if options.again else {**measured(options), "machine": machine.facts(), "note": options.note}
-    )
+    found = json.loads(kept.read_text()) if options.again else {**measured(options), "machine": machine.facts()}
+    found["note"] = options.note
     kept.write_text(json.dumps(found, indent=1))
     own = fitted_network(found["network"]["sizes"], [0.5 * one for one in found["network"]["there and back"]])
     cluster = Network(options.latency, options.bandwidth)

@@ -5,7 +5,8 @@ A stage's time on P ranks is
     serial + replicated + parallel * share(P)  +  wire(P)  +  idle(P)
 
 Serial is rank 0's alone, replicated is what every rank does, and of the parallel work the rank with the most has the share: all
-three from the processor time of every rank outside MPI.  Wire is the messages' and collectives' latency and volume, from counts.
+three from the processor time of every rank outside MPI.  One rank by itself is as measured: more have things to do that it has
+not, METIS first of all.  Wire is the messages' and collectives' latency and volume, from counts.
 Idle is what is left of the wall time on two ranks: ranks that wait for each other.
 """
 
@@ -105,9 +106,10 @@ class Share:
 
 @dataclass(frozen=True)
 class StageModel:
-    """A stage, in seconds on one rank and what the ranks say to each other."""
+    """A stage: its work in seconds, and what the ranks say to each other."""
 
     name: str
+    alone: float  # work of one rank without others
     serial: float
     replicated: float
     parallel: float
@@ -118,8 +120,10 @@ class StageModel:
 
     def terms(self, ranks: int, network: Network, bound: str = "likely") -> dict[str, float]:
         """Return the parts of the time on so many ranks [s]."""
+        if ranks == 1:
+            return {"largest share": self.alone}
         largest = self.parallel * self.share.at(ranks, bound)
-        steps = 0.0 if ranks == 1 else 1.0 if bound == "best" else log2(ranks)
+        steps = 1.0 if bound == "best" else log2(ranks)
         wire = sum(
             network.seconds(kind, ranks, self.calls[kind].at(ranks, bound), self.bytes[kind].at(ranks, bound))
             for kind in self.calls
@@ -139,8 +143,12 @@ class StageModel:
     def gains_until(self, network: Network, bound: str = "likely") -> tuple[int, str]:
         """Return the ranks as in :func:`gains_until`, and what takes most of the time there."""
         ranks = gains_until([self.seconds(n, network, bound) for n in RANKS])
-        terms = self.terms(ranks, network, bound)
-        return ranks, max(terms, key=lambda term: terms[term])
+        return ranks, self.most(ranks, network, bound)
+
+    def most(self, ranks: int, network: Network, bound: str = "likely") -> str:
+        """Return what takes most of the time on so many ranks, on two where one is meant."""
+        terms = self.terms(max(ranks, 2), network, bound)
+        return max(terms, key=lambda term: terms[term])
 
 
 def gains_until(seconds: list[float]) -> int:
@@ -158,10 +166,12 @@ def parts_of_work(work: dict[int, list[float]], shares: dict[int, list[float]]) 
 
     Notes
     -----
-    None of the three is negative.  Ones and twos weigh most: more ranks may have shared cores, and caches.
+    None of the three is negative.  Two ranks weigh most: more may have shared cores, and caches.  One rank by itself counts
+    where only two were run besides.
     """
     rows, values = [], []
-    for ranks, taken in work.items():
+    several = {ranks: taken for ranks, taken in work.items() if ranks > 1}
+    for ranks, taken in (several if len(several) > 1 else work).items():
         share = shares.get(ranks, [1.0 / ranks] * ranks)
         weight = (_TRUSTED if ranks <= 2 else 1.0) / max(np.mean(taken), 1e-9) / np.sqrt(ranks)
         rows += [[weight * (rank == 0), weight, weight * share[rank]] for rank in range(ranks)]
@@ -192,14 +202,20 @@ def stage_model(
     """
     said = {kind: (Growth(calls[kind]), Growth(bytes_[kind])) for kind in calls if calls[kind]}
     parts = parts_of_work(work, shares)
+    alone = work[1][0]
     model = StageModel(
-        name, *parts, Share(largest), {kind: one[0] for kind, one in said.items()}, {kind: one[1] for kind, one in said.items()}
+        name,
+        alone,
+        *parts,
+        Share(largest),
+        {kind: one[0] for kind, one in said.items()},
+        {kind: one[1] for kind, one in said.items()},
     )
     if 2 not in wall or model.parallel == 0.0:
         return model
     left = wall[2] - model.seconds(2, network)
     idle = max(0.0, left) / (model.parallel * model.share.at(2))
-    return StageModel(name, *parts, model.share, model.calls, model.bytes, idle)
+    return StageModel(name, alone, *parts, model.share, model.calls, model.bytes, idle)
 
 
 def exponent(small: float, large: float, n_small: float, n_large: float) -> float:
@@ -215,8 +231,10 @@ def weak_seconds(model: StageModel, growth: float, ranks: int, network: Network)
     What is shared is shared as evenly as on two ranks, since a larger structure parts better; bytes grow with the structure's
     surface between ranks, which per rank stays.
     """
+    if ranks == 1:
+        return model.alone
     terms = model.terms(ranks, network)
     uneven = 2.0 * model.share.at(2)
     larger = ranks**growth
-    parallel = model.parallel * larger * uneven / ranks if ranks > 1 else model.parallel
+    parallel = model.parallel * larger * uneven / ranks
     return (model.serial + model.replicated) * larger + parallel * (1.0 + model.idle * log2(ranks)) + terms["messages"]

@@ -251,8 +251,7 @@ def of_total(models: list[StageModel], own: Network, cluster: Network) -> list[s
     """Return until how many ranks the sum of stages gains, and the stage and its term that hold it then."""
     ranks, on_own = (gains_until([total(models, n, network) for n in RANKS]) for network in (cluster, own))
     holds = max(models, key=lambda model: model.seconds(ranks, cluster))
-    terms = holds.terms(ranks, cluster)
-    return [f"{ranks:,}", f"{holds.name}: {max(terms, key=lambda term: terms[term])}", f"{on_own:,}"]
+    return [f"{ranks:,}", f"{holds.name}: {holds.most(ranks, cluster)}", f"{on_own:,}"]
 
 
 def of_weak(models: list[StageModel], size: dict, cluster: Network) -> list[str]:
@@ -305,7 +304,7 @@ def meaning(found: dict, models: dict[str, list[StageModel]], cluster: Network) 
         )
         if not is_quiet(found["sizes"][size]):
             said.append(
-                "  The machine had other work: wall times are longer than those of a quiet one, and waiting is not modelled."
+                "- The machine had other work: wall times are longer than those of a quiet one, and waiting is left out of the model."
             )
     return [*said, ""]
 
