@@ -23,6 +23,7 @@ from .parallel.errors import ConvergenceError
 from .parallel.lock import locked
 from .parallel.versions import versions
 from .parallel.walltime import TimeLimit
+from .restart.cache import cache_of
 from .restart.folder import Restart
 from .restart.place import place_of, settle
 from .results.audit import audit_text
@@ -58,7 +59,7 @@ def run(
     Interrupted : a signal or the time ``limit`` stopped the run, after everything that converged was written
     """
     with locked(comm, folder) as left:
-        restart = Restart.open(comm, folder, scene, options, fresh)
+        restart = Restart.open(comm, folder, scene, options, fresh, cache_of(folder))
         restart.notes = (*left, *restart.notes)
         if restart.done is not None:
             draw_again(restart, comm, folder, screen)
@@ -89,6 +90,7 @@ def compute(
         prepared = restart.prepared(log, partial(set_up, scene, comm, log))
         with log.stage("response"):
             branches = follow_logged(prepared, place, options, origin, log, restart.keepers_of(prepared, log), limit)
+        restart.share_columns(log)
         with log.stage("fields for ParaView"):
             write_shapes(prepared, branches, place, record_of(log))
         with log.stage("pictures"):
