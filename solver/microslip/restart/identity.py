@@ -80,12 +80,13 @@ class Identity:
         scene, response = dict(self.scene), dict(self.scene["response"])
         scene.pop("title", None)
         response.pop("levels")
+        response.pop("fields", None)
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
 
     def branch(self, level: float, n_modes: int) -> str:
         """Return the key of a level [N] over whatever range."""
         scene, response = dict(self.scene), dict(self.scene["response"])
-        for name in ("levels", "at", *_RANGE):
+        for name in ("levels", "at", "fields", *_RANGE):
             response.pop(name, None)
         scene.pop("title", None)
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})

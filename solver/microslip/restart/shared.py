@@ -21,6 +21,7 @@ from ..mesh.read import read_mesh
 from ..modes.eigen import Modes
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
+from ..receptance.static_columns import StaticColumns
 from ..reduction.build import modal_family
 from ..reduction.choose_again import KnownStructure, choose_again, with_first
 from ..reduction.methods import SELECTIONS
@@ -116,7 +117,7 @@ def made_of(
     if chosen is None:
         return None
     n_modes, why = chosen
-    model = with_first(everything, n_modes, settings.damping)
+    model = replace(with_first(everything, n_modes, settings.damping), G_static=to_ask_for(everything.G_static))
     better = None
     if has_error_bars(scene):
         better = _better(arrays, texts, model, known)
@@ -127,6 +128,15 @@ def made_of(
     reduction = Reduction(model, SELECTIONS[settings.method](settings), rebuilt.displacement, "modes")
     response = response_of(scene, pairs, reduction, outline.omega_n, better)
     return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close), why
+
+
+def to_ask_for(known: StaticColumns) -> StaticColumns:
+    """Return columns of which none counts as known until it is asked for, as in a run of its own.  Local.
+
+    How the response is solved, and so which points a curve has, depends on which columns are known.
+    """
+    n_pairs, n_owned = len(known.known), known.transposed(np.empty(0, dtype=int)).shape[1] // 3
+    return StaticColumns(n_pairs, n_owned, lambda pairs: known.transposed(pairs).T)
 
 
 def _better(arrays: Arrays, texts: Mapping[str, Any], model, known: KnownStructure) -> BetterModel | None:
