@@ -114,15 +114,20 @@ class Restart:
         return prepared
 
     def _anew(self, log: RunLog, make: Callable[[], Prepared]) -> Prepared:
-        """Return the structure made ready by ``make``, and keep it: the modes in the order of the user's nodes."""
+        """Return the structure made ready by ``make``, and keep it, for other runs, too."""
         before, prepared = len(log.notes), make()
-        structure, notes = prepared.structure, log.notes[before:]
-        phi = in_user_order(structure.linearised, structure.modes.phi_owned)
-        modes = {} if phi is None else {"phi": phi}
-        on_root(self.comm, self._write, prepared, lambda path: write_record(path, modes), notes, share=False)
+        notes = log.notes[before:]
+        self._keep(prepared, notes)
         if self.cache is not None and (problem := self.cache.keep(prepared, notes)):
             log.note(problem)
         return prepared
+
+    def _keep(self, prepared: Prepared, notes: list[str]) -> None:
+        """Keep the modes in the order of the user's nodes, then the model."""
+        structure = prepared.structure
+        phi = in_user_order(structure.linearised, structure.modes.phi_owned)
+        modes = {} if phi is None else {"phi": phi}
+        on_root(self.comm, self._write, prepared, lambda path: write_record(path, modes), notes, share=False)
 
     def _write(self, prepared: Prepared, write_modes: Callable[[Path], None], notes: list[str]) -> None:
         """Write the modes, then the model: a set-up without it is none."""
