@@ -1,6 +1,6 @@
 """The choice of the modes made again for other friction, levels or range, from what is known of a structure: without its factor.
 
-The residual norms of docs/theory.md, eq. (4.4), are static solutions minus what the modes found have of them.  Of loads and
+The residual norms of docs/theory.md, section 4, are static solutions minus what the modes found have of them.  Of loads and
 outputs the static solutions are known, and of R^T p they are p^T G_static p, with the columns of the pairs that p acts on.
 """
 
