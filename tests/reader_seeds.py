@@ -22,7 +22,7 @@ from microslip.formats.via_meshio import load_meshio
 from microslip.mesh.data import ContactPairs
 from microslip.restart.points import of_point
 from microslip.restart.records import checksum_of, pack
-from microslip.restart.setup import of_numbers, over
+from microslip.restart.setup import numbers_of, over
 from microslip.results.fields import RunRecord, StageRecord, keep_fields
 
 ROOT = Path(__file__).parents[1]
@@ -168,7 +168,7 @@ def _restart(folder: Path) -> list[bytes]:
 def _set_up(pairs: ContactPairs) -> tuple[dict[str, np.ndarray], dict]:
     """Return arrays and texts as a set-up has them."""
     n, family = 3 * pairs.n_pairs, {"omega_n": np.ones(2), "C": np.ones(2), "b": np.ones((2, 1)), "o": np.ones((1, 2))}
-    arrays = over("pairs", of_numbers(pairs)) | over("model/family", {**family, "R_phi": np.ones((n, 2))})
+    arrays = over("pairs", numbers_of(pairs)) | over("model/family", {**family, "R_phi": np.ones((n, 2))})
     arrays |= over("outline", {"n_dof": np.array(9), "omega_n": np.ones(2), "has_mesh": np.array(True)})
     texts = {"joint": list(pairs.joint), "laws": list(pairs.laws), "selection": ["AllPairs", {}], "leaves_out": "modes"}
     return arrays, {**texts, "has_bars": False, "notes": []}

@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+os.environ.setdefault("MICROSLIP_CACHE", "off")  # every set-up is made
 import argparse
 import json
 import tempfile

@@ -329,6 +329,7 @@ def summary(trials: list[Trial]) -> list[str]:
 
 
 def main() -> None:
+    os.environ.setdefault("MICROSLIP_CACHE", "off")  # runs are to be killed within their set-up, too
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene", nargs="?", type=Path, default=DEMO)
     parser.add_argument("--times", type=int, default=100, help="on each number of ranks")

@@ -23,9 +23,11 @@ from .parallel.errors import ConvergenceError
 from .parallel.lock import locked
 from .parallel.versions import versions
 from .parallel.walltime import TimeLimit
+from .restart.cache import cache_of
 from .restart.folder import Restart
-from .restart.place import place_of, settle
+from .restart.place import RESULTS, place_of, settle
 from .results.audit import audit_text
+from .results.beside import Drawers
 from .results.fields import RunRecord, StageRecord
 from .results.measures import shown_with
 from .results.origin import Origin
@@ -58,7 +60,7 @@ def run(
     Interrupted : a signal or the time ``limit`` stopped the run, after everything that converged was written
     """
     with locked(comm, folder) as left:
-        restart = Restart.open(comm, folder, scene, options, fresh)
+        restart = Restart.open(comm, folder, scene, options, fresh, cache_of(folder))
         restart.notes = (*left, *restart.notes)
         if restart.done is not None:
             draw_again(restart, comm, folder, screen)
@@ -83,16 +85,18 @@ def compute(
     scene, place = restart.scene, on_root(comm, place_of, folder)
     facts = {"scene": scene.source, "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
     origin = origin_of(scene, comm, n_groups)
-    with goes_on(place), RunLog(comm, str(place / "run.log"), screen=screen, facts=facts) as log:
+    with goes_on(place), RunLog(comm, str(place / "run.log"), screen=screen, facts=facts) as log, Drawers(comm) as drawers:
         for note in restart.notes:
             log.note(note)
         prepared = restart.prepared(log, partial(set_up, scene, comm, log))
         with log.stage("response"):
             branches = follow_logged(prepared, place, options, origin, log, restart.keepers_of(prepared, log), limit)
+        drawers.begin(place / RESULTS, place)
+        restart.share_columns(log)
         with log.stage("fields for ParaView"):
             write_shapes(prepared, branches, place, record_of(log))
         with log.stage("pictures"):
-            draw(comm, place)
+            draw(comm, place, drawers)
         prepared.close()
         log.note(f"results in {folder}")
     on_root(comm, settle, folder, place, fresh)
@@ -104,15 +108,23 @@ def compute(
 
 def draw_again(restart: Restart, comm: MPI.Comm, folder: Path, screen: bool) -> None:
     """Draw the pictures of a run that was computed before.  Collective."""
-    with RunLog(comm, screen=screen) as log:
+    with RunLog(comm, screen=screen) as log, Drawers(comm) as drawers:
         log.note(f"all of it is in {folder}, nothing is left to compute (--fresh computes it anew)")
+        drawers.begin(folder / RESULTS, folder)
         with log.stage("pictures"):
-            draw(comm, folder)
+            draw(comm, folder, drawers)
 
 
-def draw(comm: MPI.Comm, folder: Path) -> None:
-    """Draw the pictures of the results in a folder, shared among the ranks.  Collective."""
-    on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
+def draw(comm: MPI.Comm, folder: Path, drawers: Drawers) -> None:
+    """Draw the pictures of the results in a folder, shared among the ranks and the processes beside them.  Collective."""
+    on_each(comm, draw_shares, folder, drawers)
+
+
+def draw_shares(folder: Path, drawers: Drawers) -> None:
+    """Draw the rank's own share of the pictures, and what the processes beside it have not drawn.  Local."""
+    draw_all(str(folder / RESULTS), str(folder), drawers.own)
+    for share in drawers.left():
+        draw_all(str(folder / RESULTS), str(folder), share)
 
 
 def set_up(scene: Scene, comm: MPI.Comm, log: RunLog) -> Prepared:

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from ..modes.eigen import Modes
 
 SAMPLES = 32  # random vectors: norms are known to about a quarter
-_KEY = 20  # of the random vectors
+KEY = 20  # of the random vectors
+LAST = 3  # modes whose kinetic energy they have
 _NEAR = 0.9  # of that frequency: a harmonic above it is taken to lie here
 
 
@@ -41,6 +42,7 @@ class ModesLeftOut:
     of_outputs: np.ndarray  # (n_outputs, SAMPLES)
     of_loads: np.ndarray  # (n_loads, SAMPLES)
     direct: np.ndarray  # (n_outputs, n_loads) W between outputs and loads, exactly
+    own: np.ndarray  # (n_loads,) W of each load with itself, exactly
     residual: np.ndarray  # (n_outputs, n_loads) their static flexibility without the modes kept, exactly [m/N]
     loss_factor: float  # of structural damping; the static part has none
     coupling: StructuralCoupling | None  # of structural damping with a joint
@@ -96,29 +98,44 @@ def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedMo
     comm, mass = system.comm, np.maximum(diagonal_owned(linearised.M), 0.0)
     first, last = linearised.K_L.getOwnershipRange()
     # the diagonal of M, scaled to have the kinetic energy of the highest modes kept
-    energies = summed(comm, mass @ modes.phi_owned[:, -3:] ** 2)
-    random = np.sqrt(mass / energies.mean())[:, None] * random_signs(first, last - first, SAMPLES, _KEY)
+    energies = summed(comm, mass @ modes.phi_owned[:, -LAST:] ** 2)
+    random = np.sqrt(mass / energies.mean())[:, None] * random_signs(first, last - first, SAMPLES, KEY)
     given = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
     Z_random, Z_given = (beyond_modes(linearised, modes, right_owned) for right_owned in (random, given))
     everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
     rows = owned_product(everything, Z_random, system) / np.sqrt(SAMPLES)
     W = gram(comm, Z_given, multiply(linearised.M, Z_given))
-    family = model.one_family
+    coupling = structural_coupling(linearised, modes, everything, eta) if eta > 0.0 and n_rows > 0 else None
+    return of_samples(rows, W[-n_out:, :-n_out], np.diag(W)[:-n_out], model, eta, coupling)
+
+
+def of_samples(
+    rows: np.ndarray, direct: np.ndarray, own: np.ndarray, model: ReducedModel, eta: float, coupling: StructuralCoupling | None
+) -> ModesLeftOut:
+    """Return what samples tell beside the modes of a model.  Local.
+
+    Parameters
+    ----------
+    rows : (3 n_pairs + n_outputs + n_loads, SAMPLES) the samples Z s seen from pairs, outputs and loads
+    direct, own : (n_outputs, n_loads), (n_loads,) of W, as kept
+    """
+    family, n_rows, n_out = model.one_family, 3 * model.n_pairs, model.n_outputs
     # Rayleigh's quotients of the loads: energy x^T K_L^-1 x over x^T W x, without the modes kept
     static = np.diag(model.load_static) - (family.b**2 / family.omega_n[:, None] ** 2).sum(axis=0)
-    squares = np.maximum(static, 0.0) / np.maximum(np.diag(W)[:-n_out], np.finfo(float).tiny)
+    squares = np.maximum(static, 0.0) / np.maximum(own, np.finfo(float).tiny)
     effective = np.sqrt(squares[squares > 0.0].min(initial=np.inf))
-    omega = np.clip(effective, modes.omega_n[-1], 1e3 * modes.omega_n[-1])
+    omega = np.clip(effective, family.omega_n[-1], 1e3 * family.omega_n[-1])
     return ModesLeftOut(
         float(omega),
         float(family.damping.diagonal[-1]),
         rows[:n_rows],
         rows[n_rows : n_rows + n_out],
         rows[n_rows + n_out :],
-        W[-n_out:, :-n_out],
+        direct,
+        own,
         model.out_static - (family.o / family.omega_n**2) @ family.b,
         eta,
-        structural_coupling(linearised, modes, everything, eta) if eta > 0.0 and n_rows > 0 else None,
+        coupling,
     )
 
 

@@ -63,7 +63,7 @@ def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, r
     """
     shapes = rest = None
     peaks: dict[int, Motion] = {}
-    if prepared.outline.has_mesh:
+    if _has_fields(prepared):
         structure, system = prepared.structure, prepared.structure.linearised.system
         shapes = node_fields(system, structure.modes.phi_owned)
         rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
@@ -74,10 +74,15 @@ def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, r
     on_root(prepared.model.comm, _write, prepared, branches, folder, (shapes, rest, peaks), run, share=False)
 
 
+def _has_fields(prepared: Prepared) -> bool:
+    """Return whether there is a mesh, and fields on it are wanted.  Local."""
+    return prepared.outline.has_mesh and prepared.scene.response.fields
+
+
 def _write(prepared: Prepared, branches: Sequence[Branch], folder: Path, found: tuple, run: RunRecord | None) -> None:
     """Write the fields of rank 0."""
     (shapes, rest, peaks), fields = found, None
-    if prepared.outline.has_mesh:
+    if _has_fields(prepared):
         structure, modes = prepared.structure, np.moveaxis(shapes, -1, 0)
         assert structure.mesh is not None, "called on rank 0"
         write_modes(str(folder / "modes.vtkhdf"), structure.mesh, structure.modes.omega_n, modes)

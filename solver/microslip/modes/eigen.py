@@ -36,11 +36,19 @@ class Modes:
     omega_n: np.ndarray  # (n,) rad/s
     phi_owned: np.ndarray  # (n_owned, n) this rank's rows [kg^-1/2]
     info: dict[str, Any] = field(default_factory=dict)  # method, seconds, residual, proof
+    found: Modes | None = None  # all that were found with them, these first; None: no more than these
 
     @property
     def frequency(self) -> np.ndarray:
         """Natural frequencies, (n,) [Hz]."""
         return self.omega_n / (2.0 * np.pi)
+
+    @property
+    def n_proved(self) -> int:
+        """How many of the first of them, or of all found, are known to be the lowest."""
+        if self.info.get("complete", True):
+            return len((self.found or self).omega_n)  # all of the spectrum
+        return self.info.get("proved", 0)
 
 
 class Search(Protocol):
@@ -97,23 +105,30 @@ def lowest_modes(
 
 
 def first_of(modes: Modes, n_modes: int) -> Modes:
-    """Return the first ``n_modes`` of some modes, the others' memory freed with them.  Local."""
-    return Modes(modes.omega_n[:n_modes].copy(), modes.phi_owned[:, :n_modes].copy(order="F"), modes.info)
+    """Return the first ``n_modes`` of some modes, in the memory of all.  Local."""
+    return Modes(modes.omega_n[:n_modes].copy(), modes.phi_owned[:, :n_modes], modes.info, modes)
 
 
 def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
-    """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: one factorisation, if any."""
+    """Return whether the first ``n_modes`` of some unproved modes are the lowest.  Collective: one factorisation, if any.
+
+    All that were found but the last are proved at once if they can be: another run may need some of them.
+    """
     if modes.info.get("complete", True):
         return True  # all of the spectrum
-    n_below, sigma = find_gap(modes.omega_n**2, n_modes)
-    is_proved = count_below(linearised.K_L, linearised.M, sigma) == n_below
-    if is_proved:
-        modes.info["proof"] = _proof(n_below, sigma)
-    return is_proved
+    squares = modes.omega_n**2
+    least = find_gap(squares, n_modes)
+    most = max(least, find_gap(squares, len(squares) - 1)) if n_modes < len(squares) else least
+    for n_below, sigma in dict.fromkeys((most, least)):
+        if count_below(linearised.K_L, linearised.M, sigma) == n_below:
+            modes.info.update(_proof(n_below, sigma))
+            return True
+    return False
 
 
-def _proof(n_below: int, sigma: float) -> str:
-    return f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz"
+def _proof(n_below: int, sigma: float) -> dict[str, Any]:
+    """Return what is known of a proof."""
+    return {"proof": f"{n_below} modes below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz", "proved": n_below}
 
 
 def _solve(
@@ -139,7 +154,7 @@ def _solve(
         n_below, sigma = find_gap(1.0 / theta, n_modes)
         missing = count_below(linearised.K_L, linearised.M, sigma) - n_below
         if missing == 0:
-            return theta, phi_owned, info | {"proof": _proof(n_below, sigma)}
+            return theta, phi_owned, info | _proof(n_below, sigma)
         n_wanted += max(missing, _GUARD)
     raise ConvergenceError(
         f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "

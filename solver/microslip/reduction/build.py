@@ -42,7 +42,7 @@ def structural_damping(K: PETSc.Mat, phi_owned: np.ndarray, eta: float, comm: MP
     Collective: one sum.  docs/theory.md, eq. (13.2).
     """
     modal = gram(comm, phi_owned, multiply(K, phi_owned))
-    return eta * _diagonal_if_possible(0.5 * (modal + modal.T))
+    return eta * diagonal_if_possible(0.5 * (modal + modal.T))
 
 
 def projected_damping(C: PETSc.Mat, phi_owned: np.ndarray, comm: MPI.Comm) -> np.ndarray:
@@ -62,10 +62,10 @@ def projected_damping(C: PETSc.Mat, phi_owned: np.ndarray, comm: MPI.Comm) -> np
             f"[model] damping: z^T C z = {least:.3g} z^T M z 1/s for some motion z (of others up to {most:.3g}): "
             "the damping matrix feeds energy in, so that no vibration is steady; it must not be negative"
         )
-    return _diagonal_if_possible(modal)
+    return diagonal_if_possible(modal)
 
 
-def _diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
+def diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
     """Return the diagonal (m,) of a symmetric matrix (m, m) that couples no modes; else itself.  Local."""
     size = np.sqrt(np.abs(np.diag(modal)))
     is_coupled = np.abs(modal - np.diag(np.diag(modal))) > _COUPLES * np.outer(size, size)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..linear.joint_springs import Linearised
@@ -32,19 +34,23 @@ def choose_modes(linearised: Linearised, pairs: ContactPairs, statics: Statics, 
     n_dof = linearised.system.n_dof
     if settings.modes is not None:
         modes = lowest_modes(linearised, settings.modes, settings.verify_modes)
-        return modes, f"modes: {settings.modes}, as [solver] modes says" + _missing(modes, settings.band, n_dof)
+        return modes, as_stated(modes.omega_n, settings, n_dof)
     if n_dof <= FEW:
         modes = lowest_modes(linearised, n_dof, settings.verify_modes, fewer_will_do=True)
         return modes, f"modes: all {len(modes.omega_n)} there are"
     return _fewest(linearised, pairs, statics, settings)
 
 
-def _missing(modes: Modes, band: Band, n_dof: int) -> str:
+def as_stated(omega_n: np.ndarray, settings: ReductionSettings, n_dof: int) -> str:
+    """Return the line that says why, where the number of modes is stated.  Local."""
+    return f"modes: {settings.modes}, as [solver] modes says" + _missing(omega_n, settings.band, n_dof)
+
+
+def _missing(omega_n: np.ndarray, band: Band, n_dof: int) -> str:
     """Say that resonances may be missing, where the modes that are stated end below the end of its range.  Local."""
-    n_modes = len(modes.omega_n)
-    if n_modes in (0, n_dof):
+    if len(omega_n) in (0, n_dof):
         return ""
-    last, highest = modes.omega_n[-1] / (2.0 * np.pi), frequency_band(band, modes.omega_n)[1]
+    last, highest = omega_n[-1] / (2.0 * np.pi), frequency_band(band, omega_n)[1]
     if last >= highest:
         return ""
     return (
@@ -56,25 +62,49 @@ def _missing(modes: Modes, band: Band, n_dof: int) -> str:
 def _fewest(linearised: Linearised, pairs: ContactPairs, statics: Statics, settings: ReductionSettings) -> tuple[Modes, str]:
     """Return the fewest modes whose bound meets the accuracy, from batches of growing size."""
     n_dof, verify, mode = linearised.system.n_dof, settings.verify_modes, settings.band.mode or 0
-    cap = n_dof if n_dof <= SHARE * _MOST else min(_MOST, most_modes(n_dof))
-    n_batch, search = max(_START, mode + 1), search_of(linearised)
-    while True:
-        n_batch = n_dof if n_dof <= _AT_ONCE or (SHARE * n_batch > n_dof and cap == n_dof) else min(n_batch, cap)
+    n_found, search = 0, search_of(linearised)
+    for n_batch, is_last in batches(n_dof, mode):
         modes = lowest_modes(linearised, n_batch, verify=False, fewer_will_do=True, search=search)
         n_found = len(modes.omega_n)
-        is_all, is_last = n_found < n_batch or n_found == n_dof, n_batch == cap
+        is_all = n_found < n_batch or n_found == n_dof
         if mode < n_found or is_all or is_last:
             bound = left_out(StuckStructure(linearised, pairs, statics, modes), settings)
-            n_modes = linearised.system.comm.bcast(_first_within(bound.total, modes.omega_n, settings))
-            if n_modes is None and is_all:
-                return modes, f"modes: all {n_found} there are; leaving any out would cost the accuracy {settings.accuracy:g}"
-            if n_modes is None and is_last:
-                n_modes = _out_of_reach(bound.total, settings)
+            n_modes, why = linearised.system.comm.bcast(picked(bound, modes.omega_n, is_all, is_last, settings))
+            if n_modes == n_found:
+                return modes, why
             if n_modes and (not verify or is_complete(linearised, modes, n_modes)):
-                return first_of(modes, n_modes), _why(n_modes, modes.omega_n, bound, settings.accuracy)
-        if is_last:
-            return lowest_modes(linearised, n_found, search=search), f"modes: {n_found}, the most the program picks by itself"
+                return first_of(modes, n_modes), why
+    return lowest_modes(linearised, n_found, search=search), f"modes: {n_found}, the most the program picks by itself"
+
+
+def batches(n_dof: int, mode: int) -> Iterator[tuple[int, bool]]:
+    """Yield how many modes are sought at a time, and whether that is the last time; ``mode`` is the highest asked for.  Local."""
+    cap = n_dof if n_dof <= SHARE * _MOST else min(_MOST, most_modes(n_dof))
+    n_batch = max(_START, mode + 1)
+    while True:
+        n_batch = n_dof if n_dof <= _AT_ONCE or (SHARE * n_batch > n_dof and cap == n_dof) else min(n_batch, cap)
+        yield n_batch, n_batch == cap
+        if n_batch == cap:
+            return
         n_batch *= 2
+
+
+def picked(
+    bound: LeftOut, omega_n: np.ndarray, is_all: bool, is_last: bool, settings: ReductionSettings
+) -> tuple[int | None, str]:
+    """Return how many of the modes found are needed and why, None if more must be found.  Local.
+
+    Raises
+    ------
+    CaseError : the accuracy asked for needs more modes than are computed
+    """
+    n_modes = _first_within(bound.total, omega_n, settings)
+    if n_modes is None and is_all:
+        n_found = len(omega_n)
+        return n_found, f"modes: all {n_found} there are; leaving any out would cost the accuracy {settings.accuracy:g}"
+    if n_modes is None and is_last:
+        n_modes = _out_of_reach(bound.total, settings)
+    return n_modes, _why(n_modes, omega_n, bound, settings.accuracy) if n_modes else ""
 
 
 def _first_within(bound: np.ndarray, omega_n: np.ndarray, settings: ReductionSettings) -> int | None:

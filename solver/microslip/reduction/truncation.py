@@ -13,8 +13,10 @@ that of the stuck motion at a resonance, at the highest level: what exceeds half
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..assembly.system import System
 from ..contact.law import Law
@@ -62,26 +64,29 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
     docs/theory.md, eq. (4.5).
     """
-    model, n, system = reduce_structure(stuck, settings), len(stuck.modes.omega_n), stuck.linearised.system
-    family = model.one_family
+    return bound(reduce_structure(stuck, settings), stuck.pairs.law, Solved(stuck), settings)
+
+
+def bound(model: ReducedModel, law: Law, norms: Norms, settings: ReductionSettings) -> LeftOut:
+    """Return the bounds for the modes of a model, by residual norms that are solved for or known.  Collective."""
+    family, n = model.one_family, len(model.one_family.omega_n)
     low, high = 2.0 * np.pi * np.array(frequency_band(settings.band, family.omega_n))
     omegas = np.union1d(np.linspace(low, high, 60), family.omega_n[(family.omega_n > low) & (family.omega_n < high)])
     loaded = [int(h) for h in model.harmonics.above_mean if model.f[:, model.harmonics.columns(h)].any()]
-    comm, law = model.comm, stuck.pairs.law
+    comm = model.comm
     peaks = comm.bcast(output_peaks(model, omegas))  # the same to the bit on all ranks: collective work hangs on it
     direct, joint = np.zeros((2, n))
     if not loaded or not peaks.any():
         return LeftOut(direct, joint)  # a constant load: the static part is exact
     peaks = np.maximum(peaks, _FAINT * peaks.max())
-    first, last = system.K.getOwnershipRange()
-    of_load = {h: residual_norms(stuck, _load(system, model, h)[first:last])[:, 0] for h in loaded}
-    of_output = residual_norms(stuck, system.outputs.T.tocsr()[first:last].toarray())
+    of_load = {h: norms.of_load(_load(model, h)) for h in loaded}
+    of_output = norms.of_outputs()
     for h in loaded:
         peaks_u = peaks / model.output_factors(h * high)  # of the rows of the outputs, where velocities and the like count most
         error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks_u
         direct = np.maximum(direct, error.max(axis=1))
         for omega in comm.bcast(resonances(model, law, omegas)) if model.n_pairs or family.damping.couples_modes else ():
-            at = resonance(stuck, model, omega, h, settings)
+            at = resonance(norms, model, law, omega, h, settings)
             error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks_u
             joint = np.maximum(joint, error.max(axis=1))
     direct[-1] = np.inf  # the first mode left out is not known
@@ -171,28 +176,70 @@ def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]
     return [float(omega) for omega in np.union1d(omegas[highest], omegas[-1:])]
 
 
-def resonance(stuck: StuckStructure, model: ReducedModel, omega: float, h: int, settings: ReductionSettings) -> Resonance:
-    """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective: static solves."""
-    system, law, n_out = stuck.linearised.system, stuck.pairs.law, model.n_outputs
-    first, last = system.K.getOwnershipRange()
-    level, eta = settings.level, 0.0 if settings.damping is None else settings.damping.structural
-    family, (c,), i = model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
+def resonance(norms: Norms, model: ReducedModel, law: Law, omega: float, h: int, settings: ReductionSettings) -> Resonance:
+    """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective."""
+    level, family, (c,), i = settings.level, model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
     U = to_complex(model.linear_motion_of_all(level, omega))
     U_adjoint = model.out_R.T + c.between(family.R_phi, i, family.o)  # (3 n_pairs, n_outputs)
     share = law.slipping_share(np.abs(U).sum(axis=1).reshape(-1, 3), _EARLY).ravel()
     K_J = law.stiffness.ravel()
     p = np.column_stack([share * K_J * U[:, i], ((share > 0.0) * K_J)[:, None] * U_adjoint])
-    norms = residual_norms(stuck, system.R.T.tocsr()[first:last] @ p)
-    drags = np.zeros_like(norms)
+    of_p = norms.of_pairs(p)
+    drags = np.zeros_like(of_p)
     if family.damping.couples_modes:
         z = c.whole(np.column_stack([level * family.b @ to_complex(model.f)[:, i], family.o.T]), i)
-        u_owned = stuck.modes.phi_owned @ np.concatenate([z.real, z.imag], axis=1)
-        Cu_owned = h * omega * multiply(system.C, u_owned) if system.C is not None else eta * multiply(system.K, u_owned)
-        drags = residual_norms(stuck, Cu_owned[:, : n_out + 1] + 1j * Cu_owned[:, n_out + 1 :])
-    return Resonance(omega, norms[:, 0], drags[:, 0], norms[:, 1:], drags[:, 1:])
+        drags = norms.of_drag(z, h * omega, settings)
+    return Resonance(omega, of_p[:, 0], drags[:, 0], of_p[:, 1:], drags[:, 1:])
 
 
-def _load(system: System, model: ReducedModel, h: int) -> np.ndarray:
-    """Return harmonic h of the loads at unit level, (n_dof, 1), complex [N/N]."""
-    i = model.harmonics.chosen.index(h)
-    return system.loads @ to_complex(model.f)[:, i : i + 1]
+def _load(model: ReducedModel, h: int) -> np.ndarray:
+    """Return harmonic h of the loads' coefficients at unit level, (n_loads,), complex [N/N]."""
+    return to_complex(model.f)[:, model.harmonics.chosen.index(h)]
+
+
+class Norms(Protocol):
+    """The residual norms of what acts on a structure, for keeping 1 to n of n modes.  Collective."""
+
+    def of_load(self, f: np.ndarray) -> np.ndarray:
+        """Return those of complex load coefficients (n_loads,), (n,)."""
+
+    def of_outputs(self) -> np.ndarray:
+        """Return those of the rows of the outputs, (n, n_outputs)."""
+
+    def of_pairs(self, p: np.ndarray) -> np.ndarray:
+        """Return those of R^T p, p complex (3 n_pairs, q), (n, q)."""
+
+    def of_drag(self, z: np.ndarray, n_omega: float, settings: ReductionSettings) -> np.ndarray:
+        """Return those of the damping forces of modal motions z, complex (n, q), at n omega, (n, q)."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """Residual norms by static solves."""
+
+    stuck: StuckStructure
+
+    def of_load(self, f: np.ndarray) -> np.ndarray:
+        system = self.stuck.linearised.system
+        return residual_norms(self.stuck, _owned(system, system.loads) @ f[:, None])[:, 0]
+
+    def of_outputs(self) -> np.ndarray:
+        system = self.stuck.linearised.system
+        return residual_norms(self.stuck, _owned(system, system.outputs.T).toarray())
+
+    def of_pairs(self, p: np.ndarray) -> np.ndarray:
+        system = self.stuck.linearised.system
+        return residual_norms(self.stuck, _owned(system, system.R.T) @ p)
+
+    def of_drag(self, z: np.ndarray, n_omega: float, settings: ReductionSettings) -> np.ndarray:
+        system, eta = self.stuck.linearised.system, 0.0 if settings.damping is None else settings.damping.structural
+        u_owned = self.stuck.modes.phi_owned @ np.concatenate([z.real, z.imag], axis=1)
+        Cu_owned = n_omega * multiply(system.C, u_owned) if system.C is not None else eta * multiply(system.K, u_owned)
+        q = z.shape[1]
+        return residual_norms(self.stuck, Cu_owned[:, :q] + 1j * Cu_owned[:, q:])
+
+
+def _owned(system: System, columns: sp.spmatrix) -> sp.csr_matrix:
+    """Return this rank's rows of sparse columns over all DOFs."""
+    first, last = system.K.getOwnershipRange()
+    return columns.tocsr()[first:last]

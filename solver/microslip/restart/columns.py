@@ -64,3 +64,8 @@ class KeptColumns:
     def _append(self, pairs: np.ndarray, rows: list[np.ndarray]) -> None:
         assert self._journal is not None, "it was opened"
         self._journal.append({"pairs": pairs, "columns": np.concatenate(rows)})  # rank order is row order
+
+
+def n_pairs_in(path: Path) -> int:
+    """Return of how many pairs a file has the columns.  Rank 0."""
+    return len(np.unique(np.concatenate([np.empty(0, dtype=int), *(unpack(one)[0]["pairs"] for one in read_records(path))])))

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import shutil
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -26,6 +27,7 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_each, on_root
 from ..parallel.files import make_folder, said_of
 from .branch import KeptBranch
+from .cache import Cache, read_modes, take
 from .columns import KeptColumns
 from .identity import Identity, identity_of
 from .place import RESULTS
@@ -57,15 +59,26 @@ class Restart:
     identity: Identity  # of this run
     notes: tuple[str, ...]  # what is there, and how it differs
     done: list[str] | None = None  # why levels ended early, of a run that was finished before; None: there is something left
+    cache: Cache | None = None  # of set-ups that runs share
+    fresh: bool = False  # nothing of it is used
     _used: set[str] = field(default_factory=set)  # names of folders that this run has used; on rank 0
     _disk: Disk = field(default_factory=Disk)  # of all files that grow
 
     @classmethod
-    def open(cls, comm: MPI.Comm, folder: Path, scene: Scene, options: tuple[str, ...] = (), fresh: bool = False) -> Restart:
-        """Return what is kept in the folder of a run; nothing if it is to start afresh."""
+    def open(
+        cls,
+        comm: MPI.Comm,
+        folder: Path,
+        scene: Scene,
+        options: tuple[str, ...] = (),
+        fresh: bool = False,
+        shared: Path | None = None,
+    ) -> Restart:
+        """Return what is kept in the folder of a run; nothing if it is to start afresh.  ``shared`` is a cache of set-ups."""
         path = folder / NAME
         identity, notes, done = on_root(comm, as_written, path, _opened, path, scene, options, fresh)
-        return cls(comm, path, scene, identity, notes, done)
+        cache = None if shared is None else Cache(comm, shared, identity.structure)
+        return cls(comm, path, scene, identity, notes, done, cache, fresh)
 
     # -- the set-up --------------------------------------------------------------------------------------------------
 
@@ -79,8 +92,7 @@ class Restart:
         columns = KeptColumns(self.comm, self._setup / "columns", self._disk)
         found = on_root(self.comm, read_record, self._setup / "model")
         if found is None:
-            before, prepared = len(log.notes), make()
-            self._keep(prepared, log.notes[before:])
+            prepared = self._shared(log) or self._anew(log, make)
         else:
             with log.stage("set-up as it was kept"):
                 prepared = as_written(self._setup, restored, *found, columns, self.scene, log, self._read_modes)
@@ -91,22 +103,49 @@ class Restart:
             columns.follow(known)
         return prepared
 
+    def _shared(self, log: RunLog) -> Prepared | None:
+        """Return the structure made ready from the set-up of another run, which is kept here, too; None where there is none."""
+        found = None if self.cache is None or self.fresh else self.cache.prepared(self.scene, log)
+        if found is None:
+            return None
+        prepared, notes, modes = found
+        for note in notes:
+            log.note(note)
+        on_root(self.comm, self._write, prepared, partial(take, modes), notes[1:])
+        return prepared
+
+    def _anew(self, log: RunLog, make: Callable[[], Prepared]) -> Prepared:
+        """Return the structure made ready by ``make``, and keep it, for other runs, too."""
+        before, prepared = len(log.notes), make()
+        notes = log.notes[before:]
+        self._keep(prepared, notes)
+        if self.cache is not None and (problem := self.cache.keep(prepared, notes)):
+            log.note(problem)
+        return prepared
+
     def _keep(self, prepared: Prepared, notes: list[str]) -> None:
-        """Keep the modes in the order of the user's nodes, then the model: a set-up without it is none."""
+        """Keep the modes in the order of the user's nodes, then the model."""
         structure = prepared.structure
         phi = in_user_order(structure.linearised, structure.modes.phi_owned)
-        on_root(self.comm, self._write, prepared, phi, notes, share=False)
+        modes = {} if phi is None else {"phi": phi}
+        on_root(self.comm, self._write, prepared, lambda path: write_record(path, modes), notes, share=False)
 
-    def _write(self, prepared: Prepared, phi: np.ndarray, notes: list[str]) -> None:
+    def _write(self, prepared: Prepared, write_modes: Callable[[Path], None], notes: list[str]) -> None:
+        """Write the modes, then the model: a set-up without it is none."""
         make_folder(str(self._setup))
-        write_record(self._setup / "modes", {"phi": phi})
+        with suppress(OSError):  # modes that have just been removed are found again where they are wanted
+            write_modes(self._setup / "modes")
         arrays, texts = to_arrays(prepared)
         write_record(self._setup / "model", arrays, {**texts, "notes": notes})
 
-    def _read_modes(self) -> np.ndarray:
-        found = read_record(self._setup / "modes")
-        assert found is not None, "the model is written after the modes"
-        return found[0]["phi"]
+    def _read_modes(self) -> np.ndarray | None:
+        return read_modes(self._setup / "modes")
+
+    def share_columns(self, log: RunLog) -> None:
+        """Let other runs use the static columns that this one has solved for."""
+        problem = "" if self.cache is None else self.cache.keep_columns(self._setup / "columns")
+        if problem:
+            log.note(problem)
 
     # -- the levels --------------------------------------------------------------------------------------------------
 

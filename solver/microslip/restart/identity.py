@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
+from ..contact.laws import ELASTIC_COULOMB
 from ..library.inputs import fingerprint, input_files
 from ..parallel.versions import program_hash, versions
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 Tables = dict[str, Any]
 _OF_RESPONSE = ("samples", "tolerance")  # of [solver]: the set-up knows nothing of them
+_NOT_OF_STRUCTURE = ("title", "continuation", "response", "solver", "damping")
+_LIMITS = ("friction", "preload")  # of a joint
 _RANGE = ("frequencies", "mode", "span")  # of [response]
 
 
@@ -61,17 +64,29 @@ class Identity:
             chosen_by["level"] = max(response["levels"])
         return self._key({**scene, "solver": solver, "response": chosen_by})
 
+    @property
+    def structure(self) -> str:
+        """The key of the stuck structure, its modes and static response: without what only the response or the choice of the
+        modes follows, and without friction and preload where neither a spring nor the state of rest follows from them.
+        """
+        scene = {key: value for key, value in self.scene.items() if key not in _NOT_OF_STRUCTURE}
+        scene["structural"] = (self.scene.get("damping") or {}).get("structural")
+        if "mesh" in self.scene["model"] and not self.scene.get("statics"):
+            scene["joints"] = [_without_limits(joint) for joint in self.scene.get("joints", [])]
+        return self._key(scene)
+
     def level(self, level: float, n_modes: int) -> str:
         """Return the key of a level [N]: everything but the other levels.  The number of modes stands for what chose it."""
         scene, response = dict(self.scene), dict(self.scene["response"])
         scene.pop("title", None)
         response.pop("levels")
+        response.pop("fields", None)
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
 
     def branch(self, level: float, n_modes: int) -> str:
         """Return the key of a level [N] over whatever range."""
         scene, response = dict(self.scene), dict(self.scene["response"])
-        for name in ("levels", "at", *_RANGE):
+        for name in ("levels", "at", "fields", *_RANGE):
             response.pop(name, None)
         scene.pop("title", None)
         return self._key({**scene, "response": response, "level": float(level).hex(), "n_modes": n_modes})
@@ -105,6 +120,13 @@ def identity_of(scene: Scene, options: Iterable[str] = ()) -> Identity:
         files[name] = files.get(name, "") + one.sha256  # files of one name in several folders
     program = {"microslip": f"{__version__} ({program_hash()})", **versions()}
     return Identity(scene.model_dump(mode="json", exclude_unset=True), files, program, tuple(options))
+
+
+def _without_limits(joint: Tables) -> Tables:
+    """Return a joint without what the stuck structure does not know of."""
+    if joint.get("law", ELASTIC_COULOMB) != ELASTIC_COULOMB:
+        return joint
+    return {key: value for key, value in joint.items() if key not in _LIMITS}
 
 
 def _changes(path: str, was: Any, now: Any) -> list[tuple[str, str, str]]:

@@ -12,6 +12,7 @@ from ..parallel.signals import unbroken
 UNFINISHED, EARLIER = "unfinished", "earlier"
 RESULTS = "results.h5"
 WRITTEN = (RESULTS, "frf.csv", "run.log")  # again by every run
+OPTIONAL = ("modes.vtkhdf", "peak_response.vtkhdf")  # fields, by every run that wants them
 
 
 def place_of(folder: Path) -> Path:
@@ -39,6 +40,9 @@ def settle(folder: Path, place: Path, keeps_earlier: bool = False) -> None:
     with unbroken(), said_of(str(folder)):
         if keeps_earlier:
             _move(folder, _next_of(folder / EARLIER))
+        for name in OPTIONAL:
+            if not (place / name).exists():
+                (folder / name).unlink(missing_ok=True)
         _move(place, folder)
         place.rmdir()
 

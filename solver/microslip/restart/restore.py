@@ -14,7 +14,7 @@ from ..library.build import Structure, build
 from ..library.prepare import Prepared, reduced, response_of
 from ..library.settings import reduction_settings
 from ..linear.joint_springs import Linearised
-from ..modes.eigen import Modes
+from ..modes.eigen import Modes, lowest_modes
 from ..modes.user_order import from_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
@@ -38,9 +38,11 @@ if TYPE_CHECKING:
 class Rebuilt:
     """The structure of a scene, built when it is asked for, with the modes that were kept.  Collective where it is built."""
 
-    def __init__(self, scene: Scene, comm: MPI.Comm, log: RunLog, omega_n: np.ndarray, read_modes: Callable[[], np.ndarray]):
+    def __init__(
+        self, scene: Scene, comm: MPI.Comm, log: RunLog, omega_n: np.ndarray, read_modes: Callable[[], np.ndarray | None]
+    ):
         self.scene, self.comm, self.log = scene, comm, log
-        self._omega_n, self._read_modes = omega_n, read_modes
+        self.omega_n, self._read_modes = omega_n, read_modes
 
     @cached_property
     def structure(self) -> Structure:
@@ -48,8 +50,12 @@ class Rebuilt:
         return build(self.scene, self.comm, self.log, self._modes)
 
     def _modes(self, linearised: Linearised) -> Modes:
+        """Return the modes that were kept, the first of those in their file; found anew where that is damaged."""
         whole = on_root(self.comm, self._read_modes, share=False)
-        return Modes(self._omega_n, from_user_order(linearised, whole))
+        if not self.comm.bcast(whole is not None):
+            return lowest_modes(linearised, len(self.omega_n))
+        first = None if whole is None else whole[:, : len(self.omega_n)]
+        return Modes(self.omega_n, from_user_order(linearised, first))
 
     @cached_property
     def reduction(self) -> Reduction:
@@ -75,7 +81,7 @@ def restored(
     columns: KeptColumns,
     scene: Scene,
     log: RunLog,
-    read_modes: Callable[[], np.ndarray],
+    read_modes: Callable[[], np.ndarray | None],
 ) -> Prepared:
     """Return what was prepared when ``arrays`` and ``texts`` were kept.
 

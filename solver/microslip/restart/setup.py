@@ -32,22 +32,25 @@ _OF_MESH = ("weights1", "weights2", "notes")  # of pairs: assembly alone needs t
 def to_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     """Return the arrays and texts of what was prepared, without static columns.  Local, on rank 0."""
     outline, reduction, better = prepared.outline, prepared.reduction, prepared.response.better
-    arrays = over("pairs", of_numbers(prepared.pairs)) | over("model", _of_model(reduction.model))
-    arrays |= over("outline", of_numbers(outline))
-    texts: dict[str, Any] = {
-        "joint": list(prepared.pairs.joint),
-        "laws": list(map(str, prepared.pairs.laws)),
+    arrays = over("pairs", numbers_of(prepared.pairs)) | over("model", of_model(reduction.model))
+    arrays |= over("outline", numbers_of(outline))
+    texts: dict[str, Any] = texts_of_pairs(prepared.pairs, outline) | {
         "leaves_out": reduction.leaves_out,
         "selection": [type(reduction.selection).__name__, vars(reduction.selection)],
         "has_bars": better is not None,
     }
     if outline.bolts is not None:
-        arrays |= over("bolts", of_numbers(outline.bolts))
-        texts["bolts"] = list(outline.bolts.names)
+        arrays |= over("bolts", numbers_of(outline.bolts))
     if better is not None:
-        arrays |= {} if better.is_solved else over("better", _of_model(better.model))
-        arrays |= {} if better.left_out is None else over("left_out", of_numbers(better.left_out))
+        arrays |= {} if better.is_solved else over("better", of_model(better.model))
+        arrays |= {} if better.left_out is None else over("left_out", numbers_of(better.left_out))
     return arrays, texts
+
+
+def texts_of_pairs(pairs: ContactPairs, outline: Outline) -> dict[str, Any]:
+    """Return the texts of pairs, and the names of bolts.  Local."""
+    texts: dict[str, Any] = {"joint": list(pairs.joint), "laws": list(map(str, pairs.laws))}
+    return texts if outline.bolts is None else texts | {"bolts": list(outline.bolts.names)}
 
 
 def pairs_of(arrays: Arrays, texts: Mapping[str, Any]) -> ContactPairs:
@@ -98,16 +101,16 @@ def left_out_of(arrays: Arrays) -> ModesLeftOut | None:
     return ModesLeftOut(**whole, coupling=StructuralCoupling(**coupling) if coupling else None) if kept else None
 
 
-def _of_model(model: ReducedModel) -> Arrays:
+def of_model(model: ReducedModel) -> Arrays:
     """Return the arrays of a model with one family."""
     family = model.one_family
     found = over("family", {"omega_n": family.omega_n, "R_phi": family.R_phi, "b": family.b, "o": family.o})
     found |= {"family/C": family.damping.C, **({} if family.damping.S is None else {"family/S": family.damping.S})}
     found |= {name: getattr(model, name) for name in STATICS}
-    return found | ({} if model.observed is None else over("observed", of_numbers(model.observed)))
+    return found | ({} if model.observed is None else over("observed", numbers_of(model.observed)))
 
 
-def of_numbers(of: Any) -> Arrays:
+def numbers_of(of: Any) -> Arrays:
     """Return what a dataclass holds of numbers, by path: arrays, single ones, and those of what it holds in turn."""
     found: Arrays = {}
     for field in fields(of):
@@ -115,7 +118,7 @@ def of_numbers(of: Any) -> Arrays:
         if field.name in _OF_MESH or value is None or isinstance(value, BoltsAtRest):
             continue
         if is_dataclass(value):
-            found |= over(field.name, of_numbers(value))
+            found |= over(field.name, numbers_of(value))
         elif isinstance(value, Mapping):
             found |= over(field.name, value)
         elif isinstance(value, tuple) and value and isinstance(value[0], np.ndarray):

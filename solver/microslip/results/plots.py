@@ -16,14 +16,14 @@ from .static_plots import draw_static_response, draw_static_states, is_static
 from .style import RC
 
 Picture = Callable[[ResultFile, str], list[str]]
-PICTURES: tuple[Picture, ...] = (
+PICTURES: tuple[Picture, ...] = (  # in an order whose every second, third or fourth are about as much work
     draw_response,
-    draw_states,
+    draw_error,
     draw_slip_map,
-    draw_rom_size,
     draw_energy,
     draw_energy_map,
-    draw_error,
+    draw_rom_size,
+    draw_states,
     draw_rest,
 )
 STATIC_PICTURES: tuple[Picture, ...] = (draw_static_response, draw_static_states, draw_slip_map, draw_rest)

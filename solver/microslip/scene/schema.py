@@ -676,6 +676,7 @@ class Response(Table):
         (), description="a list of frequencies in Hz, above 0, each once"
     )
     direction: Literal["up", "down"] = Field("up", description='the direction of the sweep, "up" or "down"')
+    fields: bool = Field(True, description="true or false: write modes and the motion at the peaks on the mesh")
 
     @model_validator(mode="after")
     def _range(self):

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from ...assembly.system import System
 from ..reduction import Reduction
+from ..selection import Selection
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
 from . import adaptive, adaptive_energy, craig_bampton, full, joint_interface_modes, receptance, rubin, trial_vectors
@@ -35,6 +36,10 @@ METHODS: dict[str, Method] = {
     "trial-vectors": trial_vectors,
 }
 CHECKS: dict[str, Callable[..., None]] = {"full": full.check}  # of size, before anything is solved
+SELECTIONS: dict[str, Callable[[ReductionSettings], Selection]] = {  # of methods that are the structure's modes and statics
+    name: module.selection
+    for name, module in (("receptance", receptance), ("adaptive", adaptive), ("adaptive-energy", adaptive_energy))
+}
 MODE_CHECKS: dict[str, Callable[[StuckStructure, ReductionSettings], None]] = {"rubin": rubin.check_modes}
 
 

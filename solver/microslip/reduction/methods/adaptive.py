@@ -14,6 +14,11 @@ def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: 
     return n_modes + 3 * n_pairs
 
 
+def selection(settings: ReductionSettings) -> NonStickingPairs:
+    """Return the set B.  Local."""
+    return NonStickingPairs(settings.in_point_check)
+
+
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective."""
-    return reduce_to_pairs(stuck, settings, NonStickingPairs(settings.in_point_check))
+    return reduce_to_pairs(stuck, settings, selection(settings))

@@ -14,6 +14,11 @@ def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: 
     return n_modes + 3 * n_pairs
 
 
+def selection(settings: ReductionSettings) -> DissipatingPairs:
+    """Return the set B.  Local."""
+    return DissipatingPairs(settings.in_point_check, settings.energy_tolerance)
+
+
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective."""
-    return reduce_to_pairs(stuck, settings, DissipatingPairs(settings.in_point_check, settings.energy_tolerance))
+    return reduce_to_pairs(stuck, settings, selection(settings))

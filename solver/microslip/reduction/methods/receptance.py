@@ -14,6 +14,11 @@ def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: 
     return 3 * n_pairs
 
 
+def selection(settings: ReductionSettings) -> AllPairs:
+    """Return the set B.  Local."""
+    return AllPairs()
+
+
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective."""
-    return reduce_to_pairs(stuck, settings, AllPairs())
+    return reduce_to_pairs(stuck, settings, selection(settings))

@@ -1,0 +1,63 @@
+"""A run and a second one of the same structure with another friction, in folders of their own: what each takes, by stage.
+
+    python jobs/bench/second_run.py [SCENE.toml ...] [--ranks 1 2] [--joint 1] [--friction 0.25]
+
+The second run is made twice, with its fields on the mesh and without.  Prints a line of a table for each run: wall time of the
+whole command, and that of its stages, as run.log has them [s].
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+STAGE = re.compile(r"^(\S.*?) {2,}(\d+\.\d+) +\d+\.\d+%", flags=re.M)
+SETUP = ("response", "fields for ParaView", "pictures", "total")  # stages that are no part of it
+
+
+def taken(scene: Path, ranks: int, folder: Path, *settings: str) -> dict[str, float]:
+    """Return what a run takes by stage [s], "whole" with its start and end."""
+    launch = [os.environ.get("MPIRUN", "mpirun"), "-n", str(ranks)] if ranks > 1 else []
+    command = [*launch, sys.executable, "-m", "microslip", "run", str(scene), "--out", str(folder)]
+    start = time.perf_counter()
+    subprocess.run([*command, *(word for one in settings for word in ("--set", one))], check=True, stdout=subprocess.DEVNULL)
+    whole = time.perf_counter() - start
+    found = {name: float(seconds) for name, seconds in STAGE.findall((folder / "run.log").read_text())}
+    setup = sum(seconds for name, seconds in found.items() if name not in SETUP)
+    return {"whole": whole, "set-up": setup, **{name: found[name] for name in SETUP[:-1]}}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument(
+        "scenes", nargs="*", type=Path, default=[ROOT / "jobs" / "fan_small.toml", ROOT / "jobs" / "fan_paper.toml"]
+    )
+    parser.add_argument("--ranks", nargs="+", type=int, default=[1, 2])
+    parser.add_argument("--joint", default="1", help="the name or number of the joint")
+    parser.add_argument("--friction", type=float, default=0.25, help="of the second run")
+    asked = parser.parse_args()
+    other = f"joints.{asked.joint}.friction={asked.friction}"
+    print(
+        "| scene | ranks | run | whole | set-up | response | fields | pictures |\n| --- | ---: | --- | ---: | ---: | ---: | ---: | ---: |"
+    )
+    for scene in asked.scenes:
+        for ranks in asked.ranks:
+            with tempfile.TemporaryDirectory() as place:
+                runs = {"first": (), "second": (other,), "second, no fields": (other, "response.fields=false")}
+                for i, (name, settings) in enumerate(runs.items()):
+                    found = taken(scene, ranks, Path(place) / str(i), *settings)
+                    print(
+                        f"| {scene.stem} | {ranks} | {name} | " + " | ".join(f"{one:.1f}" for one in found.values()) + " |",
+                        flush=True,
+                    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,60 @@
+"""The samples of the modes left out where another number of modes is kept: Z without some modes more, or with some again.
+
+With Z_m = K_L^-1 - sum over k <= m of phi_k phi_k^T / omega_k^2 and M-orthonormal modes, Z_m M Z_m lacks the same modes with
+phi_k phi_k^T / omega_k^4 (docs/theory.md, section 11), so that another number needs no static solution.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..linear.dense import diagonal_owned, gram, summed
+from ..linear.random_signs import random_signs
+from ..receptance.family import ModalFamily
+from ..receptance.model import ReducedModel
+from .modes_left_out import KEY, LAST, SAMPLES, ModesLeftOut, of_samples
+
+if TYPE_CHECKING:
+    from ..linear.joint_springs import Linearised
+    from ..modes.eigen import Modes
+
+
+@dataclass(frozen=True)
+class OnRandom:
+    """What modes have of the random vectors of the samples, before those are scaled; replicated."""
+
+    energies: np.ndarray  # (n,) of each mode in the diagonal of M
+    amplitudes: np.ndarray  # (n, SAMPLES) phi^T s
+
+    def scale(self, n_modes: int) -> float:
+        """Return the factor of the random vectors where so many modes are kept."""
+        return 1.0 / np.sqrt(self.energies[:n_modes][-LAST:].mean() * SAMPLES)
+
+
+def on_random(linearised: Linearised, modes: Modes) -> OnRandom:
+    """Return what modes have of the random vectors.  Collective: two sums."""
+    comm, mass = linearised.system.comm, np.maximum(diagonal_owned(linearised.M), 0.0)
+    first, last = linearised.K_L.getOwnershipRange()
+    random = np.sqrt(mass)[:, None] * random_signs(first, last - first, SAMPLES, KEY)
+    return OnRandom(summed(comm, mass @ modes.phi_owned**2), gram(comm, modes.phi_owned, random))
+
+
+def left_out_again(left_out: ModesLeftOut, n_kept: int, model: ReducedModel, family: ModalFamily, seen: OnRandom) -> ModesLeftOut:
+    """Return the samples beside the modes of ``model`` from those beside ``n_kept`` modes.  Local.
+
+    ``family`` are all modes known.  What couples the modes kept to the others is known for ``n_kept`` alone.
+    """
+    n = len(model.one_family.omega_n)
+    assert n == n_kept or left_out.coupling is None, "a coupling is known for the modes kept alone"
+    between, sign = slice(min(n, n_kept), max(n, n_kept)), 1.0 if n < n_kept else -1.0
+    squares = family.omega_n[between] ** 2
+    o, b = family.o[:, between], family.b[between]
+    rows = np.concatenate([left_out.of_pairs, left_out.of_outputs, left_out.of_loads]) / seen.scale(n_kept)
+    of_modes = np.concatenate([family.R_phi[:, between], o, b.T])
+    rows = (rows + sign * (of_modes / squares) @ seen.amplitudes[between]) * seen.scale(n)
+    direct = left_out.direct + sign * (o / squares**2) @ b
+    own = left_out.own + sign * (b**2 / squares[:, None] ** 2).sum(axis=0)
+    return of_samples(rows, direct, own, model, left_out.loss_factor, left_out.coupling)

@@ -1,0 +1,174 @@
+"""What runs of one stuck structure share on disk, and a set-up made of it for another friction, preload, range or accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..error_estimate.better_model import BetterModel
+from ..error_estimate.left_out_again import OnRandom, left_out_again, on_random
+from ..library.build import Structure
+from ..library.complete import read_completed
+from ..library.prepare import Prepared, response_of
+from ..library.settings import has_error_bars, mesh_settings, reduction_settings
+from ..linear.dense import gram
+from ..mesh.data import ContactPairs
+from ..mesh.pairing import pair_contacts
+from ..mesh.read import read_mesh
+from ..modes.eigen import Modes
+from ..observe.log import RunLog
+from ..parallel.agree import on_root
+from ..receptance.static_columns import StaticColumns
+from ..reduction.build import modal_family
+from ..reduction.choose_again import KnownStructure, choose_again, with_first
+from ..reduction.methods import SELECTIONS
+from ..reduction.reduction import Reduction
+from .columns import KeptColumns
+from .records import Arrays
+from .restore import Rebuilt, exact_model
+from .setup import left_out_of, numbers_of, of_model, outline_of, over, pairs_of, texts_of_pairs, under
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..scene.schema import Scene
+
+WHY = "modes: "  # how the note begins that says why so many
+_LIMITS = ("mu", "N0", "own/mu_y")  # of pairs: the stuck structure does not know of them
+
+
+def is_shared(prepared: Prepared) -> bool:
+    """Return whether a set-up is one that can be shared: modes of the structure and its exact statics.  Local."""
+    return prepared.scene.solver.method in SELECTIONS and 0 < len(prepared.outline.omega_n) <= prepared.outline.n_dof
+
+
+def all_found(structure: Structure) -> Modes:
+    """Return all modes that were found with those of a structure.  Local."""
+    return structure.modes.found or structure.modes
+
+
+def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
+    """Return the arrays and texts that runs of the structure share, without modes and static columns.
+
+    Collective: a solve with the outputs, and sums.
+
+    Raises
+    ------
+    CaseError : the damping matrix feeds energy into a mode that was found, but is not kept
+    """
+    structure, model = prepared.structure, prepared.reduction.model
+    linearised, modes = structure.linearised, all_found(structure)
+    system, settings = linearised.system, reduction_settings(prepared.scene)
+    family = modal_family(system, modes.omega_n, modes.phi_owned, settings.damping)
+    first, last = system.K.getOwnershipRange()
+    rows = system.outputs.T.tocsr()[first:last].toarray()
+    arrays = over("pairs", numbers_of(prepared.pairs)) | over("model", of_model(replace(model, families=(family,))))
+    arrays |= over("outline", numbers_of(replace(prepared.outline, omega_n=modes.omega_n)))
+    arrays["outputs_static"] = np.diag(gram(system.comm, rows, linearised.factor.solve(rows)))
+    arrays |= over("random", numbers_of(on_random(linearised, modes)))
+    n_kept, better = len(structure.modes.omega_n), prepared.response.better
+    texts: dict[str, Any] = texts_of_pairs(prepared.pairs, prepared.outline) | {
+        "joints": joints_of(prepared.scene),
+        "n_kept": n_kept,
+        "n_proved": max(structure.modes.n_proved, n_kept if settings.verify_modes else 0),
+        "has_bars": better is not None,
+    }
+    if prepared.outline.bolts is not None:
+        arrays |= over("bolts", numbers_of(prepared.outline.bolts))
+    if better is not None and better.left_out is not None:
+        arrays |= over("left_out", numbers_of(better.left_out))
+    return arrays, texts
+
+
+def joints_of(scene: Scene) -> list[dict[str, Any]]:
+    """Return the joints of a scene as stated, as JSON has them.  Local."""
+    return [joint.model_dump(mode="json", exclude_unset=True) for joint in scene.joints]
+
+
+def made_of(
+    arrays: Arrays,
+    texts: Mapping[str, Any],
+    columns: KeptColumns,
+    scene: Scene,
+    log: RunLog,
+    read_modes: Callable[[], np.ndarray | None],
+) -> tuple[Prepared, str] | None:
+    """Return a scene prepared from what runs of its structure share, and why so many modes; None if that takes a factor.
+
+    Collective on the ranks of ``columns``; arrays and texts on every rank.
+
+    Raises
+    ------
+    CaseError, MeshError, ResourceError : as those who build a structure, on every rank
+    """
+    comm, settings = columns.comm, reduction_settings(scene)
+    pairs = pairs_for(scene, pairs_of(arrays, texts), texts["joints"], comm)
+    if pairs is None or settings.method not in SELECTIONS:
+        return None
+    outline = outline_of(arrays, texts)
+    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, read_modes)
+    everything = exact_model(under("model", arrays), comm, settings, rebuilt.solve)
+    columns.restore(everything.G_static, everything.owned_rows)
+    known = KnownStructure(everything, arrays["outputs_static"], outline.n_dof, texts["n_proved"])
+    chosen = choose_again(known, pairs.law, settings)
+    if chosen is None:
+        return None
+    n_modes, why = chosen
+    model = replace(with_first(everything, n_modes, settings.damping), G_static=to_ask_for(everything.G_static))
+    better = None
+    if has_error_bars(scene):
+        better = _better(arrays, texts, model, known)
+        if better is None:
+            return None
+    rebuilt.omega_n = outline.omega_n[:n_modes]
+    outline = replace(outline, omega_n=rebuilt.omega_n)
+    reduction = Reduction(model, SELECTIONS[settings.method](settings), rebuilt.displacement, "modes")
+    response = response_of(scene, pairs, reduction, outline.omega_n, better)
+    return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close), why
+
+
+def to_ask_for(known: StaticColumns) -> StaticColumns:
+    """Return columns of which none counts as known until it is asked for, as in a run of its own.  Local.
+
+    How the response is solved, and so which points a curve has, depends on which columns are known.
+    """
+    n_pairs, n_owned = len(known.known), known.transposed(np.empty(0, dtype=int)).shape[1] // 3
+    return StaticColumns(n_pairs, n_owned, lambda pairs: known.transposed(pairs).T)
+
+
+def _better(arrays: Arrays, texts: Mapping[str, Any], model, known: KnownStructure) -> BetterModel | None:
+    """Return what error bars compare with; None where its samples are not known.  Local."""
+    n, n_kept = len(model.one_family.omega_n), texts["n_kept"]
+    left_out = left_out_of(arrays)
+    if n == known.n_dof:
+        return BetterModel(model, None, True)
+    if left_out is None or (left_out.coupling is not None and n != n_kept):
+        return None
+    again = left_out_again(left_out, n_kept, model, known.model.one_family, OnRandom(**under("random", arrays)))
+    return BetterModel(model, again, True)
+
+
+def pairs_for(scene: Scene, kept: ContactPairs, joints: list[dict[str, Any]], comm: MPI.Comm) -> ContactPairs | None:
+    """Return the contact pairs of a scene: those kept, or with limits of its own; None where more than these differs.
+
+    Collective.
+    """
+    if joints == joints_of(scene):
+        return kept
+    if scene.model.mesh is None:
+        return None
+    file, whole, _ = read_completed(scene, comm)
+    return on_root(comm, _paired, whole, file, kept)
+
+
+def _paired(scene: Scene, file, kept: ContactPairs) -> ContactPairs | None:
+    """Return the pairs of a scene as they are found, if they have the springs and places of those kept.  Rank 0."""
+    settings = mesh_settings(scene)
+    pairs = pair_contacts(read_mesh(settings, file), settings.joints)
+    one, other = ({k: v for k, v in numbers_of(which).items() if k not in _LIMITS} for which in (pairs, kept))
+    same = one.keys() == other.keys() and all(np.array_equal(one[key], other[key], equal_nan=True) for key in one)
+    same = same and pairs.joint == kept.joint and np.array_equal(pairs.laws, kept.laws)
+    return pairs if same and np.array_equal(pairs.law.stiffness, kept.law.stiffness) else None

@@ -1,0 +1,334 @@
+"""Runs of one structure share its set-up: the same curves, bars and number of modes as from one of their own, and no factor."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bar_scene import write_bar
+from mpi4py import MPI
+
+from microslip.library.follow import follow
+from microslip.observe.log import RunLog
+from microslip.parallel.agree import on_root
+from microslip.restart import cache, restore
+from microslip.restart.folder import Restart
+from microslip.results.read import read_results
+from microslip.run import run, set_up
+from microslip.scene.read import read_scene
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+SMALL, LARGE = (4, 2, 1), (8, 3, 2)  # with all modes by LAPACK, and with a batch of them by SLEPc
+ROUNDING = 1e-8 if COMM.size > 1 else 1e-9  # of curves, over the peak: points are solved to a tolerance
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])
+
+
+@pytest.fixture
+def built(monkeypatch):
+    """How often a structure was built: with its modes, and again without."""
+    calls = {"first": 0, "again": 0}
+
+    def count(name, function):
+        def counting(*arguments):
+            calls[name] += 1
+            return function(*arguments)
+
+        return counting
+
+    monkeypatch.setattr("microslip.run.build", count("first", restore.build))
+    monkeypatch.setattr(restore, "build", count("again", restore.build))
+    return calls
+
+
+def scene_at(folder: Path, *settings: str, divisions=SMALL, damping="ratio = 0.01", **solver):
+    """Return the bar with keys set; its files are written once."""
+
+    def write():
+        path = folder / "bar.toml"
+        return path if path.is_file() else write_bar(folder, damping, divisions, **solver)
+
+    few = ("response.levels=[30.0]", "response.span=[0.98, 1.02]", "response.points=5")
+    settings = (*few, "solver.harmonics=1", "solver.samples=32", *settings)
+    return read_scene(on_root(COMM, write), settings)
+
+
+def followed(scene, folder, shared, comm=COMM, fresh=False):
+    """Return number of modes, branches and notes of a scene, as a run follows them with the cache in ``shared``."""
+    log = RunLog(comm, screen=False)
+    restart = Restart.open(comm, folder, scene, (), fresh, shared)
+    prepared = restart.prepared(log, partial(set_up, scene, comm, log))
+    try:
+        branches = follow(prepared.response, (), 1, log, restart.keepers_of(prepared, log))
+        restart.share_columns(log)
+        return len(prepared.outline.omega_n), branches, log.notes
+    finally:
+        prepared.close()
+
+
+def assert_same(one, other, bars=1e-5):
+    assert one[0] == other[0]
+    for a, b in zip(one[1], other[1], strict=True):
+        assert len(a.points) == len(b.points) and a.failure == b.failure
+        peak = max(np.abs(point.response).max() for point in a.points)
+        worst = max(point.error.max() for point in a.points)
+        for p, q in zip(a.points, b.points):
+            assert abs(p.omega - q.omega) <= ROUNDING * p.omega
+            assert np.abs(p.response - q.response).max() <= ROUNDING * peak
+            assert np.abs(p.error - q.error).max() <= bars * worst
+
+
+QUICK = ("solver.modes=6", "solver.error_bars=false")
+OTHERS = {
+    "friction": ("joints.joint.friction=0.04",),
+    "preload": ("joints.joint.preload=1.6e7",),
+    "levels": ("response.levels=[20.0, 25.0]",),
+    "range": ("response.span=[0.97, 1.01]",),
+    "harmonics": ("solver.harmonics=3", "solver.method='adaptive-energy'", "damping.ratio=0.02"),
+    "accuracy": ("solver.accuracy=0.03",),
+    "modes": ("solver.modes=5",),
+    "nothing": (),
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with scenes and caches, one for each size of the bar, made by a run that slips further than those of the tests."""
+    folder = COMM.bcast(tmp_path_factory.mktemp("made"))
+    found = {}
+    for divisions in (SMALL, LARGE):
+        place = folder / str(len(found))
+        on_root(COMM, lambda place=place: place.mkdir(exist_ok=True))
+        scene = scene_at(place, "response.levels=[38.0]", "solver.accuracy=0.01", divisions=divisions)
+        found[divisions] = place, followed(scene, place / "first", place / "cache")
+    return found
+
+
+@pytest.mark.parametrize(("divisions", "name"), [*((LARGE, name) for name in OTHERS), (SMALL, "friction"), (SMALL, "accuracy")])
+def test_another_run_of_the_structure_is_prepared_without_a_factor(divisions, name, made, shared_path, built):
+    folder, first = made[divisions]
+    scene = scene_at(folder, "solver.accuracy=0.01", *OTHERS[name], divisions=divisions)
+    one, notes = prepared_by(scene, shared_path / "second", folder / "cache")
+    assert built == {"first": 0, "again": 0}
+    assert any("the set-up is that of an earlier run" in note for note in notes)
+    other, notes_of_other = prepared_by(scene, shared_path / "alone", None)
+    assert built == {"first": 1, "again": 0}
+    assert_same_set_up(one, other)
+    assert why(notes) == why(notes_of_other)
+    if name in ("accuracy", "modes"):
+        assert len(one.outline.omega_n) != first[0]
+
+
+def assert_same_set_up(one, other):
+    """Compare all that a response follows from."""
+    assert_close(one.pairs.mu, other.pairs.mu, 0.0)
+    assert_close(one.pairs.N0, other.pairs.N0, 0.0)
+    assert type(one.reduction.selection) is type(other.reduction.selection)
+    for name in ("du_static", "out_static", "out_R", "load_static", "f"):
+        assert_close(getattr(one.model, name), getattr(other.model, name))
+    for name in ("omega_n", "R_phi", "b", "o"):
+        assert_close(getattr(one.model.one_family, name), getattr(other.model.one_family, name), 1e-7)
+    assert_close(one.model.one_family.damping.C, other.model.one_family.damping.C)
+    assert not one.model.G_static.known.any()  # or other points would be found
+    mine, theirs = (each.response.better.left_out for each in (one, other))
+    assert np.isclose(mine.omega, theirs.omega, rtol=1e-7) and np.isclose(mine.damping, theirs.damping, rtol=1e-9)
+    for name in ("of_pairs", "of_outputs", "of_loads", "direct", "own", "residual"):
+        assert_close(getattr(mine, name), getattr(theirs, name), 1e-7)
+    all_pairs = np.arange(one.pairs.n_pairs)
+    assert_close(one.model.G_static.transposed(all_pairs), other.model.G_static.transposed(all_pairs))
+
+
+def assert_close(one, other, rtol=1e-9):
+    assert one.shape == other.shape and np.abs(one - other).max(initial=0.0) <= rtol * np.abs(other).max(initial=0.0)
+
+
+def prepared_by(scene, folder, shared, make=None):
+    """Return what a run with the cache in ``shared`` prepares, with its factor, if any, and its notes."""
+    log = RunLog(COMM, screen=False)
+    restart = Restart.open(COMM, folder, scene, (), False, shared)
+    return restart.prepared(log, make or partial(set_up, scene, COMM, log)), log.notes
+
+
+@pytest.mark.parametrize("name", ["friction", "levels"])
+def test_its_curves_and_bars_are_those_of_a_run_of_its_own(name, shared_path, built):
+    scene = partial(scene_at, shared_path, "solver.modes=6")
+    followed(scene("response.levels=[38.0]"), shared_path / "first", shared_path / "cache")
+    second = followed(scene(*OTHERS[name]), shared_path / "second", shared_path / "cache")
+    assert built == {"first": 1, "again": 0}
+    assert_same(second, followed(scene(*OTHERS[name]), shared_path / "alone", None))
+
+
+def why(notes):
+    """Return why so many modes, without the numbers."""
+    (said,) = [note for note in notes if note.startswith("modes: ")]
+    return said.partition("those left out")[0]
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "joints.joint.tangential_stiffness=1.1e12",
+        "materials.steel.young=2e11",
+        "materials.steel.density=7700.0",
+        "loads.1.direction=[1.0, 0.0, 0.0]",
+        "outputs.1.direction=[0.0, 1.0, 0.0]",
+        "supports.1.fix=['x', 'y']",
+    ],
+)
+def test_what_the_structure_depends_on_has_a_set_up_of_its_own(setting, shared_path):
+    scene, other = scene_at(shared_path), scene_at(shared_path, setting)
+    keys = {Restart.open(COMM, shared_path / "out", each).identity.structure for each in (scene, other)}
+    assert len(keys) == 2
+
+
+def test_a_changed_stiffness_or_mesh_builds_the_structure(shared_path, built):
+    shared = shared_path / "cache"
+    prepared_by(scene_at(shared_path, *QUICK), shared_path / "first", shared)
+    prepared_by(scene_at(shared_path, *QUICK, "joints.joint.normal_stiffness=2.1e12"), shared_path / "second", shared)
+    on_root(COMM, lambda: (shared_path / "bar.msh").open("a").write("\n"))
+    prepared_by(scene_at(shared_path, *QUICK), shared_path / "third", shared)
+    assert built == {"first": 3, "again": 0}
+    assert on_root(COMM, lambda: len(list(shared.glob("setup-*")))) == 3
+
+
+def test_more_modes_than_were_found_or_proved_build_the_structure_and_are_kept(shared_path, built):
+    scene, shared = partial(scene_at, shared_path, divisions=LARGE), shared_path / "cache"
+    few, _ = prepared_by(scene("solver.modes=4"), shared_path / "first", shared)
+    more, _ = prepared_by(scene("solver.modes=8"), shared_path / "second", shared)
+    again, _ = prepared_by(scene("solver.modes=8", "joints.joint.friction=0.04"), shared_path / "third", shared)
+    assert [len(each.outline.omega_n) for each in (few, more, again)] == [4, 8, 8] and built == {"first": 2, "again": 0}
+    assert on_root(COMM, lambda: len(list(shared.glob("setup-*/modes-*")))) == 1
+
+
+def test_modes_that_damping_couples_are_used_again_where_their_number_is_stated(shared_path, built):
+    scene, shared = partial(scene_at, shared_path, damping="structural = 0.02"), shared_path / "cache"
+    prepared_by(scene("solver.modes=6"), shared_path / "first", shared)
+    other = scene("solver.modes=6", "joints.joint.friction=0.04")
+    one, _ = prepared_by(other, shared_path / "second", shared)
+    two, _ = prepared_by(other, shared_path / "alone", None)
+    assert built == {"first": 2, "again": 0}
+    assert_same_set_up(one, two)
+    assert_close(one.model.one_family.damping.S, two.model.one_family.damping.S)
+    for name in ("of_pairs", "of_outputs", "of_loads", "own"):
+        assert_close(*(getattr(each.response.better.left_out.coupling, name) for each in (one, two)))
+    with pytest.raises(Built):  # their number would have to be chosen with the drag of the damping
+        prepared_by(scene(), shared_path / "third", shared, build_it)
+
+
+class Built(Exception):
+    """A structure would have been built."""
+
+
+def build_it():
+    raise Built
+
+
+@pytest.mark.ranks(1, 2, 3)
+def test_other_numbers_of_ranks_use_the_set_up_of_one(shared_path, built):
+    scene, alone = partial(scene_at, shared_path, "solver.modes=6"), COMM.Split(COMM.rank, 0)
+    stronger, other = scene("response.levels=[38.0]"), scene("joints.joint.friction=0.04")
+    if COMM.rank == 0:
+        followed(stronger, shared_path / "first", shared_path / "cache", alone)
+    COMM.barrier()
+    alone.Free()
+    second = followed(other, shared_path / "second", shared_path / "cache")
+    assert built == {"first": int(COMM.rank == 0), "again": 0}
+    assert_same(second, followed(other, shared_path / "alone", None), bars=1e-5 if COMM.size == 1 else 0.5)  # other samples
+
+
+def test_fresh_runs_do_without_and_renew_it(shared_path, built):
+    scene, shared = scene_at(shared_path, *QUICK), shared_path / "cache"
+    followed(scene, shared_path / "first", shared)
+    names = on_root(COMM, lambda: {path.name for path in shared.glob("setup-*/modes-*")})
+    followed(scene, shared_path / "second", shared, fresh=True)
+    assert built == {"first": 2, "again": 0}
+    assert on_root(COMM, lambda: {path.name for path in shared.glob("setup-*/modes-*")}) != names
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [("model", {"first": 2, "again": 0}), ("columns", {"first": 1, "again": 1}), ("modes-*", {"first": 1, "again": 1})],
+)
+def test_what_is_damaged_is_made_again(name, times, shared_path, built):
+    shared = shared_path / "cache"
+    run_with(shared, scene_at(shared_path, *QUICK), shared_path / "first")
+    on_root(COMM, lambda: [cut(path) for path in shared.glob(f"setup-*/{name}")])
+    built.update(again=0)
+    other = scene_at(shared_path, *QUICK, "joints.joint.friction=0.04")
+    run_with(shared, other, shared_path / "second")
+    run_with("off", other, shared_path / "alone")
+    assert built == {**times, "first": times["first"] + 1}
+    if COMM.rank == 0:
+        second, alone = (read_results(str(shared_path / name / "results.h5")) for name in ("second", "alone"))
+        assert np.allclose(second.levels[0].response, alone.levels[0].response, rtol=1e-6, atol=1e-15)
+        assert (shared_path / "second" / "modes.vtkhdf").is_file()
+
+
+def run_with(shared, scene, folder):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(cache.VARIABLE, str(shared))
+        run(scene, COMM, folder, screen=False)
+
+
+def test_without_fields_a_second_run_builds_nothing(shared_path, built):
+    shared = shared_path / "cache"
+    run_with(shared, scene_at(shared_path, *QUICK), shared_path / "out")
+    assert on_root(COMM, (shared_path / "out" / "peak_response.vtkhdf").is_file)
+    run_with(shared, scene_at(shared_path, *QUICK, "joints.joint.friction=0.04", "response.fields=false"), shared_path / "out")
+    assert built == {"first": 1, "again": 0}
+    assert not on_root(COMM, (shared_path / "out" / "peak_response.vtkhdf").exists)
+    run_with(shared, scene_at(shared_path, *QUICK, "joints.joint.friction=0.04"), shared_path / "out")
+    assert built == {"first": 1, "again": 1}  # the levels are there, the fields are added
+    assert on_root(COMM, (shared_path / "out" / "peak_response.vtkhdf").is_file)
+
+
+def test_a_cache_that_cannot_be_written_is_said_and_done_without(shared_path):
+    on_root(COMM, lambda: (shared_path / "cache").write_text("a file"))
+    _, branches, notes = followed(scene_at(shared_path), shared_path / "out", shared_path / "cache")
+    assert all(branch.failure is None for branch in branches)
+    assert any("is not kept for other runs" in note for note in notes)
+
+
+# -- files, on one rank ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.ranks(1)
+def test_the_environment_names_the_cache_or_turns_it_off(tmp_path, monkeypatch):
+    monkeypatch.delenv(cache.VARIABLE)
+    assert cache.cache_of(tmp_path / "results" / "fan") == tmp_path / "results" / "cache"
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "elsewhere"))
+    assert cache.cache_of(tmp_path / "results" / "fan") == tmp_path / "elsewhere"
+    monkeypatch.setenv(cache.VARIABLE, "off")
+    assert cache.cache_of(tmp_path / "results" / "fan") is None
+
+
+@pytest.mark.ranks(1)
+def test_the_set_ups_used_longest_ago_make_room(tmp_path, monkeypatch):
+    import os
+
+    monkeypatch.setattr(cache, "LARGEST", 2500.0)
+    for i, name in enumerate(("setup-a", "setup-b", "setup-c", "setup-d", "other")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "model").write_bytes(bytes(1000))
+        os.utime(tmp_path / name / "model", (1e9 + i, 1e9 + i))
+    cache.make_room(tmp_path, tmp_path / "setup-b")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "setup-b", "setup-d"]
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("links", [True, False])
+def test_files_are_taken_over_by_a_second_name_or_a_copy(links, tmp_path, monkeypatch):
+    if not links:
+        monkeypatch.setattr(cache.os, "link", lambda *_: (_ for _ in ()).throw(OSError("no links here")))
+    (tmp_path / "one").write_text("new")
+    (tmp_path / "two").write_text("old")
+    cache.take(tmp_path / "one", tmp_path / "two")
+    assert (tmp_path / "two").read_text() == "new" and len(list(tmp_path.iterdir())) == 2
