@@ -14,7 +14,7 @@ pytestmark = pytest.mark.ranks(1, 2, 3)
 @pytest.mark.parametrize("m, n", [(1, 1), (7, 5), (8, 256), (19, 1030), (0, 4), (4, 0)])
 @pytest.mark.parametrize("N", [1, 7])
 def test_products_are_those_of_the_dense_matrix(m, n, N, precision):
-    rng, near = np.random.default_rng(m + n), 1e-13 if precision is np.float64 else 1e-4
+    rng, near = np.random.default_rng(m + n), 1e-11 if precision is np.float64 else 1e-4
     A = rng.standard_normal((m, n)).astype(precision)
     p, x = rng.standard_normal((m, N)), rng.standard_normal((n, N))
     assert Rows.of(A).combined(p) == pytest.approx(p.T @ A, abs=near) and Rows.of(A).combined(p).dtype == precision
@@ -29,8 +29,8 @@ def test_some_rows_in_any_order_and_from_several_arrays_are_not_copied():
     found = columns.chosen(pairs)
     assert n_solved == [2, 2] and columns.chosen(pairs.copy()) is found
     x, rows = rng.standard_normal((15, 3)), static_columns.rows_of(pairs)
-    assert found.combined(x[:9]) == pytest.approx(x[:9].T @ G[:, rows].T, abs=1e-14)
-    assert found.times(x) == pytest.approx(G[:, rows].T @ x, abs=1e-14)
+    assert found.combined(x[:9]) == pytest.approx(x[:9].T @ G[:, rows].T, abs=1e-13)
+    assert found.times(x) == pytest.approx(G[:, rows].T @ x, abs=1e-13)
     assert found.largest == np.abs(G[:, rows]).max()
     assert np.array_equal(columns.transposed(pairs), G[:, rows].T)
     single = np.empty((2, 2), dtype=np.float32)
