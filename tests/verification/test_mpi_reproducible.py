@@ -23,7 +23,7 @@ def structures(comm, tmp_path_factory):
     """The bar of one joint, on this rank alone and on all together."""
     folder = comm.bcast(tmp_path_factory.mktemp("reproducible"))
     path = on_root(comm, lambda: write_bar(folder, modes=12, harmonics=3, samples=64, tolerance=1e-10))
-    scene = changed(microslip.read(path), {"response": {"levels": (42.0,), "points": 4}})
+    scene = changed(microslip.read(path), {"response": {"levels": (42.0,), "points": 6}})
     with microslip.build(scene, MPI.COMM_SELF) as alone, microslip.build(scene, comm) as together:
         yield alone, together
 
