@@ -15,6 +15,8 @@ from microslip.parallel.signals import STOPPING, asked_to_save, obey_signals, un
 @pytest.fixture(autouse=True)
 def obeyed():
     handlers = {number: signal.getsignal(number) for number in (*STOPPING, signal.SIGUSR1)}
+    for number in STOPPING:  # what runs in the background of a shell inherits that SIGINT, under nohup that SIGHUP is ignored
+        signal.signal(number, signal.SIG_DFL)
     obey_signals()
     yield
     for number, handler in handlers.items():
