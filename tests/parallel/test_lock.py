@@ -112,7 +112,7 @@ def test_a_job_that_was_put_into_the_queue_again_need_not_wait(tmp_path, monkeyp
     leave(tmp_path, host="elsewhere")
     began = time.monotonic()
     with locked(SELF, tmp_path) as (said,):
-        assert "job 7" in said and time.monotonic() - began < 5.0
+        assert "job 7" in said and time.monotonic() - began < 30.0
 
 
 @pytest.mark.parametrize("text", ["", "no JSON", "[1]", '{"host": 3, "process": {}}'])
