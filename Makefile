@@ -1,11 +1,12 @@
 # make demo   everything a bare Debian 12 needs, then the demo scene to its pictures
-# make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py on three and on two ranks, then
-#             everything on one rank, in WORKERS processes side by side (make test WORKERS=8; two if not said)
+# make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py on three ranks (but for STORIES below)
+#             and on two, then everything on one rank, in WORKERS processes side by side (make test WORKERS=8; two if not said)
+# make ranks  all of tests/**/test_mpi_*.py on three ranks, or on as many as one says (make ranks RANKS=5)
 # make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than two
 #             seconds) and those of the program, the oracles, the benchmarks and the verification studies
 # make setup  the set-up alone        make docs  the documentation        make clean  back to the sources
 
-.PHONY: demo test quick setup docs clean
+.PHONY: demo test ranks quick setup docs clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
 
@@ -43,7 +44,9 @@ demo: $(VENV)/installed meshes/fan_small.msh
 # A process that has done its share takes over half of what another has left: files stay together, none waits.
 WORKERS = 2
 PYTEST = -m pytest -q --color=no
-STORIES = cli studies verification  # whole runs, which show on three ranks what they show on two
+RANKS = 3
+# whole runs and responses, which show on three ranks what they show on two
+STORIES = cli continuation library reduction statics studies verification
 ON_RANKS = $(PYTEST) -p no:cacheprovider -p no:xdist
 ONE_RANK = $(IN_VENV) $(PYTEST) --numprocesses $(WORKERS) --dist worksteal
 
@@ -57,6 +60,9 @@ test: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
 	@echo "tests on 2 ranks"
 	@$(MPIRUN) --oversubscribe -n 2 $(IN_VENV) $(ON_RANKS) $$(find tests -name 'test_mpi_*.py' | sort)
 	$(ONE_RANK)
+
+ranks: $(VENV)/installed $(VENV)/test-tools meshes/fan_small.msh
+	@$(MPIRUN) --oversubscribe -n $(RANKS) $(IN_VENV) $(ON_RANKS) $$(find tests -name 'test_mpi_*.py' | sort)
 
 quick: $(VENV)/installed $(VENV)/test-tools
 	$(IN_VENV) -m ruff check .

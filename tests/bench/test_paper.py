@@ -73,7 +73,7 @@ def test_a_scene_of_matrices_goes_without_mesh_and_without_rubin(tmp_path):
 
 
 def test_what_a_run_drops_is_counted(tmp_path):
-    level = chain_study(tmp_path, [10.0], [0.0, 1e9], []).levels[0]
+    level = chain_study(tmp_path, [3.0], [0.0, 1e9], []).levels[0]
     all_dropped = level.energy[1e9]
     is_open = np.array([np.count_nonzero(point.state == OPEN) for point in all_dropped.points])
     assert (all_dropped.kept[1:] == is_open[:-1]).all() and all_dropped.dropped.max() > 0 and all_dropped.lost.max() > 0.0
