@@ -49,3 +49,11 @@ def test_many_columns_are_solved_for_in_parts(monkeypatch):
     assert solved == [25, 25, 10] and columns.batches == 1
     assert np.array_equal(np.concatenate([pairs for pairs, _ in heard]), np.arange(60)) and all(known for _, known in heard)
     assert np.array_equal(columns.transposed(np.arange(60)), G.T)
+
+
+def test_as_many_are_solved_for_together_as_one_says():
+    solved = []
+    columns = StaticColumns(12, 12, lambda of: solved.append(len(of)) or np.zeros((36, 3 * len(of))), 5)
+    columns.likely = np.arange(12)
+    columns.require(np.array([7, 3]))
+    assert solved == [5] and np.array_equal(np.flatnonzero(columns.known), [0, 1, 2, 3, 7])

@@ -10,22 +10,24 @@ import numpy as np
 from .rows import Rows, places_of
 
 BATCH = 24  # pairs solved for together: a few more right-hand sides cost little beside another pass
+FROM_DISK = 96  # the same where each pass reads the factor from disk
 _PART_BYTES = 2.5e8  # of columns solved for at a time, over all ranks: more are held twice, as solved for and as kept
 
 
 class StaticColumns:
     """G_static by columns: p vanishes where a pair sticks, so only the others' columns are ever needed.
 
-    Pairs that are likely to follow the missing ones are solved for with them, ``BATCH`` at a time, in the order of ``likely``.
+    Pairs that are likely to follow the missing ones are solved for with them, ``batch`` at a time, in the order of ``likely``.
 
     Parameters
     ----------
     n_pairs, n_owned : pairs in all, and those whose rows this rank keeps
     solve : collective; takes pair numbers (m,) and returns this rank's rows of their columns, (3 n_owned, 3 m) [m/N]
+    batch : pairs solved for together
     """
 
-    def __init__(self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray]):
-        self.solve = solve
+    def __init__(self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray], batch: int = BATCH):
+        self.solve, self.batch = solve, batch
         self.n_owned = n_owned
         # transposed, so that a pair's columns lie together; in the order in which they come, so that there is no more than needed
         self._held: list[np.ndarray] = []
@@ -43,8 +45,8 @@ class StaticColumns:
         if len(missing) == 0:
             return
         others = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
-        missing = np.concatenate([missing, others[: max(BATCH - len(missing), 0)]])
-        together = max(int(_PART_BYTES / (72 * len(self.known))), BATCH)
+        missing = np.concatenate([missing, others[: max(self.batch - len(missing), 0)]])
+        together = max(int(_PART_BYTES / (72 * len(self.known))), self.batch)
         start = perf_counter()
         for first in range(0, len(missing), together):
             part = missing[first : first + together]

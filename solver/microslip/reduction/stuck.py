@@ -16,7 +16,7 @@ from ..modes.constraint import static_columns
 from ..modes.eigen import Modes
 from ..parallel.memory import refuse_beyond
 from ..parallel.ownership import split_evenly
-from ..receptance.static_columns import StaticColumns
+from ..receptance.static_columns import BATCH, FROM_DISK, StaticColumns
 
 _ASKED_FROM = 1e8  # bytes of columns from which memory is asked for before they are solved for
 _FEWER = "fewer pairs slip at lower [response] levels; more ranks on more machines hold more of them"
@@ -89,4 +89,5 @@ def pair_columns(linearised: Linearised, pair_ranges: np.ndarray) -> StaticColum
             refuse_beyond(comm, 16.0 * len(chosen) * 3 * n_owned, f"static columns of {len(pairs)} more pairs", _FEWER)
         return static_columns(linearised, R, R_T[:, chosen], row_ranges=3 * pair_ranges)
 
-    return StaticColumns(R.shape[0] // 3, n_owned, solve)
+    batch = FROM_DISK if linearised.factor.info.get("out_of_core") else BATCH
+    return StaticColumns(R.shape[0] // 3, n_owned, solve, batch)
