@@ -4,6 +4,7 @@ import pytest
 from scene_files import write_scene
 
 from microslip.parallel.errors import CaseError
+from microslip.scene.overrides import overridden
 from microslip.scene.read import read_scene
 
 
@@ -41,6 +42,11 @@ def test_values_arrive_where_they_are_set_and_nothing_else_changes(tmp_path):
     )
     again = read_scene(path, (*settings, *back)).model_dump()
     assert again == {**plain.model_dump(), "solver": again["solver"]}
+
+
+@pytest.mark.parametrize("file", ["fine.msh", "../meshes/fine.msh", "./fine.msh", "../../fine.msh", "/of/all/fine.msh"])
+def test_a_path_needs_no_quotes(file):
+    assert overridden({}, (f"model.mesh={file}",)) == {"model": {"mesh": file}}
 
 
 def test_a_table_that_the_file_lacks_is_made(tmp_path):

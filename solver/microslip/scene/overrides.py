@@ -10,7 +10,7 @@ from typing import Any
 from ..parallel.errors import CaseError
 from ..parallel.words import listed, nearest
 
-_WORD = re.compile(r"[A-Za-z_][\w./-]*")  # what a shell leaves of a text in quotes
+_WORD = re.compile(r"(\.{0,2}/)*[A-Za-z_][\w./-]*")  # what a shell leaves of a text in quotes: a word, the path of a file
 
 
 def overridden(tables: Mapping[str, Any], settings: Iterable[str]) -> dict[str, Any]:
@@ -31,7 +31,7 @@ def overridden(tables: Mapping[str, Any], settings: Iterable[str]) -> dict[str, 
 
 
 def _parsed(text: str) -> tuple[list[str], Any]:
-    """Return the words of the key and the value, which is TOML's; quotes may be left out around a single word."""
+    """Return the words of the key and the value, which is TOML's; quotes may be left out around a word or a path."""
     key, _, value = text.partition("=")
     plain = value.strip()
     if _WORD.fullmatch(plain) and plain not in ("true", "false", "inf", "nan"):
