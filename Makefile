@@ -1,6 +1,7 @@
 # make demo   everything a bare Debian 12 needs, then the demo scene to its pictures
 # make test   the same set-up, then all tests: style, types, then tests/**/test_mpi_*.py on three ranks (but for STORIES below)
-#             and on two, then everything on one rank, in WORKERS processes side by side (make test WORKERS=8; two if not said)
+#             and on two, then everything on one rank, in WORKERS processes side by side (make test WORKERS=8; if not said
+#             as many as there are cores, four at most)
 # make ranks  all of tests/**/test_mpi_*.py on three ranks, or on as many as one says (make ranks RANKS=5)
 # make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than two
 #             seconds) and those of the program, the oracles, the benchmarks and the verification studies
@@ -42,7 +43,7 @@ demo: $(VENV)/installed meshes/fan_small.msh
 
 # A test runs on all numbers of ranks unless its mark `ranks` names those on which it shows something (tests/conftest.py).
 # A process that has done its share takes over half of what another has left: files stay together, none waits.
-WORKERS = 2
+WORKERS := $(shell n=$$(nproc); echo $$((n < 4 ? n : 4)))
 PYTEST = -m pytest -q --color=no
 RANKS = 3
 # whole runs and responses, which show on three ranks what they show on two
