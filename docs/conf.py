@@ -49,7 +49,7 @@ def _as_written(app, what, name, obj, options, lines):
     lines[:] = [re.sub(r"\||(?<=\w)_(?![\w`])", r"\\\g<0>", line) for line in lines]
     if fields := what == "class" and getattr(obj, "model_fields", None):
         lines += ["", "Parameters", "----------"]
-        lines += [line for key, field in fields.items() for line in (key, f"    {field.description or ''}")]
+        lines += [line for key, field in fields.items() for line in (key, "    " + (field.description or "").replace("*", r"\*"))]
 
 
 def _pictures_open(app, doctree):
