@@ -127,7 +127,7 @@ def test_numbers_of_bytes_in_words():
 def test_freed_memory_goes_back_to_the_system():
     memory.give_back()  # else some of it is taken of what earlier tests have freed
     before = memory.resident_memory()
-    many = [bytearray(1000) for _ in range(100_000)]
+    many = [bytearray(1000) for _ in range(300_000)]
     last, held = many[-1], memory.resident_memory()  # what the last one lies beside cannot go back by itself
     many.clear()
     memory.give_back()

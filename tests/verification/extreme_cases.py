@@ -66,7 +66,7 @@ def quick_cases() -> list[Case]:
         if "5,000" not in case.name:
             by_family.setdefault(case.family, []).append(case)
     for cases in by_family.values():
-        found += cases[:: max(len(cases) // 3, 1)][:3]
+        found += cases[:: max(len(cases) // 4, 1)][:4]
     return found
 
 
