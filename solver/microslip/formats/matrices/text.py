@@ -11,6 +11,7 @@ import numpy as np
 from .file_matrix import Wanted
 
 _BLOCK = 1 << 26  # bytes read at a time
+_LONGEST = 4096  # characters of a line
 
 
 def table_of(file: IO[bytes], n_columns: int, wanted: Wanted) -> np.ndarray:
@@ -26,8 +27,8 @@ def table_of(file: IO[bytes], n_columns: int, wanted: Wanted) -> np.ndarray:
         cut = block.rfind(b"\n") + 1
         parts.append(_table(block[:cut], n_columns, wanted))
         rest = block[cut:]
-        if len(rest) > 4096:
-            raise wanted.error("it has lines of more than 4096 characters")
+        if len(rest) > _LONGEST:
+            raise wanted.error(f"it has lines of more than {_LONGEST} characters")
     parts.append(_table(rest, n_columns, wanted))
     return np.concatenate(parts)
 
@@ -77,4 +78,5 @@ def fixed_width(lines: list[bytes], width: int, n: int) -> np.ndarray | None:
 def fortran_format(text: str) -> tuple[int, int] | None:
     """Return numbers a line and width of a Fortran format, (16I5) or (1P,3E23.16); None where it is none.  Local."""
     found = re.search(r"(\d*)\s*[IEDFG]\s*(\d+)(?:\.\d+)?\s*\)?\s*$", text.strip().upper())
-    return None if found is None or not 0 < int(found[2]) <= 64 else (int(found[1] or 1), int(found[2]))
+    per_line, width = (int(found[1] or 1), int(found[2])) if found else (0, 0)
+    return (per_line, width) if 0 < width <= 64 and 0 < per_line * width <= _LONGEST else None
