@@ -83,6 +83,7 @@ def test_a_mesh_with_each_law_through_the_program(comm, shared_path, program):
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_time_integration_verifies_two_laws(comm, shared_path, program):
     path = on_root(comm, write_chain, shared_path)
     given = ("--steps", "32", "--at", "89.0", "--harmonics", "5")

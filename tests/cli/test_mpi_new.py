@@ -44,6 +44,7 @@ bodies = ["PLATE-1.ALL", "BAR-1.ALL"]
 [[joints]]"""
 
 
+@pytest.mark.ranks(1)
 def test_from_new_to_a_curve_by_names_and_by_bodies(comm, program, model, shared_path):
     scene, out = shared_path / "first.toml", shared_path / "out"
     status, said, _ = program("new", model, "--out", scene)

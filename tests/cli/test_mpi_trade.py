@@ -83,6 +83,7 @@ def test_one_mass_from_scene_to_choices(program, shared_path, comm):
     assert "for 1 %:" in out and (shared_path / "out" / "trade.png").exists()
 
 
+@pytest.mark.ranks(1)
 def test_every_knob_of_a_scene_with_a_mesh_and_another_mesh(program, shared_path, comm):
     other = shared_path / "fine"
 

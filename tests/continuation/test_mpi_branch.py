@@ -74,7 +74,9 @@ def full_motion(system, level, point):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["jenkins", "spatial", "chain", "gap"])
+@pytest.mark.parametrize(
+    "name", ["jenkins", "spatial", *(pytest.param(name, marks=pytest.mark.ranks(1)) for name in ("chain", "gap"))]
+)
 def test_energy_closes_at_every_point(name):
     system = scene(name)
     for level, *_ in system["levels"].values():
@@ -101,6 +103,7 @@ def as_array(entry):
     return {**entry, "vector": np.asarray(entry["vector"])}
 
 
+@pytest.mark.ranks(1)
 def test_fold_is_passed_and_the_way_back_is_the_same_curve():
     system = scene("gap")
     up, down = branch(system, COMM, 0.1), branch(system, COMM, 0.1, down=True)
@@ -153,6 +156,7 @@ def test_all_ranks_together_agree_with_one_alone():
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_in_point_check_removes_the_error_of_the_late_update():
     system = scene("chain")
     low, high = system["omega"]
@@ -194,6 +198,7 @@ def test_failure_names_the_frequency_and_keeps_the_points():
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_error_falls_as_modes_are_added():
     system = scene("chain")
     at = tuple(np.linspace(*system["omega"], 9)[1:-1])

@@ -79,8 +79,9 @@ def followed(make, n_steps, path=None):
 
 
 @pytest.mark.slow
-@pytest.mark.ranks(1, 2)
-@pytest.mark.parametrize("with_preconditioners", [False, True])
+@pytest.mark.parametrize(
+    "with_preconditioners", [pytest.param(False, marks=pytest.mark.ranks(1)), pytest.param(True, marks=pytest.mark.ranks(1, 2))]
+)
 @pytest.mark.parametrize(
     "make",
     [

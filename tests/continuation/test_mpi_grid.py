@@ -51,6 +51,7 @@ def test_the_order_of_the_frequencies_is_kept_and_does_not_matter():
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_frequencies_beyond_a_fold_are_reached_along_the_branch():
     system, omegas = chain(), np.linspace(*chain()["omega"], 15)
     followed = branch(system, COMM, 50.0, at=omegas, tolerance=1e-10)

@@ -21,6 +21,7 @@ from small_fe import assemble
 
 from microslip.parallel.agree import on_root
 
+pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 _reference: list = []  # by the first test that asks; tests share a communicator, not a folder
 

@@ -113,9 +113,10 @@ CHANGES = {
     "range": ({"frequencies": [1.0, 2.0]}, None, {}),
     "modes": ({"modes": 8}, {"solver": {"modes": 8}}, {}),
 }
+ON_RANKS, ALONE = ("friction", "method", "modes"), pytest.mark.ranks(1)  # changes tried on several ranks, too
 
 
-@pytest.mark.parametrize("name", CHANGES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in ON_RANKS else ALONE) for name in CHANGES])
 def test_a_change_is_that_of_a_new_structure(comm, scene, structure, response, name):
     keys, tables, of_joint = CHANGES[name]
     if name == "range":

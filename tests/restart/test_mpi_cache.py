@@ -93,6 +93,7 @@ OTHERS = {
     "modes": ("solver.modes=5",),
     "nothing": (),
 }
+ON_RANKS = ("friction", "accuracy", "modes")  # those of them that are tried on several ranks at both sizes
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +109,14 @@ def made(tmp_path_factory):
     return found
 
 
-@pytest.mark.parametrize(("divisions", "name"), [*((LARGE, name) for name in OTHERS), (SMALL, "friction"), (SMALL, "accuracy")])
+@pytest.mark.parametrize(
+    ("divisions", "name"),
+    [
+        *(pytest.param(LARGE, name, marks=() if name in ON_RANKS else pytest.mark.ranks(1)) for name in OTHERS),
+        (SMALL, "friction"),
+        (SMALL, "accuracy"),
+    ],
+)
 def test_another_run_of_the_structure_is_prepared_without_a_factor(divisions, name, made, shared_path, built):
     folder, first = made[divisions]
     scene = scene_at(folder, "solver.accuracy=0.01", *OTHERS[name], divisions=divisions)
@@ -153,7 +161,7 @@ def prepared_by(scene, folder, shared, make=None):
     return restart.prepared(log, make or partial(set_up, scene, COMM, log)), log.notes
 
 
-@pytest.mark.parametrize("name", ["friction", "levels"])
+@pytest.mark.parametrize("name", ["friction", pytest.param("levels", marks=pytest.mark.ranks(1))])
 def test_its_curves_and_bars_are_those_of_a_run_of_its_own(name, shared_path, built):
     scene = partial(scene_at, shared_path, "solver.modes=6")
     followed(scene("response.levels=[38.0]"), shared_path / "first", shared_path / "cache")
