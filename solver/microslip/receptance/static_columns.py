@@ -17,13 +17,14 @@ _PART_BYTES = 2.5e8  # of columns solved for at a time, over all ranks: more are
 class StaticColumns:
     """G_static by columns: p vanishes where a pair sticks, so only the others' columns are ever needed.
 
-    Pairs that are likely to follow the missing ones are solved for with them, ``batch`` at a time, in the order of ``likely``.
+    Pairs that are likely to follow the missing ones are solved for with them, in the order of ``likely``: ``batch`` at a time, and
+    later as many as are known already, so that a joint that slips further and further takes few passes.
 
     Parameters
     ----------
     n_pairs, n_owned : pairs in all, and those whose rows this rank keeps
     solve : collective; takes pair numbers (m,) and returns this rank's rows of their columns, (3 n_owned, 3 m) [m/N]
-    batch : pairs solved for together
+    batch : pairs solved for together, at least
     """
 
     def __init__(self, n_pairs: int, n_owned: int, solve: Callable[[np.ndarray], np.ndarray], batch: int = BATCH):
@@ -45,8 +46,9 @@ class StaticColumns:
         if len(missing) == 0:
             return
         others = self.likely[~self.known[self.likely] & ~np.isin(self.likely, missing)]
-        missing = np.concatenate([missing, others[: max(self.batch - len(missing), 0)]])
         together = max(int(_PART_BYTES / (72 * len(self.known))), self.batch)
+        wanted = min(max(self.batch, np.count_nonzero(self.known)), together)
+        missing = np.concatenate([missing, others[: max(wanted - len(missing), 0)]])
         start = perf_counter()
         for first in range(0, len(missing), together):
             part = missing[first : first + together]
