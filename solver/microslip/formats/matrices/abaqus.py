@@ -49,7 +49,7 @@ def _labelled(table: np.ndarray, wanted: Wanted) -> FileMatrix:
     places = table[:, :4].astype(np.int64)
     wrong = (places[:, [1, 3]] < 0) | (places[:, [1, 3]] > 7)
     if wrong.any():
-        raise wanted.error(f"it has a degree of freedom {places[:, [1, 3]][wrong][0]}; 1 to 6 are known")
+        raise wanted.error(f"it has a degree of freedom {places[:, [1, 3]][wrong][0]}; 1 to 7 are known")
     first, second = (8 * places[:, i] + places[:, i + 1] for i in (0, 2))
     keys, at = np.unique(np.concatenate([first, second]), return_inverse=True)
     rows, columns = at[: len(first)], at[len(first) :]

@@ -32,7 +32,7 @@ class DofMap:
     """Node and direction of each row; a row of a node number of 0 or below belongs to none that the user has numbered."""
 
     nodes: np.ndarray  # (n,) numbers of the user's model
-    directions: np.ndarray  # (n,) 1 to 6: x, y, z, rotations about them; 0: of no axis
+    directions: np.ndarray  # (n,) 1 to 6: x, y, z, rotations about them; 7: warping; 0: of no axis
 
     def keys(self) -> np.ndarray:
         """Return a number for each DOF that no other has, (n,)."""
@@ -43,7 +43,8 @@ class DofMap:
 
     def name(self, row: int) -> str:
         direction = self.directions[row]
-        return f"node {self.nodes[row]}" + (f" {DIRECTIONS[direction - 1]}" if direction > 0 else "")
+        axis = DIRECTIONS[direction - 1] if direction <= len(DIRECTIONS) else f"degree of freedom {direction}"
+        return f"node {self.nodes[row]}" + (f" {axis}" if direction > 0 else "")
 
 
 @dataclass(frozen=True)
