@@ -87,7 +87,7 @@ def test_a_number_that_another_process_has_now_is_no_holder(tmp_path, locks):
         assert "was left behind" in said
 
 
-def test_another_machine_is_at_work_while_it_touches_the_file(tmp_path, locks, quick):
+def test_another_machine_is_at_work_while_it_touches_the_file(tmp_path, locks, quick, capfd):
     leave(tmp_path, host="elsewhere", job="")
     goes_on, touched = threading.Event(), tmp_path / NAME
 
@@ -99,6 +99,7 @@ def test_another_machine_is_at_work_while_it_touches_the_file(tmp_path, locks, q
     thread.start()
     try:
         assert "on elsewhere" in held(tmp_path)
+        assert f"{NAME} is that of another run; watching for 0 s whether it is at work" in capfd.readouterr().err
     finally:
         goes_on.set()
         thread.join()

@@ -34,7 +34,7 @@ def refused(path, *words):
 
 def test_missing_file_and_folder(tmp_path):
     refused(str(tmp_path / "none.h5"), "no such file")
-    refused(str(tmp_path), "no such file")
+    refused(str(tmp_path), "that is a folder; the result file")
 
 
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.3, 0.7, 0.99])

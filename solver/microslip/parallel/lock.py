@@ -12,6 +12,7 @@ import fcntl
 import json
 import os
 import socket
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -150,12 +151,20 @@ def _stands_still(path: Path) -> bool:
     """Return whether nobody touches a file, watched until that is certain."""
     if time.time() - os.stat(path).st_mtime > 10.0 * STILL:
         return True
+    _say_that_it_waits(path)
     first, until = _touched(path), time.monotonic() + STILL
     while time.monotonic() < until:
         time.sleep(0.05 * STILL)
         if _touched(path) != first:
             return False
     return True
+
+
+def _say_that_it_waits(path: Path) -> None:
+    """Write to standard error why nothing happens for a while."""
+    with suppress(OSError, AttributeError):  # where it was closed
+        sys.stderr.write(f"microslip: {path} is that of another run; watching for {STILL:.0f} s whether it is at work\n")
+        sys.stderr.flush()
 
 
 def _touched(path: Path) -> int | None:

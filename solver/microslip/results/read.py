@@ -15,6 +15,7 @@ from ..continuation.quantities import TEXT, Quantity, axis_lengths
 from ..formats.hdf5 import MOST_GAIN, Storage
 from ..parallel.apart import Died, read_apart
 from ..parallel.errors import CaseError
+from ..parallel.files import NO_FILE
 from .origin import InputFile, Origin
 from .record import BOLT_UNITS, JOINT_QUANTITIES, Bolts, Joint, LevelResult, LinearCurve, ResultFile
 from .writer import FORMAT, FORMAT_VERSION
@@ -62,7 +63,8 @@ def opened(path: str) -> Iterator[Reader]:
     CaseError : as :func:`read_results`, also for what goes wrong with the file while it is open
     """
     if not os.path.isfile(path):
-        raise CaseError(f"{path}: no such file; the result file of a run is results.h5 in its folder")
+        what = "that is a folder" if os.path.isdir(path) else NO_FILE if os.path.exists(path) else "no such file"
+        raise CaseError(f"{path}: {what}; the result file of a run is results.h5 in its folder")
     try:
         with h5py.File(path, "r") as file:
             _check_format(path, file)
