@@ -9,7 +9,9 @@ from microslip.parallel.errors import Interrupted
 from microslip.parallel.walltime import TimeLimit
 
 
-@pytest.mark.parametrize(("left", "said", "stopped"), [(3.0, "3 s are left", "3 s before"), (-100.0, "0 s are left", "100 s after")])
+@pytest.mark.parametrize(
+    ("left", "said", "stopped"), [(3.0, "3 s are left", "3 s before"), (-100.0, "0 s are left", "100 s after")]
+)
 def test_a_run_stops_before_its_end_or_says_that_it_is_over(left, said, stopped):
     saved = []
     log = RunLog(MPI.COMM_SELF, screen=False)

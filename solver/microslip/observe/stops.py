@@ -33,7 +33,8 @@ class Stops:
         self._slowest_point = self._slowest_save = 0.0  # s
         self._has_stopped = False
         if limit is not None:
-            log.note(f"{max(limit.left, 0.0):.0f} s are left by {limit.source}; what is not done shortly before is left to the next run")
+            left = max(limit.left, 0.0)
+            log.note(f"{left:.0f} s are left by {limit.source}; what is not done shortly before is left to the next run")
 
     @property
     def margin(self) -> float:
