@@ -14,7 +14,7 @@ import pytest
 from mpi4py import MPI
 
 from microslip.parallel import lock
-from microslip.parallel.errors import CaseError
+from microslip.parallel.errors import CaseError, ResourceError
 from microslip.parallel.lock import NAME, locked
 
 SELF = MPI.COMM_SELF
@@ -135,3 +135,13 @@ def test_a_folder_that_cannot_be(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(CaseError, match="cannot be written"), locked(SELF, tmp_path / "file"):
         pass
+
+
+def test_a_process_that_gets_no_thread_says_so_and_leaves_nothing(tmp_path, monkeypatch):
+    def refuse(thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    with pytest.raises(ResourceError, match="no further thread; see ulimit -v"), locked(SELF, tmp_path):
+        pass
+    assert os.listdir(tmp_path) == []

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .agree import on_root
-from .errors import CaseError
+from .errors import CaseError, ResourceError
 from .files import make_folder, said_of
 
 if TYPE_CHECKING:
@@ -61,7 +61,13 @@ class Lock:
         self._path, self._handle, self._ends = path, handle, threading.Event()
         os.ftruncate(handle, 0)
         os.pwrite(handle, json.dumps(_self()).encode(), 0)
-        threading.Thread(target=self._touch, name="lock", daemon=True).start()
+        try:
+            threading.Thread(target=self._touch, name="lock", daemon=True).start()
+        except RuntimeError as problem:
+            self.release()
+            raise ResourceError(
+                f"{path}: the system gives this process no further thread; see ulimit -v and ulimit -u"
+            ) from problem
 
     def _touch(self) -> None:
         """Show now and then that this process goes on, as far as its libraries let a thread run."""
