@@ -122,7 +122,7 @@ def _world_rank() -> int:
 
 
 def _at_start(_, fault: Fault) -> None:
-    from microslip.parallel.ending import launcher_rank
+    from microslip.parallel.start import launcher_rank
 
     fault.at(launcher_rank())
 

@@ -8,17 +8,21 @@ import sys
 if __name__ == "__main__" or os.path.basename(sys.argv[0]) == "microslip":
     # the folder of a scene is no place for modules: python -m puts it before all others
     sys.path[:] = [folder for folder in sys.path if folder not in ("", os.getcwd())]
+    from microslip.parallel.start import stop_at_once
+
+    stop_at_once()
 
 from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
 from .parallel.agree import on_root
-from .parallel.ending import conclude, launcher_rank, leave, no_exit, require
+from .parallel.ending import conclude, leave, no_exit, require
 from .parallel.errors import CaseError, naming
 from .parallel.lock import locked
 from .parallel.petsc import initialise, unused_options
 from .parallel.signals import obey_signals
+from .parallel.start import launcher_rank
 from .parallel.walltime import time_limit
 from .parallel.watchdog import show_stacks, watch, wrong_limit
 from .program.command_line import Command, parse
@@ -39,6 +43,7 @@ def main(arguments: list[str]) -> int:
     comm = _world()
 
     def action() -> int:
+        obey_signals(launcher_rank() == 0)
         command = parse(arguments)
         with no_exit():
             return _perform(command, comm)
@@ -171,7 +176,6 @@ def _solve(command: Command, comm) -> int:
     from .parallel.groups import refuse_too_many
     from .scene.read import read_scene
 
-    obey_signals(comm.rank == 0)
     refuse_too_many(command.groups, comm.size)
     scene, *more = (on_root(comm, read_scene, file, command.settings) for file in (command.file, *command.more))
     with suppress(ImportError):  # what is missing is named with the rest, below

@@ -157,7 +157,7 @@ def follow_logged(
     try:
         with stops.kept():
             branches = follow(response, [levels, writer, stops], n_groups, log, keepers, keeps_motion=False)
-        if not in_turn(response, n_groups):
+        if not in_turn(response, n_groups) or writer.table_is_gone():
             writer.put_in_order(branches)
     finally:
         writer.close()

@@ -14,7 +14,7 @@ import pytest
 from mpi4py import MPI
 
 from microslip.parallel import lock
-from microslip.parallel.errors import CaseError
+from microslip.parallel.errors import CaseError, ResourceError
 from microslip.parallel.lock import NAME, locked
 
 SELF = MPI.COMM_SELF
@@ -87,7 +87,7 @@ def test_a_number_that_another_process_has_now_is_no_holder(tmp_path, locks):
         assert "was left behind" in said
 
 
-def test_another_machine_is_at_work_while_it_touches_the_file(tmp_path, locks, quick):
+def test_another_machine_is_at_work_while_it_touches_the_file(tmp_path, locks, quick, capfd):
     leave(tmp_path, host="elsewhere", job="")
     goes_on, touched = threading.Event(), tmp_path / NAME
 
@@ -99,6 +99,7 @@ def test_another_machine_is_at_work_while_it_touches_the_file(tmp_path, locks, q
     thread.start()
     try:
         assert "on elsewhere" in held(tmp_path)
+        assert f"{NAME} is that of another run; watching for 0 s whether it is at work" in capfd.readouterr().err
     finally:
         goes_on.set()
         thread.join()
@@ -134,3 +135,13 @@ def test_a_folder_that_cannot_be(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(CaseError, match="cannot be written"), locked(SELF, tmp_path / "file"):
         pass
+
+
+def test_a_process_that_gets_no_thread_says_so_and_leaves_nothing(tmp_path, monkeypatch):
+    def refuse(thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    with pytest.raises(ResourceError, match="no further thread; see ulimit -v"), locked(SELF, tmp_path):
+        pass
+    assert os.listdir(tmp_path) == []

@@ -306,6 +306,24 @@ def test_a_finished_run_is_not_computed_again_but_with_fresh(shared_path, built)
     assert on_root(COMM, (folder / "results.h5").is_file)
 
 
+def test_a_table_that_was_taken_away_is_written_again(shared_path, built):
+    scene, folder = scene_at(shared_path), shared_path / "out"
+    table = folder / "frf.csv"
+    run(scene, COMM, folder, screen=False)
+    once = on_root(COMM, table.read_bytes)
+    on_root(COMM, table.unlink)
+    run(scene, COMM, folder, screen=False)
+    assert built["first"] == 1 and on_root(COMM, table.read_bytes) == once
+
+
+def test_fresh_leaves_what_others_have_in_its_folder(shared_path, built):
+    mine = shared_path / "out" / "restart" / "level-of-water"
+    on_root(COMM, lambda: mine.mkdir(parents=True))
+    for fresh in (False, True):
+        run(scene_at(shared_path), COMM, shared_path / "out", screen=False, fresh=fresh)
+    assert built == {"first": 2, "again": 0} and on_root(COMM, mine.is_dir)
+
+
 def test_a_level_that_ends_early_is_said_again_and_not_followed_again(shared_path, built, monkeypatch):
     monkeypatch.setattr("microslip.continuation.levels.most_points", lambda points: 5)
     scene, folder, said = scene_at(shared_path), shared_path / "out", []

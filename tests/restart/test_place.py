@@ -1,5 +1,8 @@
 """Files of a run take their places; what a killed one had half written is gone."""
 
+import pytest
+
+from microslip.parallel.errors import CaseError
 from microslip.restart.place import place_of, settle
 
 
@@ -25,3 +28,24 @@ def test_half_a_file_is_removed_and_the_rest_stays(tmp_path):
 def test_a_folder_of_no_results_is_the_place_itself(tmp_path):
     (tmp_path / "results.h5.part").mkdir()  # taken: writing will tell
     assert place_of(tmp_path) == tmp_path and place_of(tmp_path / "none") == tmp_path / "none"
+
+
+def test_files_of_others_stay_where_they_are(tmp_path):
+    ours, others = ("results.h5", "response2.png", "motion_0003.vtkhdf"), ("beam.toml", "beam.msh", "drawing.part", "my.png")
+    (tmp_path / "unfinished").mkdir()
+    for name in (*ours, *others, "results.h5.part", "unfinished/results.h5"):
+        (tmp_path / name).write_text(name)
+    settle(tmp_path, place_of(tmp_path), keeps_earlier=True)
+    assert sorted(path.name for path in (tmp_path / "earlier-1").iterdir()) == sorted(ours)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(("earlier-1", "results.h5", *others))
+
+
+def test_a_table_without_results_is_an_earlier_one_too(tmp_path):
+    (tmp_path / "frf.csv").write_text("kept, where results.h5 was taken away")
+    assert place_of(tmp_path) == tmp_path / "unfinished"
+
+
+def test_a_folder_with_the_name_of_a_file_is_refused_before_anything_is_computed(tmp_path):
+    (tmp_path / "results.h5").mkdir()
+    with pytest.raises(CaseError, match=r"results\.h5: cannot be written: Is a directory"):
+        place_of(tmp_path)

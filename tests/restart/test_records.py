@@ -144,3 +144,16 @@ def test_a_record_that_cannot_be_written_says_where(tmp_path):
         write_record(tmp_path / "nowhere" / "record", {})
     with pytest.raises(CaseError, match="points: cannot be written"):
         Journal(tmp_path / "nowhere" / "points")
+
+
+def test_a_file_reaches_the_disk_also_where_there_is_no_thread_for_it(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("microslip.restart.records.ThreadPoolExecutor.submit", refuse)
+    synced = []
+    monkeypatch.setattr("microslip.restart.records.os.fsync", synced.append)
+    journal = Journal(tmp_path / "points")
+    journal.append({"x": np.arange(3)})
+    journal.close()
+    assert len(synced) == 2 and len(read_records(tmp_path / "points")) == 1

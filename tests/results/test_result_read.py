@@ -34,7 +34,7 @@ def refused(path, *words):
 
 def test_missing_file_and_folder(tmp_path):
     refused(str(tmp_path / "none.h5"), "no such file")
-    refused(str(tmp_path), "no such file")
+    refused(str(tmp_path), "that is a folder; the result file")
 
 
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.3, 0.7, 0.99])
@@ -140,3 +140,17 @@ def test_not_a_number_is_refused(path):
 def test_large_arrays_can_be_left_out(path):
     assert read_results(path, motion=False).levels[0].du is None
     assert read_results(path).levels[0].du is not None
+
+
+@pytest.mark.parametrize(("name", "value"), [("state", 77), ("harmonics", 10**9), ("newton", -1), ("frequency_Hz", -3.0)])
+def test_values_that_no_run_writes(path, name, value):
+    with h5py.File(path, "r+") as file:
+        file[f"levels/0000/{name}"][...] = value
+    refused(path, name.removesuffix("_Hz"), "of 'levels/0000' cannot be")
+
+
+@pytest.mark.parametrize(("name", "value"), [("status", "banana"), ("level_N", np.nan)])
+def test_attributes_that_no_run_writes(path, name, value):
+    with h5py.File(path, "r+") as file:
+        file["levels/0000"].attrs[name] = value
+    refused(path, "its attributes of 'levels/0000' cannot be")

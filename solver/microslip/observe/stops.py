@@ -33,7 +33,8 @@ class Stops:
         self._slowest_point = self._slowest_save = 0.0  # s
         self._has_stopped = False
         if limit is not None:
-            log.note(f"{limit.left:.0f} s are left by {limit.source}; what is not done shortly before is left to the next run")
+            left = max(limit.left, 0.0)
+            log.note(f"{left:.0f} s are left by {limit.source}; what is not done shortly before is left to the next run")
 
     @property
     def margin(self) -> float:
@@ -71,7 +72,9 @@ class Stops:
         if self._limit is not None and self._limit.left < self.margin:
             self._save_in_time()
             self._has_stopped = True
-            raise Interrupted(f"stopped {max(self._limit.left, 0.0):.0f} s before the end of {self._limit.source}")
+            left = self._limit.left
+            when = f"{left:.0f} s before" if left >= 0.0 else f"{-left:.0f} s after"
+            raise Interrupted(f"stopped {when} the end of {self._limit.source}")
 
     def _save_in_time(self) -> None:
         """Save, and learn how long that takes."""

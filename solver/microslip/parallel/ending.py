@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from .errors import CaseError, Interrupted, MicroslipError, ResourceError
 from .petsc import refused_option
+from .start import launcher_rank
 from .watchdog import unwatched
 
 if TYPE_CHECKING:
@@ -32,7 +33,6 @@ _ABORTS = 32  # tag: to rank 0, from one that ends all of them
 _NEWS = 0.2  # s that such a message may take; the launcher kills a second after its signal
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
 _PETSC_OUT_OF_MEMORY = 55
-_LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
 
 
 def conclude(comm: MPI.Comm | None, action: Callable[[], int | None]) -> int:
@@ -103,12 +103,6 @@ def expected(problem: BaseException) -> MicroslipError | None:
         where = f"{problem.filename}: " if problem.filename else ""
         return ResourceError(f"{where}{problem.strerror}; make room, or choose another disk with --out")
     return None
-
-
-def launcher_rank() -> int:
-    """Return this process's rank as its launcher tells it: known before MPI starts, and without MPI.  Local."""
-    ranks = [os.environ[name] for name in _LAUNCHERS if os.environ.get(name, "").isdigit()]
-    return int(ranks[0]) if ranks else 0
 
 
 def require(comm: MPI.Comm | None, problem: str | None) -> None:

@@ -12,6 +12,7 @@ import fcntl
 import json
 import os
 import socket
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -20,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .agree import on_root
-from .errors import CaseError
+from .errors import CaseError, ResourceError
 from .files import make_folder, said_of
 
 if TYPE_CHECKING:
@@ -60,7 +61,13 @@ class Lock:
         self._path, self._handle, self._ends = path, handle, threading.Event()
         os.ftruncate(handle, 0)
         os.pwrite(handle, json.dumps(_self()).encode(), 0)
-        threading.Thread(target=self._touch, name="lock", daemon=True).start()
+        try:
+            threading.Thread(target=self._touch, name="lock", daemon=True).start()
+        except RuntimeError as problem:
+            self.release()
+            raise ResourceError(
+                f"{path}: the system gives this process no further thread; see ulimit -v and ulimit -u"
+            ) from problem
 
     def _touch(self) -> None:
         """Show now and then that this process goes on, as far as its libraries let a thread run."""
@@ -150,12 +157,20 @@ def _stands_still(path: Path) -> bool:
     """Return whether nobody touches a file, watched until that is certain."""
     if time.time() - os.stat(path).st_mtime > 10.0 * STILL:
         return True
+    _say_that_it_waits(path)
     first, until = _touched(path), time.monotonic() + STILL
     while time.monotonic() < until:
         time.sleep(0.05 * STILL)
         if _touched(path) != first:
             return False
     return True
+
+
+def _say_that_it_waits(path: Path) -> None:
+    """Write to standard error why nothing happens for a while."""
+    with suppress(OSError, AttributeError):  # where it was closed
+        sys.stderr.write(f"microslip: {path} is that of another run; watching for {STILL:.0f} s whether it is at work\n")
+        sys.stderr.flush()
 
 
 def _touched(path: Path) -> int | None:

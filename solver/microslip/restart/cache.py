@@ -27,6 +27,7 @@ from ..parallel.agree import on_root
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.files import make_folder
 from .columns import KeptColumns, n_pairs_in
+from .place import is_part
 from .records import Arrays, read_record, write_record
 from .shared import WHY, all_found, is_shared, made_of, shared_arrays
 
@@ -153,7 +154,7 @@ def take(source: Path, target: Path) -> None:
 
 def make_room(path: Path, newest: Path) -> None:
     """Remove the set-ups used longest ago, until the rest are no larger than ``LARGEST``.  Rank 0."""
-    entries = sorted(path.glob("setup-*"), key=lambda entry: (entry == newest, _used(entry)))
+    entries = sorted(filter(is_part, path.glob("setup-*")), key=lambda entry: (entry == newest, _used(entry)))
     sizes = [sum(file.stat().st_size for file in entry.glob("*")) for entry in entries]
     for i, entry in enumerate(entries):
         if sum(sizes[i:]) > LARGEST:

@@ -30,7 +30,7 @@ from .branch import KeptBranch
 from .cache import Cache, read_modes, take
 from .columns import KeptColumns
 from .identity import Identity, identity_of
-from .place import RESULTS
+from .place import RESULTS, TABLE, is_part
 from .records import Disk, as_written, note_record, read_record, write_record
 from .restore import exact_columns, restored
 from .setup import to_arrays
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from ..scene.schema import Scene
 
 NAME = "restart"
+_FILES = ("identity", "done")
 
 
 @dataclass(eq=False)
@@ -182,9 +183,28 @@ class Restart:
     def _finish(self, folder: Path, failures: list[str]) -> None:
         found = {"of": self.identity.whole, "results": _hash(folder / RESULTS), "failures": failures}
         write_record(self.path / "done", {}, found)
-        for other in self.path.iterdir():
-            if other.is_dir() and other.name not in self._used and other.name.startswith(("setup-", "level-")):
+        for other in _parts(self.path):
+            if other.name not in self._used:
                 shutil.rmtree(other, ignore_errors=True)
+
+
+def _parts(path: Path) -> list[Path]:
+    """Return the folders of set-ups and levels; others there are not of this program.  Rank 0."""
+    return [part for part in path.iterdir() if is_part(part)]
+
+
+def _empty(path: Path) -> None:
+    """Remove what runs have kept.  Rank 0.
+
+    Raises
+    ------
+    CaseError, ResourceError : it cannot be removed
+    """
+    with said_of(str(path)):
+        for name in _FILES:
+            (path / name).unlink(missing_ok=True)
+        for part in _parts(path):
+            shutil.rmtree(part)
 
 
 def _sign(folder: Path, branch: str, sweep: Sweep) -> None:
@@ -213,17 +233,22 @@ def _opened(
     Rank 0.
     """
     if fresh and path.is_dir():
-        with said_of(str(path)):
-            shutil.rmtree(path)
+        _empty(path)
     identity, notes = identity_of(scene, options), tuple[str, ...]()
     found = read_record(path / "identity")
     if found is not None and found[1].keys() == identity.as_texts().keys():
         notes = tuple(_told(path, identity, Identity.from_texts(found[1])))
     make_folder(str(path))
     write_record(path / "identity", {}, identity.as_texts())
-    done = read_record(path / "done")
-    is_there = done is not None and done[1]["of"] == identity.whole and _hash(path.parent / RESULTS) == done[1]["results"]
-    return identity, notes, done[1]["failures"] if done is not None and is_there else None
+    return identity, notes, _done(path, identity)
+
+
+def _done(path: Path, identity: Identity) -> list[str] | None:
+    """Return why levels ended early, of a run that was finished and whose results are there; None of any other.  Rank 0."""
+    found = read_record(path / "done")
+    if found is None or found[1]["of"] != identity.whole or not (path.parent / TABLE).is_file():
+        return None
+    return found[1]["failures"] if _hash(path.parent / RESULTS) == found[1]["results"] else None
 
 
 def _hash(path: Path) -> str:

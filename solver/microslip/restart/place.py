@@ -3,26 +3,53 @@
 from __future__ import annotations
 
 import os
+import re
 from contextlib import suppress
 from pathlib import Path
 
+from ..parallel.errors import CaseError
 from ..parallel.files import BESIDE, make_folder, said_of
 from ..parallel.signals import unbroken
 
 UNFINISHED, EARLIER = "unfinished", "earlier"
-RESULTS = "results.h5"
-WRITTEN = (RESULTS, "frf.csv", "run.log")  # again by every run
+RESULTS, TABLE = "results.h5", "frf.csv"
+WRITTEN = (RESULTS, TABLE, "run.log")  # again by every run
 OPTIONAL = ("modes.vtkhdf", "peak_response.vtkhdf")  # fields, by every run that wants them
+# by runs and by plot, report and convert; whatever else is in a folder is its owner's
+_OURS = re.compile(
+    r"results\.(h5|unv|mat)|frf\.csv|run\.log|report\.html"
+    r"|(response\d*|states|slip_map|rom_size|energy|energy_map|error|rest)\.png"
+    r"|(modes|peak_response|mode_shapes|rest|joint|(joint_)?motion_\d+)\.vtkhdf"
+)
+_PART = re.compile(r"(setup|level)-[0-9a-f]{24}")
+
+
+def is_part(path: Path) -> bool:
+    """Return whether a path is that of a set-up or a level that this program keeps, by its name.  Local."""
+    return _PART.fullmatch(path.name) is not None and path.is_dir()
+
+
+def is_ours(name: str) -> bool:
+    """Return whether a file of this name in a folder for results is one that this program writes there.  Local."""
+    return _OURS.fullmatch(name) is not None
 
 
 def place_of(folder: Path) -> Path:
     """Return where files are made: beside the results of an earlier run until all are there, or in the folder itself.
 
     What a run that was killed had half written is removed from both, and what it had drawn beside: it may be of another scene.
+
+    Raises
+    ------
+    CaseError : a folder has the name of a file
     """
-    place = folder / UNFINISHED if (folder / RESULTS).exists() else folder
+    for name in WRITTEN:
+        if (folder / name).is_dir():
+            raise CaseError(f"{folder / name}: cannot be written: Is a directory; choose another folder with --out")
+    place = folder / UNFINISHED if any((folder / name).is_file() for name in (RESULTS, TABLE)) else folder
     drawn = [path for path in place.glob("*") if path.name not in WRITTEN] if place != folder else []
-    for half in (*folder.glob(f"*{BESIDE}"), *drawn):
+    half_written = [path for path in folder.glob(f"*{BESIDE}") if is_ours(path.name.removesuffix(BESIDE))]
+    for half in (*half_written, *drawn):
         with suppress(OSError):  # also a place that is taken, of which writing will tell
             half.unlink()
     return place
@@ -39,7 +66,7 @@ def settle(folder: Path, place: Path, keeps_earlier: bool = False) -> None:
         return
     with unbroken(), said_of(str(folder)):
         if keeps_earlier:
-            _move(folder, _next_of(folder / EARLIER))
+            _move(folder, _next_of(folder / EARLIER), only_ours=True)
         for name in OPTIONAL:
             if not (place / name).exists():
                 (folder / name).unlink(missing_ok=True)
@@ -47,10 +74,10 @@ def settle(folder: Path, place: Path, keeps_earlier: bool = False) -> None:
         place.rmdir()
 
 
-def _move(source: Path, target: Path) -> None:
+def _move(source: Path, target: Path, only_ours: bool = False) -> None:
     """Move the files of one folder to another, the results first."""
     make_folder(str(target))
-    files = [path for path in source.iterdir() if path.is_file() and not path.name.startswith(".")]
+    files = [path for path in source.iterdir() if path.is_file() and (is_ours(path.name) or not only_ours)]
     for path in sorted(files, key=lambda path: path.name != RESULTS):
         os.replace(path, target / path.name)
 

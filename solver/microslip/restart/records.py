@@ -174,7 +174,12 @@ class Disk:
         self._hear()
         if is_last or (not self._under_way and monotonic() >= self._next):
             self._beside = self._beside or ThreadPoolExecutor(1, "disk")
-            self._under_way.append(self._beside.submit(self._bring, os.dup(handle)))
+            own = os.dup(handle)
+            try:
+                self._under_way.append(self._beside.submit(self._bring, own))
+            except RuntimeError:  # the system gives no further thread
+                self._beside = None
+                self._bring(own)
 
     def wait(self) -> None:
         """Wait for what is under way."""

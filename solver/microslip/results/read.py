@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import h5py
 import numpy as np
 
+from ..contact.law import OPEN
 from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import CLOSES_TO, QUANTITIES
 from ..continuation.quantities import TEXT, Quantity, axis_lengths
 from ..formats.hdf5 import MOST_GAIN, Storage
 from ..parallel.apart import Died, read_apart
 from ..parallel.errors import CaseError
+from ..parallel.files import NO_FILE
 from .origin import InputFile, Origin
-from .record import BOLT_UNITS, JOINT_QUANTITIES, Bolts, Joint, LevelResult, LinearCurve, ResultFile
+from .record import BOLT_UNITS, COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Bolts, Joint, LevelResult, LinearCurve, ResultFile
 from .writer import FORMAT, FORMAT_VERSION
 
 _MOST_GAIN = 2000  # gzip packs no more than about 1030 to 1: a dataset that claims more is not ours
@@ -62,7 +64,8 @@ def opened(path: str) -> Iterator[Reader]:
     CaseError : as :func:`read_results`, also for what goes wrong with the file while it is open
     """
     if not os.path.isfile(path):
-        raise CaseError(f"{path}: no such file; the result file of a run is results.h5 in its folder")
+        what = "that is a folder" if os.path.isdir(path) else NO_FILE if os.path.exists(path) else "no such file"
+        raise CaseError(f"{path}: {what}; the result file of a run is results.h5 in its folder")
     try:
         with h5py.File(path, "r") as file:
             _check_format(path, file)
@@ -272,7 +275,24 @@ def _level(reader: Reader, group: str, n_outputs: int, n_pairs: int, motion: boo
             raise CaseError(f"{reader.path}: {name} of '{group}' is not finite everywhere; the file is damaged or was edited")
     status, failure = (_attribute(attributes, name) for name in ("status", "failure"))
     closes_to = float(attributes.attrs.get("closes_to", CLOSES_TO))  # older files do not have it
-    return LevelResult(float(attributes.attrs["level_N"]), status, failure, arrays, unit, closes_to)
+    level = float(attributes.attrs["level_N"])
+    fault = _out_of_range(arrays, N_H)
+    if not np.isfinite([level, closes_to]).all() or status not in (COMPLETE, STOPPED, RUNNING):
+        fault = "its attributes"
+    if fault is not None:
+        raise CaseError(f"{reader.path}: {fault} of '{group}' cannot be; the file is damaged or was edited")
+    return LevelResult(level, status, failure, arrays, unit, closes_to)
+
+
+def _out_of_range(arrays: Mapping[str, np.ndarray | None], N_H: int) -> str | None:
+    """Return what of a level has values that no run writes; None where all may be."""
+    whole = {name: values for name, values in arrays.items() if values is not None and values.dtype.kind in "iu"}
+    most = {"state": OPEN, "harmonics": N_H}
+    for name, values in whole.items():
+        if values.size and not 0 <= values.min() <= values.max() <= most.get(name, values.max()):
+            return name
+    frequency = arrays["frequency"]
+    return "frequency" if frequency is not None and (frequency < 0.0).any() else None
 
 
 def _quantity(reader: Reader, group: str, kept: Quantity, n: int, lengths: dict[str, int]) -> np.ndarray | None:

@@ -50,6 +50,13 @@ class ResponseTable:
                 self._rows.writerow([f"{level:.13g}", i, *_FIRST.cells(point, k), name, *cells, self.units[k]])
             self._file.flush()
 
+    def is_gone(self) -> bool:
+        """Return whether somebody has removed the file, or put another in its place."""
+        try:
+            return not os.path.samestat(os.stat(self.path), os.fstat(self._file.fileno()))
+        except OSError:
+            return True
+
     def put_in_order(self, branches: list[Branch]) -> None:
         """Replace the table by that of these branches, one after the other, and close it."""
         self.close()

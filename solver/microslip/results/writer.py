@@ -75,6 +75,10 @@ class ResultWriter:
         del self._at_work[number]
         self._save(number, branch, STOPPED if branch.failure else COMPLETE)
 
+    def table_is_gone(self) -> bool:
+        """Return whether somebody has taken frf.csv away meanwhile; collective, as what writes it again."""
+        return on_root(self.comm, lambda: self._table.is_gone())
+
     def put_in_order(self, branches: list[Branch]) -> None:
         """Put the rows of frf.csv, which came level by level or mixed, into the order of the branches, those of rank 0."""
         on_root(self.comm, lambda: self._table.put_in_order(branches), share=False)

@@ -1,0 +1,42 @@
+"""The first moments of a process, while what it needs is imported: on a cluster that may take a minute.  Local.
+
+This module imports next to nothing, so that signals are answered from the first line on.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from typing import NoReturn
+
+_STOPPED = 5  # exit status of Interrupted
+_LAUNCHERS = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")
+
+
+def launcher_rank() -> int:
+    """Return this process's rank as its launcher tells it: known before MPI starts, and without MPI.  Local."""
+    ranks = [os.environ[name] for name in _LAUNCHERS if os.environ.get(name, "").isdigit()]
+    return int(ranks[0]) if ranks else 0
+
+
+def stop_at_once() -> None:
+    """Let signals that stop end the process at once, as there is nothing to save, and one that asks to save pass.  Local.
+
+    Until signals.py answers them.  One that the caller ignores stays ignored.
+    """
+    answers = {signal.SIGTERM: _end, signal.SIGINT: _end, signal.SIGHUP: _end, signal.SIGUSR1: _pass}
+    for number, answer in answers.items():
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, answer)
+
+
+def _end(number: int, frame: object) -> NoReturn:
+    if launcher_rank() == 0 and sys.stderr is not None:
+        sys.stderr.write(f"microslip: error: stopped by {signal.Signals(number).name} before it had begun\n")
+        sys.stderr.flush()
+    os._exit(_STOPPED)
+
+
+def _pass(number: int, frame: object) -> None:
+    pass

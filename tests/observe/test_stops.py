@@ -1,0 +1,22 @@
+"""The end of the time that a run has, as it is said."""
+
+import pytest
+from mpi4py import MPI
+
+from microslip.observe.log import RunLog
+from microslip.observe.stops import Stops
+from microslip.parallel.errors import Interrupted
+from microslip.parallel.walltime import TimeLimit
+
+
+@pytest.mark.parametrize(
+    ("left", "said", "stopped"), [(3.0, "3 s are left", "3 s before"), (-100.0, "0 s are left", "100 s after")]
+)
+def test_a_run_stops_before_its_end_or_says_that_it_is_over(left, said, stopped):
+    saved = []
+    log = RunLog(MPI.COMM_SELF, screen=False)
+    stops = Stops(log, lambda: saved.append(True), TimeLimit(left, "the queue"))
+    assert log.notes[-1].startswith(f"{said} by the queue")
+    with pytest.raises(Interrupted, match=f"stopped {stopped} the end of the queue"):
+        stops.level_started(0, 1.0, "")
+    assert saved == [True]
