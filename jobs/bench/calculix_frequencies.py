@@ -31,14 +31,7 @@ LENGTH = 4.0  # m
 
 def deck(name: str, straight: bool) -> str:
     """Return the input file of the bar in one element type."""
-    if not straight:
-        return calculix.deck(name, static=False)
-    as_it_was = calculix.bar
-    calculix.bar = lambda kind, straight=False: as_it_was(kind, straight=True)
-    try:
-        return calculix.deck(name, static=False)
-    finally:
-        calculix.bar = as_it_was
+    return calculix.deck(name, static=False, made=calculix.bar(calculix.TYPES[name][0], straight))
 
 
 def pushed(text: str, name: str, force: float) -> str:
