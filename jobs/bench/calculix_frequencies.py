@@ -6,8 +6,8 @@ The bar of tests/verification/calculix.py, clamped at one end: curved, twisted a
 file, materials, sections and supports too. CalculiX prints seven digits. Its C3D8I has the incompatible modes in the mass, too, and
 on distorted elements gradients of them without the factor det J_centre / det J.
 
-With --pushed the straight bar vibrates about a static step, pushed along its length by FORCE [N], which the scene states in
-[statics]; shown beside the difference is by how much the force changes the frequencies of CalculiX.
+With --pushed the straight bar vibrates about a static step, pushed along its length by FORCE [N], which is taken over from the
+file, too; shown beside the difference is by how much the force changes the frequencies of CalculiX.
 """
 
 from __future__ import annotations
@@ -31,34 +31,26 @@ LENGTH = 4.0  # m
 
 def deck(name: str, straight: bool) -> str:
     """Return the input file of the bar in one element type."""
-    if not straight:
-        return calculix.deck(name, static=False)
-    as_it_was = calculix.bar
-    calculix.bar = lambda kind, straight=False: as_it_was(kind, straight=True)
-    try:
-        return calculix.deck(name, static=False)
-    finally:
-        calculix.bar = as_it_was
+    return calculix.deck(name, static=False, made=calculix.bar(calculix.TYPES[name][0], straight))
 
 
-def pushed(text: str, name: str, force: float) -> tuple[str, dict]:
-    """Return an input file with a step before its vibration, and the [statics] of the scene, a force shared by the end's nodes."""
+def pushed(text: str, name: str, force: float) -> str:
+    """Return an input file with a step before its vibration, a force shared by the end's nodes."""
     points, _, _ = calculix.bar(calculix.TYPES[name][0], straight=True)
     end = (np.flatnonzero(np.isclose(points[:, 2], LENGTH)) + 1).tolist()
     own = -force / len(end)
     loads = "".join(f"{node}, 3, {own:.12e}\n" for node in end)
-    statics = {"forces": tuple({"node": node, "force": (0.0, 0.0, own)} for node in end)}
-    return text.replace("*STEP", f"*STEP\n*STATIC\n*CLOAD\n{loads}*END STEP\n*STEP, PERTURBATION", 1), {"statics": statics}
+    return text.replace("*STEP", f"*STEP\n*STATIC\n*CLOAD\n{loads}*END STEP\n*STEP, PERTURBATION", 1)
 
 
-def both(ccx: str, text: str, more: dict) -> tuple[np.ndarray, np.ndarray]:
+def both(ccx: str, text: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the eigenvalues of CalculiX and of this program."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bar.inp"
         path.write_text(text)
         subprocess.run([ccx, "bar"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
         theirs = eigenvalues_in((Path(folder) / "bar.dat").read_text())
-        return theirs, np.sort(eigenvalues(path, len(theirs), more=more))[: len(theirs)]
+        return theirs, np.sort(eigenvalues(path, len(theirs)))[: len(theirs)]
 
 
 def main() -> None:
@@ -70,11 +62,11 @@ def main() -> None:
     if not chosen.ccx:
         sys.exit("ccx not found: install CalculiX (Debian: calculix-ccx) or give its path with --ccx")
     for name in sorted(calculix.TYPES):
-        text, more = deck(name, chosen.straight or chosen.pushed is not None), {}
-        free = both(chosen.ccx, text, more)[0] if chosen.pushed is not None else None
+        text = deck(name, chosen.straight or chosen.pushed is not None)
+        free = both(chosen.ccx, text)[0] if chosen.pushed is not None else None
         if chosen.pushed is not None:
-            text, more = pushed(text, name, chosen.pushed)
-        theirs, ours = both(chosen.ccx, text, more)
+            text = pushed(text, name, chosen.pushed)
+        theirs, ours = both(chosen.ccx, text)
         difference = abs(np.sqrt(ours / theirs) - 1.0).max()
         hertz = " ".join(f"{value:.7g}" for value in np.sqrt(theirs) / (2.0 * np.pi))
         shift = f", changed by up to {abs(np.sqrt(theirs / free) - 1.0).max():.1e}" if free is not None else ""

@@ -54,8 +54,8 @@ def eigenvalues_in(text: str) -> np.ndarray:
     return np.array([float(row.split()[0]) for row in rows])
 
 
-def scene_for(path: Path, model: FileModel, ignore: tuple[str, ...], more: dict):
-    """Return the least scene that takes a file over: a load and an output at a node that is free to move, and ``more`` tables."""
+def scene_for(path: Path, model: FileModel, ignore: tuple[str, ...]):
+    """Return the least scene that takes a file over: a load and an output at a node that is free to move."""
     free = np.zeros((len(model.points), 3), dtype=bool)
     for cells in model.cells:
         if cells.kind.startswith(("tet", "hex", "wedge")):
@@ -77,15 +77,14 @@ def scene_for(path: Path, model: FileModel, ignore: tuple[str, ...], more: dict)
         "outputs": ({"name": "out", "position": at, "direction": along},),
         "damping": {"ratio": 0.01},
         "response": {"levels": (1.0,), "frequencies": (1.0, 2.0)},
-        **more,
     }
     return scene_of(tables, path.parent / "scene.toml")
 
 
-def eigenvalues(path: Path, n: int, ignore: tuple[str, ...] = (), more: dict | None = None) -> np.ndarray:
-    """Return the lowest eigenvalues of an input file that is taken over whole, with ``more`` tables of the scene."""
+def eigenvalues(path: Path, n: int, ignore: tuple[str, ...] = ()) -> np.ndarray:
+    """Return the lowest eigenvalues of an input file that is taken over whole."""
     model = read_model(path)
-    scene, _ = complete(scene_for(path, model, ignore, more or {}), model)
+    scene, _ = complete(scene_for(path, model, ignore), model)
     _, system, pairs, _ = from_mesh(scene, model, MPI.COMM_SELF, RunLog(MPI.COMM_SELF, screen=False))
     linearised = linearise(system, pairs, str(path))
     modes = lowest_modes(linearised, min(n, system.n_dof), verify=False)

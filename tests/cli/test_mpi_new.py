@@ -61,6 +61,7 @@ def test_from_new_to_a_curve_by_names_and_by_bodies(comm, program, model, shared
         assert status == 0, error
         peaks.append(on_root(comm, lambda: np.abs(read_results(str(out / "results.h5")).levels[0].response).max()))
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-9) and peaks[0] > 0.0
+    assert said.count("by the linear peak, pairs slip from about ") == 1
     assert "surface 'up': 3 faces of 'BAR-1.ALL' on 'PLATE-1.ALL', 0.0005 m2" in said
     assert on_root(comm, lambda: (out / "mesh.png").stat().st_size) > 10_000
 

@@ -1,5 +1,7 @@
 """Levels known to be linear are scaled, not solved: the points are those of the solver; on any number of ranks."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from dense_model import forced, reduced
@@ -8,7 +10,7 @@ from oracles import scenes
 
 from microslip.continuation import linear_levels
 from microslip.continuation.follow import follow_branch
-from microslip.continuation.levels import linear_curve
+from microslip.continuation.levels import levels_of_slip, linear_curve
 from microslip.continuation.linear_levels import is_linear
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.sweep import Sweep
@@ -50,6 +52,15 @@ def follow(model, parameters, sweep, curve, level, is_linear, selection=None):
     ds = curve.s[-1] / 40
     steps, problem = ArcLength(ds=ds, ds_min=ds / 1024, ds_max=2 * ds), forced(model, parameters, 128, level)
     return follow_branch(BranchTask(problem, selection or AllPairs(), sweep, steps, 1e-12, is_linear=is_linear), 400)
+
+
+@pytest.mark.ranks(1, 2, 3)
+@pytest.mark.parametrize("name", ["chain", "spatial"])
+def test_the_levels_from_which_pairs_slip_are_told_by_the_linear_peak(name):
+    model, parameters, _, curve = prepared(name)
+    first, half = levels_of_slip(SimpleNamespace(model=model, law=parameters, curve=curve))
+    assert first == pytest.approx(slip_level(model, parameters, curve), rel=0.1)  # amplitudes of all directions count together
+    assert half >= first
 
 
 @pytest.mark.ranks(1, 2, 3)

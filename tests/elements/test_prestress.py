@@ -66,6 +66,37 @@ def test_energy_of_the_stress_stiffness_is_that_of_a_linear_motion(kind):
     assert np.abs(K.sum(axis=2)).max() < 1e-10 * np.abs(K).max()  # a translation feels no stress
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_finite_turn_turns_the_stiffness(kind):
+    """About u = (Q - 1) x, v^T K_F v is the energy of the motion turned back, Q^T v."""
+    points, nodes = bent_box(kind)
+    rng = np.random.default_rng(3)
+    Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    Q *= np.linalg.det(Q)
+    K = elements.stiffness(kind, points[nodes], YOUNG, POISSON)
+    turned = elements.deformed_stiffness(kind, points[nodes], points[nodes] @ (Q - np.eye(3)).T, YOUNG, POISSON)
+    v = rng.standard_normal(points[nodes].shape)
+    energy = np.einsum("em,emn,en->e", v.reshape(len(v), -1), turned, v.reshape(len(v), -1))
+    back = (v @ Q).reshape(len(v), -1)
+    assert energy == pytest.approx(np.einsum("em,emn,en->e", back, K, back), rel=1e-10)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_energy_about_a_deformed_shape_is_that_of_a_linear_motion(kind):
+    """With u = H x and v = G x the strain is sym((1 + H)^T G) everywhere; K_F is symmetric, and K for u = 0."""
+    points, nodes = bent_box(kind)
+    H, G = 0.3 * np.random.default_rng(4).standard_normal((2, 3, 3))
+    K = elements.deformed_stiffness(kind, points[nodes], points[nodes] @ H.T, YOUNG, POISSON)
+    assert pytest.approx(K.swapaxes(1, 2), abs=1e-10 * np.abs(K).max()) == K
+    v = (points[nodes] @ G.T).reshape(len(nodes), -1)
+    strain = (np.eye(3) + H).T @ G
+    volume = 1.0 * 1.5 * 4.0 * abs(np.linalg.det(skewed()))
+    energy = volume * np.sum(hooke(strain) * 0.5 * (strain + strain.T))
+    assert np.einsum("em,emn,en->", v, K, v) == pytest.approx(energy, rel=1e-9)
+    at_rest = elements.deformed_stiffness(kind, points[nodes], np.zeros_like(points[nodes]), YOUNG, POISSON)
+    assert at_rest == pytest.approx(elements.stiffness(kind, points[nodes], YOUNG, POISSON), abs=1e-10 * np.abs(at_rest).max())
+
+
 @pytest.mark.parametrize("kind", ["tri3", "tri6", "quad4", "quad8"])
 def test_a_pressure_pushes_against_the_outward_normal_through_the_middle(kind):
     corners = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0], [0.0, 1.0, 0.0]])[: 3 if "tri" in kind else 4]

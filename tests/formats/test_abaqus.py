@@ -395,6 +395,12 @@ def test_the_bolted_beam_is_read_as_it_stands(tmp_path):
     more = {"joints": (joint,), "loads": (at,), "outputs": ({"name": "end", **at},), "statics": {"bolts": bolts}}
     scene, _ = complete(scene_of({**tables("job.inp", units="mm-t-s"), **more}, tmp_path / "s.toml"), model)
     settings = mesh_settings(scene)
+    del more["statics"]
+    taken, _ = complete(scene_of({**tables("job.inp", units="mm-t-s"), **more}, tmp_path / "s.toml"), model)
+    assert [(one.group, one.force) for one in mesh_settings(taken).statics.bolts] == [
+        (f"BOLT-{i}.CUT", 9000.0) for i in (1, 2, 3)
+    ]
+    assert taken.statics.deformed_shape and not settings.statics.deforms
     mesh = read_mesh(settings, model)
     pairs = pair_contacts(mesh, settings.joints)
     np.testing.assert_allclose(mesh.points[pairs.node1], mesh.points[pairs.node2], atol=1e-9)
@@ -421,7 +427,6 @@ FINDINGS = {
     "*CONTACT\n": "*CONTACT",
     "*SOLID SECTIONS, ELSET=SECOND\n": "*SOLID SECTIONS",
     "*RIGID BODY, NSET=ALL, REF NODE=99, POSITION=CENTER OF MASS\n": "*RIGID BODY, POSITION",
-    "*STEP\n*STATIC\n*CLOAD\n1, 1, 1.\n*END STEP\n*STEP, PERTURBATION\n*FREQUENCY\n2\n*END STEP\n": "*STEP, PERTURBATION",
 }
 
 
@@ -432,6 +437,54 @@ def test_what_changes_the_answer_is_found(tmp_path, card, word):
     assert [found for found in words(read(tmp_path, plain_text + "*MATERIAL, NAME=other\n" + card)) if found not in before] == [
         word
     ]
+
+
+VIBRATION = "*STEP, PERTURBATION\n*FREQUENCY\n2\n*END STEP\n"
+STATICS = {
+    "*DLOAD\nCUBE, GRAV, 9810., 0., 0., -1.\n": "*DLOAD, GRAV",
+    "*DLOAD\nSECOND, CENTRIF, 1e4, 0., 0., 0., 0., 0., 1.\n": "*DLOAD, CENTRIF",
+    "*DLOAD\nCUBE, P2NU, 1.\n": "*DLOAD, P2NU",
+    "*DSLOAD\nCROWN, TRVEC, 1., 1., 0., 0.\n": "*DSLOAD, TRVEC",
+    "*CLOAD, AMPLITUDE=a\n1, 1, 1.\n": "*CLOAD, AMPLITUDE",
+    "*CLOAD\n1, 4, 1.\n": "*CLOAD",
+    "*TEMPERATURE\nALL, 20.\n": "*TEMPERATURE",
+    "*BOUNDARY\n1, 1, 1, 0.5\n": "*BOUNDARY",
+}
+
+
+@pytest.mark.parametrize("card, word", STATICS.items(), ids=STATICS.values())
+def test_loads_before_the_vibration_that_are_not_taken_over_are_found(tmp_path, card, word):
+    plain_text = CUBE + TWICE + STEEL
+    found = words(read(tmp_path, plain_text + "*STEP\n*STATIC\n" + card + "*END STEP\n" + VIBRATION))
+    assert set(found) - set(words(read(tmp_path, plain_text))) == {word, "*STEP, PERTURBATION"}
+
+
+def test_what_the_statics_of_a_scene_leave_out_is_found(tmp_path):
+    step = "*STEP, NLGEOM\n*STATIC\n*CLOAD\n1, 1, 1.\n*END STEP\n"
+    plastic = STEEL.replace("*SOLID", "*PLASTIC\n300., 0.\n*SOLID")
+    assert words(read(tmp_path, CUBE + plastic + step + VIBRATION)) == ["*STEP, NLGEOM", "*PLASTIC", "*STEP, PERTURBATION"]
+    assert words(read(tmp_path, CUBE + plastic + step + VIBRATION.replace(", PERTURBATION", ""))) == []
+    dynamic = step.replace(", NLGEOM", "").replace("*STATIC", "*DYNAMIC")
+    assert words(read(tmp_path, CUBE + STEEL + dynamic + VIBRATION)) == 2 * ["*STEP, PERTURBATION"]
+
+
+def test_loads_before_the_vibration_are_those_at_the_end_of_their_steps(tmp_path):
+    """A load replaces that of a step before and is added to one of its own step; OP = NEW takes out all others."""
+    sets = "*NSET, NSET=PAIR\n5, 6\n*TRANSFORM, NSET=PAIR, TYPE=R\n0., 1., 0., -1., 0., 0.\n*SURFACE, NAME=SIDE\nCUBE, S3\n"
+    first = "*CLOAD\nPAIR, 1, 3.\nPAIR, 1, 2.\n7, 3, 9.\n*DLOAD\nCUBE, P2, 4.\nCUBE, CENTRIF, 1e4, 1., 0., 0., 0., 0., 2.\n"
+    second = "*CLOAD\nPAIR, 1, 7.\n8, 1, 1.\n*DSLOAD\nSIDE, P, -2.\n"
+    steps = f"*STEP\n*STATIC\n{first}*END STEP\n*STEP\n*STATIC\n{second}*END STEP\n"
+    model = read(tmp_path, CUBE + STEEL + sets + steps + VIBRATION)
+    statics = model.statics
+    found = {tuple(model.numbers[model.groups[one.group].nodes]): one.force for one in statics.forces}
+    assert found == {(5, 6): (0.0, 14.0, 0.0), (7,): (0.0, 0.0, 9.0), (8,): (1.0, 0.0, 0.0)}
+    (group, pressure), side = statics.pressures
+    assert pressure == 4.0 and side == ("SIDE", -2.0)
+    assert set(model.numbers[model.cells[next(iter(model.groups[group].cells))].nodes.ravel()]) == {5, 6, 7, 8}
+    assert (statics.speed, statics.axis, statics.axis_point) == (100.0, (0.0, 0.0, 2.0), (1.0, 0.0, 0.0))
+    renewed = steps.replace("*CLOAD\nPAIR, 1, 7.", "*CLOAD, OP=NEW\nPAIR, 1, 7.").replace("*DSLOAD", "*DSLOAD, OP=NEW")
+    statics = read(tmp_path, CUBE + STEEL + sets + renewed + VIBRATION).statics
+    assert len(statics.forces) == 2 and statics.pressures == (("SIDE", -2.0),) and statics.speed == 0.0
 
 
 def test_what_changes_nothing_is_listed_or_passed_over(tmp_path):

@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from microslip.formats.model import FileBody, FileMaterial, FileModel, FilePoint, FileSupport, FileTie, Finding
+from microslip.formats.model import (
+    FileBody,
+    FileForce,
+    FileMaterial,
+    FileModel,
+    FilePoint,
+    FileStatics,
+    FileSupport,
+    FileTie,
+    Finding,
+)
 from microslip.library.complete import complete
 from microslip.library.settings import mesh_settings
 from microslip.parallel.errors import CaseError
@@ -104,6 +114,61 @@ def test_a_finding_of_a_part_that_is_not_taken_over_has_no_effect(tmp_path):
     complete(scene(tmp_path, supports=own), model(findings=(moved,)))
     with pytest.raises(CaseError, match="a displacement other than 0"):
         complete(scene(tmp_path), model(findings=(moved,)))
+
+
+WORD = "*STEP, PERTURBATION"
+LOADED = {
+    "connected": (),
+    "statics": FileStatics(
+        word=WORD,
+        step=1,
+        forces=(FileForce(group="tip", force=(1.0, 0.0, -2.0)),),
+        pressures=(("pad", 3.0),),
+        bolts=(("bolt", "cut", 4.0),),
+        speed=5.0,
+        axis=(0.0, 0.0, 1.0),
+        axis_point=(6.0, 0.0, 0.0),
+    ),
+    "findings": (Finding(word=WORD, where="line 9", effect="vibration about loads", changes=True, part="statics"), OUTPUT),
+}
+GRAVITY = Finding(word="*DLOAD, GRAV", where="line 8", effect="a load GRAV", changes=True, part="statics")
+
+
+def test_loads_before_the_vibration_become_statics(tmp_path):
+    found, notes = complete(scene(tmp_path), model(**LOADED))
+    statics = mesh_settings(found).statics
+    assert statics.forces[0].force == (1.0, 0.0, -2.0) and statics.pressures == (("pad", 3e6),)
+    assert (statics.bolts[0].group, statics.bolts[0].force) == ("cut", 4.0)
+    assert (statics.speed, statics.axis, statics.axis_point) == (5.0, (0.0, 0.0, 1.0), (6e-3, 0.0, 0.0))
+    assert (
+        statics.deforms
+        and not any(WORD in note for note in notes)
+        and "[statics] with 1 forces, 1 pressures, 1 bolts and rotation of step 1 taken over from job.inp" in notes
+    )
+
+
+def test_loads_before_the_vibration_are_stated_taken_or_left_out(tmp_path):
+    pulled = {"forces": ({"group": "root", "force": (7.0, 0.0, 0.0)},)}
+    found, _ = complete(scene(tmp_path, statics=pulled), model(**LOADED))
+    assert found.statics.bolts == () and not found.statics.deformed_shape and found.model.axis is None
+    found, _ = complete(scene(tmp_path, {"take": ("bodies", "materials", "statics")}, statics=pulled), model(**LOADED))
+    assert [one.group for one in found.statics.forces] == ["tip", "root"] and len(found.statics.bolts) == 1
+    findings = (*LOADED["findings"], GRAVITY)
+    assert complete(scene(tmp_path, {"ignore": (WORD,)}), model(**{**LOADED, "findings": findings}))[0].statics is None
+    with pytest.raises(CaseError, match=r'1 entries .*takes "\*DLOAD, GRAV"'):
+        complete(scene(tmp_path), model(**{**LOADED, "findings": findings}))
+    found, _ = complete(scene(tmp_path, {"ignore": ("*DLOAD, GRAV",)}), model(**{**LOADED, "findings": findings}))
+    assert len(found.statics.bolts) == 1
+    with pytest.raises(CaseError, match=r'takes "\*STEP, PERTURBATION"'):
+        complete(scene(tmp_path, {"take": ("bodies", "materials")}), model(**LOADED))
+
+
+def test_a_joint_may_wait_for_the_statics_of_the_file(tmp_path):
+    keys = {"name": "j", "friction": 0.3, "tangential_stiffness": 1e12, "normal_stiffness": 1e12, "preload": "static"}
+    tied = scene(tmp_path, joints=({**keys, "surfaces": ("a", "b")},))
+    assert complete(tied, model(**LOADED))[0].statics.forces
+    with pytest.raises(CaseError, match=r"there is no table \[statics\]"):
+        complete(tied, model())
 
 
 def test_materials_in_part_and_unknown_units_are_refused(tmp_path):

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 from bar_scene import write_bar
 from mpi4py import MPI
+from plain_model import tables
 
 from microslip.library.follow import follow
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.restart import cache, restore
 from microslip.restart.folder import Restart
+from microslip.restart.identity import identity_of
 from microslip.results.read import read_results
 from microslip.run import run, set_up
-from microslip.scene.read import read_scene
+from microslip.scene.read import read_scene, scene_of
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -191,6 +193,16 @@ def test_what_the_structure_depends_on_has_a_set_up_of_its_own(setting, shared_p
     scene, other = scene_at(shared_path), scene_at(shared_path, setting)
     keys = {Restart.open(COMM, shared_path / "out", each).identity.structure for each in (scene, other)}
     assert len(keys) == 2
+
+
+@pytest.mark.parametrize("step, n_keys", [("*STATIC\n*CLOAD\n1, 1, 1.\n", 2), ("*STATIC\n", 1)])
+def test_where_the_model_file_loads_the_joint_its_friction_counts(step, n_keys, shared_path):
+    scene = {**tables("job.inp"), "joints": ({**tables("job.inp")["joints"][0], "friction": 0.3},)}
+    other = {**scene, "joints": ({**scene["joints"][0], "friction": 0.4},)}
+    text = "*INCLUDE, INPUT=loads.inp\n*STEP, Perturbation\n*FREQUENCY\n1\n*END STEP\n"
+    on_root(COMM, lambda: [(shared_path / "job.inp").write_text(text), (shared_path / "loads.inp").write_text(f"*STEP\n{step}")])
+    keys = {identity_of(scene_of(one, shared_path / "scene.toml")).structure for one in (scene, other)}
+    assert len(keys) == n_keys
 
 
 def test_a_changed_stiffness_or_mesh_builds_the_structure(shared_path, built):

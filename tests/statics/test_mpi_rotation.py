@@ -16,6 +16,8 @@ from microslip.mesh.read import read_mesh
 from microslip.parallel.agree import on_root
 
 YOUNG, DENSITY, LENGTH, SIDE = 2.0e11, 8000.0, 1.0, 0.02
+SIDES = ('fix = ["x", "y", "z"]', 'fix = ["x", "y", "z"]\n[[supports]]\ngroup = "beam"\nfix = ["y", "z"]')
+END = ("[0.0, 0.0, 1.0]\n[", "[1.0, 0.0, 0.0]\n[")
 OMEGA_1 = np.sqrt(YOUNG * SIDE**2 / 12.0 / DENSITY) / LENGTH**2  # rad/s, unit of a beam's frequencies
 SCENE = f"""
 [model]
@@ -32,7 +34,7 @@ material = "steel"
 group = "hub"
 fix = ["x", "y", "z"]
 [statics]
-rotation_speed = SPEED
+STATICS
 [[loads]]
 position = [{LENGTH}, 0.0, 0.0]
 direction = [0.0, 0.0, 1.0]
@@ -56,23 +58,30 @@ def folder(comm, tmp_path_factory):
     path = comm.bcast(tmp_path_factory.mktemp("beam"))
 
     def write():
-        beam = box("hex20", (LENGTH, SIDE, SIDE), (24, 1, 1), (0.0, -0.5 * SIDE, -0.5 * SIDE), {"x0": "hub"})
+        beam = box("hex20", (LENGTH, SIDE, SIDE), (24, 1, 1), (0.0, -0.5 * SIDE, -0.5 * SIDE), {"x0": "hub", "x1": "tip"})
         write_msh(str(path / "beam.msh"), {"beam": beam})
 
     on_root(comm, write)
     return path
 
 
-def scene_of(comm, folder, speed):
+def scene_of(comm, folder, statics, changes=()):
+    text = SCENE
+    for old, new in changes:
+        text = text.replace(old, new)
     path = folder / "beam.toml"
-    on_root(comm, lambda: path.write_text(SCENE.replace("SPEED", repr(float(speed)))))
+    on_root(comm, lambda: path.write_text(text.replace("STATICS", statics)))
     return microslip.read(path)
+
+
+def turning(speed):
+    return f"rotation_speed = {float(speed)!r}"
 
 
 def test_a_spinning_bar_stretches_as_theory_says(comm, folder):
     """u(L) = rho Omega^2 L^3 / (3 E) of a bar from the axis outwards, without Poisson's ratio; its force at the hub is m Omega^2 L/2."""
     speed = 100.0
-    settings = mesh_settings(scene_of(comm, folder, speed))
+    settings = mesh_settings(scene_of(comm, folder, turning(speed)))
     mesh = on_root(comm, read_mesh, settings, share=False)
     pairs = on_root(comm, pair_contacts, mesh, settings.joints)
     shares = distribute(mesh, settings, comm)
@@ -89,11 +98,27 @@ def test_a_spinning_bar_stretches_as_theory_says(comm, folder):
     assert on_root(comm, tip) == pytest.approx(DENSITY * speed**2 * LENGTH**3 / (3.0 * YOUNG), rel=1e-3)
 
 
+@pytest.mark.parametrize("deformed", [True, False])
+def test_a_bar_that_is_stretched_vibrates_along_as_theory_says(comm, folder, deformed):
+    """omega = pi / (2 L) sqrt(E / rho) sqrt(l^2 + l - 1), l the stretch of a bar without contraction: of shape and of stress."""
+    stretch = 1.02
+    pulled = f"""deformed_shape = {str(deformed).lower()}
+[[statics.pressures]]
+group = "tip"
+pressure = {-(stretch - 1.0) * YOUNG}
+"""
+    scene = scene_of(comm, folder, pulled, (SIDES, END))
+    with microslip.build(scene, comm) as structure:
+        omega = structure.modes.omega_n[0]
+    expected = stretch**2 if deformed else 1.0
+    assert omega == pytest.approx(0.5 * np.pi / LENGTH * np.sqrt(YOUNG / DENSITY * (expected + stretch - 1.0)), rel=1e-5)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("eta, flap", [(0.0, 3.5160), (3.0, 4.7973), (6.0, 7.3604), (12.0, 13.1702)])
 def test_a_spinning_beam_stiffens_as_theory_says(comm, folder, eta, flap):
     """A. D. Wright and others, Journal of Applied Mechanics 49 (1982) 197: flap of a beam clamped on the axis; in the plane,
     omega^2 is less by Omega^2."""
-    with microslip.build(scene_of(comm, folder, eta * OMEGA_1 or 1e-6), comm) as structure:
+    with microslip.build(scene_of(comm, folder, turning(eta * OMEGA_1 or 1e-6)), comm) as structure:
         found = np.sort(structure.modes.omega_n)[:2] / OMEGA_1
     assert found == pytest.approx([np.sqrt(flap**2 - eta**2), flap], rel=5e-3)

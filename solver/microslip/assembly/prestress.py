@@ -107,7 +107,8 @@ def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, sta
 def stiffness_at_rest(
     dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray, seen: Seen | None = None
 ) -> PETSc.Mat:
-    """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), of the structure displaced by ``u_owned`` (n_dof_owned,) [m].
+    """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m]; K_F in place
+    of K where the deformed shape counts.
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.  ``seen`` gives what some elements see beyond that of
     their nodes (above the cuts of bolts), of a block, its number and rows: (n_elements, n, 3) [m].
@@ -149,14 +150,19 @@ def _softening(constraints: Constraints, statics: Statics) -> np.ndarray:
 
 
 def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u: np.ndarray) -> np.ndarray:
-    """Return K_sigma - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]."""
+    """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
     points = block.points[chunk]
     strain = body.expansion * statics.temperatures.get(block.body, 0.0)
     modes = body.incompatible_modes
     stress = elements.stress(block.kind, points, u, body.young, body.poisson, strain, body.integration, modes)
     sigma = elements.stress_stiffness(block.kind, points, stress, body.integration)
     mass = elements.mass(block.kind, points, body.density, body.integration)
-    return np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
+    change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
+    if statics.deforms:
+        of = (body.young, body.poisson, body.integration, modes)
+        turned = elements.deformed_stiffness(block.kind, points, u, *of) - elements.stiffness(block.kind, points, *of)
+        change += turned.reshape(change.shape)
+    return change
 
 
 def owned_nodes(dmesh: DistributedMesh) -> tuple[int, int]:

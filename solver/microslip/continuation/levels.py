@@ -13,6 +13,7 @@ import numpy as np
 from ..contact.law import Law
 from ..error_estimate.better_model import BetterModel
 from ..error_estimate.estimate import ErrorEstimator
+from ..fourier.amplitudes import to_complex
 from ..harmonic.balance import HarmonicBalance
 from ..modes.band import frequency_band
 from ..parallel.errors import CaseError
@@ -183,10 +184,22 @@ def likely_to_slip(model: ReducedModel, law: Law, curve: LinearCurve) -> np.ndar
 
     Collective: one broadcast.  Only the order of static solves depends on it.
     """
-    at_peak = curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))]
-    U = np.abs(model.linear_motion_of_all(1.0, at_peak)).reshape(model.n_pairs, 3, model.N_H).sum(axis=2)
+    U = np.abs(motion_at_peak(model, curve)).reshape(model.n_pairs, 3, model.N_H).sum(axis=2)
     order = np.argsort(-law.utilisation(U), kind="stable")
     return model.comm.bcast(order)  # all ranks solve for the same columns, also where a tie falls otherwise on some
+
+
+def motion_at_peak(model: ReducedModel, curve: LinearCurve) -> np.ndarray:
+    """Return the motion of all pairs where the first output peaks linearly, (3 n_pairs, N_H) [m/N].  Collective."""
+    return model.linear_motion_of_all(1.0, curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))])
+
+
+def levels_of_slip(of: ResponseProblem) -> tuple[float, float]:
+    """Return about which levels [N] the first pair and half of the pairs begin to slip, by the linear peak.  Collective."""
+    moved = np.abs(to_complex(motion_at_peak(of.model, of.curve))).sum(axis=1).reshape(-1, 3)
+    with np.errstate(divide="ignore"):
+        levels = np.sort(1.0 / of.law.utilisation(moved))
+    return float(levels[0]), float(levels[(len(levels) - 1) // 2])
 
 
 def nobody(event: str, *news) -> None:

@@ -3,7 +3,7 @@
 from .faces import CELLS, RINGS, SAMPLES, face_nodal_areas, face_normals, face_points, part_integrals, pressure_forces
 from .kinds import FACE_KINDS, KINDS, Kind
 from .nearest import nearest_on_faces
-from .prestress import stress, stress_stiffness, thermal_forces
+from .prestress import deformed_stiffness, stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
 from .recovery import nodal_stress, strain_of
 from .solid import jacobian_minimum, mass, stiffness, volumes
@@ -16,6 +16,7 @@ __all__ = [
     "RINGS",
     "SAMPLES",
     "Kind",
+    "deformed_stiffness",
     "face_nodal_areas",
     "face_normals",
     "face_points",

@@ -1,12 +1,12 @@
-"""Stress in isotropic solids, what it adds to their stiffness, and the forces of warm ones (docs/theory.md, section 12)."""
+"""Stress in isotropic solids, stiffness about a state that has it, and the forces of warm ones (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from .kinds import KINDS
-from .quadrature import rules
-from .solid import _chunks, _gradients, _incompatible_gradients, _isotropic
+from .quadrature import Rule, rules
+from .solid import _chunks, _condense, _gradients, _incompatible_gradients, _isotropic
 
 
 def stress(
@@ -35,26 +35,77 @@ def stress(
     """
     lam, mu = lame(young, poisson)
     rule = rules(kind, integration)[0]
-    with_modes = incompatible_modes and kind == "hex8"
     found = np.empty((len(points), len(rule.weights), 3, 3))
     for chunk in _chunks(len(points), 9 * (points.shape[1] + 3) ** 2):
-        dN, volumes = _gradients(KINDS[kind], points[chunk], rule)
-        slopes = dN @ u[chunk][:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
-        if with_modes:
-            bubbles = _incompatible_gradients(KINDS[kind], points[chunk], rule, volumes)
-            slopes = slopes + bubbles @ _bubbles(dN, bubbles, volumes, u[chunk], lam, mu)[:, None]
+        dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes)
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], lam, mu)[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
         strain = 0.5 * (slopes + slopes.swapaxes(-1, -2))
         mean = lam * np.trace(strain, axis1=-2, axis2=-1) - (3.0 * lam + 2.0 * mu) * free_strain
         found[chunk] = 2.0 * mu * strain + mean[..., None, None] * np.eye(3)
     return found
 
 
-def _bubbles(dN, bubbles, volumes, u, lam: float, mu: float) -> np.ndarray:
-    """Return the amplitudes (n_elements, 3, 3) of the incompatible modes under nodal displacements: no force acts on them."""
-    K = _isotropic(np.concatenate([dN, bubbles], axis=-1), volumes, lam, mu)
-    n = 3 * dN.shape[-1]
+def _functions(kind: str, points: np.ndarray, rule: Rule, incompatible_modes: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return the gradients of shape functions and, in hex8, of the bubbles behind them, and w det J."""
+    dN, volumes = _gradients(KINDS[kind], points, rule)
+    if incompatible_modes and kind == "hex8":
+        dN = np.concatenate([dN, _incompatible_gradients(KINDS[kind], points, rule, volumes)], axis=-1)
+    return dN, volumes
+
+
+def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, lam: float, mu: float) -> np.ndarray:
+    """Return the amplitudes of all functions, (n_elements, m, 3), under displacements of the nodes: no force acts on bubbles."""
+    n = 3 * u.shape[1]
+    if n == 3 * dN.shape[-1]:
+        return u
+    K = _isotropic(dN, volumes, lam, mu)
     right = -K[:, n:, :n] @ u.reshape(len(u), n, 1)
-    return np.linalg.solve(K[:, n:, n:], right).reshape(len(u), 3, 3)
+    return np.concatenate([u, np.linalg.solve(K[:, n:, n:], right).reshape(len(u), -1, 3)], axis=1)
+
+
+def deformed_stiffness(
+    kind: str,
+    points: np.ndarray,
+    u: np.ndarray,
+    young: float,
+    poisson: float,
+    integration: str = "full",
+    incompatible_modes: bool = True,
+) -> np.ndarray:
+    """Return the stiffness of elements about a displaced state, without that of its stress, (n_elements, 3 n, 3 n) [N/m].
+
+    Local.  docs/theory.md, eq. (12.11): with F = 1 + du/dx the strain of a small motion v is sym(F^T dv/dx), so that gradients
+    become g_ai = F_ik dN_a/dx_k, and ``K_ai,bj = integral of lam g_ai g_bj + mu g_aj g_bi + mu (F F^T)_ij dN_a/dx_k dN_b/dx_k``.
+
+    Parameters
+    ----------
+    u : (n_elements, n, 3) displacements of the nodes [m]
+    others : as in :func:`microslip.elements.stiffness`
+    """
+    lam, mu = lame(young, poisson)
+    rule = rules(kind, integration)[0]
+    n = 3 * points.shape[1]
+    K = np.empty((len(points), n, n))
+    for chunk in _chunks(len(points), 9 * (points.shape[1] + 3) ** 2):
+        dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes)
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], lam, mu)[:, None]
+        whole = _about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes, lam, mu)
+        K[chunk] = _condense(whole, n) if whole.shape[-1] > n else whole
+    return K
+
+
+def _about(dN: np.ndarray, F: np.ndarray, volumes: np.ndarray, lam: float, mu: float) -> np.ndarray:
+    """Return K (n_elements, 3 m, 3 m) of m functions about the deformation gradient F (n_elements, n_q, 3, 3)."""
+    n_elements, n_q, _, m = dN.shape
+    g = (F @ dN).reshape(n_elements, n_q, 3 * m)
+    G = (g.swapaxes(-1, -2) @ (g * volumes[..., None])).reshape(n_elements, 3, m, 3, m)
+    left = mu * volumes[..., None, None] * (F @ F.swapaxes(-1, -2))
+    K = np.empty((n_elements, m, 3, m, 3))
+    for i in range(3):
+        for j in range(3):
+            trace = (dN.swapaxes(-1, -2) @ (left[:, :, i, j, None, None] * dN)).sum(axis=1)
+            K[:, :, i, :, j] = lam * G[:, i, :, j] + mu * G[:, j, :, i] + trace
+    return K.reshape(n_elements, 3 * m, 3 * m)
 
 
 def stress_stiffness(kind: str, points: np.ndarray, stress: np.ndarray, integration: str = "full") -> np.ndarray:

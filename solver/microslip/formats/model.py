@@ -169,6 +169,34 @@ class FileBolt:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FileForce:
+    """A constant force, shared by the nodes of a group, or on a point."""
+
+    group: str | None = None
+    point: str | None = None
+    force: Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileStatics:
+    """What acts on the structure before it vibrates, and in the file's program stays."""
+
+    word: str  # as the user would name it, and leave it out in [model] ignore
+    step: int
+    forces: tuple[FileForce, ...] = ()
+    pressures: tuple[tuple[str, float], ...] = ()  # group of faces, force an area
+    bolts: tuple[tuple[str, str, float], ...] = ()  # name, group of faces of the cut, force
+    speed: float = 0.0  # radians a time
+    axis: Vector = (0.0, 0.0, 0.0)
+    axis_point: Vector = (0.0, 0.0, 0.0)
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is any load of a kind that is taken over."""
+        return bool(self.forces or self.pressures or self.bolts or self.speed)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Finding:
     """Something of the file that is not taken over."""
 
@@ -202,6 +230,7 @@ class FileModel:
     springs: tuple[FileSpring, ...] = ()
     equations: Equations | None = None
     bolts: tuple[FileBolt, ...] = ()
+    statics: FileStatics | None = None
     findings: tuple[Finding, ...] = ()
     facts: tuple[str, ...] = ()  # what `microslip check` lists beside this: the file's title, parts, instances, systems
 

@@ -24,6 +24,11 @@ class Units:
         return self.mass / self.length**3
 
     @property
+    def force(self) -> float:
+        """N"""
+        return self.mass * self.length / self.time**2
+
+    @property
     def stiffness(self) -> float:
         """N/m"""
         return self.mass / self.time**2

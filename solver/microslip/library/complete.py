@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
-from ..formats.model import FileModel, Finding
+from ..formats.model import FileModel
 from ..formats.read import read_model
 from ..formats.units import UNITS, Units
 from ..parallel.agree import on_root
@@ -61,7 +61,7 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
     if scene.is_complete:
         return scene, ()
     taken = _taken(scene, model)
-    notes = _refuse_findings(scene, model.findings, taken | ({"statics"} if scene.statics is None else set()))
+    notes = _refuse_findings(scene, model, taken)
     if not scene.awaits_file:
         return scene, tuple(notes)
     units = UNITS[scene.model.units or "m-kg-s"]
@@ -71,7 +71,10 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
         if entries:
             _refuse_unknown_units(scene, part)
             tables[part] = _joined(entries, tables.get(part))
-            notes.append(f"{len(entries)} {part} taken over from {scene.model.mesh}: {_named(entries)}")
+            said = _said_of_statics(model) if part == "statics" else f"{len(entries)} {part}"
+            notes.append(f"{said} taken over from {scene.model.mesh}" + (f": {_named(entries)}" if part != "statics" else ""))
+    if "statics" in taken:
+        tables["model"] = {**_axis(model, units), **tables["model"]}
     notes += _equations(model, scene, "supports" in taken)
     used = {body["material"] for body in tables.get("bodies", {}).values()}
     tables["materials"] = {name: entry for name, entry in tables.get("materials", {}).items() if name in used}
@@ -103,8 +106,11 @@ def _equations(model: FileModel, scene: Scene, takes_supports: bool) -> list[str
 
 
 def _joined(of_file: Any, of_scene: Any) -> Any:
-    """Return the entries of both, those of the scene where a name is in both."""
-    return {**of_file, **(of_scene or {})} if isinstance(of_file, dict) else (*of_file, *(of_scene or ()))
+    """Return the entries of both, those of the scene where a name is in both; lists one after the other."""
+    if not isinstance(of_file, dict):
+        return (*of_file, *(of_scene or ()))
+    lists = {key: (*of_file[key], *one) for key, one in (of_scene or {}).items() if isinstance(of_file.get(key), tuple)}
+    return {**of_file, **(of_scene or {}), **lists}
 
 
 def _named(entries: Any) -> str:
@@ -125,31 +131,40 @@ def _name(entry: Tables) -> str:
 def _taken(scene: Scene, model: FileModel) -> set[str]:
     """Return the parts of the file's model that are taken over."""
     is_stated = "take" in scene.model.model_fields_set
-    own = {"bodies": scene.bodies, "supports": scene.supports}
-    return {part for part in scene.model.take if is_stated or not own.get(part)}
+    own = {"bodies": scene.bodies, "supports": scene.supports, "statics": scene.statics}
+    parts: set[str] = {part for part in scene.model.take if is_stated or not own.get(part)}
+    return parts - {"statics"} if _ignores_statics(scene, model) else parts
 
 
-def _refuse_findings(scene: Scene, findings: tuple[Finding, ...], taken: set[str]) -> list[str]:
+def _ignores_statics(scene: Scene, model: FileModel) -> bool:
+    """Return whether the scene leaves out on purpose what acts in the file before it vibrates."""
+    return model.statics is not None and _bare(model.statics.word) in map(_bare, scene.model.ignore)
+
+
+def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[str]:
     """Return notes on what is left out.
 
     Raises
     ------
     CaseError : some of it changes the answer and the scene does not say that it may be left out; words that waive nothing
     """
-    ignored = {_bare(word): word for word in scene.model.ignore}
+    findings, ignored = model.findings, {_bare(word): word for word in scene.model.ignore}
     held = {_bare(finding.word) for finding in findings}
     for bare, word in ignored.items():
         if bare not in held:
             near = nearest(word, [finding.word for finding in findings])
             hint = f'; nearest is "{near}"' if near else ""
             raise CaseError(f'{scene.path}: [model] ignore: {scene.model.mesh} holds no "{word}" that is left out{hint}')
+    answered = model.statics.word if model.statics is not None and "statics" in taken else None
+    needed = {"statics"} if scene.statics is None and not _ignores_statics(scene, model) else set()
     between = _joined_surfaces(scene)
     wrong = [
         finding
         for finding in findings
         if finding.changes
         and _bare(finding.word) not in ignored
-        and finding.part in {"", *taken}
+        and finding.word != answered
+        and finding.part in {"", *taken, *needed}
         and not (finding.surfaces and frozenset(finding.surfaces) in between)
     ]
     if wrong:
@@ -166,7 +181,7 @@ def _refuse_findings(scene: Scene, findings: tuple[Finding, ...], taken: set[str
                 ]
             )
         )
-    return [f"{one.where}: {one.word} is left out: {one.effect}" for one in findings if one not in wrong]
+    return [f"{one.where}: {one.word} is left out: {one.effect}" for one in findings if one not in wrong and one.word != answered]
 
 
 def _bare(word: str) -> str:
@@ -247,6 +262,36 @@ def _springs(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]
     return tuple(_stated(one, stiffness=units.stiffness) for one in model.springs)
 
 
+def _statics(model: FileModel, units: Units, scene: Scene) -> Tables:
+    """Return what acts before the vibration, which is about the shape under it."""
+    statics = model.statics
+    if statics is None or not statics.acts:
+        return {}
+    table: Tables = {
+        "forces": tuple(_stated(one, force=units.force) for one in statics.forces),
+        "pressures": tuple({"group": group, "pressure": units.stress * value} for group, value in statics.pressures),
+        "bolts": tuple({"name": name, "group": group, "force": units.force * force} for name, group, force in statics.bolts),
+        "rotation_speed": statics.speed / units.time,
+    }
+    return {**{key: value for key, value in table.items() if value}, "deformed_shape": True}
+
+
+def _axis(model: FileModel, units: Units) -> Tables:
+    """Return the axis about which the file turns, as keys of [model]."""
+    statics = model.statics
+    if statics is None or not statics.speed:
+        return {}
+    return {"axis": statics.axis, "axis_point": tuple(units.length * value for value in statics.axis_point)}
+
+
+def _said_of_statics(model: FileModel) -> str:
+    """Return what has become [statics], in words."""
+    statics = model.statics
+    assert statics is not None, "a file with loads"
+    kinds = [f"{len(own)} {name}" for name in ("forces", "pressures", "bolts") if (own := getattr(statics, name))]
+    return f"[statics] with {listed(kinds + ['rotation'] * bool(statics.speed), 'and')} of step {statics.step}"
+
+
 # how each part of a model file becomes the table of its name in the scene
 _TABLES: dict[str, Callable[[FileModel, Units, Scene], Any]] = {
     "materials": _materials,
@@ -256,4 +301,5 @@ _TABLES: dict[str, Callable[[FileModel, Units, Scene], Any]] = {
     "points": _points,
     "masses": _masses,
     "springs": _springs,
+    "statics": _statics,
 }

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..continuation.branch import Branch
 from ..continuation.keeper import Keepers, keep_nothing
-from ..continuation.levels import ResponseProblem, follow_levels
+from ..continuation.levels import ResponseProblem, follow_levels, levels_of_slip
 from ..observe.log import RunLog
 from ..observe.observer import Observer, Observers
 from ..observe.side_by_side import follow_side_by_side
@@ -33,11 +33,19 @@ def follow(
     """
     comm, columns = response.model.comm, response.model.G_static
     told, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
+    if response.model.n_pairs > 0 and not response.is_static:
+        log.note(_in_words(*levels_of_slip(response), max(response.settings.levels)))
     if not in_turn(response, n_groups):
         return follow_side_by_side(response, n_groups, told, log, keepers)
     branches = follow_levels(response, told.tell, keepers)
     log.note(f"static columns: of {columns.known.sum()} of {response.model.n_pairs} pairs, in {columns.batches} batches")
     return branches
+
+
+def _in_words(first: float, half: float, highest: float) -> str:
+    """Return from which levels [N] on pairs slip, for the log."""
+    said = f"by the linear peak, pairs slip from about {first:.3g} N on, half of them from {half:.3g} N"
+    return said if highest > first else f"{said}; the highest level is {highest:g} N, where nothing does"
 
 
 def in_turn(response: ResponseProblem, n_groups: int) -> bool:

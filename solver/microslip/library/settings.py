@@ -171,6 +171,7 @@ def _statics(scene: Scene) -> Statics | None:
         ),
         steps=statics.steps,
         stiffens=statics.stress_stiffening,
+        deforms=statics.deformed_shape,
     )
 
 

@@ -222,6 +222,7 @@ class Statics:
     bolts: tuple[Bolt, ...] = ()
     steps: int = 10
     stiffens: bool = True  # the vibration feels stress and spin
+    deforms: bool = False  # and the change of shape
 
     @property
     def spin(self) -> np.ndarray:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
+import mmap
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +24,8 @@ _OF_RESPONSE = ("samples", "tolerance")  # of [solver]: the set-up knows nothing
 _NOT_OF_STRUCTURE = ("title", "continuation", "response", "solver", "damping")
 _LIMITS = ("friction", "preload")  # of a joint
 _RANGE = ("frequencies", "mode", "span")  # of [response]
+_AT_REST = "loads at rest"  # among the files: the model file may make [statics]
+_PERTURBED, _LOADED = re.compile(rb"(?i)perturbation"), re.compile(rb"(?i)\*\s*(c|d|d\s*s)\s*load")
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ class Identity:
         """
         scene = {key: value for key, value in self.scene.items() if key not in _NOT_OF_STRUCTURE}
         scene["structural"] = (self.scene.get("damping") or {}).get("structural")
-        if "mesh" in self.scene["model"] and not self.scene.get("statics"):
+        if "mesh" in self.scene["model"] and not self.scene.get("statics") and _AT_REST not in self.files:
             scene["joints"] = [_without_limits(joint) for joint in self.scene.get("joints", [])]
         return self._key(scene)
 
@@ -115,11 +119,28 @@ def identity_of(scene: Scene, options: Iterable[str] = ()) -> Identity:
     CaseError : a file cannot be read
     """
     files: dict[str, str] = {}
-    for one in fingerprint(input_files(scene)):
+    inputs = input_files(scene)
+    if _may_be_loaded(scene, [path for _, path in inputs]):
+        files[_AT_REST] = "maybe"
+    for one in fingerprint(inputs):
         name = f"{one.key} {Path(one.path).name}"
         files[name] = files.get(name, "") + one.sha256  # files of one name in several folders
     program = {"microslip": f"{__version__} ({program_hash()})", **versions()}
     return Identity(scene.model_dump(mode="json", exclude_unset=True), files, program, tuple(options))
+
+
+def _may_be_loaded(scene: Scene, files: list[Path]) -> bool:
+    """Return whether an input file of Abaqus or CalculiX may hold loads about which it vibrates: it has words for both."""
+    if Path(scene.model.mesh or "").suffix.lower() != ".inp":
+        return False
+    return all(any(_has(path, word) for path in files) for word in (_PERTURBED, _LOADED))
+
+
+def _has(path: Path, word: re.Pattern[bytes]) -> bool:
+    if not path.is_file() or not path.stat().st_size:
+        return False
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+        return word.search(text) is not None
 
 
 def _without_limits(joint: Tables) -> Tables:

@@ -164,7 +164,7 @@ def _statics(scene: Scene) -> list[str]:
     """Preloads that nothing makes, a speed without an axis, temperatures without expansion."""
     statics, found = scene.statics, _axis(scene)
     for where, joint in _numbered(scene, "joints"):
-        if joint.preload == "static" and statics is None:
+        if joint.preload == "static" and statics is None and not scene.awaits_file:
             found.append(
                 f'{where} preload = "static": there is no table [statics] that would make it; add one, or state it in Pa'
             )
@@ -272,7 +272,7 @@ def _axis(scene: Scene) -> list[str]:
         return [
             f"{where} engine_order: [model] axis is missing, the direction of the axis of rotation [x, y, z]" for where in turned
         ]
-    if scene.statics is None and not turned:
+    if scene.statics is None and not turned and not scene.awaits_file:
         return ["[model] axis: nothing turns; state [statics] rotation_speed, or leave the axis out"]
     return []
 

@@ -49,7 +49,7 @@ OF_SURFACES = (
 )
 Units = Literal["m-kg-s", "mm-t-s", "mm-kg-s", "mm-kg-ms", "in-lbf-s"]
 UNITS: tuple[str, ...] = get_args(Units)
-Taken = Literal["materials", "bodies", "supports", "ties", "points", "masses", "springs", "equations"]
+Taken = Literal["materials", "bodies", "supports", "ties", "points", "masses", "springs", "equations", "statics"]
 TAKEN: tuple[Taken, ...] = get_args(Taken)
 Quantity = Literal["displacement", "velocity", "acceleration", "stress", "strain", "contact_force"]
 Component = Literal["xx", "yy", "zz", "xy", "yz", "zx", "normal"]
@@ -473,6 +473,7 @@ class Statics(Table):
     stress_stiffening: bool = Field(
         True, description="true or false: the vibration feels the stress at rest and, where it rotates, spin softening"
     )
+    deformed_shape: bool = Field(False, description="true or false: the vibration feels the change of shape at rest, too")
     steps: int = Field(10, ge=1, le=100_000, description="the number of load steps, a whole number of at least 1")
     forces: tuple[Force, ...] = Field((), description="tables, each headed [[statics.forces]], with a place and force")
     pressures: tuple[Pressure, ...] = Field((), description="tables, each headed [[statics.pressures]], with group and pressure")
@@ -482,6 +483,12 @@ class Statics(Table):
     bolts: tuple[Bolt, ...] = Field(
         (), description="tables, each headed [[statics.bolts]], with group and force, or with group and shortening"
     )
+
+    @model_validator(mode="after")
+    def _deformed(self):
+        if self.deformed_shape and not self.stress_stiffening:
+            raise ValueError("deformed_shape = true goes with stress_stiffening; the one without the other is no stiffness")
+        return self
 
 
 class Load(Table):

@@ -266,6 +266,7 @@ def _take_cut(model: Gathered, scope: Scope, card: Card) -> None:
     group = _surface(model, scope, card.parameters["SURFACE"], card.where)
     force = _tightened(model, card.parameter("NODE"))
     model.bolts.append(FileBolt(name=_plain(group), group=group, force=number(force)))
+    model.cuts[card.parameter("NODE")] = _plain(group)
     said = f", in the file with {force}" if force else ""
     effect = f"a cut to be tightened{said}: [[statics.bolts]] with group = {group!r}; until then the shank is whole"
     model.findings.add("*PRE-TENSION SECTION", card.where, effect, False)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...parallel.errors import MeshError
 from ...parallel.words import place
-from ..model import FileBody, FileBolt, FileMass, FileMaterial, FilePoint, FileSpring, FileSupport, FileTie
+from ..model import FileBody, FileBolt, FileMass, FileMaterial, FilePoint, FileSpring, FileStatics, FileSupport, FileTie
 from .cards import Card
 from .findings import Findings
 from .groups import Grouped
@@ -75,6 +75,9 @@ class Gathered:
     springs: list[FileSpring] = field(default_factory=list)
     terms: Terms = field(default_factory=Terms)
     bolts: list[FileBolt] = field(default_factory=list)
+    cuts: dict[str, str] = field(default_factory=dict)  # name of the bolt that a node tightens, by the word for the node
+    statics: FileStatics | None = None
+    loading: set[Card] = field(default_factory=set)  # cards of steps that become the statics
     axes: dict[int, np.ndarray] = field(default_factory=dict)  # node: (3, 3) rows of its own axes, *TRANSFORM
     attached: set[int] = field(default_factory=set)  # nodes that masses, springs or equations have
 

@@ -25,6 +25,7 @@ _EDGES = {
     "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
 }
 _N_CORNERS = {"tet": 4, "hex": 8, "wedge": 6}
+N_FACES = 6  # at most
 _FACE_KIND = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8"}
 
 
@@ -100,6 +101,14 @@ class Grouped:
         local = _face_nodes(cells.kind, family, face)
         self.cells.append(Cells(_FACE_KIND[len(local)], cells.nodes[rows][:, local], cells.numbers[rows]))
         self.groups.setdefault(name, Group()).add_cells(len(self.cells) - 1, np.arange(len(rows)))
+
+    def free_name(self, name: str) -> str:
+        """Return a name that no group has: ``name`` or one made of it."""
+        tried, n = name, 1
+        while tried in self.groups:
+            n += 1
+            tried = f"{name} ({n})"
+        return tried
 
     def add_faces_between(self, name: str, is_in: np.ndarray) -> None:
         """Add the outer faces of solids all of whose nodes are ``is_in`` (n_nodes,) bool to a group."""
@@ -180,10 +189,11 @@ def _group_surface(found: Grouped, names: Names, name: str, entries: list[tuple[
             by_face.setdefault(face, []).append(mesh.elements(scope, word, where))
         where_of.setdefault(face, where)
     for face, parts in by_face.items():
-        _add_faces(found, name, np.unique(np.concatenate(parts)), face, where_of[face])
+        add_faces(found, name, np.unique(np.concatenate(parts)), face, f"{where_of[face]}: *SURFACE")
 
 
-def _add_faces(found: Grouped, name: str, elements: np.ndarray, face: str, where: str) -> None:
+def add_faces(found: Grouped, name: str, elements: np.ndarray, face: str, where: str) -> None:
+    """Add faces "S1", "S2", ..., or the outer ones, of elements to a group; ``where`` begins messages: "line 12: *SURFACE"."""
     blocks = found.block_of[elements]
     number = re.fullmatch(r"S(\d)", face)
     for block in np.unique(blocks[blocks >= 0]):
@@ -193,7 +203,7 @@ def _add_faces(found: Grouped, name: str, elements: np.ndarray, face: str, where
             found.groups.setdefault(name, Group()).add_cells(int(block), rows)
         elif family in _FACES and number:
             if not 1 <= int(number[1]) <= len(_FACES[family]):
-                raise MeshError(f"{where}: *SURFACE names face {face} of element {cells.numbers[rows[0]]}, a {family}")
+                raise MeshError(f"{where} names face {face} of element {cells.numbers[rows[0]]}, a {family}")
             found.add_face(name, int(block), rows, int(number[1]))
         elif family in _FACES and not face:
             outer = found.outer_faces(int(block))[rows]

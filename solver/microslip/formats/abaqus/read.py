@@ -20,6 +20,7 @@ from .mesh import FileMesh, finish, take_mesh_card
 from .parameters import in_full
 from .properties import take_materials, take_sections
 from .scopes import Scope, in_scopes
+from .statics import take_statics
 from .supports import take_supports, take_transforms
 
 _TAKEN = {" ".join(word.split()) for word in TAKEN.split(",")}
@@ -28,8 +29,8 @@ _TAKEN = {" ".join(word.split()) for word in TAKEN.split(",")}
 def read_inp(path: str) -> FileModel:
     """Read an input file of Abaqus or CalculiX with what it includes.  Local.
 
-    Materials, bodies (a section each), supports, ties, couplings and rigid bodies, masses, springs and equations are taken over;
-    everything else is among the findings.
+    Materials, bodies (a section each), supports, ties, couplings and rigid bodies, masses, springs and equations are taken over,
+    and the loads about which it vibrates; everything else is among the findings.
 
     Raises
     ------
@@ -61,6 +62,7 @@ def read_inp(path: str) -> FileModel:
     take_equations(model)
     take_discrete(model)
     take_supports(model)
+    take_statics(model)
     _find_rest(model)
     return _composed(model)
 
@@ -109,9 +111,8 @@ def _find_rest(model: Gathered) -> None:
     for step in model.steps:
         for _, card in step.cards:
             counts = last is not None and step.number <= last.number
-            if card.keyword not in _TAKEN and (counts or not _is_known_to_change(card)):
+            if card.keyword not in _TAKEN and card not in model.loading and (counts or not _is_known_to_change(card)):
                 model.findings.add_card(card)
-    _find_prestress(model)
 
 
 def _is_known_to_change(card: Card) -> bool:
@@ -122,22 +123,10 @@ def _is_known_to_change(card: Card) -> bool:
 def _find_initial(model: Gathered, card: Card) -> None:
     kind = card.parameter("TYPE")
     if kind in ("TEMPERATURE", "VELOCITY", "ROTATING VELOCITY", "PLASTIC STRAIN", "HARDENING", "PRESSURE"):
-        effect, changes = "of no effect without loads, which are not taken over", False
+        effect, changes = "of no effect on what is taken over", False
     else:
         effect, changes = "the structure carries something before it vibrates", True
     model.findings.add(f"*INITIAL CONDITIONS, TYPE={kind}", card.where, effect, changes)
-
-
-def _find_prestress(model: Gathered) -> None:
-    """Add a finding where the vibration is one about the loads of the steps before it."""
-    step = model.first_vibration
-    if step is None or not step.is_frequency or not step.is_perturbation:
-        return
-    loads = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "BOUNDARY", "FIELD")
-    loaded = [one for one in model.steps[: step.number - 1] if any(card.keyword in loads for _, card in one.cards)]
-    if loaded and not all(one.is_perturbation for one in loaded):
-        effect = f"vibration about the loads of step {loaded[-1].number}: state them in [statics]"
-        model.findings.add("*STEP, PERTURBATION", step.cards[0][1].where, effect, True, "statics")
 
 
 def _composed(model: Gathered) -> FileModel:
@@ -171,6 +160,7 @@ def _composed(model: Gathered) -> FileModel:
         springs=tuple(model.springs),
         equations=equations if terms.where else None,
         bolts=tuple(model.bolts),
+        statics=model.statics,
         findings=model.findings.all(),
         facts=tuple(_facts(model)),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from ...formats.model import FileMaterial, FileModel, Finding
+from ...formats.model import FileMaterial, FileModel, FileStatics, Finding
 from ...formats.units import UNITS
 from ...mesh.data import Mesh
 from ...mesh.settings import MeshSettings, TouchingFaces
@@ -39,13 +39,26 @@ class First:
     def open_findings(self) -> list[Finding]:
         """What of the file changes the answer and is not answered by the scene."""
         joined = [frozenset(one.surfaces) for one in self.joints]
+        at_rest = self.loads_at_rest
         return [
             one
             for one in self.file.findings
             if one.changes
             and not (one.surfaces and frozenset(one.surfaces) in joined)
-            and not (one.part == "statics" and self.file.bolts)
+            and not (one.part == "statics" and (self.states_bolts or (at_rest is not None and one.word == at_rest.word)))
         ]
+
+    @property
+    def loads_at_rest(self) -> FileStatics | None:
+        """What the scene takes over as [statics], without a word: more than bolts."""
+        statics = self.file.statics
+        more = statics is not None and (statics.forces or statics.pressures or statics.speed)
+        return statics if more else None
+
+    @property
+    def states_bolts(self) -> bool:
+        """Whether the scene has [[statics.bolts]] of its own."""
+        return bool(self.file.bolts) and self.loads_at_rest is None
 
 
 def text_of(first: First) -> str:
@@ -169,7 +182,7 @@ def _joint(one: Candidate, first: First) -> str:
     lines = [_surface(surface) for surface in one.made]
     preload = (
         _line("preload", '"static"', "what [statics] finds")
-        if _is_tightened(first)
+        if first.states_bolts or first.loads_at_rest
         else "#> preload = 1e6                # Pa at rest: 1e5 to 1e8; bolts: force / area"
     )
     note = f"# {one.text}"
@@ -238,14 +251,14 @@ def _without_names(one: Candidate) -> str:
     return f"{' on '.join(one.made[0].bodies)}: {one.text.partition(': ')[2]}"
 
 
-def _is_tightened(first: First) -> bool:
-    return bool(first.file.bolts)
-
-
 def _statics(first: First) -> str:
     lines = []
-    force = UNITS[first.units or "m-kg-s"].stiffness * UNITS[first.units or "m-kg-s"].length
-    for bolt in first.file.bolts if _is_tightened(first) else ():
+    statics, force = first.loads_at_rest, UNITS[first.units or "m-kg-s"].force
+    if statics is not None:
+        kinds = [f"{len(own)} {name}" for name in ("forces", "pressures", "bolts") if (own := getattr(statics, name))]
+        acting = ", ".join(kinds + ["rotation"] * bool(statics.speed))
+        lines += [f"# the loads of step {statics.step} come from the file and become [statics]: {acting}", ""]
+    for bolt in first.file.bolts if first.states_bolts else ():
         stated = "#> force = 1e4                  # N, of the tightened bolt"
         if bolt.force is not None:
             stated = _line("force", f"{abs(bolt.force) * force!r}", "N: as in the file")
@@ -286,7 +299,8 @@ def _rest() -> str:
             _line("ratio", "1e-3", "of critical damping, in all modes, beside the friction"),
             "",
             "[response]",
-            _line("levels", "[0.1, 1.0]", "N: begin where nothing slips, go up by twos"),
+            _line("levels", "[0.1, 1.0]", "N: run.log says from which level on pairs slip; begin there,"),
+            " " * 32 + "# go up by twos to where half of them do",
             _line("mode", "1", "the range lies around this mode ..."),
             _line("span", "[0.95, 1.02]", "... from so many times its frequency to so many"),
             "",

@@ -1,0 +1,256 @@
+"""Loads of the static steps before the vibration: *CLOAD, *DLOAD and *DSLOAD, as they are when those steps end."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import FileForce, FileStatics, Vector
+from .cards import Card, number
+from .gathered import Gathered, Step
+from .groups import N_FACES, add_faces
+from .scopes import Scope
+from .types import is_solid
+
+WORD = "*STEP, PERTURBATION"
+_TAKEN = ("CLOAD", "DLOAD", "DSLOAD")
+_OTHERS = {
+    "TEMPERATURE": "temperatures",
+    "FIELD": "values of a field",
+    "INERTIA LOAD": "forces of inertia",
+    "CONTACT INTERFERENCE": "surfaces pressed into each other",
+}
+
+
+@dataclass(eq=False)
+class _Acting:
+    """What acts at the end of a step.  A load takes the place of that of a step before, and is added to one of its own step."""
+
+    forces: dict[tuple[int, int], float] = field(default_factory=dict)  # node, direction of its axes from 1
+    names: dict[int, str] = field(default_factory=dict)  # node: the set by which it is loaded
+    faces: dict[tuple[int, int], float] = field(default_factory=dict)  # element, face from 1: pressure
+    surfaces: dict[str, float] = field(default_factory=dict)  # pressure
+    bolts: dict[str, float] = field(default_factory=dict)
+    spin: tuple[float, ...] | None = None  # square of the speed, a point of the axis, its direction
+    _own: set[tuple[int, Hashable]] = field(default_factory=set)  # what the step has stated
+
+    def begin(self, step: Step) -> None:
+        """Take out what the step replaces as a whole."""
+        self._own.clear()
+        for keywords, tables in ((("CLOAD",), (self.forces, self.bolts)), (("DLOAD", "DSLOAD"), (self.faces, self.surfaces))):
+            if any(card.keyword in keywords and card.parameter("OP") == "NEW" for _, card in step.cards):
+                for table in tables:
+                    table.clear()
+                if "DLOAD" in keywords:
+                    self.spin = None
+
+    def put(self, table: dict, key: Hashable, value: float) -> None:
+        is_own = (id(table), key) in self._own
+        table[key] = table[key] + value if is_own else value
+        self._own.add((id(table), key))
+
+
+def take_statics(model: Gathered) -> None:
+    """Take the loads about which the first vibration is; findings for those that are not taken over.
+
+    Raises
+    ------
+    MeshError : values that are no numbers, sets that there are not
+    """
+    vibration = model.first_vibration
+    if vibration is None or not vibration.is_frequency or not vibration.is_perturbation:
+        return
+    acting, loaded = _Acting(), []
+    for step in model.steps[: vibration.number - 1]:
+        if not step.is_perturbation and _is_loaded(step):
+            loaded.append(step)
+            _take_step(model, step, acting)
+    if not loaded:
+        return
+    if any(card.keyword == "BOUNDARY" for _, card in vibration.cards):
+        _refuse(model, "*BOUNDARY", vibration.cards[0][1].where, "what is held changes between the loads and the vibration")
+    _find_nonlinear(model, loaded)
+    model.statics = _composed(model, acting, loaded[-1])
+    effect = f"vibration about the loads of step {loaded[-1].number}: take them over, or state them in [statics]"
+    _refuse(model, WORD, vibration.cards[0][1].where, effect)
+
+
+def _is_loaded(step: Step) -> bool:
+    return any(card.keyword in (*_TAKEN, *_OTHERS, "BOUNDARY") for _, card in step.cards)
+
+
+def _refuse(model: Gathered, word: str, where: str, effect: str) -> None:
+    model.findings.add(word, where, effect, True, "statics")
+
+
+def _find_nonlinear(model: Gathered, loaded: list[Step]) -> None:
+    """Add findings for what the linear statics of a scene leave out."""
+    for step in loaded:
+        card = step.cards[0][1]
+        if "NLGEOM" in card.parameters and card.parameter("NLGEOM", "YES") != "NO":
+            _refuse(model, "*STEP, NLGEOM", card.where, "large displacements under the loads; [statics] has small ones")
+    for _, card in model.cards:
+        if card.keyword == "PLASTIC":
+            _refuse(model, "*PLASTIC", card.where, "the loads may exceed yield; [statics] is elastic")
+
+
+def _take_step(model: Gathered, step: Step, acting: _Acting) -> None:
+    """Take the loads of one step into what acts."""
+    head = step.cards[0][1]
+    if not any(card.keyword == "STATIC" for _, card in step.cards):
+        _refuse(model, WORD, head.where, f"vibration about the loads of step {step.number}, which is not *STATIC")
+        return
+    acting.begin(step)
+    for scope, card in step.cards:
+        if card.keyword in (*_TAKEN, "STATIC"):
+            model.loading.add(card)
+        if card.keyword in _TAKEN:
+            _take_card(model, scope, card, acting)
+        elif card.keyword in _OTHERS:
+            _refuse(model, f"*{card.keyword}", card.where, f"{_OTHERS[card.keyword]} load the structure before it vibrates")
+        elif card.keyword == "BOUNDARY":
+            _find_moved(model, card)
+
+
+def _find_moved(model: Gathered, card: Card) -> None:
+    """Add a finding where a support is moved."""
+    for words, where in card.lines():
+        if len(words) > 3 and number(words[3]):
+            _refuse(model, "*BOUNDARY", where, f"a displacement other than 0 ({words[0]}) loads the structure before it vibrates")
+            return
+
+
+def _take_card(model: Gathered, scope: Scope, card: Card, acting: _Acting) -> None:
+    for name in card.parameters:
+        if name != "OP":
+            _refuse(model, f"*{card.keyword}, {name}", card.where, "a load that is more than a constant")
+            return
+    for words, where in card.lines():
+        if card.keyword == "CLOAD":
+            _take_force(model, scope, words, where, acting)
+        elif card.keyword == "DLOAD":
+            _take_distributed(model, scope, words, where, acting)
+        else:
+            _take_pressure(model, scope, words, where, acting)
+
+
+def _values(words: list[str], first: int, n: int, where: str, keyword: str) -> list[float]:
+    """Return numbers of a data line from the field ``first`` on."""
+    found = [number(word) for word in words[first : first + n]]
+    if len(found) < n or None in found:
+        raise MeshError(f"{where}: *{keyword} holds {','.join(words)[:60]!r} where numbers are due")
+    return [value for value in found if value is not None]
+
+
+def _take_force(model: Gathered, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
+    direction, value = _values(words, 1, 2, where, "CLOAD")
+    if words[0].upper() in model.cuts:
+        acting.put(acting.bolts, model.cuts[words[0].upper()], value)
+        return
+    nodes = model.mesh.nodes(scope, words[0], where)
+    is_held = model.grouped.of_solids[nodes] | np.isin(nodes, list(model.points))
+    if direction not in (1.0, 2.0, 3.0) or not is_held.all():
+        what = "a moment" if direction in (4.0, 5.0, 6.0) else "a force in another direction than 1 to 3"
+        _refuse(model, "*CLOAD", where, f"{what if is_held.all() else 'a force on a node of no solid'} ({words[0]})")
+        return
+    for node in nodes.tolist():
+        acting.put(acting.forces, (node, int(direction)), value)
+        acting.names[node] = "*CLOAD" if words[0].isdigit() else model.mesh.name_of(scope, words[0])
+
+
+def _take_distributed(model: Gathered, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
+    """Take a pressure on faces P1, P2, ... of elements, or a rotation of the whole structure."""
+    label = words[1].upper() if len(words) > 1 else ""
+    elements = model.mesh.elements(scope, words[0], where)
+    if label == "CENTRIF":
+        _take_rotation(model, elements, words, where, acting)
+    elif label[:1] == "P" and label[1:].isdigit() and 1 <= int(label[1:]) <= N_FACES:
+        (value,) = _values(words, 2, 1, where, "DLOAD")
+        for element in elements.tolist():
+            acting.put(acting.faces, (element, int(label[1:])), value)
+    else:
+        _refuse(model, f"*DLOAD, {label}", where, f"a load {label} that [statics] does not have")
+
+
+def _take_rotation(model: Gathered, elements: np.ndarray, words: list[str], where: str, acting: _Acting) -> None:
+    spin = tuple(_values(words, 2, 7, where, "DLOAD"))
+    is_turned = np.zeros(len(model.grouped.block_of), dtype=bool)
+    is_turned[elements] = True
+    solids = [is_turned[first : first + len(nodes)] for first, block, nodes in model.mesh.blocks if is_solid(block.word)]
+    if not all(own.all() for own in solids) or spin[0] < 0.0 or not any(spin[4:]):
+        _refuse(model, "*DLOAD, CENTRIF", where, f"a rotation of {words[0]} alone, or about no axis; [statics] turns everything")
+        return
+    if acting.spin not in (None, spin):
+        _refuse(model, "*DLOAD, CENTRIF", where, "a second rotation")
+    acting.spin = spin
+
+
+def _take_pressure(model: Gathered, scope: Scope, words: list[str], where: str, acting: _Acting) -> None:
+    name = model.mesh.name_of(scope, words[0])
+    label = words[1].upper() if len(words) > 1 else ""
+    if label != "P" or not model.grouped.has_faces(name):
+        _refuse(model, f"*DSLOAD, {label}", where, f"a load {label} on {words[0]} that [statics] does not have")
+        return
+    (value,) = _values(words, 2, 1, where, "DSLOAD")
+    acting.put(acting.surfaces, name, value)
+
+
+def _composed(model: Gathered, acting: _Acting, step: Step) -> FileStatics:
+    """Return what acts, on groups made for it."""
+    speed = 0.0 if acting.spin is None else float(np.sqrt(acting.spin[0]))
+    _, *axis = (0.0,) * 7 if acting.spin is None else acting.spin
+    bolts = {one.name: one.group for one in model.bolts}
+    return FileStatics(
+        word=WORD,
+        step=step.number,
+        forces=tuple(_forces(model, acting)),
+        pressures=tuple([*_pressures(model, acting), *((name, value) for name, value in acting.surfaces.items() if value)]),
+        bolts=tuple((name, bolts[name], abs(value)) for name, value in acting.bolts.items() if value),
+        speed=speed,
+        axis=(axis[3], axis[4], axis[5]),
+        axis_point=(axis[0], axis[1], axis[2]),
+    )
+
+
+def _forces(model: Gathered, acting: _Acting) -> list[FileForce]:
+    """Return the forces in model axes: of points, and of nodes that bear the same one together."""
+    vectors: dict[int, np.ndarray] = {}
+    for (node, direction), value in acting.forces.items():
+        axes = model.axes.get(node, np.eye(3))
+        if value and not np.isfinite(axes).all():
+            raise MeshError(f"*CLOAD: node {model.mesh.numbers[node]} lies on the axis of its *TRANSFORM")
+        vectors[node] = vectors.get(node, np.zeros(3)) + (value * axes[direction - 1] if value else 0.0)
+    alike: dict[Vector, list[int]] = {}
+    found = []
+    for node, vector in vectors.items():
+        force = (float(vector[0]), float(vector[1]), float(vector[2]))
+        if not any(force):
+            continue
+        if node in model.points:
+            found.append(FileForce(point=model.points[node].name, force=force))
+        else:
+            alike.setdefault(force, []).append(node)
+    for force, nodes in alike.items():
+        names = {acting.names[node] for node in nodes}
+        group = model.grouped.node_group(names.pop() if len(names) == 1 else "*CLOAD", np.array(nodes))
+        x, y, z = (len(nodes) * value for value in force)
+        found.append(FileForce(group=group, force=(x, y, z)))
+    return found
+
+
+def _pressures(model: Gathered, acting: _Acting) -> list[tuple[str, float]]:
+    """Return groups of faces made for the pressures on faces of elements."""
+    alike: dict[float, dict[int, list[int]]] = {}
+    for (element, face), value in acting.faces.items():
+        if value:
+            alike.setdefault(value, {}).setdefault(face, []).append(element)
+    found = []
+    for i, (value, faces) in enumerate(alike.items(), 1):
+        name = model.grouped.free_name(f"*DLOAD {i}")
+        for face, elements in faces.items():
+            add_faces(model.grouped, name, np.unique(elements), f"S{face}", "*DLOAD")
+        found.append((name, value))
+    return found
