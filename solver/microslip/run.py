@@ -129,7 +129,7 @@ def draw_shares(folder: Path, drawers: Drawers) -> None:
 
 def set_up(scene: Scene, comm: MPI.Comm, log: RunLog) -> Prepared:
     """Return the structure of a scene, built and reduced.  Collective."""
-    structure = build(scene, comm, log)
+    structure = build(scene, comm, log, keeps_unloaded=False)
     with log.stage("reduction"):
         return prepare(structure)
 

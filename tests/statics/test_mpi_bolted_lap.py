@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 
 import microslip
+from microslip.library.build import at_another_rest
+from microslip.library.respond import pairs_with
 from microslip.parallel.agree import on_root
+from microslip.scene.read import changed
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "meshes"))
@@ -46,3 +49,18 @@ def test_the_bolts_press_the_plates_together(comm, shared_path):
         radius, pressure = np.hypot(*(pairs.position[near, :2] - [x, 0.5 * COARSE.width]).T), N[near] / pairs.area[near]
         inner, outer = pressure[radius < 0.6 * COARSE.head], pressure[radius > COARSE.head]
         assert len(inner) and len(outer) and inner.min() > 2.0 * outer.max()
+
+
+def test_another_friction_finds_the_rest_of_bolts_as_a_scene_built_anew(comm, shared_path):
+    scene = microslip.read(on_root(comm, put, shared_path))
+    other = changed(scene, {}, {"lap": {"friction": 0.1}})
+    with microslip.build(scene, comm) as structure, microslip.build(other, comm) as fresh:
+        assert structure.unloaded is not None
+        pairs = pairs_with(structure.unloaded.pairs, {"friction": {"lap": 0.1}})
+        found, said = at_another_rest(structure, other, pairs)
+        for name in ("N0", "T0"):
+            a, b, was = (getattr(one.pairs, name) for one in (found, fresh, structure))
+            assert a == pytest.approx(b, abs=1e-8 * np.abs(b).max()) and np.abs(a - was).max() > 1e-3 * np.abs(was).max()
+        assert found.bolts is not None and found.bolts.shortening == pytest.approx(fresh.bolts.shortening, rel=1e-8)
+        assert found.modes.omega_n == pytest.approx(fresh.modes.omega_n, rel=1e-8)
+        assert sum(line.startswith("  bolt ") for line in said) == 3

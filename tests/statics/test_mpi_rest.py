@@ -236,9 +236,3 @@ def test_rest_that_is_not_stable_is_named(comm, folder):
     statics = force(0.0, 0.0, -0.1) + force(1e5, 0.0, 0.0, "bar_end") + force(-1e5, 0.0, 0.0, "bar_start")
     with pytest.raises(CaseError, match="a stiffness matrix must not release energy; the stress at rest is part of it"):
         microslip.build(scene_of(comm, folder, statics), comm)
-
-
-def test_friction_and_preload_of_a_joint_at_rest_are_not_changed_without_its_statics(comm, folder):
-    with microslip.build(scene_of(comm, folder, eccentric(1000.0)), comm) as structure:
-        with pytest.raises(CaseError, match="take part in the statics"):
-            microslip.respond(structure, friction=0.5)

@@ -17,7 +17,7 @@ from microslip.mesh.settings import Body, Statics
 from microslip.modes.eigen import lowest_modes
 from microslip.parallel.agree import on_root
 from microslip.reduction.expand import node_fields
-from microslip.statics.equilibrium import equilibrium
+from microslip.statics.equilibrium import Flexibility, equilibrium
 
 YOUNG, DENSITY, RADIUS, SIDE = 2.0e11, 8000.0, 0.2, 0.004  # of a square section
 BODY = Body(group="ring", young=YOUNG, poisson=0.3, density=DENSITY)
@@ -57,7 +57,7 @@ def at_speed(comm, mesh, speed):
     shares, pairs = distribute(mesh, given, comm), on_root(comm, pair_contacts, mesh, ())
     system = assemble(shares, mesh, pairs, given)
     linearised = linearise(system, pairs)
-    rest = equilibrium(linearised, pairs, constant_forces(shares, mesh, given, system), 1)
+    rest = equilibrium(Flexibility(linearised), pairs, constant_forces(shares, mesh, given, system), 1)
     linearised.destroy()
     u_all = np.concatenate(comm.allgather(rest.u_owned))
     u = np.where(system.dof >= 0, u_all[system.dof], 0.0)

@@ -7,8 +7,11 @@ import pytest
 import scipy.io
 import scipy.linalg
 from bar_scene import bar, by
+from blocks import stacked
 from matrix_scenes import write_matrix_scene
+from msh import write_msh
 from oracles import scenes
+from rest_scene import HEIGHT, LENGTH, WIDTH, force, scene_of
 
 from microslip.continuation.grid import at_frequencies
 from microslip.library.build import build
@@ -173,6 +176,84 @@ def test_another_program_on_the_export_has_the_same_response(comm, tmp_path):
     for point in branch.points:
         own = model["outputs"] @ own_response(model, 0.3, point.omega)
         assert own == pytest.approx(point.response, abs=1e-6 * np.abs(point.response).max())
+
+
+# -- the same of sliders side by side, from README.txt alone -------------------------------------------------------------
+
+
+def forces_of_sliders(model, du, w0, periods=4):
+    """Return f_nl at samples (n_t, 3 n_pairs) of pairs made of sliders that start at ``w0``, in the last of some periods."""
+    k, limit, rate = (np.nan_to_num(model[f"slider_{name}"]) for name in ("k_t", "limit", "rate"))
+    N0, k_n, x, y, z = model["N0"], model["k_n"], du[:, 0::3], du[:, 1::3], du[:, 2::3]
+    m = model.get("law_exponent", np.full(len(k), np.nan))
+    f = np.empty_like(du)
+    with np.errstate(invalid="ignore"):
+        power = N0 * np.maximum(0.0, 1.0 - k_n * z / (m * N0)) ** m
+        N = np.where(np.isinf(m), N0 * np.exp(-k_n * z / N0), power)
+    f[:, 2::3] = np.where(model["law"] == "iwan", k_n * z, N0 - N)
+    largest = np.maximum(0.0, limit - rate * z[:, :, None])
+    for axis, u in enumerate((x, y)):
+        w = w0[:, :, axis].copy()
+        for _ in range(periods):
+            for t in range(len(u)):
+                T = np.clip(k * (u[t][:, None] - w), -largest[t], largest[t])
+                w = u[t][:, None] - np.divide(T, k, out=np.zeros_like(T), where=k > 0.0)
+                f[t, axis::3] = (T + k * w0[:, :, axis]).sum(axis=1)
+    return f
+
+
+def answered(model, level, omega, du, w0):
+    """Return the coefficients of q under the forces of the motion ``du`` (3 n_pairs, 2 H + 1)."""
+    H, n_t = int(model["harmonics"]), int(model["samples"])
+    tau = np.arange(n_t) * HZ / n_t
+    basis = np.stack([np.ones(n_t)] + [part(k * tau) for k in range(1, H + 1) for part in (np.cos, np.sin)])
+    f = forces_of_sliders(model, (du @ basis).T, w0).T @ (basis.T / n_t * np.r_[1.0, np.full(2 * H, 2.0)])
+    right = level * model["load"] - model["R"].T @ (f - model["K_J"][:, None] * du)
+    q = np.empty_like(right)
+    q[:, 0] = np.linalg.solve(stuck(model), right[:, 0])
+    for n in range(1, H + 1):
+        dynamic = stuck(model) - (n * omega) ** 2 * model["M"] + 1j * n * omega * model["C"]
+        amplitude = np.linalg.solve(dynamic, right[:, 2 * n - 1] - 1j * right[:, 2 * n])
+        q[:, 2 * n - 1], q[:, 2 * n] = amplitude.real, -amplitude.imag
+    return q
+
+
+ELASTIC = 'friction = 0.3\ntangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\npreload = "static"\n'
+LAWS_AT_REST = {
+    "rough": 'law = "rough"\nfriction = 0.3\npreload = 1e6\nroughness_height = 2e-6\nsliders = 6\nfriction_limit = "separate"\n',
+    "iwan": 'law = "iwan"\nslip_force = 400.0\ntangential_stiffness = 1e12\nnormal_stiffness = 2e12\nchi = -0.5\nbeta = 0.3\n',
+}
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("law", LAWS_AT_REST)
+def test_sliders_about_their_rest_are_those_of_the_export(comm, tmp_path, law):
+    """The motion that microslip finds is that which the exported equations answer to its forces, from where the sliders start."""
+    write_msh(str(tmp_path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005))
+    changes = (
+        (ELASTIC, LAWS_AT_REST[law]),
+        ("modes = 8", 'modes = 8\nmethod = "craig-bampton"\nbetween_samples = "return-map"\ntolerance = 1e-11'),
+        ("[response]\nlevels = [5.0]", "[response]\nlevels = [40.0]"),
+    )
+    scene = scene_of(comm, tmp_path, force(150.0, 50.0, -700.0), *changes)
+    model = exported(scene, comm, tmp_path / "out")
+    with build(scene, comm) as structure:
+        response, omega_1 = prepare(structure, has_bars=False).response, structure.modes.omega_n[0]
+        branch = at_frequencies(response.at_level(40.0), response.selection, [0.98 * omega_1, 1.003 * omega_1], tolerance=1e-11)
+        assert np.allclose(model["slider_w0"], structure.pairs.w0, equal_nan=True) or structure.pairs.w0.size == 0
+    assert not branch.failure and all(point.friction > 0.0 for point in branch.points)
+    for point in branch.points:
+        du = point.U.reshape(-1, point.U.shape[-1])
+        own = answered(model, 40.0, point.omega, du, model["slider_w0"])
+        assert model["R"] @ own == pytest.approx(du, abs=1e-7 * np.abs(du).max())
+        assert model["outputs"] @ own == pytest.approx(point.response, abs=1e-7 * np.abs(point.response).max())
+        without = answered(model, 40.0, point.omega, du, np.zeros_like(model["slider_w0"]))
+        assert np.abs(model["outputs"] @ (without - own)).max() > 1e-4 * np.abs(point.response).max()
+    text = (tmp_path / "out" / "README.txt").read_text()
+    assert (
+        all(f"\nslider_{name} " in text for name in ("k_t", "limit", "rate", "w0"))
+        and f"no script can run pairs of the law {law}" in text
+    )
 
 
 @pytest.mark.ranks(1)

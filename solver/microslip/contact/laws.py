@@ -95,6 +95,28 @@ def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarr
     return found
 
 
+def sliders_of(names: Sequence[str] | np.ndarray, columns: Columns) -> dict[str, np.ndarray]:
+    """Return the elastic-Coulomb elements that pairs are made of side by side, by their columns; none if no pair is.  Local.
+
+    (n, n_elements) each, w0 (n, n_elements, 2); NaN where a pair has fewer.  With limits max(0, limit - rate du_z) in each
+    direction, or on a circle where the pair has one.
+    """
+    found: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+    for own, law, part in _parts(names, columns):
+        bundle = getattr(LAWS[law].of_columns(part), "bundle", None)
+        if bundle is not None and len(own):
+            elements = bundle.elements
+            of_elements = {"k_t": elements.k_t, "limit": elements.mu * elements.N0, "rate": elements.mu * elements.k_n}
+            parts = {name: bundle.of_elements(values) for name, values in of_elements.items()}
+            found.append((own, parts | {"w0": elements.w0.reshape(len(own), -1, 2)}))
+    most = max((values["k_t"].shape[1] for _, values in found), default=0)
+    whole = {name: np.full((len(names), most, *values.shape[2:]), np.nan) for _, part in found for name, values in part.items()}
+    for own, part in found:
+        for name, values in part.items():
+            whole[name][own, : values.shape[1]] = values
+    return whole
+
+
 def _parts(names: Sequence[str] | np.ndarray, columns: Columns) -> Iterator[tuple[np.ndarray, str, Columns]]:
     """Yield pairs that share a law and its number of sliders, its name, and their columns."""
     of_pairs = np.asarray(names, dtype=str)

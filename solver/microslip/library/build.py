@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..assembly.assemble import assemble
 from ..assembly.matrices import distribute_structure, read_structure
-from ..assembly.prestress import constant_forces, stiffness_at_rest
-from ..assembly.pretension import pretension
 from ..assembly.system import System
 from ..formats.model import FileModel
 from ..linear.contact_outputs import with_contact_forces
-from ..linear.joint_springs import Linearised, linearise
-from ..mesh.data import ContactPairs, DistributedMesh, Mesh
+from ..linear.joint_springs import Linearised, joint_stiffness, linearise
+from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import pair_contacts
 from ..mesh.partition import distribute
 from ..mesh.read import read_mesh
-from ..mesh.settings import MeshSettings
 from ..modes.eigen import Modes
 from ..modes.limits import refuse_too_many
 from ..observe.log import RunLog
@@ -30,16 +28,15 @@ from ..reduction.methods import check_size
 from ..reduction.stuck import StuckStructure, static_response
 from ..scene.schema import Scene
 from ..statics.bolts import BoltsAtRest
-from ..statics.equilibrium import equilibrium
-from ..statics.flight import which_flies
-from ..statics.pressed import check_pressed
-from ..statics.rest import at_rest, in_words
+from .at_rest import Unloaded, brought_to_rest
 from .complete import read_completed
 from .memory import of_factor, refuse_modes
 from .settings import matrix_settings, mesh_settings, outputs, reduction_settings
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+_OTHER_REST = "other rest"  # of what a structure keeps
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +46,17 @@ class Structure(StuckStructure):
     scene: Scene
     mesh: Mesh | None  # rank 0 only; None of a scene given as matrices whose rows belong to no nodes
     bolts: BoltsAtRest | None = None
+    unloaded: Unloaded | None = None  # with [statics]: before its loads act
 
     @property
     def comm(self) -> MPI.Comm:
         return self.linearised.system.comm
 
     def close(self) -> None:
-        """Free the factor.  Collective."""
+        """Free the factors.  Collective."""
+        free_other_rest(self)
+        if self.unloaded is not None:
+            self.unloaded.close()
         self.linearised.destroy()
 
     def __enter__(self) -> Structure:
@@ -70,11 +71,13 @@ def build(
     comm: MPI.Comm | None = None,
     log: RunLog | None = None,
     known_modes: Callable[[Linearised], Modes] | None = None,
+    keeps_unloaded: bool = True,
 ) -> Structure:
     """Return the structure with all pairs stuck, factored, and its lowest modes.
 
     Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  ``known_modes`` returns those that an
-    earlier call has found, collectively.
+    earlier call has found, collectively.  With [statics], what finds another rest is kept, unless ``keeps_unloaded`` is False:
+    K before the loads act, and the mesh.
 
     Raises
     ------
@@ -83,13 +86,35 @@ def build(
     comm = comm or everyone()
     log = log or RunLog(comm, screen=False)
     if scene.model.mesh is None:
-        mesh, system, pairs, bolts = from_matrices(scene, comm, log)
+        mesh, system, pairs = from_matrices(scene, comm, log)
+        bolts = unloaded = None
     else:
         with log.stage("model file"):
             file, scene, notes = read_completed(scene, comm)
         for note in notes:
             log.note(note)
-        mesh, system, pairs, bolts = from_mesh(scene, file, comm, log)
+        mesh, system, pairs, bolts, unloaded = from_mesh(scene, file, comm, log)
+    if not keeps_unloaded:
+        unloaded = None  # its memory before the factor's
+    return stuck_structure(scene, mesh, system, pairs, bolts, log, known_modes, unloaded)
+
+
+def stuck_structure(
+    scene: Scene,
+    mesh: Mesh | None,
+    system: System,
+    pairs: ContactPairs,
+    bolts: BoltsAtRest | None,
+    log: RunLog,
+    known_modes: Callable[[Linearised], Modes] | None = None,
+    unloaded: Unloaded | None = None,
+) -> Structure:
+    """Return the structure of pairs as they vibrate: factored, with its static response and its modes.  Collective.
+
+    Raises
+    ------
+    CaseError, ResourceError : on every rank
+    """
     settings = reduction_settings(scene)
     system = with_contact_forces(system, pairs, outputs(scene))
     log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
@@ -106,13 +131,52 @@ def build(
         modes, why = choose_modes(linearised, pairs, statics, settings) if known_modes is None else (known_modes(linearised), "")
     for note in filter(None, (*modes.info.get("said", ()), why)):
         log.note(note)
-    return Structure(linearised, pairs, statics, modes, scene, mesh, bolts)
+    return Structure(linearised, pairs, statics, modes, scene, mesh, bolts, unloaded)
+
+
+def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> tuple[Structure, tuple[str, ...]]:
+    """Return a structure at the rest that it comes to with other ``pairs``, as ``scene`` states them, and what a log says of it.
+
+    Collective.  The last one is kept: the factor of the one before is freed.  Mesh, matrices and constant forces are those there
+    are; factor and static columns of the unloaded structure are made for the first other rest, and kept.  Where the rest leaves
+    stiffness and springs what they are for ``structure``, its factor, modes and all that was made of them serve on.
+
+    Raises
+    ------
+    CaseError, ConvergenceError, ResourceError : on every rank
+    """
+    assert structure.unloaded is not None, "a structure that keeps it"
+    key, own = ((one.mu.tobytes(), one.N0.tobytes()) for one in (pairs, structure.unloaded.pairs))
+    if key == own:
+        return structure, ()
+    if structure.kept.get(_OTHER_REST, (None,))[0] != key:
+        free_other_rest(structure)
+        known, log = structure.linearised, RunLog(structure.comm, screen=False)
+        rest = brought_to_rest(structure.unloaded, pairs, known.system)
+        if rest.system.K is known.system.K and np.array_equal(joint_stiffness(rest.pairs), joint_stiffness(structure.pairs)):
+            linearised = replace(known, system=replace(known.system, rest_owned=rest.system.rest_owned))
+            found = replace(structure, linearised=linearised, pairs=rest.pairs, scene=scene, bolts=rest.bolts)
+        else:
+            found = stuck_structure(scene, structure.mesh, rest.system, rest.pairs, rest.bolts, log)
+        structure.kept[_OTHER_REST] = key, found, (*rest.said, *log.notes)
+    _, found, notes = structure.kept[_OTHER_REST]
+    return found, notes
+
+
+def free_other_rest(structure: Structure) -> None:
+    """Free the factor of the structure at another rest, if there is one of its own.  Collective."""
+    known = structure.kept.pop(_OTHER_REST, None)
+    if known is not None and known[1].linearised.factor is not structure.linearised.factor:
+        known[1].linearised.destroy()
 
 
 def from_mesh(
     scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog
-) -> tuple[Mesh | None, System, ContactPairs, BoltsAtRest | None]:
-    """Return mesh (on rank 0), matrices, pairs and bolts of a scene with a mesh, whose file rank 0 has read.  Collective."""
+) -> tuple[Mesh | None, System, ContactPairs, BoltsAtRest | None, Unloaded | None]:
+    """Return mesh (on rank 0), matrices, pairs and bolts of a scene with a mesh, whose file rank 0 has read.  Collective.
+
+    With [statics] they are those at rest, and what was there before comes with them.
+    """
     settings = mesh_settings(scene)
     with log.stage("mesh and contact pairs"):
         mesh = on_root(comm, read_mesh, settings, file, share=False)
@@ -125,45 +189,18 @@ def from_mesh(
         system = assemble(shares, mesh, pairs, settings)
     for note in system.constraints.notes if system.constraints is not None else ():
         log.note(note)
-    bolts = None
-    if settings.statics is not None:
-        system, pairs, bolts = brought_to_rest(system, shares, mesh, pairs, settings, log, str(scene.path))
-    return mesh, system, pairs, bolts
-
-
-def brought_to_rest(
-    system: System,
-    shares: DistributedMesh,
-    mesh: Mesh | None,
-    pairs: ContactPairs,
-    settings: MeshSettings,
-    log: RunLog,
-    where: str,
-) -> tuple[System, ContactPairs, BoltsAtRest | None]:
-    """Return the structure, its pairs and bolts as they vibrate about their rest under the constant loads.  Collective.
-
-    Raises
-    ------
-    CaseError, ConvergenceError, MeshError, ResourceError : on every rank
-    """
-    statics = settings.statics
-    assert statics is not None, "a scene with [statics]"
+    if settings.statics is None:
+        return mesh, system, pairs, None, None
     with log.stage("statics"):
-        forces = constant_forces(shares, mesh, settings, system)
-        bolts = pretension(shares, mesh, settings, system)
-        linearised = linearise(system, pairs, where)
-        flies = partial(which_flies, system, mesh, pairs, forces, settings.body_of)
-        rest = equilibrium(linearised, pairs, forces, statics.steps, bolts, flies, where)
-        linearised.destroy()
-        check_pressed(system, mesh, pairs, rest, forces, settings.body_of, where)
-        seen = None if bolts is None or rest.bolts is None else partial(bolts.overlap.seen, shortening=rest.bolts.shortening)
-        K = stiffness_at_rest(shares, settings, system, rest.u_owned, seen) if statics.stiffens else system.K
-    for line in in_words(system, mesh, pairs, rest, forces, settings.body_of):
+        unloaded = Unloaded.of(system, shares, mesh, pairs, settings, str(scene.path))
+        rest = brought_to_rest(unloaded, pairs)
+        unloaded.close()
+    for line in rest.said:
         log.note(line)
-    return replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts
+    return mesh, rest.system, rest.pairs, rest.bolts, unloaded
 
 
-def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs, None]:
+def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs]:
     """Return nodes (on rank 0, where there are any), matrices and pairs of a scene given as matrices.  Collective."""
     settings = matrix_settings(scene)
     with log.stage("matrices and contact pairs"):
@@ -171,4 +208,4 @@ def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | Non
         system, pairs = distribute_structure(given, settings, comm)
     for note in on_root(comm, lambda: given.notes):
         log.note(note)
-    return (None if given is None else given.mesh), system, pairs, None
+    return (None if given is None else given.mesh), system, pairs

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,9 +21,9 @@ from ..reduction.settings import ReductionSettings
 from ..scene import schema
 from ..scene.read import changed
 from ..scene.schema import Scene
-from .build import Structure
+from .build import Structure, at_another_rest
 from .follow import follow
-from .prepare import prepare
+from .prepare import Prepared, prepare, reduced
 from .response import Response
 from .settings import reduction_settings
 
@@ -59,10 +60,17 @@ def respond(
     Modes are chosen anew, with the kept factor, where ``modes``, ``accuracy`` or the range are given; else they are those chosen
     for the scene's own levels, friction, preload and damping.
 
+    With [statics] another friction or preload, before the loads act, is another state of rest.  It is found anew from the mesh,
+    the matrices and the forces there are, with a factor of the unloaded structure, which the first such call makes and the
+    structure keeps.  Where the stiffness at rest changes, as it does with the stress in the structure and with the pairs that
+    are closed, its factor, static columns and modes are made anew; else they serve on.  The rest of the last such call is kept:
+    fields of an earlier one find theirs again.
+
     Parameters
     ----------
     friction : coefficient [-] of all joints, or of some by name; a number, or one for each pair of the joint
-    preload : contact pressure at rest [Pa] of the same; of pairs from a CSV file their forces [N]
+    preload : contact pressure at rest [Pa] of the same, with [statics] before its loads act; of pairs from a CSV file their
+        forces [N]
     observers : hear of levels and points as they come, on rank 0
     n_groups : of ranks that follow levels side by side
     keys : of [response], [solver], [continuation] and [damping], as in a scene: ``levels``, ``harmonics``, ``method``, ...
@@ -70,16 +78,47 @@ def respond(
     Raises
     ------
     CaseError : something that no scene may hold; on every rank
+    ConvergenceError : no rest with this friction and preload; on every rank
     ResourceError : not enough memory; on every rank
     """
     given = {"friction": friction, "preload": preload}
-    if structure.scene.statics is not None and not all(values is None for values in given.values()):
-        raise CaseError("respond: friction and preload take part in the statics of this scene; change them there and build anew")
     scene = scene_with(structure.scene, keys, given)
-    pairs = pairs_with(structure.pairs, given)
-    structure, why = with_modes_for(structure, reduction_settings(scene), pairs)
-    prepared = prepare(structure, scene, pairs)
-    return Response(prepared, follow(prepared.response, observers, n_groups), (why,) if why else ())
+    if structure.scene.statics is None or all(values is None for values in given.values()):
+        pairs = pairs_with(structure.pairs, given)
+        structure, why = with_modes_for(structure, reduction_settings(scene), pairs)
+        prepared, notes = prepare(structure, scene, pairs), [why]
+    else:
+        find = partial(resting, structure, scene, given)
+        at_rest, notes = find()
+        prepared = found_again(prepare(at_rest, scene), lambda: find()[0])
+    return Response(prepared, follow(prepared.response, observers, n_groups), tuple(filter(None, notes)))
+
+
+def resting(structure: Structure, scene: Scene, of_joints: Mapping[str, OfJoints | None]) -> tuple[Structure, list[str]]:
+    """Return a structure at the rest that other friction and preload lead to, with the modes for ``scene``, and what is said.
+
+    Collective.
+
+    Raises
+    ------
+    CaseError, ConvergenceError, ResourceError : on every rank
+    """
+    if structure.unloaded is None:
+        raise CaseError("respond: friction and preload take part in the statics; ask the structure that was built of the scene")
+    own = scene_with(structure.scene, {}, of_joints)
+    at_rest, notes = at_another_rest(structure, own, pairs_with(structure.unloaded.pairs, of_joints))
+    at_rest, why = with_modes_for(at_rest, reduction_settings(scene), at_rest.pairs)
+    return at_rest, [*notes, why]
+
+
+def found_again(prepared: Prepared, find: Callable[[], Structure]) -> Prepared:
+    """Return what was prepared, such that it asks for its structure where its fields need it.  Local."""
+    settings = reduction_settings(prepared.scene)
+
+    def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
+        return reduced(find(), settings).displacement(level, omega, p)
+
+    return replace(prepared, whole=find, reduction=replace(prepared.reduction, displacement=displacement))
 
 
 def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, OfJoints | None]) -> Scene:

@@ -47,7 +47,7 @@ class Rebuilt:
     @cached_property
     def structure(self) -> Structure:
         self.log.note("the structure is assembled and factored again, its modes are known")
-        return build(self.scene, self.comm, self.log, self._modes)
+        return build(self.scene, self.comm, self.log, self._modes, keeps_unloaded=False)
 
     def _modes(self, linearised: Linearised) -> Modes:
         """Return the modes that were kept, the first of those in their file; found anew where that is damaged."""

@@ -54,7 +54,7 @@ class Flexibility:
 
     def __init__(self, linearised: Linearised):
         R = linearised.system.R
-        self._linearised, self._R_T, self.n_pairs = linearised, R.T.tocsc(), R.shape[0] // 3
+        self.linearised, self._R_T, self.n_pairs = linearised, R.T.tocsc(), R.shape[0] // 3
         self.known = np.zeros(self.n_pairs, dtype=bool)
         n_kept = R.shape[0] if linearised.system.comm.rank == 0 else 0
         self._columns = np.empty((n_kept, n_kept), order="F")  # pages that no pair needs are never touched
@@ -65,7 +65,7 @@ class Flexibility:
         if len(missing) == 0:
             return
         rows = _rows(missing)
-        columns = static_columns(self._linearised, self._linearised.system.R, self._R_T[:, rows])
+        columns = static_columns(self.linearised, self.linearised.system.R, self._R_T[:, rows])
         if len(self._columns):
             self._columns[:, rows] = columns
         self.known[missing] = True
@@ -76,7 +76,7 @@ class Flexibility:
 
 
 def equilibrium(
-    linearised: Linearised,
+    G: Flexibility,
     pairs: ContactPairs,
     forces_owned: np.ndarray,
     n_steps: int,
@@ -86,7 +86,7 @@ def equilibrium(
 ) -> Rest:
     """Return the joint at rest under ``forces_owned`` (n_dof_owned,) [N], this rank's rows, put on in equal steps.
 
-    Collective.  ``linearised`` has the springs of all pairs.  docs/theory.md, eq. (12.3).  A step without a solution is halved.
+    Collective.  ``G`` is that of the springs of all pairs.  docs/theory.md, eq. (12.3).  A step without a solution is halved.
     ``bolts`` are tightened first, in as many steps; then their shortening is held while the forces are put on.
 
     Parameters
@@ -100,12 +100,12 @@ def equilibrium(
     ConvergenceError : no equilibrium; the text says which body nothing presses on any more; on every rank
     ResourceError : more pairs open or slip than are solved for densely; on every rank
     """
-    system, comm = linearised.system, linearised.system.comm
+    linearised, system, comm = G.linearised, G.linearised.system, G.linearised.system.comm
     first, last = linearised.K_L.getOwnershipRange()
     R_owned = system.R[:, first:last]
     u_load = linearised.factor.solve(forces_owned[:, None])[:, 0]
     du_load = comm.bcast(summed(comm, R_owned @ u_load)).reshape(-1, 3)
-    contact = _Contact(comm, pairs, Flexibility(linearised))
+    contact = _Contact(comm, pairs, G)
     unloaded = np.zeros((pairs.n_pairs, 3 + pairs.law.n_memory))
     now, n_taken, found = _State(np.zeros(du_load.shape), unloaded), 0, None
     held, u_held = np.zeros(du_load.shape), 0.0

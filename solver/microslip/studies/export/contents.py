@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...contact.laws import ELASTIC_COULOMB
+from ...contact.laws import ELASTIC_COULOMB, sliders_of
 from ...library.build import Structure
 from ...library.settings import band, units_of
 from ...mesh.data import ContactPairs, Mesh
@@ -78,10 +78,24 @@ def _pairs(pairs: ContactPairs) -> dict[str, Entry]:
         "law": Entry(np.array(pairs.laws, dtype=str), each, "", f'contact law; the scripts know "{ELASTIC_COULOMB}"'),
     }
     others = {name: values for name, values in pairs.own.items() if name not in ("k_ty", "mu_y")}
-    return found | {
+    found |= {
         f"law_{name}": Entry(values, each, "SI", "of a law other than that; nan: not of this pair")
         for name, values in others.items()
     }
+    sliders = sliders_of(pairs.laws, pairs.columns)
+    return found | {f"slider_{name}": Entry(values, *_SLIDERS[name]) for name, values in sliders.items()}
+
+
+_SLIDERS = {  # shape, unit and meaning
+    "k_t": (
+        "(n_pairs, m)",
+        "N/m",
+        "tangential stiffness of each slider of pairs of other laws; nan: the pair has fewer, or none",
+    ),
+    "limit": ("(n_pairs, m)", "N", "friction limit of each at rest; negative: it is open by -limit / rate"),
+    "rate": ("(n_pairs, m)", "N/m", "by which that falls with du_z"),
+    "w0": ("(n_pairs, m, 2)", "m", "where each starts, along x and y"),
+}
 
 
 def _loads(reduction: Reduction, model: InterfaceModel) -> dict[str, Entry]:

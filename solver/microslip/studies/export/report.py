@@ -64,7 +64,10 @@ def what_differs(found: Mapping[str, Entry], scene: Scene) -> list[str]:
         )
     others = sorted(set(value["law"]) - {ELASTIC_COULOMB})
     if others:
-        lines.append(f"no script can run pairs of the law {listed(others)}: none of the programs has it")
+        lines.append(
+            f"no script can run pairs of the law {listed(others)}: none of the programs has it; slider_k_t, slider_limit, "
+            "slider_rate and slider_w0 are what it takes"
+        )
     if value["S"].size:
         lines.append("no script can run structural damping (S)")
     if np.any(value["T0"] != 0.0):
@@ -169,6 +172,16 @@ du = R q are the relative displacements of body 1 against body 2 of each pair, i
     f_nl,z = max(N0, 0) - N              measured from rest: the preload is in balance
     T = k_t (du_t - w), |T| <= mu N      friction force of a spring and a slider that starts at w0 = -T0 / k_t
     f_nl,t = T - T0
+
+That is law "elastic-coulomb".  A pair of another law has sliders side by side (slider_k_t, _limit, _rate, _w0), each with
+
+    T_j = k_j (du_t - w_j), |T_j| <= max(0, limit_j - rate_j du_z), w_j starting at w0_j       f_nl,t = sum of T_j + k_j w0_j
+
+and a normal force of its own:
+
+    "rough"   on a circle, or in each direction by itself where separate is 1;
+              f_nl,z = N0 - N, N = N0 max(0, 1 - k_n du_z / (m N0))^m, m being law_exponent; inf: N = N0 exp(-k_n du_z / N0)
+    "iwan"    in each direction by itself; f_nl,z = k_n du_z
 
 While every pair sticks, f_nl = diag(K_J) du.  A load or motion a(t) has real coefficients mean, cos 1, sin 1, cos 2, sin 2, ...:
 a(t) = a_0 + sum_n a_cn cos(n omega t) + a_sn sin(n omega t)."""

@@ -1,0 +1,159 @@
+"""Another friction or preload of a structure with [statics]: another rest, found without building again what did not change."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from blocks import stacked
+from msh import write_msh
+from rest_scene import HEIGHT, LENGTH, WIDTH, eccentric, force, scene_of
+
+import microslip
+from microslip.library import build as library_build
+from microslip.linear import factor as factors
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError, ConvergenceError
+
+STATICS = "steps = 4\n" + force(150.0, 50.0, -1000.0)  # N; some pairs slide
+COMMON = (("samples = 64", "samples = 64\ntolerance = 1e-11"), ("points = 10", "points = 3\nat = [4665.0]"))
+RANGE = ("mode = 1\nspan = [0.9, 1.1]", "frequencies = [4600.0, 4750.0]")
+SAME = 1e-8  # of the largest
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    path = comm.bcast(tmp_path_factory.mktemp("other"))
+    on_root(comm, lambda: write_msh(str(path / "bar.msh"), stacked("hex8", (LENGTH, WIDTH, HEIGHT), (4, 2, 1), 0.005)))
+    return path
+
+
+@pytest.fixture(scope="module")
+def structure(comm, folder):
+    with microslip.build(scene_of(comm, folder, STATICS, *COMMON, RANGE), comm) as structure:
+        yield structure
+
+
+def found_at(response):
+    """Return harmonics 1 to 3 of the output and forces p at the frequency asked for."""
+    (level,) = response.results.levels
+    (i,) = np.flatnonzero(level.asked)
+    return level.response[i, 0, 1:], level.p[i]
+
+
+def assert_same(found, wanted):
+    """Compare responses and the structures that they are of: rest, frequencies, motion, forces, fields.  Collective."""
+    for name in ("mu", "N0", "T0", "k_t", "k_n", "w0"):
+        a, b = getattr(found.prepared.pairs, name), getattr(wanted.prepared.pairs, name)
+        assert np.abs(a - b).max(initial=0.0) <= SAME * np.abs(b).max(initial=0.0), name
+    assert np.array_equal(found.prepared.pairs.apart, wanted.prepared.pairs.apart)
+    assert found.prepared.outline.omega_n == pytest.approx(wanted.prepared.outline.omega_n, rel=SAME)
+    for a, b in zip(found_at(found), found_at(wanted)):
+        assert a == pytest.approx(b, abs=SAME * np.abs(b).max())
+    a, b = (one.fields(5.0, 4665.0)[1] for one in (found, wanted))
+    assert a == pytest.approx(b, abs=SAME * np.abs(b).max())
+
+
+def of_pairs(structure):
+    """Return another friction for each pair, and the file that states it in a scene."""
+    mu = 0.25 + 0.1 * np.arange(structure.pairs.n_pairs) / structure.pairs.n_pairs
+    rows = [",".join(map(repr, (*map(float, at), float(one)))) for at, one in zip(structure.pairs.position, mu)]
+    return mu, "\n".join(["x,y,z,friction", *rows])
+
+
+CHANGES = {
+    "a number": ({"friction": 0.22}, ("friction = 0.3", "friction = 0.22")),
+    "each pair": (None, ("friction = 0.3", 'friction = 0.3\nparameters = "mu.csv"')),
+    "by joint": ({"friction": {"joint": 0.5}}, ("friction = 0.3", "friction = 0.5")),
+    "a preload before the loads": ({"preload": {"joint": 2e5}}, ('preload = "static"', "preload = 2e5")),
+    "both": (
+        {"preload": 1e5, "friction": 0.24},
+        (
+            '0.3\ntangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\npreload = "static"',
+            "0.24\ntangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\npreload = 1e5",
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_another_rest_is_that_of_a_scene_built_anew(comm, folder, structure, name):
+    keys, change = CHANGES[name]
+    if keys is None:
+        mu, text = of_pairs(structure)
+        on_root(comm, lambda: (folder / "mu.csv").write_text(text))
+        keys = {"friction": {"joint": mu}}
+    found = microslip.respond(structure, error_bars=False, **keys)
+    with microslip.build(scene_of(comm, folder, STATICS, *COMMON, RANGE, change, name="anew"), comm) as fresh:
+        assert_same(found, microslip.respond(fresh, error_bars=False))
+    assert any(line.startswith("rest found in") for line in found.notes)
+    assert np.abs(found.prepared.pairs.T0 - structure.pairs.T0).max() > 1e-3 * np.abs(structure.pairs.T0).max()
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Return what lists the factors that are made once it is called; meshes and matrices must not be made then."""
+
+    def begin():
+        made, factorise = [], factors.factorise
+        monkeypatch.setattr(factors, "factorise", lambda *of: made.append(of) or factorise(*of))
+        for name in ("read_completed", "read_mesh", "pair_contacts", "distribute", "assemble"):
+            monkeypatch.setattr(library_build, name, None)
+        monkeypatch.setattr("microslip.library.at_rest.constant_forces", None)
+        return made
+
+    return begin
+
+
+def test_what_did_not_change_is_not_made_again(comm, folder, made):
+    structure = microslip.build(scene_of(comm, folder, STATICS, *COMMON, RANGE, name="kept"), comm)
+    made = made()
+    first = microslip.respond(structure, error_bars=False, friction=0.24)
+    assert len(made) == 2  # of the unloaded structure, and of that at rest
+    microslip.respond(structure, error_bars=False, friction=0.24, levels=[2.0, 7.0])
+    assert len(made) == 2
+    _, u = first.fields(5.0, 4665.0)
+    microslip.respond(structure, error_bars=False, friction=0.22)
+    assert len(made) == 3  # that of the unloaded structure serves on
+    again = first.fields(5.0, 4665.0)[1]
+    assert again == pytest.approx(u, abs=1e-9 * np.abs(u).max()) and len(made) == 4
+    at_rest = first.prepared.structure
+    assert at_rest.modes.omega_n == pytest.approx(first.prepared.outline.omega_n, rel=1e-10) and len(made) == 4
+    own = microslip.respond(structure, error_bars=False, friction=0.3)
+    assert own.prepared.structure is structure and len(made) == 4
+    structure.close()
+    assert not any(one.linearised.factor.ksp for one in (structure, at_rest)) and "flexibility" not in vars(structure.unloaded)
+
+
+SERVES = {
+    "nothing slides": (eccentric(1000.0), 0.9),
+    "what slides stiffens nothing": ("stress_stiffening = false\n" + force(150.0, 50.0, -1000.0), 0.25),
+}
+
+
+@pytest.mark.parametrize("name", SERVES)
+def test_where_the_stuck_structure_stays_what_it_is_its_factor_and_modes_serve_on(comm, folder, made, name):
+    statics, friction = SERVES[name]
+    own = ("friction = 0.3", "friction = 0.8")
+    with microslip.build(scene_of(comm, folder, statics, *COMMON, RANGE, own, name="serves"), comm) as structure:
+        made = made()
+        found = microslip.respond(structure, error_bars=False, friction=friction)
+        assert len(made) == 1 and found.prepared.structure.modes is structure.modes
+        assert found.prepared.structure.linearised.factor is structure.linearised.factor
+        assert np.array_equal(found.prepared.pairs.mu, np.full(structure.pairs.n_pairs, friction))
+        assert np.array_equal(found.prepared.pairs.apart, structure.pairs.apart)
+
+
+def test_what_no_rest_takes_is_said_and_the_structure_stays(comm, folder, structure):
+    with pytest.raises(ConvergenceError, match="no equilibrium beyond"):
+        microslip.respond(structure, friction=0.02)
+    with pytest.raises(
+        CaseError, match=r"respond: friction of joint 'joint': a number of at least 0 is expected, or one for each"
+    ):
+        microslip.respond(structure, friction=[0.1, 0.2])
+    with pytest.raises(CaseError, match="ask the structure that was built"):
+        microslip.respond(replace(structure, unloaded=None), friction=0.5)
+    gap = ('preload = "static"', 'preload = "static"\ngap = 1e-6')
+    with microslip.build(scene_of(comm, folder, eccentric(1000.0), gap, name="gap"), comm) as with_gap:
+        with pytest.raises(CaseError, match="an open pair carries no preload|an open joint carries no preload"):
+            microslip.respond(with_gap, preload=1e5)
+    assert microslip.respond(structure, error_bars=False).prepared.structure is structure
