@@ -70,7 +70,7 @@ RESPONSE = "levels/0000/response"
 FREQUENCY = "levels/0000/frequency_Hz"
 FILES = [
     plot("results missing", removed(FILE), "no such file"),
-    plot("results are a folder", made_a_folder(FILE), "no such file"),
+    plot("results are a folder", made_a_folder(FILE), "that is a folder"),
     plot("results are a loop of links", made_a_loop(FILE), "no such file"),
     plot("results empty", written(FILE, ""), "damaged"),
     plot("results of noise", written(FILE, NOISE), "no HDF5 file"),
