@@ -17,8 +17,8 @@ _PART_BYTES = 2.5e8  # of columns solved for at a time, over all ranks: more are
 class StaticColumns:
     """G_static by columns: p vanishes where a pair sticks, so only the others' columns are ever needed.
 
-    Pairs that are likely to follow the missing ones are solved for with them, in the order of ``likely``: ``batch`` at a time, and
-    later as many as are known already, so that a joint that slips further and further takes few passes.
+    Pairs that are likely to follow the missing ones are solved for with them, in the order of ``likely``: ``batch`` at a time,
+    and later as many as are known already, so that a joint that slips further and further takes few passes.
 
     Parameters
     ----------

@@ -92,10 +92,9 @@ def _sparse(group, name: str, wanted: Wanted) -> sp.csc_matrix:
     parts = {part: _array(_inside(group, part, wanted), part, wanted).ravel() for part in ("data", "ir", "jc") if part in group}
     if "jc" not in parts or len(parts) not in (1, 3):
         raise wanted.error(f"its sparse variable {name} lacks data, ir or jc")
-    data, rows = parts.get("data", np.empty(0)), parts.get("ir", np.empty(0, dtype=np.int64))
-    starts = parts["jc"].astype(np.int64)
+    data, rows, starts = parts.get("data", np.empty(0)), *(parts.get(part, np.empty(0)).astype(np.int64) for part in ("ir", "jc"))
     if starts[0] != 0 or (np.diff(starts) < 0).any() or not starts[-1] == len(rows) == len(data):
         raise wanted.error(f"the columns of its sparse variable {name} do not have the entries that they say")
-    if len(rows) and rows.astype(np.int64).max() >= n_rows:
+    if len(rows) and not 0 <= rows.min() <= rows.max() < n_rows:
         raise wanted.error("row index exceeds matrix dimensions")
-    return sp.csc_matrix((data, rows.astype(np.int64), starts), (n_rows, len(starts) - 1))
+    return sp.csc_matrix((data, rows, starts), (n_rows, len(starts) - 1))
