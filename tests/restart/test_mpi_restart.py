@@ -37,9 +37,9 @@ def built(monkeypatch):
     calls = {"first": 0, "again": 0}
 
     def count(name, function):
-        def counting(*arguments):
+        def counting(*arguments, **keys):
             calls[name] += 1
-            return function(*arguments)
+            return function(*arguments, **keys)
 
         return counting
 
