@@ -300,6 +300,12 @@ def test_nodes_connected_to_a_reference_node(tmp_path, card):
     (point,) = model.connected
     assert point.connection == ("distributing" if "DISTR" in card else "rigid") and point.name == "node 99"
     assert numbers(model, point.group) == [15, 16, 17, 18]
+    said = [one.effect for one in model.findings if not one.changes and one.word == "*DISTRIBUTING COUPLING"]
+    assert len(said) == ("DISTR" in card) and not any("DCOUP3D" in one.word for one in model.findings)
+    level = read(
+        tmp_path, CUBE + TWICE.replace("99, 0.5, 0.5, 3", "99, .5, .5, 2") + "*NSET, NSET=UPPER\n15, 16, 17, 18\n" + card
+    )
+    assert not any(one.word == "*DISTRIBUTING COUPLING" for one in level.findings)
 
 
 def test_springs_and_masses(tmp_path):

@@ -234,7 +234,18 @@ def _take_distributing_coupling(model: Gathered, scope: Scope, card: Card) -> No
         return
     nodes = np.concatenate([model.mesh.nodes(scope, words[0], where) for words, where in lines])
     group = f"coupled to node {model.mesh.numbers[at[0]]}"
+    _find_lever(model, int(at[0]), np.unique(nodes), card)
     _add_point(model, int(at[0]), "", nodes, group, "distributing", card)
+
+
+def _find_lever(model: Gathered, node: int, nodes: np.ndarray, card: Card) -> None:
+    """Add a note where a reference node lies off the middle of its nodes, in which Abaqus and CalculiX differ."""
+    points = model.mesh.points[nodes]
+    middle = points.mean(axis=0)
+    if np.linalg.norm(model.mesh.points[node] - middle) > 1e-6 * np.linalg.norm(points - middle, axis=1).max():
+        number = model.mesh.numbers[node]
+        effect = f"node {number} lies off the middle of its nodes and turns with them, as in Abaqus; CalculiX gives it their mean"
+        model.findings.add("*DISTRIBUTING COUPLING", card.where, effect, False, "points")
 
 
 def _take_mpc(model: Gathered, scope: Scope, card: Card) -> None:

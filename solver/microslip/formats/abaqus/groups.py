@@ -25,7 +25,6 @@ _EDGES = {
     "wedge": ((0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)),
 }
 _N_CORNERS = {"tet": 4, "hex": 8, "wedge": 6}
-N_FACES = 6  # at most
 _FACE_KIND = {3: "tri3", 4: "quad4", 6: "tri6", 8: "quad8"}
 
 

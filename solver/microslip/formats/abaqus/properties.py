@@ -134,4 +134,4 @@ def _find_without_section(model: Gathered, has_section: np.ndarray, words: np.nd
 
 
 def _has_own_card(word: str) -> bool:
-    return word in ("MASS", "ROTARYI", "SPRING1", "SPRING2", "SPRINGA") or word.startswith("R3D")
+    return word in ("MASS", "ROTARYI", "SPRING1", "SPRING2", "SPRINGA", "DCOUP3D") or word.startswith("R3D")

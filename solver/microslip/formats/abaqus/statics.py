@@ -11,12 +11,13 @@ from ...parallel.errors import MeshError
 from ..model import FileForce, FileStatics, Vector
 from .cards import Card, number
 from .gathered import Gathered, Step
-from .groups import N_FACES, add_faces
+from .groups import add_faces
 from .scopes import Scope
 from .types import is_solid
 
 WORD = "*STEP, PERTURBATION"
 _TAKEN = ("CLOAD", "DLOAD", "DSLOAD")
+_FACES = ("P1", "P2", "P3", "P4", "P5", "P6")
 _OTHERS = {
     "TEMPERATURE": "temperatures",
     "FIELD": "values of a field",
@@ -167,10 +168,10 @@ def _take_distributed(model: Gathered, scope: Scope, words: list[str], where: st
     elements = model.mesh.elements(scope, words[0], where)
     if label == "CENTRIF":
         _take_rotation(model, elements, words, where, acting)
-    elif label[:1] == "P" and label[1:].isdigit() and 1 <= int(label[1:]) <= N_FACES:
+    elif label in _FACES:
         (value,) = _values(words, 2, 1, where, "DLOAD")
         for element in elements.tolist():
-            acting.put(acting.faces, (element, int(label[1:])), value)
+            acting.put(acting.faces, (element, _FACES.index(label) + 1), value)
     else:
         _refuse(model, f"*DLOAD, {label}", where, f"a load {label} that [statics] does not have")
 
