@@ -1,5 +1,7 @@
 """The law of rough surfaces against closed forms: pressure, friction at constant pressure, no cycle that gains energy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.special import iv
@@ -7,6 +9,8 @@ from scipy.special import iv
 from microslip.contact.energy import contact_work, pair_energy
 from microslip.contact.law import OPEN, SLIP, STICK
 from microslip.contact.rough import Rough, on_area, tangents_at
+from microslip.fourier.coefficients import analysis_matrix, synthesise
+from microslip.fourier.harmonics import Harmonics
 
 MU, N0, K_T, K_N = 0.4, 2.0, 3.0, 5.0
 EXPONENTS = [np.inf, 2.0, 3.33, 1.4]
@@ -186,6 +190,105 @@ def test_about_another_rest_it_goes_on_as_it_would_have(exponent):
     assert worst[0] < 0.05 * MU * N0 and worst[1] < worst[0] / 8.0
 
 
-def test_a_pair_that_has_parted_is_no_rest():
+def test_a_pair_of_the_exponential_that_has_parted_is_no_rest():
     with pytest.raises(ValueError, match="1 of 2 pairs carry nothing"):
-        law(2.0, 2).about(np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 5.0]]), np.zeros((2, law(2.0).n_memory)))
+        law(np.inf, 2).about(np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 50.0]]), np.zeros((2, law().n_memory)))
+    with pytest.raises(ValueError, match="N0 of pair 0 is 0"):
+        Rough(*np.array([[0.3], [0.0], [1.0], [1.0], [np.inf]]), reference=np.ones(1))
+    with pytest.raises(ValueError, match="pair 0 is apart at rest, and has a preload"):
+        law(2.0, apart=np.ones(1, dtype=bool))
+
+
+# -- open at rest ----------------------------------------------------------------------------------------------------------
+
+GAP = 0.1
+
+
+def from_gap(n=1, gap=GAP, apart=True, m=2.0, **own):
+    """Return the law of pairs that are open by a gap, and how far that is from rest with the preload of :func:`law`."""
+    of = replace(law(m, n, **own), N0=np.full(n, -K_N * gap), reference=np.full(n, N0), apart=np.full(n, apart))
+    return of, m * N0 / K_N + gap
+
+
+def test_a_power_touches_from_none_on():
+    of, far = from_gap(m=2.5)
+    u = np.array([0.5, 0.0, -GAP, -GAP - 0.2, -far])
+    N, k = of.normal_force(u)
+    x = np.maximum(-u - GAP, 0.0)
+    assert np.allclose(N, N0 * (K_N * x / (2.5 * N0)) ** 2.5, rtol=1e-12, atol=1e-15) and N[-1] == pytest.approx(N0, rel=1e-12)
+    assert np.allclose(k[3:], 2.5 * N[3:] / x[3:], rtol=1e-12) and not k[:3].any()
+    assert not of.stiffness.any() and np.array_equal(of.springs, law(2.5).stiffness)
+
+
+def test_apart_it_is_the_law_of_pairs_that_are_pressed_moved_away():
+    """All of its force is p, with the derivative; that of one with its rest elsewhere is beyond that one's springs."""
+    n, N_H, rng = 12, 7, np.random.default_rng(5)
+    U = 0.2 * rng.standard_normal((n, 3, N_H))
+    U[:, 2, 0] -= np.linspace(-3.0, 1.5, n)
+    apart, far = from_gap(n)
+    pressed, moved = law(2.0, n), U.copy()
+    moved[:, 2, 0] += far
+    found, wanted = apart.cycle(U, 64), pressed.cycle(moved, 64)
+    force = wanted.p + pressed.stiffness[:, :, None] * moved
+    force[:, 2, 0] -= N0
+    assert np.allclose(found.p, force, atol=1e-12)
+    touches = np.zeros(n, dtype=bool)
+    touches[found.active] = True
+    assert 0 < touches.sum() < n and not found.p[~touches].any() and np.all(found.state[~touches] == OPEN)
+    P = wanted.P[np.searchsorted(wanted.active, found.active)]
+    i = np.arange(3 * N_H)
+    P[:, i, i] += np.repeat(pressed.stiffness[found.active], N_H, axis=1)
+    assert np.allclose(found.P, P, atol=1e-11)
+
+
+def test_apart_a_march_comes_to_the_cycle():
+    n, N_t, rng = 8, 48, np.random.default_rng(6)
+    U = np.zeros((n, 3, 5))
+    U[:, :, 1:] = 0.25 * rng.standard_normal((n, 3, 4))
+    U[:, 2, 0] = -np.linspace(-0.5, 1.2, n)
+    of = from_gap(n)[0].followed(False)
+    du = synthesise(U.reshape(-1, 5), N_t).reshape(n, 3, N_t).transpose(2, 0, 1)
+    forces = steady_loop(of, du).transpose(1, 2, 0)
+    found = of.cycle(U, N_t)
+    assert np.allclose(found.p, np.einsum("nit,ct->nic", forces, analysis_matrix(Harmonics.up_to(2), N_t)), atol=1e-10)
+
+
+def test_about_a_rest_that_begins_untouched_it_goes_on_as_it_would_have():
+    """Pairs that begin open with springs, as in statics: some close and slip, others stay apart, by gaps that are geometry.
+
+    What is hardly pressed at rest and is pressed more than 16 times as much later has too low a friction limit (eq. 3.12).
+    """
+    worst = []
+    for n_sliders in (12, 48):
+        n, rng = 20, np.random.default_rng(3)
+        of, far = from_gap(n, 0.0, apart=False, n_sliders=n_sliders)
+        path = np.cumsum(0.04 * rng.standard_normal((40, n, 3)), axis=0)
+        path[..., 2] -= np.linspace(-0.5, 1.0, n)
+        before = np.zeros((n, 3 + of.n_memory))
+        for du in path[:20]:
+            before, _, _ = of.step(du, before)
+            assert before[:, 2] + K_N * du[:, 2] == pytest.approx(-of.normal_force(du[:, 2])[0], abs=1e-12)
+        rest, T0 = path[19], before[:, :2] + of.stiffness[:, :2] * path[19, :, :2]
+        there, differs = of.about(rest, before[:, 3:]), []
+        assert 0 < there.apart.sum() < n and np.array_equal(there.apart, of.normal_force(rest[:, 2])[0] <= 1e-9 * N0)
+        assert there.N0[there.apart] == pytest.approx(-K_N * np.maximum(rest[there.apart, 2], 0.0), abs=1e-12)
+        after = np.zeros_like(before)
+        for du in path[20:]:
+            before, _, _ = of.step(du, before)
+            after, _, _ = there.step(du - rest, after)
+            T = before[:, :2] + of.stiffness[:, :2] * du[:, :2]
+            differs.append(T - T0 - after[:, :2] - there.stiffness[:, :2] * (du - rest)[:, :2])
+            assert there.normal_force(du[:, 2] - rest[:, 2])[0] == pytest.approx(of.normal_force(du[:, 2])[0], rel=1e-9, abs=1e-9)
+        firm = there.apart | (there.N0 > 0.01 * N0)
+        assert firm.sum() > 15
+        worst.append(np.abs(differs)[:, firm].max())
+    assert worst[0] < 0.02 * MU * N0 and worst[1] < worst[0] / 4.0
+
+
+def test_what_touches_is_asked_of_its_gap():
+    of, _ = from_gap(2)
+    amplitudes = np.array([[1.0, 0.0, 0.5 * GAP], [3.0, 1.0, 0.0]])
+    assert of.slip_safety(amplitudes).tolist() == [2.0, np.inf] and of.utilisation(amplitudes).tolist() == [0.5, 0.0]
+    assert np.all(of.slipping_share(amplitudes) == 1.0)
+    with pytest.raises(ValueError, match="they are apart at rest"):
+        from_gap(apart=False)[0].cycle(np.zeros((1, 3, 3)), 16)

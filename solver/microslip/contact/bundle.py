@@ -77,13 +77,14 @@ class Bundle:
         pair, elements = touching // self.size, self.elements.take(touching)
         found = elements.cycle(U[pair], n_samples, tangents, harmonics)
         springs = np.where(elements.N0 < 0.0, elements.k_t, 0.0)  # of the stuck element, which is no part of the stuck pair
-        first = np.searchsorted(pair, np.arange(n))  # every pair has an element that touches
+        those, first = np.unique(pair, return_index=True)  # pairs with an element that touches
         p = np.zeros_like(U)
         state, creeps = np.zeros(n, dtype=np.uint8), np.zeros(n, dtype=bool)
-        if n > 0:
-            p[:, :2] = np.add.reduceat(found.p[:, :2] + springs[:, None, None] * U[pair, :2], first)
-            state[np.logical_and.reduceat((found.state != STICK) | (elements.k_t == 0.0), first)] = SLIP
-            creeps = np.logical_or.reduceat(found.creeps, first)
+        if len(those):
+            p[those, :2] = np.add.reduceat(found.p[:, :2] + springs[:, None, None] * U[pair, :2], first)
+            slips = np.logical_and.reduceat((found.state != STICK) | (elements.k_t == 0.0), first)
+            state[those[slips]] = SLIP
+            creeps[those] = np.logical_or.reduceat(found.creeps, first)
         active, start = np.unique(pair[found.active], return_index=True)
         P = None
         if found.P is not None:

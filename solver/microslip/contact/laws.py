@@ -28,6 +28,7 @@ class Kind:
     on_area: Callable[[Keys, np.ndarray], Mapping[str, np.ndarray]]  # columns of a joint of surfaces, from its pairs' areas
     per_point: tuple[str, ...]  # values that each contact point of surfaces may have of its own
     about_rest: Callable[[Columns, np.ndarray, np.ndarray], Mapping[str, np.ndarray | None]] | None = None  # columns, du, memory
+    pressed_to: Callable[[Columns, np.ndarray, np.ndarray], np.ndarray] | None = None  # columns, du before and as guessed
     above_0: tuple[str, ...] = ()  # columns of a file of pairs that it cannot do without
 
 
@@ -59,9 +60,22 @@ LAWS: dict[str, Kind] = {
         _by_direction,
         ("friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"),
     ),
-    "rough": Kind(rough.of_columns, rough.own, rough.on_area, ("friction", "preload"), rough.about_rest, ("n0", "kt", "kn")),
+    "rough": Kind(
+        rough.of_columns,
+        rough.own,
+        rough.on_area,
+        ("friction", "preload"),
+        rough.about_rest,
+        rough.pressed_to,
+        ("n0", "kt", "kn"),
+    ),
     "iwan": Kind(
-        iwan.of_columns, iwan.own, iwan.on_area, ("tangential_stiffness", "normal_stiffness"), iwan.about_rest, ("mu", "n0", "kt")
+        iwan.of_columns,
+        iwan.own,
+        iwan.on_area,
+        ("tangential_stiffness", "normal_stiffness"),
+        iwan.about_rest,
+        above_0=("mu", "n0", "kt"),
     ),
 }
 
@@ -92,6 +106,19 @@ def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarr
                 values = np.pad(values, ((0, 0), (0, memory.shape[1] // 2 - values.shape[1]), (0, 0)))
             whole = columns[name] if name != "w0" else np.zeros((len(du), *values.shape[1:]))
             found.setdefault(name, whole.copy())[own] = values
+    return found
+
+
+def pressed_to(names: Sequence[str] | np.ndarray, columns: Columns, before: np.ndarray, du: np.ndarray) -> np.ndarray:
+    """Return a guess of where pairs come to on their way from ``before``, (n, 3), better than ``du`` where their law knows one.
+
+    Local.
+    """
+    found = du.copy()
+    for own, law, part in _parts(names, columns):
+        knows = LAWS[law].pressed_to
+        if knows is not None:
+            found[own] = knows(part, before[own], du[own])
     return found
 
 

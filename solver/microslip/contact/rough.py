@@ -29,10 +29,14 @@ MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential over normal stiffness at
 
 @dataclass(frozen=True)
 class Rough:
-    """The law of ``n`` pairs of rough surfaces, arrays (n,), about their rest; ValueError if they carry nothing there."""
+    """The law of ``n`` pairs of rough surfaces, arrays (n,), about their rest; ValueError if it is not defined there.
+
+    A power of the approach may be open at rest, N0 <= 0, as an elastic-Coulomb pair: by the gap -N0 / k_n.  Its k_t and k_n are
+    those where it carries ``reference``.
+    """
 
     mu: np.ndarray  # friction coefficient [-]
-    N0: np.ndarray  # normal preload [N], above 0
+    N0: np.ndarray  # normal preload [N]
     k_t: np.ndarray  # tangential stiffness at rest [N/m]
     k_n: np.ndarray  # normal stiffness at rest [N/m], above 0
     exponent: np.ndarray  # of the approach, above 1 [-]; infinite: the exponential
@@ -40,14 +44,20 @@ class Rough:
     n_sliders: int = SLIDERS
     sampled: bool = False  # asperities that know samples alone
     w0: np.ndarray | None = None  # (n, n_asperities, 2) where they start [m], as elastic-Coulomb sliders do; None: at 0
+    reference: np.ndarray = field(default_factory=lambda: np.full(1, np.nan))  # (n,) N, of pairs that are open at rest
+    apart: np.ndarray = field(default_factory=lambda: np.zeros(1, dtype=bool))  # (n,) bool: open at rest, without springs
     bundle: Bundle = field(init=False, repr=False)
 
     def __post_init__(self):
         for name in ("mu", "N0", "k_t", "k_n", "exponent"):
             object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64))
         object.__setattr__(self, "separate", np.array(np.broadcast_to(self.separate, self.N0.shape), dtype=bool))
-        for name, least in (("N0", 0.0), ("k_n", 0.0), ("exponent", 1.0)):
-            values = getattr(self, name)
+        object.__setattr__(self, "reference", np.array(np.broadcast_to(self.reference, self.N0.shape), dtype=np.float64))
+        object.__setattr__(self, "apart", np.array(np.broadcast_to(self.apart, self.N0.shape), dtype=bool))
+        if np.any(self.apart & ~self.is_open):
+            raise ValueError(f"pair {np.argmax(self.apart & ~self.is_open)} is apart at rest, and has a preload")
+        carried = np.where(self.is_open & ~(np.isfinite(self.exponent) & (self.reference > 0.0)), self.N0, self.pressed)
+        for name, least, values in (("N0", 0.0, carried), ("k_n", 0.0, self.k_n), ("exponent", 1.0, self.exponent)):
             if np.any(values <= least):
                 raise ValueError(f"{name} of pair {np.nanargmin(values)} is {np.nanmin(values):g}; above {least:g} is needed")
         object.__setattr__(self, "bundle", self._asperities())
@@ -67,18 +77,34 @@ class Rough:
         return self.bundle.n_memory
 
     @cached_property
-    def stiffness(self) -> np.ndarray:
-        """The springs K_J at rest: k_t, k_t, k_n, (n, 3) [N/m]."""
-        return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
+    def is_open(self) -> np.ndarray:
+        """Which pairs carry nothing at rest, (n,) bool."""
+        return self.N0 <= 0.0
 
-    @property
+    @cached_property
+    def pressed(self) -> np.ndarray:
+        """The normal force where k_t and k_n are, (n,) [N]: that at rest, or the reference."""
+        return np.where(self.is_open, self.reference, self.N0)
+
+    @cached_property
+    def lift(self) -> np.ndarray:
+        """How far rest is from there, (n,) [m]: of open pairs the approach that carries the reference, and the gap."""
+        with np.errstate(invalid="ignore"):
+            return np.where(self.is_open, (self.exponent * self.pressed - self.N0) / self.k_n, 0.0)
+
+    @cached_property
+    def stiffness(self) -> np.ndarray:
+        """The springs K_J at rest: k_t, k_t, k_n, (n, 3) [N/m]; none of a pair that is apart."""
+        return np.where(self.apart[:, None], 0.0, self.springs)
+
+    @cached_property
     def springs(self) -> np.ndarray:
-        """The springs of a pair that touches, (n, 3) [N/m]: those at rest."""
-        return self.stiffness
+        """The springs of a pair that touches, (n, 3) [N/m]: those at rest, or at the reference."""
+        return np.stack([self.k_t, self.k_t, self.k_n], axis=1)
 
     def take(self, indices) -> Rough:
         """Return the law of some pairs: an index array, a mask or a slice.  Local."""
-        names = ("mu", "N0", "k_t", "k_n", "exponent", "separate", "w0")
+        names = ("mu", "N0", "k_t", "k_n", "exponent", "separate", "w0", "reference", "apart")
         return replace(self, **{name: getattr(self, name)[indices] for name in names if getattr(self, name) is not None})
 
     def followed(self, path: bool) -> Rough:
@@ -92,11 +118,11 @@ class Rough:
 
         Local.  docs/theory.md, eq. (3.11).  The surfaces part where a power of the approach is 0; the exponential has no end.
         """
-        x, m = -self.k_n * du_z / self.N0, self.exponent
+        x, m = -self.k_n * (du_z + self.lift) / self.pressed, self.exponent
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             log = np.where(np.isinf(m), x, m * np.log1p(np.maximum(x / m, -1.0)))
             log = np.minimum(log, _MOST)
-            N = self.N0 * np.exp(log)
+            N = self.pressed * np.exp(log)
             stiffness = self.k_n * np.exp(np.where(np.isinf(m), log, log * (1.0 - 1.0 / m)))
         return N, stiffness
 
@@ -111,10 +137,10 @@ class Rough:
         share, force = np.diff(slope, axis=1), np.diff(at_0, axis=1)
         force[:, :n] = np.maximum(force[:, :n], 0.0)  # the last of them has next to nothing left
         size = share.shape[1]
-        each = {name: np.repeat(getattr(self, name), size) for name in ("mu", "N0", "k_t", "k_n")}
+        each = {name: np.repeat(getattr(self, name), size) for name in ("mu", "pressed", "k_t", "k_n", "lift")}
         elements = ElasticCoulomb(
             each["mu"],
-            each["N0"] * force.ravel(),
+            each["pressed"] * force.ravel() - each["k_n"] * share.ravel() * each["lift"],
             each["k_t"] * share.ravel(),
             each["k_n"] * share.ravel(),
             np.repeat(self.separate, size),
@@ -128,26 +154,29 @@ class Rough:
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
         """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.
 
-        Local.  docs/theory.md, eq. (3.10) and eq. (3.11).  A pair that moves along z is active: no part of this law is linear.
+        Local.  docs/theory.md, eq. (3.10) and eq. (3.11).  A pair that moves along z is active: no part of this law is linear;
+        one that is apart, where it touches.
         """
         n, _, N_H = U.shape
         if self.n_pairs != n:
             raise ValueError(f"harmonics of {n} pairs with the law of {self.n_pairs}")
+        if np.any(self.is_open & ~self.apart):
+            raise ValueError("a cycle about a state without pressure in which pairs have springs: they are apart at rest")
         tangential = self.bundle.cycle(U, n_samples, tangents, harmonics)
         harmonics = harmonics or Harmonics.full(N_H)
         E, F = synthesis_matrix(harmonics, n_samples), analysis_matrix(harmonics, n_samples)
         du_z = U[:, 2] @ E.T
         N, k = (values.T for values in self.normal_force(du_z.T))
-        p, state = tangential.p, tangential.state
-        presses = U[:, 2].any(axis=1)
-        p[presses, 2] = ((self.N0[:, None] - N - self.k_n[:, None] * du_z) @ F.T)[presses]
+        p, state, K_J = tangential.p, tangential.state, self.stiffness
+        presses = np.where(self.apart, (N > 0.0).any(axis=1), U[:, 2].any(axis=1))
+        p[presses, 2] = ((np.maximum(self.N0, 0.0)[:, None] - N - K_J[:, 2:] * du_z) @ F.T)[presses]
         state[(N <= 0.0).any(axis=1)] = OPEN
         active = np.union1d(tangential.active, np.flatnonzero(presses))
         P = None
         if tangential.P is not None:
             P = np.zeros((len(active), 3 * N_H, 3 * N_H))
             P[np.searchsorted(active, tangential.active)] = tangential.P
-            change = np.where(presses[:, None], k - self.k_n[:, None], 0.0)[active]
+            change = np.where(presses[:, None], k - K_J[:, 2:], 0.0)[active]
             P[:, 2 * N_H :, 2 * N_H :] = np.matmul(F * change[:, None, :], E)
         return ContactCycle(p, state, active, P, tangential.creeps)
 
@@ -158,25 +187,32 @@ class Rough:
         """
         force, derivative, slips, memory = self.bundle.step(du, before[..., 3:])
         N, k = self.normal_force(du[..., 2])
-        p_z = self.N0 - N - self.k_n * du[..., 2]
+        K_J = self.stiffness
+        p_z = np.maximum(self.N0, 0.0) - N - K_J[:, 2] * du[..., 2]
         L = np.zeros((*du.shape, 3))
-        L[..., :2, :], L[..., 2, 2] = derivative, k - self.k_n
+        L[..., :2, :], L[..., 2, 2] = derivative, k - K_J[:, 2]
+        springs = np.where(self.is_open[:, None], K_J[:, :2], 0.0)  # asperities with gaps bring all of their force
+        force = force - springs * du[..., :2]
+        L[..., (0, 1), (0, 1)] -= springs
         state = np.where(N <= 0.0, OPEN, np.where(slips, SLIP, STICK)).astype(np.uint8)
         return np.concatenate([force, p_z[..., None], memory], axis=-1), L, state
 
     # -- its limits --------------------------------------------------------------------------------------------
 
     def slip_safety(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the factor by which motions may grow while p stays 0, (..., n): 0 where a pair moves along z.  Local."""
+        """Return the factor by which motions may grow while p is 0, (..., n): 0 where a closed pair moves along z.  Local."""
         safety = self.bundle.slip_safety(amplitudes, self.n_sliders - 1)
-        return np.where(amplitudes[..., 2] > 0.0, 0.0, safety)
+        z = amplitudes[..., 2]
+        to_touch = np.divide(-self.N0, self.k_n * z, out=np.full(z.shape, np.inf), where=z > 0.0)
+        return np.where(self.apart, to_touch, np.where(z > 0.0, 0.0, safety))
 
     def utilisation(self, amplitudes: np.ndarray) -> np.ndarray:
-        """Return the share of friction limit or preload that motions take up at the stiffness of rest, (..., n).  Local."""
+        """Return the share of friction limit, preload or gap that motions take up at the stiffness of rest, (..., n).  Local."""
         x, y, z = np.moveaxis(amplitudes, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             left = np.maximum(self.mu * self.N0 - self.bundle.held_at_rest, 0.0)
-            shares = np.stack([self.k_t * np.hypot(x, y) / left, self.k_n * z / self.N0])
+            shear = np.where(self.apart, 0.0, self.k_t * np.hypot(x, y) / left)
+            shares = np.stack([shear, self.k_n * z / np.abs(self.N0)])
         return np.nan_to_num(shares, nan=0.0, posinf=np.inf).max(axis=0)
 
     def slipping_share(self, amplitudes: np.ndarray, of_limit: float = 1.0) -> np.ndarray:
@@ -185,14 +221,15 @@ class Rough:
         What stiffens is judged under that force, not under that motion, which it would not let happen.
         """
         z, m = amplitudes[..., 2], self.exponent
-        x = self.k_n * z / self.N0  # force of rest over the preload
+        x = self.k_n * z / self.pressed  # force of rest over the preload
         parted, _ = self.normal_force(z)
         with np.errstate(divide="ignore", invalid="ignore"):
             approach = np.where(np.isinf(m), np.log1p(x), m * np.expm1(np.log1p(x) / m))
             stiffer = (1.0 + x) ** (1.0 - 1.0 / m)
-            normal = np.nan_to_num(np.maximum(1.0 - approach / x, 1.0 - (1.0 - parted / self.N0) / x), nan=0.0)
-        tangential = np.maximum(self.bundle.slipping_share(amplitudes, of_limit), 1.0 - 1.0 / stiffer)
-        return np.stack([tangential, tangential, normal], axis=-1)
+            normal = np.nan_to_num(np.maximum(1.0 - approach / x, 1.0 - (1.0 - parted / self.pressed) / x), nan=0.0)
+            tangential = np.maximum(self.bundle.slipping_share(amplitudes, of_limit), 1.0 - 1.0 / stiffer)
+        share = np.stack([tangential, tangential, normal], axis=-1)
+        return np.where(self.apart[:, None], 1.0, share)
 
     def keeps_half_wave_symmetry(self, moves: np.ndarray) -> np.ndarray:
         """Return which pairs keep u(t + T/2) = -u(t), p with u, if the components ``moves`` (n, 3) move, (n,).  Local."""
@@ -205,15 +242,26 @@ class Rough:
 
         docs/theory.md, eq. (12.10): pressure and stiffness are those of (3.11) there, and again of the same power.  The
         asperities are divided anew; each is stretched as those were that touch at the same approach, within its limit.
+        Pairs of a power that carry next to nothing are apart there, with a gap.
 
         Raises
         ------
-        ValueError : a pair carries next to nothing there, which is no rest of such a law
+        ValueError : a pair of the exponential carries next to nothing there, which is no rest of such a law
         """
         N, k_n = self.normal_force(du[:, 2])
-        if not np.all(N > CARRIES * self.N0):
-            raise ValueError(f"{np.count_nonzero(~(N > CARRIES * self.N0))} of {self.n_pairs} pairs carry nothing")
-        there = replace(self, N0=N, k_t=self.k_t * k_n / self.k_n, k_n=k_n, w0=None)
+        parts = ~(N > CARRIES * self.pressed)
+        if np.any(parts & np.isinf(self.exponent)):
+            raise ValueError(f"{np.count_nonzero(parts)} of {self.n_pairs} pairs carry nothing")
+        gap = np.maximum(du[:, 2] + self.lift - np.where(parts, self.exponent, 0.0) * self.pressed / self.k_n, 0.0)
+        there = replace(
+            self,
+            N0=np.where(parts, -self.k_n * gap, N),
+            k_t=np.where(parts, self.k_t, self.k_t * k_n / self.k_n),
+            k_n=np.where(parts, self.k_n, k_n),
+            w0=None,
+            reference=np.where(parts, self.pressed, np.nan),
+            apart=parts,
+        )
         stretch = _carried_over(self.bundle, there.bundle, self.bundle.stretch(du, memory), du[:, 2])
         elements, separate = there.bundle.elements, self.separate[:, None, None]
         force, limit = (values.reshape(self.n_pairs, -1, 1) for values in (elements.k_t, elements.mu * elements.N0))
@@ -253,7 +301,10 @@ def of_columns(columns: Mapping[str, np.ndarray]) -> Rough:
     """Return the law of pairs with these columns, (n,) each.  Local."""
     mu, N0, k_t, k_n, m, separate = (columns[name] for name in ("mu", "N0", "k_t", "k_n", "exponent", "separate"))
     n_sliders = int(columns["sliders"][0])
-    return Rough(mu, N0, k_t, k_n, m, separate, n_sliders=n_sliders, w0=started(columns, 3 * n_sliders))
+    none = np.zeros_like(mu)
+    reference, apart = columns.get("reference", none + np.nan), columns.get("apart", none.astype(bool))
+    w0 = started(columns, 3 * n_sliders)
+    return Rough(mu, N0, k_t, k_n, m, separate, n_sliders=n_sliders, w0=w0, reference=reference, apart=apart)
 
 
 def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray]:
@@ -264,20 +315,39 @@ def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.nda
     ValueError : as :meth:`Rough.about`
     """
     found = of_columns(columns).about(du, memory)
-    return {name: getattr(found, name) for name in ("N0", "k_t", "k_n", "w0")}
+    changed = ("N0", "k_t", "k_n", "w0", "apart", *["reference"] * ("reference" in columns))
+    return {name: getattr(found, name) for name in changed}
+
+
+def pressed_to(columns: Mapping[str, np.ndarray], before: np.ndarray, du: np.ndarray) -> np.ndarray:
+    """Return ``du`` (n, 3), that of pairs which touch on their way from ``before`` where they carry what their springs would.
+
+    Local.  A start for Newton's method: near the first touch of a power neither its stiffness nor that of the reference leads on.
+    """
+    of, found = of_columns(columns), du.copy()
+    now, then = (-one[:, 2] + np.where(of.is_open, of.N0 / of.k_n, 0.0) for one in (before, du))
+    touches = of.is_open & (now <= 0.0) & (then > 0.0)
+    share = of.k_n[touches] * then[touches] / of.pressed[touches]
+    m = of.exponent[touches]
+    found[touches, 2] += then[touches] - m * of.pressed[touches] / of.k_n[touches] * share ** (1.0 / m)
+    found[touches, :2] *= share[:, None] ** (1.0 / m - 1.0)[:, None]
+    return found
 
 
 def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:
     """Return the columns of pairs from a joint's keys per area and their areas, (n,).  Local.
 
     docs/theory.md, eq. (3.11): at the pressure p of rest the normal stiffness per area is p / h of the exponential, and
-    m p / d of a power, with the approach d at which that carries p.
+    m p / d of a power, with the approach d at which that carries p.  Without pressure, p is ``roughness_pressure``.
     """
-    pressure, height, m = keys["preload"], keys["roughness_height"], keys["exponent"]
-    approach = height if m is None else height / m * (pressure / keys["roughness_pressure"]) ** (1.0 / m)
+    preload, height, m, known = (keys[name] for name in ("preload", "roughness_height", "exponent", "roughness_pressure"))
+    pressure = preload if m is None else np.where(preload > 0.0, preload, known)
+    approach = height if m is None else height / m * (pressure / known) ** (1.0 / m)
     k_n = pressure / approach * area
     ratio = MINDLIN if keys["tangential_ratio"] is None else keys["tangential_ratio"]
-    columns = {"mu": keys["friction"], "N0": pressure * area, "k_t": ratio * k_n, "k_n": k_n}
+    columns = {"mu": keys["friction"], "N0": preload * area, "k_t": ratio * k_n, "k_n": k_n}
+    if m is not None:
+        columns["reference"] = known * area
     return {name: np.array(np.broadcast_to(values, area.shape), dtype=float) for name, values in columns.items()}
 
 

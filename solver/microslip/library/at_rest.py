@@ -15,10 +15,10 @@ from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.settings import MeshSettings
 from ..statics.bolts import BoltsAtRest
-from ..statics.equilibrium import Flexibility, equilibrium
+from ..statics.equilibrium import Flexibility, equilibrium, stuck_forces
 from ..statics.flight import which_flies
 from ..statics.pressed import check_pressed
-from ..statics.rest import at_rest, in_words
+from ..statics.rest import at_rest, in_words, referred_to, touches_from_none
 
 SAME = 1e-10  # of the largest displacement: two rests that differ by less are one
 
@@ -42,12 +42,20 @@ class Unloaded:
     ) -> Unloaded:
         """Return a structure with its constant forces and bolts.  Collective.
 
+        Rough surfaces that nothing presses at first get the springs of about the pressure that the loads will make, which takes
+        a factor of its own.
+
         Raises
         ------
         MeshError : places or groups without nodes, bolts without a cut; on every rank
         """
         forces, bolts = constant_forces(shares, mesh, settings, system), pretension(shares, mesh, settings, system)
-        return cls(system, shares, mesh, pairs, settings, forces, bolts, where)
+        found = cls(system, shares, mesh, pairs, settings, forces, bolts, where)
+        if not touches_from_none(pairs).any():
+            return found
+        N = stuck_forces(found.flexibility, pairs, forces, bolts, where)
+        found.close()
+        return replace(found, pairs=referred_to(pairs, N))
 
     @cached_property
     def flexibility(self) -> Flexibility:

@@ -193,7 +193,7 @@ def from_mesh(
         return mesh, system, pairs, None, None
     with log.stage("statics"):
         unloaded = Unloaded.of(system, shares, mesh, pairs, settings, str(scene.path))
-        rest = brought_to_rest(unloaded, pairs)
+        rest = brought_to_rest(unloaded, unloaded.pairs)
         unloaded.close()
     for line in rest.said:
         log.note(line)

@@ -66,10 +66,11 @@ def _check_directions(joint: Joint, key: str) -> None:
 
 def _check_rough(joint: Joint) -> None:
     """Raise ValueError where rough surfaces carry nothing at rest, or their power is half stated."""
-    if joint.preload == "static":
+    if joint.preload == "static" and joint.exponent is None:
         raise ValueError(
-            f'preload = "static": law = {_quoted(ROUGH)} has no stiffness before anything presses; state in Pa the pressure at '
-            "which the surfaces lie as the mesh has them, and [statics] goes on from there"
+            f'preload = "static": the exponential of law = {_quoted(ROUGH)} has no approach at which nothing presses; state '
+            "in Pa the pressure at which the surfaces lie as the mesh has them, and [statics] goes on from there; or a power, "
+            "exponent and roughness_pressure, which begins without any"
         )
     if joint.preload == 0.0:
         raise ValueError(f"preload = 0: rough surfaces that carry nothing have no stiffness, law = {_quoted(ROUGH)} needs some")

@@ -14,7 +14,7 @@ from mpi4py.MPI import LOR
 
 from ..assembly.pretension import Bolts
 from ..contact.law import Law
-from ..contact.laws import ELASTIC_COULOMB
+from ..contact.laws import ELASTIC_COULOMB, pressed_to
 from ..linear.dense import summed
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
@@ -130,6 +130,20 @@ def equilibrium(
     return Rest(now.du, force, u_owned, contact.iterations, n_taken, found, now.after[:, 3:])
 
 
+def stuck_forces(G: Flexibility, pairs: ContactPairs, forces_owned: np.ndarray, bolts: Bolts | None, where: str) -> np.ndarray:
+    """Return the normal forces of the pairs if all of them stuck, closed, under the bolts and all loads, (n_pairs,) [N].
+
+    Collective; arguments as in :func:`equilibrium`.
+    """
+    linearised, comm = G.linearised, G.linearised.system.comm
+    first, last = linearised.K_L.getOwnershipRange()
+    du = comm.bcast(summed(comm, linearised.system.R[:, first:last] @ linearised.factor.solve(forces_owned[:, None])[:, 0]))
+    if bolts is not None:
+        cuts = cuts_of(linearised, bolts, where)
+        du = du + cuts.RU @ cuts.tightened(np.zeros(len(du)))
+    return -pairs.k_n * du.reshape(-1, 3)[:, 2]
+
+
 @dataclass(frozen=True, eq=False)
 class _State:
     du: np.ndarray  # (n_pairs, 3) m
@@ -167,7 +181,8 @@ class _Contact:
         share, step, n_taken = 0.0, 1.0 / n_steps, 0
         while share < 1.0 - 1e-9:
             next_share = min(share + step, 1.0)
-            found = self._solve(loading, now, next_share, now.du + (next_share - share) * loading.rising)
+            guess = now.du + (next_share - share) * loading.rising
+            found = self._solve(loading, now, next_share, pressed_to(self.pairs.laws, self.pairs.columns, now.du, guess))
             if found is None and n_taken == 0 and step == 1.0 / n_steps and (self.pairs.N0 < 0.0).any():
                 found = self._fallen(loading, now, next_share)
             if found is None:

@@ -28,17 +28,41 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
     """
     plain = pairs.laws == ELASTIC_COULOMB
     N0 = np.where(plain, pairs.N0 - pairs.k_n * rest.du[:, 2], pairs.N0)
-    apart = plain & (N0 <= 0.0)
-    T0 = np.where(apart[:, None], 0.0, rest.force[:, :2])
     try:
         changed = about_rest(pairs.laws, pairs.columns, rest.du, rest.memory)
     except ValueError as problem:
         raise CaseError(
             f'[statics]: {problem} of a joint with law = "rough" at rest: its stiffness there is none, and no slider says where '
-            'it would touch again; state more preload, less of what pulls, or law = "elastic-coulomb", which may open'
+            "it would touch again; state more preload, less of what pulls, or what may open: a power of the approach, or law = "
+            '"elastic-coulomb"'
         ) from problem
+    apart = np.where(plain, N0 <= 0.0, changed.get("apart", False))
+    T0 = np.where(apart[:, None], 0.0, rest.force[:, :2])
     k_t, k_n, w0 = (changed.get(name, getattr(pairs, name)) for name in ("k_t", "k_n", "w0"))
-    return replace(pairs, N0=np.where(plain, N0, changed.get("N0", N0)), k_t=k_t, k_n=k_n, w0=w0, T0=T0, apart=apart)
+    own = {name: changed.get(name, values) for name, values in pairs.own.items()}
+    return replace(pairs, N0=np.where(plain, N0, changed.get("N0", N0)), k_t=k_t, k_n=k_n, w0=w0, T0=T0, apart=apart, own=own)
+
+
+def touches_from_none(pairs: ContactPairs) -> np.ndarray:
+    """Return which pairs follow a power of the approach from no pressure on, (n_pairs,) bool.  Local."""
+    reference = pairs.own.get("reference", np.full(pairs.n_pairs, np.nan))
+    return (reference > 0.0) & (pairs.N0 <= 0.0)
+
+
+def referred_to(pairs: ContactPairs, N: np.ndarray) -> ContactPairs:
+    """Return pairs of the same law, with the springs and asperities of about the pressure that forces N (n_pairs,) [N] make.
+
+    Local.  docs/theory.md, section 12: of pairs that touch from none on, joint by joint, at the largest pressure there.
+    """
+    k_t, k_n, reference = pairs.k_t.copy(), pairs.k_n.copy(), pairs.own["reference"].copy()
+    joint, touches = np.array(pairs.joint), touches_from_none(pairs)
+    for name in dict.fromkeys(joint[touches]):
+        own = touches & (joint == name)
+        level = (N[own] / reference[own]).max()
+        if level > 0.0:
+            stiffer = level ** (1.0 - 1.0 / pairs.own["exponent"][own])
+            k_t[own], k_n[own], reference[own] = k_t[own] * stiffer, k_n[own] * stiffer, reference[own] * level
+    return replace(pairs, k_t=k_t, k_n=k_n, own={**pairs.own, "reference": reference})
 
 
 @dataclass(frozen=True)
@@ -77,7 +101,8 @@ def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
         closed = (N > 0.0) | np.isnan(pairs.N0[own])
         slid = closed & (T >= (1.0 - 1e-9) * pairs.mu[own] * N)
         pressure = N / pairs.area[own]
-        gap = np.where(plain, np.maximum(rest.du[own, 2] - pairs.N0[own] / pairs.k_n[own], 0.0), 0.0)
+        from_gap = plain | (pairs.N0[own] <= 0.0)
+        gap = np.where(from_gap, np.maximum(rest.du[own, 2] - pairs.N0[own] / pairs.k_n[own], 0.0), 0.0)
         lines.append(
             f"  {name}: {closed.sum()} of {own.sum()} pairs closed, {slid.sum()} slid to their limit; "
             f"normal force {N.sum():.6g} N, friction {T.sum():.4g} N, pressure up to {pressure.max():.4g} Pa, "

@@ -180,7 +180,8 @@ That is law "elastic-coulomb".  A pair of another law has sliders side by side (
 and a normal force of its own:
 
     "rough"   on a circle, or in each direction by itself where separate is 1;
-              f_nl,z = N0 - N, N = N0 max(0, 1 - k_n du_z / (m N0))^m, m being law_exponent; inf: N = N0 exp(-k_n du_z / N0)
+              f_nl,z = N0 - N, N = N0 max(0, 1 - k_n du_z / (m N0))^m, m being law_exponent; inf: N = N0 exp(-k_n du_z / N0);
+              open at rest (N0 <= 0): f_nl,z = -N, N = P max(0, (N0 - k_n du_z) / (m P))^m with P = law_reference
     "iwan"    in each direction by itself; f_nl,z = k_n du_z
 
 While every pair sticks, f_nl = diag(K_J) du.  A load or motion a(t) has real coefficients mean, cos 1, sin 1, cos 2, sin 2, ...:
