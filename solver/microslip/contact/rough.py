@@ -315,7 +315,8 @@ def about_rest(columns: Mapping[str, np.ndarray], du: np.ndarray, memory: np.nda
     ValueError : as :meth:`Rough.about`
     """
     found = of_columns(columns).about(du, memory)
-    return {name: getattr(found, name) for name in ("N0", "k_t", "k_n", "w0", "reference", "apart")}
+    changed = ("N0", "k_t", "k_n", "w0", "apart", *["reference"] * ("reference" in columns))
+    return {name: getattr(found, name) for name in changed}
 
 
 def pressed_to(columns: Mapping[str, np.ndarray], before: np.ndarray, du: np.ndarray) -> np.ndarray:
@@ -345,10 +346,11 @@ def on_area(keys: Mapping[str, Any], area: np.ndarray) -> dict[str, np.ndarray]:
     k_n = pressure / approach * area
     ratio = MINDLIN if keys["tangential_ratio"] is None else keys["tangential_ratio"]
     columns = {"mu": keys["friction"], "N0": preload * area, "k_t": ratio * k_n, "k_n": k_n}
-    columns["reference"] = np.nan if m is None else known * area
+    if m is not None:
+        columns["reference"] = known * area
     return {name: np.array(np.broadcast_to(values, area.shape), dtype=float) for name, values in columns.items()}
 
 
 def own(keys: Mapping[str, Any]) -> dict[str, float]:
     """Return the columns beyond those of elastic-Coulomb friction, the same for all pairs of a joint.  Local."""
-    return {"exponent": keys["exponent"] or np.inf, "sliders": keys["sliders"] or SLIDERS, "reference": np.nan}
+    return {"exponent": keys["exponent"] or np.inf, "sliders": keys["sliders"] or SLIDERS}
