@@ -88,6 +88,14 @@ def test_soft_links_are_refused(path):
     refused(path, "seconds", "link")
 
 
+@pytest.mark.parametrize("link", [h5py.ExternalLink("../secret.h5", "/x"), h5py.SoftLink("/levels")])
+def test_links_that_nothing_asks_for_are_refused_too(path, link):
+    with h5py.File(path, "r+") as file:
+        file["levels/0000"].create_group("own/deeper")["more"] = link
+        file["levels/again"] = file["levels"]  # a circle
+    refused(path, "'levels/0000/own/deeper/more' is a link")
+
+
 def test_external_storage_is_refused(path, tmp_path):
     np.ones(5).tofile(tmp_path / "raw")
     replace(

@@ -69,6 +69,7 @@ def opened(path: str) -> Iterator[Reader]:
     try:
         with h5py.File(path, "r") as file:
             _check_format(path, file)
+            _refuse_links(path, file)
             yield Reader(path, file)
     except CaseError:
         raise
@@ -88,6 +89,21 @@ def _check_format(path: str, file: h5py.File) -> None:
             f"{path}: written by {age} version of the program (format {version}, this one reads {FORMAT_VERSION}); "
             "run the scene again, or use that version"
         )
+
+
+def _refuse_links(path: str, file: h5py.File) -> None:
+    """Raise CaseError where a file has a link to another place or file, whether anything of it is asked for or not."""
+    known, left = set[int](), [file["/"]]
+    while left:
+        group = left.pop()
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                what = f"{group.name.rstrip('/')}/{name}"[1:61]
+                raise CaseError(f"{path}: {what!r} is a link to another place or file; such files are refused")
+            about = h5py.h5o.get_info(group.id, name.encode("utf-8", "surrogateescape"))
+            if about.type == h5py.h5o.TYPE_GROUP and about.addr not in known:
+                known.add(about.addr)
+                left.append(group[name])
 
 
 def _attribute(item, name: str) -> str:
@@ -111,14 +127,11 @@ class Reader:
         return item
 
     def _item(self, name: str):
-        """Return a group or dataset, None if there is none; each part of its name must be a plain link."""
+        """Return a group or dataset, None if there is none."""
         item = self.file
         for part in name.split("/"):
-            link = item.get(part, getlink=True) if isinstance(item, h5py.Group) else None
-            if link is None:
+            if not isinstance(item, h5py.Group) or part not in item:
                 return None
-            if not isinstance(link, h5py.HardLink):
-                raise CaseError(f"{self.path}: {name!r} is a link to another place or file; such files are refused")
             item = item[part]
         return item
 
