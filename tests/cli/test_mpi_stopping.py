@@ -14,6 +14,7 @@ from microslip.observe.stops import Stops
 from microslip.parallel import lock
 from microslip.parallel.agree import on_root
 from microslip.parallel.lock import NAME
+from microslip.restart.place import UNFINISHED
 
 record = acceptance.point_record
 
@@ -121,7 +122,7 @@ def test_a_folder_in_use_is_refused_on_all_ranks(program, scene, comm, shared_pa
     status, _, err = program("run", scene, "--walltime", "1s", "--out", out)
     assert status == 5
     if comm.rank == 0:
-        assert f"{out / NAME} was left behind by process 1" in (out / "run.log").read_text()
+        assert f"{out / NAME} was left behind by process 1" in (out / UNFINISHED / "run.log").read_text()
 
 
 @pytest.mark.ranks(1)
