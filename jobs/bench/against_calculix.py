@@ -38,7 +38,7 @@ from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
 from microslip.scene.read import changed
-from microslip.statics.equilibrium import equilibrium
+from microslip.statics.equilibrium import Flexibility, equilibrium
 
 JOBS = Path(__file__).parents[1]
 sys.path.insert(0, str(JOBS.parent / "meshes"))
@@ -205,7 +205,7 @@ def ours(scene, blade: Body) -> Contact:
     system = assemble(shares, mesh, pairs, settings)
     forces = constant_forces(shares, mesh, settings, system)
     linearised = linearise(system, pairs, str(scene.path))
-    rest = equilibrium(linearised, pairs, forces, settings.statics.steps)
+    rest = equilibrium(Flexibility(linearised), pairs, forces, settings.statics.steps)
     linearised.destroy()
     on_blade = -rest.force  # the force of a pair acts on body 2
     normal = on_blade[:, 2:] * pairs.frame[:, 2]

@@ -85,7 +85,7 @@ def eigenvalues(path: Path, n: int, ignore: tuple[str, ...] = ()) -> np.ndarray:
     """Return the lowest eigenvalues of an input file that is taken over whole."""
     model = read_model(path)
     scene, _ = complete(scene_for(path, model, ignore), model)
-    _, system, pairs, _ = from_mesh(scene, model, MPI.COMM_SELF, RunLog(MPI.COMM_SELF, screen=False))
+    _, system, pairs, *_ = from_mesh(scene, model, MPI.COMM_SELF, RunLog(MPI.COMM_SELF, screen=False))
     linearised = linearise(system, pairs, str(path))
     modes = lowest_modes(linearised, min(n, system.n_dof), verify=False)
     linearised.destroy()

@@ -73,7 +73,7 @@ def structure_of(path):
 def all_modes(path):
     """Return scene and stuck structure with all of its modes."""
     scene = read_scene(path)
-    _, system, pairs, _ = from_matrices(scene, comm, RunLog(comm, screen=False))
+    _, system, pairs = from_matrices(scene, comm, RunLog(comm, screen=False))
     linearised = linearise(system, pairs)
     return scene, StuckStructure(linearised, pairs, static_response(linearised), lowest_modes(linearised, system.n_dof))
 
