@@ -335,12 +335,13 @@ def test_the_set_ups_used_longest_ago_make_room(tmp_path, monkeypatch):
     import os
 
     monkeypatch.setattr(cache, "LARGEST", 2500.0)
-    for i, name in enumerate(("setup-a", "setup-b", "setup-c", "setup-d", "other")):
+    a, b, c, d = (f"setup-{letter * 24}" for letter in "abcd")
+    for i, name in enumerate((a, b, c, d, "setup-of-mine")):
         (tmp_path / name).mkdir()
         (tmp_path / name / "model").write_bytes(bytes(1000))
         os.utime(tmp_path / name / "model", (1e9 + i, 1e9 + i))
-    cache.make_room(tmp_path, tmp_path / "setup-b")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "setup-b", "setup-d"]
+    cache.make_room(tmp_path, tmp_path / b)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [b, d, "setup-of-mine"]
 
 
 @pytest.mark.ranks(1)
