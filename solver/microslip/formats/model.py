@@ -193,7 +193,13 @@ class FileStatics:
     @property
     def acts(self) -> bool:
         """Whether there is any load of a kind that is taken over."""
-        return bool(self.forces or self.pressures or self.bolts or self.speed)
+        return bool(self.kinds)
+
+    @property
+    def kinds(self) -> list[str]:
+        """What of each kind there is, in words."""
+        counted = [f"{len(own)} {name}" for name in ("forces", "pressures", "bolts") if (own := getattr(self, name))]
+        return counted + ["rotation"] * bool(self.speed)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -288,8 +288,7 @@ def _said_of_statics(model: FileModel) -> str:
     """Return what has become [statics], in words."""
     statics = model.statics
     assert statics is not None, "a file with loads"
-    kinds = [f"{len(own)} {name}" for name in ("forces", "pressures", "bolts") if (own := getattr(statics, name))]
-    return f"[statics] with {listed(kinds + ['rotation'] * bool(statics.speed), 'and')} of step {statics.step}"
+    return f"[statics] with {listed(statics.kinds, 'and')} of step {statics.step}"
 
 
 # how each part of a model file becomes the table of its name in the scene

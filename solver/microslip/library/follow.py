@@ -44,7 +44,10 @@ def follow(
 
 def _in_words(first: float, half: float, highest: float) -> str:
     """Return from which levels [N] on pairs slip, for the log."""
-    said = f"by the linear peak, pairs slip from about {first:.3g} N on, half of them from {half:.3g} N"
+    if not np.isfinite(first):
+        return "by the linear peak, no pair slips at any level"
+    more = f", half of them from {half:.3g} N" if np.isfinite(half) else ""
+    said = f"by the linear peak, pairs slip from about {first:.3g} N on{more}"
     return said if highest > first else f"{said}; the highest level is {highest:g} N, where nothing does"
 
 

@@ -255,8 +255,7 @@ def _statics(first: First) -> str:
     lines = []
     statics, force = first.loads_at_rest, UNITS[first.units or "m-kg-s"].force
     if statics is not None:
-        kinds = [f"{len(own)} {name}" for name in ("forces", "pressures", "bolts") if (own := getattr(statics, name))]
-        acting = ", ".join(kinds + ["rotation"] * bool(statics.speed))
+        acting = ", ".join(statics.kinds)
         lines += [f"# the loads of step {statics.step} come from the file and become [statics]: {acting}", ""]
     for bolt in first.file.bolts if first.states_bolts else ():
         stated = "#> force = 1e4                  # N, of the tightened bolt"
