@@ -84,11 +84,12 @@ class Mass:
 
 @dataclass(frozen=True, kw_only=True)
 class Spring:
-    """A spring along a direction: of each node of a group to ground, or between the single nodes of two groups."""
+    """A spring and a damper along a direction: of each node of a group to ground, or between the single nodes of two groups."""
 
     groups: tuple[str, ...]
     direction: Vector | None = None  # None: along the line between the two nodes
-    stiffness: float  # N/m
+    stiffness: float = 0.0  # N/m
+    damping: float = 0.0  # N s/m
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,7 +49,7 @@ OF_SURFACES = (
 )
 Units = Literal["m-kg-s", "mm-t-s", "mm-kg-s", "mm-kg-ms", "in-lbf-s"]
 UNITS: tuple[str, ...] = get_args(Units)
-Taken = Literal["materials", "bodies", "supports", "ties", "points", "masses", "springs", "equations", "statics"]
+Taken = Literal["materials", "bodies", "supports", "ties", "joints", "points", "masses", "springs", "equations", "statics"]
 TAKEN: tuple[Taken, ...] = get_args(Taken)
 Quantity = Literal["displacement", "velocity", "acceleration", "stress", "strain", "contact_force"]
 Component = Literal["xx", "yy", "zz", "xy", "yz", "zx", "normal"]
@@ -282,7 +282,7 @@ class Mass(Table):
 
 
 class Spring(Table):
-    """[[springs]]: nodes on springs to ground, or two nodes joined by one."""
+    """[[springs]]: nodes on springs and dampers to ground, or two nodes joined by one."""
 
     groups: Annotated[tuple[str, ...], AfterValidator(_no_duplicates), Field(min_length=1, max_length=2)] = Field(
         description="the name of a group whose nodes have springs to ground, or of two groups of one node each, in a list"
@@ -291,10 +291,13 @@ class Spring(Table):
         None,
         description="the direction [x, y, z] in which it acts, three numbers, not all 0; between two nodes by default their line",
     )
-    stiffness: NotNegative = Field(description="the stiffness in N/m, a number of at least 0")
+    stiffness: NotNegative = Field(0.0, description="the stiffness in N/m, a number of at least 0")
+    damping: NotNegative = Field(0.0, description="the damping constant in N s/m, a number of at least 0")
 
     @model_validator(mode="after")
     def _directed(self):
+        if not {"stiffness", "damping"} & self.model_fields_set:
+            raise ValueError(f"stiffness is missing: expected {Spring.model_fields['stiffness'].description}; or damping")
         if len(self.groups) == 1 and self.direction is None:
             raise ValueError(f"direction is missing: expected {Spring.model_fields['direction'].description}")
         return self
@@ -762,7 +765,9 @@ class Scene(Table):
     surfaces: tuple[Surface, ...] = Field((), description="tables, each headed [[surfaces]], with name and bodies")
     points: tuple[Point, ...] = Field((), description="tables, each headed [[points]], with name, position and group")
     masses: tuple[Mass, ...] = Field((), description="tables, each headed [[masses]], with group and mass")
-    springs: tuple[Spring, ...] = Field((), description="tables, each headed [[springs]], with groups, direction and stiffness")
+    springs: tuple[Spring, ...] = Field(
+        (), description="tables, each headed [[springs]], with groups, direction, and stiffness or damping"
+    )
     statics: Statics | None = Field(None, description="a table [statics]")
     loads: tuple[Load, ...] = Field(min_length=1, description="at least one table headed [[loads]], with position and direction")
     outputs: tuple[Output, ...] = Field(
