@@ -74,8 +74,6 @@ class Identity:
         modes follows, and without friction and preload where neither a spring nor the state of rest follows from them.
         """
         scene = {key: value for key, value in self.scene.items() if key not in _NOT_OF_STRUCTURE}
-        if any(spring.get("damping") for spring in self.scene.get("springs", ())):
-            scene["damping"] = self.scene.get("damping")  # what dampers add to it is kept as one with it
         scene["structural"] = (self.scene.get("damping") or {}).get("structural")
         if "mesh" in self.scene["model"] and not self.scene.get("statics") and _AT_REST not in self.files:
             scene["joints"] = [_without_limits(joint) for joint in self.scene.get("joints", [])]

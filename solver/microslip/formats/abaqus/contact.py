@@ -176,6 +176,7 @@ def _gap(model: Gathered, card: Card, surfaces: tuple[str, str]) -> dict[str, st
     if adjusted and (distance is None or distance < 0.0):
         return {"gap": f"{card.where}: ADJUST={adjusted}"}
     for _, own in model.cards:
-        if own.keyword == "CLEARANCE" and own.parameter("MASTER") in {name.upper() for name in surfaces}:
+        named = {own.parameter(key) for key in ("MASTER", "SLAVE", "CPSET")} - {""}
+        if own.keyword == "CLEARANCE" and named & {*(name.upper() for name in surfaces), card.parameter("CPSET")}:
             return {"gap": f"{own.where}: *CLEARANCE"}
     return {}
