@@ -91,6 +91,16 @@ def test_a_stick_slope_of_abaqus_and_the_kind_of_a_pair(tmp_path):
     assert (joint.pairing, joint.touches_within, joint.is_complete) == ("auto", None, True)
 
 
+def test_the_smaller_surface_comes_first(tmp_path):
+    """The upper block wider than the lower one: its side, the slave, does not lie on the other with all of it."""
+    wide = BLOCKS.replace("12, 1, 0, 1", "12, 3, 0, 1").replace("13, 1, 1, 1", "13, 3, 1, 1")
+    assert wide != BLOCKS
+    path = tmp_path / "job.inp"
+    path.write_text(f"{wide}{PAIR}*SURFACE INTERACTION, NAME=DRY\n{PRESSED}{RUBBING}")
+    (joint,) = read_model(path).joints
+    assert (joint.surfaces, joint.name) == (("Lower", "Upper"), "Lower_Upper")
+
+
 STEP = "*STEP\n*STATIC\n*END STEP\n*STEP, PERTURBATION\n{}*FREQUENCY\n1\n*END STEP\n"
 
 

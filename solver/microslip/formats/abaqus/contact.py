@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from ...parallel.errors import MeshError
 from ...parallel.words import listed, nearest
 from ..model import FileJoint
@@ -13,6 +15,7 @@ from .gathered import Gathered
 from .scopes import Scope
 
 _NUMERICAL = {"ELASTICSLIP", "LAGRANGE", "SLIPTOLERANCE", "SHEARTRACTIONSLOPE"}  # of *FRICTION: beside its coefficient
+_LARGER = 1.02  # times the area of the other: such a surface does not lie on it with all of it
 _PAIRING = {"SURFACETOSURFACE": "points", "NODETOSURFACE": "projected"}
 
 
@@ -148,7 +151,7 @@ def _number(words: list[str], i: int, where: str, card: Card) -> float:
 
 def _take_pair(model: Gathered, scope: Scope, card: Card, words: list[str], where: str, one: _Interaction) -> None:
     """Add a finding of two surfaces in contact, and the joint that stands between them, as far as the file states it."""
-    surfaces = surface_of(model, scope, words[0], where), surface_of(model, scope, words[1], where)
+    surfaces = _smaller_first(model, surface_of(model, scope, words[0], where), surface_of(model, scope, words[1], where))
     lacks = {**one.lacks, **_gap(model, card, surfaces)}
     model.joints.append(
         FileJoint(
@@ -167,6 +170,24 @@ def _take_pair(model: Gathered, scope: Scope, card: Card, words: list[str], wher
         rest = f"a joint of the scene between them takes its place, and has to state {keys}"
     effect = f"{surfaces[0]} and {surfaces[1]} in contact{friction}: {rest}"
     model.findings.add("*CONTACT PAIR", where, effect, True, "", surfaces, one.is_glued)
+
+
+def _smaller_first(model: Gathered, slave: str, master: str) -> tuple[str, str]:
+    """Return two surfaces, first the one that may lie on the other with all of it: the slave, unless it is the larger."""
+    areas = _area(model, slave), _area(model, master)
+    return (master, slave) if areas[0] > _LARGER * areas[1] > 0.0 else (slave, master)
+
+
+def _area(model: Gathered, surface: str) -> float:
+    """Return the area of the faces that a surface names, between their corners; 0 of one made of nodes."""
+    area, group = 0.0, model.grouped.groups.get(surface)
+    for block, rows in group.cells.items() if group is not None else ():
+        cells = model.grouped.cells[block]
+        if cells.kind.startswith(("tri", "quad")):
+            corners = model.mesh.points[cells.nodes[rows][:, : 3 + cells.kind.startswith("quad")]]
+            first, second = corners[:, 2] - corners[:, 0], corners[:, -1] - corners[:, 1]
+            area += 0.5 * float(np.linalg.norm(np.cross(first, second), axis=1).sum())
+    return area
 
 
 def _gap(model: Gathered, card: Card, surfaces: tuple[str, str]) -> dict[str, str]:
