@@ -70,8 +70,8 @@ def test_stiffness_and_friction_of_a_pair_make_a_joint(tmp_path):
     model = read(tmp_path)
     assert model.joints == (JOINT,)
     assert effect(model) == (
-        "Upper and Lower in contact, friction 0.3: nothing presses them at rest: state [statics], or a joint between them with its "
-        "preload"
+        "Upper and Lower in contact, friction 0.3: a joint that [statics] presses, of the file or the scene; without it state a "
+        "joint between them, with its preload"
     )
 
 

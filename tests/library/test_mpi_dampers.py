@@ -38,9 +38,11 @@ def of_dampers(comm, structure):
     return CONSTANT * rows.T @ rows
 
 
-def test_every_method_meets_a_direct_solution(comm, shared_path):
-    """Beside Rayleigh damping, under a load and any contact forces, in every harmonic."""
-    scene = damped(comm, shared_path, harmonics=2)
+@pytest.mark.parametrize("eta", [0.0, 0.03])
+def test_every_method_meets_a_direct_solution(comm, shared_path, eta):
+    """Beside Rayleigh and structural damping, under a load and any contact forces, in every harmonic."""
+    structural = f"structural = {eta}\n" if eta else ""
+    scene = damped(comm, shared_path, damping=structural + "rayleigh = [200.0, 1e-6]", harmonics=2)
     with microslip.build(scene, comm) as structure:
         system, omega = structure.linearised.system, 1.003 * structure.modes.omega_n[0]
         K, M, K_J = dense(structure)
@@ -51,7 +53,8 @@ def test_every_method_meets_a_direct_solution(comm, shared_path):
         f = np.zeros((N_DOF, 5))
         f[:, 1] = system.loads.toarray()[:, 0]
         forces = to_complex(f - R.T @ p)
-        u = np.column_stack([np.linalg.solve(K_L - (n * omega) ** 2 * M + 1j * n * omega * C, forces[:, n]) for n in range(3)])
+        Z = [K_L - (n * omega) ** 2 * M + 1j * n * omega * C + 1j * eta * (n > 0) * K for n in range(3)]
+        u = np.column_stack([np.linalg.solve(Z[n], forces[:, n]) for n in range(3)])
         exact = system.outputs @ u
         for method, keys in METHODS.items():
             found = to_complex(reduced_model(structure, by(scene, method, **keys)).output_motion(1.0, omega, p))

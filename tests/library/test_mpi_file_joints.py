@@ -102,7 +102,7 @@ def test_nothing_but_loads_makes_a_joint_of_a_contact_pair(tmp_path):
     folder = COMM.bcast(tmp_path)
     on_root(COMM, (folder / "job.inp").write_text, DECK + BARE)
     with pytest.raises(
-        CaseError, match=r"(?s)1 entries .*line 38: \*CONTACT PAIR: UPPER and LOWER in contact, friction 0.5: nothing"
+        CaseError, match=r"(?s)1 entries .*line 38: \*CONTACT PAIR: UPPER and LOWER in contact, friction 0.5: a joint that"
     ):
         read_completed(scene(folder), COMM)
     pressed = {"forces": ({"group": "END", "force": (0.0, 0.0, -4e-4)},)}

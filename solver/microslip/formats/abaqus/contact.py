@@ -164,7 +164,7 @@ def _take_pair(model: Gathered, scope: Scope, card: Card, words: list[str], wher
         )
     )
     friction = f", friction {one.has['friction']:g}" if "friction" in one.has else ""
-    rest = "nothing presses them at rest: state [statics], or a joint between them with its preload"
+    rest = "a joint that [statics] presses, of the file or the scene; without it state a joint between them, with its preload"
     if lacks:
         keys = listed([f"{key} ({why})" for key, why in lacks.items()])
         rest = f"a joint of the scene between them takes its place, and has to state {keys}"
