@@ -32,7 +32,7 @@ from microslip.linear.joint_springs import linearise  # noqa: E402
 from microslip.modes.eigen import lowest_modes  # noqa: E402
 from microslip.observe.log import RunLog  # noqa: E402
 from microslip.parallel.errors import CaseError, MeshError  # noqa: E402
-from microslip.scene.read import scene_of  # noqa: E402
+from microslip.scene.read import changed, scene_of  # noqa: E402
 
 FOLDER = Path("/usr/share/doc/calculix-ccx-test/examples/test")
 PRINTED = 1.5e-6  # relative: seven digits of an eigenvalue, of which the frequency is the root
@@ -83,10 +83,12 @@ def scene_for(path: Path, model: FileModel, ignore: tuple[str, ...]):
     return scene_of(tables, path.parent / "scene.toml")
 
 
-def eigenvalues(path: Path, n: int, ignore: tuple[str, ...] = ()) -> np.ndarray:
-    """Return the lowest eigenvalues of an input file that is taken over whole."""
+def eigenvalues(path: Path, n: int, ignore: tuple[str, ...] = (), pairing: str | None = None) -> np.ndarray:
+    """Return the lowest eigenvalues of an input file that is taken over whole; ``pairing`` is another one of its joints."""
     model = read_model(path)
     scene, _ = complete(scene_for(path, model, ignore), model)
+    if pairing is not None:
+        scene = changed(scene, {}, {joint.name: {"pairing": pairing} for joint in scene.joints})
     _, system, pairs, *_ = from_mesh(scene, model, MPI.COMM_SELF, RunLog(MPI.COMM_SELF, screen=False))
     linearised = linearise(system, pairs, str(path))
     modes = lowest_modes(linearised, min(n, system.n_dof), verify=False)

@@ -90,7 +90,7 @@ def test_a_block_on_the_springs_of_its_contact_pair_vibrates_as_a_rigid_body_on_
     on_root(COMM, (folder / "job.inp").write_text, DECK + LOADED)
     omega, whole, pairs = frequencies(scene(folder))
     (joint,) = whole.joints
-    assert (joint.name, joint.surfaces, joint.pairing) == ("UPPER_LOWER", ("UPPER", "LOWER"), "points")
+    assert (joint.name, joint.surfaces, joint.pairing) == ("UPPER_LOWER", ("UPPER", "LOWER"), "mortar")
     assert (joint.friction, joint.normal_stiffness, joint.tangential_stiffness) == (0.5, 2e9, 5e8)
     assert (joint.preload, joint.gap) == ("static", "geometry") and pairs.N0.sum() == pytest.approx(4e-4)
     lift = np.sqrt(2e9 * 2e-6 / (2.0 * DENSITY * 1e3))

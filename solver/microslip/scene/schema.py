@@ -317,8 +317,8 @@ class Joint(Table):
     plane_normal: Direction | None = Field(
         None, description="the direction [x, y, z] from the plane into the body, three numbers, not all 0"
     )
-    pairing: Literal["auto", "nodes", "points", "projected"] = Field(
-        "auto", description='"nodes" that match, "points" or "projected" nodes of any meshes, or "auto"'
+    pairing: Literal["auto", "nodes", "points", "mortar", "projected"] = Field(
+        "auto", description='"nodes" that match, "points", "mortar" or "projected" nodes of any meshes, or "auto"'
     )
     pairs: str | None = Field(None, min_length=1, description="the path of a CSV file of contact pairs")
     node_pairs: str | None = Field(
@@ -413,6 +413,8 @@ class Joint(Table):
         assert self.surfaces is not None, "a joint of surfaces"
         if len(self.surfaces) == 1 and self.against is None:
             raise ValueError('surfaces names one group; name two, or state against = "ground" or "plane"')
+        if self.against is not None and self.pairing == "mortar":
+            raise ValueError(f'pairing = "mortar" takes two surfaces; with against = "{self.against}" take "nodes" or "points"')
         if len(self.surfaces) == 2 and self.against is not None:
             raise ValueError(f'against = "{self.against}" takes the place of the second surface; name one')
         for key in ("plane_point", "plane_normal"):

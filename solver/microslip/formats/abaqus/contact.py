@@ -16,7 +16,7 @@ from .scopes import Scope
 
 _NUMERICAL = {"ELASTICSLIP", "LAGRANGE", "SLIPTOLERANCE", "SHEARTRACTIONSLOPE"}  # of *FRICTION: beside its coefficient
 _LARGER = 1.02  # times the area of the other: such a surface does not lie on it with all of it
-_PAIRING = {"SURFACETOSURFACE": "points", "NODETOSURFACE": "projected"}
+_PAIRING = {"SURFACETOSURFACE": "mortar", "NODETOSURFACE": "projected"}
 
 
 @dataclass(frozen=True)
