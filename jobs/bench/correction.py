@@ -42,9 +42,9 @@ def judged(system, level, H, reference):
     workspace = Workspace(problem.equation)
     solver, rows = PointSolver(problem, AllPairs(), range_of(omegas), 1e-10, workspace), []
     peak = max((np.hypot(*point.response[0, 1:3]) for point in points), default=1.0)
-    for point in points:
-        U = point.error.any() and model.recorded.carry(point.U, finer.harmonics)
-        true = None if U is False else amplitude(solver, Iterate(U, (point.omega,), finer.harmonics))
+    for point in (point for point in points if point.error.any()):
+        U = model.recorded.carry(point.U, finer.harmonics)
+        true = amplitude(solver, Iterate(U, (point.omega,), finer.harmonics))
         if true is not None:
             errors = [abs(complex(*there) - true) for there in (point.response[0, 1:3], point.corrected[0])]
             bars = [total(point.error)[0], point.error_corrected[0]]
