@@ -190,7 +190,8 @@ TARGETS = {
         ".inp",
         read_model,
         ("*NODE", "*ELEMENT, TYPE=C3D8", "*NSET, NSET=", "GENERATE", "*INCLUDE, INPUT=", "*SURFACE", "*TIE", "*EQUATION", "*STEP")
-        + ("*MATERIAL", "*ELASTIC", "*BOUNDARY", "*PART", "*INSTANCE", "*MPC", "*COUPLING", "*SYSTEM", "*TRANSFORM", "*MASS"),
+        + ("*MATERIAL", "*ELASTIC", "*BOUNDARY", "*PART", "*INSTANCE", "*MPC", "*COUPLING", "*SYSTEM", "*TRANSFORM", "*MASS")
+        + ("*CONTACT PAIR, INTERACTION=", "*SURFACE INTERACTION, NAME=", "*SURFACE BEHAVIOR", "*FRICTION", "*DASHPOT"),
     ),
     "ansys": Target(
         ".cdb",

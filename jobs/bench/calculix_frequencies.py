@@ -43,14 +43,14 @@ def pushed(text: str, name: str, force: float) -> str:
     return text.replace("*STEP", f"*STEP\n*STATIC\n*CLOAD\n{loads}*END STEP\n*STEP, PERTURBATION", 1)
 
 
-def both(ccx: str, text: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the eigenvalues of CalculiX and of this program."""
+def both(ccx: str, text: str, pairing: str | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the eigenvalues of CalculiX and of this program, whose joints may have another ``pairing``."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "bar.inp"
         path.write_text(text)
         subprocess.run([ccx, "bar"], cwd=folder, check=True, stdout=subprocess.DEVNULL)
         theirs = eigenvalues_in((Path(folder) / "bar.dat").read_text())
-        return theirs, np.sort(eigenvalues(path, len(theirs)))[: len(theirs)]
+        return theirs, np.sort(eigenvalues(path, len(theirs), pairing=pairing))[: len(theirs)]
 
 
 def main() -> None:

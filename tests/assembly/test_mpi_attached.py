@@ -61,6 +61,19 @@ def equations(*rows):
     return Equations(number, node, axis, value.astype(float), tuple(f"equation {i}" for i in range(len(rows))))
 
 
+def test_dampers_add_exactly_their_entries():
+    mesh = block()
+    dampers = (Spring(groups=("top",), direction=(0.0, 0.0, 2.0), damping=3.0), Spring(groups=("corner", "other"), damping=7.0))
+    system, _ = system_of(mesh, case_of(springs=dampers))
+    springs = tuple(replace(one, stiffness=one.damping, damping=0.0) for one in dampers)
+    K0, (K, _, _) = (
+        gathered(system, system.K),
+        dense(mesh, case_of(springs=tuple(replace(s, stiffness=1e9 * s.stiffness) for s in springs))),
+    )
+    np.testing.assert_allclose(1e9 * gathered(system, system.C), K - K0, atol=1e-12 * K0.max())
+    assert system_of(mesh, case_of(springs=springs))[0].C is None
+
+
 def test_masses_and_springs_add_exactly_their_entries():
     mesh = block()
     K0, M0, dof0 = dense(mesh, case_of())
@@ -176,3 +189,6 @@ def test_springs_and_equations_that_resist_a_translation_hold_a_body():
     assert np.linalg.eigvalsh(K)[0] > 0.0
     with pytest.raises(MeshError, match="nothing holds body 'block'"):
         dense(mesh, case_of((), springs=(Spring(groups=("corner", "other"), stiffness=1e9),)))
+    dampers = tuple(replace(one, stiffness=0.0, damping=1e3) for one in sprung)
+    with pytest.raises(MeshError, match="nothing holds body 'block'"):
+        dense(mesh, case_of((), springs=dampers))

@@ -82,3 +82,17 @@ def test_normals_look_out_of_curved_elements(kind):
     for face_kind, local in elements.KINDS[kind].faces:
         outward = np.einsum("eai,eai->ea", face_normals(face_kind, x[:, local]), x[:, local] - centre)
         assert (outward > 0.0).all()
+
+
+@pytest.mark.parametrize("kind", elements.CELLS)
+def test_polynomials_of_integration_points_are_orthogonal_and_make_the_shape_functions(kind):
+    rule, square = elements.FINER_SAMPLES, kind.startswith("quad")
+    xi = np.concatenate([2.0 * rule.points - 1.0, 1.0 - 2.0 * rule.points]) if square else rule.points
+    weights = np.resize(rule.weights, len(xi))
+    L, N = elements.point_functions(kind, xi), elements.FACE_KINDS[kind].values(xi)
+    np.testing.assert_allclose(L.sum(axis=1), 1.0, rtol=1e-12)
+    products = np.einsum("s,sa,sb->ab", weights, L, L)
+    np.testing.assert_allclose(products, np.diag(weights @ L), atol=1e-13)
+    assert (weights @ L > 0.0).all() and L.shape[1] == len(elements.CELLS[kind])
+    coefficients = np.linalg.lstsq(L, N, rcond=None)[0]
+    np.testing.assert_allclose(L @ coefficients, N, atol=1e-12)

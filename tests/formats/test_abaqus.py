@@ -324,6 +324,33 @@ def test_springs_and_masses(tmp_path):
     assert [(numbers(model, mass.group), mass.mass) for mass in model.masses] == [([3], 4.0)]
 
 
+def test_dampers_stand_beside_springs(tmp_path):
+    more = "*ELEMENT, TYPE=DASHPOT1, ELSET=feet\n21, 1\n*DASHPOT, ELSET=feet\n3\n5.\n"
+    more += "*ELEMENT, TYPE=DASHPOTA, ELSET=rod\n23, 7, 99\n*DASHPOT, ELSET=rod\n\n7.\n"
+    more += "*ELEMENT, TYPE=DASHPOT2, ELSET=link\n24, 5, 11\n*DASHPOT, ELSET=link\n1, 1\n9.\n"
+    model = read(tmp_path, CUBE + STEEL + TWICE + more)
+    assert model.springs == (
+        FileSpring(groups=("node 1",), direction=(0.0, 0.0, 1.0), damping=5.0),
+        FileSpring(groups=("node 7", "node 99"), damping=7.0),
+        FileSpring(groups=("node 5", "node 11"), direction=(1.0, 0.0, 0.0), damping=9.0),
+    )
+    assert not any("DASHPOT" in word for word in words(model))
+
+
+@pytest.mark.parametrize(
+    "card",
+    [
+        "*DASHPOT, ELSET=rod\n\n7., 10.\n8., 20.\n",
+        "*DASHPOT, ELSET=rod\n\n7., 10.\n",
+        "*DASHPOT, ELSET=rod, NONLINEAR\n\n7., 1.\n",
+    ],
+)
+def test_dampers_that_are_not_linear_change_the_answer(tmp_path, card):
+    model = read(tmp_path, CUBE + STEEL + TWICE + "*ELEMENT, TYPE=DASHPOTA, ELSET=rod\n23, 7, 99\n" + card)
+    (word,) = (word for word in words(model) if "DASHPOT" in word)
+    assert word == ("*DASHPOT, NONLINEAR" if "NON" in card else "*DASHPOT") and model.springs == ()
+
+
 def test_masses_and_springs_of_the_assembly_are_at_nodes_of_instances(tmp_path):
     more = "*ELEMENT, TYPE=MASS, ELSET=M\n1, two.7\n*MASS, ELSET=M\n0.5,\n"
     more += '*ELEMENT, TYPE=SPRINGA, ELSET="S, 1"\n2, "one".3, two.8\n*SPRING, ELSET="S, 1"\n\n1e3\n'

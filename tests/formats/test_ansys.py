@@ -164,14 +164,14 @@ def test_a_range_of_nodes_a_selection_and_equations_of_several_commands(tmp_path
 def test_point_masses_and_springs_are_elements(tmp_path):
     model = plain()
     a, b = map(int, model.numbers[:2])
-    lines = cdb(model, ("ET,7,21", "KEYOPT,7,3,2", "ET,8,14", "R,9,0.25", "R,10,4.0e5")).splitlines()
+    lines = cdb(model, ("ET,7,21", "KEYOPT,7,3,2", "ET,8,14", "R,9,0.25", "R,10,4.0e5,3.0")).splitlines()
     end = lines.index(f"{-1:9d}")
     rows = [[1, 7, 9, 1, 0, 0, 0, 0, 1, 0, 901, a], [1, 8, 10, 1, 0, 0, 0, 0, 2, 0, 902, a, b]]
     lines[end:end] = ["".join(f"{value:9d}" for value in row) for row in rows]
     found = read_model(written(tmp_path, text="\n".join(lines).replace("EBLOCK,19,SOLID,6,6", "EBLOCK,19,SOLID,8,8")))
     assert [(found.groups[mass.group].nodes.tolist(), mass.mass) for mass in found.masses] == [([0], 0.25)]
     (spring,) = found.springs
-    assert spring.stiffness == 4e5 and spring.direction is None
+    assert (spring.stiffness, spring.damping) == (4e5, 3.0) and spring.direction is None
     assert [found.groups[name].nodes.tolist() for name in spring.groups] == [[0], [1]]
 
 

@@ -72,6 +72,9 @@ def test_rigid_elements_springs_and_equations(tmp_path):
         ",1.0,0.1,2.0,0.2,0.3,3.0",
         "SPC1,1,4,5000",
         f"CELAS2,903,4.0+5,{tip},2,{a},2",
+        f"CDAMP2,904,6.0,{tip},3",
+        f"CDAMP1,905,906,{b},1",
+        "PDAMP,906,7.0",
         f"MPC,7,{tip},1,1.0,{a},1,-1.0",
     )
     found = read_model(written(tmp_path, model, *more, case=("MPC = 7",)))
@@ -80,8 +83,12 @@ def test_rigid_elements_springs_and_equations(tmp_path):
     assert point.inertia == pytest.approx((1.0, 2.0, 3.0, -0.1, -0.3, -0.2))
     assert found.groups[point.group].nodes.tolist() == [0, 1, 2]
     assert ("RBE2 901", ("rx",)) in [(support.point, support.fix) for support in found.supports]
-    (spring,) = found.springs
+    spring, *dampers = found.springs
     assert spring.stiffness == 4e5 and spring.direction == (0.0, 1.0, 0.0)
+    assert [(one.direction, one.stiffness, one.damping) for one in dampers] == [
+        ((0.0, 0.0, 1.0), 0.0, 6.0),
+        ((1.0, 0.0, 0.0), 0.0, 7.0),
+    ]
     assert found.equations.coefficients.tolist() == [1.0, -1.0] and found.equations.axes.tolist() == [0, 0]
 
 

@@ -1,11 +1,14 @@
 """A scene completed by its model file: what the scene states stands, what changes the answer is never left out in silence."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from microslip.formats.model import (
     FileBody,
     FileForce,
+    FileJoint,
     FileMaterial,
     FileModel,
     FilePoint,
@@ -191,3 +194,44 @@ def test_a_completed_scene_is_not_completed_again(tmp_path):
 def test_bodies_are_missing_where_neither_scene_nor_file_has_any(tmp_path):
     with pytest.raises(CaseError, match=r"\[bodies\] is missing"):
         complete(scene(tmp_path), model(bodies={}))
+
+
+RUBBING = FileJoint(
+    name="lap",
+    surfaces=("upper", "lower"),
+    pairing="points",
+    friction=0.3,
+    tangential_stiffness=2.0,
+    normal_stiffness=3.0,
+    touches_within=0.5,
+    is_complete=True,
+)
+IN_CONTACT = {**LOADED, "joints": (RUBBING,), "findings": (*LOADED["findings"], CONTACT)}
+
+
+def test_a_contact_of_the_file_becomes_a_joint_that_its_loads_press(tmp_path):
+    found, notes = complete(scene(tmp_path), model(**IN_CONTACT))
+    (joint,) = mesh_settings(found).joints
+    assert (joint.name, joint.surfaces, joint.pairing, joint.friction) == ("lap", ("upper", "lower"), "points", 0.3)
+    assert (joint.tangential_stiffness, joint.normal_stiffness) == pytest.approx((2e9, 3e9))
+    assert (joint.preload, joint.gap, joint.tolerance) == (0.0, 0.0, pytest.approx(5e-4)) and found.joints[0].preload == "static"
+    assert "1 joints taken over from job.inp: lap" in notes and not any("CONTACT" in note for note in notes)
+    far = {**IN_CONTACT, "joints": (replace(RUBBING, touches_within=None),)}
+    joint = complete(scene(tmp_path), model(**far))[0].joints[0]
+    assert (joint.gap, joint.tolerance) == ("geometry", None)
+
+
+def test_a_contact_of_the_file_gives_way_to_the_scene(tmp_path):
+    keys = {"name": "j", "friction": 0.1, "tangential_stiffness": 1e12, "normal_stiffness": 1e12, "preload": 1e6}
+    stated = scene(tmp_path, joints=({**keys, "surfaces": ("lower", "upper")},))
+    assert [joint.name for joint in complete(stated, model(**IN_CONTACT))[0].joints] == ["j"]
+    found, notes = complete(scene(tmp_path, {"ignore": ("*CONTACT PAIR",)}), model(**IN_CONTACT))
+    assert found.joints == () and "line 7: *CONTACT PAIR is left out: two surfaces in contact" in notes
+    lacking = {**IN_CONTACT, "joints": (replace(RUBBING, normal_stiffness=None, is_complete=False),)}
+    for own, of_file in (
+        (scene(tmp_path), lacking),
+        (scene(tmp_path, {"take": ("bodies", "materials", "statics")}), IN_CONTACT),
+        (scene(tmp_path, {"ignore": (WORD,)}), IN_CONTACT),
+    ):
+        with pytest.raises(CaseError, match=r"1 entries .*takes .\*CONTACT PAIR"):
+            complete(own, model(**of_file))

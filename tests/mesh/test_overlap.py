@@ -67,10 +67,54 @@ def test_flat_averages(lower, upper):
     np.testing.assert_allclose(points.side2.T @ points.area, consistent_areas(mesh, "lower_top"), atol=1e-13)
 
 
+@pytest.mark.parametrize("lower", ["hex20", "tet4"])
+@pytest.mark.parametrize("upper", ["hex8", "hex20", "tet4", "tet10"])
+def test_moments_over_faces(lower, upper):
+    """A mortar keeps linear fields and passes uniform pressure on, too; its areas are those of the integration points."""
+    mesh = boxes(lower, upper)
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="mortar"))
+    assert (points.area > 0.0).all() and points.area.sum() == pytest.approx(1.0, rel=1e-12)
+    for group, side in zip(SURFACES, (points.side1, points.side2)):
+        np.testing.assert_allclose(side.sum(axis=1), 1.0, rtol=1e-12)
+        np.testing.assert_allclose(side @ mesh.points, points.position, atol=1e-12)
+        np.testing.assert_allclose(side.T @ points.area, consistent_areas(mesh, group), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["hex8", "hex20", "tet4", "tet10"])
+def test_a_mortar_of_matching_meshes_has_the_consistent_stiffness(kind):
+    """Springs over the surface: the integrals of products of shape functions; and what both sides do alike opens nothing."""
+    mesh = boxes(kind, kind, n_upper=(2, 3, 1))
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="mortar"))
+    ((own, faces),) = surface_of(mesh, "upper_bottom").faces.items()
+    rule, is_square = elements.FINER_SAMPLES, own.startswith("quad")
+    local = np.concatenate([2.0 * rule.points - 1.0, 1.0 - 2.0 * rule.points]) if is_square else rule.points
+    N = elements.FACE_KINDS[own].values(local)
+    of_face = np.einsum("s,sa,sb->ab", np.resize(rule.weights, len(local)), N, N) / np.resize(rule.weights, len(local)).sum()
+    exact = np.zeros((len(mesh.points), len(mesh.points)))
+    for face in faces:
+        exact[np.ix_(face, face)] += of_face / len(faces)
+    side1, side2 = points.side1.toarray(), points.side2.toarray()
+    np.testing.assert_allclose(side1.T @ (points.area[:, None] * side1), exact, atol=1e-13)
+    field = np.sin(3.0 * mesh.points[:, 0] + mesh.points[:, 1])
+    np.testing.assert_allclose(side1 @ field, side2 @ field, atol=1e-12)
+
+
+def test_a_mortar_takes_means_of_faces_that_are_not_covered_wholly():
+    mesh = boxes(n_lower=(5, 4, 1), n_upper=(4, 4, 1), size=(1.008, 1.008, 1.0))
+    mortar, means = (contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing)) for pairing in ("mortar", "points"))
+    same = np.abs((mortar.side1 - means.side1).toarray()).max(axis=1) < 1e-12
+    assert np.count_nonzero(same) == 4 * 7  # of the faces along two edges
+    for points in (mortar, means):
+        assert (points.area > 0.0).all() and points.area.sum() == pytest.approx(1.0, rel=1e-9)
+        np.testing.assert_allclose(points.side2.T @ points.area, consistent_areas(mesh, "lower_top"), atol=1e-12)
+
+
+@pytest.mark.parametrize("pairing", ["points", "mortar"])
 @pytest.mark.parametrize("kinds", [("hex8", "hex8"), ("tet4", "hex8"), ("wedge6", "tet4")])
-def test_skewed_faces(kinds):
+def test_skewed_faces(kinds, pairing):
     mesh = skewed(boxes(*kinds, n_lower=(3, 3, 1), n_upper=(4, 5, 1)))
-    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="points"))
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing))
+    assert (points.area > 0.0).all()
     for group, side in zip(SURFACES, (points.side1, points.side2)):
         np.testing.assert_allclose(side @ mesh.points, points.position, atol=1e-12)
         np.testing.assert_allclose(side.T @ points.area, consistent_areas(mesh, group), atol=1e-9)
@@ -91,11 +135,12 @@ def ring_sectors(inner, outer, n_inner, n_outer):
     return mesh
 
 
+@pytest.mark.parametrize("pairing", ["points", "mortar"])
 @pytest.mark.parametrize("kinds, tolerance", [(("hex20", "hex20"), 2e-4), (("tet10", "hex20"), 2e-3), (("hex8", "hex8"), 0.02)])
-def test_a_cylinder_of_two_meshes(kinds, tolerance):
+def test_a_cylinder_of_two_meshes(kinds, tolerance, pairing):
     mesh = ring_sectors(*kinds, (5, 2, 1), (7, 3, 1))
-    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="points"))
-    assert points.area.sum() == pytest.approx(np.pi, rel=tolerance)
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing))
+    assert (points.area > 0.0).all() and points.area.sum() == pytest.approx(np.pi, rel=tolerance)
     radial = points.position * (1.0, 0.0, 1.0)
     radial /= np.linalg.norm(radial, axis=1, keepdims=True)
     assert np.einsum("pi,pi->p", radial, points.z).min() > np.cos(np.radians(7.0))

@@ -353,3 +353,21 @@ def test_files_are_taken_over_by_a_second_name_or_a_copy(links, tmp_path, monkey
     (tmp_path / "two").write_text("old")
     cache.take(tmp_path / "one", tmp_path / "two")
     assert (tmp_path / "two").read_text() == "new" and len(list(tmp_path.iterdir())) == 2
+
+
+def test_dampers_are_shared_as_they_were_kept_and_with_other_damping_made_anew(shared_path, built):
+    scene_at(shared_path)
+    damper = '[[springs]]\ngroups = ["bar_end"]\ndirection = [1.0, 0.0, 0.0]\ndamping = 30.0\n[[loads]]\n'
+    path = shared_path / "bar.toml"
+    on_root(COMM, lambda: path.write_text(path.read_text().replace("[[loads]]\n", damper, 1)))
+    friction = "joints.joint.friction=0.04"
+    prepared_by(scene_at(shared_path, *QUICK), shared_path / "first", shared_path / "cache")
+    shared, _ = prepared_by(scene_at(shared_path, *QUICK, friction), shared_path / "second", shared_path / "cache")
+    assert built == {"first": 1, "again": 0}
+    other = scene_at(shared_path, *QUICK, friction, "damping.ratio=0.02")
+    damped, _ = prepared_by(other, shared_path / "third", shared_path / "cache")
+    assert built == {"first": 2, "again": 0}
+    alone, _ = prepared_by(scene_at(shared_path, *QUICK, friction), shared_path / "alone", None)
+    one, two, own = (each.model.one_family for each in (shared, damped, alone))
+    assert_close(one.damping.C, own.damping.C)
+    assert_close(two.damping.C - own.damping.C, np.diag(0.02 * own.omega_n))

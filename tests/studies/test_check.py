@@ -30,7 +30,7 @@ def said(path, out=None):
 
 
 def test_all_that_a_file_states_is_listed(tmp_path):
-    (tmp_path / "m.inp").write_text(inp(plain(), ("*Dashpot, elset=D", "1", "2.0")))
+    (tmp_path / "m.inp").write_text(inp(plain(), ("*Gap, elset=D", "0.1")))
     text = said(tmp_path / "m.inp")
     for words in (
         "32 nodes, 6 hex8; 2 connected parts",
@@ -41,7 +41,7 @@ def test_all_that_a_file_states_is_listed(tmp_path):
         "PLATE_TOP: 8 nodes, 3 outer faces of 0.0005 m2",
         "supports   PLATE_BASE: x, y, z",
         "to answer  line ",
-        ": *DASHPOT: ",
+        ": *GAP: ",
     ):
         assert words in text
     assert "units suspected" not in text and "picture" not in text

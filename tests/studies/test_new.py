@@ -11,6 +11,7 @@ from microslip.formats.model import Cells, FileModel, Group
 from microslip.formats.units import UNITS
 from microslip.parallel.errors import CaseError, MeshError
 from microslip.scene.read import read_scene
+from microslip.studies.check.model_file import _lines as check_model_lines
 from microslip.studies.check.whole import bodies_of, whole_mesh
 from microslip.studies.new.candidates import find_candidates
 from microslip.studies.new.story import _write
@@ -72,6 +73,22 @@ def test_surfaces_that_the_file_holds_in_contact_are_tied_where_it_bonds_them(tm
     scene, names = read_scene(tmp_path / "m.toml"), ("CONTA174 real 5", "TARGE170 real 5")
     assert [one.surfaces for one in scene.ties] == ([names] if behaviour == 5 else [])
     assert [frozenset(one.surfaces) for one in scene.joints] == ([] if behaviour == 5 else [frozenset(names)])
+
+
+def test_what_the_file_says_of_a_contact_stands_in_the_joint(tmp_path):
+    path = write(tmp_path)
+    contact = "*SURFACE, NAME=FEET, TYPE=NODE\nBAR_BOTTOM,\n*SURFACE, NAME=TOP, TYPE=NODE\nPLATE_TOP,\n"
+    contact += "*CONTACT PAIR, INTERACTION=DRY\nFEET, TOP\n*SURFACE INTERACTION, NAME=DRY\n*FRICTION\n0.25\n"
+    contact += "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n2e13\n"
+    path.write_text(path.read_text() + contact)
+    said = "\n".join(check_model_lines(str(path), None))
+    assert "FEET_TOP: FEET on TOP, friction 0.25, no tangential stiffness, normal stiffness 2e+13 N/m3" in said
+    _write(str(path), tmp_path / "m.toml", False)
+    with pytest.raises(CaseError, match="tangential_stiffness is missing: expected [^;]*; and preload$"):
+        read_scene(tmp_path / "m.toml")
+    filled(tmp_path / "m.toml")
+    (joint,) = read_scene(tmp_path / "m.toml").joints
+    assert (joint.surfaces, joint.friction, joint.normal_stiffness) == (("FEET", "TOP"), 0.25, 2e13)
 
 
 def candidates_of(points, blocks, groups):
@@ -174,11 +191,11 @@ def test_bodies_that_touch_nowhere_make_a_linear_scene(tmp_path):
 def test_units_and_what_must_be_answered_stand_in_the_scene(tmp_path):
     model = plain()
     path = tmp_path / "m.inp"
-    text = inp(replace(model, points=1e3 * model.points), ("*Dashpot, elset=D", "1", "2.0"))
+    text = inp(replace(model, points=1e3 * model.points), ("*Gap, elset=D", "0.1"))
     text = re.sub(r"\*Density\n.*\n\*Elastic\n.*,", "*Density\n7.8e-9,\n*Elastic\n2.1e5,", text)
     path.write_text(text)
     said = "\n".join(_write(str(path), tmp_path / "m.toml", False))
     assert "(mm-t-s)" in said and "to answer  line " in said
     text = filled(tmp_path / "m.toml")
     scene = read_scene(tmp_path / "m.toml")
-    assert scene.model.units == "mm-t-s" and scene.model.ignore == ("*DASHPOT",) and ": *DASHPOT: " in text
+    assert scene.model.units == "mm-t-s" and scene.model.ignore == ("*GAP",) and ": *GAP: " in text

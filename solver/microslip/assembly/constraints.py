@@ -41,7 +41,7 @@ class Constraints:
     clusters: np.ndarray  # (n_parts,) which connected parts are tied into one, numbered from 0
     loose: tuple[np.ndarray, ...]  # the connected parts of each of these that nothing but joints holds
     notes: tuple[str, ...]  # what follows what, for the log
-    attached: Attached | None = None  # masses and springs
+    attached: Attached | None = None  # masses, springs and dampers
 
     @property
     def n_dof(self) -> int:
@@ -184,6 +184,7 @@ def constrained(system: System, constraints: Constraints, part: np.ndarray) -> S
         system,
         K=reduced(system.K, constraints, stiffness_blocks(points), None if attached is None else attached.K),
         M=M,
+        C=None if attached is None or attached.C is None else damping_of(attached.C, constraints, system.comm),
         R=_tidy(system.R @ T),
         loads=loads,
         outputs=_tidy(system.outputs @ T),
@@ -209,6 +210,20 @@ def _tidy(matrix: sp.spmatrix) -> sp.csr_matrix:
     return matrix
 
 
+def damping_of(on_places: sp.csr_matrix, constraints: Constraints, comm: MPI.Comm) -> PETSc.Mat:
+    """Return C of what is free from that of the dampers (3 n_places, 3 n_places) [N s/m].  Collective on ``comm``."""
+    return _of_rows(constraints, _tidy(constraints.at_places.T @ on_places @ constraints.at_places), comm)
+
+
+def _of_rows(constraints: Constraints, values: sp.csr_matrix, comm: MPI.Comm) -> PETSc.Mat:
+    """Return a small matrix (n_dof, n_dof), the same on every rank, as a distributed one.  Collective on ``comm``."""
+    first, last = constraints.row_ranges[comm.rank : comm.rank + 2]
+    owned = values[first:last]
+    csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
+    sizes = (int(last - first), constraints.n_dof)
+    return PETSc.Mat().createAIJ((sizes, sizes), csr=csr, comm=comm)
+
+
 def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_places: sp.csr_matrix | None = None) -> PETSc.Mat:
     """Return T^T A T plus what points, masses and springs add; symmetric.  Collective; destroys ``matrix``.
 
@@ -225,10 +240,7 @@ def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_
     if on_places is not None:
         added = _tidy(added + constraints.at_places.T @ on_places @ constraints.at_places)
     if added.nnz:
-        first, last = constraints.row_ranges[comm.rank : comm.rank + 2]
-        owned = added[first:last]
-        csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
-        more = PETSc.Mat().createAIJ(found.getSizes(), csr=csr, comm=comm)
+        more = _of_rows(constraints, added, comm)
         found.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         more.destroy()
     found.setOption(PETSc.Mat.Option.SYMMETRIC, True)

@@ -25,7 +25,7 @@ class System:
     comm: MPI.Comm
     K: PETSc.Mat  # (n_dof, n_dof) N/m, without the joint springs
     M: PETSc.Mat  # (n_dof, n_dof) kg
-    C: PETSc.Mat | None  # N s/m, where the user gives one; otherwise damping is modal
+    C: PETSc.Mat | None  # N s/m, where the user gives one or has dampers; otherwise damping is modal
     R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement, du = R u
     loads: sp.csc_matrix  # (n_dof, n_loads) real shapes of the loads, one or two each, per unit level [N/N]
     outputs: sp.csr_matrix  # (n_outputs, n_dof) rows o of the outputs, of displacements

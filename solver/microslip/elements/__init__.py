@@ -1,6 +1,17 @@
 """Shape functions, quadrature, element stiffness and mass of isotropic solids, element faces.  NumPy only."""
 
-from .faces import CELLS, RINGS, SAMPLES, face_nodal_areas, face_normals, face_points, part_integrals, pressure_forces
+from .faces import (
+    CELLS,
+    FINER_SAMPLES,
+    RINGS,
+    SAMPLES,
+    face_nodal_areas,
+    face_normals,
+    face_points,
+    part_integrals,
+    point_functions,
+    pressure_forces,
+)
 from .kinds import FACE_KINDS, KINDS, Kind
 from .nearest import nearest_on_faces
 from .prestress import deformed_stiffness, stress, stress_stiffness, thermal_forces
@@ -14,7 +25,9 @@ __all__ = [
     "INTEGRATIONS",
     "KINDS",
     "RINGS",
+    "FINER_SAMPLES",
     "SAMPLES",
+    "point_functions",
     "Kind",
     "deformed_stiffness",
     "face_nodal_areas",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from .kinds import FACE_KINDS
 from .quadrature import collapsed, square, triangle
@@ -26,8 +27,27 @@ CELLS = {"tri3": np.array(_THIRDS), "tri6": np.array(_SIXTHS), "quad4": _square_
 # Nodes of a face in turn around it, by their number.
 RINGS = {3: (0, 1, 2), 4: (0, 1, 2, 3), 6: (0, 3, 1, 4, 2, 5), 8: (0, 4, 1, 5, 2, 6, 3, 7)}
 SAMPLES = collapsed(4)  # of a part that two faces share
+FINER_SAMPLES = collapsed(5)  # the same, exact for shape functions times point functions
 
 _RULES = {"quad4": square(2), "quad8": square(3), "tri3": triangle(3), "tri6": triangle(6)}
+
+
+def point_functions(kind: str, xi: np.ndarray) -> np.ndarray:
+    """Return the polynomials that are 1 at one integration point of a face and 0 at the others, (..., n), at ``xi`` (..., 2).
+
+    Local.  docs/theory.md, eq. (2.11).  In the order of the cells, each of which has one of the points.  They are orthogonal,
+    and the shape functions are sums of them.
+    """
+    points, centres = _RULES[kind].points, CELLS[kind].mean(axis=1)
+    _, at = linear_sum_assignment(np.linalg.norm(points - centres[:, None], axis=2))
+    return _monomials(kind, xi) @ np.linalg.inv(_monomials(kind, points[at]))
+
+
+def _monomials(kind: str, xi: np.ndarray) -> np.ndarray:
+    """Return x^i y^j up to a degree in each of them (quadrilaterals) or in both together (triangles), (..., n), at (..., 2)."""
+    degree = 2 if kind in ("tri6", "quad8") else 1
+    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1) if kind.startswith("quad") or i + j <= degree]
+    return np.stack([xi[..., 0] ** i * xi[..., 1] ** j for i, j in powers], axis=-1)
 
 
 def face_normals(kind: str, points: np.ndarray) -> np.ndarray:

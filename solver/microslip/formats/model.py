@@ -101,6 +101,20 @@ class FileTie:
 
 
 @dataclass(frozen=True, kw_only=True)
+class FileJoint:
+    """Two groups of faces in contact with friction; None: the file does not say."""
+
+    name: str
+    surfaces: tuple[str, str]  # the first is the one whose points press on the second
+    pairing: str = "auto"  # as in a scene
+    friction: float | None = None
+    tangential_stiffness: float | None = None  # force a volume
+    normal_stiffness: float | None = None
+    touches_within: float | None = None  # length: surfaces that are no farther apart touch; None: the gap is that of the mesh
+    is_complete: bool  # whether it says all that makes a joint under constant loads
+
+
+@dataclass(frozen=True, kw_only=True)
 class FilePoint:
     """A point with six degrees of freedom, connected to a group of nodes."""
 
@@ -125,11 +139,12 @@ class FileMass:
 
 @dataclass(frozen=True, kw_only=True)
 class FileSpring:
-    """A spring along a direction: of each node of one group to ground, or between the single nodes of two groups."""
+    """A spring or damper along a direction: of each node of one group to ground, or between the single nodes of two groups."""
 
     groups: tuple[str, ...]
     direction: Vector | None = None  # None: along the line between the two nodes
-    stiffness: float  # force a length
+    stiffness: float = 0.0  # force a length
+    damping: float = 0.0  # force a velocity
 
 
 @dataclass(frozen=True)
@@ -231,6 +246,7 @@ class FileModel:
     bodies: Mapping[str, FileBody] = field(default_factory=dict)  # by name
     supports: tuple[FileSupport, ...] = ()
     ties: tuple[FileTie, ...] = ()
+    joints: tuple[FileJoint, ...] = ()  # each with a finding between the same surfaces, for scenes that do not take it over
     connected: tuple[FilePoint, ...] = ()  # points with six degrees of freedom
     masses: tuple[FileMass, ...] = ()
     springs: tuple[FileSpring, ...] = ()

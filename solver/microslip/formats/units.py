@@ -34,6 +34,16 @@ class Units:
         return self.mass / self.time**2
 
     @property
+    def damping(self) -> float:
+        """N s/m"""
+        return self.mass / self.time
+
+    @property
+    def contact_stiffness(self) -> float:
+        """N/m3"""
+        return self.stress / self.length
+
+    @property
     def inertia(self) -> float:
         """kg m2; times 1/s2 it is a rotational stiffness [N m/rad]"""
         return self.mass * self.length**2

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
-from ..formats.model import FileModel
+from ..formats.model import FileJoint, FileModel
 from ..formats.read import read_model
 from ..formats.units import UNITS, Units
 from ..parallel.agree import on_root
@@ -157,7 +157,8 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
             raise CaseError(f'{scene.path}: [model] ignore: {scene.model.mesh} holds no "{word}" that is left out{hint}')
     answered = model.statics.word if model.statics is not None and "statics" in taken else None
     needed = {"statics"} if scene.statics is None and not _ignores_statics(scene, model) else set()
-    between = _joined_surfaces(scene)
+    of_file = [frozenset(one.surfaces) for one in _pressed_joints(scene, model)]
+    between = _joined_surfaces(scene) + of_file
     wrong = [
         finding
         for finding in findings
@@ -181,7 +182,8 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
                 ]
             )
         )
-    return [f"{one.where}: {one.word} is left out: {one.effect}" for one in findings if one not in wrong and one.word != answered]
+    left_out = [one for one in findings if one.word != answered and frozenset(one.surfaces) not in of_file]
+    return [f"{one.where}: {one.word} is left out: {one.effect}" for one in left_out]
 
 
 def _bare(word: str) -> str:
@@ -243,6 +245,29 @@ def _ties(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
     return tuple(_stated(one, tolerance=units.length) for one in model.ties if frozenset(one.surfaces) not in between)
 
 
+def _joints(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
+    """Return the joints of the file, which nothing but constant loads presses; open where the mesh is."""
+    factors = {"tangential_stiffness": units.contact_stiffness, "normal_stiffness": units.contact_stiffness}
+    tables = []
+    for one in _pressed_joints(scene, model):
+        table = _stated(one, **factors) | {"preload": "static"}
+        table.pop("is_complete")
+        within = table.pop("touches_within", None)
+        tables.append(table | ({"gap": "geometry"} if within is None else {"tolerance": units.length * within}))
+    return tuple(tables)
+
+
+def _pressed_joints(scene: Scene, model: FileModel) -> list[FileJoint]:
+    """Return the joints of the file that are taken over: those of which it says all, where loads at rest press them."""
+    taken, between = _taken(scene, model), _joined_surfaces(scene)
+    has_loads = scene.statics is not None or ("statics" in taken and model.statics is not None and model.statics.acts)
+    if "joints" not in taken or not has_loads:
+        return []
+    ignored = set(map(_bare, scene.model.ignore))
+    left_out = [frozenset(one.surfaces) for one in model.findings if one.surfaces and _bare(one.word) in ignored]
+    return [one for one in model.joints if one.is_complete and frozenset(one.surfaces) not in [*between, *left_out]]
+
+
 def _points(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
     factors = {
         "position": units.length,
@@ -259,7 +284,7 @@ def _masses(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
 
 
 def _springs(model: FileModel, units: Units, scene: Scene) -> tuple[Tables, ...]:
-    return tuple(_stated(one, stiffness=units.stiffness) for one in model.springs)
+    return tuple(_stated(one, stiffness=units.stiffness, damping=units.damping) for one in model.springs)
 
 
 def _statics(model: FileModel, units: Units, scene: Scene) -> Tables:
@@ -297,6 +322,7 @@ _TABLES: dict[str, Callable[[FileModel, Units, Scene], Any]] = {
     "bodies": _bodies,
     "supports": _supports,
     "ties": _ties,
+    "joints": _joints,
     "points": _points,
     "masses": _masses,
     "springs": _springs,

@@ -85,7 +85,7 @@ def reduction_settings(scene: Scene) -> ReductionSettings:
         insists=solver.accuracy is not None,
         harmonics=scene.harmonics,
         loads=loads(scene),
-        damping=None if damping is None else _damping(damping),
+        damping=None if damping is None else _damping(damping, scene),
         band=band(scene),
         level=max(scene.response.levels),
         where=str(scene.path),
@@ -175,13 +175,14 @@ def _statics(scene: Scene) -> Statics | None:
     )
 
 
-def _damping(damping: schema.Damping) -> ModalDamping:
+def _damping(damping: schema.Damping, scene: Scene) -> ModalDamping:
     return ModalDamping(
         ratio=damping.ratio,
         rayleigh=damping.rayleigh,
         ratios=damping.ratios or (),
         of_modes=damping.modes or (),
         structural=damping.structural or 0.0,
+        is_alone=not any(spring.damping for spring in scene.springs),
     )
 
 

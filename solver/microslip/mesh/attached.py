@@ -1,4 +1,4 @@
-"""Point masses and springs: what they move with, by places as in ``ties``."""
+"""Point masses, springs and dampers: what they move with, by places as in ``ties``."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from .settings import MeshSettings, Spring
 
 @dataclass(frozen=True, eq=False)
 class Attached:
-    """Point masses and springs of a structure, eq. (2.10); ``n_dof`` counts three for each place."""
+    """Point masses, springs and dampers of a structure, eq. (2.10); ``n_dof`` counts three for each place."""
 
     points: np.ndarray  # (n_masses, 3) m
     mass: np.ndarray  # (n_masses,) kg
     motion: sp.csr_matrix  # (3 n_masses, n_dof): displacements of the masses
     stretch: sp.csr_matrix  # (n_springs, n_dof): how far each spring is stretched
     stiffness: np.ndarray  # (n_springs,) N/m
+    damping: np.ndarray  # (n_springs,) N s/m
 
     @property
     def M(self) -> sp.csr_matrix:
@@ -33,6 +34,11 @@ class Attached:
         """What the springs add to K, (n_dof, n_dof) [N/m]."""
         return (self.stretch.T @ sp.diags(self.stiffness) @ self.stretch).tocsr()
 
+    @property
+    def C(self) -> sp.csr_matrix | None:
+        """What the dampers make C, (n_dof, n_dof) [N s/m]; None where there are none."""
+        return (self.stretch.T @ sp.diags(self.damping) @ self.stretch).tocsr() if self.damping.any() else None
+
     def forces(self, acceleration: np.ndarray) -> np.ndarray:
         """Return mass times ``acceleration`` (n_masses, 3) [m/s2] on the places, (n_places, 3) [N]."""
         return (self.motion.T @ (self.mass[:, None] * acceleration).ravel()).reshape(-1, 3)
@@ -43,19 +49,20 @@ class Attached:
 
     def holding(self, translations: np.ndarray) -> np.ndarray:
         """Return the degrees of freedom of springs that a motion (n_dof, 3) of the whole stretches, (n,): they hold."""
-        is_stretched = abs(self.stretch @ translations).max(axis=1, initial=0.0) > 1e-6
+        is_stretched = (abs(self.stretch @ translations).max(axis=1, initial=0.0) > 1e-6) & (self.stiffness > 0.0)
         return np.unique(self.stretch[np.flatnonzero(is_stretched)].indices)
 
     @property
     def joined(self) -> np.ndarray:
         """The degrees of freedom that each spring makes hang together, (2, n)."""
-        counts = np.diff(self.stretch.indptr)
-        first = self.stretch.indices[self.stretch.indptr[:-1][counts > 0]]
-        return np.stack([np.repeat(first, counts[counts > 0]), self.stretch.indices])
+        stretch = self.stretch[np.flatnonzero(self.stiffness > 0.0)]
+        counts = np.diff(stretch.indptr)
+        first = stretch.indices[stretch.indptr[:-1][counts > 0]]
+        return np.stack([np.repeat(first, counts[counts > 0]), stretch.indices])
 
 
 def attach(mesh: Mesh, settings: MeshSettings, n_places: int, outside: sp.csr_matrix, loose: np.ndarray) -> Attached:
-    """Return the masses and springs of a scene, docs/theory.md, eq. (2.10).  Local, rank 0.
+    """Return the masses, springs and dampers of a scene, docs/theory.md, eq. (2.10).  Local, rank 0.
 
     ``outside`` (3 n_outside, 3 n_places) is how nodes outside the elements follow; those ``loose`` (3 n_outside,) bool follow
     nothing and are not held.
@@ -83,8 +90,13 @@ def attach(mesh: Mesh, settings: MeshSettings, n_places: int, outside: sp.csr_ma
         np.concatenate([np.zeros(0), *(np.full(len(own), mass) for own, mass in masses)]),
         motion[(3 * nodes[:, None] + np.arange(3)).ravel()],
         (_along(ends[:, 0], along, motion) - _along(ends[:, 1], along, motion)).tocsr(),
-        np.concatenate([np.zeros(0), *(np.full(len(own), one.stiffness) for (own, _), one in zip(springs, settings.springs))]),
+        *(_of_each(springs, [getattr(one, key) for one in settings.springs]) for key in ("stiffness", "damping")),
     )
+
+
+def _of_each(springs: list[tuple[np.ndarray, np.ndarray]], values: list[float]) -> np.ndarray:
+    """Return a value of each table for each of its springs, (n_springs,)."""
+    return np.concatenate([np.zeros(0), *(np.full(len(ends), value) for (ends, _), value in zip(springs, values, strict=True))])
 
 
 def _check_led(mesh: Mesh, what: str, nodes: np.ndarray, used: np.ndarray, is_loose: np.ndarray, n_places: int) -> None:

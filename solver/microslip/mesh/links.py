@@ -32,7 +32,7 @@ class Links:
     n_nodes: int
     joined: tuple[np.ndarray, ...]  # (2, n) nodes that hang together, for each tie and point
     notes: tuple[str, ...]  # what was tied, for the log
-    attached: Attached | None = None  # masses and springs
+    attached: Attached | None = None  # masses, springs and dampers
     more_joined: tuple[np.ndarray, ...] = ()  # (2, n) nodes that hang together by equations and springs
     more_grounded: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # nodes that these hold
 
@@ -62,7 +62,7 @@ class Links:
 
 
 def find_links(mesh: Mesh, settings: MeshSettings) -> Links:
-    """Return what the ties, points and equations of a scene make follow, and its masses and springs.  Local, rank 0.
+    """Return what the ties, points and equations of a scene make follow, and its masses, springs and dampers.  Local, rank 0.
 
     Raises
     ------

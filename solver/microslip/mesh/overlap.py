@@ -3,6 +3,7 @@
 A face of the first surface has a few cells.  Each is laid in its plane and cut with the facets of the second surface that
 face it, and what the two meshes interpolate is averaged over the parts that they share.  Both averages keep rigid and linear
 motions, and a uniform pressure loads each face as its shape functions ask: it crosses a flat joint of any two meshes unchanged.
+As a mortar, a face that is covered wholly takes moments in place of means: what varies within a cell is felt, too.
 """
 
 from __future__ import annotations
@@ -20,11 +21,12 @@ from ..parallel.words import place
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh
 from .projection import project_on_surface
-from .settings import GEOMETRY, Joint
+from .settings import GEOMETRY, MORTAR, Joint
 from .surface import Surface, on_mesh
 
 NEAR = 0.1  # of the size of the larger faces: how far apart the surfaces of a joint may lie, where it states no tolerance
 FAR = 0.1  # of the mesh's diagonal, the same where the gap is that of the mesh
+WHOLE = 0.99  # of each cell of a face that has moments
 COVERED = 0.98  # of the first surface must have a partner
 LAYERS = 1.05  # of a cell that the second surface may cover: more is a second layer
 _LEAST = 1e-6  # of a cell: a smaller share with a partner is none
@@ -56,18 +58,18 @@ class Cells:
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """What n cells share with the second surface; weights are not yet divided by what is covered."""
+    """What n cells share with the second surface, or its moments; weights are not yet divided by what is covered."""
 
     side1: sp.csr_matrix  # (n, n_nodes) m2
     side2: sp.csr_matrix  # (n, n_nodes) m2
-    covered: np.ndarray  # (n,) m2, in the cells' planes
+    covered: np.ndarray  # (n,) m2, in the cells' planes, or the moment of that
     whole: np.ndarray  # (n,) m2, of the cells in their planes
 
 
 def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> ContactPoints:
     """Return a point for each cell of the first surface that the second one covers, at least in part.  Local, rank 0.
 
-    docs/theory.md, eq. (2.3).
+    docs/theory.md, eq. (2.3); of a mortar eq. (2.11).
 
     Raises
     ------
@@ -79,6 +81,11 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
     centre, area, corners = (np.concatenate([getattr(own, name) for own in cells]) for name in ("centre", "area", "corners"))
     share = shared.covered / shared.whole
     _check_covered(mesh, joint, first, second, share, area, centre, reach)
+    area_shared = np.minimum(share, 1.0) * area
+    note_on = area_shared.sum() / area.sum()
+    if joint.pairing == MORTAR:
+        moments = _joined([shared_parts(mesh, own, second, reach, by_moments=True) for own in cells])
+        shared, area_shared = _with_moments(cells, shared, share, moments, area_shared)
     kept = np.flatnonzero(share > _LEAST)
     side1, side2 = (sp.diags(1.0 / shared.covered[kept]) @ side[kept] for side in (shared.side1, shared.side2))
     n1, n2 = side1 @ on_mesh(mesh, first), side2 @ on_mesh(mesh, second)
@@ -87,17 +94,16 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
     check_opposite(mesh, joint, n1, n2, x1)
     z = (n2 - n1) / np.linalg.norm(n2 - n1, axis=1, keepdims=True)
     distance = np.einsum("pi,pi->p", z, x1 - x2)
-    part = np.minimum(share, 1.0)
     return ContactPoints(
         side1=side1.tocsr(),
         side2=side2.tocsr(),
         z=z,
-        area=(part * area)[kept],
+        area=area_shared[kept],
         position=(x1 + x2) / 2,
         distance=distance,
         cells=corners[kept],
         note=f"joint {joint.name!r}: {len(kept)} contact points, in cells of {first.group!r}; {second.group!r} covers "
-        f"{part @ area / area.sum():.2%} of them, {distance.min():.3g} to {distance.max():.3g} m away (at most {reach:.3g} m)",
+        f"{note_on:.2%} of them, {distance.min():.3g} to {distance.max():.3g} m away (at most {reach:.3g} m)",
     )
 
 
@@ -125,9 +131,34 @@ def cells_of(mesh: Mesh, kind: str, faces: np.ndarray) -> Cells:
     return Cells(kind, np.repeat(faces, len(xi), axis=0), corners, corners.mean(axis=1), axes, area)
 
 
-def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float) -> Shared:
-    """Return what the cells share with facets of the second surface that face them within ``reach`` [m].  Local."""
+def _with_moments(
+    cells: list[Cells], means: Shared, share: np.ndarray, moments: Shared, area: np.ndarray
+) -> tuple[Shared, np.ndarray]:
+    """Return the moments of the faces that are covered wholly, the means of the others, and the areas (n,) [m2].  Local."""
+    n_each = [len(elements.CELLS[own.kind]) for own in cells]
+    n_cells = np.concatenate([np.full(len(own.area) // n, n) for own, n in zip(cells, n_each, strict=True)])
+    face = np.repeat(np.arange(len(n_cells)), n_cells)
+    is_whole = np.ones(len(n_cells), dtype=bool)
+    np.logical_and.at(is_whole, face, (share >= WHOLE) & (moments.covered > 0.0))
+    rows = is_whole[face]
+    per_covered = np.bincount(face, area) / np.maximum(np.bincount(face, moments.covered), 1e-300)
+    chosen, others = sp.diags(rows.astype(float)), sp.diags((~rows).astype(float))
+    both = Shared(
+        (chosen @ moments.side1 + others @ means.side1).tocsr(),
+        (chosen @ moments.side2 + others @ means.side2).tocsr(),
+        np.where(rows, moments.covered, means.covered),
+        means.whole,
+    )
+    return both, np.where(rows, moments.covered * per_covered[face], area)
+
+
+def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_moments: bool = False) -> Shared:
+    """Return what the cells share with facets of the second surface that face them within ``reach`` [m].  Local.
+
+    With ``by_moments`` a row is that of a face's polynomial that is 1 at the integration point in the cell.
+    """
     n, n_nodes = len(cells.area), len(mesh.points)
+    n_own = len(elements.CELLS[cells.kind])
     flat = cells.in_plane(np.arange(n), cells.corners)[:, :, :2]
     outlines = shapely.polygons(flat)
     side1, side2, covered = sp.csr_matrix((n, n_nodes)), sp.csr_matrix((n, n_nodes)), np.zeros(n)
@@ -139,10 +170,13 @@ def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float) -> Sha
         for start in range(0, len(piece), _CHUNK):
             own = slice(start, start + _CHUNK)
             at, on = i[piece[own]], j[piece[own]]
-            near, w1, w2 = _averages(mesh, cells, at, triangles[own], kind, facets[on], reach)
-            side1 = side1 + _sum(at[near], cells.faces[at[near]], w1, side1.shape)
-            side2 = side2 + _sum(at[near], facets[on[near]], w2, side2.shape)
-            np.add.at(covered, at[near], w1.sum(axis=1))
+            near, w1, w2 = _averages(mesh, cells, at, triangles[own], kind, facets[on], reach, by_moments)
+            rows = at[near][:, None]
+            if by_moments:
+                rows = rows // n_own * n_own + np.arange(n_own)
+            side1 = side1 + _sum(rows, cells.faces[at[near]], w1, side1.shape)
+            side2 = side2 + _sum(rows, facets[on[near]], w2, side2.shape)
+            np.add.at(covered, rows, w1.sum(axis=2))
     return Shared(side1, side2, covered, shapely.area(outlines))
 
 
@@ -171,24 +205,31 @@ def _triangles(parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return of[owner[k]], np.stack([ring[first[k]], ring[k + 1], ring[k]], axis=1)
 
 
-def _averages(mesh: Mesh, cells: Cells, i: np.ndarray, triangles: np.ndarray, kind: str, facets: np.ndarray, reach: float):
+def _averages(
+    mesh: Mesh, cells: Cells, i: np.ndarray, triangles: np.ndarray, kind: str, facets: np.ndarray, reach: float, by_moments: bool
+):
     """Return which of t triangles in cells ``i`` lie within reach, and the integrals of both sides' shape functions over those.
 
-    Shapes: (t,) bool, (m, n_face_nodes) and (m, n_facet_nodes) [m2], of a face of the cell's and the facets' kind.
+    Shapes: (t,) bool, (m, q, n_face_nodes) and (m, q, n_facet_nodes) [m2], of a face of the cell's and the facets' kind; q = 1,
+    or with ``by_moments`` the number of polynomials of the cell's face that they are multiplied with.
     """
+    samples = elements.FINER_SAMPLES if by_moments else elements.SAMPLES
     edge1, edge2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    weight = np.outer(edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0], elements.SAMPLES.weights)
-    xi, eta = elements.SAMPLES.points.T[:, None, :, None]
+    weight = np.outer(edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0], samples.weights)
+    xi, eta = samples.points.T[:, None, :, None]
     where = triangles[:, :1] + xi * edge1[:, None] + eta * edge2[:, None]
-    N1, height1 = _interpolated(mesh, cells, i, cells.kind, cells.faces[i], where)
-    N2, height2 = _interpolated(mesh, cells, i, kind, facets, where)
+    N1, height1, local = _interpolated(mesh, cells, i, cells.kind, cells.faces[i], where)
+    N2, height2, _ = _interpolated(mesh, cells, i, kind, facets, where)
     near = np.abs(height2 - height1).mean(axis=1) <= reach
-    w1, w2 = (np.einsum("ts,tsk->tk", weight[near], N[near]) for N in (N1, N2))
+    tested = elements.point_functions(cells.kind, local[near]) if by_moments else np.ones((*weight[near].shape, 1))
+    tested = weight[near][:, :, None] * tested
+    w1, w2 = (np.einsum("tsq,tsk->tqk", tested, N[near]) for N in (N1, N2))
     return near, w1, w2
 
 
 def _interpolated(mesh: Mesh, cells: Cells, i: np.ndarray, kind: str, faces: np.ndarray, where: np.ndarray):
-    """Return shape functions (t, s, k) and height over the cell's plane (t, s) [m] of faces (t, k) at places (t, s, 2) in it.
+    """Return shape functions (t, s, k), height over the cell's plane (t, s) [m] and local coordinates (t, s, 2) of faces (t, k)
+    at places (t, s, 2) in it.
 
     Newton's method for the local coordinates, from the middle of the face.
 
@@ -210,7 +251,7 @@ def _interpolated(mesh: Mesh, cells: Cells, i: np.ndarray, kind: str, faces: np.
     if not (worst <= _FAULTY).all():
         at = faces[np.argmax(np.nan_to_num(worst, nan=np.inf))]
         raise MeshError(f"{mesh.path}: the face of nodes {', '.join(map(str, mesh.numbers[at]))} is too distorted for contact")
-    return N, np.einsum("tsk,tk->ts", N, nodes[:, :, 2])
+    return N, np.einsum("tsk,tk->ts", N, nodes[:, :, 2]), xi
 
 
 def _at(shape, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -220,7 +261,9 @@ def _at(shape, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sum(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, shape: tuple[int, int]) -> sp.csr_matrix:
-    return sp.csr_matrix((values.ravel(), (np.repeat(rows, columns.shape[1]), columns.ravel())), shape)
+    """Return the sum of values (m, q, k) in rows (m, q) and columns (m, k)."""
+    row, column = np.broadcast_to(rows[:, :, None], values.shape), np.broadcast_to(columns[:, None], values.shape)
+    return sp.csr_matrix((values.ravel(), (row.ravel(), column.ravel())), shape)
 
 
 def _joined(parts: list[Shared]) -> Shared:

@@ -18,12 +18,12 @@ from .listed import listed_nodes
 from .matching import NotMatching, matching_nodes
 from .overlap import overlapping_faces
 from .projected import projected_nodes
-from .settings import GEOMETRY, Joint
+from .settings import GEOMETRY, MORTAR, Joint
 from .surface import Surface, surface_of
 from .values import Values, values_of
 
 PENETRATION = 1e-6  # of the mesh's diagonal: what the mesh may penetrate at rest and count as touching
-PAIRINGS = {"nodes": matching_nodes, "projected": projected_nodes, "points": overlapping_faces}
+PAIRINGS = {"nodes": matching_nodes, "projected": projected_nodes, "points": overlapping_faces, MORTAR: overlapping_faces}
 _ALONG = 0.99  # |cosine| above which a normal has no useful projection of an axis
 
 

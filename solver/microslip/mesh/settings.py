@@ -11,6 +11,7 @@ import numpy as np
 
 Vector = tuple[float, float, float]
 GEOMETRY = "geometry"  # the gap of a joint: what the mesh has
+MORTAR = "mortar"  # the pairing of moments over faces
 UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2", "stress": "Pa", "strain": "1", "contact_force": "N"}
 
 
@@ -84,11 +85,12 @@ class Mass:
 
 @dataclass(frozen=True, kw_only=True)
 class Spring:
-    """A spring along a direction: of each node of a group to ground, or between the single nodes of two groups."""
+    """A spring and a damper along a direction: of each node of a group to ground, or between the single nodes of two groups."""
 
     groups: tuple[str, ...]
     direction: Vector | None = None  # None: along the line between the two nodes
-    stiffness: float  # N/m
+    stiffness: float = 0.0  # N/m
+    damping: float = 0.0  # N s/m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +108,7 @@ class Joint:
     name: str
     surfaces: tuple[str, ...]  # groups, of body 1 and body 2; of body 1 alone on ground
     plane: GroundPlane | None = None  # of the ground; None: it has the shape of the surface
-    pairing: str = "auto"  # "nodes" that match, "points" or "projected" nodes of any meshes, or "auto"
+    pairing: str = "auto"  # "nodes" that match, "points", "mortar" or "projected" nodes of any meshes, or "auto"
     friction: float  # -
     tangential_stiffness: float  # N/m3
     normal_stiffness: float  # N/m3

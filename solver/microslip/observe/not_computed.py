@@ -43,7 +43,7 @@ def not_computed(prepared: Prepared, branches: list[Branch], known: np.ndarray |
         lines.append(f"Newton iterations at {_newtons(linear)}: no pair leaves sticking, the linear response is scaled")
     if odd:
         lines.append(f"even harmonics at {_newtons(odd)}: by the symmetry of the scene they vanish")
-    if scene.damping is not None:
+    if scene.damping is not None and not any(spring.damping for spring in scene.springs):
         lines.append("damping matrix: [damping] gives that of each mode")
         named = max([len(scene.damping.ratios or ()), *(mode for mode, _ in scene.damping.modes or ())])
         if named > len(omega_n):

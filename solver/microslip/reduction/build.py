@@ -65,6 +65,21 @@ def projected_damping(C: PETSc.Mat, phi_owned: np.ndarray, comm: MPI.Comm) -> np
     return diagonal_if_possible(modal)
 
 
+def all_damping(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, damping: ModalDamping | None) -> np.ndarray:
+    """Return phi^T C phi [1/s] of what the scene states for the modes and of the structure's own C, (m,) or (m, m).
+
+    Collective: one sum where the structure has one.
+    """
+    of_modes = None if damping is None else modal_damping(damping, omega_n)
+    of_structure = None if system.C is None else projected_damping(system.C, phi_owned, system.comm)
+    if of_structure is None:
+        assert of_modes is not None, "a scene with [damping] where the structure has no C"
+        return of_modes
+    if of_modes is None:
+        return of_structure
+    return of_structure + (of_modes if of_structure.ndim == 1 else np.diag(of_modes))
+
+
 def diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
     """Return the diagonal (m,) of a symmetric matrix (m, m) that couples no modes; else itself.  Local."""
     size = np.sqrt(np.abs(np.diag(modal)))
@@ -116,7 +131,7 @@ def modal_family(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, dam
     """
     participation = owned_product(seen_rows(system), phi_owned, system)
     R_phi, o, b_T = np.split(participation, np.cumsum([system.R.shape[0], system.outputs.shape[0]]))
-    C = projected_damping(system.C, phi_owned, system.comm) if damping is None else modal_damping(damping, omega_n)
+    C = all_damping(system, omega_n, phi_owned, damping)
     eta = 0.0 if damping is None else damping.structural
     S = structural_damping(system.K, phi_owned, eta, system.comm) if eta > 0.0 else None
     return ModalFamily(omega_n, Damping(C, S), R_phi, b_T.T.copy(), o)

@@ -81,10 +81,16 @@ def _fewest(known: KnownStructure, law: Law, settings: ReductionSettings) -> tup
 
 
 def with_first(model: ReducedModel, n_modes: int, damping: ModalDamping | None) -> ReducedModel:
-    """Return a model with the first of its modes alone, and their damping; without one that of the user's matrix.  Local."""
+    """Return a model with the first of its modes alone, and their damping; that of the model where the structure has a matrix.
+
+    Local.
+    """
     family, first = model.one_family, slice(n_modes)
     omega_n = family.omega_n[first]
-    C = _first(family.damping.C, n_modes) if damping is None else modal_damping(damping, omega_n)
+    if damping is not None and damping.is_alone:
+        C = modal_damping(damping, omega_n)
+    else:
+        C = _first(family.damping.C, n_modes)
     S = None if family.damping.S is None else _first(family.damping.S, n_modes)
     shared = ModalFamily(omega_n, Damping(C, S), family.R_phi[:, first], family.b[first], family.o[:, first])
     return replace(model, families=(shared,))

@@ -53,7 +53,7 @@ class Resonance:
 
     omega: float
     p: np.ndarray  # of R^T p
-    drag: np.ndarray  # of n omega C u, or eta K u: a full damping matrix couples the modes left out to the motion
+    drag: np.ndarray  # of n omega C u + eta K u: a full damping matrix couples the modes left out to the motion
     pairs: np.ndarray  # (n, n_outputs) of the motion of the pairs that an output feels
     drag_adjoint: np.ndarray  # (n, n_outputs)
 
@@ -234,7 +234,9 @@ class Solved:
     def of_drag(self, z: np.ndarray, n_omega: float, settings: ReductionSettings) -> np.ndarray:
         system, eta = self.stuck.linearised.system, 0.0 if settings.damping is None else settings.damping.structural
         u_owned = self.stuck.modes.phi_owned @ np.concatenate([z.real, z.imag], axis=1)
-        Cu_owned = n_omega * multiply(system.C, u_owned) if system.C is not None else eta * multiply(system.K, u_owned)
+        Cu_owned = n_omega * multiply(system.C, u_owned) if system.C is not None else np.zeros_like(u_owned)
+        if eta > 0.0:
+            Cu_owned = Cu_owned + eta * multiply(system.K, u_owned)
         q = z.shape[1]
         return residual_norms(self.stuck, Cu_owned[:, :q] + 1j * Cu_owned[:, q:])
 

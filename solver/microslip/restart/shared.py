@@ -72,6 +72,8 @@ def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     n_kept, better = len(structure.modes.omega_n), prepared.response.better
     texts: dict[str, Any] = texts_of_pairs(prepared.pairs, prepared.outline) | {
         "joints": joints_of(prepared.scene),
+        "is_at_rest": prepared.scene.statics is not None,  # the file may state it, and joints and dampers
+        "damping": damping_of(prepared.scene) if any(spring.damping for spring in prepared.scene.springs) else None,
         "n_kept": n_kept,
         "n_proved": max(structure.modes.n_proved, n_kept if settings.verify_modes else 0),
         "has_bars": better is not None,
@@ -86,6 +88,11 @@ def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
 def joints_of(scene: Scene) -> list[dict[str, Any]]:
     """Return the joints of a scene as stated, as JSON has them.  Local."""
     return [joint.model_dump(mode="json", exclude_unset=True) for joint in scene.joints]
+
+
+def damping_of(scene: Scene) -> dict[str, Any] | None:
+    """Return [damping] of a scene as stated, as JSON has it.  Local."""
+    return None if scene.damping is None else scene.damping.model_dump(mode="json")
 
 
 def made_of(
@@ -105,9 +112,14 @@ def made_of(
     CaseError, MeshError, ResourceError : as those who build a structure, on every rank
     """
     comm, settings = columns.comm, reduction_settings(scene)
-    pairs = pairs_for(scene, pairs_of(arrays, texts), texts["joints"], comm)
+    kept = pairs_of(arrays, texts)
+    pairs = kept if texts["is_at_rest"] else pairs_for(scene, kept, texts["joints"], comm)
     if pairs is None or settings.method not in SELECTIONS:
         return None
+    if texts["damping"] is not None:  # what the dampers add is kept in one with it
+        if settings.damping is None or damping_of(scene) != texts["damping"]:
+            return None
+        settings = replace(settings, damping=replace(settings.damping, is_alone=False))
     outline = outline_of(arrays, texts)
     rebuilt = Rebuilt(scene, comm, log, outline.omega_n, read_modes)
     everything = exact_model(under("model", arrays), comm, settings, rebuilt.solve)

@@ -246,7 +246,7 @@ def _outputs(scene: Scene) -> list[str]:
     joints = [joint.name for joint in scene.joints]
     for where, output in _numbered(scene, "outputs"):
         for key, name, known in (("body", output.body, list(scene.bodies)), ("joint", output.joint, joints)):
-            if name is not None and name not in known and not (key == "body" and scene.awaits_file):
+            if name is not None and name not in known and not scene.awaits_file:
                 near = nearest(name, known)
                 hint = f'; nearest is "{near}"' if near else ""
                 found.append(f'{where} {key} = "{name}": there is no such {key}{hint}')

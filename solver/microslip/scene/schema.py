@@ -49,7 +49,7 @@ OF_SURFACES = (
 )
 Units = Literal["m-kg-s", "mm-t-s", "mm-kg-s", "mm-kg-ms", "in-lbf-s"]
 UNITS: tuple[str, ...] = get_args(Units)
-Taken = Literal["materials", "bodies", "supports", "ties", "points", "masses", "springs", "equations", "statics"]
+Taken = Literal["materials", "bodies", "supports", "ties", "joints", "points", "masses", "springs", "equations", "statics"]
 TAKEN: tuple[Taken, ...] = get_args(Taken)
 Quantity = Literal["displacement", "velocity", "acceleration", "stress", "strain", "contact_force"]
 Component = Literal["xx", "yy", "zz", "xy", "yz", "zx", "normal"]
@@ -282,7 +282,7 @@ class Mass(Table):
 
 
 class Spring(Table):
-    """[[springs]]: nodes on springs to ground, or two nodes joined by one."""
+    """[[springs]]: nodes on springs and dampers to ground, or two nodes joined by one."""
 
     groups: Annotated[tuple[str, ...], AfterValidator(_no_duplicates), Field(min_length=1, max_length=2)] = Field(
         description="the name of a group whose nodes have springs to ground, or of two groups of one node each, in a list"
@@ -291,10 +291,13 @@ class Spring(Table):
         None,
         description="the direction [x, y, z] in which it acts, three numbers, not all 0; between two nodes by default their line",
     )
-    stiffness: NotNegative = Field(description="the stiffness in N/m, a number of at least 0")
+    stiffness: NotNegative = Field(0.0, description="the stiffness in N/m, a number of at least 0")
+    damping: NotNegative = Field(0.0, description="the damping constant in N s/m, a number of at least 0")
 
     @model_validator(mode="after")
     def _directed(self):
+        if not {"stiffness", "damping"} & self.model_fields_set:
+            raise ValueError(f"stiffness is missing: expected {Spring.model_fields['stiffness'].description}; or damping")
         if len(self.groups) == 1 and self.direction is None:
             raise ValueError(f"direction is missing: expected {Spring.model_fields['direction'].description}")
         return self
@@ -314,8 +317,8 @@ class Joint(Table):
     plane_normal: Direction | None = Field(
         None, description="the direction [x, y, z] from the plane into the body, three numbers, not all 0"
     )
-    pairing: Literal["auto", "nodes", "points", "projected"] = Field(
-        "auto", description='"nodes" that match, "points" or "projected" nodes of any meshes, or "auto"'
+    pairing: Literal["auto", "nodes", "points", "mortar", "projected"] = Field(
+        "auto", description='"nodes" that match, "points", "mortar" or "projected" nodes of any meshes, or "auto"'
     )
     pairs: str | None = Field(None, min_length=1, description="the path of a CSV file of contact pairs")
     node_pairs: str | None = Field(
@@ -410,6 +413,8 @@ class Joint(Table):
         assert self.surfaces is not None, "a joint of surfaces"
         if len(self.surfaces) == 1 and self.against is None:
             raise ValueError('surfaces names one group; name two, or state against = "ground" or "plane"')
+        if self.against is not None and self.pairing == "mortar":
+            raise ValueError(f'pairing = "mortar" takes two surfaces; with against = "{self.against}" take "nodes" or "points"')
         if len(self.surfaces) == 2 and self.against is not None:
             raise ValueError(f'against = "{self.against}" takes the place of the second surface; name one')
         for key in ("plane_point", "plane_normal"):
@@ -762,7 +767,9 @@ class Scene(Table):
     surfaces: tuple[Surface, ...] = Field((), description="tables, each headed [[surfaces]], with name and bodies")
     points: tuple[Point, ...] = Field((), description="tables, each headed [[points]], with name, position and group")
     masses: tuple[Mass, ...] = Field((), description="tables, each headed [[masses]], with group and mass")
-    springs: tuple[Spring, ...] = Field((), description="tables, each headed [[springs]], with groups, direction and stiffness")
+    springs: tuple[Spring, ...] = Field(
+        (), description="tables, each headed [[springs]], with groups, direction, and stiffness or damping"
+    )
     statics: Statics | None = Field(None, description="a table [statics]")
     loads: tuple[Load, ...] = Field(min_length=1, description="at least one table headed [[loads]], with position and direction")
     outputs: tuple[Output, ...] = Field(

@@ -1,4 +1,4 @@
-"""What connects nodes: ties, couplings, rigid bodies, contact."""
+"""What connects nodes: ties, couplings, rigid bodies, cuts."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .scopes import Scope
 
 
 def take_connections(model: Gathered) -> None:
-    """Take ties, couplings, rigid bodies, contact and cuts.
+    """Take ties, couplings, rigid bodies and cuts.
 
     Raises
     ------
@@ -32,7 +32,7 @@ def take_connections(model: Gathered) -> None:
             _TAKEN[card.keyword](model, scope, card)
 
 
-def _surface(model: Gathered, scope: Scope, word: str, where: str) -> str:
+def surface_of(model: Gathered, scope: Scope, word: str, where: str) -> str:
     """Return the name of the group of a surface.
 
     Raises
@@ -47,9 +47,9 @@ def _surface(model: Gathered, scope: Scope, word: str, where: str) -> str:
     return names.scope.named(model.mesh.spelled(own))
 
 
-def _faces(model: Gathered, scope: Scope, word: str, where: str) -> str | None:
+def faces_of(model: Gathered, scope: Scope, word: str, where: str) -> str | None:
     """Return the group of a surface's faces; of one made of nodes the outer faces between them; None where these are not all."""
-    name = _surface(model, scope, word, where)
+    name = surface_of(model, scope, word, where)
     if model.grouped.has_faces(name):
         return name
     if name not in model.grouped.groups:
@@ -76,12 +76,12 @@ def _take_tie(model: Gathered, scope: Scope, card: Card) -> None:
             what = {"CYCLICSYMMETRY": "CYCLIC SYMMETRY"}.get(special[0], special[0])
             model.findings.add(f"*TIE, {what}", where, "faces of a sector that meet those of the next one", True)
             continue
-        _tie(model, scope, words, where, card)
+        tie(model, scope, words, where, card)
 
 
-def _tie(model: Gathered, scope: Scope, words: list[str], where: str, card: Card) -> None:
+def tie(model: Gathered, scope: Scope, words: list[str], where: str, card: Card) -> None:
     """Glue the first surface of a line to the second."""
-    first, second = (_faces(model, scope, word, where) for word in words[:2])
+    first, second = (faces_of(model, scope, word, where) for word in words[:2])
     if first is None or second is None:
         which = words[0] if first is None else words[1]
         effect = f"{words[0]} tied to {words[1]}: the nodes of {which} are not those of whole faces of solids"
@@ -99,33 +99,6 @@ def _number(card: Card, name: str) -> float | None:
     if value is None:
         raise MeshError(f"{card.where}: *{card.keyword}, {name}={card.parameters[name]}: expected a number")
     return value
-
-
-def _take_contact(model: Gathered, scope: Scope, card: Card) -> None:
-    """Add a finding for each pair of surfaces in contact, with the groups that a joint can name."""
-    friction = _friction(model, card.parameter("INTERACTION"))
-    for words, where in card.lines():
-        if len(words) < 2 or not words[1]:
-            model.findings.add("*CONTACT PAIR", where, f"{words[0]} in contact with itself", True)
-            continue
-        if "TIED" in card.parameters:
-            _tie(model, scope, words, where, card)
-            continue
-        groups = tuple(_surface(model, scope, word, where) for word in words[:2])
-        effect = f"{groups[0]} and {groups[1]} in contact{friction}: a joint of the scene between them takes its place"
-        model.findings.add("*CONTACT PAIR", where, effect, True, "", groups)
-
-
-def _friction(model: Gathered, interaction: str) -> str:
-    """Return ", friction 0.3" of an interaction, or nothing."""
-    within = ""
-    for _, card in model.cards:
-        if card.keyword == "SURFACE INTERACTION":
-            within = card.parameter("NAME")
-        elif card.keyword == "FRICTION" and within == interaction:
-            words = next((words for words, _ in card.lines()), [""])
-            return f", friction {words[0]}" if words[0] else ""
-    return ""
 
 
 def _single(model: Gathered, scope: Scope, word: str, card: Card) -> int:
@@ -156,16 +129,16 @@ def _add_point(model: Gathered, node: int, name: str, nodes: np.ndarray, group: 
     name = name if name and name not in taken else f"node {number}"
     x, y, z = (float(value) for value in model.mesh.points[node])
     kept = model.grouped.node_group(group, nodes)
-    model.points[node] = FilePoint(name=_plain(name), position=(x, y, z), group=kept, connection=connection)
+    model.points[node] = FilePoint(name=plain(name), position=(x, y, z), group=kept, connection=connection)
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
     """Return a name without what the scene's names may not hold."""
     return "".join("_" if sign in ',"/\\' else sign for sign in name).strip()
 
 
 def _take_coupling(model: Gathered, scope: Scope, card: Card, kind: Card) -> None:
-    surface = _surface(model, scope, card.parameters.get("SURFACE", ""), card.where)
+    surface = surface_of(model, scope, card.parameters.get("SURFACE", ""), card.where)
     node = _single(model, scope, card.parameters.get("REFNODE", ""), card)
     name = card.parameters.get("CONSTRAINTNAME", "")
     if "INFLUENCERADIUS" in card.parameters:
@@ -274,10 +247,10 @@ def _take_cut(model: Gathered, scope: Scope, card: Card) -> None:
     if "SURFACE" not in card.parameters:
         model.findings.add("*PRE-TENSION SECTION", card.where, "a cut through elements that are no solids", True)
         return
-    group = _surface(model, scope, card.parameters["SURFACE"], card.where)
+    group = surface_of(model, scope, card.parameters["SURFACE"], card.where)
     force = _tightened(model, card.parameter("NODE"))
-    model.bolts.append(FileBolt(name=_plain(group), group=group, force=number(force)))
-    model.cuts[card.parameter("NODE")] = _plain(group)
+    model.bolts.append(FileBolt(name=plain(group), group=group, force=number(force)))
+    model.cuts[card.parameter("NODE")] = plain(group)
     said = f", in the file with {force}" if force else ""
     effect = f"a cut to be tightened{said}: [[statics.bolts]] with group = {group!r}; until then the shank is whole"
     model.findings.add("*PRE-TENSION SECTION", card.where, effect, False)
@@ -298,7 +271,6 @@ def _tightened(model: Gathered, node: str) -> str:
 
 _TAKEN = {
     "TIE": _take_tie,
-    "CONTACT PAIR": _take_contact,
     "RIGID BODY": _take_rigid_body,
     "KINEMATIC COUPLING": _take_kinematic_coupling,
     "DISTRIBUTING COUPLING": _take_distributing_coupling,

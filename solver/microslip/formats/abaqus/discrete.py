@@ -1,7 +1,8 @@
-"""Point masses and springs: *MASS, *ROTARY INERTIA and *SPRING with the elements that have them."""
+"""Point masses, springs and dampers: *MASS, *ROTARY INERTIA, *SPRING and *DASHPOT with the elements that have them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,10 +12,11 @@ from ..model import FileMass, FileSpring
 from .cards import Card, values_of
 from .gathered import Gathered
 from .scopes import Scope
+from .types import OF_DISCRETE
 
 
 def take_discrete(model: Gathered) -> None:
-    """Take masses and springs; those on the reference node of a point become its own.
+    """Take masses, springs and dampers; those on the reference node of a point become its own.
 
     Raises
     ------
@@ -28,14 +30,10 @@ def take_discrete(model: Gathered) -> None:
             _TAKEN[card.keyword](model, scope, card, elements)
     for first, block, nodes in model.mesh.blocks:
         n = np.count_nonzero(~done[first : first + len(nodes)])
-        if n and (block.word in _PROPERTY):
-            effect = f"{n} elements without *{_PROPERTY[block.word]}: what they are is not stated"
-            model.findings.add(
-                f"*ELEMENT, TYPE={block.word}", block.where, effect, True, "springs" if "S" == block.word[0] else "masses"
-            )
-
-
-_PROPERTY = {"MASS": "MASS", "ROTARYI": "ROTARY INERTIA", "SPRING1": "SPRING", "SPRING2": "SPRING", "SPRINGA": "SPRING"}
+        if n and (block.word in OF_DISCRETE):
+            effect = f"{n} elements without *{OF_DISCRETE[block.word]}: what they are is not stated"
+            part = "masses" if block.word in ("MASS", "ROTARYI") else "springs"
+            model.findings.add(f"*ELEMENT, TYPE={block.word}", block.where, effect, True, part)
 
 
 def _numbers(card: Card, n: int) -> np.ndarray:
@@ -83,29 +81,52 @@ def _take_spring(model: Gathered, scope: Scope, card: Card, elements: np.ndarray
     """Take linear springs: SPRING1 to ground, SPRING2 between directions, SPRINGA along their line."""
     special = [key for key in ("NONLINEAR", "COMPLEXSTIFFNESS", "ORIENTATION", "RTOL") if key in card.parameters]
     lines = list(card.lines())
-    stiffness = _numbers(card, 1)[0] if not special else 0.0
     if special:
         model.findings.add(
             f"*SPRING, {special[0]}", card.where, "springs that are not linear, or in axes of their own", True, "springs"
         )
         return
+    stiffness = float(_numbers(card, 1)[0])
+    for word, ends in _ends(model, elements):
+        _add_spring(model, card, word, ends, lines, stiffness=stiffness)
+
+
+def _take_dashpot(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
+    """Take linear dampers: DASHPOT1 to ground, DASHPOT2 between directions, DASHPOTA along their line."""
+    special = [key for key in card.parameters if key != "ELSET"]
+    own = list(_ends(model, elements))
+    n_first = int(any(not word.endswith("A") for word, _ in own))  # a line of directions comes first
+    lines = list(card.lines())
+    damping = _numbers(card, 1)
+    if special or len(lines) != n_first + 1 or len(damping) > 1:
+        word = f"*DASHPOT, {special[0]}" if special else "*DASHPOT"
+        effect = "dampers that are not linear, depend on frequency or temperature, or are in axes of their own"
+        model.findings.add(word, card.where, effect, True, "springs")
+        return
+    for word, ends in own:
+        _add_spring(model, card, word, ends, lines, damping=float(damping[0]))
+
+
+def _ends(model: Gathered, elements: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the type and the nodes of each of some elements."""
     for first, block, nodes in model.mesh.blocks:
-        own = nodes[elements[(elements >= first) & (elements < first + len(nodes))] - first]
-        for ends in own:
-            _add_spring(model, card, block.word, ends, lines, float(stiffness))
+        for ends in nodes[elements[(elements >= first) & (elements < first + len(nodes))] - first]:
+            yield block.word, ends
 
 
-def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines: list, stiffness: float) -> None:
-    """Add one spring."""
-    dofs = [int(field) for field in lines[0][0][:2] if field.isdigit()] if word != "SPRINGA" and lines else []
+def _add_spring(
+    model: Gathered, card: Card, word: str, ends: np.ndarray, lines: list, stiffness: float = 0.0, damping: float = 0.0
+) -> None:
+    """Add one spring or damper."""
+    dofs = [int(field) for field in lines[0][0][:2] if field.isdigit()] if not word.endswith("A") and lines else []
     of_points = [int(node) in model.points or int(node) in model.turns for node in ends]
     numbers = " and ".join(str(model.mesh.numbers[node]) for node in ends)
     if word == "SPRING1" and of_points == [True] and len(dofs) == 1 and 1 <= dofs[0] <= 6:
         _ground_point(model, int(ends[0]), dofs[0], stiffness)
         return
     if any(of_points) or (dofs and not all(1 <= dof <= 3 for dof in dofs)) or len(set(dofs)) > 1:
-        effect = f"a spring at {numbers} on rotations, on a reference node or between different directions"
-        model.findings.add("*SPRING", card.where, effect, True, "springs")
+        effect = f"a {card.keyword.lower()} at {numbers} on rotations, on a reference node or between different directions"
+        model.findings.add(f"*{card.keyword}", card.where, effect, True, "springs")
         return
     direction = None
     if dofs:
@@ -113,7 +134,7 @@ def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines:
         direction = float(along[0]), float(along[1]), float(along[2])
     groups = tuple(model.grouped.node_group(f"node {model.mesh.numbers[node]}", np.array([node])) for node in ends)
     model.attached.update(ends.tolist())
-    model.springs.append(FileSpring(groups=groups, direction=direction, stiffness=stiffness))
+    model.springs.append(FileSpring(groups=groups, direction=direction, stiffness=stiffness, damping=damping))
 
 
 def _ground_point(model: Gathered, node: int, dof: int, stiffness: float) -> None:
@@ -125,4 +146,4 @@ def _ground_point(model: Gathered, node: int, dof: int, stiffness: float) -> Non
     model.points[node] = replace(point, stiffness=(x, y, z)) if dof <= 3 else replace(point, rotational_stiffness=(x, y, z))
 
 
-_TAKEN = {"MASS": _take_mass, "ROTARY INERTIA": _take_inertia, "SPRING": _take_spring}
+_TAKEN = {"MASS": _take_mass, "ROTARY INERTIA": _take_inertia, "SPRING": _take_spring, "DASHPOT": _take_dashpot}

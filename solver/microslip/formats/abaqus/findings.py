@@ -11,8 +11,8 @@ from .cards import Card
 # taken over by the other files of this folder
 TAKEN = """NODE, ELEMENT, NGEN, NFILL, NCOPY, ELGEN, ELCOPY, NSET, ELSET, SURFACE, SYSTEM, MATERIAL, ELASTIC, DENSITY,
 EXPANSION, SOLID SECTION, BOUNDARY, TRANSFORM, EQUATION, MPC, TIE, COUPLING, KINEMATIC, DISTRIBUTING, DISTRIBUTING COUPLING,
-KINEMATIC COUPLING, RIGID BODY, MASS, ROTARY INERTIA, SPRING, PRE-TENSION SECTION, CONTACT PAIR, INITIAL CONDITIONS, STEP,
-END STEP, FREQUENCY"""
+KINEMATIC COUPLING, RIGID BODY, MASS, ROTARY INERTIA, SPRING, DASHPOT, PRE-TENSION SECTION, CONTACT PAIR, SURFACE INTERACTION,
+SURFACE BEHAVIOR, FRICTION, INITIAL CONDITIONS, STEP, END STEP, FREQUENCY"""
 # without any bearing on the answer, and not worth a word
 SILENT = """HEADING, PREPRINT, ASSEMBLY, END ASSEMBLY, PART, END PART, INSTANCE, END INSTANCE, INCLUDE, OUTPUT, NODE OUTPUT,
 ELEMENT OUTPUT, CONTACT OUTPUT, ENERGY OUTPUT, MODAL OUTPUT, INCREMENTATION OUTPUT, INTEGRATED OUTPUT, NODE PRINT, EL PRINT,
@@ -30,10 +30,10 @@ _HARMLESS = {
     CONSTRAINT, DESIGN RESPONSE, SPECTRUM, CORRELATION, PSD-DEFINITION, STEADY STATE TRANSPORT, SELECT EIGENMODES, CORIOLIS,
     BASELINE CORRECTION, NO ANALYSIS, SUBSTRUCTURE MATRIX OUTPUT, REFINE MESH""",
     "damping is stated in the scene": "MODAL DAMPING, GLOBAL DAMPING, DAMPING, DAMPING CONTROLS",
-    "it belongs to the contact; a joint of the scene has values of its own": """SURFACE INTERACTION, SURFACE BEHAVIOR, FRICTION,
-    CONTACT DAMPING, GAP CONDUCTANCE, GAP HEAT GENERATION, CLEARANCE, CONTACT INITIALIZATION DATA, CONTACT FORMULATION,
-    SURFACE PROPERTY ASSIGNMENT, CONTACT PROPERTY ASSIGNMENT, CONTACT INITIALIZATION ASSIGNMENT, CONTACT EXCLUSIONS,
-    CONTACT INCLUSIONS, CONTACT CONTROLS ASSIGNMENT, CONTACT STABILIZATION""",
+    "it belongs to the contact; a joint of the scene has values of its own": """CONTACT DAMPING, GAP CONDUCTANCE,
+    GAP HEAT GENERATION, CLEARANCE, CONTACT INITIALIZATION DATA, CONTACT FORMULATION, SURFACE PROPERTY ASSIGNMENT,
+    CONTACT PROPERTY ASSIGNMENT, CONTACT INITIALIZATION ASSIGNMENT, CONTACT EXCLUSIONS, CONTACT INCLUSIONS,
+    CONTACT CONTROLS ASSIGNMENT, CONTACT STABILIZATION""",
     "of no effect on a linear, isotropic vibration": """ORIENTATION, DISTRIBUTION, DISTRIBUTION TABLE, CONDUCTIVITY,
     SPECIFIC HEAT, PHYSICAL CONSTANTS, SECTION CONTROLS, HOURGLASS STIFFNESS, NODAL THICKNESS,
     USER OUTPUT VARIABLES, VALUES AT INFINITY, NORMAL,
@@ -50,7 +50,7 @@ _CHANGES = {
     "structural elements that are not solids": """SHELL SECTION, SHELL GENERAL SECTION, MEMBRANE SECTION, MEMBRANE, BEAM SECTION,
     BEAM GENERAL SECTION, FRAME SECTION, COHESIVE SECTION, GASKET SECTION, JOINT, FLUID SECTION, ACOUSTIC MEDIUM""",
     "a connection that is not modelled": """CONNECTOR SECTION, CONNECTOR BEHAVIOR, CONNECTOR ELASTICITY, FASTENER,
-    FASTENER PROPERTY, EMBEDDED ELEMENT, SHELL TO SOLID COUPLING, GAP, DASHPOT, RIGID SURFACE, NETWORK MPC, DISPLAY BODY,
+    FASTENER PROPERTY, EMBEDDED ELEMENT, SHELL TO SOLID COUPLING, GAP, RIGID SURFACE, NETWORK MPC, DISPLAY BODY,
     RELEASE, BOND""",
     "mass that is not modelled": "NONSTRUCTURAL MASS, HEAT CAPACITANCE, ADDED MASS",
     "all surfaces that touch are in contact": "CONTACT",
@@ -103,8 +103,8 @@ class Findings:
 
     _found: dict[tuple, list[str]] = field(default_factory=dict)
 
-    def add(self, word: str, where: str, effect: str, changes: bool, part: str = "", surfaces: tuple[str, ...] = ()) -> None:
-        self._found.setdefault((word, effect, changes, part, surfaces), []).append(where)
+    def add(self, word: str, where: str, effect: str, changes: bool, part: str = "", surfaces=(), is_glued=False) -> None:
+        self._found.setdefault((word, effect, changes, part, surfaces, is_glued), []).append(where)
 
     def add_card(self, card: Card) -> None:
         """Add what a card does that nothing here takes over."""
@@ -128,7 +128,8 @@ class Findings:
                 changes=changes,
                 part=part,
                 surfaces=surfaces,
+                is_glued=is_glued,
             )
-            for (word, effect, changes, part, surfaces), places in self._found.items()
+            for (word, effect, changes, part, surfaces, is_glued), places in self._found.items()
         ]
         return tuple(sorted(made, key=lambda one: not one.changes))

@@ -8,7 +8,18 @@ import numpy as np
 
 from ...parallel.errors import MeshError
 from ...parallel.words import place
-from ..model import FileBody, FileBolt, FileMass, FileMaterial, FilePoint, FileSpring, FileStatics, FileSupport, FileTie
+from ..model import (
+    FileBody,
+    FileBolt,
+    FileJoint,
+    FileMass,
+    FileMaterial,
+    FilePoint,
+    FileSpring,
+    FileStatics,
+    FileSupport,
+    FileTie,
+)
 from .cards import Card
 from .findings import Findings
 from .groups import Grouped
@@ -69,6 +80,7 @@ class Gathered:
     bodies: dict[str, FileBody] = field(default_factory=dict)
     supports: list[FileSupport] = field(default_factory=list)
     ties: list[FileTie] = field(default_factory=list)
+    joints: list[FileJoint] = field(default_factory=list)
     points: dict[int, FilePoint] = field(default_factory=dict)  # by their node
     turns: dict[int, int] = field(default_factory=dict)  # node whose displacements are the rotations of a point: its node
     masses: list[FileMass] = field(default_factory=list)

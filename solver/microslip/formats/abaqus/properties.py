@@ -11,7 +11,7 @@ from ..model import FileBody, FileMaterial
 from .cards import Card, number
 from .gathered import Gathered
 from .scopes import Scope
-from .types import Integration, integration_of, is_solid, kind_of, note_on
+from .types import OF_DISCRETE, Integration, integration_of, is_solid, kind_of, note_on
 
 _FIRST_ALONE = "values depend on the temperature or on fields; those of the first line would be taken"
 
@@ -134,4 +134,4 @@ def _find_without_section(model: Gathered, has_section: np.ndarray, words: np.nd
 
 
 def _has_own_card(word: str) -> bool:
-    return word in ("MASS", "ROTARYI", "SPRING1", "SPRING2", "SPRINGA", "DCOUP3D") or word.startswith("R3D")
+    return word in (*OF_DISCRETE, "DCOUP3D") or word.startswith("R3D")

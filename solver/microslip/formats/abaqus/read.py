@@ -10,6 +10,7 @@ from ...parallel.errors import MeshError
 from ..model import Equations, FileModel
 from .cards import Card, read_cards
 from .connections import take_connections
+from .contact import take_contact
 from .discrete import take_discrete
 from .equations import take_equations
 from .findings import REFUSED, TAKEN, Findings, known
@@ -59,6 +60,7 @@ def read_inp(path: str) -> FileModel:
     take_sections(model)
     take_transforms(model)
     take_connections(model)
+    take_contact(model)
     take_equations(model)
     take_discrete(model)
     take_supports(model)
@@ -155,6 +157,7 @@ def _composed(model: Gathered) -> FileModel:
         bodies=model.bodies,
         supports=tuple(model.supports),
         ties=tuple(model.ties),
+        joints=tuple(model.joints),
         connected=tuple(model.points.values()),
         masses=tuple(model.masses),
         springs=tuple(model.springs),

@@ -11,6 +11,11 @@ _LINES = {"T2D2": "line2", "T2D3": "line3", "T3D2": "line2", "T3D3": "line3", "B
 # what follows the number of nodes: R reduced, I incompatible modes, H hybrid, M modified, S and V variants of these
 _VARIANT = r"(R|I|RI|IH|H|RH|M|MH|HS|S|V|VH)?"
 
+# masses, springs and dampers, and the card that says what they are
+OF_DISCRETE = {"MASS": "MASS", "ROTARYI": "ROTARY INERTIA"} | {
+    f"{word}{kind}": word for word in ("SPRING", "DASHPOT") for kind in ("1", "2", "A")
+}
+
 
 @dataclass(frozen=True)
 class Integration:

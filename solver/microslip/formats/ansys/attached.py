@@ -70,8 +70,8 @@ def _spring(content, where, values, keys, nodes, numbers, groups) -> list[FileSp
         effect = "a spring that is not linear, or turns, or has no constants"
         content.findings.append(Finding(word="COMBIN14", where=where, effect=effect, changes=True, part="springs"))
         return []
-    if any(values[1:3]):
-        effect = "the damper beside a spring"
+    if any(values[2:3]):
+        effect = "a damper that is not linear"
         content.findings.append(Finding(word="COMBIN14", where=where, effect=effect, changes=True, part="springs"))
     names = []
     for node in nodes:
@@ -79,7 +79,7 @@ def _spring(content, where, values, keys, nodes, numbers, groups) -> list[FileSp
             names.append(f"COMBIN14 {where} node {node}")
             groups.setdefault(names[-1], Group()).add_nodes(known_nodes(numbers, np.array([node])))
     direction = None if kind == 0 else (float(kind == 1), float(kind == 2), float(kind == 3))
-    return [FileSpring(groups=tuple(names), direction=direction, stiffness=float(values[0]))]
+    return [FileSpring(groups=tuple(names), direction=direction, stiffness=float(values[0]), damping=float([*values, 0.0][1]))]
 
 
 def nodes_of_solids(cells: list[Cells], n_nodes: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Rigid and distributing elements, point masses and springs of bulk data."""
+"""Rigid and distributing elements, point masses, springs and dampers of bulk data."""
 
 from __future__ import annotations
 
@@ -86,20 +86,25 @@ def _masses(content: Content, points: dict[int, FilePoint]) -> list[FileMass]:
     return found
 
 
+_CONSTANT = {"CELAS1": ("stiffness", "k"), "CELAS2": ("stiffness", "k"), "CDAMP1": ("damping", "b"), "CDAMP2": ("damping", "b")}
+
+
 def _spring(content: Content, number: int, element: Any, points: dict[int, FilePoint]) -> list[FileSpring]:
-    """Return a CELAS1 or CELAS2 between equal displacements of two grid points, or of one and ground.
+    """Return a CELAS1, CELAS2, CDAMP1 or CDAMP2 between equal displacements of two grid points, or of one and ground.
 
     One between ground and a connected point becomes the point's own.
     """
-    if element.type not in ("CELAS1", "CELAS2"):
+    if element.type not in _CONSTANT:
         return []
-    stiffness = element.k if element.type == "CELAS2" else getattr(content.cards.properties.get(element.pid), "k", None)
+    key, letter = _CONSTANT[element.type]
+    holder = content.cards.properties.get(element.pid) if element.type.endswith("1") else element
+    constant = getattr(holder, letter, None)
     ends = [(int(n), int(c)) for n, c in zip(element.nodes, (element.c1, element.c2), strict=True) if n]
     directions = {c for _, c in ends}
     if any(node in points for node, _ in ends):
-        _of_point(content, number, element, ends, stiffness, points)
+        _of_point(content, number, element, ends, constant if key == "stiffness" else None, points)
         return []
-    if stiffness is None or len(directions) != 1 or not directions <= {1, 2, 3}:
+    if constant is None or len(directions) != 1 or not directions <= {1, 2, 3}:
         content.left_out(element.type, number, "a spring between displacements that differ, or on rotations", "springs")
         return []
     axis, groups, rows = directions.pop() - 1, [], []
@@ -112,7 +117,7 @@ def _spring(content: Content, number: int, element: Any, points: dict[int, FileP
         content.left_out(element.type, number, "a spring between displacements in different axes", "springs")
         return []
     x, y, z = map(float, rows[0])
-    return [FileSpring(groups=tuple(groups), direction=(x, y, z), stiffness=float(stiffness))]
+    return [FileSpring(groups=tuple(groups), direction=(x, y, z), **{key: float(constant)})]
 
 
 def _of_point(

@@ -58,12 +58,13 @@ def check(settings: ReductionSettings, n_dof: int, n_rows: int, comm: MPI.Comm) 
     ------
     CaseError : too large for the memory, with the estimate, or for a damping matrix; on every rank
     """
-    if settings.damping is None and n_dof > MOST_WITH_C:
+    has_C = settings.damping is None or not settings.damping.is_alone
+    if has_C and n_dof > MOST_WITH_C:
         raise CaseError(
-            f'{settings.where}: [solver] method = "full" with [model] damping needs every mode, of {MOST_WITH_C} '
-            f'DOF at most; there are {n_dof}. Choose "receptance", or state [damping] in place of the matrix'
+            f'{settings.where}: [solver] method = "full" with a damping matrix, [model] damping or dampers, needs every mode, of '
+            f'{MOST_WITH_C} DOF at most; there are {n_dof}. Choose "receptance", or state [damping] in its place'
         )
-    n_columns = n_dof if n_dof <= ALL_MODES or settings.damping is None else _LEAST_BLOCKS * (n_rows + 2)
+    n_columns = n_dof if n_dof <= ALL_MODES or has_C else _LEAST_BLOCKS * (n_rows + 2)
     _refuse_too_large(settings.where, n_dof, n_columns, comm)
 
 

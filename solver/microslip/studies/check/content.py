@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ... import elements
-from ...formats.model import FileModel, Finding
+from ...formats.model import FileJoint, FileModel, Finding
 from ...formats.units import Units
 from ...mesh.data import Mesh
 from ...mesh.settings import Body
@@ -91,9 +91,10 @@ def materials(file: FileModel, units: Units) -> list[str]:
 
 
 def attached(file: FileModel, units: Units) -> list[str]:
-    """Return lines for supports, ties, points, masses, springs, equations and bolts of the file, in SI units.  Local."""
+    """Return lines for supports, ties, joints, points, masses, springs, equations and bolts of the file, in SI units.  Local."""
     lines = table("supports", [f"{one.group or one.point}: {', '.join(one.fix)}" for one in file.supports])
     lines += table("ties", [f"{one.name + ': ' if one.name else ''}{' on '.join(one.surfaces)}" for one in file.ties])
+    lines += table("joints", [_joint(one, units) for one in file.joints])
     points = [
         f"{one.name}: {one.connection}, {one.group}, at {place(np.multiply(one.position, units.length))} m"
         + (f", {one.mass * units.mass:.6g} kg" if one.mass else "")
@@ -101,11 +102,30 @@ def attached(file: FileModel, units: Units) -> list[str]:
     ]
     lines += table("points", points)
     lines += table("masses", [f"{one.group}: {one.mass * units.mass:.6g} kg a node" for one in file.masses])
-    lines += table("springs", [f"{' to '.join(one.groups)}: {one.stiffness * units.stiffness:.6g} N/m" for one in file.springs])
+    springs = [(one.groups, one.stiffness * units.stiffness, one.damping * units.damping) for one in file.springs]
+    lines += table("springs", [spring(*one) for one in springs])
     if file.equations is not None:
         where = file.equations.where
         lines += table("equations", [f"{len(where)}, the first of them {where[0]}" if where else "none"])
     return lines + table("bolts", [f"{one.name}: a cut, {one.group}" for one in file.bolts])
+
+
+def spring(groups: tuple[str, ...], stiffness: float, damping: float) -> str:
+    """Return what a spring is [N/m, N s/m]; a damper alone has no stiffness."""
+    parts = [f"{stiffness:.6g} N/m"] if stiffness or not damping else []
+    parts += [f"{damping:.6g} N s/m"] if damping else []
+    return f"{' to '.join(groups)}: {', '.join(parts)}"
+
+
+def _joint(one: FileJoint, units: Units) -> str:
+    """Return what a file says of two surfaces in contact, in SI units."""
+    stiffnesses = (("tangential", one.tangential_stiffness), ("normal", one.normal_stiffness))
+    parts = [f"friction {one.friction:g}"] if one.friction is not None else ["no friction coefficient"]
+    parts += [
+        f"no {which} stiffness" if value is None else f"{which} stiffness {value * units.contact_stiffness:.6g} N/m3"
+        for which, value in stiffnesses
+    ]
+    return f"{one.name}: {' on '.join(one.surfaces)}, {', '.join(parts)}"
 
 
 def passed_over(findings: tuple[Finding, ...]) -> list[str]:

@@ -54,7 +54,7 @@ def needs(
         *content.groups(mesh, settings.bodies),
         *_supports(mesh, settings),
         *content.table("masses", [f"{one.group}: {one.mass:.6g} kg a node" for one in settings.masses]),
-        *content.table("springs", [f"{' to '.join(one.groups)}: {one.stiffness:.6g} N/m" for one in settings.springs]),
+        *content.table("springs", [content.spring(one.groups, one.stiffness, one.damping) for one in settings.springs]),
         *content.table("equations", [] if mesh.equations is None else [f"{len(mesh.equations.where)} of the file"]),
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),

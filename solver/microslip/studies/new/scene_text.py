@@ -191,13 +191,32 @@ def _joint(one: Candidate, first: First) -> str:
         "[[joints]]",
         _line("name", _quoted(one.name)),
         _line("surfaces", f"[{', '.join(map(_quoted, one.surfaces))}]"),
-        "#> friction = 0.3               # dry steel on steel: 0.1 to 0.6",
-        "#> tangential_stiffness = 1e13  # N/m3: 1e12 to 1e14 of metals; a layer of steel as thick as 80e9 / this, in m",
-        "#> normal_stiffness = 1.5e13    # N/m3: as it, or up to twice",
+        *_contact(one, first),
         preload,
         "",
     ]
     return "\n".join(lines)
+
+
+_ASKED = {
+    "friction": "#> friction = 0.3               # dry steel on steel: 0.1 to 0.6",
+    "tangential_stiffness": "#> tangential_stiffness = 1e13  # N/m3: 1e12 to 1e14 of metals; a layer of steel as thick as 80e9 / "
+    "this, in m",
+    "normal_stiffness": "#> normal_stiffness = 1.5e13    # N/m3: as it, or up to twice",
+}
+
+
+def _contact(one: Candidate, first: First) -> list[str]:
+    """Return friction and stiffnesses of a joint: those of the file, as comments what it does not state."""
+    known = first.file.joints if first.scale is None else ()
+    of_file = next((own for own in known if frozenset(own.surfaces) == frozenset(one.surfaces)), None)
+    factor = UNITS[first.units or "m-kg-s"].contact_stiffness
+    lines = []
+    for key, asked in _ASKED.items():
+        value = getattr(of_file, key, None)
+        stated = value * (1.0 if key == "friction" else factor) if value else None
+        lines.append(asked if stated is None else _line(key, repr(stated), "as in the file"))
+    return lines
 
 
 def _tie(one: Candidate, finding: Finding) -> str:
