@@ -10,8 +10,9 @@ from oracles import scenes
 
 from microslip.continuation.grid import at_frequencies
 from microslip.error_estimate.better_model import BetterModel
-from microslip.error_estimate.components import PARTS, total
-from microslip.error_estimate.estimate import ErrorEstimator
+from microslip.error_estimate.components import PARTS, SAFETY, total
+from microslip.error_estimate.correction import corrected
+from microslip.error_estimate.estimate import Changes, ErrorEstimator
 from microslip.harmonic import adjoint_solver
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.operating_point import OperatingPoint
@@ -41,6 +42,11 @@ def solved(level, H=3, n_samples=128, tolerance=1e-10, selection=None, comm=COMM
 
 
 @lru_cache
+def coarsely_solved(level, **coarse):
+    return solved(level, **coarse)
+
+
+@lru_cache
 def reference(level):
     """Return the amplitudes of a level with far more harmonics and samples."""
     return amplitudes(solved(level, H=21, n_samples=1024))
@@ -57,7 +63,7 @@ def errors(points):
 @pytest.mark.parametrize("level", [40.0, 100.0])
 @pytest.mark.parametrize("coarse", [{"H": 1}, {"H": 3}, {"H": 5, "n_samples": 32}])
 def test_the_bar_holds_what_more_harmonics_and_samples_change(level, coarse):
-    points = solved(level, **coarse)
+    points = coarsely_solved(level, **coarse)
     true, bars = np.abs(amplitudes(points) - reference(level)), total(errors(points))
     peak = np.abs(reference(level)).max()
     seen = true > 1e-7 * peak
@@ -83,7 +89,11 @@ def test_the_solver_s_part_is_the_distance_to_the_solution():
         return model.output_motion(100.0, 560.0, p)[0]
 
     off = response(U) - response(exact[model.owned])
-    parts = ErrorEstimator(BetterModel(model, None, is_solved=True)).at(equation, U, OperatingPoint(560.0, 100.0), everything)[0]
+    parts = (
+        ErrorEstimator(BetterModel(model, None, is_solved=True))
+        .at(equation, U, OperatingPoint(560.0, 100.0), everything)
+        .parts[0]
+    )
     # tau . r is the distance to the solution: that of the response at U, plus that of U by its own Newton step
     assert parts[PARTS.index("solver")] == pytest.approx(np.hypot(off[1], off[2]), rel=0.05)
 
@@ -100,7 +110,9 @@ def test_the_pairs_part_holds_what_a_dropped_pair_changes():
 @pytest.mark.ranks(1, 2, 3)
 def test_ranks_agree():
     together, alone = solved(100.0), solved(100.0, comm=MPI.COMM_SELF)
-    np.testing.assert_allclose(errors(together), errors(alone), rtol=1e-4, atol=1e-9 * np.abs(amplitudes(alone)).max())
+    peak = np.abs(amplitudes(alone)).max()
+    np.testing.assert_allclose(errors(together), errors(alone), rtol=1e-4, atol=1e-9 * peak)
+    np.testing.assert_allclose(corrections(together), corrections(alone), rtol=0.0, atol=1e-6 * peak)
 
 
 def test_a_branch_has_bars_as_its_points_have():
@@ -144,3 +156,57 @@ def test_adjoints_solve_the_transposed_system(monkeypatch, name, level, direct):
     assert sums[0] == pytest.approx(sums[1], abs=5e-3 * np.linalg.norm(in_active) * np.abs(B[0]).max())
     off = COMM.allreduce(float(np.abs(sums[0] - sums[1])))
     assert direct == 0 or off < 1e-9 * np.linalg.norm(in_active) * np.linalg.norm(B[0])
+
+
+def corrections(points):
+    return np.array([point.corrected[0, 0] - 1j * point.corrected[0, 1] for point in points])
+
+
+@pytest.mark.parametrize("level", [40.0, 100.0])
+@pytest.mark.parametrize("coarse", [{"H": 1}, {"H": 3}, {"H": 5, "n_samples": 32}])
+def test_the_corrected_amplitude_is_nearer_and_its_bar_shorter_and_holds(level, coarse):
+    points, peak = coarsely_solved(level, **coarse), np.abs(reference(level)).max()
+    before, after = np.abs(amplitudes(points) - reference(level)), np.abs(corrections(points) - reference(level))
+    bars, remaining = total(errors(points)), np.array([point.error_corrected[0] for point in points])
+    assert np.median(after / before) < 0.25
+    assert np.all(remaining <= bars) and np.median(remaining / bars) < 0.5
+    assert (after <= remaining + 1e-7 * peak).mean() >= 0.85
+
+
+def test_what_a_correction_leaves_falls_as_the_square_of_what_it_corrects():
+    """Of motions off the solution by more and less: the bar's better problem is the one that is solved."""
+    model, parameters = reduced(scene("chain"), COMM, 3)
+    equation = forced(model, parameters, 128, 100.0).equation
+    everything, at = equation.every_pair, OperatingPoint(560.0, 100.0)
+    exact = COMM.bcast(solved(100.0, omegas=[560.0, 561.0], tolerance=1e-13)[0].U)
+    away = np.abs(exact).max() * np.random.default_rng(1).standard_normal(exact.shape)
+
+    def values(size):
+        """Return the amplitude under a motion that is off by this share, without and with its correction."""
+        U, estimator = (exact + size * away)[model.owned], ErrorEstimator(BetterModel(model, None, is_solved=True))
+        p = equation.full_force(equation.contact_forces(U, everything, tangents=False))
+        none = np.zeros_like(p)
+        estimator.changes = lambda *_: Changes(none, none, none, equation, np.zeros_like(U), p)
+        found, first = estimator.at(equation, U, at, everything), model.output_motion(100.0, 560.0, p)[0, 1:3]
+        estimator.destroy()
+        return first[0] - 1j * first[1] + np.array([0.0, found.correction[0]])
+
+    true = values(0.0)[0]
+    errors_of = np.abs(np.array([values(size) for size in (1e-3, 1e-4)]) - true)
+    assert errors_of[1, 0] / errors_of[0, 0] == pytest.approx(0.1, rel=0.3)
+    assert errors_of[1, 1] < 0.02 * errors_of[0, 1] and errors_of[0, 1] < 0.05 * errors_of[0, 0]
+
+
+def test_what_sticks_needs_no_correction():
+    for point in solved(0.3):
+        assert np.array_equal(point.corrected, point.response[:, 1:3]) and not point.error_corrected.any()
+
+
+@pytest.mark.parametrize("second", [np.inf, 1.0])
+def test_nothing_is_corrected_where_the_changes_are_far_from_linear(second):
+    linear = np.array([[0.0, 0.0], [0.3, 0.4], [0.0, 0.1], [0.0, 0.0], [0.0, 0.0]])
+    near = corrected(linear, linear, np.array([0.01, 0.0]), np.zeros(2), 1.0)
+    assert near.correction == pytest.approx([0.31 - 0.5j])
+    assert near.remaining == pytest.approx([SAFETY * (0.2 * 0.5 + 0.25 * 0.1 + 0.01)])
+    far = corrected(linear, linear, np.full(2, second), np.zeros(2), 1.0)
+    assert far.correction == 0.0 and far.remaining == pytest.approx(SAFETY * 0.6) and far.remaining == total(far.parts)

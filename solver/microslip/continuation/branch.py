@@ -33,6 +33,12 @@ _STATES = tuple(
     Column(name, "numbers of pairs", pairs_in(kind)) for name, kind in (("sticking", STICK), ("slipping", SLIP), ("open", OPEN))
 )
 _BAR = Column("error_m", "error bar of the amplitude, of which amplitude and phase follow; empty without `error_bars`", total, 4)
+_CORRECTED = "the same with what the better problem of the error bar says of it, where that makes the bar shorter"
+_OF_CORRECTED = (
+    Column("amplitude_corrected_m", _CORRECTED, lambda first: np.hypot(*first)),
+    Column("phase_corrected_rad", _CORRECTED, lambda first: np.arctan2(-first[1], first[0])),
+)
+_REMAINING = "error bar of the corrected amplitude"
 _SHARE = f"its parts; the bar is {SAFETY:g} times their sum"
 _BARS = (_BAR, *(Column(f"error_{part}_m", _SHARE, itemgetter(i), 4) for i, part in enumerate(PARTS)))
 
@@ -41,6 +47,7 @@ _NEWTON = "Newton iterations; 0 where the predictor is the solution, as on the l
 _ENDS = "0 from the start, 1 from the other end of the range"
 _SEGMENT = f"{_ENDS}, where the first ended early"
 _HARMONICS = "the highest that it was solved with; arrays are as wide as the most, with zeros"
+_COS_SIN = "cosine and sine of harmonic 1 with the correction that the error bar knows of"
 _PARTS = "parts of the error bar, in the order of the attribute `parts`"
 
 
@@ -74,6 +81,13 @@ class Point:
     error: Annotated[np.ndarray | None, Quantity("error_m", "outputs parts", "m", _PARTS, columns=_BARS)] = None
     segment: Annotated[int, number("segment", _ENDS, _SEGMENT, "u1")] = 0
     notes: Annotated[tuple[str, ...], Quantity("notes", "", "1", "what there is to say of it", TEXT, stored="; ".join)] = ()
+    corrected: Annotated[
+        np.ndarray | None, Quantity("corrected", "outputs quadratures", "m", _COS_SIN, columns=_OF_CORRECTED)
+    ] = None
+    error_corrected: Annotated[
+        np.ndarray | None,
+        Quantity("error_corrected_m", "outputs", "m", _REMAINING, columns=(Column("error_corrected_m", _REMAINING, digits=4),)),
+    ] = None
 
 
 QUANTITIES = declared(Point)

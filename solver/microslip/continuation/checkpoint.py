@@ -79,8 +79,8 @@ def parts_of(task: BranchTask, state: BranchState) -> dict[str, Part]:
         if point is not None:
             found[name] = Part(point, partial(_of_point, solver.equation, point))
     newton = solver.workspace.newton_solver(solver.equation, solver.resolution)
-    adjoint = task.estimator and task.estimator.adjoint_solver
-    for name, solver_of in (("newton", newton), ("adjoint", adjoint)):
+    adjoint, forward = (task.estimator.adjoint_solver, task.estimator.forward_solver) if task.estimator else (None, None)
+    for name, solver_of in (("newton", newton), ("adjoint", adjoint), ("forward", forward)):
         if solver_of and solver_of.preconditioner is not None:
             found[name] = Part(solver_of.preconditioner, partial(_of_preconditioner, solver_of.preconditioner))
     return found
@@ -102,9 +102,13 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     newton.wants_preconditioner = bool(wants_preconditioner)
     if "newton/U" in arrays:
         newton.preconditioner = _made_again(_within(arrays, "newton"), solver.equation)
-    if "adjoint/U" in arrays and task.estimator is not None:
-        transposed = _made_again(_within(arrays, "adjoint"), solver.equation, task.estimator.exact)
-        task.estimator.adjoint_solver.preconditioner = transposed
+    if task.estimator is not None:
+        exact = task.estimator.exact
+        if "adjoint/U" in arrays:
+            made = _made_again(_within(arrays, "adjoint"), solver.equation, exact, transposed=True)
+            task.estimator.adjoint_solver.preconditioner = made
+        if "forward/U" in arrays:
+            task.estimator.forward_solver.preconditioner = _made_again(_within(arrays, "forward"), solver.equation, exact)
     solver = replace(solver, is_linear=bool(is_linear))
     return BranchState(solver, memory, float(ds), is_done=bool(is_done), **points)
 
@@ -150,15 +154,15 @@ def _of_preconditioner(made: WholeInverse | HarmonicPreconditioner | ClusteredPr
     }
 
 
-def _made_again(arrays: Arrays, equation: HarmonicBalance, exact=None):
-    """Return the preconditioner made there; of the transposed one where ``exact`` gives a better equation.  Collective."""
+def _made_again(arrays: Arrays, equation: HarmonicBalance, exact=None, transposed: bool = False):
+    """Return the preconditioner made there, of the ``transposed`` one if told; ``exact`` gives a better equation.  Collective."""
     owned = equation.model.owned
     equation = equation.resolved(_harmonics(arrays["harmonics"]), int(arrays["n_samples"]))
     equation = equation.holding(arrays["held"][owned] if "held" in arrays else None)
     equation = exact(equation) if exact else equation
     forces = equation.contact_forces(arrays["U"][owned], arrays["selected"], tangents=True)
     linear = Linearisation.of(equation, OperatingPoint(*map(float, arrays["at"])), forces)
-    return _KINDS[int(arrays["kind"])](linear.transposed() if exact else linear)
+    return _KINDS[int(arrays["kind"])](linear.transposed() if transposed else linear)
 
 
 def _harmonics(chosen: np.ndarray) -> Harmonics:

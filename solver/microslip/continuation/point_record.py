@@ -48,9 +48,11 @@ def point_record(
     creeps = equation.gather(np.array([of_all.creeps])).any()
     most = max(abs(work), damping + abs(friction), apparent_work(model, at, p))
     _check_balance(problem, correction, work - damping - friction, most)
+    estimate = None if estimator is None else estimator.at(equation, U, at, selected, of_all)
+    response = harmonics.carry(model.output_motion(at.level, at.omega, p), recorded)
     point = Point(
         omega=at.omega,
-        response=harmonics.carry(model.output_motion(at.level, at.omega, p), recorded),
+        response=response,
         U=harmonics.carry(U_all, recorded),
         p=harmonics.carry(p.reshape(shape), recorded),
         energy=energy,
@@ -66,9 +68,16 @@ def point_record(
         samples=equation.n_samples,
         asked=asked,
         notes=(*((HELD,) if equation.held is not None else ()), *((CREEPS,) if creeps else ())),
-        error=None if estimator is None else estimator.at(equation, U, at, selected, of_all),
+        error=None if estimate is None else estimate.parts,
+        corrected=None if estimate is None else response[:, 1:3] + quadratures(estimate.correction),
+        error_corrected=None if estimate is None else estimate.remaining,
     )
     return point, moves
+
+
+def quadratures(amplitudes: np.ndarray) -> np.ndarray:
+    """Return cosine and sine, (n, 2), of complex amplitudes cos - i sin, (n,).  Local."""
+    return np.stack([amplitudes.real, -amplitudes.imag], axis=-1)
 
 
 def _check_balance(problem: Problem, found: Correction, gap: float, most: float) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..error_estimate.components import PARTS
 
-LABELS = {"parts": PARTS}  # of the axes whose entries have names
+QUADRATURES = ("cos", "sin")
+LABELS = {"parts": PARTS, "quadratures": QUADRATURES}  # of the axes whose entries have names
 TEXT = "O"  # the type of texts
 
 
@@ -37,7 +38,7 @@ class Quantity:
     """
 
     dataset: str  # its name in results.h5; the array of a level is called the same, but for the unit at its end
-    over: str  # its axes at a point: outputs, pairs, directions, coefficients, parts; "" of a single number or text
+    over: str  # its axes at a point: outputs, pairs, directions, coefficients, parts, quadratures; "" of a single number or text
     unit: str
     meaning: str
     kind: str = "f8"  # NumPy's name of its type, or TEXT
@@ -99,6 +100,7 @@ def axis_lengths(n_outputs: int, n_pairs: int, N_H: int) -> dict[str, int]:
         "directions": 3,
         "tangents": 2,
         "corners": 4,
+        "quadratures": len(QUADRATURES),
         "coefficients": N_H,
         "parts": len(PARTS),
     }

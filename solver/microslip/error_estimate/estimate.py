@@ -6,7 +6,7 @@ output, which one linear solve gives:
 
     (1 + G^T P^T) chi = B^T,      d output = - chi . d p,
 
-with B = d output / d p at fixed motion of the pairs.
+with B = d output / d p at fixed motion of the pairs.  With their signs the parts correct the output (correction.py).
 """
 
 from __future__ import annotations
@@ -22,12 +22,15 @@ from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..receptance.model import ReducedModel
+from ..receptance.static_columns import rows_of
 from .better_model import BetterModel
+from .correction import Estimate, corrected
 
 FINER = 2  # times the samples of the better problem
 SAMPLES = 4  # of the more harmonics, each, at least
 MOST_SWEEPS = 20  # steps of the iteration for the higher harmonics
 SETTLED = 0.1  # relative miss at which it ends
+CLOSER = 0.02  # the same once the pairs follow the changes
 
 
 @dataclass(frozen=True)
@@ -37,10 +40,32 @@ class Changes:
     harmonics: np.ndarray
     samples: np.ndarray
     pairs: np.ndarray
+    wider: HarmonicBalance  # the equation with more harmonics
+    higher: np.ndarray  # (n_owned, 3, N_H of wider) the harmonics that it has more, as far as they have settled [m]
+    of_wider: np.ndarray  # (3 n_pairs, N_H) its forces with these, of which ``harmonics`` are the change [N]
+    unsettled: float = 1.0  # by how much more than ``SETTLED`` those miss; 1 where they have settled
+
+    @property
+    def of_all(self) -> np.ndarray:
+        return self.harmonics + self.samples + self.pairs
 
     @property
     def are_any(self) -> bool:
         return bool(self.harmonics.any() or self.samples.any() or self.pairs.any())
+
+
+@dataclass(frozen=True)
+class Felt:
+    """What the outputs' cos 1, then sin 1, feel of the changes by way of the pairs; n = 2 n_outputs."""
+
+    linear: np.ndarray  # (5, n) of harmonics, samples, pairs, solver and basis, to first order [m]
+    second: np.ndarray  # (n,) beyond first order; infinite where it is not known [m]
+    modes: np.ndarray  # (n, n_samples, N_H) samples of the modes left out, R^T tau
+    is_adjoint_found: bool
+
+    @classmethod
+    def nothing(cls, n: int, n_samples: int, N_H: int) -> Felt:
+        return cls(np.zeros((5, n)), np.zeros(n), np.zeros((n, n_samples, N_H)), True)
 
 
 class ErrorEstimator:
@@ -48,12 +73,13 @@ class ErrorEstimator:
 
     def __init__(self, better: BetterModel):
         self.better, self.left_out = better, better.left_out
-        self.adjoint_solver = AdjointSolver(better.model.comm)
+        self.adjoint_solver, self.forward_solver = AdjointSolver(better.model.comm), AdjointSolver(better.model.comm)
         self._models: dict[Harmonics, ReducedModel] = {}  # better ones, by harmonics
 
     def destroy(self) -> None:
         """Free the PETSc objects.  Collective."""
         self.adjoint_solver.destroy()
+        self.forward_solver.destroy()
 
     def model_on(self, harmonics: Harmonics) -> ReducedModel:
         """Return the better model on a set of harmonics, made once.  Local."""
@@ -72,14 +98,14 @@ class ErrorEstimator:
         at: OperatingPoint,
         selected: np.ndarray,
         of_all: ContactForces | None = None,
-    ) -> np.ndarray | None:
-        """Return the parts of the error of the complex amplitude of harmonic 1, (n_outputs, n_parts) [m], as in ``PARTS``.
+    ) -> Estimate | None:
+        """Return what better problems say of the complex amplitude of harmonic 1 of the outputs.
 
         Collective.  None without harmonic 1.  Where an adjoint is not found the solver's part is the amplitude itself.
         ``U`` (n_owned, 3, N_H) solves ``equation`` with the ``selected`` pairs at a point; ``of_all`` are the contact forces
         of all pairs there, with tangents, where they are known.
         """
-        model, n_out, is_found = equation.model, equation.model.n_outputs, True
+        model, n_out = equation.model, equation.model.n_outputs
         if 1 not in model.harmonics:
             return None
         exact = self.exact(equation)
@@ -88,21 +114,19 @@ class ErrorEstimator:
         p = equation.full_force(used)
         changes = self.changes(exact, U, at, equation.full_force(forces), p)
         n_samples = 0 if self.left_out is None else self.left_out.of_pairs.shape[1]
+        found = Felt.nothing(2 * n_out, n_samples, exact.model.N_H)  # all pairs stick, in the better problems too
         if len(forces.active) > 0 or changes.are_any:
-            totals, is_found = self.through_the_joint(equation, exact, U, at, forces, used, changes)
-        else:  # all pairs stick, in the better problems too: no adjoint is needed
-            totals = np.zeros(2 * n_out * (5 + n_samples * exact.model.N_H))
-        by_harmonics, by_samples, by_pairs, by_solver, by_basis = totals[: 10 * n_out].reshape(5, -1)
-        felt = totals[10 * n_out :].reshape(2 * n_out, n_samples, exact.model.N_H)
+            found = self.through_the_joint(equation, exact, U, at, forces, used, changes)
+        by_harmonics, by_samples, by_pairs, by_solver, by_basis = found.linear
         if not self.better.is_solved:
             by_basis = by_basis + (output_amplitude(exact.model, at, p) - output_amplitude(model, at, p))
-        by_modes = np.abs(by_basis)
+        left_out = np.zeros(2 * n_out)
         if self.left_out is not None:
-            by_modes = by_modes + self.left_out.changes(exact.model, at.level, at.omega, p, felt)
-        if not is_found:
-            by_solver = by_solver + np.abs(output_amplitude(model, at, p))
-        parts = np.stack([by_modes, by_harmonics, by_samples, by_pairs, by_solver], axis=-1)
-        return np.hypot(parts[:n_out], parts[n_out:])
+            left_out = self.left_out.changes(exact.model, at.level, at.omega, p, found.modes)
+        lost = 0.0 if found.is_adjoint_found else np.abs(output_amplitude(model, at, p))
+        parts = [np.abs(by_basis) + left_out, changes.unsettled * by_harmonics, by_samples, by_pairs, np.abs(by_solver) + lost]
+        linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver])
+        return corrected(np.stack(parts), linear, found.second, left_out, changes.unsettled)
 
     def through_the_joint(
         self,
@@ -113,22 +137,46 @@ class ErrorEstimator:
         forces: ContactForces,
         used: ContactForces,
         changes: Changes,
-    ) -> tuple[np.ndarray, bool]:
-        """Return the five parts that the adjoint gives, (2 n_outputs,) each, and what it feels of the modes left out, in a row.
+    ) -> Felt:
+        """Return what the outputs feel of all changes, by way of the pairs.
 
-        And whether the adjoint was found.  Collective: sums over the ranks, and a broadcast.  docs/theory.md, eq. (11.2).
+        Collective: sums over the ranks, and a broadcast.  docs/theory.md, eq. (11.2).
         """
         linear, own, N_H = Linearisation.of(exact, at, forces), exact.model.owned_rows, exact.model.N_H
-        chi, tau, is_found = linear.solve_transposed(sensitivity(exact.model, at.omega), self.adjoint_solver)
+        chi, tau, is_adjoint_found = linear.solve_transposed(sensitivity(exact.model, at.omega), self.adjoint_solver)
         residual = equation.residual(U, at, used, linear.G if used is forces and exact is equation else None)
         sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
         if not self.better.is_solved:
             sums[-1] = tau @ (exact.residual(U, at, used) - residual).ravel()
-        felt = np.zeros((len(tau), 0, N_H))
+        beyond, is_step_found = self.beyond_linear(linear, U, equation.full_force(used), changes)
+        sums.append(-chi @ beyond.ravel())
+        modes = np.zeros((len(tau), 0, N_H))
         if self.left_out is not None:
-            felt = np.matmul(self.left_out.of_pairs[own].T, tau.reshape(len(tau), -1, N_H))
-        return equation.comm.bcast(equation.sum(np.concatenate([*sums, felt.ravel()]))), is_found
+            modes = np.matmul(self.left_out.of_pairs[own].T, tau.reshape(len(tau), -1, N_H))
+        totals = equation.comm.bcast(equation.sum(np.concatenate([*sums, modes.ravel()])))
+        of_changes, of_modes = np.split(totals, [6 * len(tau)])
+        *first, second = of_changes.reshape(6, -1)
+        second = second if is_adjoint_found and is_step_found else np.full_like(second, np.inf)
+        return Felt(np.stack(first), second, of_modes.reshape(modes.shape), is_adjoint_found)
+
+    def beyond_linear(self, linear: Linearisation, U: np.ndarray, p: np.ndarray, changes: Changes) -> tuple[np.ndarray, bool]:
+        """Return what contact forces change beyond the linearisation where the pairs follow all changes, (n_owned, 3, N_H) [N].
+
+        And whether that motion was found.  Collective.  ``p`` (3 n_pairs, N_H) are the forces under ``U``.
+        docs/theory.md, eq. (11.4).
+        """
+        exact, more, wider = linear.equation, changes.wider.harmonics, changes.wider
+        better = p + changes.of_all
+        loaded = np.flatnonzero(better.reshape(exact.model.n_pairs, -1).any(axis=1))
+        residual = U - exact.linear_motion(linear.at) + exact.receptance(linear.at, loaded).apply(better[rows_of(loaded)])
+        B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
+        d_U, P_d_U, is_found = linear.solve_for(B, self.forward_solver)
+        there = exact.harmonics.carry(U + d_U.reshape(U.shape), more)
+        begin = wider.contact_forces(there + changes.higher, exact.every_pair, tangents=False)
+        forces, _, _ = with_higher(wider, linear.at, exact.harmonics, begin, there, changes.higher, CLOSER)
+        now = more.carry(wider.full_force(forces), exact.harmonics) - changes.of_wider
+        return now[exact.model.owned_rows].reshape(U.shape) - P_d_U.reshape(U.shape), is_found
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, at: OperatingPoint, p_all: np.ndarray, p: np.ndarray) -> Changes:
         """Return what better problems change in ``p``, of the selected pairs; ``p_all`` is that of all.  Collective.
@@ -142,19 +190,36 @@ class ErrorEstimator:
         by_samples *= FINER**exact.law.order / (FINER**exact.law.order - 1.0)  # the limit of many samples, from N_t and FINER N_t
         wider = exact.of(self.model_on(more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
         U_more = harmonics.carry(U, more)
-        at_wider = forces = wider.contact_forces(U_more, everything, tangents=False)
-        if len(forces.active) == 0:
-            return Changes(np.zeros_like(p_all), by_samples, p_all - p)
-        higher, mixing = np.zeros_like(U_more), Anderson(exact)
-        for _ in range(MOST_SWEEPS):
-            excited = -wider.receptance(at, forces.active).apply(forces.p)
-            higher, miss = mixing.next(higher, excited - harmonics.carry(more.carry(excited, harmonics), more))
-            if miss <= SETTLED:
-                break
-            forces = wider.contact_forces(U_more + higher, everything, tangents=False)
-        by_harmonics = more.carry(wider.full_force(forces) - wider.full_force(at_wider), harmonics)
-        by_harmonics *= max(1.0, miss / SETTLED)  # what never settled is known no better than that
-        return Changes(by_harmonics, by_samples, p_all - p)
+        at_wider = wider.contact_forces(U_more, everything, tangents=False)
+        forces, higher, miss = with_higher(wider, at, harmonics, at_wider, U_more, np.zeros_like(U_more), SETTLED)
+        of_wider = more.carry(wider.full_force(forces), harmonics)
+        by_harmonics = of_wider - more.carry(wider.full_force(at_wider), harmonics)
+        unsettled = max(1.0, miss / SETTLED)  # what never settled is known no better than that
+        return Changes(by_harmonics, by_samples, p_all - p, wider, higher, of_wider, unsettled)
+
+
+def with_higher(
+    wider: HarmonicBalance,
+    at: OperatingPoint,
+    low: Harmonics,
+    forces: ContactForces,
+    U: np.ndarray,
+    higher: np.ndarray,
+    settled: float,
+) -> tuple[ContactForces, np.ndarray, float]:
+    """Return the forces under ``U`` and the harmonics above ``low`` that they excite, these, and how far they miss.
+
+    Collective.  ``forces`` are those under ``U`` (n_owned, 3, N_H of ``wider``) and the ``higher`` ones that it begins with.
+    """
+    mixing, miss = Anderson(wider), 0.0
+    for _ in range(MOST_SWEEPS if len(forces.active) > 0 else 0):
+        excited = -wider.receptance(at, forces.active).apply(forces.p)
+        excited -= low.carry(wider.harmonics.carry(excited, low), wider.harmonics)
+        higher, miss = mixing.next(higher, excited)
+        if miss <= settled:
+            break
+        forces = wider.contact_forces(U + higher, forces.selected, tangents=False)
+    return forces, higher, miss
 
 
 def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:

@@ -143,6 +143,10 @@ class Linearisation:
         """
         return solver.solve(self.transposed(), B)
 
+    def solve_for(self, B: np.ndarray, solver: SolverOfSeveral) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Return dU and P dU with (1 + G P) dU = B, shaped as :meth:`solve_transposed` says, and whether found.  Collective."""
+        return solver.solve(self, B)
+
     def transposed(self) -> Linearisation:
         """Return the linearisation whose matrix is 1 + G^T P^T.  Local."""
         return replace(self, forces=replace(self.forces, P=self.P.transpose(0, 2, 1)), G=self.G.adjoint())

@@ -39,6 +39,8 @@ class Curves:
     coefficients: np.ndarray  # (n_levels, n, N_H) m: mean, cos 1, sin 1, ..., cos H, sin H
     error: np.ndarray | None  # (n_levels, n) m, the error bar of the amplitude; None where it was not estimated
     unit: str = "m"  # of the output, in place of m where it is another; the levels' is that of the loads
+    corrected: np.ndarray | None = None  # (n_levels, n) complex, m: harmonic 1 with what the error bar knows of it
+    error_corrected: np.ndarray | None = None  # (n_levels, n) m, the error bar of that
 
     @property
     def amplitude(self) -> np.ndarray:
@@ -121,7 +123,8 @@ class Response:
         """
         if output not in self.outputs:
             raise CaseError(f"there is no output {output!r}; there are {', '.join(self.outputs)}")
-        k, (frequency, response, error) = self.outputs.index(output), map(self.array, ("frequency", "response", "error"))
+        names, k = ("frequency", "response", "error", "corrected", "error_corrected"), self.outputs.index(output)
+        frequency, response, error, corrected, remaining = map(self.array, names)
         assert frequency is not None and response is not None, "every point has them"
         return Curves(
             output,
@@ -130,6 +133,8 @@ class Response:
             response[:, :, k],
             None if error is None else total(error[:, :, k]),
             self.results.unit_of(k),
+            None if corrected is None else corrected[:, :, k, 0] - 1j * corrected[:, :, k, 1],
+            None if remaining is None else remaining[:, :, k],
         )
 
     # -- named axes ----------------------------------------------------------------------------------------------------

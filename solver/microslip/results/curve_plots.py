@@ -186,6 +186,8 @@ def draw_error(results: ResultFile, out_dir: str) -> list[str]:
     looks = list(zip(PARTS, _PART_COLOURS))
     any_bar = any(bars.max() > _LEAST_ERROR for bars, _ in shares)
     handles = [Line2D([], [], color=INK, lw=1.6, label="error bar")] if any_bar else []
+    if any_bar and any(level.error_corrected is not None for level in levels):
+        handles.append(Line2D([], [], color=INK, lw=1.1, ls=":", label="of the corrected amplitude"))
     handles += [Line2D([], [], color=colour, lw=1.1, label=part) for (part, colour), is_seen in zip(looks, seen) if is_seen]
     says = f"error bar of {plain(results.outputs[0], 24)}, and what it comes from, over the peak of the level"
     page, axes = _panels(results, says, levels, handles)
@@ -197,6 +199,8 @@ def draw_error(results: ResultFile, out_dir: str) -> list[str]:
             continue
         ax.set_yscale("log")  # what is 0 lies below the axis
         _curve(ax, level, bars, INK, lw=1.6)
+        if level.error_corrected is not None:
+            _curve(ax, level, level.error_corrected[:, 0] / (amplitude(level.response[:, 0]).max() or 1.0), INK, ":", lw=1.1)
         for values, (_, colour) in zip(parts.T, looks):  # on top, so that a part of a single point shows in its spike
             if values.max() > _SEEN * low:
                 _curve(ax, level, values, colour, lw=1.1)

@@ -9,7 +9,8 @@ from ..continuation.branch import QUANTITIES, Branch, Point
 from ..continuation.quantities import Column
 from ..parallel.files import said_of, written_whole
 
-_FIRST, *_REST = QUANTITIES  # the frequency stands before the name of the output
+_AFTER_UNIT = [kept for kept in QUANTITIES if kept.field in ("corrected", "error_corrected")]  # columns are added at the end
+_FIRST, *_REST = (kept for kept in QUANTITIES if kept not in _AFTER_UNIT)  # the frequency stands before the name of the output
 COLUMNS = (
     Column("level_N", "level"),
     Column("point", "number of the point on its curve, from 0"),
@@ -17,6 +18,7 @@ COLUMNS = (
     Column("output", "name of the output"),
     *(column for quantity in _REST for column in quantity.columns),
     Column("unit", "unit of the output: that of its amplitude, mean and error bar, whatever their columns are called"),
+    *(column for quantity in _AFTER_UNIT for column in quantity.columns),
 )
 NAME = "frf.csv"
 
@@ -47,7 +49,8 @@ class ResponseTable:
         with said_of(self.path):
             for k, name in enumerate(self.outputs):
                 cells = [cell for quantity in _REST for cell in quantity.cells(point, k)]
-                self._rows.writerow([f"{level:.13g}", i, *_FIRST.cells(point, k), name, *cells, self.units[k]])
+                last = [cell for quantity in _AFTER_UNIT for cell in quantity.cells(point, k)]
+                self._rows.writerow([f"{level:.13g}", i, *_FIRST.cells(point, k), name, *cells, self.units[k], *last])
             self._file.flush()
 
     def is_gone(self) -> bool:

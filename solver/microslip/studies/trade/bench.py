@@ -16,6 +16,7 @@ from ...continuation.levels import frequency_sweep
 from ...continuation.problems import ForcedResponse
 from ...error_estimate.better_model import BetterModel
 from ...error_estimate.components import total
+from ...error_estimate.correction import Estimate
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
 from ...harmonic.balance import HarmonicBalance
@@ -240,11 +241,11 @@ class TimedEstimator(ErrorEstimator):
         at: OperatingPoint,
         selected: np.ndarray,
         of_all: ContactForces | None = None,
-    ) -> np.ndarray | None:
+    ) -> Estimate | None:
         start = Stopwatch.read()
-        parts = super().at(equation, U, at, selected, of_all)
+        estimate = super().at(equation, U, at, selected, of_all)
         self.spent += Stopwatch.read() - start
-        return parts
+        return estimate
 
 
 def not_run(knob: str, value: str, setting: Setting, why: str) -> Run:
