@@ -43,7 +43,8 @@ def motion(n_pairs, H, share, rng):
 
 def milliseconds(call, seconds):
     """Return the least processor time of ``call`` over repetitions that fill ``seconds``, five at least."""
-    times, end = [], time.perf_counter() + seconds
+    times: list[float] = []
+    end = time.perf_counter() + seconds
     while len(times) < 5 or time.perf_counter() < end:
         start = time.process_time()
         call()

@@ -70,7 +70,7 @@ def measure(path: Path) -> None:
     on_root(comm, needs, whole, file, mesh, pairs, notes)
     mark("report")
     every = comm.gather(times)
-    if comm.rank == 0:
+    if every is not None:
         found = {step: [*every[0][step][:2], sum(one[step][2] for one in every)] for step in STEPS}
         print("FOUND " + json.dumps({"steps": found, "nodes": len(mesh.points), "pairs": pairs.n_pairs}))
 

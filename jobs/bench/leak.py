@@ -21,6 +21,7 @@ import sys
 import tempfile
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +50,8 @@ class Meter:
     With ``has_motion``, as on rank 0, points hold the motion of their pairs until their level is written, its peak for good.
     """
 
+    _patched: Any = Observers
+
     def __init__(self, points: int, has_motion: bool = True):
         self.points, self.has_motion = points, has_motion
         self.resident, self.recorded = np.full((2, points), np.nan)  # all of it now: it is no growth
@@ -64,11 +67,11 @@ class Meter:
             if event == "level_finished":
                 meter.let_go(news[1])
 
-        Observers.tell = tell
+        self._patched.tell = tell
         return self
 
     def __exit__(self, *_) -> None:
-        Observers.tell = self._tell
+        self._patched.tell = self._tell
 
     def take(self, point) -> None:
         """Note what is held after a point.  Local; the same number of points on every rank."""
