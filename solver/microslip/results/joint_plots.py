@@ -30,7 +30,7 @@ def draw_slip_map(results: ResultFile, out_dir: str) -> list[str]:
     """Draw stick, slip and separation on the contact surfaces at the peak of each level.  Local; returns the files."""
     handles = [Swatch(facecolor=c, edgecolor=FAINT, lw=0.4, label=n) for c, n in zip(STATE_COLOURS, STATE_NAMES)]
     colours = np.array([matplotlib.colors.to_rgba(c) for c in STATE_COLOURS])
-    n_apart = 0 if results.joint.apart is None else int(np.count_nonzero(results.joint.apart))
+    n_apart = int(np.count_nonzero(results.joint.apart))
 
     def colour(level: LevelResult, at: int) -> np.ndarray:
         return colours[level.state[at]]

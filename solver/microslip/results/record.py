@@ -75,14 +75,18 @@ class Joint:
     k_t: Annotated[np.ndarray, Quantity("k_t", "pairs", "N/m", "tangential stiffness")]
     k_n: Annotated[np.ndarray, Quantity("k_n", "pairs", "N/m", "normal stiffness")]
     separate: Annotated[np.ndarray, Quantity("separate", "pairs", "1", "1 where directions slip on their own", "u1")]
-    T0: Annotated[np.ndarray, Quantity("T0", "pairs tangents", "N", "friction force at rest, against body 1")] = None  # type: ignore[assignment]
+    T0: Annotated[np.ndarray, Quantity("T0", "pairs tangents", "N", "friction force at rest, against body 1", optional=True)]
     apart: Annotated[
-        np.ndarray, Quantity("apart", "pairs", "1", "1 where a pair is open at rest and no spring stands for it", "u1")
-    ] = None  # type: ignore[assignment]
+        np.ndarray,
+        Quantity("apart", "pairs", "1", "1 where a pair is open at rest and no spring stands for it", "u1", optional=True),
+    ]
     cells: Annotated[
-        np.ndarray, Quantity("cells", "pairs corners directions", "m", "corners of the area of a pair; NaN where faces tell it")
-    ] = None  # type: ignore[assignment]
-    laws: Annotated[np.ndarray, Quantity("law", "pairs", "index into laws", "contact law of each pair", "i8")] = None  # type: ignore[assignment]
+        np.ndarray,
+        Quantity(
+            "cells", "pairs corners directions", "m", "corners of the area of a pair; NaN where faces tell it", optional=True
+        ),
+    ]
+    laws: Annotated[np.ndarray, Quantity("law", "pairs", "index into laws", "contact law of each pair", "i8", optional=True)]
     faces: tuple[np.ndarray, ...] = ()  # (n_faces, 3, 4, 6 or 8) indices of pairs
     law_names: tuple[str, ...] = (ELASTIC_COULOMB,)
     own: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_pairs,) each: what laws have beside; NaN: not this one
