@@ -58,7 +58,7 @@ def to_first(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     first, solver, notes = reach_first(task, state.solver, advance)
     found = accept(task, replace(state, solver=solver), first, asked=task.sweep.start in task.sweep.at, notes=notes)
     emit(found.point)
-    return replace(found.state, now=found.now, is_done=task.is_static)
+    return replace(found.state, now=found.now, is_done=task.problem.is_constant)
 
 
 def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:

@@ -54,11 +54,6 @@ class ResponseProblem:
     better: BetterModel | None = None  # what error bars compare with; None: there are none
 
     @property
-    def is_static(self) -> bool:
-        """Whether loads are constant: one point stands for all frequencies."""
-        return self.model.harmonics.highest == 0
-
-    @property
     def steps(self) -> ArcLength:
         """The step lengths that the number of points, or what is stated, asks for."""
         return arc_length_steps(self.settings, self.curve)
@@ -228,7 +223,7 @@ def follow_level(
     Newton does not pass in one direction, often lie on one side only.
     """
     branch = _kept_or_followed(of, level, on_point, keepers)
-    if branch.failure is None or of.is_static or len(branch.points) >= most_points(of.settings.points):
+    if branch.failure is None or of.model.harmonics.is_constant or len(branch.points) >= most_points(of.settings.points):
         return branch
     other = _kept_or_followed(replace(of, sweep=of.sweep.reverse), level, on_point, keepers, segment=1)
     return branch.with_segment_from_the_other_end(other)
@@ -252,10 +247,12 @@ def _kept_or_followed(
 def _follow_one_way(of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int, keeper: Keeper) -> Branch:
     problem, settings, steps = of.at_level(level), of.settings, of.steps
     estimator = None if of.better is None else ErrorEstimator(of.better)
-    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, is_static=of.is_static)
+    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator)
     if of.model.n_pairs == 0:
-        task = replace(task, sweep=replace(of.sweep, at=())) if of.is_static else task
-        branch = linear_branch(task, of.curve, 1 if of.is_static else settings.points, on_point)
+        n_points = settings.points
+        if problem.is_constant:
+            task, n_points = replace(task, sweep=replace(of.sweep, at=())), 1
+        branch = linear_branch(task, of.curve, n_points, on_point)
         keeper.keep(task, None, branch.points)
         return branch
     linear = is_linear(problem.equation, level, of.curve)

@@ -44,7 +44,7 @@ def is_held_by_its_joint_alone(equation) -> bool:
     structure that holds itself is not meant: springs of ``HOLD`` k_t would be stiffer than the structure.
     """
     model, comm = equation.model, equation.comm
-    if not model.harmonics.has_mean or model.harmonics.highest == 0:
+    if not model.harmonics.has_mean or model.harmonics.is_constant:
         return False
     tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
     n_owned = model.owned.stop - model.owned.start

@@ -22,12 +22,12 @@ def not_computed(prepared: Prepared, branches: list[Branch], known: np.ndarray |
     ``known`` (n_pairs,) bool are the pairs whose static columns were solved for; None where those of all pairs had to be.
     """
     scene, n_dof = prepared.scene, prepared.outline.n_dof
-    leaves_out, omega_n, is_static = prepared.reduction.leaves_out, prepared.outline.omega_n, prepared.response.is_static
+    leaves_out, omega_n, moves = prepared.reduction.leaves_out, prepared.outline.omega_n, not prepared.model.harmonics.is_constant
     solved = [branch for branch in branches if branch.points]
-    lines = _statics(solved) if is_static else _harmonics(solved, has_pairs=known is None or len(known) > 0)
-    if leaves_out == "basis" and solved and not is_static:
+    lines = _harmonics(solved, has_pairs=known is None or len(known) > 0) if moves else _statics(solved)
+    if leaves_out == "basis" and solved and moves:
         lines.append(f"response outside the basis of method {scene.solver.method}: {changes(solved, 'modes')}")
-    if leaves_out == "modes" and solved and not is_static and 0 < len(omega_n) < n_dof:
+    if leaves_out == "modes" and solved and moves and 0 < len(omega_n) < n_dof:
         lines.append(
             f"response of modes above {omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(omega_n)} of {n_dof} DOF, "
             f"beyond their static part: {changes(solved, 'modes')}"
@@ -52,7 +52,7 @@ def not_computed(prepared: Prepared, branches: list[Branch], known: np.ndarray |
             )
     if not scene.solver.error_bars:
         lines.append("error bars: [solver] asks for none")
-    elif is_static:
+    elif not moves:
         lines.append("error bars: they are those of harmonic 1, and harmonics = 0")
     if not prepared.outline.has_mesh:
         lines.append("fields for ParaView: the scene has no mesh")

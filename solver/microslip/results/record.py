@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import CLOSES_TO, QUANTITIES, Branch
 from ..continuation.quantities import Quantity, axis_lengths, declared
+from .measures import Shown, shown_with
 from .origin import Origin
 
 if TYPE_CHECKING:
@@ -141,6 +143,15 @@ class ResultFile:
         """The levels of the run that have not come to their end [N]: it is at work, or was stopped."""
         ended = {level.level for level in self.levels if level.status != RUNNING}
         return tuple(level for level in self.asked if level not in ended)
+
+    @cached_property
+    def shown(self) -> Shown:
+        """What is told of an output: the mean where outputs move, but at no point to and fro."""
+        responses = [level.response for level in self.levels if len(level.frequency)]
+        moves = any(response[..., 1:].any() for response in responses) or not any(
+            response[..., 0].any() for response in responses
+        )
+        return shown_with(int(moves), self.unit_of(0), self.level_unit)
 
     def unit_of(self, output: int) -> str:
         """Return the unit of an output."""
