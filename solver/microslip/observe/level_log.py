@@ -73,7 +73,7 @@ def summary(branch: Branch, shown: Shown) -> str:
     largest = shown.of(top.response[0])
     _, n_slip, n_open = counts(top.state)
     per_newton = f" ({largest / level:.4e} {shown.unit}{shown.per_level})" if level else ""
-    number = "one point" if shown.is_static else f"{len(points)} points"
+    number = "one point" if len(points) == 1 else f"{len(points)} points"
     where = f"at {shown.where(top.omega / 2.0 / np.pi) or 'every frequency'}"
     return (
         f"{number} in {sum(point.seconds for point in points):.3g} s; {shown.largest} {largest:.4e} {shown.unit}{per_newton} "

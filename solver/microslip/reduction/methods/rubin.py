@@ -13,11 +13,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..free_interface import check_rigid, free_bodies, residual_attachment_modes
+from ..facts import Facts
 from ..galerkin import reduce_on_basis
 from ..interface_dofs import interface_dofs, unit_columns
 from ..reduction import Reduction
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
+
+FACTS = Facts(makes_basis=True)
 
 
 def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:

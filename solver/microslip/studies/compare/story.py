@@ -124,9 +124,11 @@ class Comparison:
         response, settings = prepared.response, prepared.response.settings
         with self.log.stage(f"frequencies, along the curve of {method}"):
             for level in settings.levels:
-                task = BranchTask(
-                    response.at_level(level), response.selection, response.sweep, response.steps, settings.tolerance
-                )
+                problem = response.at_level(level)
+                if problem.is_constant:  # solved at both ends, for a line to be drawn
+                    self.omegas[level] = [response.sweep.start, response.sweep.stop]
+                    continue
+                task = BranchTask(problem, response.selection, response.sweep, response.steps, settings.tolerance)
                 branch = follow_branch(task, most_points(settings.points))
                 self.omegas[level] = going_on(branch.points, response.sweep.direction)
                 if len(self.omegas[level]) < 2:
