@@ -14,7 +14,7 @@ from mpi4py.MPI import LOR
 
 from ..assembly.pretension import Bolts
 from ..contact.law import Law
-from ..contact.laws import ELASTIC_COULOMB, pressed_to
+from ..contact.laws import are_springs, pressed_to
 from ..linear.dense import summed
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
@@ -212,8 +212,8 @@ class _Contact:
             now, opened, step = (now, opened, 0.5 * step) if found is None else (found, target, 2.0 * step)
         if now is None:
             return None
-        after, plain = now.after.copy(), self.pairs.laws == ELASTIC_COULOMB
-        after[plain, :2] = -(self.law.stiffness[:, :2] * now.du[:, :2])[plain]
+        after, anew = now.after.copy(), are_springs(self.pairs.laws)
+        after[anew, :2] = -(self.law.stiffness[:, :2] * now.du[:, :2])[anew]
         return self._solve(loading, _State(now.du, after), share, now.du)
 
     def _solve(self, loading: _Loading, was: _State, share: float, du: np.ndarray, law: Law | None = None) -> _State | None:

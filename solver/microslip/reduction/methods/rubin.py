@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ..free_interface import check_rigid, free_bodies, residual_attachment_modes
 from ..facts import Facts
+from ..free_interface import check_rigid, free_bodies, residual_attachment_modes
 from ..galerkin import reduce_on_basis
 from ..interface_dofs import interface_dofs, unit_columns
 from ..reduction import Reduction
