@@ -6,10 +6,11 @@ where preconditioners were made.  These are no part of a solution, but decide it
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def to_arrays(task: BranchTask, state: BranchState) -> Arrays:
     """Return a state between two steps.  Collective: the motions of all ranks are gathered."""
     found = own_arrays(state)
     for name, part in parts_of(task, state).items():
-        found |= _under(name, part.arrays())
+        found |= over(name, part.arrays())
     return found
 
 
@@ -97,13 +98,13 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     parts = start.memory.calm.keys()
     calm, patience = (dict(zip(parts, map(int, counts))) for counts in arrays["counts"].reshape(2, -1))
     memory = Memory(arrays.get("peak"), calm, patience)
-    points = {name: _point(_within(arrays, name), owned) for name in _POINTS if f"{name}/U" in arrays}
+    points = {name: _point(under(name, arrays), owned) for name in _POINTS if f"{name}/U" in arrays}
     newton = workspace.newton_solver(solver.equation, solver.resolution)
     newton.wants_preconditioner = bool(wants_preconditioner)
     if "newton/U" in arrays:
-        newton.preconditioner = _made_again(_within(arrays, "newton"), solver.equation)
+        newton.preconditioner = _made_again(under("newton", arrays), solver.equation)
     if "adjoint/U" in arrays and task.estimator is not None:
-        transposed = _made_again(_within(arrays, "adjoint"), solver.equation, task.estimator.exact)
+        transposed = _made_again(under("adjoint", arrays), solver.equation, task.estimator.exact)
         task.estimator.adjoint_solver.preconditioner = transposed
     solver = replace(solver, is_linear=bool(is_linear))
     return BranchState(solver, memory, float(ds), is_done=bool(is_done), **points)
@@ -165,9 +166,11 @@ def _harmonics(chosen: np.ndarray) -> Harmonics:
     return Harmonics(tuple(map(int, chosen)))
 
 
-def _under(name: str, arrays: Arrays) -> Arrays:
+def over(name: str, arrays: Mapping[str, np.ndarray]) -> Arrays:
+    """Return arrays with ``name`` over theirs.  Local."""
     return {f"{name}/{key}": value for key, value in arrays.items()}
 
 
-def _within(arrays: Arrays, name: str) -> Arrays:
+def under(name: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arrays under ``name``.  Local."""
     return {key.removeprefix(f"{name}/"): value for key, value in arrays.items() if key.startswith(f"{name}/")}

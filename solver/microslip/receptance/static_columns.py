@@ -83,8 +83,3 @@ class ChosenColumns(Rows):
     def __init__(self, places: np.ndarray, n: int, held: list[np.ndarray], largest: float):
         super().__init__(places, n, np.float64, held)
         self.largest = largest  # of its entries, in size
-
-
-def rows_of(pairs: np.ndarray) -> np.ndarray:
-    """Return the three rows of each of the ``pairs`` (m,), (3 m,)."""
-    return (3 * np.asarray(pairs)[:, None] + np.arange(3)).ravel()

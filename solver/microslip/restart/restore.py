@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..continuation.checkpoint import under
 from ..error_estimate.better_model import BetterModel
 from ..fourier.harmonics import Harmonics
 from ..library.build import Structure, build
@@ -27,7 +28,7 @@ from ..reduction.reduction import Reduction
 from ..reduction.settings import ReductionSettings
 from .columns import KeptColumns
 from .records import Arrays
-from .setup import STATICS, family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of, under
+from .setup import STATICS, family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI

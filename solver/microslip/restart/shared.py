@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..continuation.checkpoint import over, under
 from ..error_estimate.better_model import BetterModel
 from ..error_estimate.left_out_again import OnRandom, left_out_again, on_random
 from ..library.build import Structure
@@ -29,7 +30,7 @@ from ..reduction.reduction import Reduction
 from .columns import KeptColumns
 from .records import Arrays
 from .restore import Rebuilt, exact_model
-from .setup import left_out_of, numbers_of, of_model, outline_of, over, pairs_of, texts_of_pairs, under
+from .setup import left_out_of, numbers_of, of_model, outline_of, pairs_of, texts_of_pairs
 
 if TYPE_CHECKING:
     from mpi4py import MPI

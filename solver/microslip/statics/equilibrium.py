@@ -21,6 +21,7 @@ from ..mesh.data import ContactPairs
 from ..modes.constraint import static_columns
 from ..parallel.agree import on_root
 from ..parallel.errors import ConvergenceError, ResourceError
+from ..parallel.ownership import rows_of
 from .bolts import BoltsAtRest, cuts_of, of_loads
 
 TOLERANCE = 1e-12  # of the relative displacement, over the largest there is
@@ -64,7 +65,7 @@ class Flexibility:
         missing = np.flatnonzero(pairs & ~self.known)
         if len(missing) == 0:
             return
-        rows = _rows(missing)
+        rows = rows_of(missing)
         columns = static_columns(self.linearised, self.linearised.system.R, self._R_T[:, rows])
         if len(self._columns):
             self._columns[:, rows] = columns
@@ -72,7 +73,7 @@ class Flexibility:
 
     def of(self, pairs: np.ndarray) -> np.ndarray:
         """Return the columns of some pairs, (3 n_pairs, 3 m) [m/N].  Rank 0."""
-        return self._columns if pairs.all() else self._columns[:, _rows(np.flatnonzero(pairs))]
+        return self._columns if pairs.all() else self._columns[:, rows_of(np.flatnonzero(pairs))]
 
 
 def equilibrium(
@@ -281,14 +282,14 @@ class _Contact:
         if loading.release is None:
             return columns
         RU, compliance = loading.release
-        return columns + RU @ (compliance @ RU[_rows(np.flatnonzero(active))].T)
+        return columns + RU @ (compliance @ RU[rows_of(np.flatnonzero(active))].T)
 
     def _residual(self, loading: _Loading, load, du, p, active) -> np.ndarray:
         return du - load + (self._columns(loading, active) @ p[active].ravel()).reshape(du.shape)
 
     def _newton(self, loading: _Loading, residual, L, active) -> np.ndarray | None:
         """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular."""
-        rows, columns = _rows(np.flatnonzero(active)), self._columns(loading, active)
+        rows, columns = rows_of(np.flatnonzero(active)), self._columns(loading, active)
         of_active = columns[rows].T.reshape(len(rows) // 3, 3, len(rows))
         J = np.matmul(L[active].transpose(0, 2, 1), of_active).reshape(len(rows), len(rows)).T
         J[np.diag_indices_from(J)] += 1.0
@@ -315,7 +316,3 @@ class _Contact:
 def _by_joint(pairs: ContactPairs) -> list[tuple[str, np.ndarray]]:
     names = np.array(pairs.joint)
     return [(name, np.flatnonzero(names == name)) for name in dict.fromkeys(pairs.joint)]
-
-
-def _rows(pairs: np.ndarray) -> np.ndarray:
-    return (3 * pairs[:, None] + np.arange(3)).ravel()
