@@ -10,9 +10,9 @@ import microslip
 
 ROOT = Path(microslip.__file__).parent
 BEYOND = (
-    "assembly contact continuation elements error_estimate fourier harmonic linear mesh modes parallel receptance reduction transient"
+    "assembly contact continuation elements error_estimate fourier harmonic linear mesh modes parallel receptance reduction statics transient"
 ).split()
-TYPED = {"comm", "linearised", "modes", "pairs", "system", "stuck", "settings"}
+TYPED = {"comm", "linearised", "modes", "pairs", "system", "stuck", "settings", "equation", "model", "law"}
 
 
 ASKS = re.compile(r"\.is_constant|\.is_static|harmonics (==|>) 0|highest (==|>) 0")  # is this static?

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from mpi4py.MPI import LOR
+from mpi4py import MPI
 
 from ..assembly.pretension import Bolts
 from ..contact.law import Law
@@ -118,7 +118,7 @@ def equilibrium(
         delta = cuts.tightened(now.p)
         tightened = cuts.force(delta, now.p)
         held, u_held = (cuts.RU @ delta).reshape(-1, 3), cuts.U_owned @ delta
-    if bolts is None or comm.allreduce(bool(forces_owned.any()), LOR):
+    if bolts is None or comm.allreduce(bool(forces_owned.any()), MPI.LOR):
         loading = _Loading(held, du_load, "the load", which_flies)
         now, n_more = contact.follow(loading, now, n_steps)
         n_taken += n_more
@@ -173,7 +173,7 @@ class _Loading:
 class _Contact:
     """du = held + share rising - G p, p by the law from what it was: Newton's method on rank 0, columns of G from all."""
 
-    def __init__(self, comm, pairs: ContactPairs, G: Flexibility):
+    def __init__(self, comm: MPI.Comm, pairs: ContactPairs, G: Flexibility):
         self.comm, self.pairs, self.law, self.G = comm, pairs, pairs.law, G
         self.iterations = 0
 
