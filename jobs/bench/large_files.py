@@ -46,7 +46,7 @@ def measure(path: Path) -> None:
     from microslip.mesh.partition import distribute
     from microslip.mesh.read import read_mesh
     from microslip.parallel.agree import on_root
-    from microslip.studies.check.report import needs
+    from microslip.studies.check.report import description
 
     comm = MPI.COMM_WORLD
     times = {"begin": (_since_start(), 0.0, 0.0)}
@@ -67,7 +67,7 @@ def measure(path: Path) -> None:
     mark("partition")
     check_elements(share, settings)
     mark("elements")
-    on_root(comm, needs, whole, file, mesh, pairs, notes)
+    on_root(comm, description, whole, file, mesh, pairs, notes)
     mark("report")
     every = comm.gather(times)
     if every is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from .continuation.branch import Branch
 from .continuation.keeper import Keepers
 from .library.build import build
-from .library.files import write_shapes, writer_of
+from .library.files import extent_of, write_shapes, writer_of
 from .library.follow import follow, in_turn, known_columns
 from .library.origin import origin_of
 from .library.prepare import Prepared, prepare
@@ -163,5 +163,7 @@ def follow_logged(
         writer.close()
     log.note(audit_text(branches, units.works))
     known = known_columns(response) if in_turn(response, n_groups) else None
-    log.note("\n  ".join(["not computed, and why, or what it would change:", *not_computed(prepared, branches, known)]))
+    log.note(
+        "\n  ".join(["not computed, and why, or what it would change:", *not_computed(extent_of(prepared), branches, known)])
+    )
     return branches

@@ -100,8 +100,8 @@ def restored(
     better = None
     if texts["has_bars"]:
         other = under("better", arrays)
-        truth = exact_model(other, comm, settings, rebuilt.solve) if other else model
-        better = BetterModel(truth, left_out_of(arrays), is_solved=not other)
+        compared_with = exact_model(other, comm, settings, rebuilt.solve) if other else model
+        better = BetterModel(compared_with, left_out_of(arrays), is_solved=not other)
     known = exact_columns(reduction, better)
     if known is not None:
         columns.restore(known, model.owned_rows)

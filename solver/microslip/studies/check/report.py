@@ -24,7 +24,7 @@ from . import content
 from .plausible import SI, suspicion
 
 
-def needs(
+def description(
     scene: Scene, file: FileModel, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...] = (), stated: Container[str] = ()
 ) -> list[str]:
     """Return lines that say what the scene holds and what a run will need.  Local, on rank 0.
@@ -110,7 +110,7 @@ def _bolts(mesh: Mesh, settings: MeshSettings) -> list[str]:
     return lines
 
 
-def needs_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
+def description_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
     """Return the same lines for a scene given as matrices.  Local, on rank 0.
 
     Raises
