@@ -38,6 +38,7 @@ INSTRUMENTED = (
     "microslip.parallel",
     "microslip.scene",
     "microslip.results.read",
+    "microslip.results.reader",
     "microslip.results.fields",
     "microslip.restart",
     "microslip.mesh.nodes",

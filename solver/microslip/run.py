@@ -101,7 +101,7 @@ def compute(
         log.note(f"results in {folder}")
     on_root(comm, settle, folder, place, fresh)
     ended_early = [branch for branch in branches if branch.failure]
-    failures = [f"level {one.level:g} N ends after {len(one.points)} points: {one.failure}" for one in ended_early]
+    failures = [f"level {branch.why_ended}" for branch in ended_early]
     restart.finish(folder, failures)
     return failures
 

@@ -24,6 +24,7 @@ from .accuracy import accuracy_of, steps_for
 from .branch import Branch, Point
 from .corrector import Correction
 from .follow import follow_branch
+from .grid import going_on
 from .iterate import Iterate
 from .keeper import Keeper, Keepers, keep_nothing
 from .linear_levels import is_linear, sticks_up_to
@@ -66,6 +67,17 @@ class ResponseProblem:
     def at_level(self, level: float) -> ForcedResponse:
         """Return what is continued at a level [N].  Local."""
         return ForcedResponse(HarmonicBalance.of_all(self.model, self.law, self.settings.samples), level)
+
+    def frequencies_of(self, level: float) -> tuple[Branch, list[float]]:
+        """Return the curve of a level [N], followed once through the range without error bars, and its frequencies [rad/s].
+
+        Collective.  Each frequency lies further in the direction of the sweep than those before; of a constant response they are
+        the ends of the range.
+        """
+        problem, ends = self.at_level(level), [self.sweep.start, self.sweep.stop]
+        task = BranchTask(problem, self.selection, self.sweep, self.steps, self.settings.tolerance)
+        branch = follow_branch(task, most_points(self.settings.points))
+        return branch, ends if problem.is_constant and branch.points else going_on(branch.points, self.sweep.direction)
 
 
 def response_problem(
