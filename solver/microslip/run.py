@@ -60,8 +60,7 @@ def run(
     Interrupted : a signal or the time ``limit`` stopped the run, after everything that converged was written
     """
     with locked(comm, folder) as left:
-        restart = Restart.open(comm, folder, scene, options, fresh, cache_of(folder))
-        restart.notes = (*left, *restart.notes)
+        restart = Restart.open(comm, folder, scene, options, fresh, cache_of(folder), notes=left)
         if restart.done is not None:
             draw_again(restart, comm, folder, screen)
             failures = restart.done

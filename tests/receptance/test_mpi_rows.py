@@ -45,7 +45,7 @@ def test_many_columns_are_solved_for_in_parts(monkeypatch):
     monkeypatch.setattr(static_columns, "_PART_BYTES", 72 * 60 * 25)
     G, solved, heard = np.random.default_rng(2).standard_normal((180, 180)), [], []
     columns = StaticColumns(60, 60, lambda of: solved.append(len(of)) or G[:, rows_of(of)])
-    columns.on_new = lambda pairs: heard.append((pairs.copy(), columns.known[pairs].all()))
+    columns.tell(lambda pairs: heard.append((pairs.copy(), columns.known[pairs].all())))
     columns.require(np.arange(60))
     assert solved == [25, 25, 10] and columns.batches == 1
     assert np.array_equal(np.concatenate([pairs for pairs, _ in heard]), np.arange(60)) and all(known for _, known in heard)
@@ -55,7 +55,7 @@ def test_many_columns_are_solved_for_in_parts(monkeypatch):
 def test_as_many_are_solved_for_together_as_one_says():
     solved = []
     columns = StaticColumns(12, 12, lambda of: solved.append(len(of)) or np.zeros((36, 3 * len(of))), 5)
-    columns.likely = np.arange(12)
+    columns.expect(np.arange(12))
     columns.require(np.array([7, 3]))
     assert solved == [5] and np.array_equal(np.flatnonzero(columns.known), [0, 1, 2, 3, 7])
 
@@ -65,7 +65,7 @@ def test_later_as_many_as_are_known_are_solved_for_together(monkeypatch):
     monkeypatch.setattr(static_columns, "_PART_BYTES", 72 * 60 * 20)
     solved = []
     columns = StaticColumns(60, 60, lambda of: solved.append(len(of)) or np.zeros((180, 3 * len(of))), 2)
-    columns.likely = np.arange(60)
+    columns.expect(np.arange(60))
     for pair in range(60):
         columns.require(np.array([pair]))
     assert solved == [2, 2, 4, 8, 16, 20, 8] and columns.batches == 7

@@ -20,7 +20,7 @@ from ..harmonic.clustered import ClusteredPreconditioner
 from ..harmonic.direct import WholeInverse
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import OperatingPoint
-from ..harmonic.preconditioner import HarmonicPreconditioner
+from ..harmonic.preconditioner import HarmonicPreconditioner, PairsPreconditioner
 from .accuracy import Memory, Resolution
 from .iterate import Iterate, PointState
 from .point_solver import Workspace
@@ -100,12 +100,11 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     memory = Memory(arrays.get("peak"), calm, patience)
     points = {name: _point(under(name, arrays), owned) for name in _POINTS if f"{name}/U" in arrays}
     newton = workspace.newton_solver(solver.equation, solver.resolution)
-    newton.wants_preconditioner = bool(wants_preconditioner)
-    if "newton/U" in arrays:
-        newton.preconditioner = _made_again(under("newton", arrays), solver.equation)
+    made = _made_again(under("newton", arrays), solver.equation) if "newton/U" in arrays else None
+    newton.restore(made, bool(wants_preconditioner))
     if "adjoint/U" in arrays and task.estimator is not None:
         transposed = _made_again(under("adjoint", arrays), solver.equation, task.estimator.exact)
-        task.estimator.adjoint_solver.preconditioner = transposed
+        task.estimator.adjoint_solver.restore(transposed)
     solver = replace(solver, is_linear=bool(is_linear))
     return BranchState(solver, memory, float(ds), is_done=bool(is_done), **points)
 
@@ -137,7 +136,7 @@ def _point(arrays: Arrays, owned: slice) -> PointState:
 # -- where a preconditioner was made -------------------------------------------------------------------------------
 
 
-def _of_preconditioner(made: WholeInverse | HarmonicPreconditioner | ClusteredPreconditioner) -> Arrays:
+def _of_preconditioner(made: WholeInverse | PairsPreconditioner) -> Arrays:
     """Return the arrays that a preconditioner can be made of again.  Collective."""
     equation, at = made.made_at.equation, made.made_at.at
     held = {} if equation.held is None else {"held": equation.gather(equation.held)}

@@ -99,7 +99,7 @@ def response_problem(
     sweep = frequency_sweep(settings, omega_n)
     curve = linear_curve(model, sweep, law)
     if model.n_pairs > 0 and not model.G_static.known.all():
-        model.G_static.likely = likely_to_slip(model, law, curve)
+        model.G_static.expect(likely_to_slip(model, law, curve))
     return ResponseProblem(settings, model, law, selection, sweep, curve, better)
 
 

@@ -40,6 +40,14 @@ class StaticColumns:
         self.on_new: Callable[[np.ndarray], None] = lambda pairs: None  # collective; hears of pairs whose columns were solved for
         self._last: tuple[np.ndarray, ChosenColumns] | None = None  # pairs chosen last, and their columns
 
+    def expect(self, pairs: np.ndarray) -> None:
+        """Solve for missing pairs in this order from now on, where others leave room.  Local; the same on every rank."""
+        self.likely = pairs
+
+    def tell(self, hears: Callable[[np.ndarray], None]) -> None:
+        """Tell of pairs whose columns were solved for from now on; ``hears`` is collective.  Local."""
+        self.on_new = hears
+
     def require(self, pairs: np.ndarray) -> None:
         """Solve for the columns of ``pairs`` (m,) that are not known yet.  Collective; the same pairs on every rank."""
         missing = pairs[~self.known[pairs]]

@@ -45,6 +45,11 @@ class Rebuilt:
         self.scene, self.comm, self.log = scene, comm, log
         self.omega_n, self._read_modes = omega_n, read_modes
 
+    def keep_first(self, n_modes: int) -> np.ndarray:
+        """Leave the modes beyond the first ``n_modes`` out, and return the frequencies of those [rad/s].  Local."""
+        self.omega_n = self.omega_n[:n_modes]
+        return self.omega_n
+
     @cached_property
     def structure(self) -> Structure:
         self.log.note("the structure is assembled and factored again, its modes are known")

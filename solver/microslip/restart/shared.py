@@ -124,8 +124,7 @@ def made_of(
         better = _better(arrays, texts, model, known)
         if better is None:
             return None
-    rebuilt.omega_n = outline.omega_n[:n_modes]
-    outline = replace(outline, omega_n=rebuilt.omega_n)
+    outline = replace(outline, omega_n=rebuilt.keep_first(n_modes))
     reduction = Reduction(model, SELECTIONS[settings.method](settings), rebuilt.displacement, "modes")
     response = response_of(scene, pairs, reduction, outline.omega_n, better)
     return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close), why

@@ -164,7 +164,7 @@ def measured(scene: Scene, comm: MPI.Comm, asked: Asked, log: RunLog) -> Study:
         structure.close()
     if asked.meshes and "mesh" in asked.knobs:
         with log.stage("meshes"):
-            study.meshes = mesh_runs(scene, comm, asked, base, log)
+            study.meshes.extend(mesh_runs(scene, comm, asked, base, log))
     study.notes.append(f"{clock.spent:.0f} s in all, {reference.seconds:.0f} s of them for the reference")
     return study
 
