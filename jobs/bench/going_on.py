@@ -67,7 +67,7 @@ def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
     try:
         for owner, name, of in patched:
             setattr(owner, name, clocks[of].around(getattr(owner, name)))
-        clocks["run"].around(story.run)(scene, comm, folder, screen=False)
+        clocks["run"].around(story.run)(scene, comm, folder, story.RunOptions(screen=False))
     finally:
         for owner, name, function in before:
             setattr(owner, name, function)

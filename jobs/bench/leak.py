@@ -34,7 +34,7 @@ from microslip.continuation.branch import Branch
 from microslip.observe.observer import Observers
 from microslip.parallel.agree import on_root
 from microslip.parallel.memory import give_back, resident_memory
-from microslip.run import run
+from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
 
 LEAST = 10  # points that a level has at least
@@ -117,7 +117,7 @@ def measured(comm: MPI.Comm, path: str, points: int, folder: Path) -> Meter:
     many = ", ".join(repr(level * (1.0 + 1e-9 * cycle)) for cycle in range(cycles) for level in levels)
     scene, meter = read_scene(path, (f"response.levels=[{many}]",)), Meter(points, comm.rank == 0)
     with contextlib.suppress(Enough), meter:
-        run(scene, comm, folder, screen=False)
+        run(scene, comm, folder, RunOptions(screen=False))
     return meter
 
 

@@ -215,11 +215,12 @@ def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, i
     from .studies.batch import run_scenes
 
     limit = on_root(comm, time_limit, command.walltime)
+    asked = run.RunOptions(command.petsc, command.groups, fresh=command.fresh, limit=limit)
     if len(scenes) > 1:
         out = Path("results") if command.out is None else command.out
-        return out, run_scenes(scenes, comm, out, command.petsc, command.groups, command.fresh, limit)
+        return out, run_scenes(scenes, comm, out, asked)
     out = Path("results", scenes[0].name) if command.out is None else command.out
-    run.run(scenes[0], comm, out, command.petsc, n_groups=command.groups, fresh=command.fresh, limit=limit)
+    run.run(scenes[0], comm, out, asked)
     return out, 0
 
 

@@ -16,7 +16,7 @@ from microslip.restart import cache, restore
 from microslip.restart.folder import Restart
 from microslip.restart.identity import identity_of
 from microslip.results.read import read_results
-from microslip.run import run, set_up
+from microslip.run import RunOptions, run, set_up
 from microslip.scene.read import read_scene, scene_of
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -295,7 +295,7 @@ def test_what_is_damaged_is_made_again(name, times, shared_path, built):
 def run_with(shared, scene, folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(cache.VARIABLE, str(shared))
-        run(scene, COMM, folder, screen=False)
+        run(scene, COMM, folder, RunOptions(screen=False))
 
 
 def test_without_fields_a_second_run_builds_nothing(shared_path, built):
