@@ -133,6 +133,26 @@ def test_another_run_of_the_structure_is_prepared_without_a_factor(divisions, na
         assert len(one.outline.omega_n) != first[0]
 
 
+@pytest.mark.ranks(1, 2)
+def test_rough_surfaces_share_what_their_friction_does_not_change(shared_path, built):
+    def rough(friction):
+        def write():
+            path = write_bar(shared_path, divisions=SMALL, modes=6)
+            springs = "tangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\n"
+            text = path.read_text().replace(springs, 'law = "rough"\nroughness_height = 1.0e-6\nsliders = 4\n')
+            path.write_text(text.replace("friction = 0.05", f"friction = {friction}"))
+            return path
+
+        return read_scene(on_root(COMM, write), ("response.span=[0.98, 1.02]", "solver.harmonics=1", "solver.samples=32"))
+
+    prepared_by(rough(0.05), shared_path / "first", shared_path / "cache")
+    one, _ = prepared_by(rough(0.04), shared_path / "second", shared_path / "cache")
+    assert built == {"first": 1, "again": 0}
+    other, _ = prepared_by(rough(0.04), shared_path / "alone", None)
+    assert built == {"first": 2, "again": 0} and np.all(one.pairs.mu == 0.04)
+    assert_same_set_up(one, other)
+
+
 def assert_same_set_up(one, other):
     """Compare all that a response follows from."""
     assert_close(one.pairs.mu, other.pairs.mu, 0.0)
