@@ -61,7 +61,7 @@ def test_one_command_draws_all_figures_and_writes_the_page(tmp_path, monkeypatch
 
 def chain_study(folder, levels, tolerances, steps):
     system = scenes.chain()
-    path = write_matrix_scene(folder, system, levels, system["omega"], points=12, outputs=[6], harmonics=2, samples=64)
+    path = write_matrix_scene(folder, system, levels, system["omega"], points=12, outputs=[6], harmonics=2, samples=32)
     return paper_runs.study(str(path), MPI.COMM_SELF, tolerances, steps, None, True, lambda line: None)
 
 
@@ -100,7 +100,7 @@ def test_numbers_as_the_page_shows_them():
 
 def chain_trials(folder, *chosen, level=10.0):
     system = scenes.chain()
-    path = write_matrix_scene(folder, system, [level], system["omega"], points=12, outputs=[6], harmonics=2, samples=64)
+    path = write_matrix_scene(folder, system, [level], system["omega"], points=12, outputs=[6], harmonics=2, samples=32)
     prepared = prepare(str(path), MPI.COMM_SELF)
     return prepared, *claims_runs.all_trials(prepared, [level], chosen, (6, 12), lambda line: None)
 

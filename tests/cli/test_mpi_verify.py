@@ -23,7 +23,7 @@ def program(comm, shared_path, program):
     """Return what to call with arguments after the scene's: status and what was said on all ranks.  Collective."""
 
     def run(*arguments, system=scenes.chain, levels=(0.5, 20.0), frequencies=(390.0, 590.0), **own):
-        own = own or {"points": 48, "harmonics": 5, "samples": 64}
+        own = own or {"points": 24, "harmonics": 5, "samples": 64}
         path = on_root(
             comm,
             lambda: write_matrix_scene(
@@ -70,7 +70,7 @@ def test_curves_of_a_scene_with_accuracy_are_as_good_as_it_asks(program, shared_
     """Harmonics, samples and points follow from the error bars, which the curves of verify need as those of run do."""
     difference = {}
     for accuracy in (0.1, 2e-3):
-        status, out, err = program("--levels", "20", "--at", "66,68", "--steps", "128", accuracy=accuracy)
+        status, out, err = program("--levels", "20", "--at", "66,68", "--steps", "64", points=16, accuracy=accuracy)
         assert (status, err) == (0, "") and f"accuracy {accuracy:g}" in out
         found = rows(shared_path)
         assert [float(row["frequency_Hz"]) for row in found] == pytest.approx([66.0, 68.0])

@@ -77,7 +77,7 @@ def branch(
     n_samples=128,
     at=(),
     selection=None,
-    points=100,
+    points=40,
     down=False,
     tolerance=1e-9,
     ds_min=1e-4,

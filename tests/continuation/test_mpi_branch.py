@@ -106,7 +106,7 @@ def as_array(entry):
 @pytest.mark.ranks(1)
 def test_fold_is_passed_and_the_way_back_is_the_same_curve():
     system = scene("gap")
-    up, down = branch(system, COMM, 0.1), branch(system, COMM, 0.1, down=True)
+    up, down = branch(system, COMM, 0.1, points=70), branch(system, COMM, 0.1, points=70, down=True)
     assert up.failure is None and down.failure is None
     steps = np.diff([point.omega for point in up.points])
     turns = int(np.sum(steps[1:] * steps[:-1] < 0))

@@ -52,9 +52,9 @@ def test_the_jenkins_mass_comes_to_its_exact_steady_state_at_second_order():
 def test_it_meets_the_march_of_the_unreduced_system(name, level, omega):
     """Another scheme, all coordinates, contact condensed another way; the same steps, so that the law is sampled alike."""
     system = system_of(name)
-    transient, _, levels, found = marched(system, omega, level, 128, tolerance=1e-6)
+    transient, _, levels, found = marched(system, omega, level, 64, tolerance=1e-6)
     other = time_integration.steady_state(
-        system, omega, level, n_steps=128, scheme="exponential", tolerance=1e-5, coarse=1, law="return"
+        system, omega, level, n_steps=64, scheme="exponential", tolerance=1e-5, coarse=1, law="return"
     )
     theirs = system["output"] @ other.u_hat
     assert np.abs(output(transient, levels, found)[0] - theirs).max() < 2e-3 * np.abs(theirs[1:]).max()
@@ -82,8 +82,8 @@ def test_acceleration_comes_where_time_alone_comes_to():
 
 
 def test_the_period_found_repeats_itself():
-    transient, omega, level, found = marched(system_of("chain"), [540.0, 560.0], 50.0, 64)
-    march = March(transient, omega, level, 64)
+    transient, omega, level, found = marched(system_of("chain"), [540.0, 560.0], 50.0, 32)
+    march = March(transient, omega, level, 32)
     z, p, cycle = march.period(found.start.z, found.start.p)
     before, after = march.scheme.pack(found.start.z), march.scheme.pack(z)
     assert np.abs(after - before).max() < 1e-6 * np.abs(before).max()
@@ -140,7 +140,7 @@ def test_pairs_without_springs_come_to_the_motion_of_those_with_springs():
     found = []
     for apart in (False, True):
         system = on_stops(apart)
-        transient, _, level, one = marched(system, [1.1, 1.3], 0.8, 64, tolerance=1e-7)
+        transient, _, level, one = marched(system, [1.1, 1.3], 0.8, 32, tolerance=1e-6)
         found.append(output(transient, level, one))
         assert (one.cycle.state[:, 1:] == 2).all() and np.abs(one.cycle.p).max(axis=(0, 1)).reshape(3, 3)[1:, 2].min() > 0.01
     assert found[0] == pytest.approx(found[1], abs=1e-5 * np.abs(found[0]).max())

@@ -28,7 +28,7 @@ def solved(folder, system, band, regimes, **solver):
         sorted(levels),
         band,
         at=sorted(at),
-        points=40,
+        points=16,
         harmonics=H,
         samples=N_SAMPLES,
         **{"method": "receptance", **solver},

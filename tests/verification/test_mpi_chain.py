@@ -1,5 +1,7 @@
 """One rank against all of them on whole scenes; tests/verification/ranks.py prints the numbers."""
 
+from dataclasses import replace
+
 import pytest
 from mpi4py import MPI
 from verification import ranks
@@ -10,8 +12,11 @@ COMM = MPI.COMM_WORLD
 # with three ranks, one owns none of the 36 rows of "two hex8"
 @pytest.mark.parametrize("name", ["two hex8", "lap joint of tet4"])
 def test_ranks_together_agree_with_one_alone(name, shared_path):
+    case = ranks.CASES[name]
+    if name == "two hex8":  # the rising flank at one level
+        case = replace(case, keys=case.keys | {"levels": [3.0], "frequencies": [6700.0, 6880.0], "points": 6})
     if COMM.rank == 0:
-        ranks.write_case(shared_path, ranks.CASES[name])
+        ranks.write_case(shared_path, case)
     COMM.barrier()
     found = ranks.difference(shared_path / "case.toml", COMM)
     assert found.frequencies < 1e-9
