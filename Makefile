@@ -107,4 +107,4 @@ $(VENV)/docs-tools: $(VENV)/python
 clean:
 	rm -rf $(VENV) build dist results docs/_build solver/*.egg-info meshes/*.msh .pytest_cache .mypy_cache .ruff_cache
 	find solver tests meshes jobs -name __pycache__ -prune -exec rm -rf {} +
-	rm -f solver/microslip/contact/_*.c solver/microslip/contact/_*.so
+	rm -f $(addprefix solver/microslip/,$(foreach room,contact receptance,$(room)/_*.c $(room)/_*.so))

@@ -17,12 +17,13 @@ from plain_model import bdf, cdb, ds_dat, exodus, inp, plain, unv
 from scene_files import GOOD
 from synthetic_results import branch, write
 
+from microslip.continuation.checkpoint import over
 from microslip.formats.matrices.file_matrix import DofMap
 from microslip.formats.via_meshio import load_meshio
 from microslip.mesh.data import ContactPairs
 from microslip.restart.points import of_point
 from microslip.restart.records import checksum_of, pack
-from microslip.restart.setup import numbers_of, over
+from microslip.restart.setup import numbers_of
 from microslip.results.fields import RunRecord, StageRecord, keep_fields
 
 ROOT = Path(__file__).parents[1]

@@ -18,6 +18,7 @@ from microslip.assembly.force_file import forces_on_dofs, forces_on_nodes
 from microslip.assembly.matrix_places import dofs_of_rows, names_nodes
 from microslip.assembly.pair_file import read_pairs
 from microslip.continuation.branch import Point
+from microslip.continuation.checkpoint import under
 from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
 from microslip.mesh.data import Mesh
@@ -33,7 +34,7 @@ from microslip.restart.columns import KeptColumns
 from microslip.restart.identity import Identity
 from microslip.restart.points import to_point
 from microslip.restart.records import Latest, as_written, length_of, read_record, read_records, unpack
-from microslip.restart.setup import family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of, under
+from microslip.restart.setup import family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of
 from microslip.results.fields import read_fields, read_run
 from microslip.results.read import read_results, refuse_deadly
 from microslip.scene.read import read_scene

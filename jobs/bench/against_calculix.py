@@ -182,10 +182,10 @@ def calculix(ccx: str, folder: Path, text: str, bodies: dict[str, Body]) -> Cont
     data = (folder / "fan.dat").read_text()
     number = r"\s+(-?\d\.\d+E[+-]\d+)"
     u = np.array(re.findall(r"^\s+\d+" + 3 * number + "$", data, re.MULTILINE), dtype=float)
-    sums = re.findall(r"about the origin \(mx,my,mz\)\n" + 6 * number, data)
-    if len(u) != sum(len(body.points) for body in bodies.values()) or len(sums) != 6:
+    found = re.findall(r"about the origin \(mx,my,mz\)\n" + 6 * number, data)
+    if len(u) != sum(len(body.points) for body in bodies.values()) or len(found) != 6:
         sys.exit(f"{folder}: ccx ended without the results that were asked for; fan.log there says why")
-    sums = np.array(sums, dtype=float).reshape(2, 3, 2, 3)  # flank; all, normal, friction; force, moment
+    sums = np.array(found, dtype=float).reshape(2, 3, 2, 3)  # flank; all, normal, friction; force, moment
     of_sums, pressure = (sums[:, 1, 0], sums[:, 2, 0], sums[:, 1, 1]), largest_pressure(folder / "fan.frd")
     return Contact(*of_sums, pressure, *rigid(bodies["blade"], u), seconds)
 

@@ -64,7 +64,7 @@ def scene_for(path: Path, model: FileModel, ignore: tuple[str, ...]):
             free[cells.nodes] = True
     for support in model.supports:
         if support.group is not None:
-            free[np.ix_(model.groups[support.group].nodes, ["xyz".index(axis) for axis in support.fix])] = False
+            free[np.ix_(model.groups[support.group].nodes, np.array(["xyz".index(axis) for axis in support.fix]))] = False
     if model.equations is not None:
         free[model.equations.nodes] = False
     for tie in model.ties:

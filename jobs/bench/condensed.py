@@ -37,11 +37,11 @@ class CondensedFullSet:
         U, forces, r = self._evaluate(guess.U, U_lin, G_n)
         for iteration in range(MOST_ITERATIONS + 1):
             if np.linalg.norm(r) <= self.tolerance * size:
-                return Correction(replace(guess, U=U), iteration, 0, np.linalg.norm(r) / size, None)
+                return Correction(replace(guess, U=U), iteration, 0, float(np.linalg.norm(r)) / size, None)
             if iteration < MOST_ITERATIONS:
                 step = solve_dense(jacobian(G_n, forces.P, forces.active), -r.ravel()).reshape(r.shape)
                 U, forces, r = self._descend(U, step, np.linalg.norm(r), U_lin, G_n)
-        return Correction(replace(guess, U=U), iteration, 0, np.linalg.norm(r) / size, f"{MOST_ITERATIONS} iterations")
+        return Correction(replace(guess, U=U), iteration, 0, float(np.linalg.norm(r)) / size, f"{MOST_ITERATIONS} iterations")
 
     def _descend(self, U, step, norm, U_lin, G_n):
         """Return the evaluation after a step, halved until the residual falls."""

@@ -7,6 +7,7 @@ harmonic 1 over the largest of its curve; points where nothing is to be correcte
 """
 
 import argparse
+from typing import Any
 
 from microslip.parallel.petsc import initialise
 
@@ -31,10 +32,11 @@ SEEN = 1e-6  # error over the peak
 SAMPLES, OF_REFERENCE = 128, 512
 
 
-def judged(system, level, H, reference):
+def judged(system: dict[str, Any], level: float, H: int, reference: int) -> list:
     """Return rows of a level's points: error before and after, bar before and after, over the peak; whether pairs open or all move."""
     model, law = reduced(system, HERE, H)
-    omegas = np.linspace(*system["omega"], 10)[1:-1].tolist()
+    low, high = system["omega"]
+    omegas = np.linspace(low, high, 10)[1:-1].tolist()
     estimator = ErrorEstimator(BetterModel(model, None, is_solved=True))
     points = at_frequencies(forced(model, law, SAMPLES, level), AllPairs(), omegas, tolerance=1e-9, estimator=estimator).points
     finer, _ = reduced(system, HERE, reference)
@@ -42,7 +44,9 @@ def judged(system, level, H, reference):
     workspace = Workspace(problem.equation)
     solver, rows = PointSolver(problem, AllPairs(), range_of(omegas), 1e-10, workspace), []
     peak = max((np.hypot(*point.response[0, 1:3]) for point in points), default=1.0)
-    for point in (point for point in points if point.error.any()):
+    for point in points:
+        if point.error is None or point.corrected is None or point.error_corrected is None or not point.error.any():
+            continue
         U = model.recorded.carry(point.U, finer.harmonics)
         true = amplitude(solver, Iterate(U, (point.omega,), finer.harmonics))
         if true is not None:
@@ -80,7 +84,7 @@ def main():
     parser.add_argument("--systems", type=int, default=30)
     parser.add_argument("--harmonics", type=int, nargs="+", default=[1, 3, 5])
     parser.add_argument("--reference", type=int, default=25)
-    asked, rows = parser.parse_args(), {}
+    asked, rows = parser.parse_args(), dict[int, list]()
     for system in (draw(1, number) for number in range(asked.systems)):
         for load in system["loads"]:
             load.setdefault("phase", 0.0)

@@ -12,6 +12,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import json
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -62,7 +63,8 @@ class Meter:
     """Wall and processor time of the points of a run, by group of functions."""
 
     def __init__(self, comm, watch: Stopwatch):
-        self.comm, self.watch, self.points = comm, watch, []
+        self.comm, self.watch = comm, watch
+        self.points: list[tuple] = []
         self.restart()
 
     def restart(self) -> None:
@@ -117,7 +119,7 @@ def of_joint(comm, n_pairs: int, share: float, H: int, points: int) -> dict:
     problem = joint_problem(model, share)
     with Stopwatch(GROUPS) as watch:
         meter = Meter(comm, watch)
-        branch = at_frequencies(problem, AllPairs(), frequencies(points + 1), tolerance=1e-8, on_point=meter.point)
+        branch = at_frequencies(problem, AllPairs(), frequencies(points + 1).tolist(), tolerance=1e-8, on_point=meter.point)
     found = meter.report(skip=1)
     return {"n_pairs": n_pairs, "share": share, "H": H, "unknowns": 3 * n_pairs * model.N_H, "failure": branch.failure, **found}
 
@@ -146,7 +148,8 @@ def of_scene(comm, scene: str, level: float, points: int) -> dict:
 
 def main() -> None:
     request, comm = json.loads(sys.argv[1]), MPI.COMM_WORLD
-    found = {"joint": of_joint, "scene": of_scene}[request.pop("kind")](comm, **request)
+    kinds: dict[str, Callable[..., dict]] = {"joint": of_joint, "scene": of_scene}
+    found = kinds[request.pop("kind")](comm, **request)
     if comm.rank == 0:
         print(json.dumps({"ranks": comm.size, **found}), flush=True)
 

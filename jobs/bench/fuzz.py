@@ -38,10 +38,9 @@ INSTRUMENTED = (
     "microslip.parallel",
     "microslip.scene",
     "microslip.results.read",
+    "microslip.results.reader",
     "microslip.results.fields",
     "microslip.restart",
-)
-INSTRUMENTED += (
     "microslip.mesh.nodes",
     "microslip.mesh.listed",
     "microslip.mesh.values",
@@ -170,7 +169,8 @@ def _fuzz(name: str, folder: Path, work: Path, asked: argparse.Namespace) -> Non
         if cause is not None:
             _keep(findings, cause, content)
 
-    limit = int(re.search(r"VmSize:\s+(\d+)", Path("/proc/self/status").read_text())[1]) * 1024 + asked.memory * 2**20
+    (held,) = re.findall(r"VmSize:\s+(\d+)", Path("/proc/self/status").read_text())
+    limit = int(held) * 1024 + asked.memory * 2**20
     options = [
         f"-max_total_time={int(asked.seconds)}",
         f"-timeout={HANG}",

@@ -61,13 +61,13 @@ class Clock:
 def timed_run(scene: Any, comm: MPI.Comm, folder: Path) -> dict[str, Clock]:
     """Return what a run takes: all of it, its set-up, keeping, going on with a kept set-up.  Collective."""
     clocks = {name: Clock() for name in ("run", "set-up", "keeping", "identity", "going on")}
-    patched = [(owner, name, "keeping") for owner, name in KEEPING]
+    patched: list[tuple[Any, str, str]] = [(owner, name, "keeping") for owner, name in KEEPING]
     patched += [(story, "set_up", "set-up"), (kept, "identity_of", "identity"), (kept, "restored", "going on")]
     before = [(owner, name, getattr(owner, name)) for owner, name, _ in patched]
     try:
         for owner, name, of in patched:
             setattr(owner, name, clocks[of].around(getattr(owner, name)))
-        clocks["run"].around(story.run)(scene, comm, folder, screen=False)
+        clocks["run"].around(story.run)(scene, comm, folder, story.RunOptions(screen=False))
     finally:
         for owner, name, function in before:
             setattr(owner, name, function)
@@ -94,7 +94,7 @@ def main() -> None:
             again = timed_run(scene, comm, folder)
             comm.barrier()
         if comm.rank == 0:
-            found = {name: str(first[name]) for name in ("run", "set-up", "keeping", "identity")}
+            found: dict[str, str | int] = {name: str(first[name]) for name in ("run", "set-up", "keeping", "identity")}
             found |= {"going on": str(again["going on"]), "ranks": comm.size, "scene": scene.name}
             found["keeping over run"] = f"{first['keeping'].wall / first['run'].wall:.2%}"
             whole = again["going on"].wall + again["identity"].wall

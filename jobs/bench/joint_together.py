@@ -10,6 +10,7 @@ factorisation, of 16 solves and of all columns R K_L^-1 R^T; of several ranks th
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -32,10 +33,10 @@ from microslip.modes.constraint import static_columns
 from microslip.observe.log import RunLog
 
 SCENE = Path(__file__).parents[1] / "fan_paper.toml"
-FEWEST = {"without": np.inf, "together": joint_springs._FEW}  # DOFs of a joint that is kept together
+FEWEST = {"without": sys.maxsize, "together": joint_springs._FEW}  # DOFs of a joint that is kept together
 
 
-def measure(system, pairs, fewest: float) -> tuple[float, float, np.ndarray, np.ndarray]:
+def measure(system, pairs, fewest: int) -> tuple[float, float, np.ndarray, np.ndarray]:
     """Return entries of K_L and of its factor, seconds of factor, solves and columns, and G_static.  Collective."""
     comm, R, found = system.comm, system.R, []
 

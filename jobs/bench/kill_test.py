@@ -124,7 +124,8 @@ class Test:
         out = self.folder / f"undisturbed_{ranks}"
         out.mkdir()
         writes = Writes(out)
-        run, told, n = Run(self.command(ranks, out), self.folder / "said"), [], 0
+        run, n = Run(self.command(ranks, out), self.folder / "said"), 0
+        told: list[float] = []
         while not run.is_over:
             n += writes.wait(0.02)
             told += [run.seconds] * (len(_POINT.findall(run.said())) - len(told))

@@ -46,7 +46,7 @@ def measure(path: Path) -> None:
     from microslip.mesh.partition import distribute
     from microslip.mesh.read import read_mesh
     from microslip.parallel.agree import on_root
-    from microslip.studies.check.report import needs
+    from microslip.studies.check.report import description
 
     comm = MPI.COMM_WORLD
     times = {"begin": (_since_start(), 0.0, 0.0)}
@@ -67,10 +67,10 @@ def measure(path: Path) -> None:
     mark("partition")
     check_elements(share, settings)
     mark("elements")
-    on_root(comm, needs, whole, file, mesh, pairs, notes)
+    on_root(comm, description, whole, file, mesh, pairs, notes)
     mark("report")
     every = comm.gather(times)
-    if comm.rank == 0:
+    if every is not None:
         found = {step: [*every[0][step][:2], sum(one[step][2] for one in every)] for step in STEPS}
         print("FOUND " + json.dumps({"steps": found, "nodes": len(mesh.points), "pairs": pairs.n_pairs}))
 

@@ -21,6 +21,7 @@ import sys
 import tempfile
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +34,7 @@ from microslip.continuation.branch import Branch
 from microslip.observe.observer import Observers
 from microslip.parallel.agree import on_root
 from microslip.parallel.memory import give_back, resident_memory
-from microslip.run import run
+from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
 
 LEAST = 10  # points that a level has at least
@@ -48,6 +49,8 @@ class Meter:
 
     With ``has_motion``, as on rank 0, points hold the motion of their pairs until their level is written, its peak for good.
     """
+
+    _patched: Any = Observers
 
     def __init__(self, points: int, has_motion: bool = True):
         self.points, self.has_motion = points, has_motion
@@ -64,11 +67,11 @@ class Meter:
             if event == "level_finished":
                 meter.let_go(news[1])
 
-        Observers.tell = tell
+        self._patched.tell = tell
         return self
 
     def __exit__(self, *_) -> None:
-        Observers.tell = self._tell
+        self._patched.tell = self._tell
 
     def take(self, point) -> None:
         """Note what is held after a point.  Local; the same number of points on every rank."""
@@ -114,7 +117,7 @@ def measured(comm: MPI.Comm, path: str, points: int, folder: Path) -> Meter:
     many = ", ".join(repr(level * (1.0 + 1e-9 * cycle)) for cycle in range(cycles) for level in levels)
     scene, meter = read_scene(path, (f"response.levels=[{many}]",)), Meter(points, comm.rank == 0)
     with contextlib.suppress(Enough), meter:
-        run(scene, comm, folder, screen=False)
+        run(scene, comm, folder, RunOptions(screen=False))
     return meter
 
 

@@ -37,11 +37,12 @@ from rubin import PlainRubin, build_rubin
 from stopwatch import Stopwatch
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.continuation.branch import Point
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies, going_on, secant
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.task import BranchTask
-from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
+from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
 
 
 class Laps:
@@ -149,9 +150,11 @@ def at_level(prepared: Prepared, rubin, level: float, dense_points: int, rubin_p
     follow = partial(follow_branch, task, 10 * prepared.scene.response.points)
     with contact_counter() as watch:
         row, curve = of_branch(ARC, follow, level, watch)
-        rows, points, omegas = [row], [], going_on(curve, prepared.sweep.direction)
+        rows, omegas = [row], going_on(curve, prepared.sweep.direction)
+        points: list[Point] = []
         energy = DissipatingPairs(energy_tolerance=solver.energy_tolerance)
-        for method, selection in {REFERENCE: AllPairs(), "adaptive": NonStickingPairs(), "adaptive-energy": energy}.items():
+        selections: dict[str, Selection] = {REFERENCE: AllPairs(), "adaptive": NonStickingPairs(), "adaptive-energy": energy}
+        for method, selection in selections.items():
             solve = partial(at_frequencies, problem, selection, omegas, tolerance=solver.tolerance)
             row, found = of_branch(method, solve, level, watch)
             rows.append(row)

@@ -39,7 +39,7 @@ COMM, H = MPI.COMM_SELF, 3
 def at_a_solution(n_pairs: int) -> Linearisation:
     """Return the linearisation of the joint where all of it slips."""
     problem = synthetic.joint_problem(synthetic.joint_model(COMM, n_pairs, H), 1.0)
-    (point,) = at_frequencies(problem, AllPairs(), synthetic.frequencies(1), tolerance=1e-8).points
+    (point,) = at_frequencies(problem, AllPairs(), synthetic.frequencies(1).tolist(), tolerance=1e-8).points
     equation, at = problem.equation, problem.at((synthetic.OMEGA,))
     forces = equation.contact_forces(point.U.reshape(equation.shape), equation.every_pair, tangents=True)
     return Linearisation.of(equation, at, forces)

@@ -173,7 +173,7 @@ def parts_of_work(work: dict[int, list[float]], shares: dict[int, list[float]]) 
     several = {ranks: taken for ranks, taken in work.items() if ranks > 1}
     for ranks, taken in (several if len(several) > 1 else work).items():
         share = shares.get(ranks, [1.0 / ranks] * ranks)
-        weight = (_TRUSTED if ranks <= 2 else 1.0) / max(np.mean(taken), 1e-9) / np.sqrt(ranks)
+        weight = (_TRUSTED if ranks <= 2 else 1.0) / max(float(np.mean(taken)), 1e-9) / np.sqrt(ranks)
         rows += [[weight * (rank == 0), weight, weight * share[rank]] for rank in range(ranks)]
         values += [weight * one for one in taken]
     (serial, replicated, parallel), _ = nnls(np.array(rows), np.array(values))

@@ -14,10 +14,10 @@ import json
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from microslip.library.prepare import prepare
 from microslip.library.settings import mesh_settings
 from microslip.linear import mumps
 from microslip.linear.analysis import count
-from microslip.mesh.data import DistributedMesh
+from microslip.mesh.data import DistributedMesh, LocalBlock
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
 from microslip.modes import eigen
@@ -160,7 +160,8 @@ class Imagined:
     rank = 0
 
     def __init__(self, size: int):
-        self.size, self.shares = size, ()
+        self.size = size
+        self.shares: Sequence[tuple[LocalBlock, ...]] = ()
 
     def bcast(self, value: Any) -> Any:
         return value
@@ -175,10 +176,11 @@ def of_shares(comm: MPI.Comm, scene: str, ranks: list[int]) -> dict:
     file, completed, _ = read_completed(read_scene(scene), comm)
     settings = mesh_settings(completed)
     mesh = read_mesh(settings, file)
-    n_all, found = sum(len(block.nodes) for block in mesh.elements), {}
+    n_all = sum(len(block.nodes) for block in mesh.elements)
+    found: dict[int, list[float]] = {}
     for size in ranks:
         many = Imagined(size)
-        parted = distribute(mesh, settings, many)
+        parted = distribute(mesh, settings, cast(MPI.Comm, many))
         assert isinstance(parted, DistributedMesh)
         found[size] = [sum(len(block.nodes) for block in share) / n_all for share in many.shares]
     return {"elements": found}
@@ -221,7 +223,8 @@ CALLS: dict[str, Callable[[MPI.Comm, np.ndarray, np.ndarray], None]] = {
 
 def main() -> None:
     request, comm = json.loads(sys.argv[1]), MPI.COMM_WORLD
-    found = {"scene": of_scene, "shares": of_shares, "machine": of_machine}[request.pop("kind")](comm, **request)
+    kinds: dict[str, Callable[..., dict]] = {"scene": of_scene, "shares": of_shares, "machine": of_machine}
+    found = kinds[request.pop("kind")](comm, **request)
     if comm.rank == 0:
         print(json.dumps({"ranks": comm.size, **found}), flush=True)
 

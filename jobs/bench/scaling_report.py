@@ -259,7 +259,8 @@ def of_weak(models: list[StageModel], size: dict, cluster: Network) -> list[str]
     one, half = size["runs"][0], size["half"]
     rows = []
     for model in models:
-        g = exponent(*(work(run, model.name).sum() for run in (half, one)), half["n_dof"], one["n_dof"])
+        small, large = (work(run, model.name).sum() for run in (half, one))
+        g = exponent(small, large, half["n_dof"], one["n_dof"])
         times = [weak_seconds(model, g, ranks, cluster) for ranks in WEAK]
         rows.append([name_of(model.name), f"{g:.2f}", seconds(model.seconds(1, cluster)), *map(seconds, times)])
     return table(["times as large on as many ranks, modelled", "work ~ DOF^", "1", *(f"{n:,}" for n in WEAK)], rows)

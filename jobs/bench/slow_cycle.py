@@ -15,7 +15,7 @@ from microslip.mesh.data import ContactPairs
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
-from microslip.statics.equilibrium import Flexibility, _Contact, _Loading, _State
+from microslip.statics.equilibrium import Contact, Flexibility, Loading, State
 
 STEPS = 10  # from none to the largest load, half as many as from one largest load to the other
 
@@ -26,10 +26,10 @@ class SlowCycle:
 
     linearised: Linearised
     pairs: ContactPairs
-    contact: _Contact
+    contact: Contact
     pressed: np.ndarray  # (n_pairs, 3) m, by the constant loads with all pairs stuck
     pushed: np.ndarray  # (n_pairs, 3) m/N
-    rest: _State
+    rest: State
 
     @classmethod
     def of(cls, scene, rest_steps: int = 4) -> SlowCycle:
@@ -42,15 +42,15 @@ class SlowCycle:
         linearised = linearise(system, pairs, str(scene.path))
         forces = np.column_stack([constant_forces(shares, mesh, settings, system), system.loads[:, [0]].toarray()])
         pressed, pushed = np.moveaxis((system.R @ linearised.factor.solve(forces)).reshape(-1, 3, 2), 2, 0)
-        contact, none = _Contact(comm, pairs, Flexibility(linearised)), np.zeros(pressed.shape)
-        rest, _ = contact.follow(_Loading(none, pressed, "the load"), _State(none, none), rest_steps)
+        contact, none = Contact(comm, pairs, Flexibility(linearised)), np.zeros(pressed.shape)
+        rest, _ = contact.follow(Loading(none, pressed, "the load"), State(none, none), rest_steps)
         return cls(linearised, pairs, contact, pressed, pushed, rest)
 
     def close(self) -> None:
         """Free the factor."""
         self.linearised.destroy()
 
-    def force(self, state: _State) -> np.ndarray:
+    def force(self, state: State) -> np.ndarray:
         """Return friction x and y and minus the normal force of the points, (n_pairs, 3) [N]."""
         force = state.p + self.pairs.law.stiffness * state.du
         force[:, 2] -= np.maximum(self.pairs.N0, 0.0)
@@ -72,12 +72,12 @@ class SlowCycle:
             now = self._march(now, start, -start, 2 * STEPS, (losses, moves))
         return ~moves, largest, losses
 
-    def _march(self, now: _State, start: float, end: float, n_steps: int, record) -> _State:
+    def _march(self, now: State, start: float, end: float, n_steps: int, record) -> State:
         """Return the state after the load has gone from one value to another; losses and moves are added to ``record``."""
         values = np.linspace(start, end, n_steps + 1)
         for before, after in zip(values[:-1], values[1:]):
             held = self.pressed + before * self.pushed
-            then, _ = self.contact.follow(_Loading(held, (after - before) * self.pushed, "the load"), now, 1)
+            then, _ = self.contact.follow(Loading(held, (after - before) * self.pushed, "the load"), now, 1)
             if record is not None:
                 T = 0.5 * (self.force(now) + self.force(then))[:, :2]
                 slip = self._slider(then) - self._slider(now)
@@ -86,6 +86,6 @@ class SlowCycle:
             now = then
         return now
 
-    def _slider(self, state: _State) -> np.ndarray:
+    def _slider(self, state: State) -> np.ndarray:
         """Return where the sliders stand, (n_pairs, 2) [m]."""
         return -state.p[:, :2] / self.pairs.law.stiffness[:, :2]

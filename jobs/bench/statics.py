@@ -13,7 +13,9 @@ import argparse
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import ParamSpec, TypeVar
 
+import numpy as np
 from machine import facts, lines
 from mpi4py import MPI
 
@@ -25,13 +27,15 @@ import microslip
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import constant_forces, stiffness_at_rest
 from microslip.library.settings import mesh_settings
-from microslip.linear.joint_springs import linearise
+from microslip.linear.joint_springs import Linearised, linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
 from microslip.parallel.agree import on_root
-from microslip.statics import equilibrium as module
+from microslip.statics.equilibrium import Flexibility, equilibrium
 
+P = ParamSpec("P")
+T = TypeVar("T")
 SCENE = Path(__file__).parents[1] / "fan_paper_speed.toml"
 
 
@@ -41,7 +45,7 @@ class Parts:
     def __init__(self, comm: MPI.Comm):
         self.comm, self.seconds = comm, dict[str, tuple[float, float]]()
 
-    def timed(self, name: str, function: Callable, *args, **kwargs):
+    def timed(self, name: str, function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
         """Return what ``function`` returns.  Collective: ranks start together."""
         self.comm.Barrier()
         wall, processor = time.perf_counter(), time.process_time()
@@ -53,6 +57,17 @@ class Parts:
             self.seconds[name] = before[0] + now[0], before[1] + now[1]
 
 
+class Timed(Flexibility):
+    """The flexibility of the joint, with the time that its columns take."""
+
+    def __init__(self, linearised: Linearised, parts: Parts):
+        super().__init__(linearised)
+        self.parts = parts
+
+    def require(self, pairs: np.ndarray) -> None:
+        self.parts.timed("columns", super().require, pairs)
+
+
 def measure(path: Path, comm: MPI.Comm) -> tuple[Parts, str]:
     """Return the times, and what was solved in words.  Collective."""
     parts, settings = Parts(comm), mesh_settings(microslip.read(path))
@@ -62,10 +77,7 @@ def measure(path: Path, comm: MPI.Comm) -> tuple[Parts, str]:
     system = parts.timed("assembly", assemble, shares, mesh, pairs, settings)
     forces = parts.timed("assembly", constant_forces, shares, mesh, settings, system)
     linearised = parts.timed("factor", linearise, system, pairs)
-    require = module.Flexibility.require
-    module.Flexibility.require = lambda *args: parts.timed("columns", require, *args)
-    rest = parts.timed("rest", module.equilibrium, linearised, pairs, forces, settings.statics.steps)
-    module.Flexibility.require = require
+    rest = parts.timed("rest", equilibrium, Timed(linearised, parts), pairs, forces, settings.statics.steps)
     linearised.destroy()
     K = parts.timed("stress", stiffness_at_rest, shares, settings, system, rest.u_owned)
     K.destroy()

@@ -78,6 +78,7 @@ def main() -> None:
     mesh = read_mesh(settings)
     pairs = pair_contacts(mesh, settings.joints)
     system = assemble(distribute(mesh, settings, comm), mesh, pairs, settings)
+    assert system.dof is not None, "it has a mesh"
     groups = [name for joint in settings.joints for name in joint.surfaces]
     stuck = {
         name: linearise(replace(system, R=pair_map(own, system.dof, system.n_dof)), own)

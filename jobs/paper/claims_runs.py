@@ -52,7 +52,8 @@ class Setting:
         """Return the part of it that a method feels."""
         if method == REFERENCE:
             return Setting(self.points, self.rule, self.down, self.start, self.harmonics)
-        return replace(self, again=False, **({"slack": 0.0, "settled": False} if method == IMPROVED else {}))
+        alone = replace(self, again=False)
+        return replace(alone, slack=0.0, settled=False) if method == IMPROVED else alone
 
 
 def settings(usual: int) -> list[Setting]:
@@ -168,9 +169,9 @@ def run_of(method: str, setting: Setting, prepared: Prepared, level: float):
     if method == IMPROVED:
         return problem, DissipatingPairs(energy_tolerance=EPSILON)
     if setting.slack:
-        law, equation = prepared.structure.pairs.law, problem.equation
+        pairs, equation = prepared.structure.pairs, problem.equation
         heard = Overheard(equation.model, equation.law, equation.n_samples)
-        return problem.with_equation(heard), LargerThan(size=heard.size, limit=setting.slack * law.mu * law.N0)
+        return problem.with_equation(heard), LargerThan(size=heard.size, limit=setting.slack * pairs.mu * pairs.N0)
     return problem, Settled() if setting.settled else NonStickingPairs()
 
 
@@ -182,7 +183,8 @@ class Trials:
 
     def __init__(self, prepared: Prepared, level: float):
         self.prepared, self.level, self.tolerance = prepared, level, prepared.scene.solver.tolerance
-        self._branches, self._curves = {}, {}
+        self._branches: dict = {}
+        self._curves: dict = {}
 
     def trial(self, setting: Setting) -> Trial:
         """Run both methods under a setting, and the reference at the same frequencies."""

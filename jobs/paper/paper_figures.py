@@ -58,16 +58,16 @@ def draw_all(study: Study, folder: Path) -> dict[str, str]:
         "9": (draw_rom_size, "adaptive"),
         "14": (draw_energy_map, "reference"),
     }
-    files = {}
+    files: dict[str, bytes | Page] = {}
     with matplotlib.rc_context(RC):
         for name, (draw, of) in shared.items():
             drawn = _by_the_program(draw, as_results(study, of))
             if drawn:
                 files[name] = drawn
         for name, draw_own in own.items():
-            page = draw_own(study)
-            if page is not None:
-                files[name] = page
+            own_page = draw_own(study)
+            if own_page is not None:
+                files[name] = own_page
         return {name: _save(page, folder, name) for name, page in sorted(files.items(), key=lambda item: _order(item[0]))}
 
 
@@ -75,7 +75,7 @@ def _order(name: str) -> int:
     return int(name) if name.isdigit() else 99
 
 
-def _save(page, folder: Path, name: str) -> str:
+def _save(page: bytes | Page, folder: Path, name: str) -> str:
     """Write a page, or the bytes of a picture, and return the file's name."""
     file = f"paper_fig{int(name):02d}.png" if name.isdigit() else f"paper_{name}.png"
     if isinstance(page, bytes):
@@ -123,6 +123,7 @@ def modes(study: Study) -> Page | None:
     if structure.mesh is None:
         return None
     shapes = node_fields(structure.linearised.system, structure.modes.phi_owned[:, :_SHAPES])
+    assert shapes is not None, "this is rank 0"
     n = shapes.shape[2]
     says = "modes with every pair stuck, colour: size of the motion; and the linear response"
     page = Page(study.prepared.scene, says, WIDTH, 3.3)

@@ -429,7 +429,8 @@ def agreement(levels: list[Level]) -> str:
 
 def counts(level: Level) -> tuple[int, int, int]:
     state = level.reference.points[level.reference.peak].state
-    return tuple(int(np.count_nonzero(state == kind)) for kind in range(3))
+    stick, slip, opened = (int(np.count_nonzero(state == kind)) for kind in range(3))
+    return stick, slip, opened
 
 
 def state_text(level: Level) -> str:

@@ -189,7 +189,8 @@ class Clock:
     """Wall time of each part, said as it passes."""
 
     def __init__(self, say: Callable[[str], None]):
-        self.say, self.start, self.seconds = say, time.perf_counter(), {}
+        self.say, self.start = say, time.perf_counter()
+        self.seconds: dict[str, float] = {}
 
     def lap(self, name: str) -> None:
         now = time.perf_counter()
@@ -256,10 +257,10 @@ def moves(problem, U: np.ndarray) -> np.ndarray:
 
 def idle(study: Study, level: Level) -> Idle:
     """Return the pairs that the energy test drops at the peak of a level though they carry something."""
-    top, law = level.reference.points[level.reference.peak], study.prepared.structure.pairs.law
+    top, pairs = level.reference.points[level.reference.peak], study.prepared.structure.pairs
     moving = top.p.any(axis=(1, 2))
     found = moving & (top.energy <= EPSILON) & (top.state == STICK)
-    limit = np.maximum(law.mu * law.N0, 1e-300)
+    limit = np.maximum(pairs.mu * pairs.N0, 1e-300)
     traction = np.linalg.norm(top.p[:, :2, 0], axis=1) / limit
     return Idle(int(moving.sum()), int(found.sum()), float(traction[found].max(initial=0.0)))
 

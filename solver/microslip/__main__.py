@@ -14,7 +14,7 @@ if __name__ == "__main__" or os.path.basename(sys.argv[0]) == "microslip":
 
 from contextlib import suppress
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from .parallel.agree import on_root
 from .parallel.ending import conclude, leave, no_exit, require
@@ -26,6 +26,11 @@ from .parallel.start import launcher_rank
 from .parallel.walltime import time_limit
 from .parallel.watchdog import show_stacks, watch, wrong_limit
 from .program.command_line import Command, parse
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from .scene.schema import Scene
 
 # before anything imports NumPy or Matplotlib
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # ranks, not threads, share the processors
@@ -51,7 +56,7 @@ def main(arguments: list[str]) -> int:
     return conclude(comm, action)
 
 
-def _world():
+def _world() -> MPI.Comm | None:
     """Return the communicator of all ranks, or None where mpi4py is missing."""
     try:
         from mpi4py import MPI
@@ -60,7 +65,7 @@ def _world():
     return MPI.COMM_WORLD
 
 
-def _perform(command: Command, comm) -> int:
+def _perform(command: Command, comm: MPI.Comm | None) -> int:
     """Do what the command line asks for and return the exit status.  Collective on ``comm``."""
     if command.name == "doctor":
         return _doctor()
@@ -83,7 +88,7 @@ def _doctor() -> int:
     return 0 if is_well else 2
 
 
-def _show(command: Command, comm) -> int:
+def _show(command: Command, comm: MPI.Comm | None) -> int:
     """Draw, report or convert a result file, on rank 0.  Collective on ``comm``."""
     from .program.doctor import faults
 
@@ -123,7 +128,7 @@ def _shown(command: Command, out: Path) -> list:
     return draw_all(command.file, str(out))
 
 
-def _diff(command: Command, comm) -> int:
+def _diff(command: Command, comm: MPI.Comm | None) -> int:
     """Compare two result files on rank 0, and return 1 if they differ.  Collective on ``comm``."""
     from .program.doctor import faults
 
@@ -150,11 +155,12 @@ def _is_model(file: str) -> bool:
     return Path(file).suffix.lower() in READERS
 
 
-def _look(command: Command, comm) -> int:
+def _look(command: Command, comm: MPI.Comm | None) -> int:
     """Check a model file, or write a first scene for it.  Collective on ``comm``."""
     from .program.doctor import faults
 
     require(comm, faults("pydantic", "mpi4py", "matplotlib"))
+    assert comm is not None, "mpi4py is there"
     if command.settings:
         raise CaseError(f"--set {command.settings[0]}: {command.file} is a model file; keys belong to a scene")
     if command.name == "check":
@@ -168,11 +174,12 @@ def _look(command: Command, comm) -> int:
     return 0
 
 
-def _solve(command: Command, comm) -> int:
+def _solve(command: Command, comm: MPI.Comm | None) -> int:
     """Run, compare, verify, trade, export or check a scene.  Collective on ``comm``."""
     from .program.doctor import faults
 
     require(comm, wrong_limit() or faults("pydantic", "mpi4py"))
+    assert comm is not None, "mpi4py is there"
     from .parallel.groups import refuse_too_many
     from .scene.read import read_scene
 
@@ -202,21 +209,22 @@ def _solve(command: Command, comm) -> int:
     return status
 
 
-def _run(scenes: list, command: Command, comm) -> tuple[Path, int]:
+def _run(scenes: list[Scene], command: Command, comm: MPI.Comm) -> tuple[Path, int]:
     """Run one scene or several; return where the results are, and the exit status.  Collective on ``comm``."""
     from . import run
     from .studies.batch import run_scenes
 
     limit = on_root(comm, time_limit, command.walltime)
+    asked = run.RunOptions(command.petsc, command.groups, fresh=command.fresh, limit=limit)
     if len(scenes) > 1:
         out = Path("results") if command.out is None else command.out
-        return out, run_scenes(scenes, comm, out, command.petsc, command.groups, command.fresh, limit)
+        return out, run_scenes(scenes, comm, out, asked)
     out = Path("results", scenes[0].name) if command.out is None else command.out
-    run.run(scenes[0], comm, out, command.petsc, n_groups=command.groups, fresh=command.fresh, limit=limit)
+    run.run(scenes[0], comm, out, asked)
     return out, 0
 
 
-def _study(command: Command, scene, comm, out: Path) -> None:
+def _study(command: Command, scene: Scene, comm: MPI.Comm, out: Path) -> None:
     """Compare, verify, trade or export a scene, into the folder ``out``.  Collective on ``comm``."""
     from .studies.compare import story as compare
     from .studies.export import story as export

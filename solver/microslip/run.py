@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 from .continuation.branch import Branch
 from .continuation.keeper import Keepers
 from .library.build import build
-from .library.files import write_shapes, writer_of
+from .library.files import extent_of, write_shapes, writer_of
 from .library.follow import follow, in_turn, known_columns
 from .library.origin import origin_of
 from .library.prepare import Prepared, prepare
@@ -38,59 +39,55 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
+@dataclass(frozen=True)
+class RunOptions:
+    """How a scene is run, beside what it says."""
+
+    petsc: tuple[str, ...] = ()  # options of PETSc
+    n_groups: int = 1  # of ranks, for the levels
+    screen: bool = True  # or files alone
+    fresh: bool = False  # anew, with the results that are there kept in a folder of their own
+    limit: TimeLimit | None = None  # at which it stops, with what it has
+
+
 def run(
     scene: Scene,
     comm: MPI.Comm,
     folder: Path,
-    options: tuple[str, ...] = (),
-    n_groups: int = 1,
-    screen: bool = True,
-    fresh: bool = False,
-    limit: TimeLimit | None = None,
+    asked: RunOptions = RunOptions(),  # noqa: B008  frozen
 ) -> None:
     """Solve one scene, from mesh or matrices to response and pictures; go on where an earlier run in the folder was left.
 
-    Collective on ``comm``, whose ranks part into ``n_groups`` for the levels.  Without ``screen`` only files are written.
-    ``fresh`` starts anew and keeps the results that are there, in a folder of their own.
+    Collective on ``comm``.
 
     Raises
     ------
     CaseError, ResourceError : on every rank, before anything is solved or as soon as it is known
     ConvergenceError : a level ended early, after everything that converged was written and drawn; on every rank
-    Interrupted : a signal or the time ``limit`` stopped the run, after everything that converged was written
+    Interrupted : a signal or the time limit stopped the run, after everything that converged was written
     """
     with locked(comm, folder) as left:
-        restart = Restart.open(comm, folder, scene, options, fresh, cache_of(folder))
-        restart.notes = (*left, *restart.notes)
+        restart = Restart.open(comm, folder, scene, asked.petsc, asked.fresh, cache_of(folder), notes=left)
         if restart.done is not None:
-            draw_again(restart, comm, folder, screen)
+            draw_again(restart, comm, folder, asked.screen)
             failures = restart.done
         else:
-            failures = compute(restart, comm, folder, options, n_groups, screen, fresh, limit)
+            failures = compute(restart, comm, folder, asked)
     if failures:
         raise ConvergenceError("\n".join(failures) + f"\nwhat converged is in {folder}")
 
 
-def compute(
-    restart: Restart,
-    comm: MPI.Comm,
-    folder: Path,
-    options: tuple[str, ...],
-    n_groups: int,
-    screen: bool,
-    fresh: bool,
-    limit: TimeLimit | None,
-) -> list[str]:
+def compute(restart: Restart, comm: MPI.Comm, folder: Path, asked: RunOptions) -> list[str]:
     """Compute what is left of a run, write and draw all of it, and return why levels ended early, if some did.  Collective."""
     scene, place = restart.scene, on_root(comm, place_of, folder)
-    facts = {"scene": scene.source, "method": scene.solver.method, "PETSc options": " ".join(options) or "none", **versions()}
-    origin = origin_of(scene, comm, n_groups)
-    with goes_on(place), RunLog(comm, str(place / "run.log"), screen=screen, facts=facts) as log, Drawers(comm) as drawers:
+    facts = {"scene": scene.source, "method": scene.solver.method, "PETSc options": " ".join(asked.petsc) or "none", **versions()}
+    origin = origin_of(scene, comm, asked.n_groups)
+    with goes_on(place), RunLog(comm, str(place / "run.log"), screen=asked.screen, facts=facts) as log, Drawers(comm) as drawers:
         for note in restart.notes:
             log.note(note)
         prepared = restart.prepared(log, partial(set_up, scene, comm, log))
         with log.stage("response"):
-            branches = follow_logged(prepared, place, options, origin, log, restart.keepers_of(prepared, log), limit)
+            branches = follow_logged(prepared, place, asked, origin, log, restart.keepers_of(prepared, log))
         drawers.begin(place / RESULTS, place)
         restart.share_columns(log)
         with log.stage("fields for ParaView"):
@@ -99,9 +96,9 @@ def compute(
             draw(comm, place, drawers)
         prepared.close()
         log.note(f"results in {folder}")
-    on_root(comm, settle, folder, place, fresh)
+    on_root(comm, settle, folder, place, asked.fresh)
     ended_early = [branch for branch in branches if branch.failure]
-    failures = [f"level {one.level:g} N ends after {len(one.points)} points: {one.failure}" for one in ended_early]
+    failures = [f"level {branch.why_ended}" for branch in ended_early]
     restart.finish(folder, failures)
     return failures
 
@@ -140,20 +137,14 @@ def record_of(log: RunLog) -> RunRecord:
 
 
 def follow_logged(
-    prepared: Prepared,
-    folder: Path,
-    options: tuple[str, ...],
-    origin: Origin,
-    log: RunLog,
-    keepers: Keepers,
-    limit: TimeLimit | None = None,
+    prepared: Prepared, folder: Path, asked: RunOptions, origin: Origin, log: RunLog, keepers: Keepers
 ) -> list[Branch]:
     """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
     n_groups = origin.n_groups
-    writer = writer_of(prepared, folder, options, origin)
-    levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, limit)
+    writer = writer_of(prepared, folder, asked.petsc, origin)
+    levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, asked.limit)
     try:
         with stops.kept():
             branches = follow(response, [levels, writer, stops], n_groups, log, keepers, keeps_motion=False)
@@ -163,5 +154,7 @@ def follow_logged(
         writer.close()
     log.note(audit_text(branches, units.works))
     known = known_columns(response) if in_turn(response, n_groups) else None
-    log.note("\n  ".join(["not computed, and why, or what it would change:", *not_computed(prepared, branches, known)]))
+    log.note(
+        "\n  ".join(["not computed, and why, or what it would change:", *not_computed(extent_of(prepared), branches, known)])
+    )
     return branches

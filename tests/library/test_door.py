@@ -1,6 +1,7 @@
 """The scene stops at the door: no room of the numerics imports it, takes it, or leaves a parameter of that kind untyped."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -9,9 +10,21 @@ import microslip
 
 ROOT = Path(microslip.__file__).parent
 BEYOND = (
-    "assembly contact continuation elements error_estimate fourier harmonic linear mesh modes parallel receptance reduction transient"
+    "assembly contact continuation elements error_estimate fourier harmonic linear mesh modes parallel receptance reduction statics transient"
 ).split()
-TYPED = {"comm", "linearised", "modes", "pairs", "system", "stuck", "settings"}
+TYPED = {"comm", "linearised", "modes", "pairs", "system", "stuck", "settings", "equation", "model", "law"}
+
+
+ASKS = re.compile(r"\.is_constant|\.is_static|harmonics (==|>) 0|highest (==|>) 0")  # is this static?
+MOST_ASK = 16  # files, beside those where it is answered
+ANSWER = {"fourier/harmonics.py", "continuation/problems.py", "results/measures.py"}
+
+
+def test_few_places_ask_whether_all_is_static():
+    files = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in ROOT.rglob("*.py")}
+    asking = sorted(name for name, text in files.items() if ASKS.search(text) and name not in ANSWER)
+    assert len(asking) <= MOST_ASK, asking
+    assert not any("highest" in found[0] for name in asking for found in ASKS.finditer(files[name])), "Harmonics says is_constant"
 
 
 @pytest.mark.parametrize("room", BEYOND)

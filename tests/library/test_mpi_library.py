@@ -17,7 +17,7 @@ from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
 from microslip.results.fields import read_fields, read_run
 from microslip.results.read import read_results
-from microslip.run import run
+from microslip.run import RunOptions, run
 from microslip.scene.read import changed
 
 COMM = MPI.COMM_WORLD
@@ -62,7 +62,7 @@ def assert_equal(found, wanted, tolerance=0.0):
 
 
 def test_a_response_is_that_of_a_run(comm, folder, scene, structure, response):
-    run(scene, comm, folder / "run", screen=False)
+    run(scene, comm, folder / "run", RunOptions(screen=False))
     response.save(folder / "saved")
     run_by_program, saved = (read_results(str(folder / name / "results.h5")) for name in ("run", "saved"))
     for results in (response.results, saved):

@@ -59,6 +59,15 @@ def response(tmp_path_factory):
         yield microslip.respond(structure, levels=[1e-3, 30.0], points=14, harmonics=2)
 
 
+def test_peaks_of_statics_are_its_means(tmp_path):
+    path = write_bar(tmp_path, modes=6, harmonics=0)
+    path.write_text(path.read_text().replace("[[outputs]]", "harmonic = 0\n[[outputs]]"))
+    with microslip.build(microslip.read(path)) as structure:
+        curves = microslip.respond(structure, levels=[1.0, 2.0])["corner"]
+    assert np.all(curves.mean[:, 0] != 0.0) and not curves.amplitude.any()
+    assert np.array_equal(curves.peaks[1], curves.mean[:, 0])
+
+
 def test_arrays_have_named_axes_units_and_room_for_the_longest_curve(response):
     n = [len(level.frequency) for level in response.results.levels]
     assert n[0] != n[1]  # the first one is linear

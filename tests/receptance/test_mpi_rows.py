@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from microslip.parallel.ownership import rows_of
 from microslip.receptance import static_columns
 from microslip.receptance.rows import Rows
 from microslip.receptance.static_columns import StaticColumns
@@ -24,11 +25,11 @@ def test_products_are_those_of_the_dense_matrix(m, n, N, precision):
 def test_some_rows_in_any_order_and_from_several_arrays_are_not_copied():
     rng, pairs = np.random.default_rng(1), np.array([3, 0, 4])
     G, n_solved = rng.standard_normal((15, 15)), []
-    columns = StaticColumns(5, 5, lambda of: n_solved.append(len(of)) or G[:, static_columns.rows_of(of)])
+    columns = StaticColumns(5, 5, lambda of: n_solved.append(len(of)) or G[:, rows_of(of)])
     columns.require(np.array([4, 1]))
     found = columns.chosen(pairs)
     assert n_solved == [2, 2] and columns.chosen(pairs.copy()) is found
-    x, rows = rng.standard_normal((15, 3)), static_columns.rows_of(pairs)
+    x, rows = rng.standard_normal((15, 3)), rows_of(pairs)
     assert found.combined(x[:9]) == pytest.approx(x[:9].T @ G[:, rows].T, abs=1e-13)
     assert found.times(x) == pytest.approx(G[:, rows].T @ x, abs=1e-13)
     assert found.largest == np.abs(G[:, rows]).max()
@@ -43,8 +44,8 @@ def test_some_rows_in_any_order_and_from_several_arrays_are_not_copied():
 def test_many_columns_are_solved_for_in_parts(monkeypatch):
     monkeypatch.setattr(static_columns, "_PART_BYTES", 72 * 60 * 25)
     G, solved, heard = np.random.default_rng(2).standard_normal((180, 180)), [], []
-    columns = StaticColumns(60, 60, lambda of: solved.append(len(of)) or G[:, static_columns.rows_of(of)])
-    columns.on_new = lambda pairs: heard.append((pairs.copy(), columns.known[pairs].all()))
+    columns = StaticColumns(60, 60, lambda of: solved.append(len(of)) or G[:, rows_of(of)])
+    columns.tell(lambda pairs: heard.append((pairs.copy(), columns.known[pairs].all())))
     columns.require(np.arange(60))
     assert solved == [25, 25, 10] and columns.batches == 1
     assert np.array_equal(np.concatenate([pairs for pairs, _ in heard]), np.arange(60)) and all(known for _, known in heard)
@@ -54,7 +55,7 @@ def test_many_columns_are_solved_for_in_parts(monkeypatch):
 def test_as_many_are_solved_for_together_as_one_says():
     solved = []
     columns = StaticColumns(12, 12, lambda of: solved.append(len(of)) or np.zeros((36, 3 * len(of))), 5)
-    columns.likely = np.arange(12)
+    columns.expect(np.arange(12))
     columns.require(np.array([7, 3]))
     assert solved == [5] and np.array_equal(np.flatnonzero(columns.known), [0, 1, 2, 3, 7])
 
@@ -64,7 +65,7 @@ def test_later_as_many_as_are_known_are_solved_for_together(monkeypatch):
     monkeypatch.setattr(static_columns, "_PART_BYTES", 72 * 60 * 20)
     solved = []
     columns = StaticColumns(60, 60, lambda of: solved.append(len(of)) or np.zeros((180, 3 * len(of))), 2)
-    columns.likely = np.arange(60)
+    columns.expect(np.arange(60))
     for pair in range(60):
         columns.require(np.array([pair]))
     assert solved == [2, 2, 4, 8, 16, 20, 8] and columns.batches == 7

@@ -16,7 +16,7 @@ from microslip.restart import cache, restore
 from microslip.restart.folder import Restart
 from microslip.restart.identity import identity_of
 from microslip.results.read import read_results
-from microslip.run import run, set_up
+from microslip.run import RunOptions, run, set_up
 from microslip.scene.read import read_scene, scene_of
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -131,6 +131,26 @@ def test_another_run_of_the_structure_is_prepared_without_a_factor(divisions, na
     assert why(notes) == why(notes_of_other)
     if name in ("accuracy", "modes"):
         assert len(one.outline.omega_n) != first[0]
+
+
+@pytest.mark.ranks(1, 2)
+def test_rough_surfaces_share_what_their_friction_does_not_change(shared_path, built):
+    def rough(friction):
+        def write():
+            path = write_bar(shared_path, divisions=SMALL, modes=6)
+            springs = "tangential_stiffness = 1.0e12\nnormal_stiffness = 2.0e12\n"
+            text = path.read_text().replace(springs, 'law = "rough"\nroughness_height = 1.0e-6\nsliders = 4\n')
+            path.write_text(text.replace("friction = 0.05", f"friction = {friction}"))
+            return path
+
+        return read_scene(on_root(COMM, write), ("response.span=[0.98, 1.02]", "solver.harmonics=1", "solver.samples=32"))
+
+    prepared_by(rough(0.05), shared_path / "first", shared_path / "cache")
+    one, _ = prepared_by(rough(0.04), shared_path / "second", shared_path / "cache")
+    assert built == {"first": 1, "again": 0}
+    other, _ = prepared_by(rough(0.04), shared_path / "alone", None)
+    assert built == {"first": 2, "again": 0} and np.all(one.pairs.mu == 0.04)
+    assert_same_set_up(one, other)
 
 
 def assert_same_set_up(one, other):
@@ -295,7 +315,7 @@ def test_what_is_damaged_is_made_again(name, times, shared_path, built):
 def run_with(shared, scene, folder):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(cache.VARIABLE, str(shared))
-        run(scene, COMM, folder, screen=False)
+        run(scene, COMM, folder, RunOptions(screen=False))
 
 
 def test_without_fields_a_second_run_builds_nothing(shared_path, built):

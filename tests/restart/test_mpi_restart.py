@@ -18,7 +18,7 @@ from microslip.restart.branch import KeptBranch
 from microslip.restart.folder import NAME, Restart
 from microslip.restart.records import pack
 from microslip.results.read import read_results
-from microslip.run import run, set_up
+from microslip.run import RunOptions, run, set_up
 from microslip.scene.read import read_scene
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -281,14 +281,14 @@ def test_that_modes_end_within_a_wider_range_is_said(shared_path):
 def test_earlier_results_stay_until_the_new_ones_are_complete(shared_path, monkeypatch):
     scene, other = scene_at(shared_path), scene_at(shared_path, "response.points=14")
     folder = shared_path / "out"
-    run(scene, COMM, folder, screen=False)
+    run(scene, COMM, folder, RunOptions(screen=False))
     before = on_root(COMM, (folder / "results.h5").read_bytes)
     with monkeypatch.context() as patched:
         patched.setattr("microslip.run.draw", lambda *_: (_ for _ in ()).throw(Interrupted("stopped by a test")))
         with pytest.raises(Interrupted):
-            run(other, COMM, folder, screen=False)
+            run(other, COMM, folder, RunOptions(screen=False))
     assert on_root(COMM, (folder / "results.h5").read_bytes) == before
-    run(other, COMM, folder, screen=False)
+    run(other, COMM, folder, RunOptions(screen=False))
     COMM.barrier()
     assert "points = 14" in read_results(str(folder / "results.h5")).scene_text
     assert not (folder / "unfinished").exists()
@@ -296,11 +296,11 @@ def test_earlier_results_stay_until_the_new_ones_are_complete(shared_path, monke
 
 def test_a_finished_run_is_not_computed_again_but_with_fresh(shared_path, built):
     scene, folder = scene_at(shared_path), shared_path / "out"
-    run(scene, COMM, folder, screen=False)
+    run(scene, COMM, folder, RunOptions(screen=False))
     once = on_root(COMM, (folder / "results.h5").read_bytes)
-    run(scene, COMM, folder, screen=False)
+    run(scene, COMM, folder, RunOptions(screen=False))
     assert built == {"first": 1, "again": 0} and on_root(COMM, (folder / "results.h5").read_bytes) == once
-    run(scene, COMM, folder, screen=False, fresh=True)
+    run(scene, COMM, folder, RunOptions(screen=False, fresh=True))
     assert built == {"first": 2, "again": 0}
     assert on_root(COMM, (folder / "earlier-1" / "results.h5").read_bytes) == once
     assert on_root(COMM, (folder / "results.h5").is_file)
@@ -309,10 +309,10 @@ def test_a_finished_run_is_not_computed_again_but_with_fresh(shared_path, built)
 def test_a_table_that_was_taken_away_is_written_again(shared_path, built):
     scene, folder = scene_at(shared_path), shared_path / "out"
     table = folder / "frf.csv"
-    run(scene, COMM, folder, screen=False)
+    run(scene, COMM, folder, RunOptions(screen=False))
     once = on_root(COMM, table.read_bytes)
     on_root(COMM, table.unlink)
-    run(scene, COMM, folder, screen=False)
+    run(scene, COMM, folder, RunOptions(screen=False))
     assert built["first"] == 1 and on_root(COMM, table.read_bytes) == once
 
 
@@ -320,7 +320,7 @@ def test_fresh_leaves_what_others_have_in_its_folder(shared_path, built):
     mine = shared_path / "out" / "restart" / "level-of-water"
     on_root(COMM, lambda: mine.mkdir(parents=True))
     for fresh in (False, True):
-        run(scene_at(shared_path), COMM, shared_path / "out", screen=False, fresh=fresh)
+        run(scene_at(shared_path), COMM, shared_path / "out", RunOptions(screen=False, fresh=fresh))
     assert built == {"first": 2, "again": 0} and on_root(COMM, mine.is_dir)
 
 
@@ -329,7 +329,7 @@ def test_a_level_that_ends_early_is_said_again_and_not_followed_again(shared_pat
     scene, folder, said = scene_at(shared_path), shared_path / "out", []
     for _ in range(2):
         with pytest.raises(ConvergenceError) as problem:
-            run(scene, COMM, folder, screen=False)
+            run(scene, COMM, folder, RunOptions(screen=False))
         said.append(str(problem.value))
     assert said[0] == said[1] and said[0].count("ends after 5 points") == 2
     assert built == {"first": 1, "again": 0}

@@ -9,7 +9,7 @@ from mpi4py import MPI
 from verification.fold import FOLDS, followed, mass
 
 from microslip.results.read import read_results
-from microslip.run import run
+from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -70,7 +70,7 @@ def test_a_branch_that_reaches_its_end_is_one_segment(shared_path):
 @pytest.mark.ranks(1, 2, 3)
 def test_a_user_sees_both_segments(shared_path):
     folder = shared_path / "out"
-    run(read_scene(scene_between_the_folds(shared_path, error_bars=True)), COMM, folder, screen=False)
+    run(read_scene(scene_between_the_folds(shared_path, error_bars=True)), COMM, folder, RunOptions(screen=False))
     COMM.barrier()
     with open(folder / "frf.csv", encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

@@ -153,9 +153,14 @@ class Iwan:
 # -- of the columns of pairs ---------------------------------------------------------------------------------------
 
 
+def limit(columns: Mapping[str, np.ndarray], N: np.ndarray | None = None) -> np.ndarray:
+    """Return F_S of pairs [N], whatever presses them; pairs from a CSV file slip at mu N0.  Local."""
+    return np.where(np.isnan(columns["slip_force"]), columns["mu"] * columns["N0"], columns["slip_force"])
+
+
 def of_columns(columns: Mapping[str, np.ndarray]) -> Iwan:
-    """Return the law of pairs with these columns, (n,) each; pairs from a CSV file slip at mu N0.  Local."""
-    F_S = np.where(np.isnan(columns["slip_force"]), columns["mu"] * columns["N0"], columns["slip_force"])
+    """Return the law of pairs with these columns, (n,) each.  Local."""
+    F_S = limit(columns)
     k_n, chi, beta = (columns[name] for name in ("k_n", "chi", "beta"))
     n_sliders = int(columns["sliders"][0])
     return Iwan(F_S, columns["k_t"], k_n, chi, beta, n_sliders=n_sliders, w0=started(columns, n_sliders + 1))

@@ -27,9 +27,12 @@ class Kind:
     own: Callable[[Keys], Mapping[str, float]]  # columns beside those of ContactPairs, the same for all pairs of a joint
     on_area: Callable[[Keys, np.ndarray], Mapping[str, np.ndarray]]  # columns of a joint of surfaces, from its pairs' areas
     per_point: tuple[str, ...]  # values that each contact point of surfaces may have of its own
+    limit: Callable[[Columns, np.ndarray], np.ndarray]  # columns, normal forces N: the most that friction holds [N]
+    limits: tuple[str, ...] = ()  # values of a joint that no spring follows from
     about_rest: Callable[[Columns, np.ndarray, np.ndarray], Mapping[str, np.ndarray | None]] | None = None  # columns, du, memory
     pressed_to: Callable[[Columns, np.ndarray, np.ndarray], np.ndarray] | None = None  # columns, du before and as guessed
     above_0: tuple[str, ...] = ()  # columns of a file of pairs that it cannot do without
+    is_spring: bool = False  # until it slips or opens, from any state on: N0 - k_n du_z and k_t (du_t - w)
 
 
 def _elastic_coulomb(columns: Columns) -> ElasticCoulomb:
@@ -40,6 +43,16 @@ def _elastic_coulomb(columns: Columns) -> ElasticCoulomb:
     w0 = np.divide(-T0, k_xy, out=np.zeros_like(T0), where=k_xy > 0.0)
     mu, N0, k_n, separate, apart = (columns[name] for name in ("mu", "N0", "k_n", "separate", "apart"))
     return ElasticCoulomb(mu, N0, k_t, k_n, separate, w0, apart=apart, k_ty=by_y.get("k_ty"), mu_y=by_y.get("mu_y"))
+
+
+def _about_rest(columns: Columns, du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray | None]:
+    """Return the columns of elastic-Coulomb pairs that change about the state that a march came to; T0 says the rest.  Local."""
+    N0 = columns["N0"] - columns["k_n"] * du[:, 2]
+    return {"N0": N0, "apart": N0 <= 0.0}
+
+
+def _coulomb_limit(columns: Columns, N: np.ndarray) -> np.ndarray:
+    return columns["mu"] * N
 
 
 def _nothing_of_its_own(keys: Keys) -> dict[str, float]:
@@ -59,12 +72,18 @@ LAWS: dict[str, Kind] = {
         _nothing_of_its_own,
         _by_direction,
         ("friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"),
+        _coulomb_limit,
+        ("friction", "preload"),
+        _about_rest,
+        is_spring=True,
     ),
     "rough": Kind(
         rough.of_columns,
         rough.own,
         rough.on_area,
         ("friction", "preload"),
+        _coulomb_limit,
+        ("friction",),
         rough.about_rest,
         rough.pressed_to,
         ("n0", "kt", "kn"),
@@ -74,7 +93,8 @@ LAWS: dict[str, Kind] = {
         iwan.own,
         iwan.on_area,
         ("tangential_stiffness", "normal_stiffness"),
-        iwan.about_rest,
+        iwan.limit,
+        about_rest=iwan.about_rest,
         above_0=("mu", "n0", "kt"),
     ),
 }
@@ -91,8 +111,6 @@ def law_of(names: Sequence[str] | np.ndarray, columns: Columns) -> Law:
 def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarray, memory: np.ndarray) -> dict[str, np.ndarray]:
     """Return those columns of pairs that a march has changed, which came to ``du`` (n, 3) with ``memory`` (n, n_memory).  Local.
 
-    Of elastic-Coulomb pairs nothing changes here: N0 and T0 say all.
-
     Raises
     ------
     ValueError : pairs have come apart whose law knows no rest without pressure
@@ -107,6 +125,19 @@ def about_rest(names: Sequence[str] | np.ndarray, columns: Columns, du: np.ndarr
             whole = columns[name] if name != "w0" else np.zeros((len(du), *values.shape[1:]))
             found.setdefault(name, whole.copy())[own] = values
     return found
+
+
+def friction_limit(names: Sequence[str] | np.ndarray, columns: Columns, N: np.ndarray) -> np.ndarray:
+    """Return the friction that holds pairs at most under normal forces ``N`` (n,) [N], (n,) [N].  Local."""
+    found = np.zeros(len(N))
+    for own, law, part in _parts(names, columns):
+        found[own] = LAWS[law].limit(part, N[own])
+    return found
+
+
+def are_springs(names: Sequence[str] | np.ndarray) -> np.ndarray:
+    """Return which pairs are springs until they slip or open, (n,) bool.  Local."""
+    return np.isin(names, [name for name, kind in LAWS.items() if kind.is_spring])
 
 
 def pressed_to(names: Sequence[str] | np.ndarray, columns: Columns, before: np.ndarray, du: np.ndarray) -> np.ndarray:

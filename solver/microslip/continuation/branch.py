@@ -112,6 +112,11 @@ class Branch:
         """The number of the point of largest response of the first output; there must be a point."""
         return max(range(len(self.points)), key=lambda i: float(np.hypot(*self.points[i].response[0, 1:3])))
 
+    @property
+    def why_ended(self) -> str:
+        """Where it ended early, and why."""
+        return f"{self.level:g} N ends after {len(self.points)} points: {self.failure}"
+
     def without_motion(self) -> list[Point]:
         """Return the points without the motion and forces of their pairs, but for the peak.  Local."""
         top = self.peak if self.points else -1

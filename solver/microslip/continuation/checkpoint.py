@@ -6,10 +6,11 @@ where preconditioners were made.  These are no part of a solution, but decide it
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from ..harmonic.clustered import ClusteredPreconditioner
 from ..harmonic.direct import WholeInverse
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import OperatingPoint
-from ..harmonic.preconditioner import HarmonicPreconditioner
+from ..harmonic.preconditioner import HarmonicPreconditioner, PairsPreconditioner
 from .accuracy import Memory, Resolution
 from .iterate import Iterate, PointState
 from .point_solver import Workspace
@@ -50,7 +51,7 @@ def to_arrays(task: BranchTask, state: BranchState) -> Arrays:
     """Return a state between two steps.  Collective: the motions of all ranks are gathered."""
     found = own_arrays(state)
     for name, part in parts_of(task, state).items():
-        found |= _under(name, part.arrays())
+        found |= over(name, part.arrays())
     return found
 
 
@@ -97,18 +98,17 @@ def from_arrays(task: BranchTask, arrays: Arrays, workspace: Workspace) -> Branc
     parts = start.memory.calm.keys()
     calm, patience = (dict(zip(parts, map(int, counts))) for counts in arrays["counts"].reshape(2, -1))
     memory = Memory(arrays.get("peak"), calm, patience)
-    points = {name: _point(_within(arrays, name), owned) for name in _POINTS if f"{name}/U" in arrays}
+    points = {name: _point(under(name, arrays), owned) for name in _POINTS if f"{name}/U" in arrays}
     newton = workspace.newton_solver(solver.equation, solver.resolution)
-    newton.wants_preconditioner = bool(wants_preconditioner)
-    if "newton/U" in arrays:
-        newton.preconditioner = _made_again(_within(arrays, "newton"), solver.equation)
+    made = _made_again(under("newton", arrays), solver.equation) if "newton/U" in arrays else None
+    newton.restore(made, bool(wants_preconditioner))
     if task.estimator is not None:
         exact = task.estimator.exact
         if "adjoint/U" in arrays:
-            made = _made_again(_within(arrays, "adjoint"), solver.equation, exact, transposed=True)
-            task.estimator.adjoint_solver.preconditioner = made
+            transposed = _made_again(under("adjoint", arrays), solver.equation, exact, transposed=True)
+            task.estimator.adjoint_solver.restore(transposed)
         if "forward/U" in arrays:
-            task.estimator.forward_solver.preconditioner = _made_again(_within(arrays, "forward"), solver.equation, exact)
+            task.estimator.forward_solver.restore(_made_again(under("forward", arrays), solver.equation, exact))
     solver = replace(solver, is_linear=bool(is_linear))
     return BranchState(solver, memory, float(ds), is_done=bool(is_done), **points)
 
@@ -140,7 +140,7 @@ def _point(arrays: Arrays, owned: slice) -> PointState:
 # -- where a preconditioner was made -------------------------------------------------------------------------------
 
 
-def _of_preconditioner(made: WholeInverse | HarmonicPreconditioner | ClusteredPreconditioner) -> Arrays:
+def _of_preconditioner(made: WholeInverse | PairsPreconditioner) -> Arrays:
     """Return the arrays that a preconditioner can be made of again.  Collective."""
     equation, at = made.made_at.equation, made.made_at.at
     held = {} if equation.held is None else {"held": equation.gather(equation.held)}
@@ -169,9 +169,11 @@ def _harmonics(chosen: np.ndarray) -> Harmonics:
     return Harmonics(tuple(map(int, chosen)))
 
 
-def _under(name: str, arrays: Arrays) -> Arrays:
+def over(name: str, arrays: Mapping[str, np.ndarray]) -> Arrays:
+    """Return arrays with ``name`` over theirs.  Local."""
     return {f"{name}/{key}": value for key, value in arrays.items()}
 
 
-def _within(arrays: Arrays, name: str) -> Arrays:
+def under(name: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arrays under ``name``.  Local."""
     return {key.removeprefix(f"{name}/"): value for key, value in arrays.items() if key.startswith(f"{name}/")}

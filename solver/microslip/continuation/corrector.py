@@ -13,7 +13,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..harmonic.balance import HarmonicBalance
-from ..harmonic.linearisation import Border, Linearisation, Step
+from ..harmonic.linearisation import Border, Exactness, Linearisation, Step
 from ..harmonic.newton_solver import NewtonSolver
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
 from ..parallel.watchdog import moved
@@ -169,53 +169,46 @@ class Corrector:
         self._patience = PATIENT if is_patient else PATIENCE
         self._snes.setTolerances(max_it=max(self._max_it, MOST_PATIENT_ITERATIONS) if is_patient else self._max_it)
         with np.errstate(all="ignore"):  # what is not finite is a failed step, which SNES tells
-            reason = self._solve(system, guess)
+            exactness = Exactness(system.scaling.weight)
+            reason = self._solve(system, guess, exactness)
             if reason == PETSc.SNES.ConvergedReason.DIVERGED_LINEAR_SOLVE:  # with a preconditioner made here and now
-                self.newton_solver.wants_preconditioner = True
-                reason = self._solve(system, guess)
+                self.newton_solver.ask_for_preconditioner()
+                reason = self._solve(system, guess, exactness)
             if reason <= 0 and self.newton_solver.is_single:
-                self.newton_solver.in_double = True
-                reason = self._solve(system, guess)
-                self.newton_solver.in_double = False
+                reason = self._solve(system, guess, replace(exactness, in_double=True))
         newton, krylov = self._snes.getIterationNumber(), self._snes.getLinearSolveIterations()
-        self.newton_solver.weigh(newton, krylov)
+        self.newton_solver.weigh(newton, krylov, exactness.weight)
         residual, failure = self._snes.getFunctionNorm(), None
         if reason <= 0:
             failure = f"SNES {_NAMES.get(reason, reason)}, scaled residual {residual:.1e} (bound {self.tolerance:.1e})"
         gap = residual * system.scaling.U / system.scaling.weight
         return Correction(self._unpacked(system, guess), newton, krylov, residual, failure, self.tolerance, gap)
 
-    def _solve(self, system: BorderedSystem, guess: Iterate) -> int:
+    def _solve(self, system: BorderedSystem, guess: Iterate, exactness: Exactness) -> int:
         """Run SNES from ``guess`` and return PETSc's reason.  Collective."""
-        self._begin(system)
-        self._pack(guess, self._x)
+        self._snes.setFunction(self._residual, self._r, args=(system,))
+        self._snes.setJacobian(self._linearise, self._J, args=(system, exactness))
+        self._pack(guess, system.scaling)
         self._snes.solve(None, self._x)
         return self._snes.getConvergedReason()
-
-    def _begin(self, system: BorderedSystem) -> None:
-        """Tell SNES which system its callbacks are about."""
-        self._system = system
-        self.newton_solver.weight = system.scaling.weight
-        self._snes.setFunction(self._residual, self._r)
-        self._snes.setJacobian(self._linearise, self._J)
 
     def tangent(self, system: BorderedSystem, there: Iterate) -> tuple[np.ndarray, np.ndarray]:
         """Return the direction (d_xi, d_nu) in which the linearisation at ``there`` goes on, d_xi of this rank.  Collective.
 
         Scaled so that its product with the first constraint is 1, and with the others 0.
         """
-        self.newton_solver.weight = system.scaling.weight
         nu = np.divide(there.parameters, system.scaling.parameters)
         linear, border = system.linearise(there.U, nu if self.last else np.zeros(self.k))
         unit = np.zeros(self.k)
         unit[0] = 1.0
-        step = linear.solve(np.zeros(self.shape), unit if self.last else np.zeros(self.k), border, self.newton_solver)
+        b_nu, exactness = unit if self.last else np.zeros(self.k), Exactness(system.scaling.weight)
+        step = linear.solve(np.zeros(self.shape), b_nu, border, self.newton_solver, exactness)
         return step.d_xi, self._from_last(step.d_nu_owned)
 
     # -- scaled unknowns in PETSc's vectors ------------------------------------------------------------------
 
-    def _pack(self, iterate: Iterate, x) -> None:
-        values, scaling = x.getArray(), self._system.scaling
+    def _pack(self, iterate: Iterate, scaling: Scaling) -> None:
+        values = self._x.getArray()
         values[: self.n_U] = iterate.U.ravel() / scaling.U
         if self.last:
             values[self.n_U :] = np.divide(iterate.parameters, scaling.parameters)
@@ -223,10 +216,10 @@ class Corrector:
     def _unpacked(self, system: BorderedSystem, guess: Iterate) -> Iterate:
         values = self._x.getArray(readonly=True)
         parameters = self._from_last(self._nu(values)) * system.scaling.parameters
-        return replace(guess, U=self._motion(values), parameters=tuple(map(float, parameters)))
+        return replace(guess, U=self._motion(values, system.scaling), parameters=tuple(map(float, parameters)))
 
-    def _motion(self, values: np.ndarray) -> np.ndarray:
-        return (values[: self.n_U] * self._system.scaling.U).reshape(self.shape)
+    def _motion(self, values: np.ndarray, scaling: Scaling) -> np.ndarray:
+        return (values[: self.n_U] * scaling.U).reshape(self.shape)
 
     def _nu(self, values: np.ndarray) -> np.ndarray:
         """Return the scaled parameters where their rows live and 0 elsewhere, so that a sum over ranks gives them."""
@@ -237,24 +230,25 @@ class Corrector:
 
     # -- SNES callbacks ----------------------------------------------------------------------------------------
 
-    def _residual(self, snes, x, r) -> None:
+    def _residual(self, snes, x, r, system: BorderedSystem) -> None:
         values, out = x.getArray(readonly=True), r.getArray()
-        rows, constraints = self._system.residual(self._motion(values), self._nu(values))
+        rows, constraints = system.residual(self._motion(values, system.scaling), self._nu(values))
         out[: self.n_U] = rows.ravel()
         if self.last:
             out[self.n_U :] = constraints
 
-    def _linearise(self, snes, x, J, B) -> None:
-        values = x.getArray(readonly=True)
-        self._linear, self._border = self._system.linearise(self._motion(values), self._nu(values))
+    def _linearise(self, snes, x, J, B, system: BorderedSystem, exactness: Exactness) -> None:
+        """Make what a step and the products with the Jacobian are about, until the next linearisation."""
+        values, self._scaling, self._exactness = x.getArray(readonly=True), system.scaling, exactness
+        self._linear, self._border = system.linearise(self._motion(values, system.scaling), self._nu(values))
         self._step: Step | None = None
         J.assemble()
 
     def _solve_step(self, b, x) -> tuple[int, int]:
         """Solve a Newton system; return GMRES iterations and PETSc's reason.  Collective."""
         values, out = b.getArray(readonly=True), x.getArray()
-        b_U = values[: self.n_U].reshape(self.shape) / self._system.scaling.rows
-        self._step = self._linear.solve(b_U, self._nu(values), self._border, self.newton_solver)
+        b_U = values[: self.n_U].reshape(self.shape) / self._scaling.rows
+        self._step = self._linear.solve(b_U, self._nu(values), self._border, self.newton_solver, self._exactness)
         self._write(out, self._step.d_xi, self._step.d_nu_owned)
         self._stepped = out.copy()
         return self._step.iterations, self._step.reason
@@ -271,7 +265,7 @@ class Corrector:
             rows, of_rows = self._step.product, self._border.rows_times(self.comm, d_xi, d_nu)
         else:
             rows, of_rows = self._linear.product(d_xi, d_nu, self._border)
-        self._write(y.getArray(), rows * self._system.scaling.rows, of_rows)
+        self._write(y.getArray(), rows * self._scaling.rows, of_rows)
 
     def _write(self, out: np.ndarray, rows: np.ndarray, last: np.ndarray) -> None:
         out[: self.n_U] = rows.ravel()

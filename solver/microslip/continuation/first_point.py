@@ -39,7 +39,7 @@ def reach_first(task: BranchTask, solver: PointSolver, advance: Advance) -> tupl
             notes = (f"first point {NOTES[way]}, where there may be other solutions",) if way in NOTES else ()
             return *reached, notes
     start, why = task.sweep.start, found[0].failure
-    if task.is_static:
+    if task.problem.is_constant:
         raise ConvergenceError(
             f"hb: no equilibrium under the static load of {task.problem.at((start,)).level:.4g} N was found "
             f"({why}): is it more than friction and preload carry?"
@@ -91,7 +91,7 @@ def _over(
     task: BranchTask, solver: PointSolver, homotopy: Problem, end: float, beginnings: tuple[float, ...], advance: Advance
 ) -> Reached | None:
     """Solve at the end of a homotopy, where it is the problem, from near its beginning; None in vain.  Collective."""
-    plain = replace(task, estimator=None, accuracy=None, is_linear=False, is_static=False, ways=(from_rest, patiently))
+    plain = replace(task, estimator=None, accuracy=None, is_linear=False, ways=(from_rest, patiently))
     for share in beginnings:
         way = replace(plain, problem=homotopy, sweep=Sweep(share * end, end), steps=STEPS, tolerance=solver.tolerance)
         arrived = _end_of(way, advance)

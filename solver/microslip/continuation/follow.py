@@ -34,6 +34,16 @@ class Advance:
     failure: str | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A part of the way of a branch: from its last point on."""
+
+    task: BranchTask
+    state: BranchState
+    now: PointState  # the last point
+    emit: Emit = lambda point: None  # hears of those that are found
+
+
 def advance(task: BranchTask, state: BranchState, on_point: Emit = lambda point: None) -> Advance:
     """Take a branch one step on: to its first point, its second one, or one further step.  Collective.
 
@@ -58,7 +68,7 @@ def to_first(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     first, solver, notes = reach_first(task, state.solver, advance)
     found = accept(task, replace(state, solver=solver), first, asked=task.sweep.start in task.sweep.at, notes=notes)
     emit(found.point)
-    return replace(found.state, now=found.now, is_done=task.is_static)
+    return replace(found.state, now=found.now, is_done=task.problem.is_constant)
 
 
 def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
@@ -66,7 +76,7 @@ def to_second(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     assert state.now is not None
     before = state.now
     found, ds, notes = second(state.solver, state.solver.carried(before), task.steps)
-    was, after = state.solver, _arrive(task, state, before, found, emit, notes)
+    was, after = state.solver, _arrive(Leg(task, state, before, emit), found, notes)
     if after.state.solver.resolution != was.resolution:
         before = after.state.solver.again(before)
     return after.state.after(before, after.now, ds)
@@ -83,6 +93,7 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     """
     assert state.before is not None and state.now is not None
     was, now, sweep = state.solver, state.solver.carried(state.now), task.sweep
+    leg = Leg(task, state, now, emit)
     try:
         found, ds, notes = step(was, state.earlier, state.before, now, state.ds, task.steps)
     except ConvergenceError:
@@ -91,13 +102,13 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
             raise
         return replace(state, solver=held, now=now, ds=0.25 * task.steps.ds)
     if sweep.before(found[0].iterate.parameter):
-        _to_limit(task, state, now, found, sweep.start, emit)
+        _to_limit(leg, found, sweep.start)
         where = task.problem.where(sweep.start)
         raise ConvergenceError(f"hb: a fold leads the branch back out of the range at its start, {where}; begin further off")
     if sweep.beyond(found[0].iterate.parameter):
-        end = _to_limit(task, state, now, found, sweep.stop, emit, notes)
+        end = _to_limit(leg, found, sweep.stop, notes)
         return replace(end.state, before=now, now=end.now, is_done=True)
-    after = _arrive(task, state, now, found, emit, notes)
+    after = _arrive(leg, found, notes)
     ds = next_step(task, after.state, ds, found[0].newton, (state.before, now, after.now))
     if after.state.solver.equation.held is not None and after.now.sliding < MOSTLY:
         after = let_go(after, task.steps)
@@ -121,58 +132,44 @@ def next_step(
     return task.steps.stretched(ds, newton, turn, stretch)
 
 
-def _arrive(
-    task: BranchTask, state: BranchState, now: PointState, found: Found, emit: Emit, notes: tuple[str, ...] = ()
-) -> Accepted:
-    """Accept a point found from ``now``, after those asked for on the way to it.  Collective."""
-    was = state.solver
-    state = _asked(task, state, now, found[0].iterate, found[1], emit)
+def _arrive(leg: Leg, found: Found, notes: tuple[str, ...] = ()) -> Accepted:
+    """Accept a point found from the last one, after those asked for on the way to it.  Collective."""
+    was = leg.state.solver
+    state = _asked(leg, found[0].iterate, found[1])
     found, solver = state.solver.still(found, was)
-    after = accept(task, replace(state, solver=solver), found, notes=notes)
-    emit(after.point)
+    after = accept(leg.task, replace(state, solver=solver), found, notes=notes)
+    leg.emit(after.point)
     return after
 
 
-def _to_limit(
-    task: BranchTask, state: BranchState, now: PointState, found: Found, limit: float, emit: Emit, notes: tuple[str, ...] = ()
-) -> Accepted:
-    """Solve at the end of the range that the step from ``now`` has passed, after what is asked for before it.  Collective."""
-    there = interpolate(now.iterate, found[0].iterate, limit)
-    state = _asked(task, state, now, there, found[1], emit)
-    end = solved(task, state, now, there, found[1], asked=limit in task.sweep.at, notes=notes)
-    emit(end.point)
+def _to_limit(leg: Leg, found: Found, limit: float, notes: tuple[str, ...] = ()) -> Accepted:
+    """Solve at the end of the range that a step has passed, after what is asked for before it.  Collective."""
+    there = interpolate(leg.now.iterate, found[0].iterate, limit)
+    leg = replace(leg, state=_asked(leg, there, found[1]))
+    end = solved(leg, there, found[1], asked=limit in leg.task.sweep.at, notes=notes)
+    leg.emit(end.point)
     return end
 
 
-def _asked(
-    task: BranchTask, state: BranchState, now: PointState, there: Iterate, selected: np.ndarray, emit: Emit
-) -> BranchState:
-    """Solve at the asked values between ``now`` and ``there``.  Collective."""
-    for value in task.sweep.asked_between(now.iterate.parameter, there.parameter):
-        harmonics = state.solver.harmonics
-        between = interpolate(now.iterate.on(harmonics), there.on(harmonics), value)
-        found = solved(task, state, now, between, selected, asked=True)
-        emit(found.point)
-        state = found.state
-    return state
+def _asked(leg: Leg, there: Iterate, selected: np.ndarray) -> BranchState:
+    """Solve at the asked values between the last point and ``there``; return the state after them.  Collective."""
+    for value in leg.task.sweep.asked_between(leg.now.iterate.parameter, there.parameter):
+        harmonics = leg.state.solver.harmonics
+        between = interpolate(leg.now.iterate.on(harmonics), there.on(harmonics), value)
+        found = solved(leg, between, selected, asked=True)
+        leg.emit(found.point)
+        leg = replace(leg, state=found.state)
+    return leg.state
 
 
-def solved(
-    task: BranchTask,
-    state: BranchState,
-    now: PointState,
-    guess: Iterate,
-    selected: np.ndarray,
-    asked: bool,
-    notes: tuple[str, ...] = (),
-) -> Accepted:
+def solved(leg: Leg, guess: Iterate, selected: np.ndarray, asked: bool, notes: tuple[str, ...] = ()) -> Accepted:
     """Solve at the parameter of a guess on the chord from the last point, at once or by way of points in between.  Collective."""
-    solver, selected = state.solver, now.selected | selected
-    now, guess = solver.carried(now), guess.on(solver.harmonics)
+    solver, selected = leg.state.solver, leg.now.selected | selected
+    now, guess = solver.carried(leg.now), guess.on(solver.harmonics)
     found = solver.solve_near(guess, now, selected)
     if found[0].failure:
-        found = approach(solver, now, guess, selected, task.steps)
-    return accept(task, state, found, asked=asked, notes=notes)
+        found = approach(solver, now, guess, selected, leg.task.steps)
+    return accept(leg.task, leg.state, found, asked=asked, notes=notes)
 
 
 def approach(solver: PointSolver, now: PointState, goal: Iterate, selected: np.ndarray, steps: ArcLength) -> Found:

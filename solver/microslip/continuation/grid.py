@@ -14,7 +14,7 @@ from .acceptance import Accepted, accept
 from .accuracy import Accuracy
 from .branch import NOTHING, Branch, Point
 from .first_point import reach_first
-from .follow import advance, solved
+from .follow import Leg, advance, solved
 from .iterate import Iterate, PointState, interpolate
 from .point_solver import Workspace
 from .problems import Problem
@@ -135,7 +135,7 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
         if (there.parameter - omega) * (now.iterate.parameter - omega) <= 0.0:
             spent.add(found[0].newton, found[0].krylov)
             goal = interpolate(now.iterate.on(solver.harmonics), there, omega)
-            return spent.added_to(solved(task, state, now, goal, found[1], asked=True))
+            return spent.added_to(solved(Leg(task, state, now), goal, found[1], asked=True))
         after = accept(task, state, found, on_the_way=True)
         state, solver = after.state, after.state.solver
         spent.add(after.point.newton, after.point.krylov, after.point.seconds)

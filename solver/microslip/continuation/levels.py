@@ -24,6 +24,7 @@ from .accuracy import accuracy_of, steps_for
 from .branch import Branch, Point
 from .corrector import Correction
 from .follow import follow_branch
+from .grid import going_on
 from .iterate import Iterate
 from .keeper import Keeper, Keepers, keep_nothing
 from .linear_levels import is_linear, sticks_up_to
@@ -54,11 +55,6 @@ class ResponseProblem:
     better: BetterModel | None = None  # what error bars compare with; None: there are none
 
     @property
-    def is_static(self) -> bool:
-        """Whether loads are constant: one point stands for all frequencies."""
-        return self.model.harmonics.highest == 0
-
-    @property
     def steps(self) -> ArcLength:
         """The step lengths that the number of points, or what is stated, asks for."""
         return arc_length_steps(self.settings, self.curve)
@@ -71,6 +67,17 @@ class ResponseProblem:
     def at_level(self, level: float) -> ForcedResponse:
         """Return what is continued at a level [N].  Local."""
         return ForcedResponse(HarmonicBalance.of_all(self.model, self.law, self.settings.samples), level)
+
+    def frequencies_of(self, level: float) -> tuple[Branch, list[float]]:
+        """Return the curve of a level [N], followed once through the range without error bars, and its frequencies [rad/s].
+
+        Collective.  Each frequency lies further in the direction of the sweep than those before; of a constant response they are
+        the ends of the range.
+        """
+        problem, ends = self.at_level(level), [self.sweep.start, self.sweep.stop]
+        task = BranchTask(problem, self.selection, self.sweep, self.steps, self.settings.tolerance)
+        branch = follow_branch(task, most_points(self.settings.points))
+        return branch, ends if problem.is_constant and branch.points else going_on(branch.points, self.sweep.direction)
 
 
 def response_problem(
@@ -92,7 +99,7 @@ def response_problem(
     sweep = frequency_sweep(settings, omega_n)
     curve = linear_curve(model, sweep, law)
     if model.n_pairs > 0 and not model.G_static.known.all():
-        model.G_static.likely = likely_to_slip(model, law, curve)
+        model.G_static.expect(likely_to_slip(model, law, curve))
     return ResponseProblem(settings, model, law, selection, sweep, curve, better)
 
 
@@ -228,7 +235,7 @@ def follow_level(
     Newton does not pass in one direction, often lie on one side only.
     """
     branch = _kept_or_followed(of, level, on_point, keepers)
-    if branch.failure is None or of.is_static or len(branch.points) >= most_points(of.settings.points):
+    if branch.failure is None or of.model.harmonics.is_constant or len(branch.points) >= most_points(of.settings.points):
         return branch
     other = _kept_or_followed(replace(of, sweep=of.sweep.reverse), level, on_point, keepers, segment=1)
     return branch.with_segment_from_the_other_end(other)
@@ -252,10 +259,12 @@ def _kept_or_followed(
 def _follow_one_way(of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int, keeper: Keeper) -> Branch:
     problem, settings, steps = of.at_level(level), of.settings, of.steps
     estimator = None if of.better is None else ErrorEstimator(of.better)
-    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator, is_static=of.is_static)
+    task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator)
     if of.model.n_pairs == 0:
-        task = replace(task, sweep=replace(of.sweep, at=())) if of.is_static else task
-        branch = linear_branch(task, of.curve, 1 if of.is_static else settings.points, on_point)
+        n_points = settings.points
+        if problem.is_constant:
+            task, n_points = replace(task, sweep=replace(of.sweep, at=())), 1
+        branch = linear_branch(task, of.curve, n_points, on_point)
         keeper.keep(task, None, branch.points)
         return branch
     linear = is_linear(problem.equation, level, of.curve)

@@ -35,7 +35,7 @@ def is_linear(equation: HarmonicBalance, level: float, curve: LinearCurve) -> bo
     Collective: one evaluation of the pairs at each point where the bound alone does not tell, worst first.  A
     level that slips so costs one evaluation.  A constant motion, of harmonic 0 alone, is left to the solver.
     """
-    if equation.harmonics.highest == 0:
+    if equation.harmonics.is_constant:
         return False
     finer = equation.resolved(equation.harmonics, FINER * equation.n_samples)
     for i in np.argsort(curve.sticks_up_to, kind="stable"):

@@ -19,6 +19,10 @@ class Problem(Protocol):
     @property
     def equation(self) -> HarmonicBalance: ...
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether every value of the parameters has the same solution: one point stands for all."""
+
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         """Return what k parameters stand for.  Local."""
 
@@ -36,6 +40,10 @@ class Problem(Protocol):
 class _OfEquation:
     equation: HarmonicBalance
 
+    @property
+    def is_constant(self) -> bool:
+        return False
+
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         raise NotImplementedError
 
@@ -51,6 +59,10 @@ class ForcedResponse(_OfEquation):
     """The response to loads of one level [N] over the frequency [rad/s]."""
 
     level: float
+
+    @property
+    def is_constant(self) -> bool:
+        return self.equation.harmonics.is_constant
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         return OperatingPoint(parameters[0], self.level)

@@ -34,7 +34,7 @@ class Quantity:
     """What a field of a dataclass is, and how it is stored: of a :class:`~microslip.continuation.branch.Point` above all.
 
     One whose field may be None is left out of a level unless all its points have it: its array is None then, its cells are
-    empty, and a file without it is read.
+    empty, and a file without it is read; so is one without what an earlier version did not write (``optional``).
     """
 
     dataset: str  # its name in results.h5; the array of a level is called the same, but for the unit at its end
@@ -109,11 +109,8 @@ def axis_lengths(n_outputs: int, n_pairs: int, N_H: int) -> dict[str, int]:
 def declared(kind: type) -> tuple[Quantity, ...]:
     """Return the quantities of a dataclass, which its fields are annotated with, in their order."""
     hints = get_type_hints(kind, include_extras=True)
-    return tuple(
-        replace(hints[field.name].__metadata__[0], field=field.name, optional=field.default is None)
-        for field in fields(kind)
-        if hasattr(hints[field.name], "__metadata__")
-    )
+    given = [(field, *getattr(hints[field.name], "__metadata__", ())) for field in fields(kind)]
+    return tuple(replace(of[0], field=field.name, optional=of[0].optional or field.default is None) for field, *of in given if of)
 
 
 def _padded(values, shape: tuple[int, ...]):

@@ -32,7 +32,6 @@ class BranchTask:
     estimator: ErrorEstimator | None = None
     accuracy: Accuracy | None = None
     is_linear: bool = False  # known to stay on the linear curve: scaled, not solved
-    is_static: bool = False  # constant loads: one point stands for the whole range
     may_hold: bool = True  # the mean slip, by springs
     ways: tuple[Way, ...] | None = None  # to a first point that Newton does not reach at once; None: all there are
 

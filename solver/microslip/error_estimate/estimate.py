@@ -21,8 +21,8 @@ from ..harmonic.anderson import Anderson
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import ContactForces, OperatingPoint
+from ..parallel.ownership import rows_of
 from ..receptance.model import ReducedModel
-from ..receptance.static_columns import rows_of
 from .better_model import BetterModel
 from .correction import Estimate, corrected
 

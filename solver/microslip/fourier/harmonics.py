@@ -60,6 +60,11 @@ class Harmonics:
     def highest(self) -> int:
         return self.chosen[-1]
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether there is none above the mean: nothing moves to and fro."""
+        return self.highest == 0
+
     @cached_property
     def numbers(self) -> np.ndarray:
         """The harmonics, those of the complex amplitudes, (n_harmonics,).  Read-only."""

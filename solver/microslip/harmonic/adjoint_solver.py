@@ -12,11 +12,11 @@ import numpy as np
 from mpi4py import MPI
 
 from ..receptance.columns import ActiveColumns
-from .clustered import ClusteredPreconditioner, of_wide_slip
+from .clustered import of_wide_slip
 from .direct import WholeInverse
 from .gmres import Gmres, kept
 from .linearisation import Gatherer, Linearisation
-from .preconditioner import HarmonicPreconditioner, applied
+from .preconditioner import PairsPreconditioner, applied
 
 MANY_KRYLOV = 50  # GMRES iterations beyond which the next adjoints are preconditioned
 DIRECT = 100  # rows of the active pairs, all harmonics, up to which a factor is cheaper than GMRES
@@ -28,7 +28,7 @@ class AdjointSolver:
 
     def __init__(self, comm: MPI.Comm):
         self.comm = comm
-        self.preconditioner: HarmonicPreconditioner | ClusteredPreconditioner | None = None
+        self.preconditioner: PairsPreconditioner | None = None
         self._gmres: Gmres | None = None
 
     def destroy(self) -> None:
@@ -36,6 +36,10 @@ class AdjointSolver:
         if self._gmres is not None:
             self._gmres.destroy()
             self._gmres = None
+
+    def restore(self, preconditioner: PairsPreconditioner | None) -> None:
+        """Take over the preconditioner that another one had.  Local."""
+        self.preconditioner = preconditioner
 
     def solve(self, at: Linearisation, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
         """Return chi and tau = P^T chi of this rank's pairs, and whether they were found.  Collective.

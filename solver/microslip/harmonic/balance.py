@@ -34,7 +34,7 @@ class HarmonicBalance:
         """Return the equation of a model whose pairs, on all ranks, have this law.  Local."""
         # a constant motion is one sample: the kept period then holds the one step there is, and the state says which pairs slid
         own = law.take(np.arange(model.n_pairs)[model.owned])
-        return cls(model, own, n_samples if model.harmonics.highest > 0 else 1)
+        return cls(model, own, 1 if model.harmonics.is_constant else n_samples)
 
     # -- what it is made of --------------------------------------------------------------------------------------
 

@@ -13,13 +13,12 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
-from mpi4py import MPI
 from scipy.linalg.lapack import zgetrs
 
-from ..fourier.amplitudes import to_complex, to_real
+from ..parallel.ownership import rows_of
 from ..receptance.clusters import halved
 from .linearisation import Linearisation
-from .preconditioner import REGULAR, HarmonicPreconditioner, complex_linear, own_rows
+from .preconditioner import REGULAR, HarmonicPreconditioner, PairsPreconditioner, complex_linear
 
 LOCAL = 64  # pairs of a cluster at most
 REGIONS = 32  # clusters whose mean motions are solved for together, about
@@ -31,40 +30,30 @@ def of_wide_slip(at: Linearisation) -> HarmonicPreconditioner | ClusteredPrecond
     return (ClusteredPreconditioner if len(at.forces.active) > LARGE else HarmonicPreconditioner)(at)
 
 
-class ClusteredPreconditioner:
+class ClusteredPreconditioner(PairsPreconditioner):
     """The approximate B_n^-1, eq. (5.7), for the pairs active at one linearisation; for residuals near by.  Collective."""
 
     def __init__(self, at: Linearisation):
-        self.made_at, self.active_owned, self.own = at, at.forces.active_owned, own_rows(at)
+        super().__init__(at)
         P = REGULAR * at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
         regions = halved(at.G, [np.arange(len(P))], max(LOCAL, -(-len(P) // REGIONS)))
-        self.clusters = [_rows(cluster) for cluster in halved(at.G, regions, LOCAL)]
+        self.clusters = [rows_of(cluster) for cluster in halved(at.G, regions, LOCAL)]
         self.regions = _Regions(at, P, regions)
         self.local = [_factors(at, P, rows) for rows in self.clusters]  # by cluster and harmonic
 
-    def fits(self, at: Linearisation) -> bool:
-        """Tell whether another linearisation has the same harmonics, and on every rank as many active pairs.  Collective."""
-        is_same = len(self.active_owned) == len(at.forces.active_owned)
-        same_size = self.made_at.equation.comm.allreduce(is_same, op=MPI.LAND)
-        return same_size and self.made_at.equation.harmonics == at.equation.harmonics
-
-    def apply(self, b: np.ndarray) -> np.ndarray:
-        """Return an approximate B^-1 b for this rank's pairs that were active, (m, 3, N_H) both.  Collective: one gather."""
-        N_H = b.shape[-1]
-        amplitudes = to_complex(self.made_at.equation.gather(b.reshape(-1, N_H)))
-        for n in range(amplitudes.shape[1]):
-            mean, rest = self.regions.solve(n, amplitudes[:, n])
-            for rows, factors in zip(self.clusters, self.local):
-                mean[rows] += zgetrs(*factors[n], rest[rows])[0]
-            amplitudes[:, n] = mean
-        return to_real(amplitudes[self.own], N_H).reshape(b.shape)
+    def solve(self, n: int, b: np.ndarray) -> np.ndarray:
+        mean, rest = self.regions.solve(n, b)
+        for rows, factors in zip(self.clusters, self.local):
+            mean[rows] += zgetrs(*factors[n], rest[rows])[0]
+        return mean
 
 
 class _Regions:
     """Motions of whole regions, one direction a column of Z: B_n Z and the factors of Z^T B_n Z.  Collective."""
 
     def __init__(self, at: Linearisation, P: np.ndarray, regions: list[np.ndarray]):
-        self.rows, self.sizes = [_rows(region).reshape(-1, 3) for region in regions], [len(region) ** -0.5 for region in regions]
+        self.rows = [rows_of(region).reshape(-1, 3) for region in regions]
+        self.sizes = [len(region) ** -0.5 for region in regions]
         moved = [at.G.moved_by(region, size * P[region]) for region, size in zip(regions, self.sizes)]
         self.B_Z = list(at.equation.gather(np.concatenate(moved, axis=2).swapaxes(0, 1)).swapaxes(0, 1))  # by harmonic
         for B_Z in self.B_Z:
@@ -94,7 +83,3 @@ def _factors(at: Linearisation, P: np.ndarray, rows: np.ndarray) -> list[tuple[n
         G_P = np.einsum("rmi,mij->rmj", G_n.reshape(len(rows), -1, 3), P[pairs, n]).reshape(G_n.shape)
         found.append(scipy.linalg.lu_factor(np.eye(len(rows)) + G_P, check_finite=False))
     return found
-
-
-def _rows(pairs: np.ndarray) -> np.ndarray:
-    return (3 * pairs[:, None] + np.arange(3)).ravel()

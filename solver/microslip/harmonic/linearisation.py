@@ -70,10 +70,18 @@ class Gatherer:
         return self.buffer[self.rows], self.buffer[self.heads].sum(axis=0)
 
 
+@dataclass(frozen=True)
+class Exactness:
+    """How exactly a Newton step is asked for."""
+
+    weight: float = 1.0  # the largest of the residual's rows, the same on all ranks: GMRES is as much more exact
+    in_double: bool = False  # whatever the size: where steps in single precision lead nowhere
+
+
 class BorderedSolver(Protocol):
     """What solves bordered systems, and keeps what makes the next one quicker: newton_solver.py."""
 
-    def solve(self, at: Linearisation, b_U: np.ndarray, b_nu: np.ndarray, border: Border) -> Step: ...
+    def solve(self, at: Linearisation, b_U: np.ndarray, b_nu: np.ndarray, border: Border, exactness: Exactness) -> Step: ...
 
 
 class SolverOfSeveral(Protocol):
@@ -128,13 +136,20 @@ class Linearisation:
         rows = d_xi + self.G.apply(dp_all.reshape(-1, d_xi.shape[-1])) + border.columns_times(d_nu)
         return rows, of_rows + border.n_nu @ d_nu
 
-    def solve(self, b_U: np.ndarray, b_nu: np.ndarray, border: Border, solver: BorderedSolver) -> Step:
+    def solve(
+        self,
+        b_U: np.ndarray,
+        b_nu: np.ndarray,
+        border: Border,
+        solver: BorderedSolver,
+        exactness: Exactness = Exactness(),  # noqa: B008  frozen
+    ) -> Step:
         """Return the solution of the bordered system (5.3).  Collective.
 
         ``b_U`` (n_owned, 3, N_H) are this rank's rows of the right-hand side, ``b_nu`` (k,) its last rows on the rank that owns
         the parameters and 0 elsewhere.  ``solver`` keeps what makes the next solve quicker.
         """
-        return solver.solve(self, b_U, b_nu, border)
+        return solver.solve(self, b_U, b_nu, border, exactness)
 
     def solve_transposed(self, B: np.ndarray, solver: SolverOfSeveral) -> tuple[np.ndarray, np.ndarray, bool]:
         """Return chi and tau = P^T chi with (1 + G^T P^T) chi = B^T, eq. (11.1), and whether they were found.  Collective.

@@ -7,12 +7,16 @@ tangential motion.  Where all pairs of a body slip, and nothing but the joint ho
 from __future__ import annotations
 
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse.linalg as sla
 
 from ..contact.law import ContactCycle
 from ..parallel.agree import on_root
+
+if TYPE_CHECKING:
+    from .balance import HarmonicBalance
 
 HOLD = 1e-3  # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
 
@@ -33,7 +37,7 @@ def hold_mean_slip(found: ContactCycle, about: np.ndarray) -> None:
         found.P[:, [0, N_H]] *= 1.0 - HOLD
 
 
-def is_held_by_its_joint_alone(equation) -> bool:
+def is_held_by_its_joint_alone(equation: HarmonicBalance) -> bool:
     """Tell whether the mean slip is undetermined once every pair slips.  Collective; static columns of all pairs are needed.
 
     Never without a mean, which then is zero; nor without vibration, where the slider has not forgotten where the pair was, and a
@@ -44,7 +48,7 @@ def is_held_by_its_joint_alone(equation) -> bool:
     structure that holds itself is not meant: springs of ``HOLD`` k_t would be stiffer than the structure.
     """
     model, comm = equation.model, equation.comm
-    if not model.harmonics.has_mean or model.harmonics.highest == 0:
+    if not model.harmonics.has_mean or model.harmonics.is_constant:
         return False
     tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
     n_owned = model.owned.stop - model.owned.start

@@ -9,11 +9,11 @@ import numpy as np
 from petsc4py import PETSc
 
 from ..receptance.columns import ActiveColumns
-from .clustered import LARGE, ClusteredPreconditioner, of_wide_slip
+from .clustered import LARGE, of_wide_slip
 from .direct import LARGEST, WholeInverse
 from .gmres import Gmres
-from .linearisation import Border, Gatherer, Linearisation, Step
-from .preconditioner import HarmonicPreconditioner, applied
+from .linearisation import Border, Exactness, Gatherer, Linearisation, Step
+from .preconditioner import PairsPreconditioner, applied
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -43,10 +43,8 @@ class NewtonSolver:
     def __init__(self, comm: MPI.Comm):
         self.comm = comm
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
-        self.preconditioner: HarmonicPreconditioner | ClusteredPreconditioner | WholeInverse | None = None
+        self.preconditioner: PairsPreconditioner | WholeInverse | None = None
         self.wants_preconditioner = False
-        self.weight = 1.0  # the largest of the residual's rows, the same on all ranks: GMRES is as much more exact
-        self.in_double = False  # whatever the size: where steps in single precision lead nowhere
         self._active: np.ndarray | None = None
         self._columns: ActiveColumns | None = None
         self._gmres: Gmres | None = None
@@ -62,17 +60,32 @@ class NewtonSolver:
         """Whether the last system was solved in single precision."""
         return self._columns is not None and self._columns.precision is np.float32
 
-    def weigh(self, newton: int, krylov: int) -> None:
-        """Ask for a (new) preconditioner at the next linearisation where GMRES needed many iterations a Newton step.  Local."""
-        is_large = self._active is not None and len(self._active) > LARGE
-        many = MANY_IN_STIFF if self.weight != 1.0 else MANY_IN_LARGE if is_large else MANY_KRYLOV
-        if newton > 0 and krylov > many * newton:
-            self.wants_preconditioner = True
+    def restore(self, preconditioner: PairsPreconditioner | WholeInverse | None, wants: bool) -> None:
+        """Take over the preconditioner that another one had, and whether it wanted a new one.  Local."""
+        self.preconditioner, self.wants_preconditioner = preconditioner, wants
 
-    def solve(self, at: Linearisation, b_U: np.ndarray, b_nu: np.ndarray, border: Border) -> Step:
+    def ask_for_preconditioner(self) -> None:
+        """Have a (new) preconditioner made at the next linearisation.  Local."""
+        self.wants_preconditioner = True
+
+    def weigh(self, newton: int, krylov: int, weight: float) -> None:
+        """Ask for a (new) preconditioner where GMRES needed many iterations a Newton step, of rows with a weight.  Local."""
+        is_large = self._active is not None and len(self._active) > LARGE
+        many = MANY_IN_STIFF if weight != 1.0 else MANY_IN_LARGE if is_large else MANY_KRYLOV
+        if newton > 0 and krylov > many * newton:
+            self.ask_for_preconditioner()
+
+    def solve(
+        self,
+        at: Linearisation,
+        b_U: np.ndarray,
+        b_nu: np.ndarray,
+        border: Border,
+        exactness: Exactness = Exactness(),  # noqa: B008  frozen
+    ) -> Step:
         """Return the solution of the bordered system, eq. (5.3); see :meth:`Linearisation.solve`.  Collective."""
         self._build_preconditioner(at)
-        gmres, rtol = self._set_up(at, border.k)
+        gmres, rtol = self._set_up(at, border.k, exactness)
         self._border = self._condensed(at, border, b_U)
         active, shape = at.forces.active_owned, b_U.shape
         of_active = b_U[active].ravel()
@@ -99,7 +112,7 @@ class NewtonSolver:
             self.preconditioner = (WholeInverse if is_small else of_wide_slip)(at)
             self.wants_preconditioner = False
 
-    def _set_up(self, at: Linearisation, k: int) -> tuple[Gmres, float]:
+    def _set_up(self, at: Linearisation, k: int, exactness: Exactness) -> tuple[Gmres, float]:
         """Copy what the products need, in single precision where that pays and GMRES asks for no more.  Collective."""
         self._at, self._N_H = at, at.equation.model.N_H
         if self._gmres is None or self._active is None or not np.array_equal(self._active, at.forces.active):
@@ -108,8 +121,8 @@ class NewtonSolver:
             self._gatherer = Gatherer(self.comm, n, 2 * k)
             self._gmres = Gmres(self.comm, n + k * int(self.last), self._multiply, self._precondition, RTOL)
             self._rtol, self._columns = self._gmres.rtol, None
-        rtol = max(self._rtol / self.weight, min(self._rtol, FINEST))
-        is_single = at.n_rows > SMALL and rtol >= SINGLE and not self.in_double
+        rtol = max(self._rtol / exactness.weight, min(self._rtol, FINEST))
+        is_single = at.n_rows > SMALL and rtol >= SINGLE and not exactness.in_double
         precision = np.float32 if is_single else np.float64
         if self._columns is None or self._columns.precision is not precision:
             self._columns = ActiveColumns(at.G, precision)

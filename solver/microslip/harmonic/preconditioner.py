@@ -22,18 +22,11 @@ from .linearisation import Linearisation
 REGULAR = 1.0 - 1e-3  # of P in B_n: without its joint, a body that nothing else holds would make B_n singular
 
 
-class HarmonicPreconditioner:
-    """Factors of B_n, eq. (5.5), for the pairs active at one linearisation; applied to residuals near by.  Collective."""
+class PairsPreconditioner:
+    """An answer to rows of the pairs that are active at one linearisation, for residuals near by.  Collective."""
 
     def __init__(self, at: Linearisation):
-        self.made_at, self.active_owned, equation = at, at.forces.active_owned, at.equation
-        P = equation.gather(complex_linear(at.P, equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
-        self.factors = []
-        for i, G_n in enumerate(at.G.blocks()):
-            columns = G_n.reshape(len(G_n), -1, 3)
-            G_P = REGULAR * np.einsum("rmi,mij->rmj", columns, P[:, i]).reshape(G_n.shape)
-            self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
-        self.own = own_rows(at)
+        self.made_at, self.active_owned, self.own = at, at.forces.active_owned, own_rows(at)
 
     def fits(self, at: Linearisation) -> bool:
         """Tell whether another linearisation has the same harmonics, and on every rank as many active pairs.  Collective."""
@@ -42,12 +35,32 @@ class HarmonicPreconditioner:
         return same_size and self.made_at.equation.harmonics == at.equation.harmonics
 
     def apply(self, b: np.ndarray) -> np.ndarray:
-        """Return B^-1 b for this rank's pairs that were active, (m, 3, N_H) both.  Collective: one gather."""
+        """Return B^-1 b, or near it, for this rank's pairs that were active, (m, 3, N_H) both.  Collective: one gather."""
         N_H = b.shape[-1]
         amplitudes = to_complex(self.made_at.equation.gather(b.reshape(-1, N_H)))
-        for i, factor in enumerate(self.factors):
-            amplitudes[:, i], _ = zgetrs(*factor, amplitudes[:, i])  # lu_solve without its checks, thousands of times a curve
+        for n in range(amplitudes.shape[1]):
+            amplitudes[:, n] = self.solve(n, amplitudes[:, n])
         return to_real(amplitudes[self.own], N_H).reshape(b.shape)
+
+    def solve(self, n: int, b: np.ndarray) -> np.ndarray:
+        """Return B_n^-1 b, or near it, of the n-th harmonic of the set, complex (n_rows,) both.  Local."""
+        raise NotImplementedError
+
+
+class HarmonicPreconditioner(PairsPreconditioner):
+    """Factors of B_n, eq. (5.5), for the pairs active at one linearisation; applied to residuals near by.  Collective."""
+
+    def __init__(self, at: Linearisation):
+        super().__init__(at)
+        P = at.equation.gather(complex_linear(at.P, at.equation.model.N_H))  # (n_active, n_harmonics, 3, 3)
+        self.factors = []
+        for i, G_n in enumerate(at.G.blocks()):
+            columns = G_n.reshape(len(G_n), -1, 3)
+            G_P = REGULAR * np.einsum("rmi,mij->rmj", columns, P[:, i]).reshape(G_n.shape)
+            self.factors.append(scipy.linalg.lu_factor(np.eye(len(G_n)) + G_P, check_finite=False))
+
+    def solve(self, n: int, b: np.ndarray) -> np.ndarray:
+        return zgetrs(*self.factors[n], b)[0]  # lu_solve without its checks, thousands of times a curve
 
 
 def own_rows(at: Linearisation) -> slice:

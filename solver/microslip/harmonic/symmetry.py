@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
+from ..receptance.model import ReducedModel
 from .balance import HarmonicBalance
 
 _TOGETHER = 64  # pairs whose static columns are looked at together
@@ -37,12 +38,12 @@ def symmetric(equation: HarmonicBalance) -> bool:
     return equation.comm.allreduce(is_odd, op=MPI.LAND)
 
 
-def _moving_rows(model) -> np.ndarray:
+def _moving_rows(model: ReducedModel) -> np.ndarray:
     """Return which relative motions modes or loads move, (3 n_pairs,) bool.  Local."""
     return np.hstack([model.du_static, *(family.R_phi for family in model.families)]).any(axis=1)
 
 
-def _statically_moving_rows(model) -> np.ndarray:
+def _statically_moving_rows(model: ReducedModel) -> np.ndarray:
     """Return which relative motions of this rank's pairs tangential forces move, (3 n_owned,) bool.
 
     Collective where static columns are not known yet.

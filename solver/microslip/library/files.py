@@ -10,6 +10,7 @@ import numpy as np
 from .. import __version__
 from ..continuation.branch import Branch, hertz
 from ..mesh.locate import find_node
+from ..observe.not_computed import Extent
 from ..parallel.agree import on_root
 from ..parallel.versions import commit, program_hash, versions
 from ..reduction.expand import node_fields, peak_displacement
@@ -46,6 +47,24 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
         asked=prepared.response.settings.levels,
         n_dof=outline.n_dof,
         origin=origin,
+    )
+
+
+def extent_of(prepared: Prepared) -> Extent:
+    """Return how far a response reaches, for what is said of it at its end.  Local."""
+    scene, outline, damping = prepared.scene, prepared.outline, prepared.scene.damping
+    n_damped = None
+    if damping is not None and not any(spring.damping for spring in scene.springs):
+        n_damped = max([len(damping.ratios or ()), *(mode for mode, _ in damping.modes or ())])
+    return Extent(
+        method=scene.solver.method,
+        leaves_out=prepared.reduction.leaves_out,
+        omega_n=outline.omega_n,
+        n_dof=outline.n_dof,
+        moves=not prepared.model.harmonics.is_constant,
+        n_damped=n_damped,
+        has_bars=scene.solver.error_bars,
+        has_mesh=outline.has_mesh,
     )
 
 

@@ -33,7 +33,7 @@ def follow(
     """
     comm, columns = response.model.comm, response.model.G_static
     told, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
-    if response.model.n_pairs > 0 and not response.is_static:
+    if response.model.n_pairs > 0 and not response.model.harmonics.is_constant:
         log.note(_in_words(*levels_of_slip(response), max(response.settings.levels)))
     if not in_turn(response, n_groups):
         return follow_side_by_side(response, n_groups, told, log, keepers)

@@ -142,16 +142,13 @@ def _peaks(
     n_columns = METHODS[solver.method].coordinates(
         settings, n_modes, n_dof, n_pairs, sum(len(one.phases) for one in settings.loads)
     )
-    basis = memory_of_basis(n_owned, n_columns) if solver.method in _GALERKIN else columns
+    basis = memory_of_basis(n_owned, n_columns) if METHODS[solver.method].FACTS.makes_basis else columns
     stages["reduction"] = held + basis
     static = 72.0 * n_pairs * own_pairs
     points = _bytes_a_point(n_pairs, N_H) * scene.response.points * (len(scene.response.levels) + 1) * (comm.rank == 0)
     stages["response"] = held + 2.5 * static + points
     stages["pictures"] = held + static + points + PICTURES
     return _rising(stages)
-
-
-_GALERKIN = ("rubin", "craig-bampton", "joint-interface-modes", "trial-vectors")
 
 
 def _rising(stages: dict[str, float]) -> dict[str, float]:

@@ -15,7 +15,7 @@ from ..mesh.data import ContactPairs
 from ..modes.band import Band
 from ..receptance.model import ReducedModel
 from ..reduction.build import load_coefficients
-from ..reduction.methods import check_size, reduce_by_method
+from ..reduction.methods import METHODS, check_size, reduce_by_method
 from ..reduction.reduction import Reduction
 from ..reduction.settings import ReductionSettings
 from ..scene.schema import Scene
@@ -118,7 +118,7 @@ def reduced(structure: Structure, settings: ReductionSettings) -> Reduction:
 
 
 def _of_basis(settings: ReductionSettings) -> ReductionSettings:
-    """Return what of the settings a basis depends on; that of `full` on the range and its harmonics, too."""
-    if settings.method != "full":
+    """Return what of the settings a basis depends on; of some methods on the range and its harmonics, too."""
+    if not METHODS[settings.method].FACTS.knows_range:
         settings = replace(settings, harmonics=0, band=Band())
     return replace(settings, modes=None, accuracy=1.0, insists=False, level=1.0, where="")

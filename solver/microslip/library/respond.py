@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..contact.laws import ELASTIC_COULOMB
+from ..contact.laws import LAWS
 from ..mesh.data import ContactPairs
 from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
@@ -40,7 +40,6 @@ INSTEAD_OF = {
     "ratios": ("rayleigh", "ratio", "modes"),
     "rayleigh": ("ratio", "ratios", "modes"),
 }
-LAWS_THAT_TAKE = {"friction": (ELASTIC_COULOMB, "rough"), "preload": (ELASTIC_COULOMB,)}  # with the same stuck structure
 
 OfJoints = ArrayLike | Mapping[str, ArrayLike]
 
@@ -135,8 +134,8 @@ def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, Of
             near = nearest(key, [known for kind in TABLES.values() for known in kind.model_fields])
             raise CaseError(f"respond: unknown key {key!r}" + (f'; nearest is "{near}"' if near else ""))
         rivals = {rival: None for rival in INSTEAD_OF.get(key, ()) if rival not in keys}
-        several = (value,) if key in ("levels", "at") and np.ndim(value) == 0 else value
-        tables.setdefault(table, {}).update({key: several, **rivals})
+        listed = (value,) if key in ("levels", "at") and np.ndim(value) == 0 else value
+        tables.setdefault(table, {}).update({key: listed, **rivals})
     joints: dict[str, dict[str, float]] = {joint.name: {} for joint in scene.joints if joint.surfaces is not None}
     for key, values in of_joints.items():
         for name, value in _by_joint(values, joints).items():
@@ -175,7 +174,7 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
 def _check_law(key: str, pairs: ContactPairs, own: np.ndarray, where: str) -> None:
     """Raise CaseError where a joint's law has no such number, or more than one, or a stiffness that follows from it."""
     law = pairs.laws[own[0]]
-    if law not in LAWS_THAT_TAKE[key]:
+    if key not in LAWS[law].limits:
         raise CaseError(f'{where}: its law, "{law}", has none, or its stiffness follows from it; change the scene and build anew')
     if key == "friction" and not np.isnan(pairs.own.get("mu_y", np.full(pairs.n_pairs, np.nan))[own]).all():
         raise CaseError(f"{where}: it has a coefficient for each direction; change them in the scene and build anew")

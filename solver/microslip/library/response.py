@@ -19,6 +19,7 @@ from ..observe.observer import Observers
 from ..parallel.agree import on_each, on_root
 from ..parallel.errors import CaseError
 from ..reduction.expand import node_fields
+from ..results.measures import AMPLITUDE, Shown
 from ..results.record import COMPLETE, STOPPED, LevelResult, ResultFile, level_result
 from .files import head_of, write_shapes, writer_of
 from .prepare import Prepared
@@ -38,6 +39,7 @@ class Curves:
     frequency: np.ndarray  # (n_levels, n) Hz
     coefficients: np.ndarray  # (n_levels, n, N_H) m: mean, cos 1, sin 1, ..., cos H, sin H
     error: np.ndarray | None  # (n_levels, n) m, the error bar of the amplitude; None where it was not estimated
+    shown: Shown = AMPLITUDE  # what is told where there is room for one number: in statics the mean
     unit: str = "m"  # of the output, in place of m where it is another; the levels' is that of the loads
     corrected: np.ndarray | None = None  # (n_levels, n) complex, m: harmonic 1 with what the error bar knows of it
     error_corrected: np.ndarray | None = None  # (n_levels, n) m, the error bar of that
@@ -63,9 +65,9 @@ class Curves:
 
     @property
     def peaks(self) -> tuple[np.ndarray, np.ndarray]:
-        """Frequency [Hz] and amplitude [m] of the largest point of each level, (n_levels,) both."""
-        rows, top = np.arange(len(self.level)), np.argmax(np.nan_to_num(self.amplitude, nan=-1.0), axis=1)
-        return self.frequency[rows, top], self.amplitude[rows, top]
+        """Frequency [Hz] and amplitude [m] of the largest point of each level, (n_levels,) both; with harmonics = 0 the mean."""
+        rows, top = np.arange(len(self.level)), np.argmax(np.nan_to_num(self.shown.size(self.coefficients), nan=-1.0), axis=1)
+        return self.frequency[rows, top], self.shown.of(self.coefficients[rows, top])
 
 
 class Response:
@@ -132,6 +134,7 @@ class Response:
             frequency,
             response[:, :, k],
             None if error is None else total(error[:, :, k]),
+            replace(self.results.shown, unit=self.results.unit_of(k)),
             self.results.unit_of(k),
             None if corrected is None else corrected[:, :, k, 0] - 1j * corrected[:, :, k, 1],
             None if remaining is None else remaining[:, :, k],
@@ -199,7 +202,11 @@ class Response:
         found, system = self.level(level), self.prepared.structure.linearised.system
         if len(found.frequency) == 0:
             raise CaseError(f"{level:g} N has no point: {found.failure}")
-        i = int(np.argmax(amplitude(found.response[:, 0]) if frequency is None else -np.abs(found.frequency - frequency)))
+        i = int(
+            np.argmax(
+                self.results.shown.size(found.response[:, 0]) if frequency is None else -np.abs(found.frequency - frequency)
+            )
+        )
         p = found.p[i].reshape(-1, found.p.shape[-1])
         u_owned = self.prepared.reduction.displacement(level, 2.0 * np.pi * found.frequency[i], p)
         if system.dof is None:

@@ -261,3 +261,8 @@ def _keys_of_law(joint: schema.Joint) -> dict[str, float | None]:
         f"{key}_y": value[1] for key in ("friction", "tangential_stiffness") if isinstance(value := getattr(joint, key), tuple)
     }
     return {**{key: getattr(joint, key) for key in OWN}, **along_y}
+
+
+def by_method(scene: Scene, method: str) -> Scene:
+    """Return the scene with another method.  Local."""
+    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..parallel.errors import MeshError
+from ..parallel.ownership import rows_of
 from ..parallel.words import place
 from .data import Mesh
 from .settings import MeshSettings, Spring
@@ -88,7 +89,7 @@ def attach(mesh: Mesh, settings: MeshSettings, n_places: int, outside: sp.csr_ma
     return Attached(
         _position(mesh, nodes, n_places),
         np.concatenate([np.zeros(0), *(np.full(len(own), mass) for own, mass in masses)]),
-        motion[(3 * nodes[:, None] + np.arange(3)).ravel()],
+        motion[rows_of(nodes)],
         (_along(ends[:, 0], along, motion) - _along(ends[:, 1], along, motion)).tocsr(),
         *(_of_each(springs, [getattr(one, key) for one in settings.springs]) for key in ("stiffness", "damping")),
     )
@@ -148,7 +149,7 @@ def _ends(mesh: Mesh, spring: Spring, number: int, n_places: int) -> tuple[np.nd
 def _along(nodes: np.ndarray, directions: np.ndarray, motion: sp.csr_matrix) -> sp.csr_matrix:
     """Return the displacements of nodes along directions, (n, n_dof); none on ground, -1."""
     own = np.flatnonzero(nodes >= 0)
-    rows, columns = np.repeat(own, 3), (3 * nodes[own][:, None] + np.arange(3)).ravel()
+    rows, columns = np.repeat(own, 3), rows_of(nodes[own])
     pick = sp.csr_matrix((directions[own].ravel(), (rows, columns)), (len(nodes), motion.shape[0]))
     found = (pick @ motion).tocsr()
     found.eliminate_zeros()

@@ -37,6 +37,7 @@ def distribute(mesh: Mesh | None, settings: MeshSettings, comm: MPI.Comm) -> Dis
     shares: list[tuple[LocalBlock, ...]] = []
 
     def plan():
+        assert mesh is not None, "rank 0 has it"
         elements = _dual_graph(mesh)
         order, rank_order, node_ranges = _order(mesh, elements, comm.size)
         shares.extend(_shares(mesh, settings.body_of, order, rank_order, node_ranges))

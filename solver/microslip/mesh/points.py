@@ -10,10 +10,11 @@ import scipy.sparse as sp
 
 from .. import elements
 from ..parallel.errors import MeshError
+from ..parallel.ownership import rows_of
 from .data import Mesh
 from .settings import Point
 from .surface import outward_faces
-from .ties import Follower, dofs_of
+from .ties import Follower
 
 _SLENDER = 1e-8  # a group's least over its largest second moment, below which its nodes lie on a line
 
@@ -29,7 +30,7 @@ def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
     weights = sp.csr_matrix((blocks.ravel(), (rows, np.tile(columns, 3 * len(nodes)))), (3 * len(nodes), 3 * n_places))
     weights.eliminate_zeros()
     note = f"point {point.name!r}: {len(nodes)} nodes of {point.group!r} follow it as a rigid body"
-    return Follower(f"point {point.name!r}", dofs_of(nodes), weights, _star(nodes), note)
+    return Follower(f"point {point.name!r}", rows_of(nodes), weights, _star(nodes), note)
 
 
 def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
@@ -42,7 +43,7 @@ def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Followe
     move = share[:, None, None] * np.eye(3) - _cross(np.array(point.position) - centre) @ turn
     blocks = np.concatenate([move, turn], axis=1).transpose(1, 0, 2).reshape(6, -1)
     rows = np.repeat(np.arange(6), 3 * len(nodes))
-    weights = sp.csr_matrix((blocks.ravel(), (rows, np.tile(dofs_of(nodes), 6))), (6, 3 * n_places))
+    weights = sp.csr_matrix((blocks.ravel(), (rows, np.tile(rows_of(nodes), 6))), (6, 3 * n_places))
     weights.eliminate_zeros()
     note = f"point {point.name!r} follows the mean of {len(nodes)} nodes of {point.group!r}"
     return Follower(f"point {point.name!r}", np.arange(3 * at, 3 * at + 6), weights, _star(nodes), note)

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 
 from .. import elements
 from ..parallel.errors import MeshError
+from ..parallel.ownership import rows_of
 from ..parallel.words import place
 from .data import Mesh
 from .projection import Projection, project_on_surface
@@ -57,7 +58,7 @@ def of_tie(mesh: Mesh, tie: Tie, n_places: int) -> Follower:
     )
     if _facet_size(mesh, first) > COARSER * size:
         note += "; the coarser surface follows the finer one: swapped, the stresses beside them are better"
-    return Follower(f"tie {tie.name!r}", dofs_of(nodes), weights, joined, note)
+    return Follower(f"tie {tie.name!r}", rows_of(nodes), weights, joined, note)
 
 
 def _facet_size(mesh: Mesh, faces: dict[str, np.ndarray]) -> float:
@@ -123,8 +124,3 @@ def check_joints(mesh: Mesh, settings: MeshSettings) -> None:
 
 def _keys(faces: dict[str, np.ndarray]) -> set[tuple[int, ...]]:
     return {tuple(sorted(map(int, face[: elements.FACE_KINDS[kind].n_corners]))) for kind, own in faces.items() for face in own}
-
-
-def dofs_of(places: np.ndarray) -> np.ndarray:
-    """Return the degrees of freedom of places, (3 n,).  Local."""
-    return (3 * places[:, None] + np.arange(3)).ravel()

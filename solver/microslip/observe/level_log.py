@@ -69,12 +69,12 @@ def summary(branch: Branch, shown: Shown) -> str:
     points, level = branch.points, branch.level
     if not points:
         return "no point converged"
-    top = max(points, key=lambda point: abs(shown.of(point.response[0])))
+    top = max(points, key=lambda point: shown.size(point.response[0]))
     largest = shown.of(top.response[0])
     _, n_slip, n_open = counts(top.state)
     per_newton = f" ({largest / level:.4e} {shown.unit}{shown.per_level})" if level else ""
-    number = "one point" if shown.is_static else f"{len(points)} points"
-    where = "at every frequency" if shown.is_static else f"at {top.omega / 2.0 / np.pi:.7g} Hz"
+    number = "one point" if len(points) == 1 else f"{len(points)} points"
+    where = f"at {shown.where(top.omega / 2.0 / np.pi) or 'every frequency'}"
     return (
         f"{number} in {sum(point.seconds for point in points):.3g} s; {shown.largest} {largest:.4e} {shown.unit}{per_newton} "
         f"{where}, {n_slip} of {len(top.state)} pairs slip, {n_open} open"

@@ -2,38 +2,47 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..continuation.branch import Branch, Point
 from ..error_estimate.components import PARTS, SAFETY
 
-if TYPE_CHECKING:
-    from ..library.prepare import Prepared
-
 FAINT = 1e-3  # of the largest output: fainter ones are judged against that
 TOO_LITTLE = 1e-6  # of the peak: less is not told in digits
 
 
-def not_computed(prepared: Prepared, branches: list[Branch], known: np.ndarray | None) -> list[str]:
+@dataclass(frozen=True)
+class Extent:
+    """How far a response reaches."""
+
+    method: str
+    leaves_out: str  # what the method does: Reduction.leaves_out
+    omega_n: np.ndarray  # (n_modes,) rad/s
+    n_dof: int
+    moves: bool  # to and fro
+    n_damped: int | None  # the highest mode whose damping is stated; None: by a damping matrix
+    has_bars: bool  # asks for error bars
+    has_mesh: bool
+
+
+def not_computed(of: Extent, branches: list[Branch], known: np.ndarray | None) -> list[str]:
     """Return a line for everything left out, with the reason or what it changes in the response.  Local.
 
     ``known`` (n_pairs,) bool are the pairs whose static columns were solved for; None where those of all pairs had to be.
     """
-    scene, n_dof = prepared.scene, prepared.outline.n_dof
-    leaves_out, omega_n, is_static = prepared.reduction.leaves_out, prepared.outline.omega_n, prepared.response.is_static
     solved = [branch for branch in branches if branch.points]
-    lines = _statics(solved) if is_static else _harmonics(solved, has_pairs=known is None or len(known) > 0)
-    if leaves_out == "basis" and solved and not is_static:
-        lines.append(f"response outside the basis of method {scene.solver.method}: {changes(solved, 'modes')}")
-    if leaves_out == "modes" and solved and not is_static and 0 < len(omega_n) < n_dof:
+    lines = _harmonics(solved, has_pairs=known is None or len(known) > 0) if of.moves else _statics(solved)
+    if of.leaves_out == "basis" and solved and of.moves:
+        lines.append(f"response outside the basis of method {of.method}: {changes(solved, 'modes')}")
+    if of.leaves_out == "modes" and solved and of.moves and 0 < len(of.omega_n) < of.n_dof:
         lines.append(
-            f"response of modes above {omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(omega_n)} of {n_dof} DOF, "
+            f"response of modes above {of.omega_n.max() / (2.0 * np.pi):.6g} Hz, all but {len(of.omega_n)} of {of.n_dof} DOF, "
             f"beyond their static part: {changes(solved, 'modes')}"
         )
     if _most(solved, "pairs")[0] > 0.0:
-        lines.append(f"slip and opening of the pairs that method {scene.solver.method} holds stuck: {changes(solved, 'pairs')}")
+        lines.append(f"slip and opening of the pairs that method {of.method} holds stuck: {changes(solved, 'pairs')}")
     if known is not None and len(known) == 0:
         lines.append("contact forces and static columns: the scene has no pair, the response is linear")
     elif known is not None and not known.all():
@@ -43,18 +52,18 @@ def not_computed(prepared: Prepared, branches: list[Branch], known: np.ndarray |
         lines.append(f"Newton iterations at {_newtons(linear)}: no pair leaves sticking, the linear response is scaled")
     if odd:
         lines.append(f"even harmonics at {_newtons(odd)}: by the symmetry of the scene they vanish")
-    if scene.damping is not None and not any(spring.damping for spring in scene.springs):
+    if of.n_damped is not None:
         lines.append("damping matrix: [damping] gives that of each mode")
-        named = max([len(scene.damping.ratios or ()), *(mode for mode, _ in scene.damping.modes or ())])
-        if named > len(omega_n):
+        if of.n_damped > len(of.omega_n):
             lines.append(
-                f"damping of modes {len(omega_n) + 1} to {named}: {len(omega_n)} modes are kept, of the others their statics"
+                f"damping of modes {len(of.omega_n) + 1} to {of.n_damped}: {len(of.omega_n)} modes are kept, "
+                "of the others their statics"
             )
-    if not scene.solver.error_bars:
+    if not of.has_bars:
         lines.append("error bars: [solver] asks for none")
-    elif is_static:
+    elif not of.moves:
         lines.append("error bars: they are those of harmonic 1, and harmonics = 0")
-    if not prepared.outline.has_mesh:
+    if not of.has_mesh:
         lines.append("fields for ParaView: the scene has no mesh")
     return lines
 

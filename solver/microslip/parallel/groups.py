@@ -78,7 +78,7 @@ class Counter:
         self._window = MPI.Win.Allocate(8 if world.rank == 0 else 0, 8, comm=world)
         if world.rank == 0:
             self._window.Lock(0)
-            np.frombuffer(self._window.tomemory(), dtype=np.int64)[:] = 0
+            self._window.tomemory()[:] = bytes(8)
             self._window.Unlock(0)
         world.Barrier()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import re
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
@@ -21,9 +22,6 @@ def versions() -> dict[str, str]:
     from petsc4py import PETSc
     from slepc4py import SLEPc
 
-    def dotted(numbers) -> str:
-        return ".".join(map(str, numbers))
-
     found = {
         "PETSc": dotted(PETSc.Sys.getVersion()),
         "SLEPc": dotted(SLEPc.Sys.getVersion()),
@@ -37,6 +35,10 @@ def versions() -> dict[str, str]:
         "scipy": scipy.__version__,
     }
     return {name: version for name, version in found.items() if version}
+
+
+def dotted(numbers: Iterable[int]) -> str:
+    return ".".join(map(str, numbers))
 
 
 def commit(package: Path = _PACKAGE) -> str:

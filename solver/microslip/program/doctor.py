@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 from .. import __version__
 from ..parallel.petsc import initialise, locate
-from ..parallel.versions import loaded_libraries, mumps_version
+from ..parallel.versions import dotted, loaded_libraries, mumps_version
 
 
 class Unusable(Exception):
@@ -105,12 +105,12 @@ def _petsc() -> str:
     PETSc, _ = initialise()
     if not _is_real(PETSc):
         raise Unusable("built with complex numbers, real ones are needed")
-    return f"{_dotted(PETSc.Sys.getVersion())}, real, {8 * PETSc.IntType(0).nbytes}-bit indices"
+    return f"{dotted(PETSc.Sys.getVersion())}, real, {8 * PETSc.IntType(0).nbytes}-bit indices"
 
 
 def _slepc() -> str:
     locate()
-    return _dotted(initialise()[1].Sys.getVersion())
+    return dotted(initialise()[1].Sys.getVersion())
 
 
 def _mumps() -> str:
@@ -132,10 +132,6 @@ def _is_real(PETSc) -> bool:
     import numpy as np
 
     return PETSc.ScalarType == np.float64
-
-
-def _dotted(numbers) -> str:
-    return ".".join(map(str, numbers))
 
 
 def _kernel() -> str:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..parallel.ownership import rows_of
 from .columns import ReceptanceColumns
-from .static_columns import rows_of
 
 _LEAST = 1e-30  # share of a pair's own compliance below which another one feels nothing of it
 

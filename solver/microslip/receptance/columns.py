@@ -9,10 +9,10 @@ from math import prod
 
 import numpy as np
 
+from ..parallel.ownership import rows_of
 from .damping import Flexibility
 from .model import ReducedModel
 from .rows import Rows
-from .static_columns import rows_of
 
 
 class ReceptanceColumns:

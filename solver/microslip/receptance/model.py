@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +26,9 @@ from .family import ModalFamily, Share, shared_out
 from .observed import Observed
 from .static_columns import StaticColumns
 
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
@@ -34,7 +37,7 @@ class ReducedModel:
     Everything is replicated except the columns of ``G_static``, whose rows live with their pairs.
     """
 
-    comm: Any
+    comm: MPI.Comm
     pair_ranges: np.ndarray  # (size + 1,) rank r owns pairs pair_ranges[r]:pair_ranges[r + 1]
     families: tuple[ModalFamily, ...]  # exactly one of them serves a harmonic
     G_static: StaticColumns  # columns of R K_L^-1 R^T, solved for on demand; rows of this rank's pairs

@@ -40,6 +40,14 @@ class StaticColumns:
         self.on_new: Callable[[np.ndarray], None] = lambda pairs: None  # collective; hears of pairs whose columns were solved for
         self._last: tuple[np.ndarray, ChosenColumns] | None = None  # pairs chosen last, and their columns
 
+    def expect(self, pairs: np.ndarray) -> None:
+        """Solve for missing pairs in this order from now on, where others leave room.  Local; the same on every rank."""
+        self.likely = pairs
+
+    def tell(self, hears: Callable[[np.ndarray], None]) -> None:
+        """Tell of pairs whose columns were solved for from now on; ``hears`` is collective.  Local."""
+        self.on_new = hears
+
     def require(self, pairs: np.ndarray) -> None:
         """Solve for the columns of ``pairs`` (m,) that are not known yet.  Collective; the same pairs on every rank."""
         missing = pairs[~self.known[pairs]]
@@ -83,8 +91,3 @@ class ChosenColumns(Rows):
     def __init__(self, places: np.ndarray, n: int, held: list[np.ndarray], largest: float):
         super().__init__(places, n, np.float64, held)
         self.largest = largest  # of its entries, in size
-
-
-def rows_of(pairs: np.ndarray) -> np.ndarray:
-    """Return the three rows of each of the ``pairs`` (m,), (3 m,)."""
-    return (3 * np.asarray(pairs)[:, None] + np.arange(3)).ravel()

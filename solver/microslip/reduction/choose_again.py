@@ -12,6 +12,7 @@ import numpy as np
 
 from ..contact.law import Law
 from ..modes.limits import FEW
+from ..parallel.ownership import rows_of
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
@@ -126,7 +127,7 @@ class Known:
         moving = np.flatnonzero(parts.reshape(model.n_pairs, -1).any(axis=1))
         if not model.G_static.known[moving].all():
             raise NotKnown("static columns")
-        rows = (3 * moving[:, None] + np.arange(3)).ravel()
+        rows = rows_of(moving)
         Gp_owned = parts[rows].T @ model.G_static.transposed(moving)  # its columns are this rank's rows of G
         static = model.comm.allreduce(np.einsum("pi,ip->p", Gp_owned, parts[model.owned_rows]))
         return self._rest(static, model.one_family.R_phi[:, : self.n].T @ parts)

@@ -23,7 +23,7 @@ from ..linear.dense import gram, multiply
 from ..linear.joint_springs import Linearised
 from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
-from ..parallel.ownership import split_evenly
+from ..parallel.ownership import rows_of, split_evenly
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
 from ..receptance.observed import Observed
@@ -115,7 +115,7 @@ def model_of_family(
     own = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
 
     def columns(pairs: np.ndarray) -> np.ndarray:
-        return own @ R_phi[(3 * pairs[:, None] + np.arange(3)).ravel()].T
+        return own @ R_phi[rows_of(pairs)].T
 
     harmonics = Harmonics.up_to(settings.harmonics)
     return ReducedModel(

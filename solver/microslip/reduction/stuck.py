@@ -15,7 +15,7 @@ from ..mesh.data import ContactPairs
 from ..modes.constraint import static_columns
 from ..modes.eigen import Modes
 from ..parallel.memory import refuse_beyond
-from ..parallel.ownership import split_evenly
+from ..parallel.ownership import rows_of, split_evenly
 from ..receptance.static_columns import BATCH, FROM_DISK, StaticColumns
 
 _ASKED_FROM = 1e8  # bytes of columns from which memory is asked for before they are solved for
@@ -84,7 +84,7 @@ def pair_columns(linearised: Linearised, pair_ranges: np.ndarray) -> StaticColum
     R_T, n_owned = R.T.tocsc(), int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
 
     def solve(pairs: np.ndarray) -> np.ndarray:
-        chosen = (3 * pairs[:, None] + np.arange(3)).ravel()
+        chosen = rows_of(pairs)
         if 8.0 * len(chosen) * R.shape[0] > _ASKED_FROM:
             refuse_beyond(comm, 16.0 * len(chosen) * 3 * n_owned, f"static columns of {len(pairs)} more pairs", _FEWER)
         return static_columns(linearised, R, R_T[:, chosen], row_ranges=3 * pair_ranges)

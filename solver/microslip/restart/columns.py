@@ -49,7 +49,7 @@ class KeptColumns:
         new = new[~np.isin(new, there)]
         for start in range(0, len(new), BATCH):
             self._keep(G_static, new[start : start + BATCH])
-        G_static.on_new = lambda pairs: self._keep(G_static, pairs)
+        G_static.tell(lambda pairs: self._keep(G_static, pairs))
 
     def _open(self) -> np.ndarray:
         """Open the file behind its whole records; return the pairs that they hold."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -74,12 +74,16 @@ class Restart:
         options: tuple[str, ...] = (),
         fresh: bool = False,
         shared: Path | None = None,
+        notes: Sequence[str] = (),
     ) -> Restart:
-        """Return what is kept in the folder of a run; nothing if it is to start afresh.  ``shared`` is a cache of set-ups."""
+        """Return what is kept in the folder of a run; nothing if it is to start afresh.
+
+        ``shared`` is a cache of set-ups, ``notes`` are what there is to say of the folder beside.
+        """
         path = folder / NAME
-        identity, notes, done = on_root(comm, as_written, path, _opened, path, scene, options, fresh)
+        identity, of_files, done = on_root(comm, as_written, path, _opened, path, scene, options, fresh)
         cache = None if shared is None else Cache(comm, shared, identity.structure)
-        return cls(comm, path, scene, identity, notes, done, cache, fresh)
+        return cls(comm, path, scene, identity, (*notes, *of_files), done, cache, fresh)
 
     # -- the set-up --------------------------------------------------------------------------------------------------
 

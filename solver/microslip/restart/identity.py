@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
-from ..contact.laws import ELASTIC_COULOMB
+from ..contact.laws import ELASTIC_COULOMB, LAWS
 from ..library.inputs import fingerprint, input_files
 from ..parallel.versions import program_hash, versions
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 Tables = dict[str, Any]
 _OF_RESPONSE = ("samples", "tolerance")  # of [solver]: the set-up knows nothing of them
 _NOT_OF_STRUCTURE = ("title", "continuation", "response", "solver", "damping")
-_LIMITS = ("friction", "preload")  # of a joint
 _RANGE = ("frequencies", "mode", "span")  # of [response]
 _AT_REST = "loads at rest"  # among the files: the model file may make [statics]
 _PERTURBED, _LOADED = re.compile(rb"(?i)perturbation"), re.compile(rb"(?i)\*\s*(c|d|d\s*s)\s*load")
@@ -145,9 +144,8 @@ def _has(path: Path, word: re.Pattern[bytes]) -> bool:
 
 def _without_limits(joint: Tables) -> Tables:
     """Return a joint without what the stuck structure does not know of."""
-    if joint.get("law", ELASTIC_COULOMB) != ELASTIC_COULOMB:
-        return joint
-    return {key: value for key, value in joint.items() if key not in _LIMITS}
+    limits = LAWS[joint.get("law", ELASTIC_COULOMB)].limits
+    return {key: value for key, value in joint.items() if key not in limits}
 
 
 def _changes(path: str, was: Any, now: Any) -> list[tuple[str, str, str]]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..continuation.checkpoint import under
 from ..error_estimate.better_model import BetterModel
 from ..fourier.harmonics import Harmonics
 from ..library.build import Structure, build
@@ -27,7 +28,7 @@ from ..reduction.reduction import Reduction
 from ..reduction.settings import ReductionSettings
 from .columns import KeptColumns
 from .records import Arrays
-from .setup import STATICS, family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of, under
+from .setup import STATICS, family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -43,6 +44,11 @@ class Rebuilt:
     ):
         self.scene, self.comm, self.log = scene, comm, log
         self.omega_n, self._read_modes = omega_n, read_modes
+
+    def keep_first(self, n_modes: int) -> np.ndarray:
+        """Leave the modes beyond the first ``n_modes`` out, and return the frequencies of those [rad/s].  Local."""
+        self.omega_n = self.omega_n[:n_modes]
+        return self.omega_n
 
     @cached_property
     def structure(self) -> Structure:
@@ -99,8 +105,8 @@ def restored(
     better = None
     if texts["has_bars"]:
         other = under("better", arrays)
-        truth = exact_model(other, comm, settings, rebuilt.solve) if other else model
-        better = BetterModel(truth, left_out_of(arrays), is_solved=not other)
+        compared_with = exact_model(other, comm, settings, rebuilt.solve) if other else model
+        better = BetterModel(compared_with, left_out_of(arrays), is_solved=not other)
     known = exact_columns(reduction, better)
     if known is not None:
         columns.restore(known, model.owned_rows)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..continuation.checkpoint import over, under
 from ..error_estimate.modes_left_out import ModesLeftOut
 from ..error_estimate.structural_coupling import StructuralCoupling
 from ..library.prepare import Outline, Prepared
@@ -126,13 +127,3 @@ def numbers_of(of: Any) -> Arrays:
         elif isinstance(value, (np.ndarray, float, int, bool, np.generic)) and np.asarray(value).dtype.kind in "iufb":
             found[field.name] = np.asarray(value)
     return found
-
-
-def over(name: str, arrays: Mapping[str, np.ndarray]) -> Arrays:
-    """Return arrays with ``name`` over theirs."""
-    return {f"{name}/{key}": value for key, value in arrays.items()}
-
-
-def under(name: str, arrays: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arrays under ``name``."""
-    return {key.removeprefix(f"{name}/"): value for key, value in arrays.items() if key.startswith(f"{name}/")}

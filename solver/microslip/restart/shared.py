@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..continuation.checkpoint import over, under
 from ..error_estimate.better_model import BetterModel
 from ..error_estimate.left_out_again import OnRandom, left_out_again, on_random
 from ..library.build import Structure
@@ -29,7 +30,7 @@ from ..reduction.reduction import Reduction
 from .columns import KeptColumns
 from .records import Arrays
 from .restore import Rebuilt, exact_model
-from .setup import left_out_of, numbers_of, of_model, outline_of, over, pairs_of, texts_of_pairs, under
+from .setup import left_out_of, numbers_of, of_model, outline_of, pairs_of, texts_of_pairs
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -135,8 +136,7 @@ def made_of(
         better = _better(arrays, texts, model, known)
         if better is None:
             return None
-    rebuilt.omega_n = outline.omega_n[:n_modes]
-    outline = replace(outline, omega_n=rebuilt.omega_n)
+    outline = replace(outline, omega_n=rebuilt.keep_first(n_modes))
     reduction = Reduction(model, SELECTIONS[settings.method](settings), rebuilt.displacement, "modes")
     response = response_of(scene, pairs, reduction, outline.omega_n, better)
     return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close), why

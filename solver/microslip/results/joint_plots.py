@@ -13,6 +13,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.patches import Patch as Swatch
 
 from ..contact.law import STICK
+from ..contact.laws import friction_limit
 from .measures import counts, peak
 from .record import LevelResult, ResultFile
 from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, level_name, plain, some, with_prefix
@@ -30,7 +31,7 @@ def draw_slip_map(results: ResultFile, out_dir: str) -> list[str]:
     """Draw stick, slip and separation on the contact surfaces at the peak of each level.  Local; returns the files."""
     handles = [Swatch(facecolor=c, edgecolor=FAINT, lw=0.4, label=n) for c, n in zip(STATE_COLOURS, STATE_NAMES)]
     colours = np.array([matplotlib.colors.to_rgba(c) for c in STATE_COLOURS])
-    n_apart = 0 if results.joint.apart is None else int(np.count_nonzero(results.joint.apart))
+    n_apart = int(np.count_nonzero(results.joint.apart))
 
     def colour(level: LevelResult, at: int) -> np.ndarray:
         return colours[level.state[at]]
@@ -103,7 +104,8 @@ def draw_rest(results: ResultFile, out_dir: str) -> list[str]:
     without = np.isnan(joint.N0)  # pairs of a law that knows no normal force
     N = np.where(without, 0.0, np.maximum(joint.N0, 0.0))
     pressure = N / joint.area / 1e6
-    limit = np.where(without, joint.own.get("slip_force", np.zeros_like(N)), np.nan_to_num(joint.mu) * N)
+    columns = {"mu": joint.mu, "N0": joint.N0, **joint.own}
+    limit = np.nan_to_num(friction_limit(np.array(joint.law_names)[joint.laws], columns, N))
     friction = np.divide(np.hypot(*joint.T0.T), limit, out=np.zeros_like(N), where=limit > 0.0)
     palette = matplotlib.colormaps["viridis_r"]
     most = max(pressure.max(initial=0.0), 1e-300)

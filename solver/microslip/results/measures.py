@@ -18,6 +18,7 @@ class Shown:
     name: str
     of: Callable[[np.ndarray], np.ndarray]  # of its coefficients, (..., N_H)
     largest: str  # what its largest on a curve is called
+    heading: str  # the same above a column
     is_static: bool = False  # the same at every frequency: one point stands for all
     unit: str = "m"  # of the output
     level_unit: str = "N"
@@ -27,12 +28,20 @@ class Shown:
         """What follows a unit that is per unit of the level."""
         return "" if self.level_unit == "1" else f"/{self.level_unit}" if self.level_unit == "N" else f"/({self.level_unit})"
 
+    def size(self, coefficients: np.ndarray) -> np.ndarray:
+        """Return how large an output is, of its coefficients (..., N_H)."""
+        return np.abs(self.of(coefficients))
+
+    def where(self, frequency: float, digits: int = 7) -> str:
+        """Return where a point is [Hz]; nothing where it stands for every frequency."""
+        return "" if self.is_static else f"{frequency:.{digits}g} Hz"
+
     def __str__(self) -> str:
         return f"{self.name}{'' if self.is_static else ' of harmonic 1'}"
 
 
-AMPLITUDE = Shown("amplitude", amplitude, "peak")  # of harmonic 1
-MEAN = Shown("mean", lambda coefficients: coefficients[..., 0], "displacement", is_static=True)
+AMPLITUDE = Shown("amplitude", amplitude, "peak", "peak amplitude")  # of harmonic 1
+MEAN = Shown("mean", lambda coefficients: coefficients[..., 0], "displacement", "displacement", is_static=True)
 
 
 def shown_with(harmonics: int, unit: str = "m", level_unit: str = "N") -> Shown:

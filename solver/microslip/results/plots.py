@@ -12,7 +12,7 @@ from .curve_plots import draw_energy, draw_error, draw_response, draw_rom_size, 
 from .joint_plots import draw_energy_map, draw_rest, draw_slip_map
 from .read import read_results
 from .record import ResultFile
-from .static_plots import draw_static_response, draw_static_states, is_static
+from .static_plots import draw_static_response, draw_static_states
 from .style import RC
 
 Picture = Callable[[ResultFile, str], list[str]]
@@ -68,4 +68,4 @@ def draw_one(results: ResultFile, out_dir: str, name: str) -> list[str]:
 
 def pictures_of(results: ResultFile) -> tuple[Picture, ...]:
     """Return what results can be drawn as.  Local."""
-    return STATIC_PICTURES if is_static(results) else PICTURES
+    return STATIC_PICTURES if results.shown.is_static else PICTURES

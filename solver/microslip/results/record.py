@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from ..contact.laws import ELASTIC_COULOMB
 from ..continuation.branch import CLOSES_TO, QUANTITIES, Branch
 from ..continuation.quantities import Quantity, axis_lengths, declared
+from .measures import Shown, shown_with
 from .origin import Origin
 
 if TYPE_CHECKING:
@@ -75,14 +77,18 @@ class Joint:
     k_t: Annotated[np.ndarray, Quantity("k_t", "pairs", "N/m", "tangential stiffness")]
     k_n: Annotated[np.ndarray, Quantity("k_n", "pairs", "N/m", "normal stiffness")]
     separate: Annotated[np.ndarray, Quantity("separate", "pairs", "1", "1 where directions slip on their own", "u1")]
-    T0: Annotated[np.ndarray, Quantity("T0", "pairs tangents", "N", "friction force at rest, against body 1")] = None  # type: ignore[assignment]
+    T0: Annotated[np.ndarray, Quantity("T0", "pairs tangents", "N", "friction force at rest, against body 1", optional=True)]
     apart: Annotated[
-        np.ndarray, Quantity("apart", "pairs", "1", "1 where a pair is open at rest and no spring stands for it", "u1")
-    ] = None  # type: ignore[assignment]
+        np.ndarray,
+        Quantity("apart", "pairs", "1", "1 where a pair is open at rest and no spring stands for it", "u1", optional=True),
+    ]
     cells: Annotated[
-        np.ndarray, Quantity("cells", "pairs corners directions", "m", "corners of the area of a pair; NaN where faces tell it")
-    ] = None  # type: ignore[assignment]
-    laws: Annotated[np.ndarray, Quantity("law", "pairs", "index into laws", "contact law of each pair", "i8")] = None  # type: ignore[assignment]
+        np.ndarray,
+        Quantity(
+            "cells", "pairs corners directions", "m", "corners of the area of a pair; NaN where faces tell it", optional=True
+        ),
+    ]
+    laws: Annotated[np.ndarray, Quantity("law", "pairs", "index into laws", "contact law of each pair", "i8", optional=True)]
     faces: tuple[np.ndarray, ...] = ()  # (n_faces, 3, 4, 6 or 8) indices of pairs
     law_names: tuple[str, ...] = (ELASTIC_COULOMB,)
     own: Mapping[str, np.ndarray] = field(default_factory=dict)  # (n_pairs,) each: what laws have beside; NaN: not this one
@@ -137,6 +143,15 @@ class ResultFile:
         """The levels of the run that have not come to their end [N]: it is at work, or was stopped."""
         ended = {level.level for level in self.levels if level.status != RUNNING}
         return tuple(level for level in self.asked if level not in ended)
+
+    @cached_property
+    def shown(self) -> Shown:
+        """What is told of an output: the mean where outputs move, but at no point to and fro."""
+        responses = [level.response for level in self.levels if len(level.frequency)]
+        moves = any(response[..., 1:].any() for response in responses) or not any(
+            response[..., 0].any() for response in responses
+        )
+        return shown_with(int(moves), self.unit_of(0), self.level_unit)
 
     def unit_of(self, output: int) -> str:
         """Return the unit of an output."""

@@ -14,12 +14,6 @@ _WIDTH = 4.6  # in
 _ROWS = 5  # outputs in one picture
 
 
-def is_static(results: ResultFile) -> bool:
-    """Tell whether the outputs move, but nothing to and fro: every harmonic above the mean is zero at every point.  Local."""
-    responses = [level.response for level in results.levels if len(level.frequency)]
-    return any(response[..., 0].any() for response in responses) and not any(response[..., 1:].any() for response in responses)
-
-
 def draw_static_response(results: ResultFile, out_dir: str) -> list[str]:
     """Draw the displacement of every output over the load.  Local; returns the files."""
     levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)

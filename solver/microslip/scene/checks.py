@@ -65,6 +65,7 @@ def _of_matrices(scene: Scene) -> list[str]:
         ("[[springs]]", scene.springs),
     )
     found = [f"{table}: belongs to a mesh; the matrices must hold it already" for table, entries in held if entries]
+    found += ["[statics]: needs a mesh; pairs of matrices state their preload"] if scene.statics is not None else []
     knows_nodes = may_know_nodes(scene.model, scene.folder)
     has_mesh = scene.model.nodes is not None and not scene.model.nodes.lower().endswith(".csv")
     for where, joint in _numbered(scene, "joints"):

@@ -15,7 +15,6 @@ from ..parallel.files import refuse_devices
 from ..parallel.words import lies_deep, shortened
 from .checks import absent, contradictions, missing_files
 from .messages import in_words
-from .not_yet import not_yet
 from .overrides import overridden
 from .schema import Scene
 from .text import as_toml
@@ -97,7 +96,7 @@ def _checked(path: Path, raw: Mapping[str, Any], text: str, is_complete: bool = 
     except ValidationError as problem:
         _refuse(said, in_words(problem.errors(include_url=False), raw))
         raise AssertionError("a scene was refused without a reason") from problem
-    for problems in (not_yet, contradictions, missing_files):
+    for problems in (contradictions, missing_files):
         _refuse(said, problems(scene))
     return scene
 

@@ -15,9 +15,9 @@ def as_toml(tables: Mapping[str, Any]) -> str:
 def _lines(header: str, table: Mapping[str, Any]) -> list[str]:
     """Return the lines of a table, its values before the tables in it."""
     tables = {name: value for name, value in table.items() if isinstance(value, Mapping) or _is_list_of_tables(value)}
-    lines = [f"{_key(name)} = {value_text(value)}" for name, value in table.items() if name not in tables]
+    lines = [f"{key_text(name)} = {value_text(value)}" for name, value in table.items() if name not in tables]
     for name, value in tables.items():
-        path = f"{header}.{_key(name)}" if header else _key(name)
+        path = f"{header}.{key_text(name)}" if header else key_text(name)
         for entry in (value,) if isinstance(value, Mapping) else value:
             head = [f"[{path}]"] if isinstance(value, Mapping) else [f"[[{path}]]"]
             lines += ["", *head, *_lines(path, entry)]
@@ -28,7 +28,8 @@ def _is_list_of_tables(value: Any) -> bool:
     return isinstance(value, tuple) and len(value) > 0 and isinstance(value[0], Mapping)
 
 
-def _key(name: str) -> str:
+def key_text(name: str) -> str:
+    """Return a key as TOML writes it.  Local."""
     return name if name.isascii() and name.replace("_", "").replace("-", "").isalnum() else json.dumps(name)
 
 

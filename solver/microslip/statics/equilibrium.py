@@ -10,17 +10,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from mpi4py.MPI import LOR
+from mpi4py import MPI
 
 from ..assembly.pretension import Bolts
 from ..contact.law import Law
-from ..contact.laws import ELASTIC_COULOMB, pressed_to
+from ..contact.laws import are_springs, pressed_to
 from ..linear.dense import summed
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..modes.constraint import static_columns
 from ..parallel.agree import on_root
 from ..parallel.errors import ConvergenceError, ResourceError
+from ..parallel.ownership import rows_of
 from .bolts import BoltsAtRest, cuts_of, of_loads
 
 TOLERANCE = 1e-12  # of the relative displacement, over the largest there is
@@ -64,7 +65,7 @@ class Flexibility:
         missing = np.flatnonzero(pairs & ~self.known)
         if len(missing) == 0:
             return
-        rows = _rows(missing)
+        rows = rows_of(missing)
         columns = static_columns(self.linearised, self.linearised.system.R, self._R_T[:, rows])
         if len(self._columns):
             self._columns[:, rows] = columns
@@ -72,7 +73,7 @@ class Flexibility:
 
     def of(self, pairs: np.ndarray) -> np.ndarray:
         """Return the columns of some pairs, (3 n_pairs, 3 m) [m/N].  Rank 0."""
-        return self._columns if pairs.all() else self._columns[:, _rows(np.flatnonzero(pairs))]
+        return self._columns if pairs.all() else self._columns[:, rows_of(np.flatnonzero(pairs))]
 
 
 def equilibrium(
@@ -105,20 +106,20 @@ def equilibrium(
     R_owned = system.R[:, first:last]
     u_load = linearised.factor.solve(forces_owned[:, None])[:, 0]
     du_load = comm.bcast(summed(comm, R_owned @ u_load)).reshape(-1, 3)
-    contact = _Contact(comm, pairs, G)
+    contact = Contact(comm, pairs, G)
     unloaded = np.zeros((pairs.n_pairs, 3 + pairs.law.n_memory))
-    now, n_taken, found = _State(np.zeros(du_load.shape), unloaded), 0, None
+    now, n_taken, found = State(np.zeros(du_load.shape), unloaded), 0, None
     held, u_held = np.zeros(du_load.shape), 0.0
     if bolts is not None:
         cuts = cuts_of(linearised, bolts, where)
         delta = cuts.tightened(now.p)
-        tightening = _Loading(held, (cuts.RU @ delta).reshape(-1, 3), "the bolts' forces", release=cuts.release)
+        tightening = Loading(held, (cuts.RU @ delta).reshape(-1, 3), "the bolts' forces", release=cuts.release)
         now, n_taken = contact.follow(tightening, now, n_steps)
         delta = cuts.tightened(now.p)
         tightened = cuts.force(delta, now.p)
         held, u_held = (cuts.RU @ delta).reshape(-1, 3), cuts.U_owned @ delta
-    if bolts is None or comm.allreduce(bool(forces_owned.any()), LOR):
-        loading = _Loading(held, du_load, "the load", which_flies)
+    if bolts is None or comm.allreduce(bool(forces_owned.any()), MPI.LOR):
+        loading = Loading(held, du_load, "the load", which_flies)
         now, n_more = contact.follow(loading, now, n_steps)
         n_taken += n_more
     if bolts is not None:
@@ -145,7 +146,9 @@ def stuck_forces(G: Flexibility, pairs: ContactPairs, forces_owned: np.ndarray, 
 
 
 @dataclass(frozen=True, eq=False)
-class _State:
+class State:
+    """The joint where a march has come to."""
+
     du: np.ndarray  # (n_pairs, 3) m
     after: np.ndarray  # (n_pairs, 3 + n_memory) N, p and what the law remembers beside it
 
@@ -155,7 +158,7 @@ class _State:
 
 
 @dataclass(frozen=True, eq=False)
-class _Loading:
+class Loading:
     """What moves the pairs while they all stick: a part that is there, and one that is put on in steps."""
 
     held: np.ndarray  # (n_pairs, 3) m
@@ -169,14 +172,43 @@ class _Loading:
         return float(max(np.abs(self.held).max(initial=0.0), np.abs(self.rising).max(initial=0.0)))
 
 
-class _Contact:
+@dataclass(frozen=True, eq=False)
+class _Sought:
+    """An equilibrium to be found: under which loads, by which law, from which state on."""
+
+    loading: Loading
+    share: float  # of what rises
+    law: Law
+    was: State
+
+    @property
+    def load(self) -> np.ndarray:
+        """What moves the pairs while they all stick, (n_pairs, 3) [m]."""
+        return self.loading.held + self.share * self.loading.rising
+
+    def at(self, du: np.ndarray) -> _Trial:
+        """Return the pairs at a motion (n_pairs, 3) [m].  Local."""
+        after, L, _ = self.law.step(du, self.was.after)
+        return _Trial(State(du, after), L, after[:, :3].any(axis=1) | L.any(axis=(1, 2)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """The pairs at a motion that may be an equilibrium."""
+
+    state: State
+    L: np.ndarray  # (n_pairs, 3, 3) dp / d du [N/m]
+    active: np.ndarray  # (n_pairs,) bool: p or L is not zero
+
+
+class Contact:
     """du = held + share rising - G p, p by the law from what it was: Newton's method on rank 0, columns of G from all."""
 
-    def __init__(self, comm, pairs: ContactPairs, G: Flexibility):
+    def __init__(self, comm: MPI.Comm, pairs: ContactPairs, G: Flexibility):
         self.comm, self.pairs, self.law, self.G = comm, pairs, pairs.law, G
         self.iterations = 0
 
-    def follow(self, loading: _Loading, now: _State, n_steps: int) -> tuple[_State, int]:
+    def follow(self, loading: Loading, now: State, n_steps: int) -> tuple[State, int]:
         """Return the state under all of a loading, put on in equal steps or shorter ones, and their number.  Collective."""
         share, step, n_taken = 0.0, 1.0 / n_steps, 0
         while share < 1.0 - 1e-9:
@@ -193,7 +225,7 @@ class _Contact:
             now, share, n_taken, step = found, next_share, n_taken + 1, min(2.0 * step, 1.0 / n_steps)
         return now, n_taken
 
-    def _fallen(self, loading: _Loading, was: _State, share: float) -> _State | None:
+    def _fallen(self, loading: Loading, was: State, share: float) -> State | None:
         """Return the state of bodies that have fallen through their gaps, None where none is found.  Collective.
 
         A body that hangs on its gaps alone moves freely until they close, so that no share of the load leads there.  Instead the
@@ -212,83 +244,79 @@ class _Contact:
             now, opened, step = (now, opened, 0.5 * step) if found is None else (found, target, 2.0 * step)
         if now is None:
             return None
-        after, plain = now.after.copy(), self.pairs.laws == ELASTIC_COULOMB
-        after[plain, :2] = -(self.law.stiffness[:, :2] * now.du[:, :2])[plain]
-        return self._solve(loading, _State(now.du, after), share, now.du)
+        after, anew = now.after.copy(), are_springs(self.pairs.laws)
+        after[anew, :2] = -(self.law.stiffness[:, :2] * now.du[:, :2])[anew]
+        return self._solve(loading, State(now.du, after), share, now.du)
 
-    def _solve(self, loading: _Loading, was: _State, share: float, du: np.ndarray, law: Law | None = None) -> _State | None:
+    def _solve(self, loading: Loading, was: State, share: float, du: np.ndarray, law: Law | None = None) -> State | None:
         """Return the state at a share of the load, from ``du``; None where Newton does not find one.  Collective.
 
         Many gaps close and open in full steps sooner than in those that must lower the residual, which come after them.
         """
-        has_gaps = bool((self.pairs.N0 < 0.0).any())
-        found = self._newton_from(loading, law or self.law, was, share, du, 0) if has_gaps else None
-        return found or self._newton_from(loading, law or self.law, was, share, du, HALVINGS)
+        has_gaps, sought = bool((self.pairs.N0 < 0.0).any()), _Sought(loading, share, law or self.law, was)
+        found = self._newton_from(sought, du, 0) if has_gaps else None
+        return found or self._newton_from(sought, du, HALVINGS)
 
-    def _newton_from(self, loading: _Loading, law: Law, was: _State, share: float, du, halvings: int) -> _State | None:
+    def _newton_from(self, sought: _Sought, du: np.ndarray, halvings: int) -> State | None:
         """Return the state that Newton's method finds from ``du`` with steps halved so often, if it does.  Collective."""
-        load = loading.held + share * loading.rising
-        largest = max(loading.largest, float(np.abs(du).max(initial=0.0)))
+        largest = max(sought.loading.largest, float(np.abs(du).max(initial=0.0)))
         for _ in range(MOST_ITERATIONS):
-            after, L, _ = law.step(du, was.after)
-            p = after[:, :3]
-            active = p.any(axis=1) | L.any(axis=(1, 2))
-            if 3 * np.count_nonzero(active) > LARGEST:
+            trial = sought.at(du)
+            if 3 * np.count_nonzero(trial.active) > LARGEST:
                 raise ResourceError(
-                    f"[statics]: {np.count_nonzero(active)} contact pairs open or slip at rest; up to {LARGEST // 3} are "
+                    f"[statics]: {np.count_nonzero(trial.active)} contact pairs open or slip at rest; up to {LARGEST // 3} are "
                     "solved for: a coarser mesh of the contact surfaces, or stiffer contact, has fewer"
                 )
-            self.G.require(active)
+            self.G.require(trial.active)
             size = max(largest, float(np.abs(du).max(initial=0.0)))
-            better, error = on_root(self.comm, self._iterate, loading, law, was, load, du, p, L, active, halvings)
+            better, error = on_root(self.comm, self._iterate, sought, trial, halvings)
             self.iterations += 1
             if size > FARTHEST * largest:
                 return None
             if error <= TOLERANCE * size:
-                return _State(du, after)
+                return trial.state
             if better is None:
                 return None
             du = better
         return None
 
-    def _iterate(
-        self, loading: _Loading, law: Law, was: _State, load, du, p, L, active, halvings
-    ) -> tuple[np.ndarray | None, float]:
+    def _iterate(self, sought: _Sought, trial: _Trial, halvings: int) -> tuple[np.ndarray | None, float]:
         """Return du after a Newton step, None where there is none, and the residual before it [m].  Rank 0."""
-        residual = self._residual(loading, load, du, p, active)
+        residual = self._residual(sought, trial.state.du, trial.state.p, trial.active)
         error = float(np.abs(residual).max(initial=0.0))
-        step = self._newton(loading, residual, L, active)
+        step = self._newton(sought.loading, residual, trial)
         if step is None:
             return None, error
-        best, best_error = du + step, np.inf
+        best, best_error = trial.state.du + step, np.inf
         for k in range(halvings + 1):
-            trial = du + 0.5**k * step
-            p_trial = law.step(trial, was.after)[0][:, :3]
-            moving = p_trial.any(axis=1)
+            du = trial.state.du + 0.5**k * step
+            p = sought.law.step(du, sought.was.after)[0][:, :3]
+            moving = p.any(axis=1)
             if not (moving & ~self.G.known).any():
-                trial_error = float(np.abs(self._residual(loading, load, trial, p_trial, moving)).max(initial=0.0))
-                if trial_error < best_error:
-                    best, best_error = trial, trial_error
-                if trial_error < error:
+                du_error = float(np.abs(self._residual(sought, du, p, moving)).max(initial=0.0))
+                if du_error < best_error:
+                    best, best_error = du, du_error
+                if du_error < error:
                     break
             elif k == 0:
-                return trial, error  # pairs of which nothing is known yet
+                return du, error  # pairs of which nothing is known yet
         return best, error
 
-    def _columns(self, loading: _Loading, active: np.ndarray) -> np.ndarray:
+    def _columns(self, loading: Loading, active: np.ndarray) -> np.ndarray:
         """Return columns of the flexibility, with that of bolts that give way, (3 n_pairs, 3 m) [m/N].  Rank 0."""
         columns = self.G.of(active)
         if loading.release is None:
             return columns
         RU, compliance = loading.release
-        return columns + RU @ (compliance @ RU[_rows(np.flatnonzero(active))].T)
+        return columns + RU @ (compliance @ RU[rows_of(np.flatnonzero(active))].T)
 
-    def _residual(self, loading: _Loading, load, du, p, active) -> np.ndarray:
-        return du - load + (self._columns(loading, active) @ p[active].ravel()).reshape(du.shape)
+    def _residual(self, sought: _Sought, du: np.ndarray, p: np.ndarray, active: np.ndarray) -> np.ndarray:
+        return du - sought.load + (self._columns(sought.loading, active) @ p[active].ravel()).reshape(du.shape)
 
-    def _newton(self, loading: _Loading, residual, L, active) -> np.ndarray | None:
+    def _newton(self, loading: Loading, residual: np.ndarray, trial: _Trial) -> np.ndarray | None:
         """Return the Newton step, (n_pairs, 3) [m]; None where the system is singular."""
-        rows, columns = _rows(np.flatnonzero(active)), self._columns(loading, active)
+        L, active = trial.L, trial.active
+        rows, columns = rows_of(np.flatnonzero(active)), self._columns(loading, active)
         of_active = columns[rows].T.reshape(len(rows) // 3, 3, len(rows))
         J = np.matmul(L[active].transpose(0, 2, 1), of_active).reshape(len(rows), len(rows)).T
         J[np.diag_indices_from(J)] += 1.0
@@ -300,7 +328,7 @@ class _Contact:
         step = -residual - (columns @ dp.ravel()).reshape(residual.shape)
         return step if np.isfinite(step).all() else None
 
-    def _why_not(self, loading: _Loading, now: _State, share: float, flies: str) -> str:
+    def _why_not(self, loading: Loading, now: State, share: float, flies: str) -> str:
         """Say what is open where the load ends at which there is equilibrium, and what moves beyond it.  Local."""
         du, pairs = now.du + SHORTEST * loading.rising, self.pairs
         is_open = pairs.N0 - pairs.k_n * du[:, 2] <= 0.0
@@ -315,7 +343,3 @@ class _Contact:
 def _by_joint(pairs: ContactPairs) -> list[tuple[str, np.ndarray]]:
     names = np.array(pairs.joint)
     return [(name, np.flatnonzero(names == name)) for name in dict.fromkeys(pairs.joint)]
-
-
-def _rows(pairs: np.ndarray) -> np.ndarray:
-    return (3 * pairs[:, None] + np.arange(3)).ravel()

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from ..assembly.system import System
+from ..contact.laws import friction_limit
 from ..mesh.connected import connected_parts
 from ..mesh.data import ContactPairs, Mesh
 from ..parallel.agree import on_root
@@ -75,7 +76,7 @@ def _rigid_motions(system: System, mesh: Mesh, body_of: Mapping[str, str]) -> _R
 
 def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndarray) -> np.ndarray:
     """Return the motion of each part, (n_parts, 6); zero where all are held.  Local, rank 0."""
-    if np.isnan(pairs.mu).any():  # pairs of a law that holds without pressure
+    if friction_limit(pairs.laws, pairs.columns, np.zeros(pairs.n_pairs)).any():  # a law that holds without pressure
         return np.zeros((len(rigid.names), 6))
     T = _by_row(system, rigid)
     B = np.asarray(system.R @ T).reshape(pairs.n_pairs, 3, T.shape[1])
@@ -95,7 +96,7 @@ def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndar
             break
         cones, size = np.concatenate([cones, _against(pairs, B, Z, q)]), left
     q = Z @ q
-    return _without_lift(q, Z, B, pairs.mu).reshape(-1, 6)
+    return _without_lift(q, Z, B, _per_newton(pairs)).reshape(-1, 6)
 
 
 def _by_row(system: System, rigid: _Rigid) -> np.ndarray:
@@ -157,11 +158,16 @@ def _against(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray, q: np.ndarray) -
     return _cone(pairs, B, Z, -slip / np.maximum(np.linalg.norm(slip, axis=1, keepdims=True), 1e-300))
 
 
+def _per_newton(pairs: ContactPairs) -> np.ndarray:
+    """Return the friction that holds at most for each newton that presses, (n_pairs,)."""
+    return friction_limit(pairs.laws, pairs.columns, np.ones(pairs.n_pairs))
+
+
 def _cone(pairs: ContactPairs, B: np.ndarray, Z: np.ndarray, across: np.ndarray) -> np.ndarray:
     """Return a unit normal force and friction at its limit along ``across`` (n_pairs, 2), unit, of each pair, (n_pairs, n)."""
     largest = np.abs(across).max(axis=1, initial=1e-300)
     reach = np.where(pairs.separate, 1.0 / largest, 1.0)  # to a square of limits, or a circle
-    return (B[:, 2] + np.einsum("p,pi,pia->pa", pairs.mu * reach, across, B[:, :2])) @ Z
+    return (B[:, 2] + np.einsum("p,pi,pia->pa", _per_newton(pairs) * reach, across, B[:, :2])) @ Z
 
 
 def _without_lift(q: np.ndarray, Z: np.ndarray, B: np.ndarray, mu: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..assembly.system import System
-from ..contact.laws import ELASTIC_COULOMB, about_rest
+from ..contact.laws import about_rest, are_springs, friction_limit
 from ..mesh.connected import connected_parts
 from ..mesh.data import ContactPairs, Mesh
 from ..parallel.agree import on_root
@@ -26,8 +26,6 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
     ------
     CaseError : pairs have come apart whose law knows no rest without pressure
     """
-    plain = pairs.laws == ELASTIC_COULOMB
-    N0 = np.where(plain, pairs.N0 - pairs.k_n * rest.du[:, 2], pairs.N0)
     try:
         changed = about_rest(pairs.laws, pairs.columns, rest.du, rest.memory)
     except ValueError as problem:
@@ -36,11 +34,11 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
             "it would touch again; state more preload, less of what pulls, or what may open: a power of the approach, or law = "
             '"elastic-coulomb"'
         ) from problem
-    apart = np.where(plain, N0 <= 0.0, changed.get("apart", False))
+    N0, apart = (changed.get(name, getattr(pairs, name)) for name in ("N0", "apart"))
     T0 = np.where(apart[:, None], 0.0, rest.force[:, :2])
     k_t, k_n, w0 = (changed.get(name, getattr(pairs, name)) for name in ("k_t", "k_n", "w0"))
     own = {name: changed.get(name, values) for name, values in pairs.own.items()}
-    return replace(pairs, N0=np.where(plain, N0, changed.get("N0", N0)), k_t=k_t, k_n=k_n, w0=w0, T0=T0, apart=apart, own=own)
+    return replace(pairs, N0=N0, k_t=k_t, k_n=k_n, w0=w0, T0=T0, apart=apart, own=own)
 
 
 def touches_from_none(pairs: ContactPairs) -> np.ndarray:
@@ -92,16 +90,15 @@ def in_words(
 
 def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
     """Return a line for each joint: what is closed, what slid, what it carries."""
-    names = np.array(pairs.joint)
+    names, limit = np.array(pairs.joint), friction_limit(pairs.laws, pairs.columns, rest.N)
     lines = [f"rest found in {rest.steps} load steps, {rest.iterations} Newton iterations"]
     for name in dict.fromkeys(pairs.joint):
         own = names == name
         N, T = rest.N[own], np.hypot(*rest.force[own, :2].T)
-        plain = pairs.laws[own] == ELASTIC_COULOMB
         closed = (N > 0.0) | np.isnan(pairs.N0[own])
-        slid = closed & (T >= (1.0 - 1e-9) * pairs.mu[own] * N)
+        slid = closed & (T >= (1.0 - 1e-9) * limit[own])
         pressure = N / pairs.area[own]
-        from_gap = plain | (pairs.N0[own] <= 0.0)
+        from_gap = are_springs(pairs.laws[own]) | (pairs.N0[own] <= 0.0)
         gap = np.where(from_gap, np.maximum(rest.du[own, 2] - pairs.N0[own] / pairs.k_n[own], 0.0), 0.0)
         lines.append(
             f"  {name}: {closed.sum()} of {own.sum()} pairs closed, {slid.sum()} slid to their limit; "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,9 +12,8 @@ from ..parallel.ending import conclude_part
 from ..parallel.errors import CaseError, Interrupted
 from ..parallel.groups import Counter, Groups, dealt, split
 from ..parallel.signals import obey_signals
-from ..parallel.walltime import TimeLimit
 from ..parallel.watchdog import unwatched
-from ..run import run
+from ..run import RunOptions, run
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -21,19 +21,11 @@ if TYPE_CHECKING:
     from ..scene.schema import Scene
 
 
-def run_scenes(
-    scenes: Sequence,
-    comm: MPI.Comm,
-    out: Path,
-    options: tuple[str, ...] = (),
-    n_groups: int = 1,
-    fresh: bool = False,
-    limit: TimeLimit | None = None,
-) -> int:
+def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, asked: RunOptions) -> int:
     """Run scenes side by side, or in turn with one group, each into ``out``/its name; return the worst exit status.
 
     Collective on ``comm``.  A group takes the next scene whenever it has done the last one.  A scene that fails is said and
-    ends no other; after a signal, or when the time ``limit`` is near, no further scene begins.
+    ends no other; after a signal, or when the time limit is near, no further scene begins.
 
     Raises
     ------
@@ -43,10 +35,10 @@ def run_scenes(
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise CaseError(f"two scenes are called {twice!r}, and both would write to {out / twice}; rename one of the files")
-    groups, counter, statuses = split(comm, min(n_groups, len(scenes))), Counter(comm), [0]
+    groups, counter, statuses = split(comm, min(asked.n_groups, len(scenes))), Counter(comm), [0]
     obey_signals(groups.is_root)
     for number in dealt(groups, counter, len(scenes)):
-        statuses.append(_run(scenes[number], groups, out / names[number], options, fresh, limit))
+        statuses.append(_run(scenes[number], groups, out / names[number], asked))
         if statuses[-1] == Interrupted.exit_status:
             break
     with unwatched():
@@ -54,7 +46,7 @@ def run_scenes(
     return max(statuses)
 
 
-def _run(scene: Scene, groups: Groups, folder: Path, options: tuple[str, ...], fresh: bool, limit: TimeLimit | None) -> int:
+def _run(scene: Scene, groups: Groups, folder: Path, asked: RunOptions) -> int:
     """Run one scene on this rank's group and return its exit status.  Collective on ``groups.comm``.
 
     With several groups the screen has a line when a scene begins and one when it ends; run.log has the rest.
@@ -62,9 +54,8 @@ def _run(scene: Scene, groups: Groups, folder: Path, options: tuple[str, ...], f
     is_alone, began = groups.n == 1, time.perf_counter()
     if groups.is_root and not is_alone:
         print(f"{scene.name}: begun on {groups.where}", flush=True)
-    status = conclude_part(
-        groups.comm, scene.name, lambda: run(scene, groups.comm, folder, options, screen=is_alone, fresh=fresh, limit=limit)
-    )
+    own = replace(asked, n_groups=1, screen=is_alone)
+    status = conclude_part(groups.comm, scene.name, lambda: run(scene, groups.comm, folder, own))
     if groups.is_root and not is_alone:
         how = "done" if status == 0 else f"ended with status {status}"
         print(f"{scene.name}: {how} after {time.perf_counter() - began:.3g} s, see {folder}", flush=True)

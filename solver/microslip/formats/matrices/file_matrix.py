@@ -14,7 +14,6 @@ from ...parallel.words import shortened
 
 DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")  # 1 to 6 of DofMap
 LARGEST = 2**53  # number of a node: larger ones are not told apart by decimals, and leave no room for a direction
-SCALAR = 0  # direction of a DOF that belongs to no axis: a mode of a superelement, a scalar point
 _MOST_BYTES = 2**40  # of any machine that this program runs on
 _ROWS_OF_ANY_FILE = 10**7  # whose empty rows cost less than a hundred megabytes
 

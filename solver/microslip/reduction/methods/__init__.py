@@ -1,15 +1,17 @@
 """The reduction methods, one file each, one registry: what ``method`` names.
 
 A method takes the stuck structure and the settings, and returns a :class:`Reduction`.  Harmonic balance and
-continuation know none of them.
+continuation know none of them.  Beside what every file has, one may have ``check`` (of size, before anything is solved),
+``check_modes`` and, if it is the structure's modes with its exact static response, ``selection``: the set B.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from ...assembly.system import System
+from ..facts import Facts
 from ..reduction import Reduction
 from ..selection import Selection
 from ..settings import ReductionSettings
@@ -19,6 +21,8 @@ from . import adaptive, adaptive_energy, craig_bampton, full, joint_interface_mo
 
 class Method(Protocol):
     """What each file has."""
+
+    FACTS: Facts
 
     def reduce(self, stuck: StuckStructure, settings: ReductionSettings) -> Reduction: ...
 
@@ -35,12 +39,15 @@ METHODS: dict[str, Method] = {
     "joint-interface-modes": joint_interface_modes,
     "trial-vectors": trial_vectors,
 }
-CHECKS: dict[str, Callable[..., None]] = {"full": full.check}  # of size, before anything is solved
-SELECTIONS: dict[str, Callable[[ReductionSettings], Selection]] = {  # of methods that are the structure's modes and statics
-    name: module.selection
-    for name, module in (("receptance", receptance), ("adaptive", adaptive), ("adaptive-energy", adaptive_energy))
-}
-MODE_CHECKS: dict[str, Callable[[StuckStructure, ReductionSettings], None]] = {"rubin": rubin.check_modes}
+
+
+def _with(function: str) -> dict[str, Callable[..., Any]]:
+    """Return a function of the methods whose file has it."""
+    return {name: getattr(method, function) for name, method in METHODS.items() if hasattr(method, function)}
+
+
+CHECKS, MODE_CHECKS = _with("check"), _with("check_modes")
+SELECTIONS: dict[str, Callable[[ReductionSettings], Selection]] = _with("selection")
 
 
 def check_size(settings: ReductionSettings, system: System) -> None:

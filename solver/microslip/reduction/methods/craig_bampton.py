@@ -18,6 +18,7 @@ from ...linear.dense import diagonal_owned, multiply, summed
 from ...linear.factor import Factor
 from ...linear.joint_springs import Linearised
 from ...modes.eigen import lowest_modes
+from ..facts import Facts
 from ..galerkin import reduce_on_basis
 from ..interface_dofs import interface_dofs, unit_columns
 from ..reduction import Reduction
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from ...assembly.system import System
 
 _BATCH = 128
+
+FACTS = Facts(makes_basis=True)
 
 
 def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:

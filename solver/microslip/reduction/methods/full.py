@@ -29,6 +29,7 @@ from ...modes.band import frequency_band
 from ...modes.eigen import Modes, lowest_modes
 from ...parallel.errors import CaseError
 from ...parallel.memory import memory_left
+from ..facts import Facts
 from ..galerkin import memory_of_basis, reduce_on_basis
 from ..reduction import Reduction
 from ..settings import ReductionSettings
@@ -42,6 +43,8 @@ MOST_WITH_C = 3000  # the same with a damping matrix: beyond, `full` is refused
 ACCURACY = 1e-13  # of the residual receptance
 MOST_RATIO = 0.25  # kappa_max over omega_m^2: beyond, more modes are computed
 _LEAST_BLOCKS = 2
+
+FACTS = Facts(knows_range=True)
 
 
 def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:

@@ -19,10 +19,13 @@ import numpy as np
 from ...linear.dense import gram, multiply
 from ...linear.joint_springs import Linearised
 from ...parallel.agree import on_root
+from ..facts import Facts
 from ..galerkin import reduce_on_basis, reduced_modes
 from ..reduction import Reduction
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
+
+FACTS = Facts(makes_basis=True)
 
 
 def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:

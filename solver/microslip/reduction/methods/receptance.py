@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from ..facts import Facts
 from ..internal_variable import reduce_to_pairs
 from ..reduction import Reduction
 from ..selection import AllPairs
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
+
+FACTS = Facts()
 
 
 def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:

@@ -12,12 +12,15 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from ..facts import Facts
 from ..free_interface import check_rigid, free_bodies, residual_attachment_modes
 from ..galerkin import reduce_on_basis
 from ..interface_dofs import interface_dofs, unit_columns
 from ..reduction import Reduction
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
+
+FACTS = Facts(makes_basis=True)
 
 
 def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:

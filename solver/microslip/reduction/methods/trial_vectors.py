@@ -23,10 +23,13 @@ from ...linear.dense import summed
 from ...linear.joint_springs import joint_stiffness
 from ...parallel.agree import on_root
 from ..build import owned_product
+from ..facts import Facts
 from ..galerkin import DEPENDENT, reduce_on_basis
 from ..reduction import Reduction
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
+
+FACTS = Facts(makes_basis=True)
 
 
 def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:

@@ -12,7 +12,6 @@ from ...fourier.coefficients import amplitude, phase
 from ..audit import closure
 from ..measures import counts, segments
 from ..record import LevelResult, ResultFile
-from ..static_plots import is_static
 from ..style import FAINT, INK, STATE_COLOURS, STATE_NAMES, level_colours, level_name, with_prefix
 
 MOST_OUTPUTS = 12
@@ -26,7 +25,7 @@ def figures_of(results: ResultFile) -> dict[str, Figure]:
 
     response_K and per_level_K of output K, states, energy, error, closure, unknowns; what is not there is left out.
     """
-    if is_static(results):
+    if results.shown.is_static:
         return _static_figures(results)
     levels = [(level, colour) for level, colour in zip(results.levels, _colours(len(results.levels))) if len(level.frequency)]
     found: dict[str, Figure] = {}

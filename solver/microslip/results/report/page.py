@@ -13,7 +13,6 @@ from ...parallel.files import make_folder, written_whole
 from ..fields import Fields, RunRecord, read_fields, read_run
 from ..read import read_results
 from ..record import ResultFile
-from ..static_plots import is_static
 from . import tables
 from .figures import MOST_OUTPUTS, figures_of
 from .maps import map_data, map_drawings
@@ -161,7 +160,7 @@ def _response(results: ResultFile, figures: dict) -> str:
         parts.append(f"<h3>{escape(name)}</h3>{_places(figures, f'response_{k}', f'per_level_{k}')}")
     if len(results.outputs) > MOST_OUTPUTS:
         parts.append(f"<p>{len(results.outputs) - MOST_OUTPUTS} more outputs are in frf.csv and results.h5.</p>")
-    if not is_static(results):
+    if "per_level_0" in figures:
         parts.append(
             '<p class="note">Harmonic 1; left the amplitude, right per unit of the level: equal curves mean that all is linear.'
             " The band is the error bar. Drag to zoom, double-click to zoom out, click a level to hide it.</p>"

@@ -9,9 +9,8 @@ import numpy as np
 
 from ...error_estimate.components import PARTS, total
 from ..fields import Fields, RunRecord
-from ..measures import counts, peak, shown_with
+from ..measures import counts, peak
 from ..record import STOPPED, Bolts, LevelResult, ResultFile
-from ..static_plots import is_static
 from ..style import level_name, with_prefix
 from .figures import balance
 
@@ -49,12 +48,10 @@ def peaks_table(results: ResultFile) -> str:
     """Return the peak of every level, of the first output: where, how large, how well known, what the joint does there."""
     rows = [_peak_row(results, level) for level in results.levels]
     unit = {"N": "per N", "1": ""}.get(results.level_unit, f"per {escape(results.level_unit)}")
-    where = "" if is_static(results) else "frequency"
-    return table(("level", where, _largest(results), "error bar", unit, "slip", "open", "friction loss", "of all losses"), rows)
-
-
-def _largest(results: ResultFile) -> str:
-    return "displacement" if is_static(results) else "peak amplitude"
+    where = "frequency" if any(row[1] for row in rows) else ""
+    return table(
+        ("level", where, results.shown.heading, "error bar", unit, "slip", "open", "friction loss", "of all losses"), rows
+    )
 
 
 def _peak_row(results: ResultFile, level: LevelResult) -> list[str]:
@@ -68,13 +65,12 @@ def _peak_row(results: ResultFile, level: LevelResult) -> list[str]:
     friction, all_losses = float(level.friction[at]), float(level.friction[at] + level.damping[at])
     per = said(size / abs(level.level), results.unit_of(0)) if level.level else ""
     share = _percent(friction / all_losses, 3) if all_losses > 0.0 else ""
-    frequency = "" if is_static(results) else f"{level.frequency[at]:.7g} Hz"
+    frequency = results.shown.where(level.frequency[at])
     return [name, frequency, said(size, results.unit_of(0)), bar, per, str(slip), str(is_open), said(friction, "J"), share]
 
 
 def _size(results: ResultFile, level: LevelResult, at: int) -> float:
-    shown = shown_with(0 if is_static(results) else 1)
-    return float(shown.of(level.response[at, 0]))
+    return float(results.shown.of(level.response[at, 0]))
 
 
 def cards(results: ResultFile) -> str:
@@ -87,13 +83,13 @@ def cards(results: ResultFile) -> str:
     _, slip, is_open = counts(level.state[at])
     found = [
         (
-            _largest(results),
+            results.shown.heading,
             said(_size(results, level, at), results.unit_of(0)),
             escape(f"{results.outputs[0]}, at {level_name(level)}"),
         )
     ]
-    if not is_static(results):
-        found.append(("at", f"{level.frequency[at]:.6g} Hz", _shift(results, level, at)))
+    if where := results.shown.where(level.frequency[at], 6):
+        found.append(("at", where, _shift(results, level, at)))
     if results.joint.n_pairs:
         found.append(("pairs that slip", f"{slip} of {results.joint.n_pairs}", f"{is_open} open" if is_open else "none opens"))
     losses = float(level.friction[at] + level.damping[at])
@@ -195,7 +191,7 @@ def checks(results: ResultFile) -> list[tuple[str, str]]:
     """Return what was looked at and how it came out, as (GOOD, LOOK or BAD, HTML).  Local."""
     found = [_complete(results)]
     solved = [level for level in results.levels if len(level.frequency)]
-    if not is_static(results):
+    if not results.shown.is_static:
         found += [_balance(results, level) for level in solved]
     found += [_bar(results, level) for level in solved if level.error is not None]
     noted = sum(bool(note) for level in solved for note in (level.notes if level.notes is not None else ()))

@@ -60,8 +60,8 @@ def _body(surface, k: int, name: str, colour: str) -> dict[str, Any]:
 def _of_level(results: ResultFile, fields: Fields, number: int, nodes: np.ndarray) -> dict[str, Any]:
     level, motion = results.levels[number], fields.peaks[number]
     size = np.linalg.norm(motion.u[nodes][:, :, 1] - 1j * motion.u[nodes][:, :, 2], axis=1)
-    is_static = not motion.u[:, :, 1:].any()
-    says = "static displacement" if is_static else f"peak at {level.frequency[motion.point]:.6g} Hz"
+    where = results.shown.where(level.frequency[motion.point], 6)
+    says = f"peak at {where}" if where else "static displacement"
     return _motion(f"{level_name(level, short=True)}: {says}", "level", number, motion.u[nodes], size)
 
 

@@ -24,7 +24,7 @@ from . import content
 from .plausible import SI, suspicion
 
 
-def needs(
+def description(
     scene: Scene, file: FileModel, mesh: Mesh, pairs: ContactPairs, of_file: tuple[str, ...] = (), stated: Container[str] = ()
 ) -> list[str]:
     """Return lines that say what the scene holds and what a run will need.  Local, on rank 0.
@@ -110,7 +110,7 @@ def _bolts(mesh: Mesh, settings: MeshSettings) -> list[str]:
     return lines
 
 
-def needs_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
+def description_of_matrices(scene: Scene, given: GivenStructure) -> list[str]:
     """Return the same lines for a scene given as matrices.  Local, on rank 0.
 
     Raises
@@ -152,14 +152,15 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
     settings = reduction_settings(scene)
-    coordinates = METHODS[solver.method].coordinates(
-        settings, n_modes, n_dof, n_pairs, sum(len(load.phases) for load in settings.loads)
+    n_loads = sum(len(load.phases) for load in settings.loads)
+    coordinates, with_another_mode = (
+        METHODS[solver.method].coordinates(settings, n_modes + more, n_dof, n_pairs, n_loads) for more in (0, 1)
     )
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
     points = f"about {scene.response.points} points" if scene.harmonics else "one point, for all frequencies"
     if scene.harmonics and solver.accuracy is not None and response_settings(scene).chooses_steps:
         points = f"as many points as accuracy {solver.accuracy:g} takes"
-    has_more = n_modes == 0 and solver.method not in ("receptance", "full")
+    has_more = n_modes == 0 and with_another_mode > coordinates
     return [
         f"method     {solver.method}: {resolution(scene)}; at most {unknowns} unknowns "
         f"with all pairs slipping{', besides those of the modes' if has_more else ''}",

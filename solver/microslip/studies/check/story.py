@@ -18,7 +18,7 @@ from ...scene.schema import Scene
 from .marks import marks_of_scene
 from .memory import memory_of_matrices, memory_of_mesh
 from .picture import draw
-from .report import needs, needs_of_matrices
+from .report import description, description_of_matrices
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -35,7 +35,7 @@ def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:
     """
     if scene.model.mesh is None:
         given = on_root(comm, lambda: read_structure(matrix_settings(scene)), share=False)
-        lines = on_root(comm, needs_of_matrices, scene, given)
+        lines = on_root(comm, description_of_matrices, scene, given)
         lines += memory_of_matrices(scene, given, comm)
     else:
         stated = tuple(scene.materials)
@@ -45,7 +45,7 @@ def check(scene: Scene, comm: MPI.Comm, out: Path | None = None) -> None:
         pairs = on_root(comm, pair_contacts, mesh, settings.joints)
         dmesh, so_far = distribute(mesh, settings, comm), peak_memory()
         check_elements(dmesh, settings)
-        lines = on_root(comm, needs, scene, file, mesh, pairs, notes, stated)
+        lines = on_root(comm, description, scene, file, mesh, pairs, notes, stated)
         lines += memory_of_mesh(scene, dmesh, mesh, pairs, settings, so_far)
         if out is not None:
             lines += on_root(comm, lambda: draw(out, mesh, marks_of_scene(mesh, settings), scene.title or scene.name))

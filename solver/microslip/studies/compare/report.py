@@ -5,11 +5,13 @@ from __future__ import annotations
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
+from ...continuation.branch import Point
 from ...observe.screen_table import screen_table
 from ...parallel.files import make_folder, written_whole
 from ...results.measures import AMPLITUDE, Shown
@@ -36,6 +38,13 @@ _FLOOR = 1e-12  # of a difference on a logarithmic axis
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1a1a1a", "#8a8a8a")
 
 
+class Solved(Protocol):
+    """The points of one method, in order."""
+
+    @property
+    def points(self) -> list[Point]: ...
+
+
 @dataclass(frozen=True)
 class Row:
     """What one method did at the frequencies of one level."""
@@ -43,7 +52,7 @@ class Row:
     level: float  # N
     method: str
     setup: float  # s, of the reduction
-    points: list  # converged points, in order
+    points: list[Point]  # converged, in order
     failure: str | None  # why they end early
     shown: Shown = AMPLITUDE  # what is told of the first output
 
@@ -58,7 +67,7 @@ class Row:
         return np.array([self.shown.of(point.response[0]) for point in self.points])
 
 
-def differences(row: Row, reference: Row) -> np.ndarray:
+def differences(row: Solved, reference: Solved) -> np.ndarray:
     """Return at each common point the largest difference of any harmonic of any output over the reference's peak, (n,) [-]."""
     n = min(len(row.points), len(reference.points))
     exact = np.array([point.response for point in reference.points])

@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...continuation.follow import follow_branch
-from ...continuation.grid import at_frequencies, going_on
-from ...continuation.levels import most_points
-from ...continuation.task import BranchTask
+from ...continuation.branch import Branch
+from ...continuation.grid import at_frequencies
 from ...library.build import Structure, build
 from ...library.prepare import Prepared, prepare
-from ...library.settings import reduction_settings
+from ...library.settings import by_method, reduction_settings
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, ConvergenceError
@@ -61,7 +59,7 @@ def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...]
     failed = [row for row in rows if row.failure]
     if failed:
         raise ConvergenceError(
-            "\n".join(f"{row.method} at {row.level:g} N ends after {len(row.points)} points: {row.failure}" for row in failed)
+            "\n".join(f"{row.method} at {Branch(row.level, row.points, row.failure).why_ended}" for row in failed)
             + f"\nwhat converged is in {folder}"
         )
 
@@ -79,11 +77,6 @@ def known_methods(methods: tuple[str, ...]) -> tuple[str, ...]:
             hint = f"; nearest is {near}" if near else ""
             raise CaseError(f"--methods: unknown method {name!r}{hint}; known: {', '.join(METHODS)}")
     return tuple(dict.fromkeys(methods)) or tuple(METHODS)
-
-
-def by_method(scene: Scene, method: str):
-    """Return the scene with another method.  Local."""
-    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})
 
 
 class Comparison:
@@ -124,11 +117,7 @@ class Comparison:
         response, settings = prepared.response, prepared.response.settings
         with self.log.stage(f"frequencies, along the curve of {method}"):
             for level in settings.levels:
-                task = BranchTask(
-                    response.at_level(level), response.selection, response.sweep, response.steps, settings.tolerance
-                )
-                branch = follow_branch(task, most_points(settings.points))
-                self.omegas[level] = going_on(branch.points, response.sweep.direction)
+                branch, self.omegas[level] = response.frequencies_of(level)
                 if len(self.omegas[level]) < 2:
                     raise ConvergenceError(f"{method} at {level:g} N: {branch.failure}")
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...error_estimate.components import total
-from ...fourier.coefficients import amplitude
-from ...results.measures import counts
+from ...results.measures import AMPLITUDE, Shown, counts
 from ...results.record import COMPLETE, LevelResult
 from .curves import Curve, Foot, half_width
 
@@ -70,7 +69,7 @@ class LevelDifference:
 
 
 def compare_level(
-    a: LevelResult, b: LevelResult, outputs: Sequence[tuple[str, str, int, int]], same_pairs: bool, is_static: bool = False
+    a: LevelResult, b: LevelResult, outputs: Sequence[tuple[str, str, int, int]], same_pairs: bool, shown: Shown = AMPLITUDE
 ) -> LevelDifference:
     """Return how a level differs.  Local.
 
@@ -80,14 +79,14 @@ def compare_level(
     """
     n = len(a.frequency), len(b.frequency)
     found: list[OutputDifference] = []
-    same, is_whole = _has_same_points(a, b, is_static), True
+    same, is_whole = _has_same_points(a, b, shown), True
     if min(n):
         for name, unit, i, j in outputs:
-            one, whole = _compare_output(_Output(a, i, is_static), _Output(b, j, is_static), same, name, unit)
+            one, whole = _compare_output(_Output(a, i, shown), _Output(b, j, shown), same, name, unit)
             found.append(one)
             is_whole = is_whole and whole
     first = (outputs[0][2], outputs[0][3]) if outputs else (0, 0)
-    tops = [_top(level, output, is_static) for level, output in zip((a, b), first)]
+    tops = [_Output(level, output, shown).top for level, output in zip((a, b), first)]
     states = [counts(level.state[top]) if len(level.frequency) else (0, 0, 0) for level, top in zip((a, b), tops)]
     friction, damping = ([_at(getattr(level, loss), top) for level, top in zip((a, b), tops)] for loss in ("friction", "damping"))
     return LevelDifference(
@@ -111,12 +110,16 @@ def compare_level(
 class _Output:
     """One output along a curve."""
 
-    def __init__(self, level: LevelResult, number: int, is_static: bool):
+    def __init__(self, level: LevelResult, number: int, shown: Shown):
         self.level, self.frequency = level, level.frequency
         self.response = level.response[:, number]  # (n, N_H)
-        self.size = np.abs(self.response[:, 0]) if is_static else amplitude(self.response)
+        self.shown, self.size = shown, shown.size(self.response)
         self.bar = None if level.error is None else total(level.error[:, number])
-        self.is_static = is_static
+
+    @property
+    def top(self) -> int:
+        """Return the point at which it is largest; 0 of a curve without points."""
+        return int(np.argmax(self.size)) if len(self.size) else 0
 
     @property
     def scale(self) -> float:
@@ -125,11 +128,11 @@ class _Output:
         return float(max(np.abs(self.response[:, 0]).max(initial=0.0), harmonics.max(initial=0.0)))
 
 
-def _has_same_points(a: LevelResult, b: LevelResult, is_static: bool) -> bool:
+def _has_same_points(a: LevelResult, b: LevelResult, shown: Shown) -> bool:
     """Tell whether two curves have the same frequencies in the same order."""
     if len(a.frequency) != len(b.frequency) or not np.array_equal(a.segment, b.segment):
         return False
-    size = np.abs(a.response[:, 0, 0]) if is_static else amplitude(a.response[:, 0])
+    size = shown.size(a.response[:, 0])
     width = half_width(a.frequency, size) if len(size) else 1.0
     return bool(np.all(np.abs(a.frequency - b.frequency) <= SAME_POINT * width))
 
@@ -146,10 +149,10 @@ class Apart:
     is_whole: bool  # whether the other curve runs along all of its points
 
 
-def apart_of(a: LevelResult, b: LevelResult, i: int, j: int, is_static: bool = False) -> tuple[Apart, ...]:
+def apart_of(a: LevelResult, b: LevelResult, i: int, j: int, shown: Shown = AMPLITUDE) -> tuple[Apart, ...]:
     """Return how far output ``i`` of A and ``j`` of B lie apart: once with the same points, else from each curve.  Local."""
-    one, other = _Output(a, i, is_static), _Output(b, j, is_static)
-    return _apart(one, other, _has_same_points(a, b, is_static))[0]
+    one, other = _Output(a, i, shown), _Output(b, j, shown)
+    return _apart(one, other, _has_same_points(a, b, shown))[0]
 
 
 def _apart(a: _Output, b: _Output, same_points: bool) -> tuple[tuple[Apart, ...], list[Curve]]:
@@ -193,7 +196,7 @@ def _compare_output(a: _Output, b: _Output, same_points: bool, name: str, unit: 
     sides, curves = _apart(a, b, same_points)
     difference, frequency = (np.concatenate([getattr(side, what) for side in sides]) for what in ("difference", "frequency"))
     worst = int(np.argmax(difference)) if len(difference) else None
-    highest = [int(np.argmax(one.size)) for one in (a, b)]
+    highest = [one.top for one in (a, b)]
     tops = [(float(one.frequency[i]), float(one.size[i])) for one, i in zip((a, b), highest)]
     if curves:
         tops = [_top_between(curve, one, half_width(a.frequency, a.size), _scale(a, b)) for curve, one in zip(curves, (a, b))]
@@ -221,7 +224,7 @@ def _between(values: np.ndarray, place: np.ndarray) -> np.ndarray:
 def _top_between(curve: Curve, side: _Output, width: float, scale: float) -> tuple[float, float]:
     """Return frequency [Hz] and size of the highest place of a curve."""
     response = scale * curve.fine[:, 1:]
-    size = np.abs(response[:, 0]) if side.is_static else amplitude(response)
+    size = side.shown.size(response)
     top = int(np.argmax(size))
     return width * float(curve.fine[top, 0]), float(size[top])
 
@@ -233,14 +236,6 @@ def _range(level: LevelResult) -> tuple[float, float]:
 def _at(values: np.ndarray, i: int) -> float:
     """Return an entry; 0 of a curve without points."""
     return float(values[i]) if len(values) else 0.0
-
-
-def _top(level: LevelResult, output: int, is_static: bool) -> int:
-    """Return the point of a level at which an output is largest."""
-    if not len(level.frequency):
-        return 0
-    response = level.response[:, output]
-    return int(np.argmax(np.abs(response[:, 0]) if is_static else amplitude(response)))
 
 
 def _both_there(curves: Sequence[Curve], feet: Sequence[Foot], own: int) -> np.ndarray:

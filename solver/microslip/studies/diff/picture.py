@@ -6,10 +6,8 @@ import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
-from ...fourier.coefficients import amplitude
 from ...parallel.files import written_whole
 from ...results.measures import segments
-from ...results.record import LevelResult
 from ...results.style import DPI, INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
 from .levels import LevelDifference, apart_of
 from .story import Difference
@@ -42,8 +40,7 @@ def _page(found: Difference, levels: list[LevelDifference]) -> Page:
     names = [plain(one.path, 50) for one in (found.a, found.b)]
     handles = [Line2D([], [], label=f"{side}: {name}", **looks) for side, name, looks in zip("AB", names, (LINEAR, _B))]
     handles.append(Line2D([], [], color=INK, lw=0.8, marker=".", ms=2.0, label="difference"))
-    what = "mean" if found.is_static else "amplitude of harmonic 1"
-    says = f"two results: {what}; and the difference of mean and all harmonics, over the peak of A"
+    says = f"two results: {found.shown}; and the difference of mean and all harmonics, over the peak of A"
     page = Page(found.a, says, WIDTH, 0.4 + 3.6 * len(outputs), handles)
     axes = page.grid(2 * len(outputs), len(levels)).subplots(sharex="col", sharey="row", squeeze=False)
     for k, one in enumerate(outputs):
@@ -63,14 +60,10 @@ def _draw_output(found: Difference, level: LevelDifference, k: int, factor: floa
     a, b = found.of_level(level)
     i, j = (one.outputs.index(level.outputs[k].name) for one in (found.a, found.b))
     for own, number, looks in ((a, i, LINEAR), (b, j, _B)):
-        values = factor * _size(own, number, found.is_static)
+        values = factor * found.shown.size(own.response[:, number])
         for part in segments(own.segment):
             curve.plot(own.frequency[part], values[part], **looks)
-    for side in apart_of(a, b, i, j, found.is_static):
+    for side in apart_of(a, b, i, j, found.shown):
         for part in segments(side.segment):
             error.plot(side.frequency[part], np.maximum(side.difference[part], _FLOOR), color=INK, lw=0.8, marker=".", ms=2.0)
     error.set_yscale("log")
-
-
-def _size(level: LevelResult, output: int, is_static: bool) -> np.ndarray:
-    return np.abs(level.response[:, output, 0]) if is_static else amplitude(level.response[:, output])

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...parallel.errors import CaseError
+from ...results.measures import Shown
 from ...results.read import read_results
 from ...results.record import COMPLETE, Joint, LevelResult, ResultFile
-from ...results.static_plots import is_static
 from .asked import Change, facts_changed, inputs_changed, keys_changed
 from .levels import LevelDifference, compare_level
 
@@ -49,8 +49,8 @@ class Difference:
     only: tuple[tuple[str, ...], tuple[str, ...]]  # levels and outputs that one of them has alone
 
     @property
-    def is_static(self) -> bool:
-        return is_static(self.a)
+    def shown(self) -> Shown:
+        return self.a.shown
 
     def of_level(self, level: LevelDifference) -> tuple[LevelResult, LevelResult]:
         """Return a level as A and B have it."""
@@ -94,12 +94,12 @@ def diff(path_a: str, path_b: str, tolerance: float | None = None, bars: bool = 
 
 def compared(a: ResultFile, b: ResultFile, tolerance: float | None = None, bars: bool = False) -> Difference:
     """Return how two results differ.  Local."""
-    if is_static(a) != is_static(b) and all(any(len(level.frequency) for level in one.levels) for one in (a, b)):
+    if a.shown.is_static != b.shown.is_static and all(any(len(level.frequency) for level in one.levels) for one in (a, b)):
         raise CaseError(f"{a.path} and {b.path}: one of them is of statics alone, and the other of vibration")
     structure = _structure(a, b)
     outputs, only_outputs = _outputs(a, b)
     pairs, only_levels = _levels(a, b)
-    levels = tuple(compare_level(one, other, outputs, structure.same_pairs, is_static(a)) for one, other in pairs)
+    levels = tuple(compare_level(one, other, outputs, structure.same_pairs, a.shown) for one, other in pairs)
     only = [(*levels_of, *outputs_of) for levels_of, outputs_of in zip(only_levels, only_outputs)]
     asked = keys_changed(a, b), facts_changed(a, b), inputs_changed(a, b)
     return Difference(a, b, tolerance, bars, *asked, structure, levels, (only[0], only[1]))

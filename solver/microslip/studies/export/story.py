@@ -16,7 +16,7 @@ from ...parallel.errors import CaseError
 from ...parallel.versions import versions
 from ...parallel.words import nearest
 from ...reduction.expand import node_fields
-from ...reduction.methods import METHODS
+from ...reduction.methods import METHODS, SELECTIONS
 from ...reduction.reduction import Reduction
 from ...reduction.settings import ReductionSettings
 from .contents import contents, recovery
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
     from ...scene.schema import Scene
 
-ENDLESS = ("receptance", "adaptive", "adaptive-energy")  # modes and an exact static response: no finite matrices
-FINITE = tuple(name for name in METHODS if name not in ENDLESS)
+FINITE = tuple(name for name in METHODS if name not in SELECTIONS)  # others: modes and an exact static response, no matrices
 INSTEAD = "joint-interface-modes"  # with all of them: the same modes, and the static shape of every relative displacement
 
 
@@ -72,7 +71,7 @@ def known_method(name: str | None) -> None:
     """Raise CaseError unless a method asked for has finite matrices.  Local."""
     if name is None or name in FINITE:
         return
-    if name in ENDLESS:
+    if name in SELECTIONS:
         why = f"{name!r} keeps the exact static response, which no finite mass and stiffness have"
     else:
         near = nearest(name, FINITE)
@@ -83,7 +82,7 @@ def known_method(name: str | None) -> None:
 def settings_of(scene: Scene, structure: Structure, method: str | None) -> tuple[ReductionSettings, str]:
     """Return the settings of a reduction with finite matrices, and a note on what it is.  Local."""
     settings = reduction_settings(scene)
-    if method is not None or settings.method not in ENDLESS:
+    if method is not None or settings.method not in SELECTIONS:
         name = method or settings.method
         return replace(settings, method=name), f"exported: the reduction of method {name}"
     most = max(3 * structure.pairs.n_pairs, 1)

@@ -9,6 +9,7 @@ from ...formats.model import FileMaterial, FileModel, FileStatics, Finding
 from ...formats.units import UNITS
 from ...mesh.data import Mesh
 from ...mesh.settings import MeshSettings, TouchingFaces
+from ...scene.text import key_text
 from .candidates import Candidate
 from .places import Place
 
@@ -124,7 +125,7 @@ def _materials(first: First) -> str:
     for name in lacking:
         one = file.materials.get(name, FileMaterial())
         known = {"young": (one.young, units.stress), "poisson": (one.poisson, 1.0), "density": (one.density, units.density)}
-        lines.append(f"[materials.{_key(name)}]")
+        lines.append(f"[materials.{key_text(name)}]")
         for key, (value, factor) in known.items():
             comment = f"{_STEEL[key][1]}: steel's; the file does not state it" if value is None else "as in the file"
             lines.append(_line(key, _STEEL[key][0] if value is None else repr(value * factor), comment))
@@ -135,16 +136,12 @@ def _materials(first: First) -> str:
     return "\n".join(lines)
 
 
-def _key(name: str) -> str:
-    return name if name.isascii() and name.replace("_", "").replace("-", "").isalnum() else json.dumps(name)
-
-
 def _bodies(first: First) -> str:
     if first.file.bodies:
         return ""
     lines = []
     for name, body in first.settings.bodies.items():
-        lines += [f"[bodies.{_key(name)}]", _line("group", _quoted(body.group)), _line("material", '"steel"'), ""]
+        lines += [f"[bodies.{key_text(name)}]", _line("group", _quoted(body.group)), _line("material", '"steel"'), ""]
     return "\n".join(lines)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ...continuation.accuracy import Accuracy, accuracy_of
 from ...continuation.branch import Branch
 from ...continuation.grid import at_frequencies
-from ...continuation.levels import frequency_sweep
+from ...continuation.levels import ResponseProblem, frequency_sweep
 from ...continuation.problems import ForcedResponse
 from ...error_estimate.better_model import BetterModel
 from ...error_estimate.components import total
@@ -131,10 +131,12 @@ class Bench:
 
     # -- response ----------------------------------------------------------------------------------------------
 
-    def problem(self, prepared: Prepared, setting: Setting, level: float) -> ForcedResponse:
-        """Return harmonic balance of a setting at a level [N]."""
+    def response(self, prepared: Prepared, setting: Setting) -> ResponseProblem:
+        """Return what all levels share with a setting.  Local."""
         model = prepared.reduction.model.with_harmonics(Harmonics.up_to(setting.harmonics))
-        return ForcedResponse(HarmonicBalance.of_all(model, prepared.response.law, setting.samples), level)
+        settings = replace(prepared.response.settings, samples=setting.samples, tolerance=setting.tolerance)
+        selection = prepared.reduction.selection
+        return replace(prepared.response, settings=settings, model=model, selection=selection, sweep=self.sweep)
 
     def accuracy_of(self, setting: Setting, problem: ForcedResponse) -> Accuracy | None:
         """Return a new choice of harmonics and samples for a branch of a setting; the scene's own are left to it."""
@@ -162,11 +164,7 @@ class Bench:
                     wall_with_bars=timed.wall_with_bars + again.wall - timed.wall,
                     cpu_with_bars=timed.cpu_with_bars + again.cpu - timed.cpu,
                 )
-        failure = "; ".join(
-            f"{branch.level:g} N ends after {len(branch.points)} points: {branch.failure}"
-            for branch in timed.branches
-            if branch.failure
-        )
+        failure = "; ".join(branch.why_ended for branch in timed.branches if branch.failure)
         unknowns = max((point.unknowns for branch in timed.branches for point in branch.points), default=0)
         curves = self.comm.bcast(tuple(curve_of(branch) for branch in timed.branches))
         return Run(
@@ -186,19 +184,15 @@ class Bench:
     def _timed_branches(self, prepared: Prepared, setting: Setting, omegas, bars: bool) -> Timed:
         """Return the branches of all levels and their times; the error bars count apart unless the response needs them."""
         start, branches, spent = Stopwatch.read(), [], np.zeros(2)
+        response = self.response(prepared, setting)
         for level, points in omegas.items():
-            problem = self.problem(prepared, setting, level)
+            problem = response.at_level(level)
             accuracy = self.accuracy_of(setting, problem)
             better = prepared.response.better
             estimator = TimedEstimator(better) if better and (bars or accuracy) else None
             branches.append(
                 at_frequencies(
-                    problem,
-                    prepared.reduction.selection,
-                    list(points),
-                    tolerance=setting.tolerance,
-                    estimator=estimator,
-                    accuracy=accuracy,
+                    problem, response.selection, list(points), tolerance=setting.tolerance, estimator=estimator, accuracy=accuracy
                 )
             )
             if estimator is not None and accuracy is None:

@@ -12,14 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...continuation.branch import Branch
-from ...continuation.follow import follow_branch
-from ...continuation.grid import at_frequencies, going_on, range_of
+from ...continuation.grid import at_frequencies, range_of
 from ...continuation.iterate import Iterate
-from ...continuation.levels import arc_length_steps, linear_curve
 from ...continuation.point_record import point_record
 from ...continuation.point_solver import PointSolver, Workspace
-from ...continuation.task import BranchTask
-from ...library.settings import response_settings
 from ...parallel.errors import CaseError, ConvergenceError
 from .bench import Bench, Clock, curve_of
 from .study import ROUNDING, TARGETS, Check, Curve, Reference, Setting, difference, uncertainty
@@ -51,15 +47,12 @@ def frequencies(bench: Bench, setting: Setting, levels: Sequence[float] | None) 
     ConvergenceError : no level has a curve; on every rank
     """
     prepared, found, most, failures, any_slips = bench.prepared(setting), {}, 0.0, [], False
-    settings = replace(response_settings(bench.scene), points=STEPS)
-    steps = arc_length_steps(settings, linear_curve(prepared.reduction.model, bench.sweep))
+    response = bench.response(prepared, setting)
+    response = replace(response, settings=replace(response.settings, points=STEPS))
     strongest = max(levels or bench.scene.response.levels)
     for level in [strongest, *sorted(set(levels or bench.scene.response.levels) - {strongest})]:
-        problem = bench.problem(prepared, setting, level)
-        task = BranchTask(problem, prepared.reduction.selection, bench.sweep, steps, setting.tolerance)
-        branch = follow_branch(task, 20 * STEPS)
-        omegas, slips = going_on(branch.points, bench.sweep.direction), any(np.any(point.state != 0) for point in branch.points)
-        slips = bench.comm.bcast(slips)
+        branch, omegas = response.frequencies_of(level)
+        slips = bench.comm.bcast(any(np.any(point.state != 0) for point in branch.points))
         if len(omegas) < FEWEST:
             failures.append(f"{level:g} N: {branch.failure}")
         elif levels or slips or level == strongest:
@@ -132,7 +125,7 @@ class Ladder:
 
     def _from(self, motions, prepared, setting: Setting, level: float, omegas) -> tuple[Branch | None, list[Iterate]]:
         """Return the points found from solutions of another setting; None where one is not found so."""
-        problem, selection = self.bench.problem(prepared, setting, level), prepared.reduction.selection
+        problem, selection = self.bench.response(prepared, setting).at_level(level), prepared.reduction.selection
         workspace, branch, found = Workspace(problem.equation), Branch(level), []
         solver = PointSolver(problem, selection, range_of(omegas), setting.tolerance, workspace)
         try:
@@ -149,13 +142,10 @@ class Ladder:
 
     def _anew(self, prepared, setting: Setting, level: float, omegas) -> tuple[Branch, list[Iterate]]:
         """Return the points, each found from those before it."""
-        problem = self.bench.problem(prepared, setting, level)
+        problem = self.bench.response(prepared, setting).at_level(level)
         branch = at_frequencies(problem, prepared.reduction.selection, list(omegas), tolerance=setting.tolerance)
         if branch.failure:
-            raise ConvergenceError(
-                f"no reference at {level:g} N: {setting} ends after {len(branch.points)} of {len(omegas)} "
-                f"points: {branch.failure}"
-            )
+            raise ConvergenceError(f"no reference: {setting}, of {len(omegas)} points {branch.why_ended}")
         model = problem.equation.model
         motions = self.bench.comm.bcast([point.U for point in branch.points])
         owned = [model.recorded.carry(U[model.owned], model.harmonics) for U in motions]

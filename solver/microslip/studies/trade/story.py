@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...library.build import build
-from ...library.settings import reduction_settings
+from ...library.settings import by_method, reduction_settings
 from ...modes.limits import most_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
@@ -134,7 +134,7 @@ def check_loads(scene: Scene) -> None:
 def measured(scene: Scene, comm: MPI.Comm, asked: Asked, log: RunLog) -> Study:
     """Return the study of a scene.  Collective."""
     clock = Clock(comm, asked.seconds)
-    structure = build(scene_by(scene, "receptance"), comm, log)
+    structure = build(by_method(scene, "receptance"), comm, log)
     shared = {stage.name: stage.seconds for stage in log.stages if stage.depth == 0 and stage.name != "modes"}
     bench = Bench(scene, structure)
     try:
@@ -164,14 +164,9 @@ def measured(scene: Scene, comm: MPI.Comm, asked: Asked, log: RunLog) -> Study:
         structure.close()
     if asked.meshes and "mesh" in asked.knobs:
         with log.stage("meshes"):
-            study.meshes = mesh_runs(scene, comm, asked, base, log)
+            study.meshes.extend(mesh_runs(scene, comm, asked, base, log))
     study.notes.append(f"{clock.spent:.0f} s in all, {reference.seconds:.0f} s of them for the reference")
     return study
-
-
-def scene_by(scene: Scene, method: str):
-    """Return the scene with another method.  Local."""
-    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})
 
 
 def base_of(bench: Bench) -> Setting:

@@ -284,13 +284,13 @@ def score(curves: Sequence[Curve], exact: Mapping[float, Curve]) -> Score:
     if not pairs:
         return Score()
     errors, bars, floors, peaks, frequencies = [], [], [], [], []
-    for curve, truth in pairs:
-        n = min(len(curve.omega), len(truth.omega))
-        errors.append(np.abs(curve.u[:n] - truth.u[:n]) / (truth.peak or 1.0))
-        bars.append(curve.bar[:n] / (truth.peak or 1.0))
-        floors.append(np.nan_to_num(truth.bar[:n]) / (truth.peak or 1.0))
-        if n == len(truth.omega):
-            (omega, amplitude), (omega_exact, amplitude_exact) = peak_of(curve), peak_of(truth)
+    for curve, reference in pairs:
+        n = min(len(curve.omega), len(reference.omega))
+        errors.append(np.abs(curve.u[:n] - reference.u[:n]) / (reference.peak or 1.0))
+        bars.append(curve.bar[:n] / (reference.peak or 1.0))
+        floors.append(np.nan_to_num(reference.bar[:n]) / (reference.peak or 1.0))
+        if n == len(reference.omega):
+            (omega, amplitude), (omega_exact, amplitude_exact) = peak_of(curve), peak_of(reference)
             peaks.append(abs(amplitude / amplitude_exact - 1.0) if amplitude_exact else np.nan)
             frequencies.append(abs(omega / omega_exact - 1.0))
     error, bar = np.concatenate(errors), np.concatenate(bars)

@@ -85,11 +85,7 @@ def verify(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
         log.note(on_root(comm, write_verification, checks, branches, scene, str(folder), settings, units_of(scene).outputs[0]))
         log.note(f"results in {folder}")
         structure.close()
-    failed = [
-        f"level {branch.level:g} N ends after {len(branch.points)} points: {branch.failure}"
-        for branch in branches
-        if branch.failure
-    ]
+    failed = [f"level {branch.why_ended}" for branch in branches if branch.failure]
     failed += [f"{check.where}: {check.failure}" for check in checks if check.failure]
     if failed:
         raise ConvergenceError("\n".join(failed) + f"\nwhat was computed is in {folder}")

@@ -119,7 +119,7 @@ def described(model, place, matrices, level):
     """Return the input of pyHarm: one substructure with all coordinates, an element or two a pair, the loads."""
     n_pairs, size = len(model["mu"]), len(matrices["M"])
     body = {"matrix": matrices, "nnodes": n_pairs, "ndofs": 3, "nmodes": size - 3 * n_pairs}
-    connectors = {}
+    connectors: dict = {}
     for i in range(n_pairs):
         connectors |= contact(model, i)
     for coordinate, coefficients in zip(place, level * model["load"]):
