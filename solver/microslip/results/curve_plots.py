@@ -199,11 +199,11 @@ def draw_error(results: ResultFile, out_dir: str) -> list[str]:
             continue
         ax.set_yscale("log")  # what is 0 lies below the axis
         _curve(ax, level, bars, INK, lw=1.6)
-        if level.error_corrected is not None:
-            _curve(ax, level, level.error_corrected[:, 0] / (amplitude(level.response[:, 0]).max() or 1.0), INK, ":", lw=1.1)
         for values, (_, colour) in zip(parts.T, looks):  # on top, so that a part of a single point shows in its spike
             if values.max() > _SEEN * low:
                 _curve(ax, level, values, colour, lw=1.1)
+        if level.error_corrected is not None:
+            _curve(ax, level, level.error_corrected[:, 0] / (amplitude(level.response[:, 0]).max() or 1.0), INK, ":", lw=1.1)
         ax.set_ylim(low, 3.0 * bars.max())
     return [page.save(f"{out_dir}/error.png")]
 
