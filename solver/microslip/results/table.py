@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+from contextlib import suppress
 
 from ..continuation.branch import QUANTITIES, Branch, Point
 from ..continuation.quantities import Column
@@ -41,8 +42,13 @@ class ResponseTable:
         """Open a file and write the header."""
         self._file = open(path, "w", encoding="utf-8", newline="")
         self._rows = csv.writer(self._file, lineterminator="\n")
-        self._rows.writerow(column.name for column in COLUMNS)
-        self._file.flush()
+        try:
+            self._rows.writerow(column.name for column in COLUMNS)
+            self._file.flush()
+        except OSError:
+            with suppress(OSError):  # what could not be written is tried again
+                self._file.close()
+            raise
 
     def add(self, level: float, i: int, point: Point) -> None:
         """Append the ``i``-th point of a level [N], counted from 0; flushed before this returns."""
