@@ -173,15 +173,19 @@ def test_statics_are_those_of_a_dense_contact_problem_at_every_frequency(name, l
     if level < 0.0:
         system["loads"] = [{**load, "vector": -np.asarray(load["vector"])} for load in system["loads"]]
     u = static_solution(system, abs(level))
-    found = branch(system, COMM, abs(level), H=0, points=5, tolerance=1e-12)
-    assert found.failure is None and len(found.points) > 3
+    low, high = system["omega"]
+    starts = np.linspace(low, high, 4)[:-1]
+    branches = [branch(system, COMM, abs(level), low=start, H=0, points=5, tolerance=1e-12) for start in starts]
+    assert [one.failure for one in branches] == [None] * 3
+    points = [point for one in branches for point in one.points]
+    assert [point.omega for point in points] == pytest.approx(starts)  # one each: it stands for all frequencies
     exact = float(system["output"] @ u)
-    for point in found.points:
+    for point in points:
         assert point.response[0].tolist() == [pytest.approx(exact, rel=1e-9), 0.0, 0.0]
         assert (point.friction, point.damping, point.input) == (0.0, 0.0, 0.0)
         if COMM.rank == 0:
             assert point.U[..., 0].ravel() == pytest.approx(system["R"] @ u, abs=1e-9 * np.abs(u).max())
-    assert found.points[-1].state.tolist() == static_state(system, u).tolist() and set(static_state(system, u)) == states
+    assert points[-1].state.tolist() == static_state(system, u).tolist() and set(static_state(system, u)) == states
 
 
 def test_a_static_load_beyond_all_friction_is_not_held_by_springs():

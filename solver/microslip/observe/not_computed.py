@@ -22,7 +22,7 @@ class Extent:
     omega_n: np.ndarray  # (n_modes,) rad/s
     n_dof: int
     moves: bool  # to and fro
-    n_damped: int | None  # the highest mode whose damping is stated; None: by a damping matrix
+    n_damped: int | None  # the highest mode whose damping is stated; None: there is a damping matrix
     has_bars: bool  # asks for error bars
     has_mesh: bool
 
