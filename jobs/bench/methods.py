@@ -37,12 +37,12 @@ from rubin import PlainRubin, build_rubin
 from stopwatch import Stopwatch
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
-from microslip.continuation.branch import Point
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies, going_on, secant
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.task import BranchTask
-from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
+from microslip.points.branch import Point
+from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
 
 
 class Laps:

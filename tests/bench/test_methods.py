@@ -25,8 +25,8 @@ from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.modes.eigen import lowest_modes
+from microslip.points.selection import AllPairs, NonStickingPairs
 from microslip.reduction.build import reduce_structure
-from microslip.reduction.selection import AllPairs, NonStickingPairs
 from microslip.reduction.settings import ModalDamping, ReductionSettings
 from microslip.reduction.stuck import StuckStructure, static_response
 

@@ -7,16 +7,16 @@ from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.problems import ForcedResponse
 from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequencies
-from microslip.continuation.sweep import Sweep
 from microslip.continuation.task import BranchTask
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.parallel.ownership import split_evenly
+from microslip.points.selection import AllPairs
+from microslip.points.sweep import Sweep
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
-from microslip.reduction.selection import AllPairs
 
 
 def reduced(system, comm, H, n_modes=None):

@@ -13,10 +13,10 @@ from microslip.continuation.follow import follow_branch
 from microslip.continuation.levels import levels_of_slip, linear_curve
 from microslip.continuation.linear_levels import is_linear
 from microslip.continuation.steps import ArcLength
-from microslip.continuation.sweep import Sweep
 from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import synthesis_matrix
-from microslip.reduction.selection import AllPairs, NonStickingPairs
+from microslip.points.selection import AllPairs, NonStickingPairs
+from microslip.points.sweep import Sweep
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD

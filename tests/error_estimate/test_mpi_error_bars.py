@@ -9,14 +9,14 @@ from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation.grid import at_frequencies
-from microslip.error_estimate.better_model import BetterModel
-from microslip.error_estimate.components import PARTS, SAFETY, total
 from microslip.error_estimate.correction import corrected
 from microslip.error_estimate.estimate import Changes, ErrorEstimator
 from microslip.harmonic import adjoint_solver
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.operating_point import OperatingPoint
-from microslip.reduction.selection import AllPairs, NonStickingPairs
+from microslip.points.error_parts import PARTS, SAFETY, total
+from microslip.points.selection import AllPairs, NonStickingPairs
+from microslip.receptance.modes_left_out import BetterModel
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD

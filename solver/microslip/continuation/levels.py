@@ -11,17 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..contact.law import Law
-from ..error_estimate.better_model import BetterModel
 from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.amplitudes import to_complex
 from ..harmonic.balance import HarmonicBalance
-from ..modes.band import frequency_band
 from ..parallel.errors import CaseError
+from ..points.band import frequency_band
+from ..points.branch import Branch, Point
+from ..points.selection import AllPairs, Selection
+from ..points.sweep import Sweep
 from ..receptance.model import ReducedModel
+from ..receptance.modes_left_out import BetterModel
 from ..receptance.on_group import model_on_group
-from ..reduction.selection import AllPairs, Selection
 from .accuracy import accuracy_of, steps_for
-from .branch import Branch, Point
 from .corrector import Correction
 from .follow import follow_branch
 from .grid import going_on
@@ -33,7 +34,6 @@ from .problems import ForcedResponse
 from .resonances import unresolved_peaks
 from .settings import ResponseSettings
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
-from .sweep import Sweep
 from .task import BranchTask
 
 if TYPE_CHECKING:

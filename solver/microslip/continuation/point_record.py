@@ -9,9 +9,9 @@ from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.coefficients import cycle_work
 from ..harmonic.operating_point import OperatingPoint
 from ..parallel.errors import ConvergenceError
+from ..points.branch import Point
+from ..points.selection import Selection
 from ..receptance.model import ReducedModel
-from ..reduction.selection import Selection
-from .branch import Point
 from .corrector import Correction
 from .point_solver import Found
 from .problems import Problem

@@ -23,7 +23,7 @@ from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..parallel.ownership import rows_of
 from ..receptance.model import ReducedModel
-from .better_model import BetterModel
+from ..receptance.modes_left_out import BetterModel
 from .correction import Estimate, corrected
 
 FINER = 2  # times the samples of the better problem

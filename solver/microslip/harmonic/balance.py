@@ -12,7 +12,7 @@ import numpy as np
 
 from ..contact.law import Law
 from ..fourier.harmonics import Harmonics
-from ..linear.dense import summed
+from ..parallel.agree import summed
 from ..receptance.columns import ReceptanceColumns
 from ..receptance.model import ReducedModel
 from .mean_slip import hold_mean_slip

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import __version__
-from ..continuation.branch import Branch, hertz
 from ..mesh.locate import find_node
 from ..observe.not_computed import Extent
 from ..parallel.agree import on_root
 from ..parallel.versions import commit, program_hash, versions
+from ..points.branch import Branch, hertz
 from ..reduction.expand import node_fields, peak_displacement
 from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.origin import Origin
 from ..results.record import BOLT_UNITS, Bolts, LinearCurve, ResultFile, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
+from ..version import __version__
 from .origin import origin_of
 from .prepare import Prepared
 from .settings import outputs, units_of

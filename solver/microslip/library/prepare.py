@@ -9,11 +9,12 @@ from time import perf_counter
 import numpy as np
 
 from ..continuation.levels import ResponseProblem, response_problem
-from ..error_estimate.better_model import BetterModel, better_model_of
 from ..fourier.harmonics import Harmonics
 from ..mesh.data import ContactPairs
-from ..modes.band import Band
+from ..points.band import Band
 from ..receptance.model import ReducedModel
+from ..receptance.modes_left_out import BetterModel
+from ..reduction.better_model import better_model_of
 from ..reduction.build import load_coefficients
 from ..reduction.methods import METHODS, check_size, reduce_by_method
 from ..reduction.reduction import Reduction

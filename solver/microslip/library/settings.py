@@ -27,7 +27,7 @@ from ..mesh.settings import (
     Tie,
     TouchingFaces,
 )
-from ..modes.band import Band
+from ..points.band import Band
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
 from ..scene.joint_laws import OWN

@@ -9,9 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
+from ..parallel.agree import summed
 from ..parallel.errors import ConvergenceError
 from ..parallel.watchdog import moved
-from .dense import column_norms, diagonal_owned, multiply, summed, wrap
+from .dense import column_norms, diagonal_owned, multiply, wrap
 from .free_motion import explain_singular, is_singular
 from .inverse_entries import inverse_entries
 from .mumps import SINGULAR, factorise, said_of_solve, solve_block

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 from petsc4py import PETSc
 
+from ..parallel.agree import summed
 from ..parallel.errors import CaseError
 from ..parallel.words import listed
-from .dense import diagonal_owned, gram, multiply, summed
+from .dense import diagonal_owned, gram, multiply
 from .mumps import factorise, solve_block
 
 if TYPE_CHECKING:

@@ -24,13 +24,13 @@ from ..linear.joint_springs import Linearised
 from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
 from ..parallel.ownership import rows_of, split_evenly
+from ..points.selection import AllPairs
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
 from ..receptance.observed import Observed
 from ..receptance.static_columns import StaticColumns
 from .build import load_coefficients, modal_family, observed
 from .reduction import Reduction
-from .selection import AllPairs
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 

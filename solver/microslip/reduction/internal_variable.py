@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from functools import partial
 
+from ..points.selection import Selection
 from .build import reduce_structure
 from .expand import displacement
 from .reduction import Reduction
-from .selection import Selection
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 

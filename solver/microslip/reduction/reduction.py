@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from ..points.selection import Selection
 from ..receptance.model import ReducedModel
-from .selection import Selection
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..mesh.settings import Load
-from ..modes.band import Band
+from ..points.band import Band
 
 
 @dataclass(frozen=True, kw_only=True)

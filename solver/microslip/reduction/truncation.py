@@ -21,8 +21,9 @@ import scipy.sparse as sp
 from ..assembly.system import System
 from ..contact.law import Law
 from ..fourier.amplitudes import to_complex
-from ..linear.dense import gram, multiply, summed
-from ..modes.band import frequency_band
+from ..linear.dense import gram, multiply
+from ..parallel.agree import summed
+from ..points.band import frequency_band
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
 from .build import reduce_structure

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..continuation.checkpoint import under
-from ..error_estimate.better_model import BetterModel
 from ..fourier.harmonics import Harmonics
 from ..library.build import Structure, build
 from ..library.prepare import Prepared, reduced, response_of
@@ -21,6 +20,7 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
 from ..receptance.model import ReducedModel
+from ..receptance.modes_left_out import BetterModel
 from ..receptance.static_columns import StaticColumns
 from ..reduction.build import load_coefficients
 from ..reduction.galerkin import model_of_family

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 
 from ..continuation.checkpoint import over, under
-from ..error_estimate.modes_left_out import ModesLeftOut
-from ..error_estimate.structural_coupling import StructuralCoupling
 from ..library.prepare import Outline, Prepared
 from ..mesh.data import ContactPairs
+from ..points.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
+from ..receptance.modes_left_out import ModesLeftOut
 from ..receptance.observed import Observed
-from ..reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
+from ..receptance.structural_coupling import StructuralCoupling
 from ..statics.bolts import BoltsAtRest
 from .records import Arrays
 

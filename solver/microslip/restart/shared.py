@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..continuation.checkpoint import over, under
-from ..error_estimate.better_model import BetterModel
-from ..error_estimate.left_out_again import OnRandom, left_out_again, on_random
 from ..library.build import Structure
 from ..library.complete import read_completed
 from ..library.prepare import Prepared, response_of
@@ -22,9 +20,11 @@ from ..mesh.read import read_mesh
 from ..modes.eigen import Modes
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
+from ..receptance.modes_left_out import BetterModel
 from ..receptance.static_columns import StaticColumns
 from ..reduction.build import modal_family
 from ..reduction.choose_again import KnownStructure, choose_again, with_first
+from ..reduction.left_out_again import OnRandom, left_out_again, on_random
 from ..reduction.methods import SELECTIONS
 from ..reduction.reduction import Reduction
 from .columns import KeptColumns

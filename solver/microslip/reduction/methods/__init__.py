@@ -11,9 +11,9 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from ...assembly.system import System
+from ...points.selection import Selection
 from ..facts import Facts
 from ..reduction import Reduction
-from ..selection import Selection
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
 from . import adaptive, adaptive_energy, craig_bampton, full, joint_interface_modes, receptance, rubin, trial_vectors

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from petsc4py import PETSc
 
-from ...linear.dense import diagonal_owned, multiply, summed
+from ...linear.dense import diagonal_owned, multiply
 from ...linear.factor import Factor
 from ...linear.joint_springs import Linearised
 from ...modes.eigen import lowest_modes
+from ...parallel.agree import summed
 from ..facts import Facts
 from ..galerkin import reduce_on_basis
 from ..interface_dofs import interface_dofs, unit_columns

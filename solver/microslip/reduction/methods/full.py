@@ -25,10 +25,10 @@ import scipy.sparse as sp
 
 from ...linear.dense import gram, multiply
 from ...linear.joint_springs import Linearised
-from ...modes.band import frequency_band
 from ...modes.eigen import Modes, lowest_modes
 from ...parallel.errors import CaseError
 from ...parallel.memory import memory_left
+from ...points.band import frequency_band
 from ..facts import Facts
 from ..galerkin import memory_of_basis, reduce_on_basis
 from ..reduction import Reduction

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from ...points.selection import AllPairs
 from ..facts import Facts
 from ..internal_variable import reduce_to_pairs
 from ..reduction import Reduction
-from ..selection import AllPairs
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
 

@@ -19,9 +19,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...linear.dense import summed
 from ...linear.joint_springs import joint_stiffness
-from ...parallel.agree import on_root
+from ...parallel.agree import on_root, summed
 from ..build import owned_product
 from ..facts import Facts
 from ..galerkin import DEPENDENT, reduce_on_basis

@@ -12,7 +12,7 @@ from ...contact.laws import ELASTIC_COULOMB, sliders_of
 from ...library.build import Structure
 from ...library.settings import band, units_of
 from ...mesh.data import ContactPairs, Mesh
-from ...modes.band import frequency_band
+from ...points.band import frequency_band
 from ...reduction.reduction import Reduction
 from .matrices import InterfaceModel
 

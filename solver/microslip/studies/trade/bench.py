@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...continuation.accuracy import Accuracy, accuracy_of
-from ...continuation.branch import Branch
 from ...continuation.grid import at_frequencies
 from ...continuation.levels import ResponseProblem, frequency_sweep
 from ...continuation.problems import ForcedResponse
-from ...error_estimate.better_model import BetterModel
-from ...error_estimate.components import total
 from ...error_estimate.correction import Estimate
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
@@ -26,6 +23,9 @@ from ...library.prepare import Prepared, prepare
 from ...library.settings import response_settings
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...parallel.errors import MicroslipError
+from ...points.branch import Branch
+from ...points.error_parts import total
+from ...receptance.modes_left_out import BetterModel
 from .study import Curve, Run, Setting
 
 if TYPE_CHECKING:

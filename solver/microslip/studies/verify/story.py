@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...continuation.branch import Branch
 from ...continuation.levels import ResponseProblem, follow_levels
 from ...fourier.amplitudes import to_real
 from ...fourier.coefficients import amplitude, cycle_work, synthesise
@@ -21,6 +20,7 @@ from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
+from ...points.branch import Branch
 from ...receptance.model import ReducedModel
 from ...transient.march import Cycle, March
 from ...transient.model import TransientModel, transient_model

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fourier.amplitudes import to_complex
-from ..receptance.model import ReducedModel
+from .model import ReducedModel
 
 
 @dataclass(frozen=True)

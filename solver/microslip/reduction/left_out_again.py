@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linear.dense import diagonal_owned, gram, summed
+from ..linear.dense import diagonal_owned, gram
 from ..linear.random_signs import random_signs
+from ..parallel.agree import summed
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
-from .modes_left_out import KEY, LAST, SAMPLES, ModesLeftOut, of_samples
+from ..receptance.modes_left_out import KEY, LAST, SAMPLES, ModesLeftOut, of_samples
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
