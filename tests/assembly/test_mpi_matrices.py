@@ -15,6 +15,7 @@ from microslip.library.settings import reduction_settings
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
+from microslip.receptance.model import ReducedModel
 from microslip.reduction.build import reduce_structure
 from microslip.scene.read import read_scene
 
@@ -38,8 +39,8 @@ def reduced(folder, system, **solver):
     frequencies = (0.9 * OMEGA[system["name"].split()[0]], 1.1 * OMEGA[system["name"].split()[0]])
     path = on_root(COMM, lambda: write_matrix_scene(folder, system, [1.0], frequencies, **solver))
     scene = on_root(COMM, read_scene, path)
-    structure = build(scene, COMM, RunLog(COMM, screen=False))
-    return structure, reduce_structure(structure, reduction_settings(scene))
+    structure, settings = build(scene, COMM, RunLog(COMM, screen=False)), reduction_settings(scene)
+    return structure, ReducedModel.of(reduce_structure(structure, settings.damping), settings.excitation)
 
 
 def gathered(A):

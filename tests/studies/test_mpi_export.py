@@ -40,8 +40,8 @@ def stuck(model):
 @pytest.mark.parametrize("method", ["craig-bampton", "rubin", "trial-vectors"])
 def test_matrices_have_the_linear_response_and_the_frequencies_of_the_reduction(comm, shared_path, method):
     scene, structure = bar(comm, shared_path, modes=8)
-    reduction = prepare(structure, by(scene, method), has_bars=False).reduction
-    reduced, K_J = reduction.model, joint_stiffness(structure.pairs)
+    prepared = prepare(structure, by(scene, method), has_bars=False)
+    reduced, K_J = prepared.model, joint_stiffness(structure.pairs)
     own = interface_model(reduced.one_family, K_J)
     K_L = own.K + own.R.T @ (K_J[:, None] * own.R)
     omega_n = np.sqrt(scipy.linalg.eigh(K_L, own.M, eigvals_only=True))

@@ -21,7 +21,7 @@ from ..points.selection import AllPairs, Selection
 from ..points.sweep import Sweep
 from ..receptance.model import ReducedModel
 from ..receptance.modes_left_out import BetterModel
-from ..receptance.on_group import model_on_group
+from ..receptance.on_group import on_group
 from .accuracy import accuracy_of, steps_for
 from .corrector import Correction
 from .follow import follow_branch
@@ -61,7 +61,7 @@ class ResponseProblem:
 
     def on_group(self, comm: MPI.Comm) -> ResponseProblem:
         """Return the same for a group of ranks, ``comm``, that goes on without the others.  Collective on all of them."""
-        model = model_on_group(self.model, comm)
+        model = on_group(self.model, comm)
         return replace(self, model=model, better=self.better and self.better.on_group(model, comm))
 
     def at_level(self, level: float) -> ForcedResponse:

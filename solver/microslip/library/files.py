@@ -87,7 +87,7 @@ def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, r
         shapes = node_fields(system, structure.modes.phi_owned)
         rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
         for number, branch in enumerate(branches):
-            at, u = peak_displacement(system, prepared.reduction, branch)
+            at, u = peak_displacement(system, prepared.reduction, prepared.model, branch)
             if u is not None:
                 peaks[number] = Motion(at, u)
     on_root(prepared.model.comm, _write, prepared, branches, folder, (shapes, rest, peaks), run, share=False)

@@ -59,4 +59,4 @@ def in_turn(response: ResponseProblem, n_groups: int) -> bool:
 def known_columns(response: ResponseProblem) -> np.ndarray:
     """Return the pairs whose static columns were solved for, (n_pairs,) bool.  Local."""
     better, known = response.better, response.model.G_static.known
-    return known if better is None else known | better.model.G_static.known
+    return known if better is None else known | better.structure.G_static.known

@@ -139,9 +139,7 @@ def _peaks(
     proof = FACTORED * entries + fronts if solver.verify_modes else 0.0
     stages["modes"] = held + vectors + max(proof, SHARPENED, columns)
     held += 8.0 * n_owned * n_modes
-    n_columns = METHODS[solver.method].coordinates(
-        settings, n_modes, n_dof, n_pairs, sum(len(one.phases) for one in settings.loads)
-    )
+    n_columns = METHODS[solver.method].coordinates(settings, n_modes, n_dof, n_pairs, len(settings.excitation.shapes))
     basis = memory_of_basis(n_owned, n_columns) if METHODS[solver.method].FACTS.makes_basis else columns
     stages["reduction"] = held + basis
     static = 72.0 * n_pairs * own_pairs

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .model import ReducedModel
-from .on_group import model_on_group
+from .on_group import on_group
 from .structural_coupling import StructuralCoupling
+from .structure import ReducedStructure
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -83,18 +84,23 @@ def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
 
 
 def of_samples(
-    rows: np.ndarray, direct: np.ndarray, own: np.ndarray, model: ReducedModel, eta: float, coupling: StructuralCoupling | None
+    structure: ReducedStructure,
+    rows: np.ndarray,
+    direct: np.ndarray,
+    own: np.ndarray,
+    eta: float,
+    coupling: StructuralCoupling | None,
 ) -> ModesLeftOut:
-    """Return what samples tell beside the modes of a model.  Local.
+    """Return what samples tell beside the modes of a structure.  Local.
 
     Parameters
     ----------
     rows : (3 n_pairs + n_outputs + n_loads, SAMPLES) the samples Z s seen from pairs, outputs and loads
     direct, own : (n_outputs, n_loads), (n_loads,) of W, as kept
     """
-    family, n_rows, n_out = model.one_family, 3 * model.n_pairs, model.n_outputs
+    family, n_rows, n_out = structure.one_family, 3 * structure.n_pairs, structure.n_outputs
     # Rayleigh's quotients of the loads: energy x^T K_L^-1 x over x^T W x, without the modes kept
-    static = np.diag(model.load_static) - (family.b**2 / family.omega_n[:, None] ** 2).sum(axis=0)
+    static = np.diag(structure.load_static) - (family.b**2 / family.omega_n[:, None] ** 2).sum(axis=0)
     squares = np.maximum(static, 0.0) / np.maximum(own, np.finfo(float).tiny)
     effective = np.sqrt(squares[squares > 0.0].min(initial=np.inf))
     omega = np.clip(effective, family.omega_n[-1], 1e3 * family.omega_n[-1])
@@ -106,7 +112,7 @@ def of_samples(
         rows[n_rows + n_out :],
         direct,
         own,
-        model.out_static - (family.o / family.omega_n**2) @ family.b,
+        structure.out_static - (family.o / family.omega_n**2) @ family.b,
         eta,
         coupling,
     )
@@ -116,10 +122,10 @@ def of_samples(
 class BetterModel:
     """The receptance with an exact static residual, and samples of the modes left out; None where none is."""
 
-    model: ReducedModel
+    structure: ReducedStructure
     left_out: ModesLeftOut | None
     is_solved: bool  # whether it is the very model that is solved
 
-    def on_group(self, own: ReducedModel, comm: MPI.Comm) -> BetterModel:
-        """Return the same for a group of ranks, which solves the model ``own``.  Collective on ``model.comm``."""
-        return replace(self, model=own if self.is_solved else model_on_group(self.model, comm))
+    def on_group(self, own: ReducedStructure, comm: MPI.Comm) -> BetterModel:
+        """Return the same for a group of ranks, which solves the model ``own``.  Collective on ``structure.comm``."""
+        return replace(self, structure=own if self.is_solved else on_group(self.structure, comm))

@@ -10,9 +10,9 @@ from ..linear.joint_springs import Linearised
 from ..linear.random_signs import random_signs
 from ..modes.eigen import Modes
 from ..parallel.agree import summed
-from ..receptance.model import ReducedModel
 from ..receptance.modes_left_out import KEY, LAST, SAMPLES, BetterModel, ModesLeftOut, of_samples
 from ..receptance.structural_coupling import StructuralCoupling
+from ..receptance.structure import ReducedStructure
 from .build import owned_product, reduce_structure
 from .reduction import Reduction
 from .settings import ReductionSettings
@@ -25,16 +25,18 @@ def better_model_of(stuck: StuckStructure, reduction: Reduction, settings: Reduc
     Collective on the system's communicator: the static solves of ``modes_left_out``.
     """
     if reduction.leaves_out == "nothing":
-        return BetterModel(reduction.model, None, True)
+        return BetterModel(reduction.structure, None, True)
     is_solved = reduction.leaves_out == "modes"
-    model = reduction.model if is_solved else reduce_structure(stuck, settings)
+    structure = reduction.structure if is_solved else reduce_structure(stuck, settings.damping)
     key = "modes left out", stuck.modes, settings.damping
     eta = 0.0 if settings.damping is None else settings.damping.structural
-    left_out = stuck.once(key, lambda: sample_modes_left_out(stuck.linearised, stuck.modes, model, eta))
-    return BetterModel(model, left_out, is_solved)
+    left_out = stuck.once(key, lambda: sample_modes_left_out(stuck.linearised, stuck.modes, structure, eta))
+    return BetterModel(structure, left_out, is_solved)
 
 
-def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedModel, eta: float = 0.0) -> ModesLeftOut | None:
+def sample_modes_left_out(
+    linearised: Linearised, modes: Modes, structure: ReducedStructure, eta: float = 0.0
+) -> ModesLeftOut | None:
     """Return the samples for the modes beyond ``modes``; None where there are none.
 
     Collective on the system's communicator: ``SAMPLES`` static solves, with a loss factor ``eta`` as many more as modes.
@@ -54,7 +56,7 @@ def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedMo
     rows = owned_product(everything, Z_random, system) / np.sqrt(SAMPLES)
     W = gram(comm, Z_given, multiply(linearised.M, Z_given))
     coupling = structural_coupling(linearised, modes, everything, eta) if eta > 0.0 and n_rows > 0 else None
-    return of_samples(rows, W[-n_out:, :-n_out], np.diag(W)[:-n_out], model, eta, coupling)
+    return of_samples(structure, rows, W[-n_out:, :-n_out], np.diag(W)[:-n_out], eta, coupling)
 
 
 def structural_coupling(linearised: Linearised, modes: Modes, everything: sp.csr_matrix, eta: float) -> StructuralCoupling:

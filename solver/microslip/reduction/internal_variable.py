@@ -17,5 +17,5 @@ def reduce_to_pairs(stuck: StuckStructure, settings: ReductionSettings, selectio
 
     Collective: static solves of a pair when it first leaves sticking.
     """
-    model = reduce_structure(stuck, settings)
-    return Reduction(model, selection, partial(displacement, stuck.linearised, stuck.modes, model), leaves_out="modes")
+    structure = reduce_structure(stuck, settings.damping)
+    return Reduction(structure, selection, partial(displacement, stuck.linearised, stuck.modes), leaves_out="modes")

@@ -26,6 +26,7 @@ from ..parallel.agree import summed
 from ..points.band import frequency_band
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
+from ..receptance.structure import ReducedStructure
 from .build import reduce_structure
 from .settings import ReductionSettings
 from .stuck import StuckStructure
@@ -65,11 +66,12 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
     docs/theory.md, eq. (4.5).
     """
-    return bound(reduce_structure(stuck, settings), stuck.pairs.law, Solved(stuck), settings)
+    return bound(reduce_structure(stuck, settings.damping), stuck.pairs.law, Solved(stuck), settings)
 
 
-def bound(model: ReducedModel, law: Law, norms: Norms, settings: ReductionSettings) -> LeftOut:
-    """Return the bounds for the modes of a model, by residual norms that are solved for or known.  Collective."""
+def bound(structure: ReducedStructure, law: Law, norms: Norms, settings: ReductionSettings) -> LeftOut:
+    """Return the bounds for the modes of a structure, by residual norms that are solved for or known.  Collective."""
+    model = ReducedModel.of(structure, settings.excitation)
     family, n = model.one_family, len(model.one_family.omega_n)
     low, high = 2.0 * np.pi * np.array(frequency_band(settings.band, family.omega_n))
     omegas = np.union1d(np.linspace(low, high, 60), family.omega_n[(family.omega_n > low) & (family.omega_n < high)])

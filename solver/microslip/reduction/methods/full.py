@@ -93,7 +93,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 def modes_beyond(linearised: Linearised, modes: Modes, settings: ReductionSettings) -> tuple[Modes, int]:
     """Return modes that reach far enough beyond the range, and how many blocks of the Krylov space it then takes.  Collective."""
     n_dof = linearised.system.n_dof
-    highest = max(settings.harmonics, 1) * 2 * np.pi * frequency_band(settings.band, modes.omega_n)[1]
+    highest = max(settings.excitation.harmonics.highest, 1) * 2 * np.pi * frequency_band(settings.band, modes.omega_n)[1]
     while (ratio := (highest / modes.omega_n[-1]) ** 2) > MOST_RATIO and len(modes.omega_n) < n_dof:
         modes = lowest_modes(linearised, min(2 * len(modes.omega_n), n_dof), settings.verify_modes, fewer_will_do=True)
     return modes, n_blocks_for(ratio)

@@ -152,7 +152,7 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
     settings = reduction_settings(scene)
-    n_loads = sum(len(load.phases) for load in settings.loads)
+    n_loads = len(settings.excitation.shapes)
     coordinates, with_another_mode = (
         METHODS[solver.method].coordinates(settings, n_modes + more, n_dof, n_pairs, n_loads) for more in (0, 1)
     )

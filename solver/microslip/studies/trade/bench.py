@@ -133,7 +133,7 @@ class Bench:
 
     def response(self, prepared: Prepared, setting: Setting) -> ResponseProblem:
         """Return what all levels share with a setting.  Local."""
-        model = prepared.reduction.model.with_harmonics(Harmonics.up_to(setting.harmonics))
+        model = prepared.model.with_harmonics(Harmonics.up_to(setting.harmonics))
         settings = replace(prepared.response.settings, samples=setting.samples, tolerance=setting.tolerance)
         selection = prepared.reduction.selection
         return replace(prepared.response, settings=settings, model=model, selection=selection, sweep=self.sweep)
