@@ -21,6 +21,7 @@ from ..points.selection import AllPairs, Selection
 from ..points.sweep import Sweep
 from ..receptance.model import ReducedModel
 from ..receptance.modes_left_out import BetterModel
+from ..receptance.motions import linear_motion, output_motion
 from ..receptance.on_group import on_group
 from .accuracy import accuracy_of, steps_for
 from .corrector import Correction
@@ -133,8 +134,8 @@ def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> L
     ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
     omega = model.comm.bcast(linear_frequencies(*ends, model.omega_n, model.zeta))
     none = np.zeros((3 * model.n_pairs, model.N_H))
-    response = np.array([model.output_motion(1.0, w, none) for w in omega])
-    motions = [model.linear_motion(1.0, w) for w in omega] if model.n_pairs else list(response)
+    response = np.array([output_motion(model, 1.0, w, none) for w in omega])
+    motions = [linear_motion(model, 1.0, w) for w in omega] if model.n_pairs else list(response)
     s = arc_lengths(model.comm, motions, omega, sweep.scale)
     stuck = np.zeros(len(omega))
     if law is not None and model.n_pairs > 0:
@@ -198,7 +199,8 @@ def likely_to_slip(model: ReducedModel, law: Law, curve: LinearCurve) -> np.ndar
 
 def motion_at_peak(model: ReducedModel, curve: LinearCurve) -> np.ndarray:
     """Return the motion of all pairs where the first output peaks linearly, (3 n_pairs, N_H) [m/N].  Collective."""
-    return model.linear_motion_of_all(1.0, curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))])
+    at_peak = np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))
+    return linear_motion(model, 1.0, curve.omega[at_peak], slice(None))
 
 
 def levels_of_slip(of: ResponseProblem) -> tuple[float, float]:

@@ -24,6 +24,7 @@ from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..parallel.ownership import rows_of
 from ..receptance.model import ReducedModel
 from ..receptance.modes_left_out import BetterModel
+from ..receptance.motions import output_motion
 from .correction import Estimate, corrected
 
 FINER = 2  # times the samples of the better problem
@@ -238,7 +239,7 @@ def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
 
 def output_amplitude(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> np.ndarray:
     """Return cos 1 and then sin 1 of the outputs under loads and ``p`` (3 n_pairs, N_H), (2 n_outputs,) [m].  Local."""
-    motion = model.output_motion(at.level, at.omega, p)
+    motion = output_motion(model, at.level, at.omega, p)
     return motion[:, model.harmonics.columns(1)].T.ravel()
 
 

@@ -1,29 +1,22 @@
 """What harmonic balance solves with: a reduced structure under its loads, in a set of harmonics.
 
-The receptance of harmonic n between any two of loads, pairs and outputs with modal participations x, y is (docs/theory.md,
-eq. (4.1))
-
-    A_n(omega) = A_static + x c_n(omega) y^T,
-
-with c_n of the modal family of the harmonic (receptance/damping.py).  Coefficients are real, in the order of
-fourier/harmonics.py; the complex amplitude of harmonic n is cos - i sin.
+Coefficients are real, in the order of fourier/harmonics.py; the complex amplitude of harmonic n is cos - i sin.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
-from ..fourier.amplitudes import to_complex
 from ..fourier.harmonics import Harmonics
 from ..parallel.errors import CaseError
-from .damping import DynamicFlexibility, Flexibility
+from .damping import DynamicFlexibility
 from .excitation import Excitation
-from .family import ModalFamily, Share, shared_out
+from .family import Share, shared_out
 from .structure import ReducedStructure
 
 
@@ -103,59 +96,6 @@ class ReducedModel(ReducedStructure):
         family = self.shares[k].family
         A = self.out_R + self.flexibilities(omega)[k].between(family.o, i, family.R_phi)
         return A if self.observed is None else self.observed.of_forces(A, n * omega)
-
-    # -- motions under the loads at a level and contact forces p (3 n_pairs, N_H), all replicated -------------------
-
-    def linear_motion(self, level: float, omega: float) -> np.ndarray:
-        """Return U_lin of (5.1), the motion with all pairs stuck, of this rank's pairs, (3 n_owned, N_H) [m].  Local."""
-        return self._linear_motion(level, omega, self.owned_rows)
-
-    def linear_motion_of_all(self, level: float, omega: float) -> np.ndarray:
-        """Return U_lin of all pairs, (3 n_pairs, N_H) [m].  Local."""
-        return self._linear_motion(level, omega, slice(None))
-
-    def _linear_motion(self, level: float, omega: float, rows: slice) -> np.ndarray:
-        dynamic = self._moved(lambda family: family.R_phi[rows], self.flexibilities(omega), self.modal_forces(level))
-        return self.du_static[rows] @ (level * self.f) + dynamic
-
-    def linear_motion_rate(self, level: float, omega: float, d_omega: float = 1.0, d_sigma: float = 0.0) -> np.ndarray:
-        """Return the rate of U_lin while omega and a damping sigma M change at given rates, (3 n_owned, N_H).  Local."""
-        rates = [c.rate(d_omega, d_sigma) for c in self.flexibilities(omega)]
-        return self._moved(lambda family: family.R_phi[self.owned_rows], rates, self.modal_forces(level))
-
-    def output_motion(self, level: float, omega: float, p: np.ndarray) -> np.ndarray:
-        """Return the coefficients of the outputs, (n_outputs, N_H), in their units.  Local."""
-        dynamic = self._moved(lambda family: family.o, self.flexibilities(omega), self.modal_forces(level, p))
-        u = self.out_static @ (level * self.f) - self.out_R @ p + dynamic
-        return u if self.observed is None else self.observed.motion(u, p, level * self.f, self.harmonics, omega)
-
-    def output_factors(self, n_omega: float) -> np.ndarray | float:
-        """Return what the rows of the outputs are multiplied by at n omega, in size: 1 of displacements, (n_outputs,).  Local."""
-        return 1.0 if self.observed is None else self.observed.factors(n_omega)
-
-    def load_motion(self, level: float, omega: float, p: np.ndarray) -> np.ndarray:
-        """Return the coefficients of f^T u, the motion along each load, (n_loads, N_H) [m].  Local."""
-        dynamic = self._moved(lambda family: family.b.T, self.flexibilities(omega), self.modal_forces(level, p))
-        return self.load_static @ (level * self.f) - self.du_static.T @ p + dynamic
-
-    def modal_motion(self, level: float, omega: float, p: np.ndarray) -> list[np.ndarray]:
-        """Return the complex modal amplitudes D_n^-1 phi^T (f - R^T p) of each share, (m, n_harmonics) of its own.  Local."""
-        return [
-            to_complex(c.apply(q)) + to_complex(q) / share.family.omega_n[:, None] ** 2
-            for share, c, q in zip(self.shares, self.flexibilities(omega), self.modal_forces(level, p))
-        ]
-
-    def modal_forces(self, level: float, p: np.ndarray | None = None) -> list[np.ndarray]:
-        """Return phi^T (f - R^T p) of each share, (m, N_H) of its own; of the loads alone without ``p``.  Local."""
-        f = level * self.f
-        q = [share.family.b @ f[:, share.columns] for share in self.shares]
-        if p is None:
-            return q
-        return [q_k - share.family.R_phi.T @ p[:, share.columns] for share, q_k in zip(self.shares, q)]
-
-    def _moved(self, seen_by: Callable[[ModalFamily], np.ndarray], c: Sequence[Flexibility], q: list[np.ndarray]) -> np.ndarray:
-        """Return x c_n q_n, (n, N_H), as seen by participations x (n, m) of each family."""
-        return self.joined([seen_by(share.family) @ c_k.apply(q_k) for share, c_k, q_k in zip(self.shares, c, q)])
 
 
 @lru_cache(maxsize=4)

@@ -1,4 +1,11 @@
-"""What a reduction makes of a structure: the receptance of its pairs, loads and outputs, whatever acts on it and how fast."""
+"""What a reduction makes of a structure: the receptance of its pairs, loads and outputs, whatever acts on it and how fast.
+
+That of harmonic n between any two of them with modal participations x, y is (docs/theory.md, eq. (4.1))
+
+    A_n(omega) = A_static + x c_n(omega) y^T,
+
+with c_n of the modal family of the harmonic (receptance/damping.py).
+"""
 
 from __future__ import annotations
 
@@ -71,3 +78,7 @@ class ReducedStructure:
     def owned_rows(self) -> slice:
         """Rows of the pairs of this rank."""
         return slice(3 * self.owned.start, 3 * self.owned.stop)
+
+    def output_factors(self, n_omega: float) -> np.ndarray | float:
+        """Return what the rows of the outputs are multiplied by at n omega, in size: 1 of displacements, (n_outputs,).  Local."""
+        return 1.0 if self.observed is None else self.observed.factors(n_omega)

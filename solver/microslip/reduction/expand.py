@@ -8,6 +8,7 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..receptance.model import ReducedModel
+from ..receptance.motions import modal_forces
 
 if TYPE_CHECKING:
     from ..assembly.system import System
@@ -28,7 +29,7 @@ def displacement(
     system, model = linearised.system, model.with_harmonics(Harmonics.full(p.shape[-1]))
     first, last = system.K.getOwnershipRange()
     force = system.loads.tocsr()[first:last] @ (level * model.f) - system.R.T.tocsr()[first:last] @ p
-    (c,), (q,) = model.flexibilities(omega), model.modal_forces(level, p)
+    (c,), (q,) = model.flexibilities(omega), modal_forces(model, level, p)
     return linearised.factor.solve(np.ascontiguousarray(force)) + modes.phi_owned @ c.apply(q)
 
 

@@ -26,6 +26,7 @@ from ..parallel.ownership import rows_of, split_evenly
 from ..points.selection import AllPairs
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
+from ..receptance.motions import modal_motion
 from ..receptance.observed import Observed
 from ..receptance.static_columns import StaticColumns
 from ..receptance.structure import ReducedStructure
@@ -61,7 +62,7 @@ def reduce_on_basis(
 
     def displacement(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
         full = model.with_harmonics(Harmonics.full(p.shape[-1]))
-        (eta,) = full.modal_motion(level, omega, p)
+        (eta,) = modal_motion(full, level, omega, p)
         return phi_owned @ to_real(eta, full.N_H)
 
     return Reduction(structure, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out, phi_owned)

@@ -26,6 +26,7 @@ from ..parallel.agree import summed
 from ..points.band import frequency_band
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
+from ..receptance.motions import linear_motion, output_motion
 from ..receptance.structure import ReducedStructure
 from .build import reduce_structure
 from .settings import ReductionSettings
@@ -164,14 +165,14 @@ def residual_norms(stuck: StuckStructure, X_owned: np.ndarray) -> np.ndarray:
 def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
     """Return the largest amplitude of each output on the linear curve, (n_outputs,) [m/N], any harmonic but the mean.  Local."""
     nothing = np.zeros((3 * model.n_pairs, model.N_H))
-    motions = [to_complex(model.output_motion(1.0, omega, nothing)) for omega in omegas]
+    motions = [to_complex(output_motion(model, 1.0, omega, nothing)) for omega in omegas]
     return np.abs(motions)[:, :, model.harmonics.numbers > 0].max(axis=(0, 2), initial=0.0)
 
 
 def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]:
     """Return the frequencies at which the stuck joint stores most energy, and the last of the range.  Local."""
     K_J = law.stiffness.reshape(-1, 1)
-    U = [to_complex(model.linear_motion_of_all(1.0, omega))[:, model.harmonics.numbers > 0] for omega in omegas]
+    U = [to_complex(linear_motion(model, 1.0, omega, slice(None)))[:, model.harmonics.numbers > 0] for omega in omegas]
     energy = np.array([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U])
     rises = np.diff(energy, prepend=-1.0, append=-1.0) > 0.0
     tops = np.flatnonzero(rises[:-1] & ~rises[1:])
@@ -182,7 +183,7 @@ def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]
 def resonance(norms: Norms, model: ReducedModel, law: Law, omega: float, h: int, settings: ReductionSettings) -> Resonance:
     """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective."""
     level, family, (c,), i = settings.level, model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
-    U = to_complex(model.linear_motion_of_all(level, omega))
+    U = to_complex(linear_motion(model, level, omega, slice(None)))
     U_adjoint = model.out_R.T + c.between(family.R_phi, i, family.o)  # (3 n_pairs, n_outputs)
     share = law.slipping_share(np.abs(U).sum(axis=1).reshape(-1, 3), _EARLY).ravel()
     K_J = law.stiffness.ravel()
