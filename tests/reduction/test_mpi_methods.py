@@ -19,6 +19,7 @@ from microslip.parallel.errors import CaseError
 from microslip.receptance.model import ReducedModel
 from microslip.receptance.motions import linear_motion
 from microslip.reduction.expand import displacement
+from microslip.reduction.facts import Counts
 from microslip.reduction.free_interface import free_bodies, residual_attachment_modes
 from microslip.reduction.methods import METHODS, full, reduce_by_method
 
@@ -156,7 +157,7 @@ def test_unknowns_are_those_of_the_reduced_equations_not_of_what_is_left_after_c
             reduction.selection.unknowns(np.ones(N_PAIRS, bool), np.ones(N_PAIRS, bool), reduction.structure.n_modes, 7) == 7 * n
         )
         solver = by(scene, method, **BASES.get(method, {})).solver
-        assert METHODS[method.split(",")[0]].coordinates(solver, N_DOF, N_DOF, N_PAIRS, 1) == n
+        assert METHODS[method.split(",")[0]].FACTS.coordinates(solver, Counts(N_DOF, N_DOF, N_PAIRS, 1)) == n
 
 
 # -- the reference itself ------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..contact.law import Law
 from ..fourier.harmonics import Harmonics
-from ..parallel.agree import summed
+from ..parallel.ownership import summed
 from ..receptance.columns import ReceptanceColumns
 from ..receptance.model import ReducedModel
 from ..receptance.motions import linear_motion, linear_motion_rate

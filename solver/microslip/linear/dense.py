@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ..parallel.agree import summed
+from ..parallel.ownership import summed
 
 
 def wrap(block_owned: np.ndarray, comm: MPI.Comm) -> PETSc.Mat:

@@ -9,8 +9,8 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from ..parallel.agree import summed
 from ..parallel.errors import ConvergenceError
+from ..parallel.ownership import summed
 from ..parallel.watchdog import moved
 from .dense import column_norms, diagonal_owned, multiply, wrap
 from .free_motion import explain_singular, is_singular

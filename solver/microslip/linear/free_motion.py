@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 from petsc4py import PETSc
 
-from ..parallel.agree import summed
 from ..parallel.errors import CaseError
+from ..parallel.ownership import summed
 from ..parallel.words import listed
 from .dense import diagonal_owned, gram, multiply
 from .mumps import factorise, solve_block

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..linear.dense import gram, multiply
-from ..parallel.agree import summed
+from ..parallel.ownership import summed
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised

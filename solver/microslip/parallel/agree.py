@@ -1,25 +1,15 @@
-"""Errors, sums and results agreed on by all ranks before any of them reads on."""
+"""Errors and results agreed on by all ranks before any of them reads on."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from .errors import CaseError, MicroslipError
 from .watchdog import moved, unwatched
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-
-
-def summed(comm: MPI.Comm, partial: np.ndarray) -> np.ndarray:
-    """Return the sum of ``partial`` over the ranks, on every rank.  Collective on ``comm``: one sum."""
-    own = np.array(partial, dtype=float, order="C")
-    total = np.empty_like(own)
-    comm.Allreduce(own, total)
-    return total
 
 
 def raise_together(comm: MPI.Comm, problem: str | None, error: type[MicroslipError]) -> None:

@@ -9,7 +9,7 @@ from ..linear.dense import diagonal_owned, gram, multiply
 from ..linear.joint_springs import Linearised
 from ..linear.random_signs import random_signs
 from ..modes.eigen import Modes
-from ..parallel.agree import summed
+from ..parallel.ownership import summed
 from ..receptance.modes_left_out import KEY, LAST, SAMPLES, BetterModel, ModesLeftOut, of_samples
 from ..receptance.structural_coupling import StructuralCoupling
 from ..receptance.structure import ReducedStructure

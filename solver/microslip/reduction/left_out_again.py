@@ -13,7 +13,7 @@ import numpy as np
 
 from ..linear.dense import diagonal_owned, gram
 from ..linear.random_signs import random_signs
-from ..parallel.agree import summed
+from ..parallel.ownership import summed
 from ..receptance.family import ModalFamily
 from ..receptance.modes_left_out import KEY, LAST, SAMPLES, ModesLeftOut, of_samples
 from ..receptance.structure import ReducedStructure

@@ -22,7 +22,7 @@ from ..assembly.system import System
 from ..contact.law import Law
 from ..fourier.amplitudes import to_complex
 from ..linear.dense import gram, multiply
-from ..parallel.agree import summed
+from ..parallel.ownership import summed
 from ..points.band import frequency_band
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel

@@ -12,8 +12,8 @@ import numpy as np
 from ..assembly.pretension import Bolts
 from ..linear.dense import gram
 from ..linear.joint_springs import Linearised
-from ..parallel.agree import summed
 from ..parallel.errors import CaseError
+from ..parallel.ownership import summed
 
 _NOTHING = 1e-9  # stiffness felt over that of the cut itself: below it the two halves of a shank do not hold each other
 

@@ -44,12 +44,7 @@ ACCURACY = 1e-13  # of the residual receptance
 MOST_RATIO = 0.25  # kappa_max over omega_m^2: beyond, more modes are computed
 _LEAST_BLOCKS = 2
 
-FACTS = Facts(knows_range=True)
-
-
-def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
-    """Return how many unknowns a harmonic coefficient has at most.  Local."""
-    return n_dof
+FACTS = Facts(lambda _, n: n.dof, knows_range=True)
 
 
 def check(settings: ReductionSettings, n_dof: int, n_rows: int, comm: MPI.Comm) -> None:

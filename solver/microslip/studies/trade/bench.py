@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,8 +16,6 @@ from ...continuation.problems import ForcedResponse
 from ...error_estimate.correction import Estimate
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
-from ...harmonic.balance import HarmonicBalance
-from ...harmonic.operating_point import ContactForces, OperatingPoint
 from ...library.build import Structure
 from ...library.prepare import Prepared, prepare
 from ...library.settings import response_settings
@@ -228,16 +226,9 @@ class TimedEstimator(ErrorEstimator):
         super().__init__(better)
         self.spent = np.zeros(2)
 
-    def at(
-        self,
-        equation: HarmonicBalance,
-        U: np.ndarray,
-        at: OperatingPoint,
-        selected: np.ndarray,
-        of_all: ContactForces | None = None,
-    ) -> Estimate | None:
+    def at(self, *point: Any, **known: Any) -> Estimate | None:
         start = Stopwatch.read()
-        estimate = super().at(equation, U, at, selected, of_all)
+        estimate = super().at(*point, **known)
         self.spent += Stopwatch.read() - start
         return estimate
 
