@@ -480,7 +480,7 @@ STATICS = {
     "*DSLOAD\nCROWN, TRVEC, 1., 1., 0., 0.\n": "*DSLOAD, TRVEC",
     "*CLOAD, AMPLITUDE=a\n1, 1, 1.\n": "*CLOAD, AMPLITUDE",
     "*CLOAD\n1, 4, 1.\n": "*CLOAD",
-    "*TEMPERATURE\nALL, 20.\n": "*TEMPERATURE",
+    "*TEMPERATURE, AMPLITUDE=a\nALL, 20.\n": "*TEMPERATURE, AMPLITUDE",
     "*BOUNDARY\n1, 1, 1, 0.5\n": "*BOUNDARY",
 }
 

@@ -201,6 +201,7 @@ class FileStatics:
     forces: tuple[FileForce, ...] = ()
     pressures: tuple[tuple[str, float], ...] = ()  # group of faces, force an area
     bolts: tuple[tuple[str, str, float], ...] = ()  # name, group of faces of the cut, force
+    temperatures: tuple[tuple[str, float], ...] = ()  # group of a body, by how much it is warmer than without stress
     speed: float = 0.0  # radians a time
     axis: Vector = (0.0, 0.0, 0.0)
     axis_point: Vector = (0.0, 0.0, 0.0)
@@ -213,7 +214,8 @@ class FileStatics:
     @property
     def kinds(self) -> list[str]:
         """What of each kind there is, in words."""
-        counted = [f"{len(own)} {name}" for name in ("forces", "pressures", "bolts") if (own := getattr(self, name))]
+        names = ("forces", "pressures", "bolts", "temperatures")
+        counted = [f"{len(own)} {name}" for name in names if (own := getattr(self, name))]
         return counted + ["rotation"] * bool(self.speed)
 
 

@@ -296,6 +296,7 @@ def _statics(model: FileModel, units: Units, scene: Scene) -> Tables:
         "forces": tuple(_stated(one, force=units.force) for one in statics.forces),
         "pressures": tuple({"group": group, "pressure": units.stress * value} for group, value in statics.pressures),
         "bolts": tuple({"name": name, "group": group, "force": units.force * force} for name, group, force in statics.bolts),
+        "temperatures": tuple({"group": group, "temperature": value} for group, value in statics.temperatures),
         "rotation_speed": statics.speed / units.time,
     }
     return {**{key: value for key, value in table.items() if value}, "deformed_shape": True}

@@ -1,4 +1,4 @@
-"""Loads of the static steps before the vibration: *CLOAD, *DLOAD and *DSLOAD, as they are when those steps end."""
+"""Loads of the static steps before the vibration: *CLOAD, *DLOAD, *DSLOAD, *TEMPERATURE, as they are when those steps end."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from .cards import Card, number
 from .gathered import Gathered, Step
 from .groups import add_faces
 from .scopes import Scope
+from .temperatures import take_temperatures, temperatures_of
 from .types import is_solid
 
 WORD = "*STEP, PERTURBATION"
-_TAKEN = ("CLOAD", "DLOAD", "DSLOAD")
+_TAKEN = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
 _FACES = ("P1", "P2", "P3", "P4", "P5", "P6")
 _OTHERS = {
-    "TEMPERATURE": "temperatures",
     "FIELD": "values of a field",
     "INERTIA LOAD": "forces of inertia",
     "CONTACT INTERFERENCE": "surfaces pressed into each other",
@@ -35,13 +35,19 @@ class _Acting:
     faces: dict[tuple[int, int], float] = field(default_factory=dict)  # element, face from 1: pressure
     surfaces: dict[str, float] = field(default_factory=dict)  # pressure
     bolts: dict[str, float] = field(default_factory=dict)
+    temperatures: dict[int, float] = field(default_factory=dict)  # by node
+    heated: str = ""  # where they are stated
     spin: tuple[float, ...] | None = None  # square of the speed, a point of the axis, its direction
     _own: set[tuple[int, Hashable]] = field(default_factory=set)  # what the step has stated
 
     def begin(self, step: Step) -> None:
         """Take out what the step replaces as a whole."""
         self._own.clear()
-        for keywords, tables in ((("CLOAD",), (self.forces, self.bolts)), (("DLOAD", "DSLOAD"), (self.faces, self.surfaces))):
+        for keywords, tables in (
+            (("CLOAD",), (self.forces, self.bolts)),
+            (("DLOAD", "DSLOAD"), (self.faces, self.surfaces)),
+            (("TEMPERATURE",), (self.temperatures,)),
+        ):
             if any(card.keyword in keywords and card.parameter("OP") == "NEW" for _, card in step.cards):
                 for table in tables:
                     table.clear()
@@ -63,6 +69,7 @@ def take_statics(model: Gathered) -> None:
     """
     vibration = model.first_vibration
     if vibration is None or not vibration.is_frequency or not vibration.is_perturbation:
+        take_temperatures(model, None if _are_heated(model.steps[: vibration.number if vibration else 0]) else {}, "")
         return
     acting, loaded = _Acting(), []
     for step in model.steps[: vibration.number - 1]:
@@ -70,13 +77,19 @@ def take_statics(model: Gathered) -> None:
             loaded.append(step)
             _take_step(model, step, acting)
     if not loaded:
+        take_temperatures(model, None if _are_heated([vibration]) else {}, "")
         return
     if any(card.keyword == "BOUNDARY" for _, card in vibration.cards):
         _refuse(model, "*BOUNDARY", vibration.cards[0][1].where, "what is held changes between the loads and the vibration")
     _find_nonlinear(model, loaded)
     model.statics = _composed(model, acting, loaded[-1])
+    take_temperatures(model, None if _are_heated([vibration]) else acting.temperatures, acting.heated)
     effect = f"vibration about the loads of step {loaded[-1].number}: take them over, or state them in [statics]"
     _refuse(model, WORD, vibration.cards[0][1].where, effect)
+
+
+def _are_heated(steps: list[Step]) -> bool:
+    return any(card.keyword == "TEMPERATURE" for step in steps for _, card in step.cards)
 
 
 def _is_loaded(step: Step) -> bool:
@@ -129,6 +142,10 @@ def _take_card(model: Gathered, scope: Scope, card: Card, acting: _Acting) -> No
         if name != "OP":
             _refuse(model, f"*{card.keyword}, {name}", card.where, "a load that is more than a constant")
             return
+    if card.keyword == "TEMPERATURE":
+        acting.temperatures.update(temperatures_of(model, scope, card))
+        acting.heated = card.where
+        return
     for words, where in card.lines():
         if card.keyword == "CLOAD":
             _take_force(model, scope, words, where, acting)
