@@ -222,9 +222,11 @@ class Statics:
     pressures: tuple[tuple[str, float], ...] = ()  # group of faces, Pa
     temperatures: Mapping[str, float] = field(default_factory=dict)  # by body, K above that without stress
     bolts: tuple[Bolt, ...] = ()
+    displacements: tuple[tuple[str, Vector], ...] = ()  # group of supported nodes, m
     steps: int = 10
     stiffens: bool = True  # the vibration feels stress and spin
     deforms: bool = False  # and the change of shape
+    is_large: bool = False  # displacements are large: strains and equilibrium of the deformed shape
 
     @property
     def spin(self) -> np.ndarray:

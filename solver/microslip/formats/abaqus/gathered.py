@@ -112,6 +112,14 @@ class Gathered:
     attached: set[int] = field(default_factory=set)  # nodes that masses, springs or equations have
 
     @property
+    def steps_at_rest(self) -> list[Step]:
+        """The steps about whose loads the first vibration is: those before a *STEP, PERTURBATION that are none themselves."""
+        vibration = self.first_vibration
+        if vibration is None or not vibration.is_frequency or not vibration.is_perturbation:
+            return []
+        return [step for step in self.steps[: vibration.number - 1] if not step.is_perturbation]
+
+    @property
     def first_vibration(self) -> Step | None:
         """The first step with *FREQUENCY, otherwise the first step."""
         return next((step for step in self.steps if step.is_frequency), self.steps[0] if self.steps else None)

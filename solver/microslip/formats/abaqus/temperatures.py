@@ -37,8 +37,8 @@ def take_temperatures(model: Gathered, at_rest: dict[int, float] | None, where: 
     """Give materials their values at the temperature of their bodies, and the statics what is warmer than at first.
 
     ``at_rest`` has the temperatures that static steps end with, by node, stated at ``where``; None: the file changes them in a
-    way that is not followed. Materials whose values depend on a temperature that no card states, or that differs within a body, are
-    among the findings.
+    way that is not followed. Materials whose values depend on a temperature that no card states, or that differs within a body,
+    are among the findings.
 
     Raises
     ------
