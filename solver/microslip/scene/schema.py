@@ -17,6 +17,7 @@ from .joint_laws import LAWS_OF_KEY, NEEDED, NEEDED_WITH_PAIRS, OF_FILE, check_l
 WHOLE_MODELS = (
     ".inp",
     ".cdb",
+    ".rst",
     ".bdf",
     ".nas",
     ".dat",
