@@ -41,7 +41,9 @@ def loaded(text: str, name: str, force: float, *, is_large: bool) -> str:
     end = (np.flatnonzero(np.isclose(points[:, 2], LENGTH)) + 1).tolist()
     own = -force / len(end)
     loads = "".join(f"{node}, {1 if is_large else 3}, {own:.12e}\n" for node in end)
-    return text.replace("*STEP", f"*STEP{', NLGEOM' if is_large else ''}\n*STATIC\n*CLOAD\n{loads}*END STEP\n*STEP, PERTURBATION", 1)
+    return text.replace(
+        "*STEP", f"*STEP{', NLGEOM' if is_large else ''}\n*STATIC\n*CLOAD\n{loads}*END STEP\n*STEP, PERTURBATION", 1
+    )
 
 
 def both(ccx: str, text: str, pairing: str | None = None) -> tuple[np.ndarray, np.ndarray]:
