@@ -10,7 +10,7 @@ from rest_scene import scene_of as bar_scene_of
 
 import microslip
 from microslip.parallel.agree import on_root
-from microslip.parallel.errors import ConvergenceError, MeshError
+from microslip.parallel.errors import CaseError, ConvergenceError, MeshError
 
 YOUNG, DENSITY, LENGTH, SIDE = 2.0e11, 8000.0, 1.0, 0.02
 GUIDED = '[[supports]]\ngroup = "beam"\nfix = ["y", "z"]\n[[supports]]\ngroup = "tip"\nfix = ["x"]\n'
@@ -130,6 +130,25 @@ WRONG = {
     "free": ("", "[0.01, 0.0, 0.0]", r'\[\[statics.displacements\]\] 1 group = "tip": node \d+ .* held along x by none'),
     "held elsewhere": (GUIDED.replace('fix = ["x"]', 'fix = ["y"]'), "[0.01, 0.0, 0.0]", "held along x by none"),
 }
+
+
+EXCLUDED = {
+    "stress": ("stress_stiffening = false\n" + moved_by(0.01), "large_displacements = true goes with stress_stiffening"),
+    "bolts": ('[[statics.bolts]]\ngroup = "tip"\nforce = 1.0\n', "bolts are tightened with small displacements"),
+}
+
+
+@pytest.mark.parametrize("statics, message", EXCLUDED.values(), ids=EXCLUDED)
+def test_what_large_displacements_do_not_go_with_is_said(comm, folder, statics, message):
+    with pytest.raises(CaseError, match=message):
+        scene_of(comm, folder, "large_displacements = true\n" + statics)
+
+
+def test_a_group_that_there_is_not_is_named(comm, folder):
+    with pytest.raises(
+        MeshError, match=r"\[\[statics.displacements\]\] 1 group = 'tap': there is no such group .* nearest is 'tip'"
+    ):
+        microslip.build(scene_of(comm, folder, moved_by(0.01).replace('"tip"', '"tap"')), comm)
 
 
 @pytest.mark.parametrize("supports, by, message", WRONG.values(), ids=WRONG)

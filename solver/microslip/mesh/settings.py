@@ -281,4 +281,7 @@ class MeshSettings:
             named += [(f"[[statics.forces]] {i} group", one.group) for i, one in enumerate(forces, 1) if one.group is not None]
             named += [(f"[[statics.pressures]] {i} group", group) for i, (group, _) in enumerate(pressures, 1)]
             named += [(f"[[statics.bolts]] {i} group", bolt.group) for i, bolt in enumerate(self.statics.bolts, 1)]
+            named += [
+                (f"[[statics.displacements]] {i} group", group) for i, (group, _) in enumerate(self.statics.displacements, 1)
+            ]
         return named
