@@ -66,7 +66,10 @@ def scene_of(comm, folder, statics, kind="hex20", supports=GUIDED, direction=ALO
     text = SCENE.replace("KIND", kind).replace("SUPPORTS", supports).replace("DIRECTION", direction)
     path = folder / "beam.toml"
     on_root(comm, lambda: path.write_text(text + statics))
-    return microslip.read(path)
+    try:
+        return microslip.read(path)
+    finally:
+        comm.barrier()  # before the next test writes it
 
 
 def moved_by(d, more=""):
