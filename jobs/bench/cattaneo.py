@@ -77,7 +77,7 @@ samples = {samples}
 
 
 # cells, of which each face has four, hang on few nodes: with much stiffer springs their forces alternate
-STIFF = {"projected": 1000.0, "points": 200.0}
+STIFF = {"projected": 1000.0, "points": 200.0, "mortar": 200.0}
 
 
 @dataclass(frozen=True)
