@@ -32,9 +32,10 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM = 1
 export OMPI_MCA_mpi_yield_when_idle = 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPIRUN = mpirun.openmpi
-# What this set-up brings fits together; what else the user has installed is left out of it.
+# What this set-up brings fits together; what else the user has installed is left out of it.  Compiled modules are kept: tests
+# start many processes.
 export PYTHONNOUSERSITE = 1
-unexport PYTHONPATH PYTHONHOME PETSC_DIR PETSC_ARCH SLEPC_DIR VIRTUAL_ENV PIP_USER PIP_TARGET
+unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE PETSC_DIR PETSC_ARCH SLEPC_DIR VIRTUAL_ENV PIP_USER PIP_TARGET
 
 demo: $(VENV)/installed meshes/fan_small.msh
 	$(IN_VENV) -m microslip run jobs/fan_small.toml --out results/fan_small
