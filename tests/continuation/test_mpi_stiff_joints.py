@@ -36,6 +36,7 @@ def worst(system, found, name):
     return COMM.bcast(max((getattr(verdict, name) for verdict in verdicts), default=0.0))
 
 
+@pytest.mark.ranks(1, 2)
 def test_contact_forces_of_a_stiff_joint_are_right():
     system = structures.spatial(k_t=1e-3, k_n=1e5)
     found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
@@ -43,6 +44,7 @@ def test_contact_forces_of_a_stiff_joint_are_right():
     assert worst(system, found, "force") < 1e-5
 
 
+@pytest.mark.ranks(1)
 def test_without_the_weights_they_are_refused(monkeypatch):
     monkeypatch.setattr(point_solver, "row_weights", lambda k, size, force, tolerance: np.ones_like(k))
     system = structures.spatial(k_t=1e-3, k_n=1e5)
@@ -80,6 +82,7 @@ def test_only_a_body_that_nothing_else_holds_gets_springs(system, is_free):
     assert is_held_by_its_joint_alone(forced(model, parameters, 16, 1.0).equation) is is_free
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.slow
 def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
     system = structures.free_body(rayleigh=(0.8, 0.0))

@@ -231,7 +231,7 @@ def test_error_bars_hold_for_every_output(comm, shared_path):
 
 
 @pytest.mark.slow
-@pytest.mark.ranks(1, 2)
+@pytest.mark.ranks(2)
 def test_files_say_the_units(comm, shared_path, monkeypatch):
     monkeypatch.setattr("microslip.results.plots.draw_all", lambda *files: [])
     scene = scene_with(comm, shared_path, loads=BASE, outputs=ABSOLUTE + OUTPUTS, points=3, samples=64, **COARSE)

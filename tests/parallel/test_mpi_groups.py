@@ -151,6 +151,7 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.slow
 def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     scene, n = write(comm, shared_path), str(min(2, comm.size))

@@ -295,7 +295,11 @@ def cut(path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "times"),
-    [("model", {"first": 2, "again": 0}), ("columns", {"first": 1, "again": 1}), ("modes-*", {"first": 1, "again": 1})],
+    [
+        ("model", {"first": 2, "again": 0}),
+        pytest.param("columns", {"first": 1, "again": 1}, marks=pytest.mark.ranks(1)),
+        pytest.param("modes-*", {"first": 1, "again": 1}, marks=pytest.mark.ranks(1)),
+    ],
 )
 def test_what_is_damaged_is_made_again(name, times, shared_path, built):
     shared = shared_path / "cache"

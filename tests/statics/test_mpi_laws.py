@@ -89,6 +89,7 @@ def test_rough_surfaces_that_open_at_rest_vibrate_about_their_gaps(comm, folder)
         assert response.branches[0].failure is None and max(point.energy.sum() for point in response.branches[0].points) > 0.0
 
 
+@pytest.mark.ranks(1)
 def test_rough_surfaces_vibrate_about_rest_as_under_the_load_as_a_mean(comm, folder):
     """Without friction: the pressure of the law about another state is that of the same law, in its full nonlinearity."""
     statics = "stress_stiffening = false\n" + eccentric(60.0)
