@@ -16,7 +16,7 @@ from microslip.contact.law import OPEN, SLIP, STICK
 from microslip.fourier.coefficients import analyse, synthesise
 from microslip.fourier.harmonics import Harmonics
 
-FAST = settings(max_examples=60, deadline=None, derandomize=True)
+FAST = settings(max_examples=30, deadline=None, derandomize=True)
 
 
 @st.composite
