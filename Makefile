@@ -3,8 +3,8 @@
 #             and on two, then everything on one rank, in WORKERS processes side by side (make test WORKERS=8; if not said
 #             as many as there are cores, four at most)
 # make ranks  all of tests/**/test_mpi_*.py on three ranks, or on as many as one says (make ranks RANKS=5)
-# make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than two
-#             seconds) and those of the program, the oracles, the benchmarks and the verification studies
+# make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than a
+#             second) and those of the program, the oracles, the benchmarks and the verification studies
 # make setup  the set-up alone        make docs  the documentation        make clean  back to the sources
 
 .PHONY: demo test ranks quick setup docs clean

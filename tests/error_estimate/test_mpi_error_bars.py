@@ -60,6 +60,7 @@ def errors(points):
     return np.array([point.error[0] for point in points])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [40.0, pytest.param(100.0, marks=pytest.mark.ranks(1))])
 @pytest.mark.parametrize("coarse", [{"H": 1}, {"H": 3}, {"H": 5, "n_samples": 32}])
 def test_the_bar_holds_what_more_harmonics_and_samples_change(level, coarse):

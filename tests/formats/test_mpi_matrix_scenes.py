@@ -51,6 +51,7 @@ def assert_same(point, reference, tolerance):
     assert point.friction == pytest.approx(reference.friction, rel=10.0 * tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [pytest.param(one, marks=() if one in ON_RANKS else pytest.mark.ranks(1)) for one in WRITERS])
 def test_a_format_runs_to_the_response_of_the_mesh(shared_path, reference, ending):
     point = response(shared_path, lambda folder: write_scene(folder, in_format(folder, ending)))

@@ -70,6 +70,7 @@ def test_jacobian_is_the_derivative_of_the_residual(chosen):
     assert_second_order(there)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chosen", [pytest.param((1, 3, 5), marks=pytest.mark.ranks(1)), (0, 1, 3)])
 def test_a_set_solves_the_rows_of_the_full_set_that_it_has(chosen):
     """A branch on a part of the harmonics: its residual in the full set vanishes in these rows, and its energy closes."""
@@ -272,6 +273,7 @@ def test_symmetry_sees_static_coupling_that_no_mode_shows():
     assert symmetric(equation) is False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "system, level",
     [

@@ -181,6 +181,7 @@ def rod(comm, folder, tables):
     return microslip.read(on_root(comm, write))
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1, 2)
 def test_a_rod_under_pressure_and_on_a_moving_base(comm, shared_path):
     """Longitudinal waves, c^2 = E / rho: stress p cos(k x) / cos(k L) under a pressure p at the tip, tip / base = 1 / cos(k L)."""

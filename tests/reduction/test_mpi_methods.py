@@ -64,6 +64,7 @@ def reference(whole):
     return omegas, reduction, curve(scene, structure, reduction, omegas)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["receptance", *BASES])
 def test_with_all_modes_every_method_meets_full(whole, reference, method):
     scene, structure = whole
