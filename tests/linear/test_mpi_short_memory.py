@@ -154,6 +154,7 @@ def test_a_failed_allocation_moves_the_factor_to_disk(A, monkeypatch):
     factor.destroy()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "code, n_attempts, error, says",
     [

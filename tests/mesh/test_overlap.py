@@ -49,6 +49,7 @@ def consistent_areas(mesh, group):
     return total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lower", KINDS)
 @pytest.mark.parametrize("upper", ["hex8", "tet10"])
 def test_flat_averages(lower, upper):

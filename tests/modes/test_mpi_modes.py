@@ -164,6 +164,7 @@ def test_gap_that_proves_the_wanted_modes():
         assert found == n_below and 1.99999 < sigma < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1, 2)
 def test_a_mode_missed_below_a_cluster_is_noticed(monkeypatch):
     """Many equal modes above a lower one that the solver skips at first."""

@@ -73,9 +73,11 @@ CHANGES = {
         ),
     ),
 }
+ON_RANKS = ("each pair", "both")  # changes tried on several ranks, too
 
 
-@pytest.mark.parametrize("name", CHANGES)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in ON_RANKS else pytest.mark.ranks(1)) for name in CHANGES])
 def test_another_rest_is_that_of_a_scene_built_anew(comm, folder, structure, name):
     keys, change = CHANGES[name]
     if keys is None:

@@ -98,6 +98,7 @@ def is_colour(image, colour):
     return np.abs(image[:, :, :3] - rgb).max(axis=2) < 0.12
 
 
+@pytest.mark.slow
 def test_the_picture_shows_bodies_joint_and_support(tmp_path, monkeypatch):
     lower, upper = box("hex20", (4, 2, 1), (4.0, 2.0, 1.0)), box("tet4", (4, 2, 1), (4.0, 2.0, 1.0), (0.0, 0.0, 1.0))
     groups = {
