@@ -14,7 +14,7 @@
 PACKAGES = gcc libc6-dev python3 python3-dev python3-venv \
 	python3-numpy python3-scipy python3-matplotlib \
 	python3-petsc4py python3-petsc4py-real python3-slepc4py python3-slepc4py-real \
-	python3-mpi4py python3-h5py-mpi openmpi-bin libopenblas0-pthread
+	python3-mpi4py python3-h5py-mpi openmpi-bin libopenblas0-pthread libmumps-headers-dev
 
 # Debian's packages belong to this Python, which need not be the first on the PATH.
 PYTHON = /usr/bin/python3
@@ -22,7 +22,7 @@ VENV = .venv
 IN_VENV = $(VENV)/bin/python
 PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint .ci/constraints.txt
 KERNEL = $(wildcard $(addprefix solver/microslip/contact/,*.pyx elastic_coulomb*.c elastic_coulomb.h) \
-  $(addprefix solver/microslip/receptance/,*.pyx row_products*.c row_products*.h))
+  $(addprefix solver/microslip/receptance/,*.pyx row_products*.c row_products*.h) solver/microslip/linear/*.pyx)
 GENERATORS = $(wildcard meshes/*.py)
 
 # Open MPI refuses root and more ranks than cores unless asked; a waiting rank leaves its core to others; one BLAS

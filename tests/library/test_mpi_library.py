@@ -135,7 +135,7 @@ def test_a_change_is_that_of_a_new_structure(comm, scene, structure, response, n
 
 def test_nothing_that_did_not_change_is_built_again(structure, response, monkeypatch):
     built, factorise, info, columns = [], factors.factorise, structure.linearised.factor.info, structure.statics.G_static
-    monkeypatch.setattr(factors, "factorise", lambda *of: built.append(of) or factorise(*of))
+    monkeypatch.setattr(factors, "factorise", lambda *of, **how: built.append(of) or factorise(*of, **how))
     columns.require(np.arange(N_PAIRS))
     solves, batches, modes = info["solves"], columns.batches, structure.modes
     for keys in ({"friction": 0.04}, {"preload": 1.8e7}, {"levels": [5.0, 7.0]}, {"harmonics": 2}, {"method": "adaptive"}):
