@@ -3,8 +3,8 @@
 #             and on two, then everything on one rank, in WORKERS processes side by side (make test WORKERS=8; if not said
 #             as many as there are cores, four at most)
 # make ranks  all of tests/**/test_mpi_*.py on three ranks, or on as many as one says (make ranks RANKS=5)
-# make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than two
-#             seconds) and those of the program, the oracles, the benchmarks and the verification studies
+# make quick  for the daily loop, a minute or so: style, then on one rank all but the tests marked slow (more than a
+#             second) and those of the program, the oracles, the benchmarks and the verification studies
 # make setup  the set-up alone        make docs  the documentation        make clean  back to the sources
 
 .PHONY: demo test ranks quick setup docs clean
@@ -14,7 +14,7 @@
 PACKAGES = gcc libc6-dev python3 python3-dev python3-venv \
 	python3-numpy python3-scipy python3-matplotlib \
 	python3-petsc4py python3-petsc4py-real python3-slepc4py python3-slepc4py-real \
-	python3-mpi4py python3-h5py-mpi openmpi-bin libopenblas0-pthread
+	python3-mpi4py python3-h5py-mpi openmpi-bin libopenblas0-pthread libmumps-headers-dev
 
 # Debian's packages belong to this Python, which need not be the first on the PATH.
 PYTHON = /usr/bin/python3
@@ -22,7 +22,7 @@ VENV = .venv
 IN_VENV = $(VENV)/bin/python
 PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint .ci/constraints.txt
 KERNEL = $(wildcard $(addprefix solver/microslip/contact/,*.pyx elastic_coulomb*.c elastic_coulomb.h) \
-  $(addprefix solver/microslip/receptance/,*.pyx row_products*.c row_products*.h))
+  $(addprefix solver/microslip/receptance/,*.pyx row_products*.c row_products*.h) solver/microslip/linear/*.pyx)
 GENERATORS = $(wildcard meshes/*.py)
 
 # Open MPI refuses root and more ranks than cores unless asked; a waiting rank leaves its core to others; one BLAS
@@ -32,9 +32,10 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM = 1
 export OMPI_MCA_mpi_yield_when_idle = 1
 export OPENBLAS_NUM_THREADS ?= 1
 export MPIRUN = mpirun.openmpi
-# What this set-up brings fits together; what else the user has installed is left out of it.
+# What this set-up brings fits together; what else the user has installed is left out of it.  Compiled modules are kept: tests
+# start many processes.
 export PYTHONNOUSERSITE = 1
-unexport PYTHONPATH PYTHONHOME PETSC_DIR PETSC_ARCH SLEPC_DIR VIRTUAL_ENV PIP_USER PIP_TARGET
+unexport PYTHONPATH PYTHONHOME PYTHONDONTWRITEBYTECODE PETSC_DIR PETSC_ARCH SLEPC_DIR VIRTUAL_ENV PIP_USER PIP_TARGET
 
 demo: $(VENV)/installed meshes/fan_small.msh
 	$(IN_VENV) -m microslip run jobs/fan_small.toml --out results/fan_small

@@ -1,4 +1,8 @@
-"""The compiled kernels; everything else about the package is in pyproject.toml."""
+"""The compiled kernels and the bridge to MUMPS; everything else about the package is in pyproject.toml."""
+
+import os
+import sys
+from pathlib import Path
 
 from Cython.Build import cythonize
 from setuptools import Extension, setup
@@ -15,5 +19,19 @@ def kernel(room, name, *headers):
     return Extension(f"microslip.{room}._{name}", sources, depends=depends, extra_compile_args=FLAGS)
 
 
-kernels = [kernel("contact", "elastic_coulomb"), kernel("receptance", "row_products", "row_products_of.h")]
+def mumps():
+    """Return the extension that calls MUMPS.  It is built with MUMPS' headers and finds the library beside PETSc when it runs."""
+    stated = os.environ.get("MUMPS_INCLUDE", "")
+    petsc = [Path(os.environ.get("PETSC_DIR", "/"), arch, "include") for arch in ("", os.environ.get("PETSC_ARCH", ""))]
+    folders = (
+        [Path(stated)] if stated else [*petsc, Path(sys.prefix, "include"), Path("/usr/include"), Path("/usr/local/include")]
+    )
+    found = next((folder for folder in folders if (folder / "dmumps_c.h").is_file()), None)
+    if found is None:
+        sys.exit("dmumps_c.h is missing: apt-get install libmumps-headers-dev, or let MUMPS_INCLUDE name the folder it is in")
+    folder = "solver/microslip/linear"
+    return Extension("microslip.linear._mumps", [f"{folder}/_mumps.pyx"], include_dirs=[str(found)])
+
+
+kernels = [kernel("contact", "elastic_coulomb"), kernel("receptance", "row_products", "row_products_of.h"), mumps()]
 setup(ext_modules=cythonize(kernels, language_level=3))

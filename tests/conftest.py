@@ -67,10 +67,18 @@ def common_folder(tmp_path_factory):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave out what shows nothing more on this number of ranks: the mark ``ranks`` of a test or its file names the numbers."""
-    here = {item: COMM.size in mark.args for item in items if (mark := item.get_closest_marker("ranks"))}
-    config.hook.pytest_deselected(items=[item for item in items if not here.get(item, True)])
-    items[:] = [item for item in items if here.get(item, True)]
+    """Leave out what shows nothing more on this number of ranks: the mark ``ranks`` of a test or its file names the numbers.
+
+    A test's own marks count before its file's; those of its parameters all count.
+    """
+    here = {item: all(COMM.size in mark.args for mark in _marks_of_ranks(item)) for item in items}
+    config.hook.pytest_deselected(items=[item for item in items if not here[item]])
+    items[:] = [item for item in items if here[item]]
+
+
+def _marks_of_ranks(item):
+    own = [mark for mark in item.own_markers if mark.name == "ranks"]
+    return own or list(item.iter_markers("ranks"))[:1]
 
 
 @pytest.hookimpl(trylast=True)

@@ -31,7 +31,7 @@ from microslip.library.complete import complete  # noqa: E402
 from microslip.linear.joint_springs import linearise  # noqa: E402
 from microslip.modes.eigen import lowest_modes  # noqa: E402
 from microslip.observe.log import RunLog  # noqa: E402
-from microslip.parallel.errors import CaseError, MeshError  # noqa: E402
+from microslip.parallel.errors import CaseError, ConvergenceError, MeshError  # noqa: E402
 from microslip.scene.read import changed, scene_of  # noqa: E402
 
 FOLDER = Path("/usr/share/doc/calculix-ccx-test/examples/test")
@@ -105,7 +105,7 @@ def compared(path: Path, folder: Path) -> tuple[str, str]:
     reference = stored(folder, path.stem)
     try:
         return judged(eigenvalues(path, max(len(reference), 1)), reference)
-    except (CaseError, MeshError) as problem:
+    except (CaseError, ConvergenceError, MeshError) as problem:
         refused = _keywords(str(problem))
     asked = tuple(refused.split("; "))
     if not set(asked) <= UNFELT:

@@ -27,7 +27,7 @@ from petsc4py import PETSc
 import microslip
 from microslip.linear.analysis import count
 from microslip.linear.dense import column_norms, multiply
-from microslip.linear.mumps import factorise, solve_block
+from microslip.linear.mumps import factorise
 
 SCENE = Path(__file__).parents[1] / "fan_paper.toml"
 PREFIX, COLUMNS = "low_rank_", 16
@@ -41,15 +41,15 @@ def line(K_L: PETSc.Mat, tolerance: float | None, whole: np.ndarray | None) -> t
         options.setValue(f"{PREFIX}mat_mumps_icntl_{COMPRESSED}", 2)
         options.setValue(f"{PREFIX}mat_mumps_cntl_7", tolerance)
     before = time.process_time()
-    ksp, _ = factorise(K_L, PREFIX, "K_L")
+    solver, _ = factorise(K_L, PREFIX, "K_L")
     factored = time.process_time()
     B = np.random.default_rng(1).standard_normal((K_L.getLocalSize()[0], COLUMNS))
-    X = solve_block(ksp, B)
+    X = solver.solve(B)
     solved = time.process_time()
     left = B - multiply(K_L, X)
-    refined = X + solve_block(ksp, left)
-    kept = count(ksp.getPC().getFactorMatrix().getMumpsInfog(KEPT))
-    ksp.destroy()
+    refined = X + solver.solve(left)
+    kept = count(solver.mumps.infog(KEPT))
+    solver.destroy()
     whole = refined if whole is None else whole
 
     def largest(found: np.ndarray, of: np.ndarray) -> float:

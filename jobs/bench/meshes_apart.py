@@ -1,9 +1,10 @@
 """What meshes that do not match cost in accuracy: the demo's blade on its disc, meshed alike, and on discs that are meshed anew.
 
-    python jobs/bench/meshes_apart.py [--size small medium] [--levels 1 5 10]
+    python jobs/bench/meshes_apart.py [--size small medium] [--across 1 2 3] [--levels 1 5 10 15]
 
-Prints a table for each size of the blade's mesh: contact pairs, and at each level the peak per newton and how far it is from that of
-nodes in pairs.  The last rows refine the disc until its own mesh no longer matters.
+Prints contact pairs, and at each level the peak per newton and how far it is from that of the same pairing where the meshes match:
+for each size of the blade's mesh on discs that are coarser and finer, and with more and more elements across a flank on discs
+that have one more.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -37,6 +38,25 @@ def discs(n: Divisions) -> dict[str, Divisions]:
     }
 
 
+@dataclass(frozen=True)
+class Case:
+    """A blade on a disc, and how their surfaces meet: by which pairing, and whose is the first."""
+
+    name: str
+    pairing: str
+    first: str
+    blade: Divisions
+    disc: Divisions
+
+    def scene(self, folder: Path):
+        """Return the demo's scene with these meshes."""
+        scene, path = microslip.read(JOBS / "fan_small.toml"), folder / "apart.msh"
+        write_msh(str(path), {name: fan_sector(Shape(), getattr(self, name))[name] for name in ("blade", "disc")})
+        surfaces = ("blade_root", "disc_slot") if self.first == "blade" else ("disc_slot", "blade_root")
+        joint = {scene.joints[0].name: {"pairing": self.pairing, "surfaces": surfaces}}
+        return changed(scene, {"model": {"mesh": str(path)}}, joint)
+
+
 def peaks(scene, levels) -> tuple[int, np.ndarray, float]:
     """Return the number of pairs, the peak per newton at each level [m/N] and the seconds of all."""
     start = perf_counter()
@@ -47,43 +67,46 @@ def peaks(scene, levels) -> tuple[int, np.ndarray, float]:
     return n_pairs, np.array(amplitudes), perf_counter() - start
 
 
-def table(size: str, levels, folder: Path) -> None:
-    """Print the rows of a size of the blade's mesh."""
-    scene = microslip.read(JOBS / "fan_small.toml")
-    joint = scene.joints[0].name
+def discs_apart(size: str) -> list[Case]:
+    """Return the blade of a size on its own disc and on others, each with the pairing that it is compared with first."""
+    blade = SIZES[size]
+    others = discs(blade)
+    found = []
+    for pairing, matching, firsts in (("projected", "nodes", ("blade",)), ("mortar", "mortar", ("blade", "disc"))):
+        found.append(Case("the same", matching, "blade", blade, blade))
+        found += [Case(name, pairing, first, blade, disc) for name, disc in others.items() for first in firsts]
+    return found
 
-    def case(name: str, disc: Divisions, pairing: str, first: str):
-        path = folder / f"{size}_{name.replace(' ', '_').replace(':', '')}.msh"
-        blade = fan_sector(Shape(), SIZES[size])["blade"]
-        write_msh(str(path), {"blade": blade, "disc": fan_sector(Shape(), disc)["disc"]})
-        surfaces = ("blade_root", "disc_slot") if first == "blade" else ("disc_slot", "blade_root")
-        own = changed(scene, {"model": {"mesh": str(path)}}, {joint: {"pairing": pairing, "surfaces": surfaces}})
-        return peaks(own, levels)
 
-    cases = {"nodes in pairs": (SIZES[size], "nodes", "blade"), "the same meshes: cells": (SIZES[size], "points", "blade")}
-    for name, disc in discs(SIZES[size]).items():
-        cases[f"disc {name}: nodes of the blade"] = (disc, "projected", "blade")
-        cases[f"disc {name}: cells of the blade"] = (disc, "points", "blade")
-        cases[f"disc {name}: cells of the disc"] = (disc, "points", "disc")
-    print(f"\nblade of the {size} mesh\n")
-    print(f"| meshes | pairs | {' | '.join(f'{level:g} N [mm/N]' for level in levels)} | s |")
-    print("| --- | --- | " + " | ".join(["---"] * len(levels)) + " | --- |")
-    exact = None
-    for name, what in cases.items():
-        n_pairs, found, seconds = case(name, *what)
-        exact = found if exact is None else exact
+def finer_across(n: int) -> list[Case]:
+    """Return the small blade with n elements across a flank on a disc of n, and of n + 1 and one more along the slot."""
+    blade = replace(SIZES["small"], neck=2, wall=2, flank=n)
+    other = replace(blade, flank=n + 1, chord=blade.chord + 1)
+    across = [Case(f"{n} elements across a flank", "mortar", "blade", blade, blade)]
+    return across + [Case(f"{n + 1} elements across", "mortar", first, blade, other) for first in ("blade", "disc")]
+
+
+def rows(cases: list[Case], levels, folder: Path) -> None:
+    """Print a row for each case: the peak per newton, and how far it is from that of the same pairing on matching meshes before."""
+    exact = np.zeros(len(levels))
+    for case in cases:
+        n_pairs, found, seconds = peaks(case.scene(folder), levels)
+        exact = found if case.blade == case.disc else exact
         cells = [f"{1e3 * value:.4f} ({100.0 * (value / own - 1.0):+.2f} %)" for value, own in zip(found, exact)]
-        print(f"| {name} | {n_pairs} | {' | '.join(cells)} | {seconds:.1f} |", flush=True)
+        print(f"| {case.name} | {case.pairing}, {case.first} | {n_pairs} | {' | '.join(cells)} | {seconds:.0f} |", flush=True)
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--size", nargs="+", choices=SIZES, default=["small"])
-    parser.add_argument("--levels", type=float, nargs="+", default=[1.0, 5.0, 10.0])
+    parser.add_argument("--size", nargs="*", choices=SIZES, default=["small"])
+    parser.add_argument("--across", nargs="*", type=int, default=[], help="elements of the blade across a flank")
+    parser.add_argument("--levels", type=float, nargs="+", default=[1.0, 5.0, 10.0, 15.0])
     given = parser.parse_args()
+    print("| disc | pairing, first | pairs | " + " | ".join(f"{level:g} N [mm/N]" for level in given.levels) + " | s |")
+    print("| --- " * (len(given.levels) + 4) + "|")
     with tempfile.TemporaryDirectory() as folder:
-        for size in given.size:
-            table(size, given.levels, Path(folder))
+        for cases in [*map(discs_apart, given.size), *map(finer_across, given.across)]:
+            rows(cases, given.levels, Path(folder))
 
 
 if __name__ == "__main__":

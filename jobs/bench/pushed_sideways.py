@@ -153,7 +153,7 @@ def in_words(case: Case) -> str:
     numbers = [f"{mesh.rings}", f"{mesh.base_rings}"]
     if not case.is_roller:
         numbers = [f"{n} x {angles}" for n, angles in zip(numbers, (8 * mesh.angles, 8 * mesh.base_angles))]
-    how = {"points": "cells", "projected": "nodes projected"}[case.pairing]
+    how = {"points": "cells", "mortar": "mortar", "projected": "nodes projected"}[case.pairing]
     return f"{mesh.shape} | {numbers[0]} | {'the same' if numbers[0] == numbers[1] else numbers[1]} | {how}"
 
 
@@ -203,7 +203,7 @@ def main():
     parser.add_argument(
         "--apart", type=int, nargs="+", default=[0, 5], help="rings that the base has more, each a case of its own"
     )
-    parser.add_argument("--pairing", nargs="+", default=["projected", "points"], choices=["projected", "points"])
+    parser.add_argument("--pairing", nargs="+", default=["projected", "points"], choices=["projected", "points", "mortar"])
     parser.add_argument("--shares", type=float, nargs="+", default=[0.5, 0.8], help="of the friction limit")
     parser.add_argument(
         "--stiff", type=float, default=Case.stiff, help="of the contact's springs, over Young's modulus and radius"

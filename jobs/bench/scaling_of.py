@@ -37,6 +37,7 @@ from microslip.library.prepare import prepare
 from microslip.library.settings import mesh_settings
 from microslip.linear import mumps
 from microslip.linear.analysis import count
+from microslip.linear.mumps import MumpsFactor
 from microslip.mesh.data import DistributedMesh, LocalBlock
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh
@@ -133,8 +134,10 @@ def of_scene(comm: MPI.Comm, scene: str, level: float, points: int) -> dict:
         )
         with log.stage("response"):
             branch = follow_branch(task, 10 * points)
-    F, n_own = structure.linearised.factor.ksp.getPC().getFactorMatrix(), len(range(comm.rank, response.model.n_pairs, comm.size))
-    own = {"flops": F.getMumpsRinfo(3), "entries": float(count(F.getMumpsInfo(9))), "pairs": float(n_own)}
+    solver = structure.linearised.factor.solver
+    assert isinstance(solver, MumpsFactor)
+    mumps, n_own = solver.mumps, len(range(comm.rank, response.model.n_pairs, comm.size))
+    own = {"flops": mumps.rinfo(3), "entries": float(count(mumps.info(9))), "pairs": float(n_own)}
     return {
         "n_dof": structure.linearised.system.n_dof,
         "n_pairs": response.model.n_pairs,

@@ -98,30 +98,31 @@ def test_numbers_as_the_page_shows_them():
     )
 
 
-def chain_trials(folder, *chosen, level=10.0):
+def runs_of(folder, level):
+    """Return the runs of the chain at a level, without curves in each method's own steps."""
     system = scenes.chain()
     path = write_matrix_scene(folder, system, [level], system["omega"], points=12, outputs=[6], harmonics=2, samples=32)
-    prepared = prepare(str(path), MPI.COMM_SELF)
-    return prepared, *claims_runs.all_trials(prepared, [level], chosen, (6, 12), lambda line: None)
+    return claims_runs.Trials(prepare(str(path), MPI.COMM_SELF), level)
 
 
 def test_the_page_of_the_claims_is_written_and_drawn(tmp_path):
     chosen = claims_runs.Setting(12, EQUAL, again=True), claims_runs.Setting(12), claims_runs.Setting(12, slack=0.3)
-    prepared, trials, own = chain_trials(tmp_path, *chosen)
+    prepared = runs_of(tmp_path, 10.0).prepared
+    trials, own = claims_runs.all_trials(prepared, [10.0], chosen, (6, 12), lambda line: None)
     claims_page.draw(trials, prepared.scene).save(str(tmp_path / "claims.png"))
     text = claims_page.page(trials, own, prepared.scene, "command", 1.0)
     assert all(setting.name in text for setting in chosen) and not NOT_A_NUMBER.search(text)
 
 
 def test_solved_again_the_original_method_has_no_error_and_the_improved_one_its_floor(tmp_path):
-    (trial,) = chain_trials(tmp_path, claims_runs.Setting(30, EQUAL, again=True), level=30.0)[1]
+    trial = runs_of(tmp_path, 30.0).trial(claims_runs.Setting(30, EQUAL, again=True))
     assert trial.original_again.largest < 1e-6 < 1e-4 < trial.original.largest
     assert trial.improved_again.largest > 1e-4 and trial.better == claims_runs.ORIGINAL
 
 
 def test_a_test_of_the_size_of_dp_drops_what_is_smaller(tmp_path):
-    exact, none = chain_trials(tmp_path, claims_runs.Setting(12, slack=1e-12), claims_runs.Setting(12, slack=1e9))[1]
-    (plain,) = chain_trials(tmp_path, claims_runs.Setting(12))[1]
+    runs = runs_of(tmp_path, 10.0)
+    plain, exact, none = (runs.trial(claims_runs.Setting(12, **slack)) for slack in ({}, {"slack": 1e-12}, {"slack": 1e9}))
     assert exact.original.error == pytest.approx(plain.original.error, abs=1e-9) and none.original.largest > 1e-2
 
 

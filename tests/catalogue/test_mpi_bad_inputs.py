@@ -84,6 +84,7 @@ def entry(number, case):
     return pytest.param(case, id=case.name, marks=[pytest.mark.ranks(1, 2)] if number % 8 else [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [entry(number, case) for number, case in enumerate(CASES)])
 def test_a_bad_input(comm, place, capfd, case):
     if case.not_by_root and os.geteuid() == 0:

@@ -31,6 +31,7 @@ def rows(folder):
         return {entry["method"]: entry for entry in csv.DictReader(file)}
 
 
+@pytest.mark.ranks(2, 3)
 def test_all_methods_in_one_command(program, shared_path):
     status, out, err = program()
     assert (status, err) == (0, "")

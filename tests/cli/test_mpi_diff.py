@@ -26,6 +26,7 @@ def files(comm, shared_path):
     return [shared_path / name / "results.h5" for name in "abc"]
 
 
+@pytest.mark.ranks(2, 3)
 def test_status_0_of_the_same_and_1_of_others(program, files):
     a, b, c = files
     status, out, err = program("diff", a, b)

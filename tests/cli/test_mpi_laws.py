@@ -57,7 +57,7 @@ def test_two_laws_in_one_scene_on_any_number_of_ranks(comm, shared_path):
         assert p.any(axis=(1, 2)).all()
 
 
-@pytest.mark.ranks(1, 2)
+@pytest.mark.ranks(2, 3)
 def test_a_mesh_with_each_law_through_the_program(comm, shared_path, program):
     on_root(comm, write_mesh, shared_path / "lap.msh")
     peaks = {}

@@ -47,27 +47,28 @@ def test_two_ranks_say_once_what_is_wrong(tmp_path, arguments, message):
 
 
 def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path):
+    """Two ranks without an option that nobody read: test_matrix_program.py."""
     write_mesh(tmp_path / "lap.msh")
     short = SCENE.replace("[10.0, 1000.0]", "[80.0, 110.0]").replace("[1.0]", "[0.3]").replace("points = 20", "points = 5")
     (tmp_path / "lap.toml").write_text(short)
-    options = ("-static_mat_mumps_icntl_14", "30", "-hb_snes_max_it", "15")
+    options = ("-static_mat_mumps_icntl_14", "30", "-hb_snes_max_it", "15", "-hb_snes_maxit", "15")
     done = microslip("run", "lap.toml", "--", *options, ranks=2, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
-    written = {path.name for path in (tmp_path / "results" / "lap").iterdir()}
-    assert {"frf.csv", "results.h5", "run.log", "response.png"} <= written
-    done = microslip("run", "lap.toml", "--out", "again", "--", *options, "-hb_snes_maxit", "15", cwd=tmp_path)
     assert done.returncode == 2
-    assert done.stderr == (
-        "microslip: error: -hb_snes_maxit: no solver of this run reads this PETSc option; the results in again "
+    assert done.stderr.startswith(
+        "microslip: error: -hb_snes_maxit: no solver of this run reads this PETSc option; the results in results/lap "
         "were made without it\n"
     )
-    assert microslip("plot", "again/results.h5", "--out", "pictures", cwd=tmp_path).returncode == 0
+    assert done.stderr.count("microslip: error: ") == 1
+    file = "results/lap/results.h5"
+    written = {path.name for path in (tmp_path / file).parent.iterdir()}
+    assert {"frf.csv", "results.h5", "run.log", "response.png"} <= written
+    assert microslip("plot", file, "--out", "pictures", cwd=tmp_path).returncode == 0
     assert (tmp_path / "pictures" / "response.png").exists()
-    done = microslip("convert", "again/results.h5", "--out", "others", ranks=2, cwd=tmp_path)
+    done = microslip("convert", file, "--out", "others", ranks=2, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     others = {path.name for path in (tmp_path / "others").iterdir()}
     assert others == set(done.stdout.replace("others/", "").split()) >= {"results.unv", "results.mat", "motion_0000.vtkhdf"}
-    done = microslip("report", "again/results.h5", "--out", "page", cwd=tmp_path)
+    done = microslip("report", file, "--out", "page", cwd=tmp_path)
     if importlib.util.find_spec("plotly") is None:
         assert done.returncode == 2 and done.stderr.count("microslip: error: report needs plotly") == 1
     else:

@@ -32,6 +32,7 @@ def pushed(of, u):
     return np.array(forces), state
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beta", [0.0, BETA, 3.0])
 @pytest.mark.parametrize("chi", [-0.9, CHI, 0.0])
 def test_backbone_stiffness_and_slip_force(chi, beta):

@@ -16,7 +16,7 @@ from microslip.contact.law import OPEN, SLIP, STICK
 from microslip.fourier.coefficients import analyse, synthesise
 from microslip.fourier.harmonics import Harmonics
 
-FAST = settings(max_examples=60, deadline=None, derandomize=True)
+FAST = settings(max_examples=30, deadline=None, derandomize=True)
 
 
 @st.composite
@@ -60,6 +60,7 @@ def path_harmonics(U, law, N_t):
     return p, cycle.change <= 1e-11 * stiffness(law) * size_of(U, law)
 
 
+@pytest.mark.slow
 @FAST
 @given(joints(largest_H=6))
 def test_kernel_meets_the_oracle_of_the_path_between_samples(joint):
@@ -70,6 +71,7 @@ def test_kernel_meets_the_oracle_of_the_path_between_samples(joint):
     assert np.all((np.abs(found.p - expected).max(axis=(1, 2)) <= 1e-9 * force)[is_settled & ~found.creeps])
 
 
+@pytest.mark.slow
 @FAST
 @given(joints(largest_H=9))
 def test_return_map_at_samples_meets_the_oracle(joint):
@@ -108,6 +110,7 @@ def test_jacobian_meets_central_differences(sampled, separate):
     assert len(found.active) > 0.85 * n and np.mean(errors < 1e-7) > 0.985 and not found.creeps.any()
 
 
+@pytest.mark.slow
 @FAST
 @given(joints(largest_H=4, regular=True))
 def test_jacobian_meets_central_differences_where_no_sample_switches(joint):
@@ -147,6 +150,7 @@ def taylor_remainders(law, U, V, N_t, steps):
     return remainders
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("moved", range(3))
 @pytest.mark.parametrize("separate", [False, True])
 def test_remainder_of_the_derivative_falls_as_the_square_of_the_step_block_by_block(moved, separate):
@@ -165,6 +169,7 @@ def test_remainder_of_the_derivative_falls_as_the_square_of_the_step_block_by_bl
     assert np.all(fine[straight] < 1e-10)
 
 
+@pytest.mark.slow
 @FAST
 @given(joints())
 def test_kernel_meets_the_formulas_of_the_law(joint):
@@ -355,6 +360,7 @@ def test_it_is_the_cycle_that_repeats(sampled):
     assert np.all(error[rests] < 1e-10) and np.all(error[found.state != STICK] < 1e-9)  # slip forgets where it began
 
 
+@pytest.mark.slow
 def test_a_slow_creep_is_not_taken_for_a_cycle():
     """Pairs whose sliders still move by a hundredth of their way after ten periods: two periods are far from the steady state."""
     U, law = many(2000, seed=5)
@@ -375,6 +381,7 @@ def test_a_slow_creep_is_not_taken_for_a_cycle():
     assert np.all(error < 1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sampled", "order"), [(False, 2), (True, 1)])
 def test_order_of_the_samples_on_curved_paths(sampled, order):
     U, law = many(400, sampled=sampled)
@@ -385,6 +392,7 @@ def test_order_of_the_samples_on_curved_paths(sampled, order):
     assert np.all(np.abs(rates - order) < 0.35)
 
 
+@pytest.mark.slow
 def test_64_samples_do_what_256_did():
     U, law = many(400)
     reference = law.cycle(U, 8192, tangents=False).p

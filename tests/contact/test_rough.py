@@ -122,6 +122,7 @@ def test_a_power_opens_and_the_exponential_does_not():
         assert (state[0] == expected or np.isinf(exponent)) and (N == pytest.approx(0.0, abs=1e-12)) == (exponent == 2.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exponent", [np.inf, 2.0])
 def test_no_closed_path_gains_energy_whichever_way_it_turns(exponent):
     """A spring k_t(N) on the motion gains energy on one of the two ways round: here it is lost or kept on both."""

@@ -86,6 +86,7 @@ def test_a_pair_that_is_apart_at_rest_bears_all_of_its_force():
     assert touched.sum() > 10 and of.n_memory == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gaps_have_springs", [True, False])
 def test_steps_until_they_repeat_are_the_cycle_of_the_return_map(gaps_have_springs):
     of, _, _ = example(4)

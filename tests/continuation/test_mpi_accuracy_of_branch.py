@@ -157,6 +157,7 @@ def test_samples_may_use_what_harmonics_leave():
     assert [samples_from(n) for n in (64, 65, 97, 300)] == [64, 96, 128, 384]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [1e-5, 1e-2, 1e-1])
 def test_the_solver_s_part_stays_within_its_share(tolerance):
     problem, estimator = problem_of("chain", 100.0)

@@ -24,6 +24,7 @@ def scene(name):
     return load(scenes.SCENES[name](), "phase", 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "X, frequencies",
     [(0.5, (0.632495064828, 1.897248005129)), (1.5, (1.127402158122, 1.463083257582)), (2.0, (1.136206225921, 1.305151377843))],
@@ -75,7 +76,7 @@ def full_motion(system, level, point):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", ["jenkins", "spatial", *(pytest.param(name, marks=pytest.mark.ranks(1)) for name in ("chain", "gap"))]
+    "name", ["jenkins", *(pytest.param(name, marks=pytest.mark.ranks(1)) for name in ("spatial", "chain", "gap"))]
 )
 def test_energy_closes_at_every_point(name):
     system = scene(name)
@@ -103,6 +104,7 @@ def as_array(entry):
     return {**entry, "vector": np.asarray(entry["vector"])}
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_fold_is_passed_and_the_way_back_is_the_same_curve():
     system = scene("gap")
@@ -143,7 +145,7 @@ def test_first_point_that_newton_misses_is_reached_over_the_level():
     assert not any(point.notes for point in found.points[1:])
 
 
-@pytest.mark.ranks(1, 2, 3)
+@pytest.mark.ranks(2, 3)
 def test_all_ranks_together_agree_with_one_alone():
     system = scene("chain")
     together, alone = (branch(system, comm, 100.0, points=30) for comm in (COMM, MPI.COMM_SELF))
@@ -170,6 +172,8 @@ def test_in_point_check_removes_the_error_of_the_late_update():
     assert np.abs(asked["checked"] - asked["all"]).max() < 1e-7 * peak
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_energy_filter_drops_pairs_and_counts_fewer_unknowns():
     system = scene("chain")
     plain = branch(system, COMM, 10.0, selection=NonStickingPairs())
@@ -180,6 +184,7 @@ def test_energy_filter_drops_pairs_and_counts_fewer_unknowns():
     assert max(point.unknowns for point in plain.points[2:]) > n_modes * N_H
 
 
+@pytest.mark.slow
 def test_receptance_counts_the_pairs_that_couple():
     stuck = branch(scene("chain"), COMM, 1e-3, selection=AllPairs())
     assert {point.unknowns for point in stuck.points} == {0}
@@ -191,6 +196,7 @@ def test_receptance_counts_the_pairs_that_couple():
         assert unknowns == [3 * n * 7 for n in moving]
 
 
+@pytest.mark.slow
 def test_failure_names_the_frequency_and_keeps_the_points():
     system = scene("gap")
     found = branch(system, COMM, 0.2, points=12, ds_min=1.0, tolerance=1e-300)
@@ -211,6 +217,7 @@ def test_error_falls_as_modes_are_added():
     assert errors[0] > 5 * errors[1] > 25 * errors[2] and errors[2] < 1e-3
 
 
+@pytest.mark.slow
 def test_records_are_complete():
     point = branch(scene("chain"), COMM, 10.0).points[3]
     assert {field.name for field in dataclasses.fields(point)} >= {"omega", "response", "U", "p", "energy", "state"}

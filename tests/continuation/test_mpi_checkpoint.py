@@ -89,7 +89,7 @@ def followed(make, n_steps, path=None):
         lambda: chain_task(with_accuracy=True),
         lambda: chain_task(NonStickingPairs(checks_in_point=True)),
         lambda: chain_task(level=1e-3),
-        free_task,
+        pytest.param(free_task, marks=pytest.mark.ranks(1)),
     ],
     ids=["plain", "accuracy", "adaptive", "stuck", "held"],
 )
@@ -108,6 +108,7 @@ def test_a_branch_goes_on_to_the_same_bits(make, with_preconditioners, monkeypat
         assert a.error is None or np.array_equal(a.error, b.error)
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.slow
 def test_the_held_case_is_held():
     assert HELD in followed(free_task, 1)[0].notes

@@ -27,7 +27,8 @@ def grid(system, level, omegas, selection=ALL, tolerance=1e-10):
     return at_frequencies(forced(model, parameters, 128, level), selection, omegas, tolerance=tolerance)
 
 
-@pytest.mark.parametrize("level", [1e-3, 10.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("level", [1e-3, pytest.param(10.0, marks=pytest.mark.ranks(1))])
 def test_points_of_a_branch_are_found_again_at_its_frequencies(level):
     followed = branch(chain(), COMM, level, points=40, tolerance=1e-10)
     found = grid(chain(), level, [point.omega for point in followed.points])
@@ -65,6 +66,8 @@ def test_frequencies_beyond_a_fold_are_reached_along_the_branch():
     assert max(point.newton for point in found.points) > 20  # one solve of Newton's ends after 20
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_in_point_check_makes_adaptive_exact_also_here():
     omegas = np.linspace(*chain()["omega"], 13)
     exact = grid(chain(), 20.0, omegas)
@@ -77,6 +80,7 @@ def test_in_point_check_makes_adaptive_exact_also_here():
     assert difference(checked) < 1e-8 < difference(late)
 
 
+@pytest.mark.slow
 def test_a_frequency_out_of_reach_is_named_and_the_points_before_it_are_kept():
     found = grid(chain(), 100.0, [500.0, 560.0], tolerance=1e-300)
     assert found.failure is not None and "Hz" in found.failure

@@ -74,6 +74,7 @@ def test_a_level_is_linear_exactly_up_to_the_first_slip(name):
         assert is_linear(equation_of(model, parameters), share * first, curve) == expected
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("down", [False, True])
 @pytest.mark.parametrize("name, selection", [("chain", AllPairs()), ("spatial", AllPairs()), ("chain", NonStickingPairs())])
 def test_a_scaled_level_is_the_solved_one(name, selection, down):
@@ -134,6 +135,7 @@ def test_a_constant_motion_is_left_to_the_solver():
     assert not is_linear(equation_of(model, parameters), 1e-9, curve)
 
 
+@pytest.mark.slow
 def test_a_pair_that_slips_after_all_is_solved_for():
     """The follower is told of a level that slips: the branch is that of the solver."""
     model, parameters, sweep, curve = prepared("chain")

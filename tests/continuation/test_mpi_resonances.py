@@ -92,6 +92,8 @@ def test_a_mode_that_hardly_moves_the_pairs_is_seen():
     assert best_near(omega, amplitude, where) > 0.7 * height
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_no_peak_is_lost_where_the_slider_slips():
     system = chain()
     few, amplitude, _ = curve(system, SLIPS, 10)

@@ -36,6 +36,8 @@ def worst(system, found, name):
     return COMM.bcast(max((getattr(verdict, name) for verdict in verdicts), default=0.0))
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1, 2)
 def test_contact_forces_of_a_stiff_joint_are_right():
     system = structures.spatial(k_t=1e-3, k_n=1e5)
     found = branch(system, COMM, 1.3, low=0.85, high=1.1, points=20, tolerance=1e-8)
@@ -43,6 +45,8 @@ def test_contact_forces_of_a_stiff_joint_are_right():
     assert worst(system, found, "force") < 1e-5
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_without_the_weights_they_are_refused(monkeypatch):
     monkeypatch.setattr(point_solver, "row_weights", lambda k, size, force, tolerance: np.ones_like(k))
     system = structures.spatial(k_t=1e-3, k_n=1e5)
@@ -59,6 +63,7 @@ def test_weights_leave_a_joint_as_stiff_as_its_structure_alone():
     assert row_weights(np.array([1e4, 1e30, 0.0]), 2.0, 1.0, 1e-8) == pytest.approx([200.0, 1e-10 / np.finfo(float).eps, 1.0])
 
 
+@pytest.mark.slow
 def test_a_motion_that_shrinks_a_thousandfold_in_a_step_is_solved_by_its_own_size():
     system = structures.two_masses(zeta=1e-6)
     found = branch(system, COMM, 3.0, low=0.7, high=2.0, points=20, tolerance=1e-8)
@@ -80,6 +85,7 @@ def test_only_a_body_that_nothing_else_holds_gets_springs(system, is_free):
     assert is_held_by_its_joint_alone(forced(model, parameters, 16, 1.0).equation) is is_free
 
 
+@pytest.mark.ranks(1)
 @pytest.mark.slow
 def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
     system = structures.free_body(rayleigh=(0.8, 0.0))

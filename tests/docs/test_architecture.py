@@ -30,6 +30,7 @@ def test_a_room_imports_only_those_above_it_on_the_page():
     assert wrong == {}
 
 
+@pytest.mark.slow
 def test_rooms_of_numpy_only_import_neither_mpi_nor_petsc():
     assert all(f"`{room}/`" in re.search(r"So (.*) need neither MPI nor PETSc", PAGE)[1] for room in rooms.NUMPY_ONLY)
     allowed = {"numpy", "scipy", "microslip", *sys.stdlib_module_names}

@@ -9,6 +9,7 @@ from docs import library_page
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
+@pytest.mark.slow
 def test_the_page_prints_what_it_says(tmp_path):
     library_page.prepare(tmp_path)
     found = library_page.run(library_page.PAGE.read_text(encoding="utf-8"), tmp_path)

@@ -18,6 +18,7 @@ PLATE_RATES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("series", convergence.SERIES)
 def test_box_on_rollers_converges_to_the_exact_mode(series):
     degree = convergence.SERIES[series][3]

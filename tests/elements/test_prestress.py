@@ -106,3 +106,36 @@ def test_a_pressure_pushes_against_the_outward_normal_through_the_middle(kind):
     area, centre = (1.0, corners.mean(axis=0)) if "tri" in kind else (2.0, corners.mean(axis=0))
     assert forces.sum(axis=0) == pytest.approx([0.0, 0.0, -area])
     assert np.cross(points[0], forces).sum(axis=0) == pytest.approx(np.cross(centre, [0.0, 0.0, -area]))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_forces_of_large_displacements_are_those_of_their_stress(kind):
+    """f . v = V tr((F S)^T H) for v = H x under a constant F; a turn alone makes none; S = lam tr(E) 1 + 2 mu E."""
+    points, nodes = bent_box(kind)
+    rng = np.random.default_rng(5)
+    Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    Q *= np.linalg.det(Q)
+    F = Q @ (np.eye(3) + 0.05 * rng.standard_normal((3, 3)))
+    lam, mu = prestress.lame(YOUNG, POISSON)
+    E = 0.5 * (F.T @ F - np.eye(3))
+    S = lam * np.trace(E) * np.eye(3) + 2.0 * mu * E
+    H = rng.standard_normal((3, 3))
+    f, K = elements.large_displacements(kind, points[nodes], points[nodes] @ (F - np.eye(3)).T, YOUNG, POISSON)
+    volume = 1.0 * 1.5 * 4.0 * abs(np.linalg.det(skewed()))
+    assert (f * (points[nodes] @ H.T)).sum() == pytest.approx(volume * np.trace((F @ S).T @ H), rel=1e-9)
+    assert pytest.approx(K.swapaxes(1, 2), abs=1e-9 * np.abs(K).max()) == K
+    turned, _ = elements.large_displacements(kind, points[nodes], points[nodes] @ (Q - np.eye(3)).T, YOUNG, POISSON)
+    assert np.abs(turned).max() < 1e-12 * np.abs(K).max()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_tangent_is_the_derivative_of_the_forces(kind):
+    points, nodes = bent_box(kind)
+    rng = np.random.default_rng(6)
+    u, v = 0.05 * rng.standard_normal((2, *points[nodes].shape))
+    at = (YOUNG, POISSON, 1e-3)
+    _, K = elements.large_displacements(kind, points[nodes], u, *at)
+    h = 1e-5
+    ahead, behind = (elements.large_displacements(kind, points[nodes], u + sign * h * v, *at)[0] for sign in (1.0, -1.0))
+    slope = (K @ v.reshape(len(v), -1, 1)).reshape(v.shape)
+    assert (ahead - behind) / (2.0 * h) == pytest.approx(slope, abs=1e-7 * np.abs(slope).max())

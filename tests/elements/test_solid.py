@@ -138,6 +138,7 @@ def _is_inner(points, nodes, kind):
     return ~np.isin(np.arange(len(points)), outer)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_many_elements_at_once_are_the_same_as_each_alone(kind):
     points, nodes = box(kind, (3, 3, 4), (1.0, 1.5, 4.0))

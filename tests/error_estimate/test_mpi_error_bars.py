@@ -61,7 +61,8 @@ def errors(points):
     return np.array([point.error[0] for point in points])
 
 
-@pytest.mark.parametrize("level", [40.0, 100.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("level", [40.0, pytest.param(100.0, marks=pytest.mark.ranks(1))])
 @pytest.mark.parametrize("coarse", [{"H": 1}, {"H": 3}, {"H": 5, "n_samples": 32}])
 def test_the_bar_holds_what_more_harmonics_and_samples_change(level, coarse):
     points = coarsely_solved(level, **coarse)
@@ -108,7 +109,7 @@ def test_the_pairs_part_holds_what_a_dropped_pair_changes():
     assert np.all(true[dropped] <= total(parts[dropped]))
 
 
-@pytest.mark.ranks(1, 2, 3)
+@pytest.mark.ranks(2, 3)
 def test_ranks_agree():
     together, alone = solved(100.0), solved(100.0, comm=MPI.COMM_SELF)
     peak = np.abs(amplitudes(alone)).max()
@@ -163,7 +164,7 @@ def corrections(points):
     return np.array([point.corrected[0, 0] - 1j * point.corrected[0, 1] for point in points])
 
 
-@pytest.mark.parametrize("level", [40.0, 100.0])
+@pytest.mark.parametrize("level", [40.0, pytest.param(100.0, marks=pytest.mark.ranks(1))])
 @pytest.mark.parametrize("coarse", [{"H": 1}, {"H": 3}, {"H": 5, "n_samples": 32}])
 def test_the_corrected_amplitude_is_nearer_and_its_bar_shorter_and_holds(level, coarse):
     points, peak = coarsely_solved(level, **coarse), np.abs(reference(level)).max()

@@ -480,8 +480,10 @@ STATICS = {
     "*DSLOAD\nCROWN, TRVEC, 1., 1., 0., 0.\n": "*DSLOAD, TRVEC",
     "*CLOAD, AMPLITUDE=a\n1, 1, 1.\n": "*CLOAD, AMPLITUDE",
     "*CLOAD\n1, 4, 1.\n": "*CLOAD",
-    "*TEMPERATURE\nALL, 20.\n": "*TEMPERATURE",
-    "*BOUNDARY\n1, 1, 1, 0.5\n": "*BOUNDARY",
+    "*TEMPERATURE, AMPLITUDE=a\nALL, 20.\n": "*TEMPERATURE, AMPLITUDE",
+    "*BOUNDARY, AMPLITUDE=a\n1, 1, 1, 0.5\n": "*BOUNDARY",
+    "*BOUNDARY, TYPE=VELOCITY\n1, 1, 1, 0.5\n": "*BOUNDARY",
+    "*BOUNDARY\n99, 1, 1, 0.5\n": "*BOUNDARY",
 }
 
 
@@ -499,6 +501,26 @@ def test_what_the_statics_of_a_scene_leave_out_is_found(tmp_path):
     assert words(read(tmp_path, CUBE + plastic + step + VIBRATION.replace(", PERTURBATION", ""))) == []
     dynamic = step.replace(", NLGEOM", "").replace("*STATIC", "*DYNAMIC")
     assert words(read(tmp_path, CUBE + STEEL + dynamic + VIBRATION)) == 2 * ["*STEP, PERTURBATION"]
+
+
+def test_supports_that_are_moved_before_the_vibration_are_taken_over(tmp_path):
+    """A later value takes the place of one before; in the vibration what is moved is held."""
+    first = "*STEP, NLGEOM\n*STATIC\n*BOUNDARY\nALL, 3, 3, 0.5\n5, 1, 2, 0.25\n*END STEP\n"
+    second = "*STEP\n*STATIC\n*BOUNDARY\n1, 3\n2, 3, 3, -0.5\n*END STEP\n"
+    model = read(tmp_path, CUBE + STEEL + first + second + VIBRATION)
+    found = {by: model.numbers[model.groups[group].nodes].tolist() for group, by in model.statics.displacements}
+    assert found == {(0.0, 0.0, 0.5): [3, 4, 6, 7, 8], (0.25, 0.25, 0.5): [5], (0.0, 0.0, -0.5): [2]}
+    assert model.statics.large == "*STEP, NLGEOM" and words(model) == ["*STEP, NLGEOM", "*STEP, PERTURBATION"]
+    held = {axis for one in model.supports for axis in one.fix if one.group == "ALL"}
+    assert held == {"z"}
+
+
+@pytest.mark.parametrize("more", ["*DLOAD\nCUBE, P2, 4.\n", "*DSLOAD\nSIDE, P, 1.\n"])
+def test_large_displacements_are_left_to_the_user_where_loads_would_follow_them(tmp_path, more):
+    step = f"*STEP, NLGEOM\n*STATIC\n{more}*END STEP\n"
+    model = read(tmp_path, CUBE + STEEL + "*SURFACE, NAME=SIDE\nCUBE, S3\n" + step + VIBRATION)
+    (finding,) = (one for one in model.findings if one.word == "*STEP, NLGEOM")
+    assert model.statics.large == "" and "pressures, which do not follow the surface" in finding.effect
 
 
 def test_loads_before_the_vibration_are_those_at_the_end_of_their_steps(tmp_path):

@@ -58,6 +58,7 @@ def test_what_the_commands_say_becomes_the_scene(tmp_path):
     assert any("F is left out: loads of the file" in note for note in notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command, says",
     [

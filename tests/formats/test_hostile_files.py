@@ -90,6 +90,7 @@ def test_counts_and_numbers_that_no_file_can_hold_are_refused(tmp_path, name, co
     assert said in read(tmp_path, name, content)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 @pytest.mark.parametrize("content", [b"", b"\n", b"\0" * 300, b"\xff\xfe" * 200, b"-1 " * 300])
 def test_files_without_sense_are_refused(tmp_path, name, content):
@@ -125,6 +126,7 @@ def test_what_is_included_is_a_file_of_the_folder(tmp_path, line):
     read(tmp_path, "nastran", f"INCLUDE '{line.partition('=')[2]}'\n" + bdf(plain()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, line", [("abaqus", "*INCLUDE, INPUT={}\n"), ("nastran", "INCLUDE '{}'\n")])
 def test_files_that_include_the_next_one_again_and_again_end(tmp_path, name, line):
     """Two to the power of 20 times a file of 10 kB would be ten gigabytes."""
@@ -278,6 +280,7 @@ def test_exodus_in_hdf5_claims_no_more_than_it_holds(tmp_path):
 # -- processes that die of a file ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "call, said",
     [
@@ -313,6 +316,7 @@ def _raises(problem):
     raise problem
 
 
+@pytest.mark.slow
 def test_memory_is_bounded_while_a_file_is_read_and_not_afterwards(tmp_path, monkeypatch):
     monkeypatch.setattr(bounded, "_FREE", 2**27)
     (tmp_path / "f").write_bytes(b"x")
@@ -325,6 +329,7 @@ def test_memory_is_bounded_while_a_file_is_read_and_not_afterwards(tmp_path, mon
 # -- nothing in the folder of a scene is executed -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_modules_and_settings_in_the_folder_are_not_taken(tmp_path):
     """Modules of names that the program imports."""
     for name in ("numpy", "h5py", "pydantic", "tomllib", "signal", "json", "matplotlib", "petsc4py", "scipy"):

@@ -146,6 +146,7 @@ def test_a_truncated_file_is_named_or_read_as_what_is_left(tmp_path, ending, sha
     assert found.nnz < sp.csr_matrix(A).nnz
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", WRITERS)
 def test_damage_anywhere_gives_one_message_or_another_matrix(tmp_path, ending):
     """A byte here and there is changed: nothing crashes, hangs, or asks for memory that the file does not have."""

@@ -58,6 +58,7 @@ def expected(folder):
     return response_of(scene_of({"model": {"mesh": "plain.msh"}, **BY_SCENE, **SCENE}, folder / "plain.toml"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", WRITERS)
 def test_a_model_file_gives_the_response_of_mesh_and_scene(expected, folder, ending):
     on_root(comm, lambda: (WRITERS[ending](folder / f"model{ending}"), None)[1])

@@ -22,6 +22,7 @@ from small_fe import assemble
 from microslip.parallel.agree import on_root
 
 pytestmark = pytest.mark.ranks(1, 2)
+ON_RANKS = ("mtx", "full")  # formats tried on several ranks, too: one that SciPy reads, and one of a program
 COMM = MPI.COMM_WORLD
 _reference: list = []  # by the first test that asks; tests share a communicator, not a folder
 
@@ -50,7 +51,8 @@ def assert_same(point, reference, tolerance):
     assert point.friction == pytest.approx(reference.friction, rel=10.0 * tolerance)
 
 
-@pytest.mark.parametrize("ending", WRITERS)
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [pytest.param(one, marks=() if one in ON_RANKS else pytest.mark.ranks(1)) for one in WRITERS])
 def test_a_format_runs_to_the_response_of_the_mesh(shared_path, reference, ending):
     point = response(shared_path, lambda folder: write_scene(folder, in_format(folder, ending)))
     assert_same(point, reference, 1e-6 if ending == "pch" else 1e-8)

@@ -36,6 +36,7 @@ def seeds(tmp_path_factory):
     return folder, {name: write(folder) for name, write in SEEDS.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TARGETS)
 def test_changed_files_are_read_or_refused(seeds, name):
     folder, files = seeds

@@ -143,7 +143,7 @@ def test_output_without_whole_geometry_is_refused_with_one_message(tmp_path, cha
 
 
 @pytest.mark.parametrize(
-    "name, says", [("m.rst", "CDWRITE"), ("m.odb", "input file, .inp"), ("m.frd", "input file, .inp"), ("m.xdb", "bulk data")]
+    "name, says", [("m.db", "CDWRITE"), ("m.odb", "input file, .inp"), ("m.frd", "input file, .inp"), ("m.xdb", "bulk data")]
 )
 def test_results_and_databases_of_programs_say_what_to_write_instead(tmp_path, name, says):
     with pytest.raises(CaseError, match=f"the ending '.{name[2:]}' is not read: .*{says}"):

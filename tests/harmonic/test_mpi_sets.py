@@ -70,7 +70,8 @@ def test_jacobian_is_the_derivative_of_the_residual(chosen):
     assert_second_order(there)
 
 
-@pytest.mark.parametrize("chosen", [(1, 3, 5), (0, 1, 3)])
+@pytest.mark.slow
+@pytest.mark.parametrize("chosen", [pytest.param((1, 3, 5), marks=pytest.mark.ranks(1)), (0, 1, 3)])
 def test_a_set_solves_the_rows_of_the_full_set_that_it_has(chosen):
     """A branch on a part of the harmonics: its residual in the full set vanishes in these rows, and its energy closes."""
     harmonics, full = Harmonics(chosen), Harmonics.up_to(5)
@@ -272,6 +273,7 @@ def test_symmetry_sees_static_coupling_that_no_mode_shows():
     assert symmetric(equation) is False
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "system, level",
     [
@@ -281,7 +283,7 @@ def test_symmetry_sees_static_coupling_that_no_mode_shows():
         (row_of_masses(flat=True, separate=True), 2.0),
         (row_of_masses(flat=True), 3.0),
         (changed(row_of_masses(flat=True), N0=-1.0), 1.0),
-        (scene("jenkins"), 0.8),
+        pytest.param(scene("jenkins"), 0.8, marks=pytest.mark.ranks(1)),
     ],
 )
 def test_odd_harmonics_alone_give_the_solution_of_the_full_set(system, level):

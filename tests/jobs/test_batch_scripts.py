@@ -105,6 +105,7 @@ def test_a_run_that_stops_in_time_is_put_into_the_queue_again_while_it_comes_fur
     assert (status, said) == (3, "") and not queued.exists()
 
 
+@pytest.mark.slow
 def test_a_task_of_an_array_on_two_ranks(tmp_path):
     write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02], (1.0, 1.6), outputs=[0], points=5)
     (tmp_path / "values.txt").write_text("response.levels=[0.01]\nresponse.levels=[0.03] solver.harmonics=5\n")

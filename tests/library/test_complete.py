@@ -134,6 +134,7 @@ LOADED = {
     ),
     "findings": (Finding(word=WORD, where="line 9", effect="vibration about loads", changes=True, part="statics"), OUTPUT),
 }
+LARGE = Finding(word="*STEP, NLGEOM", where="line 7", effect="large displacements", changes=True, part="statics")
 GRAVITY = Finding(word="*DLOAD, GRAV", where="line 8", effect="a load GRAV", changes=True, part="statics")
 
 
@@ -164,6 +165,17 @@ def test_loads_before_the_vibration_are_stated_taken_or_left_out(tmp_path):
     assert len(found.statics.bolts) == 1
     with pytest.raises(CaseError, match=r'takes "\*STEP, PERTURBATION"'):
         complete(scene(tmp_path, {"take": ("bodies", "materials")}), model(**LOADED))
+
+
+def test_large_displacements_and_moved_supports_of_the_file_become_those_of_the_scene(tmp_path):
+    held = replace(LOADED["statics"], bolts=(), displacements=(("pad", (0.0, 0.0, -0.5)),), large="*STEP, NLGEOM")
+    whole = model(**{**LOADED, "statics": held, "findings": (*LOADED["findings"], LARGE)})
+    found, _ = complete(scene(tmp_path), whole)
+    assert found.statics.large_displacements and not found.statics.deformed_shape
+    assert found.statics.displacements[0].displacement == (0.0, 0.0, -5e-4)
+    found, notes = complete(scene(tmp_path, {"ignore": ("*STEP, NLGEOM",)}), whole)
+    assert found.statics.deformed_shape and not found.statics.large_displacements
+    assert "line 7: *STEP, NLGEOM is left out: large displacements" in notes
 
 
 def test_a_joint_may_wait_for_the_statics_of_the_file(tmp_path):

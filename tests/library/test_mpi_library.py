@@ -61,6 +61,7 @@ def assert_equal(found, wanted, tolerance=0.0):
             assert x.shape == y.shape and np.abs(x - y).max() <= most * np.abs(y).max(), name
 
 
+@pytest.mark.slow
 def test_a_response_is_that_of_a_run(comm, folder, scene, structure, response):
     run(scene, comm, folder / "run", RunOptions(screen=False))
     response.save(folder / "saved")
@@ -116,6 +117,7 @@ CHANGES = {
 ON_RANKS, ALONE = ("friction", "method", "modes"), pytest.mark.ranks(1)  # changes tried on several ranks, too
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in ON_RANKS else ALONE) for name in CHANGES])
 def test_a_change_is_that_of_a_new_structure(comm, scene, structure, response, name):
     keys, tables, of_joint = CHANGES[name]
@@ -133,7 +135,7 @@ def test_a_change_is_that_of_a_new_structure(comm, scene, structure, response, n
 
 def test_nothing_that_did_not_change_is_built_again(structure, response, monkeypatch):
     built, factorise, info, columns = [], factors.factorise, structure.linearised.factor.info, structure.statics.G_static
-    monkeypatch.setattr(factors, "factorise", lambda *of: built.append(of) or factorise(*of))
+    monkeypatch.setattr(factors, "factorise", lambda *of, **how: built.append(of) or factorise(*of, **how))
     columns.require(np.arange(N_PAIRS))
     solves, batches, modes = info["solves"], columns.batches, structure.modes
     for keys in ({"friction": 0.04}, {"preload": 1.8e7}, {"levels": [5.0, 7.0]}, {"harmonics": 2}, {"method": "adaptive"}):
@@ -163,6 +165,7 @@ def test_what_a_log_would_say_of_the_modes_is_kept(structure):
     assert note.startswith("modes: 3, as [solver] modes says")
 
 
+@pytest.mark.slow
 def test_friction_and_preload_of_each_pair(structure):
     mu, pressure = np.linspace(0.02, 0.08, N_PAIRS), np.linspace(1e7, 3e7, N_PAIRS)
     found = microslip.respond(structure, friction={"joint": mu}, preload=pressure, levels=30.0)
@@ -190,6 +193,7 @@ def test_fields_pass_through_the_outputs(comm, structure, response):
     assert near == level.frequency[2]
 
 
+@pytest.mark.slow
 def test_fields_and_forces_of_matrices(comm, folder):
     def write():
         (folder / "matrices").mkdir()

@@ -182,6 +182,7 @@ def rod(comm, folder, tables):
     return microslip.read(on_root(comm, write))
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1, 2)
 def test_a_rod_under_pressure_and_on_a_moving_base(comm, shared_path):
     """Longitudinal waves, c^2 = E / rho: stress p cos(k x) / cos(k L) under a pressure p at the tip, tip / base = 1 / cos(k L)."""
@@ -232,7 +233,7 @@ def test_error_bars_hold_for_every_output(comm, shared_path):
 
 
 @pytest.mark.slow
-@pytest.mark.ranks(1, 2)
+@pytest.mark.ranks(2)
 def test_files_say_the_units(comm, shared_path, monkeypatch):
     monkeypatch.setattr("microslip.results.plots.draw_all", lambda *files: [])
     scene = scene_with(comm, shared_path, loads=BASE, outputs=ABSOLUTE + OUTPUTS, points=3, samples=64, **COARSE)

@@ -124,6 +124,8 @@ def around(frequency, **solver):
     return NO_AXIS, ("mode = 1\nspan = [0.95, 1.05]", span), ("modes = 8", f"modes = 60{keys}")
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_methods_agree(comm, folder, first_frequency):
     found = []
     for method in ("receptance", "rubin", "full"):

@@ -27,6 +27,7 @@ assert {"mpi4py", "petsc4py"} <= started()
 """
 
 
+@pytest.mark.slow
 def test_nothing_is_started_before_it_is_used(tmp_path):
     subprocess.run([sys.executable, "-c", WITHOUT, write_scene(tmp_path)], check=True, timeout=120)
     with pytest.raises(AttributeError, match="no attribute 'biuld'"):

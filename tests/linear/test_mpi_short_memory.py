@@ -9,9 +9,8 @@ from petsc4py import PETSc
 from scipy.sparse.linalg import spsolve
 
 from microslip.linear import mumps, out_of_core
-from microslip.linear.analysis import analyse, count, factor_memory
+from microslip.linear.analysis import count, factor_memory
 from microslip.linear.factor import Factor
-from microslip.linear.mumps import said_of_solve
 from microslip.parallel import memory
 from microslip.parallel.errors import CaseError, ResourceError
 from microslip.parallel.memory import Limit
@@ -55,10 +54,9 @@ def solves(factor):
 
 
 def foreseen(A):
-    ksp = mumps._direct_solver(A, "static_", None, False)
-    assert analyse(ksp.getPC(), A) == 0
-    found = factor_memory(ksp.getPC().getFactorMatrix())
-    ksp.destroy()
+    analysed = mumps.analysed(A, "static_", "K")
+    found = factor_memory(analysed.mumps)
+    analysed.destroy()
     return found
 
 
@@ -138,9 +136,9 @@ def reported(monkeypatch, *codes):
     """Let MUMPS report failures: INFOG(1) of its attempts, one after the other, the last one for all that follow."""
     report, attempts = mumps._report, []
 
-    def failing(ksp):
+    def failing(factor):
         attempts.append(codes[min(len(attempts), len(codes) - 1)])
-        return report(ksp) | {"code": attempts[-1], "detail": 7}
+        return report(factor) | {"code": attempts[-1], "detail": 7}
 
     monkeypatch.setattr(mumps, "_report", failing)
     return attempts
@@ -154,6 +152,7 @@ def test_a_failed_allocation_moves_the_factor_to_disk(A, monkeypatch):
     factor.destroy()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "code, n_attempts, error, says",
     [
@@ -181,31 +180,26 @@ def test_retries_end_and_all_ranks_hear_the_same(A, monkeypatch, code, n_attempt
 
 def test_a_solve_that_runs_out_of_memory_has_its_status(A, monkeypatch):
     factor = Factor(A)
+    whole = factor.solver.mumps
 
-    class Told:
-        def getMumpsInfog(self, which):
-            return {1: -13, 2: 99}[which]
+    class Full:
+        """MUMPS with no memory left for right-hand sides."""
 
-        def getSize(self):
-            return A.getSize()
+        def __getattr__(self, name):
+            return getattr(whole, name)
 
-    class Pc:
-        def getFactorMatrix(self):
-            return Told()
+        def run(self, job):
+            return -13
 
-        def getFactorSolverType(self):
-            return PETSc.Mat.SolverType.MUMPS
+        def infog(self, number):
+            return 99
 
-    class Ksp:
-        getPC, getOptionsPrefix = Pc, lambda self: "static_"
-
+    monkeypatch.setattr(factor.solver, "mumps", Full())
     with pytest.raises(
         ResourceError, match=r"a solve with the kept factor: not enough memory.*INFOG\(1\) = -13, INFOG\(2\) = 99"
     ):
-        with said_of_solve(Ksp()):
-            raise PETSc.Error(76)
-    with pytest.raises(PETSc.Error), said_of_solve(factor.ksp):  # MUMPS tells of nothing
-        raise PETSc.Error(76)
+        factor.solve(np.ones((A.getLocalSize()[0], 1)))
+    monkeypatch.undo()
     factor.destroy()
 
 

@@ -64,6 +64,7 @@ def rough(n, seed):
     return points, Delaunay(plane).simplices
 
 
+@pytest.mark.slow
 def test_the_nearest_of_facets_of_very_different_size_is_found():
     """Against the distance to every facet."""
     points, faces = rough(400, 3)
@@ -107,6 +108,7 @@ def test_no_points_give_empty_arrays():
     assert found.weights.shape == (0, 4) and found.foot.shape == (0, 3) and found.distance.shape == (0,)
 
 
+@pytest.mark.slow
 def test_many_points_take_seconds():
     points, faces = plate("hex20", (60, 60, 1))
     queries = np.random.default_rng(5).uniform([0.0, 0.0, 0.98], [1.0, 1.0, 1.02], (100_000, 3))

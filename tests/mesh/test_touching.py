@@ -40,6 +40,7 @@ def test_the_skin_is_the_surface_of_the_bodies(kind):
     assert (np.einsum("fi,fi->f", skin.normal, out) > 0.1).all() and len(np.unique(skin.part)) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind, other", [(kind, kind) for kind in KINDS] + [("hex20", "tet4"), ("tet10", "hex8")])
 def test_faces_that_touch_and_no_others(kind, other):
     mesh = found(two_boxes(kind, other), UP, LOW)

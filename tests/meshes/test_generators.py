@@ -426,6 +426,7 @@ def test_file_reads_back_as_written(kind, binary, tmp_path):
         assert np.array_equal(mesh.cells_dict[MESHIO_KIND[kind]][: len(bodies["bar"].elements)], bodies["bar"].elements)
 
 
+@pytest.mark.slow
 def test_command_lines_run_from_any_folder(tmp_path):
     def run(script, *arguments):
         command = [sys.executable, os.path.abspath(os.path.join(MESHES, script)), *arguments]

@@ -28,6 +28,7 @@ def test_the_jenkins_mass_is_exact_to_second_order(omega):
     assert errors[1] < 5e-5 and errors[0] / errors[1] > 8.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["spatial", "chain"])
 def test_circles_varying_normal_force_and_lift_off_as_another_march_from_rest(name):
     system = system_of(name)

@@ -151,6 +151,7 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.mark.ranks(2, 3)
 @pytest.mark.slow
 def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     scene, n = write(comm, shared_path), str(min(2, comm.size))
@@ -181,6 +182,7 @@ def test_more_groups_than_ranks_are_refused_before_anything_is_done(comm, shared
     assert not (shared_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_level_that_ends_early_leaves_the_others_whole(comm, shared_path, program):
     scene = write(comm, shared_path, levels=[0.4, 0.02, 0.01])
     options = PETSc.Options()  # PETSc has started: it reads no more of a command line
@@ -207,6 +209,7 @@ def test_a_full_disk_ends_all_groups_with_one_message(comm, shared_path, program
     assert status == 4 and err.count("microslip: error: ") == 1 and "alone" not in err
 
 
+@pytest.mark.slow
 def test_scenes_side_by_side(comm, shared_path, program):
     a, b = write(comm, shared_path, "a", [0.4]), write(comm, shared_path, "b", [0.2, 0.1])
     bad = write(comm, shared_path, "bad", [0.1])

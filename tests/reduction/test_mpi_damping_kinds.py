@@ -113,6 +113,8 @@ def test_one_mass_on_a_lossy_spring(comm, shared_path):
     assert np.flatnonzero(result.asked).size == 1 and np.abs(exact).max() == pytest.approx(level / (eta * k), rel=1e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_methods_agree_where_pairs_slip_and_the_energy_balances(comm, shared_path):
     damping = "structural = 0.004\nmodes = [[2, 0.01]]\nratio = 0.002"
     scene = scene_with(comm, shared_path, damping=damping, samples=64, tolerance=1e-10, points=4, **COARSE)
@@ -148,6 +150,7 @@ def test_the_bound_holds_what_modes_left_out_change(comm, shared_path, n_modes):
     assert 0.0 < np.abs(found - exact).max() <= bound * np.abs(exact).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n_modes", [6, 12])
 def test_error_bars_know_of_it(comm, shared_path, n_modes):
     """About the resonance, where all pairs stick: what a few modes miss of all modes lies within the bar, and not far within."""

@@ -71,6 +71,7 @@ def reference(whole):
     return omegas, reduction, curve(scene, structure, reduction, omegas)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["receptance", *BASES])
 def test_with_all_modes_every_method_meets_full(whole, reference, method):
     scene, structure = whole
@@ -136,7 +137,9 @@ def without_some_mass():
 
 @pytest.mark.slow
 @pytest.mark.ranks(1, 2)
-@pytest.mark.parametrize("system", [with_dampers(), without_some_mass()], ids=["dampers", "massless"])
+@pytest.mark.parametrize(
+    "system", [pytest.param(with_dampers(), marks=pytest.mark.ranks(1)), without_some_mass()], ids=["dampers", "massless"]
+)
 def test_a_damping_matrix_and_motions_without_mass(comm, shared_path, system):
     keys = {"method": "full", "between_samples": "return-map"}  # as the oracle
     path = on_root(comm, lambda: write_matrix_scene(shared_path, system, [10.0], (540.0, 580.0), **keys))

@@ -111,6 +111,7 @@ def made(tmp_path_factory):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("divisions", "name"),
     [
@@ -183,6 +184,7 @@ def prepared_by(scene, folder, shared, make=None):
     return restart.prepared(log, make or partial(set_up, scene, COMM, log)), log.notes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["friction", pytest.param("levels", marks=pytest.mark.ranks(1))])
 def test_its_curves_and_bars_are_those_of_a_run_of_its_own(name, shared_path, built):
     scene = partial(scene_at, shared_path, "solver.modes=6")
@@ -267,6 +269,7 @@ def build_it():
     raise Built
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1, 2, 3)
 def test_other_numbers_of_ranks_use_the_set_up_of_one(shared_path, built):
     scene, alone = partial(scene_at, shared_path, "solver.modes=6"), COMM.Split(COMM.rank, 0)
@@ -293,9 +296,14 @@ def cut(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-100])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "times"),
-    [("model", {"first": 2, "again": 0}), ("columns", {"first": 1, "again": 1}), ("modes-*", {"first": 1, "again": 1})],
+    [
+        ("model", {"first": 2, "again": 0}),
+        pytest.param("columns", {"first": 1, "again": 1}, marks=pytest.mark.ranks(1)),
+        pytest.param("modes-*", {"first": 1, "again": 1}, marks=pytest.mark.ranks(1)),
+    ],
 )
 def test_what_is_damaged_is_made_again(name, times, shared_path, built):
     shared = shared_path / "cache"

@@ -24,6 +24,7 @@ from microslip.scene.read import read_scene
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 METHODS = ("receptance", "adaptive-energy", "full", "craig-bampton")
+ON_RANKS = ("receptance", "craig-bampton")  # those of them that are tried on several ranks, too
 
 
 @pytest.fixture(autouse=True)
@@ -66,8 +67,8 @@ class StopsAfter:
         pass
 
 
-def scene_at(folder: Path, *settings: str, **solver):
-    path = on_root(COMM, partial(write_bar, folder, **solver))
+def scene_at(folder: Path, *settings: str, error_bars=False, **solver):
+    path = on_root(COMM, partial(write_bar, folder, error_bars=error_bars, **solver))
     return read_scene(path, ("response.levels=[30.0, 50.0]", "solver.harmonics=1", "solver.samples=32", *settings))
 
 
@@ -90,13 +91,15 @@ def assert_same(branches, others, bits=COMM.size == 1):
             peak = max(np.abs(point.response).max() for point in one.points)
             assert np.abs(a.response - b.response).max() <= (0.0 if bits else 1e-8) * peak
             assert a.notes == b.notes and a.asked == b.asked and a.segment == b.segment
+            assert np.array_equal(a.error, b.error) or not bits
             if COMM.rank == 0 and bits:
                 assert np.array_equal(a.U, b.U) and np.array_equal(a.p, b.p) and np.array_equal(a.state, b.state)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [pytest.param(one, marks=() if one in ON_RANKS else pytest.mark.ranks(1)) for one in METHODS])
 def test_a_set_up_that_was_kept_gives_the_same_response_and_is_not_built_again(method, shared_path, built):
-    scene = scene_at(shared_path, method=method)
+    scene = scene_at(shared_path, method=method, error_bars=method == "receptance")
     first = followed(scene, shared_path)
     on_root(COMM, lambda: [path.unlink() for path in (shared_path / NAME).glob("level-*/*")])
     second = followed(scene, shared_path)
@@ -104,7 +107,8 @@ def test_a_set_up_that_was_kept_gives_the_same_response_and_is_not_built_again(m
     assert_same(first, second)
 
 
-@pytest.mark.parametrize("n_points", [2, 17])
+@pytest.mark.slow
+@pytest.mark.parametrize("n_points", [2, pytest.param(17, marks=pytest.mark.ranks(1))])
 def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, shared_path, built):
     scene = scene_at(shared_path)
     whole = followed(scene, shared_path / "whole")
@@ -120,7 +124,8 @@ def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, shared_p
     assert built["again"] == 0 or n_points <= 2
 
 
-@pytest.mark.parametrize("n_points", [9, 10])
+@pytest.mark.slow
+@pytest.mark.parametrize("n_points", [9, pytest.param(10, marks=pytest.mark.ranks(1))])
 def test_a_run_that_is_killed_loses_one_point_at_most_and_goes_on_to_the_same_curve(n_points, shared_path, monkeypatch):
     monkeypatch.setattr("microslip.restart.kept_branch.SHORT", math.inf)  # every other step is put off
     monkeypatch.setattr("microslip.restart.kept_branch.SELDOM", math.inf)
@@ -157,7 +162,7 @@ def kept_points(folder: Path):
     return [[to_point(*unpack(body)) for body in read_records(path)] for path in (folder / NAME).glob("level-*/points.*")]
 
 
-@pytest.mark.ranks(1, 2, 3)
+@pytest.mark.ranks(2, 3)
 def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
     scene, alone = scene_at(shared_path), COMM.Split(COMM.rank, 0)
     if COMM.rank == 0:
@@ -172,6 +177,7 @@ def test_other_numbers_of_ranks_go_on_with_what_one_left(shared_path):
     assert_same(followed(scene, shared_path / "whole"), followed(scene, shared_path / "parts"))
 
 
+@pytest.mark.slow
 def test_columns_beyond_those_kept_bring_the_structure_back(shared_path, built):
     scene = scene_at(shared_path, "response.levels=[10.0]")
     followed(scene, shared_path)
@@ -184,6 +190,7 @@ def test_columns_beyond_those_kept_bring_the_structure_back(shared_path, built):
     assert built == {"first": 2, "again": 1}
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_more_levels_are_added_to_those_that_are_there(shared_path, built):
     two, three = (
@@ -195,6 +202,7 @@ def test_more_levels_are_added_to_those_that_are_there(shared_path, built):
     assert_same([first[0], first[1]], [second[0], second[2]])
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("direction", ["up", "down"])
 def test_a_wider_range_is_added_to_the_one_that_is_there(direction, shared_path, built):
@@ -222,6 +230,7 @@ def assert_on_one_curve(branch, other):
     assert np.abs(between - [a for _, a in one]).max() < 0.15 * max(a for _, a in two)  # some ten points each
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize(
     ("setting", "setup", "level"),
@@ -246,6 +255,8 @@ def test_what_changed_is_said_and_no_more_is_computed_again_than_depends_on_it(s
     assert key in note and ("is used again" if setup else "cannot be used again") in note
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_a_changed_mesh_is_noticed(shared_path):
     scene = scene_at(shared_path)
     followed(scene, shared_path)
@@ -278,6 +289,8 @@ def test_that_modes_end_within_a_wider_range_is_said(shared_path):
 # -- the whole story ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_earlier_results_stay_until_the_new_ones_are_complete(shared_path, monkeypatch):
     scene, other = scene_at(shared_path), scene_at(shared_path, "response.points=14")
     folder = shared_path / "out"
@@ -294,6 +307,7 @@ def test_earlier_results_stay_until_the_new_ones_are_complete(shared_path, monke
     assert not (folder / "unfinished").exists()
 
 
+@pytest.mark.slow
 def test_a_finished_run_is_not_computed_again_but_with_fresh(shared_path, built):
     scene, folder = scene_at(shared_path), shared_path / "out"
     run(scene, COMM, folder, RunOptions(screen=False))
@@ -306,6 +320,8 @@ def test_a_finished_run_is_not_computed_again_but_with_fresh(shared_path, built)
     assert on_root(COMM, (folder / "results.h5").is_file)
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_a_table_that_was_taken_away_is_written_again(shared_path, built):
     scene, folder = scene_at(shared_path), shared_path / "out"
     table = folder / "frf.csv"
@@ -316,6 +332,8 @@ def test_a_table_that_was_taken_away_is_written_again(shared_path, built):
     assert built["first"] == 1 and on_root(COMM, table.read_bytes) == once
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_fresh_leaves_what_others_have_in_its_folder(shared_path, built):
     mine = shared_path / "out" / "restart" / "level-of-water"
     on_root(COMM, lambda: mine.mkdir(parents=True))

@@ -71,6 +71,7 @@ def test_the_joint_is_a_mesh_of_its_own_level_by_level(path, paraview):
     assert area.sum() == pytest.approx(1.0)  # of the whole surface: cells neither overlap nor leave gaps
 
 
+@pytest.mark.slow
 def test_vtk_reads_and_renders_the_series(paraview):
     vtk = pytest.importorskip("vtk")
     from vtk.util.numpy_support import vtk_to_numpy

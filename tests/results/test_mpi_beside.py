@@ -36,6 +36,7 @@ def pictures_in(folder):
     return on_root(COMM, lambda: sorted(path.name for path in folder.glob("*.png")))
 
 
+@pytest.mark.slow
 def test_every_picture_is_drawn_once(results, two_beside, monkeypatch):
     own = []
     monkeypatch.setattr("microslip.run.draw_all", lambda *order: own.append(order[2]))
@@ -65,6 +66,7 @@ def test_without_cores_to_spare_ranks_draw_all_of_it(monkeypatch):
         assert drawers.own == slice(COMM.rank, None, COMM.size) and drawers.left() == []
 
 
+@pytest.mark.slow
 def test_what_a_process_meets_is_raised_on_every_rank(results, two_beside, monkeypatch):
     monkeypatch.setattr("microslip.run.draw_all", lambda *order: [])
     with Drawers(COMM) as drawers, pytest.raises(CaseError, match=r"nowhere\.h5"):

@@ -79,6 +79,7 @@ def test_a_linear_scene_has_no_pictures_of_a_joint(tmp_path):
     assert drawn(tmp_path, [branch(1.0, no_pairs())], no_pairs()) == {"response.png", "rom_size.png", "energy.png"}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_pairs_without_positions_titles_with_formulas(tmp_path):
     nowhere = pairs_of(np.full((7, 3), np.nan), np.tile(np.eye(3), (7, 1, 1)), np.ones(7), ("a",) * 7, ())
@@ -202,11 +203,13 @@ def test_error_names_the_parts_that_are_seen_and_draws_no_floor(tmp_path, pairs,
     assert all(line.get_ydata().max() > high.get_ylim()[0] for line in high.lines)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_error_of_zero_everywhere_is_said(tmp_path, pairs):
     assert "error.png" in drawn(tmp_path, [with_errors(branch(1.0, pairs), np.zeros(5))], pairs)
 
 
+@pytest.mark.slow
 def test_many_outputs_and_levels_go_on_several_pages(tmp_path, pairs, pages):
     found = [branch(level, pairs, n_outputs=7, n_points=9) for level in np.arange(1.0, 16.0)]
     path = write(tmp_path, found, pairs, outputs=[f"u{i}" for i in range(7)])

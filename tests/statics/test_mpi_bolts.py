@@ -62,6 +62,7 @@ def bolt(name="bolt", group="cut", **given):
     return Bolt(name=name, group=group, **given)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", [{"shortening": 1e-5}, {"force": STIFFNESS * 1e-5}], ids=["by length", "by force"])
 @pytest.mark.parametrize("bulge", [0.0, 0.15], ids=["plane", "bulging"])
 @pytest.mark.parametrize("kind", ["tet4", "tet10", "hex8", "hex20", "wedge15"])

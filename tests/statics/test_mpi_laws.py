@@ -71,6 +71,7 @@ def test_a_block_pressed_on_rough_ground_comes_as_near_as_the_power_says(comm, f
     assert pairs.k_t / pairs.k_n == pytest.approx(np.full(pairs.n_pairs, 1.4 / 1.7), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_rough_surfaces_that_open_at_rest_vibrate_about_their_gaps(comm, folder):
     """Pressed from none; or opened from a stated pressure."""
     for statics, law in ((eccentric(1000.0), FROM_NONE), (eccentric(-200.0), POWER)):
@@ -89,6 +90,8 @@ def test_rough_surfaces_that_open_at_rest_vibrate_about_their_gaps(comm, folder)
         assert response.branches[0].failure is None and max(point.energy.sum() for point in response.branches[0].points) > 0.0
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_rough_surfaces_vibrate_about_rest_as_under_the_load_as_a_mean(comm, folder):
     """Without friction: the pressure of the law about another state is that of the same law, in its full nonlinearity."""
     statics = "stress_stiffening = false\n" + eccentric(60.0)
@@ -112,6 +115,7 @@ def test_rough_surfaces_vibrate_about_rest_as_under_the_load_as_a_mean(comm, fol
     assert about_rest == pytest.approx(as_mean, abs=1e-6 * np.abs(as_mean).max())
 
 
+@pytest.mark.slow
 def test_an_iwan_joint_holds_without_pressure(comm, folder):
     """It pulls, too, and slips in part: the vibration begins where its sliders stand."""
     with microslip.build(scene_of(comm, folder, force(150.0, 50.0, 300.0), (ELASTIC, IWAN)), comm) as structure:

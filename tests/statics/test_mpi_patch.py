@@ -135,6 +135,7 @@ def test_a_block_settles_on_a_plane_below_it(comm, folder):
         np.testing.assert_allclose(pairs.N0 / pairs.area, PRESSURE, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_response_of_meshes_that_do_not_match(comm, folder):
     """Ranks together find what one finds alone, and nearly what matching meshes give."""
     changes = (

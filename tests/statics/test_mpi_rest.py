@@ -84,6 +84,8 @@ def test_a_warm_bar_presses_as_before(comm, folder):
         assert not structure.pairs.T0.any()
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_vibration_about_rest_is_that_under_the_load_as_a_mean(comm, folder):
     """Where nothing slips, and pairs open and close: the load in the preloads or as a constant one is the same problem."""
     statics = "stress_stiffening = false\n" + eccentric(60.0)
@@ -181,6 +183,8 @@ def test_bad_input(comm, folder, name):
         microslip.build(scene_of(comm, folder, statics, *changes, name=f"bad {name}"), comm)
 
 
+@pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_time_integration_knows_pairs_that_are_open_at_rest(comm, folder, program):
     changes = ("levels = [5.0]", "levels = [40.0]"), ("samples = 64", "samples = 64\nharmonics = 7"), ("modes = 8", "modes = 12")
     scene = scene_of(comm, folder, eccentric(400.0), *changes, name="open")
@@ -212,6 +216,7 @@ BALANCED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stiffening", ["", "stress_stiffening = false\n"])
 @pytest.mark.parametrize("name", BALANCED)
 def test_loads_that_balance_press_on_nothing(comm, folder, name, stiffening):

@@ -9,7 +9,8 @@ from plain_model import bdf, cdb, exodus, inp, plain, unv
 from microslip.formats.model import FileMaterial, Finding
 from microslip.formats.units import UNITS
 from microslip.mesh.skin import skin_of_mesh
-from microslip.studies.check import content, picture
+from microslip.studies.check import model_content as content
+from microslip.studies.check import picture
 from microslip.studies.check.marks import marks_of_scene
 from microslip.studies.check.model_file import _lines
 from microslip.studies.check.picture import draw
@@ -98,6 +99,7 @@ def is_colour(image, colour):
     return np.abs(image[:, :, :3] - rgb).max(axis=2) < 0.12
 
 
+@pytest.mark.slow
 def test_the_picture_shows_bodies_joint_and_support(tmp_path, monkeypatch):
     lower, upper = box("hex20", (4, 2, 1), (4.0, 2.0, 1.0)), box("tet4", (4, 2, 1), (4.0, 2.0, 1.0), (0.0, 0.0, 1.0))
     groups = {

@@ -151,6 +151,7 @@ def own_response(model, level, omega):
     raise AssertionError("no solution")
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1)
 def test_another_program_on_the_export_has_the_same_response(comm, tmp_path):
     """The response that microslip finds and that of the equations of README.txt, to 1e-6 of the peak."""
@@ -226,6 +227,7 @@ LAWS_AT_REST = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("law", LAWS_AT_REST)
 def test_sliders_about_their_rest_are_those_of_the_export(comm, tmp_path, law):

@@ -15,8 +15,8 @@ from microslip.assembly.constraints import constrain
 from microslip.assembly.coupling import coupling_of_nodes
 from microslip.library.complete import read_completed
 from microslip.library.settings import mesh_settings
+from microslip.linear.direct import foreseen
 from microslip.linear.joint_springs import linearise
-from microslip.linear.mumps import foreseen
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.mesh.read import read_mesh

@@ -153,6 +153,7 @@ def test_combinations_are_the_cheapest_that_the_single_knobs_let_expect():
     assert replace(found.base, harmonics=13, samples=64) in best
 
 
+@pytest.mark.slow
 def test_files_and_table(tmp_path):
     found = study(*HARMONICS, run("accuracy", "0.01", 0.7, 4e-3, 9e-3, accuracy=1e-2))
     text = write_trade(found, Scene(), str(tmp_path))

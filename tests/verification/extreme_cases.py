@@ -7,7 +7,7 @@ resonance of the stuck structure.  Frequencies are multiples of its first natura
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product
 
@@ -59,14 +59,14 @@ def all_cases() -> list[Case]:
 
 
 def quick_cases() -> list[Case]:
-    """Return a few cases of every family, small ones."""
+    """Return a few cases of every family, small ones, with few points."""
     found: list[Case] = []
     by_family: dict[str, list[Case]] = {}
     for case in all_cases():
         if "5,000" not in case.name:
             by_family.setdefault(case.family, []).append(case)
     for cases in by_family.values():
-        found += cases[:: max(len(cases) // 4, 1)][:4]
+        found += [replace(case, points=min(case.points, 8)) for case in cases[:: max(len(cases) // 4, 1)][:4]]
     return found
 
 

@@ -10,6 +10,7 @@ COMM = MPI.COMM_WORLD
 
 
 # with three ranks, one owns none of the 36 rows of "two hex8"
+@pytest.mark.ranks(2, 3)
 @pytest.mark.parametrize("name", ["two hex8", "lap joint of tet4"])
 def test_ranks_together_agree_with_one_alone(name, shared_path):
     case = ranks.CASES[name]

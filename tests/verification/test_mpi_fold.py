@@ -9,7 +9,7 @@ pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 
 
-@pytest.mark.parametrize("name", fold.FOLDS)
+@pytest.mark.parametrize("name", ["softening", pytest.param("hardening", marks=pytest.mark.ranks(1))])
 def test_both_directions_pass_two_turning_points_on_the_same_branch(name, shared_path):
     case = fold.FOLDS[name]
     up, down = (fold.followed(case, way, shared_path, COMM) for way in ("up", "down"))

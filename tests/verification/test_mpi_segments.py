@@ -67,7 +67,7 @@ def test_a_branch_that_reaches_its_end_is_one_segment(shared_path):
     assert found.broken is None and {point.segment for point in found.points} == {0}
 
 
-@pytest.mark.ranks(1, 2, 3)
+@pytest.mark.ranks(2)
 def test_a_user_sees_both_segments(shared_path):
     folder = shared_path / "out"
     run(read_scene(scene_between_the_folds(shared_path, error_bars=True)), COMM, folder, RunOptions(screen=False))

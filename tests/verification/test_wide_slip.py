@@ -19,9 +19,9 @@ def test_branch_is_followed_round_its_corners(level, tmp_path):
     assert done.worst_closure < 1e-6
 
 
-@pytest.mark.parametrize("level", [40.0, 200.0])
-def test_the_demo_in_gross_slip_with_its_mean_held_while_nearly_all_slips(level):
-    done = wide_slip.demo([level], MPI.COMM_SELF)
+def test_the_demo_in_gross_slip_with_its_mean_held_while_nearly_all_slips():
+    """At 200 N and other levels: verification/wide_slip.py."""
+    done = wide_slip.demo([40.0], MPI.COMM_SELF)
     points = done.branches[0].points
     sliding = np.array([(point.state != STICK).mean() for point in points])
     is_held = np.array([HELD in point.notes for point in points])

@@ -14,17 +14,21 @@ from ..mesh.settings import Body, MeshSettings, Statics
 from ..mesh.surface import outward_faces
 from ..parallel.agree import on_root
 from .assemble import petsc_matrix
-from .blocks import BlockSum, element_chunks, expand, node_pattern
+from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .constraints import Constraints, reduced
 from .system import System
 
 Seen = Callable[[LocalBlock, int, slice], np.ndarray]
 
 
-def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System) -> np.ndarray:
+def constant_forces(
+    dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System, moved: np.ndarray | None = None
+) -> np.ndarray:
     """Return this rank's rows of the forces of ``settings.statics``, eq. (12.1) and eq. (12.2), (n_dof_owned,) [N].
 
-    Collective on ``dmesh.comm``: one broadcast.  ``mesh`` is that of rank 0.
+    Collective on ``dmesh.comm``: one broadcast.  ``mesh`` is that of rank 0, ``moved`` (n_nodes, 3) [m] of the rank-ordered nodes
+    how far supports are moved, eq. (12.12).  With large displacements the forces of temperatures and moved supports are no
+    constants, and left out.
 
     Raises
     ------
@@ -35,10 +39,13 @@ def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSet
     first, last = owned_nodes(dmesh)
     nodes, values = on_root(dmesh.comm, _forces_on_nodes, mesh, statics)
     total = np.zeros((last - first, 3))
-    _add(total, dmesh.rank_order[nodes] - first, values)
+    add_to_nodes(total, dmesh.rank_order[nodes] - first, values)
     for block in dmesh.blocks:
+        body = settings.bodies[block.body]
         for chunk in element_chunks(block):
-            _add(total, block.nodes[chunk] - first, element_forces(block, chunk, settings.bodies[block.body], statics))
+            add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, body, statics))
+            if moved is not None and not statics.is_large and moved[block.nodes[chunk]].any():
+                add_to_nodes(total, block.nodes[chunk] - first, _forces_of_moved(block, chunk, body, moved[block.nodes[chunk]]))
     constraints = system.constraints
     if constraints is None:
         return on_rows(dmesh, system, total)
@@ -99,35 +106,59 @@ def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, sta
         outward = (points - np.array(statics.axis_point)) @ statics.spin
         total += elements.mass(block.kind, points, body.density, body.integration) @ outward
     strain = body.expansion * statics.temperatures.get(block.body, 0.0)
-    if strain != 0.0:
+    if strain != 0.0 and not statics.is_large:
         total += elements.thermal_forces(block.kind, points, body.young, body.poisson, strain, body.integration)
     return total
 
 
+def _forces_of_moved(block: LocalBlock, chunk: slice, body: Body, moved: np.ndarray) -> np.ndarray:
+    """Return the forces -K u of supports moved by u (n_elements, n, 3) [m] on the nodes of some elements, eq. (12.12).  Local."""
+    of = (body.young, body.poisson, body.integration, body.incompatible_modes)
+    K = elements.stiffness(block.kind, block.points[chunk], *of)
+    return -(K @ moved.reshape(len(K), -1, 1)).reshape(moved.shape)
+
+
 def stiffness_at_rest(
-    dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray, seen: Seen | None = None
+    dmesh: DistributedMesh,
+    settings: MeshSettings,
+    system: System,
+    u_owned: np.ndarray,
+    seen: Seen | None = None,
+    moved: np.ndarray | None = None,
 ) -> PETSc.Mat:
     """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m]; K_F in place
     of K where the deformed shape counts.
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.  ``seen`` gives what some elements see beyond that of
-    their nodes (above the cuts of bolts), of a block, its number and rows: (n_elements, n, 3) [m].
+    their nodes (above the cuts of bolts), of a block, its number and rows: (n_elements, n, 3) [m]; ``moved`` (n_nodes, 3) [m]
+    how far supports are moved.
     """
     statics = settings.statics
     assert statics is not None, "a scene with [statics]"
-    constraints, to_mesh = system.constraints, np.argsort(dmesh.rank_order)
-    dof = by_rank(dmesh, system) if constraints is None else constraints.dof[to_mesh]
-    u = system.at_nodes(np.concatenate(dmesh.comm.allgather(u_owned)))[to_mesh]
+    u = displacement_at_nodes(dmesh, system, u_owned) + (0.0 if moved is None else moved)
     pattern = node_pattern(dmesh)
     total = BlockSum(pattern, 3)
     for i, block in enumerate(dmesh.blocks):
         body = settings.bodies[block.body]
         for chunk in element_chunks(block):
             is_owned, positions = pattern.positions(block.nodes[chunk])
-            moved = u[block.nodes[chunk]] if seen is None else u[block.nodes[chunk]] + seen(block, i, chunk)
-            change = _stiffening(block, chunk, body, statics, moved)
+            seen_there = u[block.nodes[chunk]] if seen is None else u[block.nodes[chunk]] + seen(block, i, chunk)
+            change = _stiffening(block, chunk, body, statics, seen_there)
             total.add(is_owned, positions, change)
-    n_owned = len(u_owned) if constraints is None else int(np.diff(constraints.nodal_ranges)[dmesh.comm.rank])
+    return with_change(dmesh, system, statics, pattern, total)
+
+
+def displacement_at_nodes(dmesh: DistributedMesh, system: System, u_owned: np.ndarray) -> np.ndarray:
+    """Return the displacement of all nodes, rank-ordered, (n_nodes, 3) [m], from this rank's rows; supports rest.  Collective."""
+    return system.at_nodes(np.concatenate(dmesh.comm.allgather(u_owned)))[np.argsort(dmesh.rank_order)]
+
+
+def with_change(dmesh: DistributedMesh, system: System, statics: Statics, pattern: NodePattern, total: BlockSum) -> PETSc.Mat:
+    """Return K plus what changes of element matrices add up to, and the softening of what is attached to nodes.  Collective."""
+    constraints = system.constraints
+    dof = by_rank(dmesh, system) if constraints is None else constraints.dof[np.argsort(dmesh.rank_order)]
+    first, last = system.K.getOwnershipRange()
+    n_owned = last - first if constraints is None else int(np.diff(constraints.nodal_ranges)[dmesh.comm.rank])
     change = petsc_matrix(dmesh.comm, n_owned, expand(pattern, total, dof, PETSc.IntType))
     structure = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
     if constraints is not None:
@@ -177,7 +208,7 @@ def by_rank(dmesh: DistributedMesh, system: System) -> np.ndarray:
     return system.dof[np.argsort(dmesh.rank_order)]
 
 
-def _add(total: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> None:
+def add_to_nodes(total: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> None:
     """Add values (..., 3) to the rows ``nodes`` (...) that are there."""
     mine = (nodes >= 0) & (nodes < len(total))
     np.add.at(total, nodes[mine], values[mine])

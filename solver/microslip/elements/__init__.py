@@ -13,6 +13,7 @@ from .faces import (
     pressure_forces,
 )
 from .kinds import FACE_KINDS, KINDS, Kind
+from .large import large_displacements
 from .nearest import nearest_on_faces
 from .prestress import deformed_stiffness, stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
@@ -34,6 +35,7 @@ __all__ = [
     "face_normals",
     "face_points",
     "jacobian_minimum",
+    "large_displacements",
     "mass",
     "nearest_on_faces",
     "nodal_stress",

@@ -201,6 +201,9 @@ class FileStatics:
     forces: tuple[FileForce, ...] = ()
     pressures: tuple[tuple[str, float], ...] = ()  # group of faces, force an area
     bolts: tuple[tuple[str, str, float], ...] = ()  # name, group of faces of the cut, force
+    temperatures: tuple[tuple[str, float], ...] = ()  # group of a body, by how much it is warmer than without stress
+    displacements: tuple[tuple[str, Vector], ...] = ()  # group of supported nodes, by which they are moved
+    large: str = ""  # as the user would name large displacements, and leave them out; "": displacements are small
     speed: float = 0.0  # radians a time
     axis: Vector = (0.0, 0.0, 0.0)
     axis_point: Vector = (0.0, 0.0, 0.0)
@@ -213,7 +216,8 @@ class FileStatics:
     @property
     def kinds(self) -> list[str]:
         """What of each kind there is, in words."""
-        counted = [f"{len(own)} {name}" for name in ("forces", "pressures", "bolts") if (own := getattr(self, name))]
+        names = ("forces", "pressures", "bolts", "temperatures", "displacements")
+        counted = [f"{len(own)} {name}" for name in names if (own := getattr(self, name))]
         return counted + ["rotation"] * bool(self.speed)
 
 

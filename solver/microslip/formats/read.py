@@ -9,7 +9,7 @@ import numpy as np
 from ..parallel.errors import CaseError, MeshError
 from ..parallel.words import place
 from .abaqus.read import read_inp
-from .ansys import is_input, read_cdb, read_input
+from .ansys import is_input, read_cdb, read_input, read_rst
 from .bounded import bounded_memory
 from .exodus import read_exodus
 from .model import FileModel
@@ -28,6 +28,7 @@ READERS = {
     ".msh": read_msh,
     ".inp": read_inp,
     ".cdb": read_cdb,
+    ".rst": read_rst,
     **dict.fromkeys((".bdf", ".nas"), read_bdf),
     ".dat": _read_dat,
     ".op2": read_op2_model,
@@ -40,7 +41,7 @@ READERS = {
 # results and databases of programs, and what to have written in their place
 _ADVICE = {
     **dict.fromkeys(
-        (".rst", ".rth", ".db", ".mechdb", ".wbpj"), "results and databases of Ansys; write the archive: CDWRITE,DB,model,cdb"
+        (".rth", ".db", ".mechdb", ".wbpj"), "databases and thermal results of Ansys; write the archive: CDWRITE,DB,model,cdb"
     ),
     **dict.fromkeys((".odb", ".cae", ".sim", ".fil"), "results and databases of Abaqus; take the input file, .inp, of the job"),
     **dict.fromkeys((".frd", ".fbd"), "files of CalculiX' cgx; take the input file, .inp"),

@@ -7,18 +7,24 @@ from functools import cached_property, partial
 
 import numpy as np
 from mpi4py.MPI import MAX
+from petsc4py import PETSc
 
+from ..assembly.large import tangent_about
+from ..assembly.moved import moved_supports
 from ..assembly.prestress import constant_forces, stiffness_at_rest
 from ..assembly.pretension import Bolts, pretension
 from ..assembly.system import System
 from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
+from ..mesh.deformed import stretched
 from ..mesh.settings import MeshSettings
+from ..parallel.agree import on_root
 from ..statics.bolts import BoltsAtRest
-from ..statics.equilibrium import Flexibility, equilibrium, stuck_forces
+from ..statics.equilibrium import Flexibility, Rest, equilibrium, stuck_forces
 from ..statics.flight import which_flies
+from ..statics.large import About, Sought, large_equilibrium
 from ..statics.pressed import check_pressed
-from ..statics.rest import at_rest, in_words, referred_to, touches_from_none
+from ..statics.rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
 
 SAME = 1e-10  # of the largest displacement: two rests that differ by less are one
 
@@ -35,6 +41,7 @@ class Unloaded:
     forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows of the constant forces
     bolts: Bolts | None
     where: str  # the scene file, for messages
+    moved: np.ndarray | None = None  # (n_nodes, 3) m, rank-ordered: how far supports are moved; None: they rest
 
     @classmethod
     def of(
@@ -47,10 +54,13 @@ class Unloaded:
 
         Raises
         ------
-        MeshError : places or groups without nodes, bolts without a cut; on every rank
+        MeshError : places or groups without nodes, bolts without a cut, what is moved and not held; on every rank
         """
-        forces, bolts = constant_forces(shares, mesh, settings, system), pretension(shares, mesh, settings, system)
-        found = cls(system, shares, mesh, pairs, settings, forces, bolts, where)
+        moved = moved_supports(shares, mesh, settings, system)
+        forces, bolts = constant_forces(shares, mesh, settings, system, moved), pretension(shares, mesh, settings, system)
+        if moved is not None:
+            system = replace(system, moved=moved[shares.rank_order])
+        found = cls(system, shares, mesh, pairs, settings, forces, bolts, where, moved)
         if not touches_from_none(pairs).any():
             return found
         N = stuck_forces(found.flexibility, pairs, forces, bolts, where)
@@ -90,19 +100,60 @@ def brought_to_rest(unloaded: Unloaded, pairs: ContactPairs, known: System | Non
     CaseError, ConvergenceError, MeshError, ResourceError : on every rank
     """
     system, mesh, settings, forces = unloaded.system, unloaded.mesh, unloaded.settings, unloaded.forces_owned
-    statics, bolts, body_of = settings.statics, unloaded.bolts, settings.body_of
+    statics, body_of = settings.statics, settings.body_of
     assert statics is not None, "a scene with [statics]"
     flies = partial(which_flies, system, mesh, pairs, forces, body_of)
-    rest = equilibrium(unloaded.flexibility, pairs, forces, statics.steps, bolts, flies, unloaded.where)
+    said: list[str] = []
+    if statics.is_large:
+        sought = Sought(system, partial(_about, unloaded, pairs), forces, statics.steps, flies, unloaded.where)
+        rest, about, n_steps = large_equilibrium(sought)
+        K, pairs = about.K, about.pairs
+        said = _said_of_large(unloaded, pairs, rest, n_steps)
+    else:
+        rest = equilibrium(unloaded.flexibility, pairs, forces, statics.steps, unloaded.bolts, flies, unloaded.where)
+        K = _stiffness(unloaded, rest, known)
     check_pressed(system, mesh, pairs, rest, forces, body_of, unloaded.where)
-    K = system.K
-    if known is not None and _is_same(known, rest.u_owned):
-        K = known.K
-    elif statics.stiffens:
-        seen = None if bolts is None or rest.bolts is None else partial(bolts.overlap.seen, shortening=rest.bolts.shortening)
-        K = stiffness_at_rest(unloaded.shares, settings, system, rest.u_owned, seen)
-    said = in_words(system, mesh, pairs, rest, forces, body_of)
+    said += in_words(system, mesh, pairs, rest, forces, body_of)
     return AtRest(replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts, tuple(said))
+
+
+def _about(unloaded: Unloaded, pairs: ContactPairs, u_owned: np.ndarray, share: float, is_stressed: bool) -> About:
+    """Return the structure about a displacement, this rank's rows, under a share of the load.  Collective."""
+    K, forces = tangent_about(unloaded.shares, unloaded.settings, unloaded.system, u_owned, unloaded.moved, share, is_stressed)
+    if not pairs.n_pairs:
+        return About(K, forces, pairs)
+    ratio, _ = _stretched(unloaded, pairs, u_owned, share)
+    return About(K, forces, of_larger_area(pairs, ratio))
+
+
+def _stretched(unloaded: Unloaded, pairs: ContactPairs, u_owned: np.ndarray, share: float) -> tuple[np.ndarray, dict[str, float]]:
+    """Return the areas of the pairs over those without load, (n_pairs,), and how far joints turn [rad].  Collective."""
+    system = unloaded.system
+    u = system.at_nodes(np.concatenate(system.comm.allgather(u_owned)))
+    u = u if system.moved is None else u + share * system.moved
+    return on_root(system.comm, stretched, unloaded.mesh, unloaded.settings.joints, pairs, u)
+
+
+def _said_of_large(unloaded: Unloaded, pairs: ContactPairs, rest: Rest, n_steps: int) -> list[str]:
+    """Return lines on a rest with large displacements: steps, and how far the surfaces of joints turn.  Collective."""
+    lines = [f"rest with large displacements found in {n_steps} steps of Newton's method"]
+    turns = _stretched(unloaded, pairs, rest.u_owned, 1.0)[1] if pairs.n_pairs else {}
+    return lines + [
+        f"  {name}: its faces turn by up to {turn:.1e} rad under the loads; its pairs keep the frames of the unloaded mesh"
+        for name, turn in turns.items()
+    ]
+
+
+def _stiffness(unloaded: Unloaded, rest: Rest, known: System | None) -> PETSc.Mat:
+    """Return K about a rest with small displacements: that of a known one that is the same.  Collective."""
+    system, settings, bolts = unloaded.system, unloaded.settings, unloaded.bolts
+    assert settings.statics is not None, "a scene with [statics]"
+    if known is not None and _is_same(known, rest.u_owned):
+        return known.K
+    if not settings.statics.stiffens:
+        return system.K
+    seen = None if bolts is None or rest.bolts is None else partial(bolts.overlap.seen, shortening=rest.bolts.shortening)
+    return stiffness_at_rest(unloaded.shares, settings, system, rest.u_owned, seen, unloaded.moved)
 
 
 def _is_same(known: System, u_owned: np.ndarray) -> bool:

@@ -155,7 +155,7 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
             near = nearest(word, [finding.word for finding in findings])
             hint = f'; nearest is "{near}"' if near else ""
             raise CaseError(f'{scene.path}: [model] ignore: {scene.model.mesh} holds no "{word}" that is left out{hint}')
-    answered = model.statics.word if model.statics is not None and "statics" in taken else None
+    answered = {model.statics.word, model.statics.large} if model.statics is not None and "statics" in taken else set()
     needed = {"statics"} if scene.statics is None and not _ignores_statics(scene, model) else set()
     of_file = [frozenset(one.surfaces) for one in _pressed_joints(scene, model)]
     between = _joined_surfaces(scene) + of_file
@@ -164,7 +164,7 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
         for finding in findings
         if finding.changes
         and _bare(finding.word) not in ignored
-        and finding.word != answered
+        and finding.word not in answered
         and finding.part in {"", *taken, *needed}
         and not (finding.surfaces and frozenset(finding.surfaces) in between)
     ]
@@ -182,7 +182,8 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
                 ]
             )
         )
-    left_out = [one for one in findings if one.word != answered and frozenset(one.surfaces) not in of_file]
+    answered -= set(ignored.values())
+    left_out = [one for one in findings if one.word not in answered and frozenset(one.surfaces) not in of_file]
     return [f"{one.where}: {one.word} is left out: {one.effect}" for one in left_out]
 
 
@@ -296,9 +297,15 @@ def _statics(model: FileModel, units: Units, scene: Scene) -> Tables:
         "forces": tuple(_stated(one, force=units.force) for one in statics.forces),
         "pressures": tuple({"group": group, "pressure": units.stress * value} for group, value in statics.pressures),
         "bolts": tuple({"name": name, "group": group, "force": units.force * force} for name, group, force in statics.bolts),
+        "temperatures": tuple({"group": group, "temperature": value} for group, value in statics.temperatures),
+        "displacements": tuple(
+            {"group": group, "displacement": tuple(units.length * value for value in by)} for group, by in statics.displacements
+        ),
         "rotation_speed": statics.speed / units.time,
     }
-    return {**{key: value for key, value in table.items() if value}, "deformed_shape": True}
+    is_large = statics.large and _bare(statics.large) not in map(_bare, scene.model.ignore)
+    about = "large_displacements" if is_large else "deformed_shape"
+    return {**{key: value for key, value in table.items() if value}, about: True}
 
 
 def _axis(model: FileModel, units: Units) -> Tables:

@@ -15,8 +15,8 @@ from petsc4py import PETSc
 from ..assembly.assemble import ASSEMBLED
 from ..assembly.coupling import Coupling
 from ..linear.analysis import FactorMemory
+from ..linear.direct import foreseen
 from ..linear.joint_springs import KEPT, analysis_of
-from ..linear.mumps import foreseen
 from ..modes.block_lanczos import basis_size
 from ..parallel.memory import refuse_beyond
 from ..reduction.facts import Counts

@@ -86,6 +86,8 @@ def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, r
         structure, system = prepared.structure, prepared.structure.linearised.system
         shapes = node_fields(system, structure.modes.phi_owned)
         rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
+        if rest is not None and system.moved is not None:
+            rest = rest + system.moved[:, :, None]
         for number, branch in enumerate(branches):
             at, u = peak_displacement(system, prepared.reduction, prepared.model, branch)
             if u is not None:

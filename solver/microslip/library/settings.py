@@ -176,9 +176,11 @@ def _statics(scene: Scene) -> Statics | None:
             Bolt(name=bolt.name or f"bolt {i}", group=bolt.group, force=bolt.force, shortening=bolt.shortening)
             for i, bolt in enumerate(statics.bolts, 1)
         ),
+        displacements=tuple((one.group, one.displacement) for one in statics.displacements),
         steps=statics.steps,
         stiffens=statics.stress_stiffening,
         deforms=statics.deformed_shape,
+        is_large=statics.large_displacements,
     )
 
 

@@ -12,10 +12,10 @@ from petsc4py import PETSc
 from ..parallel.errors import ConvergenceError
 from ..parallel.ownership import summed
 from ..parallel.watchdog import moved
-from .dense import column_norms, diagonal_owned, multiply, wrap
+from .dense import column_norms, diagonal_owned, multiply
+from .direct import factorise
 from .free_motion import explain_singular, is_singular
-from .inverse_entries import inverse_entries
-from .mumps import SINGULAR, factorise, said_of_solve, solve_block
+from .mumps import SINGULAR
 
 if TYPE_CHECKING:
     from ..assembly.system import System
@@ -32,12 +32,19 @@ class Factor:
     Attributes
     ----------
     A : PETSc.Mat (n_dof, n_dof), kept by the caller
-    ksp : PETSc.KSP that holds the factor
+    solver : DirectSolver that holds the factor
     info : ordering, entries, memory [MB], seconds of the factorisation, lines on what was done for want of memory; solves,
         seconds and worst residual since
     """
 
-    def __init__(self, A: PETSc.Mat, system: System | None = None, prefix: str = "static_", what: str = "K_L"):
+    def __init__(
+        self,
+        A: PETSc.Mat,
+        system: System | None = None,
+        prefix: str = "static_",
+        what: str = "K_L",
+        last: np.ndarray | None = None,
+    ):
         """Factor A.
 
         Collective on A's communicator.
@@ -48,6 +55,7 @@ class Factor:
         system : what can name the parts of the structure: ``comm``, ``parts``, ``part_names``, ``dof``; or None
         prefix : of the PETSc options
         what : how messages call A
+        last : (m,) rows that are eliminated last, so that entries of A^-1 between them come quickly
 
         Raises
         ------
@@ -56,16 +64,16 @@ class Factor:
         """
         self.A, self.what, self.prefix = A, what, prefix
         self.comm = A.comm.tompi4py()
-        self.ksp, self.info = factorise(A, prefix, what)
+        self.solver, self.info = factorise(A, prefix, what, last=last)
         self.diagonal_owned = diagonal_owned(A)
         self.info.update(solves=0, refined=0, solve_seconds=0.0, residual=0.0)
-        if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.ksp):
+        if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.solver):
             self.destroy()
             explain_singular(A, system, what)
 
     def destroy(self) -> None:
         """Free the factor.  Collective."""
-        self.ksp.destroy()
+        self.solver.destroy()
 
     def solve(self, B_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of A^-1 B.
@@ -88,7 +96,7 @@ class Factor:
         if B_owned.shape[1] == 0:
             return np.zeros_like(B_owned)
         start = perf_counter()
-        return self._checked(B_owned, solve_block(self.ksp, B_owned), start)
+        return self._checked(B_owned, self.solver.solve(B_owned), start)
 
     def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
         """Return this rank's rows of A^-1 B for sparse right-hand sides, the same B (n_dof, m) on every rank.
@@ -96,39 +104,18 @@ class Factor:
         Collective on A's communicator.  MUMPS then skips the branches of its elimination tree that B does not touch: a
         third less time for the columns of R^T.  Otherwise as :meth:`solve`.
         """
-        row_start, row_end = self.A.getOwnershipRange()
-        B_owned = B.tocsr()[row_start:row_end]
-        if self.info["package"] != "mumps" or B.shape[1] == 0:
-            return self.solve(B_owned.toarray(order="F"))
+        B_owned = B.tocsr()[slice(*self.A.getOwnershipRange())]
+        if B.shape[1] == 0:
+            return np.zeros(B_owned.shape)
         start = perf_counter()
-        return self._checked(B_owned, self._solve_by_columns(B), start)
+        return self._checked(B_owned, self.solver.solve_sparse(B), start)
 
     def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
         """Return the entries of A^-1 in some rows and columns, (n_rows, n_columns) on rank 0, (0, 0) elsewhere; unchecked.
 
-        Collective on A's communicator.  None, on every rank, where the factor cannot give them; see
-        :func:`.inverse_entries.inverse_entries`.
+        Collective on A's communicator.  None, on every rank, where the factor cannot give them: :class:`.direct.DirectSolver`.
         """
-        if self.info["package"] != "mumps":
-            return None
-        return inverse_entries(self.ksp.getPC().getFactorMatrix(), rows, columns)
-
-    def _solve_by_columns(self, B: sp.csc_matrix) -> np.ndarray:
-        """Return A^-1 B, unchecked.  Collective.  MUMPS wants all of a sparse B on rank 0, by columns."""
-        n_dof, m = B.shape
-        here = self.comm.rank == 0
-        columns = B.T.tocsr() if here else sp.csr_matrix((0, n_dof))
-        columns.sort_indices()
-        csr = (columns.indptr.astype(PETSc.IntType), columns.indices.astype(PETSc.IntType), columns.data.astype(float))
-        X_owned = np.zeros((self.A.getLocalSize()[0], m), order="F")
-        B_transposed = PETSc.Mat().createAIJ(((m * here, m), (n_dof * here, n_dof)), csr=csr, comm=self.comm)
-        B_virtual = PETSc.Mat().createTranspose(B_transposed)
-        X = wrap(X_owned, self.comm)
-        with said_of_solve(self.ksp) as F:
-            F.matSolve(B_virtual, X)
-        for matrix in (X, B_virtual, B_transposed):
-            matrix.destroy()
-        return X_owned
+        return self.solver.inverse_entries(rows, columns)
 
     def _checked(self, B_owned, X_owned: np.ndarray, start: float) -> np.ndarray:
         """Return X, refined once where that can help; raise if its residual stays too large.  Collective."""
@@ -136,7 +123,7 @@ class Factor:
         error, rounding = self.relative_residual(B_owned, X_owned)
         if np.isfinite(error) and error > max(_REFINE_ABOVE, rounding):
             R_owned = (B_owned.toarray() if sp.issparse(B_owned) else B_owned) - multiply(self.A, X_owned)
-            refined_owned = X_owned + solve_block(self.ksp, R_owned)
+            refined_owned = X_owned + self.solver.solve(R_owned)
             refined, rounding_refined = self.relative_residual(B_owned, refined_owned)
             if refined < error:
                 X_owned, error, rounding = refined_owned, refined, rounding_refined

@@ -15,7 +15,7 @@ from ..parallel.errors import CaseError
 from ..parallel.ownership import summed
 from ..parallel.words import listed
 from .dense import diagonal_owned, gram, multiply
-from .mumps import factorise, solve_block
+from .direct import DirectSolver, factorise
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -34,13 +34,13 @@ _OF_REST = (
 )
 
 
-def is_singular(A: PETSc.Mat, ksp: PETSc.KSP) -> bool:
+def is_singular(A: PETSc.Mat, solver: DirectSolver) -> bool:
     """Return whether the factor's softest motion strains nothing.  Collective: two solves of inverse iteration."""
     comm = A.comm.tompi4py()
     diagonal = diagonal_owned(A)
     z = _random(comm, len(diagonal), 1)
     for _ in range(2):
-        z = solve_block(ksp, diagonal[:, None] * z)
+        z = solver.solve(diagonal[:, None] * z)
         z /= np.sqrt(gram(comm, z, diagonal[:, None] * z)[0, 0])
     return not gram(comm, z, multiply(A, z))[0, 0] > FREE  # not a number: singular too
 
@@ -88,12 +88,12 @@ def _softest_motions(A: PETSc.Mat, diagonal: np.ndarray, what: str) -> tuple[np.
     shifted.setDiagonal(D)
     D.destroy()
     Z_owned = _random(comm, len(diagonal), min(_N_SOUGHT, n_dof))
-    ksp, _ = factorise(shifted, "static_", what)
+    solver, _ = factorise(shifted, "static_", what)
     for _ in range(_ROUNDS):
-        Z_owned = _orthonormal(comm, diagonal, solve_block(ksp, diagonal[:, None] * Z_owned))
+        Z_owned = _orthonormal(comm, diagonal, solver.solve(diagonal[:, None] * Z_owned))
         strains, rotation = np.linalg.eigh(gram(comm, Z_owned, multiply(A, Z_owned)))
         Z_owned = Z_owned @ rotation
-    ksp.destroy()
+    solver.destroy()
     shifted.destroy()
     return strains, Z_owned
 

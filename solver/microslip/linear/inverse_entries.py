@@ -1,53 +1,43 @@
-"""Some entries of the inverse of a factored matrix: MUMPS then passes only the branches of its elimination tree that they need.
-
-petsc4py does not offer what PETSc has for it, so its library is asked itself.
-"""
+"""Entries of the inverse of a factored matrix: MUMPS then passes only those branches of its elimination tree that they need."""
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable
-from functools import lru_cache
-
 import numpy as np
 from mpi4py import MPI
-from petsc4py import PETSc
 
-_INVERSE_ENTRIES, _DISTRIBUTED_SOLUTION, _AT_ONCE = 30, 21, 27  # ICNTL that PETSc changes and leaves so, and columns at once
+from ._mumps import Instance
+
+_INVERSE_ENTRIES, _SIDES, _DISTRIBUTED_SOLUTION, _AT_ONCE = 30, 20, 21, 27  # ICNTL, the last that of columns at once
+_SOLVE = 3
 _ON_DISK = 22
-_FROM_DISK = 1024  # columns at once: each time the factor is read again
+_COLUMNS, _FROM_DISK = 512, 1024  # at once; on disk the factor is read again each time
 
 
-def inverse_entries(F: PETSc.Mat, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
+def inverse_entries(mumps: Instance, comm: MPI.Comm, n: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
     """Return the entries of A^-1 in some rows and columns, (n_rows, n_columns) on rank 0, (0, 0) elsewhere.
 
     Collective.  Of a pair of entries that are equal by symmetry one is asked for.  Unchecked.
 
     Parameters
     ----------
-    F : factor by MUMPS of a symmetric matrix A
+    mumps : with the factor of a symmetric matrix A (n, n)
     rows, columns : different global rows of A each, rising; the same on every rank
 
     Returns
     -------
-    entries : None, on every rank, where PETSc does not offer them or MUMPS refuses: too little memory
+    entries : None, on every rank, where MUMPS refuses: too little memory
     """
-    function = _function()
-    if function is None:
-        return None
-    comm, n_dof = F.comm.tompi4py(), F.getSize()[0]
     here = comm.rank == 0
     if not here:
         rows = columns = np.empty(0, dtype=int)
     is_asked = ~_known_by_symmetry(rows, columns)
-    indptr, indices = _wanted(rows, columns, is_asked, n_dof * here)
-    wanted = PETSc.Mat().createAIJ(
-        ((n_dof * here, n_dof), (n_dof * here, n_dof)), csr=(indptr, indices, np.zeros(len(indices))), comm=comm
-    )
-    has_answered = _answered(function, F, wanted)
-    values = wanted.getValuesCSR()[2] if here else np.empty(0)
-    wanted.destroy()
-    if not comm.allreduce(has_answered, MPI.LAND):
+    starts, indices = _wanted(rows, columns, is_asked, n)
+    values = np.zeros(len(indices))
+    if here:
+        mumps.set_sparse(n, starts, indices, values)
+    has_answered = _has_answered(mumps)
+    mumps.drop_sides()
+    if not has_answered:
         return None
     entries = np.zeros(is_asked.shape)
     entries[is_asked] = values
@@ -63,32 +53,22 @@ def _known_by_symmetry(rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def _wanted(rows: np.ndarray, columns: np.ndarray, is_asked: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return (indptr, indices) of the transposed pattern, with ``n`` rows.  Local."""
+    """Return the starts of ``n`` columns and the rows wanted in them, both from 1.  Local."""
     counts = np.zeros(n, dtype=int)
     counts[columns] = np.count_nonzero(is_asked, axis=1)
-    indptr = np.concatenate([[0], np.cumsum(counts)])
+    starts = np.concatenate([[0], np.cumsum(counts)])
     indices = np.broadcast_to(rows, is_asked.shape)[is_asked]
-    return indptr.astype(PETSc.IntType), indices.astype(PETSc.IntType)
+    return (starts + 1).astype(np.int32), (indices + 1).astype(np.int32)
 
 
-def _answered(function: Callable[[int, int], int], F: PETSc.Mat, wanted: PETSc.Mat) -> bool:
-    """Put the entries of the inverse into the transposed pattern ``wanted``; return whether MUMPS did.  Collective."""
-    pattern = PETSc.Mat().createTranspose(wanted)
-    before = {which: F.getMumpsIcntl(which) for which in (_INVERSE_ENTRIES, _DISTRIBUTED_SOLUTION, _AT_ONCE)}
-    if F.getMumpsIcntl(_ON_DISK) == 1:
-        F.setMumpsIcntl(_AT_ONCE, _FROM_DISK)
-    try:
-        return function(F.handle, pattern.handle) == 0
-    finally:
-        for which, value in before.items():
-            F.setMumpsIcntl(which, value)
-        pattern.destroy()
-
-
-@lru_cache(maxsize=1)
-def _function() -> Callable[[int, int], int] | None:
-    """Return PETSc's MatMumpsGetInverse, None of a library without it.  Local."""
-    function = getattr(ctypes.CDLL(PETSc.__file__), "MatMumpsGetInverse", None)
-    if function is not None:
-        function.argtypes, function.restype = [ctypes.c_void_p, ctypes.c_void_p], ctypes.c_int
-    return function
+def _has_answered(mumps: Instance) -> bool:
+    """Let MUMPS find the entries that were stated; return whether it did.  Collective; the same on every rank."""
+    before = {which: mumps.icntl(which) for which in (_INVERSE_ENTRIES, _SIDES, _DISTRIBUTED_SOLUTION, _AT_ONCE)}
+    mumps.set_icntl(_INVERSE_ENTRIES, 1)
+    mumps.set_icntl(_SIDES, 0)
+    mumps.set_icntl(_DISTRIBUTED_SOLUTION, 0)
+    mumps.set_icntl(_AT_ONCE, _FROM_DISK if mumps.icntl(_ON_DISK) == 1 else _COLUMNS)
+    code = mumps.run(_SOLVE)
+    for which, value in before.items():
+        mumps.set_icntl(which, value)
+    return code >= 0

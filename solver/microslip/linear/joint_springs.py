@@ -20,10 +20,6 @@ MADE = 25.0  # K_L while the springs are added: twice
 KEPT = 12.0  # K_L
 ANALYSED = (14.0, 28.0)  # the half of it that MUMPS is handed, and its graph, on one rank and on several
 
-_TIED = 0.25  # of the joint's DOFs: those coupled with all of it
-_MOST_TIES = 0.15  # of the entries of K: what that may add to it
-_FEW = 500  # DOFs of a joint whose columns cost next to nothing
-
 
 @dataclass(frozen=True)
 class Linearised:
@@ -57,23 +53,18 @@ def linearise(system: System, pairs: ContactPairs, where: str = "") -> Linearise
     for name, matrix in (("stiffness matrix", system.K), ("mass matrix", system.M)):
         if not np.isfinite(matrix.norm(PETSc.NormType.FROBENIUS)):
             raise CaseError(f"the {name} has entries that are not finite numbers; check the material data and the mesh")
-    n_joint = len(np.unique(system.R.indices))
-    refuse_beyond(system.comm, memory_before_factor(system.K, n_joint), "K_L, the stiffness with all pairs stuck", ADVICE)
+    refuse_beyond(system.comm, memory_before_factor(system.K), "K_L, the stiffness with all pairs stuck", ADVICE)
     K_L = add_springs(system.K, (system.R.T @ sp.diags(K_J) @ system.R).tocsr())
     try:
-        return Linearised(system, K_L, system.M, Factor(K_L, system))
+        return Linearised(system, K_L, system.M, Factor(K_L, system, last=np.unique(system.R.indices)))
     except CaseError as problem:
         K_L.destroy()
         raise CaseError(f"{where}: {problem}" if where else str(problem)) from problem
 
 
-def memory_before_factor(K: PETSc.Mat, n_joint: int) -> float:
-    """Return what K_L and the analysis of its factor take on this rank at most [bytes], for a joint of ``n_joint`` DOFs.
-
-    Local.
-    """
-    ties = 2.0 * _MOST_TIES if n_joint >= _FEW else 0.0  # while they are added they are there twice
-    return analysis_of((1.0 + ties) * K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"], K.comm.size)
+def memory_before_factor(K: PETSc.Mat) -> float:
+    """Return what K_L and the analysis of its factor take on this rank at most [bytes].  Local."""
+    return analysis_of(K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"], K.comm.size)
 
 
 def analysis_of(entries_owned: float, n_ranks: int) -> float:
@@ -104,7 +95,7 @@ def add_springs(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:
     Collective on K's communicator.
     """
     rows = K.getOwnershipRange()
-    owned = with_ties(springs[slice(*rows)], rows, joint=np.unique(springs.indices), n_entries=_entries(K))
+    owned = springs[slice(*rows)]
     owned.sort_indices()
     csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
     S = PETSc.Mat().createAIJ(K.getSizes(), csr=csr, comm=K.comm)
@@ -114,34 +105,3 @@ def add_springs(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:
     K_L.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     K_L.setOption(PETSc.Mat.Option.SPD, True)
     return K_L
-
-
-def with_ties(owned: sp.csr_matrix, rows: tuple[int, int], joint: np.ndarray, n_entries: float) -> sp.csr_matrix:
-    """Return rows of the springs with zeros, kept as entries, that couple some DOFs of a large joint with all of it.
-
-    Local.  What is coupled lies on one path of the elimination tree: the ordering then keeps the joint together, and the columns
-    of G_static pass less of the factor.
-
-    Parameters
-    ----------
-    owned : (n_owned, n_dof) the ``rows`` (first and last) of the springs
-    joint : (n,) DOFs between which there are springs, rising
-    n_entries : of K, to which a share is added at most
-    """
-    if len(joint) < _FEW:
-        return owned
-    n_ties = int(min(_TIED * len(joint), 0.5 * _MOST_TIES * n_entries / len(joint)))
-    ties = joint[np.linspace(0, len(joint) - 1, n_ties).astype(int)]
-    here = joint[(joint >= rows[0]) & (joint < rows[1])]
-    is_tie = np.isin(here, ties)
-    parts = [owned.tocoo()] + [
-        sp.coo_matrix((np.zeros(len(own) * len(to)), (np.repeat(own, len(to)) - rows[0], np.tile(to, len(own)))), owned.shape)
-        for own, to in ((here[is_tie], joint), (here[~is_tie], ties))
-    ]
-    places = np.concatenate([part.row for part in parts]), np.concatenate([part.col for part in parts])
-    return sp.csr_matrix((np.concatenate([part.data for part in parts]), places), owned.shape)
-
-
-def _entries(K: PETSc.Mat) -> float:
-    """Return the entries of K.  Collective."""
-    return K.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]

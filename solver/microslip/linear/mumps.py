@@ -1,91 +1,165 @@
-"""A direct factorisation by MUMPS through PETSc: its options, its retries when memory is short, its failures in words."""
+"""A direct factorisation by MUMPS: its options, its retries when memory is short, its failures in words, its solves."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from petsc4py import PETSc
 
+from ..parallel.agree import on_each
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.memory import gigabytes, refuse_beyond, shortage
-from .analysis import FactorMemory, analyse, count, factor_memory, scaled_memory
-from .dense import wrap
+from ._mumps import BUILT_FOR, Instance, upper_triangle
+from .analysis import count, factor_memory
+from .inverse_entries import inverse_entries
+from .ordering import elimination_order
 from .out_of_core import disks, room_on_disk, write_to_disk
+from .to_owners import ToOwners
 
-_METIS = 5
+ANALYSE, FACTOR, SOLVE = 1, 2, 3  # MUMPS' jobs
+DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
+_GIVEN = 1  # ICNTL(7): the order is ours
 _FOR_INERTIA = (13, 24, 31)  # no ScaLAPACK at the root, null pivots are counted, factors are dropped as they come
 _RHS_BLOCK = 128  # right-hand sides MUMPS takes at once; its own 32 is up to twice as slow on 2 ranks
-_RELAXATION = (None, 60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
+_RELAXATION = (60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
 _WORKSPACE_TOO_SMALL = (-8, -9, -11, -12, -14, -15, -17, -20)
 _OUT_OF_MEMORY = (-5, -7, -13, -19)
 _BEYOND_OPTION, _DISK_FAILED = -19, -90
-_PETSC_OUT_OF_MEMORY = 55
+_N_ICNTL, _N_CNTL = 60, 15
+_SCREEN = 6  # Fortran's unit
 SINGULAR = (-6, -10, -40)  # structurally, numerically, not positive definite at the root
 ADVICE = "use more ranks on more machines, a machine with more memory, or a coarser mesh"
 
 
-def factorise(A: PETSc.Mat, prefix: str, what: str, *, inertia_only: bool = False) -> tuple[PETSc.KSP, dict[str, Any]]:
-    """Factor A and return the KSP that holds the factor, and what is worth logging.
+@dataclass(eq=False)
+class MumpsFactor:
+    """The factor of a symmetric matrix, or its analysis, in MUMPS.
 
-    Collective on A's communicator.  A flagged as SPD is factored without pivoting, otherwise as L D L^T.  The memory it takes is
-    known after the analysis: a factor too large for it is written to disk, where one has room, and refused otherwise.
+    Attributes
+    ----------
+    mumps : the bridge; freed by :meth:`destroy`
+    order : place of every row in the order of elimination, on rank 0; None, on every rank, if MUMPS chose it
+    """
+
+    mumps: Instance
+    comm: Any  # MPI.Comm
+    ranges: np.ndarray  # (size + 1,) rows of the ranks
+    prefix: str
+    order: np.ndarray | None = None
+    _to_owners: ToOwners | None = field(default=None, repr=False)
+
+    @property
+    def n_owned(self) -> int:
+        return int(self.ranges[self.comm.rank + 1] - self.ranges[self.comm.rank])
+
+    def destroy(self) -> None:
+        """Free the factor.  Collective."""
+        self.mumps.end()
+
+    def solve(self, B_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.
+
+        Collective.  All columns go through MUMPS together: at 16 columns, one costs a tenth of a solve by itself.
+
+        Raises
+        ------
+        CaseError, ResourceError : MUMPS gave up; on every rank
+        """
+        if self.comm.size == 1:
+            X = np.array(B_owned, order="F", dtype=float)
+            self.mumps.set_dense(X)
+            self._run_solve(kind=0)
+            return X
+        first = self.ranges[self.comm.rank]
+        rows = np.arange(first + 1, first + self.n_owned + 1, dtype=np.int32)
+        self.mumps.set_distributed(rows, np.array(B_owned, order="F", dtype=float))
+        return self._distributed(B_owned.shape[1], kind=10)
+
+    def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
+        """Return the same for sparse right-hand sides (n_dof, m), the same on every rank.  Collective.
+
+        MUMPS then skips the branches of its elimination tree that B does not touch.
+        """
+        B = sp.csc_matrix(B) if self.comm.rank == 0 else sp.csc_matrix((B.shape[0], 0))
+        m = self.comm.bcast(B.shape[1])
+        starts = (B.indptr + 1).astype(np.int32) if self.comm.rank == 0 else np.empty(0, np.int32)
+        self.mumps.set_sparse(m, starts, (B.indices + 1).astype(np.int32), B.data.astype(float))
+        if self.comm.size > 1:
+            return self._distributed(m, kind=1)
+        X = np.zeros((self.n_owned, m), order="F")
+        self.mumps.set_dense(X)
+        self._run_solve(kind=1)
+        return X
+
+    def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
+        """Return some entries of A^-1 on rank 0; collective: :func:`.inverse_entries.inverse_entries`."""
+        return inverse_entries(self.mumps, self.comm, int(self.ranges[-1]), rows, columns)
+
+    def _distributed(self, m: int, kind: int) -> np.ndarray:
+        """Solve; return this rank's rows from where MUMPS leaves them.  Collective."""
+        n_here = self.mumps.info(23)  # pivots eliminated here
+        rows, X_here = np.zeros(n_here, dtype=np.int32), np.zeros((n_here, m), order="F")
+        self.mumps.set_solution(rows, X_here)
+        self._run_solve(kind)
+        if self._to_owners is None:  # a factor's rows stay where they are
+            self._to_owners = ToOwners(self.comm, self.ranges, rows.astype(np.int64) - 1)
+        return self._to_owners.send(X_here)
+
+    def _run_solve(self, kind: int) -> None:
+        """Solve what was stated, right-hand sides of a kind (ICNTL(20)).  Collective."""
+        self.mumps.set_icntl(20, kind)
+        code = self.mumps.run(SOLVE)
+        self.mumps.drop_sides()
+        if code < 0:
+            raise failure(code, self.mumps.infog(2), "a solve with the kept factor", self.prefix, int(self.ranges[-1]))
+
+
+def factorise(
+    A: PETSc.Mat,
+    prefix: str,
+    what: str,
+    *,
+    last: np.ndarray | None = None,
+    order: np.ndarray | None = None,
+    shift: tuple[float, PETSc.Mat] | None = None,
+) -> tuple[MumpsFactor, dict[str, Any]]:
+    """Factor A, symmetric and positive definite, without pivoting, or find the signs of the pivots of A - sigma M.
+
+    Collective on A's communicator.  The memory it takes is known after the analysis: a factor too large for it is written to
+    disk, where one has room, and refused otherwise.
 
     Parameters
     ----------
     prefix : of the PETSc options, read last
     what : how messages call A
-    inertia_only : count every negative pivot, those of the last front too, which ScaLAPACK would hide, and keep nothing else
+    last : (m,) rows that are eliminated last: those of a joint
+    order : of elimination, of a factor made before of a matrix with this pattern
+    shift : (sigma, M): A - sigma M is factored as L D L^T, every negative pivot counted, those of the last front too, and nothing
+        else kept
 
     Returns
     -------
-    ksp : to be destroyed by the caller
+    factor : to be destroyed by the caller
     info : "code" is 0, or one of ``SINGULAR`` if A has no factor; "said": lines on what was done for want of memory
 
     Raises
     ------
     ResourceError : not enough memory, also with more than estimated, and on disk; on every rank
-    CaseError : an option chose something that keeps no factor, or MUMPS refused its options
+    CaseError : MUMPS refused its options, or is not the version that this program was built for
     """
-    start, said, relaxations, on_disk = perf_counter(), list[str](), iter(_RELAXATION), False
-    relaxation = next(relaxations)
-    while True:
-        ksp = _direct_solver(A, prefix, relaxation, inertia_only)
-        info = _attempt(ksp, A, prefix, what, relaxation, on_disk)
-        code, said = info["code"], said + info.pop("said")
-        if code >= 0 or code in SINGULAR:
-            info.update(said=tuple(said), seconds=perf_counter() - start)
-            return ksp, info
-        ksp.destroy()
-        failed = f"{what}: MUMPS ended its factorisation with INFOG(1) = {code}, INFOG(2) = {info['detail']}"
-        more = next(relaxations, None) if code in _WORKSPACE_TOO_SMALL else None
-        if more is not None:
-            relaxation = more
-            said.append(f"{failed}; again with {more} % of workspace beyond its estimate")
-        elif code in _OUT_OF_MEMORY and not on_disk and not info["out_of_core"] and "memory" in info:
-            on_disk = True
-            said.append(f"{failed}; again with the factor on disk")
-        else:
-            raise failure(code, info["detail"], what, prefix, A.getSize()[0])
-
-
-def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMemory | None:
-    """Return the memory of a factor on this rank, from the coupling of nodes with ``n_dof_each`` unknowns each.
-
-    Collective on the graph's communicator; nothing is solved.  ``entries_owned`` of the matrix lie on this rank.  None, on every
-    rank, where PETSc has no MUMPS, or does not let it analyse alone.
-    """
-    ksp = _direct_solver(graph, "static_", None, inertia_only=False)
+    start = perf_counter()
+    factor = analysed(A, prefix, what, last=last, order=order, shift=shift)
     try:
-        pc = ksp.getPC()
-        if not _is_mumps(pc) or analyse(pc, graph) != 0:
-            return None
-        return scaled_memory(pc.getFactorMatrix(), n_dof_each, entries_owned)
-    finally:
-        ksp.destroy()
+        info = _factored(factor, what)
+    except BaseException:
+        factor.destroy()
+        raise
+    factor.mumps.drop_matrix()
+    return factor, info | {"seconds": perf_counter() - start}
 
 
 def failure(code: int, detail: int, what: str, prefix: str, n: int) -> CaseError | ResourceError:
@@ -103,33 +177,131 @@ def failure(code: int, detail: int, what: str, prefix: str, n: int) -> CaseError
     return CaseError(f"{what}: MUMPS gave up with INFOG(1) = {code}, INFOG(2) = {detail}; check the -{prefix}mat_mumps options")
 
 
-def _attempt(ksp: PETSc.KSP, A: PETSc.Mat, prefix: str, what: str, relaxation: int | None, on_disk: bool) -> dict[str, Any]:
-    """Factor A once: analysis, choice of its place, numbers; return the report.  Collective.
+def analysed(
+    A: PETSc.Mat,
+    prefix: str,
+    what: str,
+    *,
+    last: np.ndarray | None = None,
+    order: np.ndarray | None = None,
+    shift: tuple[float, PETSc.Mat] | None = None,
+) -> MumpsFactor:
+    """Hand a matrix to MUMPS and let it be analysed.  Collective; arguments as of :func:`factorise`."""
+    comm = A.comm.tompi4py()
+    mumps = _started(comm, INDEFINITE if shift else DEFINITE)
+    try:
+        _set_controls(mumps, comm.size, prefix, is_inertia=shift is not None)
+        starts, columns, entries = on_each(comm, _handed_over, A, shift, what)
+        if mumps.icntl(7) == _GIVEN and order is None:
+            order = elimination_order(comm, (starts, columns), np.empty(0, dtype=int) if last is None else last)
+        del starts, columns
+        if order is not None and mumps.icntl(7) == _GIVEN:
+            mumps.set_order(order)
+        mumps.set_matrix(A.getSize()[0], *entries, comm.size > 1)
+        mumps.run(ANALYSE)
+    except BaseException:
+        mumps.end()
+        raise
+    return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order if mumps.icntl(7) == _GIVEN else None)
+
+
+def _started(comm, sym: int) -> Instance:
+    """Return a new instance of MUMPS.  Collective.
 
     Raises
     ------
-    CaseError, ResourceError : as :func:`factorise`; the KSP is then freed
+    CaseError : it is another version than the one built for
     """
-    placed: dict[str, Any] = {"out_of_core": False, "said": []}
+    mumps = Instance(PETSc.__file__, comm.py2f(), sym)
+    if mumps.version != BUILT_FOR:  # nothing is asked of it any more
+        raise CaseError(
+            f"microslip was built for MUMPS {BUILT_FOR}, and PETSc has another; install it again: pip install --force-reinstall "
+            "--no-deps . in the folder of microslip's setup.py"
+        )
+    return mumps
+
+
+def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) -> None:
+    """Set our controls, then the user's.  Local; the same on every rank."""
+    for number, value in ((3, 0), (4, 0), (7, _GIVEN), (18, 3 * (size > 1)), (21, size > 1), (27, _RHS_BLOCK)):
+        mumps.set_icntl(number, value)
+    for number in _FOR_INERTIA if is_inertia else ():
+        mumps.set_icntl(number, 1)
+    options = PETSc.Options(prefix)
+    for number in range(1, _N_ICNTL + 1):
+        if options.hasName(f"mat_mumps_icntl_{number}"):
+            mumps.set_icntl(number, options.getInt(f"mat_mumps_icntl_{number}"))
+    if mumps.icntl(4) > 0 and not options.hasName("mat_mumps_icntl_3"):
+        mumps.set_icntl(3, _SCREEN)  # what MUMPS is asked to tell
+    for number in range(1, _N_CNTL + 1):
+        if options.hasName(f"mat_mumps_cntl_{number}"):
+            mumps.set_cntl(number, options.getReal(f"mat_mumps_cntl_{number}"))
+
+
+def _handed_over(A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, what: str) -> tuple[np.ndarray, np.ndarray, Any]:
+    """Return the pattern of this rank's rows of A, and rows, columns and values of its upper triangle, or of A - sigma M's.
+
+    Local.  MUMPS adds what stands in one place.
+    """
+    first = A.getOwnershipRange()[0]
     try:
-        pc = ksp.getPC()
-        if _is_mumps(pc) and analyse(pc, A) == 0:
-            placed = _placed(A, pc.getFactorMatrix(), what, on_disk)
-            if relaxation is not None:  # the user's option was too small
-                pc.getFactorMatrix().setMumpsIcntl(14, relaxation)
-        ksp.setUp()
-        return _report(ksp) | placed
-    except ResourceError:
-        ksp.destroy()
-        raise
-    except PETSc.Error as error:
-        ksp.destroy()
-        if error.ierr == _PETSC_OUT_OF_MEMORY:
-            raise ResourceError(f"{what}: not enough memory to hand it to its factorisation; {ADVICE}") from error
-        raise CaseError(f"{what}: the factorisation could not start; check the -{prefix} options\n{error}") from error
+        starts, columns, values = _owned_rows(A)
+        entries = upper_triangle(first, starts, columns, values, 1.0)
+        if shift is None:
+            return starts, columns, entries
+        del values
+        sigma, M = shift
+        both = zip(entries, upper_triangle(first, *_owned_rows(M), -sigma))
+        return starts, columns, [np.concatenate(parts) for parts in both]
+    except MemoryError as error:
+        raise ResourceError(f"{what}: not enough memory to hand it to its factorisation; {ADVICE}") from error
 
 
-def _placed(A: PETSc.Mat, F: PETSc.Mat, what: str, on_disk: bool) -> dict[str, Any]:
+def _owned_rows(A: PETSc.Mat) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return starts, global columns (rising) and values of this rank's rows.  Local."""
+    starts, columns, values = A.getValuesCSR()
+    return starts.astype(np.int32, copy=False), columns.astype(np.int32, copy=False), values
+
+
+def _factored(factor: MumpsFactor, what: str) -> dict[str, Any]:
+    """Give an analysed factor its numbers, with more memory or on disk where it lacks; return the report.  Collective.
+
+    Raises
+    ------
+    CaseError, ResourceError : as :func:`factorise`
+    """
+    said, relaxations, on_disk = list[str](), iter(_RELAXATION), False
+    is_analysed = factor.mumps.infog(1) >= 0
+    while True:
+        info = _attempt(factor, what, on_disk) if is_analysed else _report(factor) | {"said": []}
+        code, said = info["code"], said + info.pop("said")
+        if code >= 0 or code in SINGULAR:
+            return info | {"said": tuple(said)}
+        failed = f"{what}: MUMPS ended its factorisation with INFOG(1) = {code}, INFOG(2) = {info['detail']}"
+        more = next(relaxations, None) if code in _WORKSPACE_TOO_SMALL else None
+        if more is not None:
+            factor.mumps.set_icntl(14, more)  # an option was too small
+            said.append(f"{failed}; again with {more} % of workspace beyond its estimate")
+        elif code in _OUT_OF_MEMORY and not on_disk and not info["out_of_core"] and "memory" in info:
+            on_disk = True
+            said.append(f"{failed}; again with the factor on disk")
+        else:
+            raise failure(code, info["detail"], what, factor.prefix, int(factor.ranges[-1]))
+
+
+def _attempt(factor: MumpsFactor, what: str, on_disk: bool) -> dict[str, Any]:
+    """Choose the place of a factor and let MUMPS find its numbers; return the report.  Collective.
+
+    Raises
+    ------
+    ResourceError : neither memory nor disk has room; on every rank
+    """
+    placed = _placed(factor, what, on_disk)
+    factor.mumps.run(FACTOR)
+    return _report(factor) | placed
+
+
+def _placed(factor: MumpsFactor, what: str, on_disk: bool) -> dict[str, Any]:
     """Choose memory or disk for an analysed factor; return the estimate, whether it goes to disk, and what is to be said.
 
     Collective.
@@ -138,9 +310,9 @@ def _placed(A: PETSc.Mat, F: PETSc.Mat, what: str, on_disk: bool) -> dict[str, A
     ------
     ResourceError : neither has room; on every rank
     """
-    comm, memory = A.comm.tompi4py(), factor_memory(F)
-    what_of = f"{what}: its factor ({A.getSize()[0]} unknowns)"
-    if F.getMumpsIcntl(22) == 1:  # the user's option
+    comm, memory, n_dof = factor.comm, factor_memory(factor.mumps), int(factor.ranges[-1])
+    what_of = f"{what}: its factor ({n_dof} unknowns)"
+    if factor.mumps.icntl(22) == 1:  # the user's option
         refuse_beyond(comm, memory.out_of_core, what_of, ADVICE)
         return {"memory": memory, "out_of_core": True, "said": []}
     lacks = shortage(comm, memory.in_core)
@@ -149,100 +321,29 @@ def _placed(A: PETSc.Mat, F: PETSc.Mat, what: str, on_disk: bool) -> dict[str, A
     lacks_beside, folder = shortage(comm, memory.out_of_core), room_on_disk(comm, memory)
     if lacks_beside is not None or folder is None:
         less = f"; on disk it would still be so: {lacks_beside}" if lacks_beside else f"; nor is there room for {disks(memory)}"
-        raise ResourceError(f"{what}: not enough memory for its factor ({A.getSize()[0]} unknowns): {lacks}{less}; {ADVICE}")
-    write_to_disk(comm, F, folder)
+        raise ResourceError(f"{what}: not enough memory for its factor ({n_dof} unknowns): {lacks}{less}; {ADVICE}")
+    write_to_disk(comm, factor.mumps, folder)
     reason = f" does not fit into memory ({lacks})" if lacks else ""
     said = f"{what}: its factor of {gigabytes(8.0 * memory.entries)}{reason} is kept on disk, in {folder}"
     return {"memory": memory, "out_of_core": True, "said": [said]}
 
 
-@contextmanager
-def said_of_solve(ksp: PETSc.KSP) -> Iterator[PETSc.Mat]:
-    """Yield the factor of a KSP to solve with; what MUMPS reports becomes an error with an exit status.  Local.
-
-    MUMPS tells all ranks the same.
-
-    Raises
-    ------
-    CaseError, ResourceError : on every rank
-    """
-    F = ksp.getPC().getFactorMatrix()
-    try:
-        yield F
-    except PETSc.Error as error:
-        if not _is_mumps(ksp.getPC()) or F.getMumpsInfog(1) >= 0:
-            raise
-        what, prefix = "a solve with the kept factor", ksp.getOptionsPrefix() or ""
-        raise failure(F.getMumpsInfog(1), F.getMumpsInfog(2), what, prefix, F.getSize()[0]) from error
+_ORDERINGS = {0: "AMD", 1: "METIS", 2: "AMF", 3: "SCOTCH", 4: "PORD", 5: "METIS", 6: "QAMD"}
 
 
-def solve_block(ksp: PETSc.KSP, B_owned: np.ndarray) -> np.ndarray:
-    """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.
-
-    Collective.  All columns go through MUMPS together: at 16 columns, one costs a tenth of a solve by itself.
-    """
-    B_owned = np.asfortranarray(B_owned)
-    X_owned = np.zeros_like(B_owned)
-    B, X = wrap(B_owned, ksp.comm), wrap(X_owned, ksp.comm)
-    with said_of_solve(ksp) as F:
-        F.matSolve(B, X)
-    B.destroy()
-    X.destroy()
-    return X_owned
-
-
-def _direct_solver(A: PETSc.Mat, prefix: str, relaxation: int | None, inertia_only: bool) -> PETSc.KSP:
-    """Return a KSP that will factor A: our defaults, then the user's options."""
-    ksp = PETSc.KSP().create(A.comm)
-    ksp.setOptionsPrefix(prefix)
-    ksp.setOperators(A)
-    ksp.setType(PETSc.KSP.Type.PREONLY)
-    pc = ksp.getPC()
-    pc.setType(PETSc.PC.Type.CHOLESKY)
-    pc.setFactorSolverType(PETSc.Mat.SolverType.MUMPS)
-    ksp.setFromOptions()
-    if ksp.getType() != PETSc.KSP.Type.PREONLY or pc.getType() not in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU):
-        chosen = f"-{prefix}ksp_type {ksp.getType()} -{prefix}pc_type {pc.getType()}"
-        ksp.destroy()
-        raise CaseError(f"{chosen}: the factor is kept and used for everything, so it must be preonly with cholesky or lu")
-    if _is_mumps(pc):
-        pc.setFactorSetUpSolverType()
-        F = pc.getFactorMatrix()  # -mat_mumps_icntl_* are read later, so the user's word is the last
-        F.setMumpsIcntl(7, _METIS)  # MUMPS itself takes its default ordering where it was built without
-        F.setMumpsIcntl(27, _RHS_BLOCK)
-        if relaxation is not None:
-            F.setMumpsIcntl(14, relaxation)
-        if inertia_only:
-            for number in _FOR_INERTIA:
-                F.setMumpsIcntl(number, 1)
-    return ksp
-
-
-def _is_mumps(pc: PETSc.PC) -> bool:
-    return pc.getFactorSolverType() == PETSc.Mat.SolverType.MUMPS
-
-
-_ORDERINGS = {0: "AMD", 1: "given", 2: "AMF", 3: "SCOTCH", 4: "PORD", 5: "METIS", 6: "QAMD"}
-
-
-def _report(ksp: PETSc.KSP) -> dict[str, Any]:
-    """Return what MUMPS says of its factor; the values agree on all ranks.  Of other packages, success only.  Local."""
-    pc = ksp.getPC()
-    if not _is_mumps(pc):
-        failed = ksp.getPC().getFailedReason() != 0
-        return {"package": pc.getFactorSolverType(), "code": SINGULAR[1] if failed else 0, "detail": 0, "negative": 0, "null": 0}
-    F = pc.getFactorMatrix()
-    parallel = F.getMumpsInfog(32) == 2
-    ordering = {1: "PT-Scotch", 2: "ParMETIS"} if parallel else _ORDERINGS
+def _report(factor: MumpsFactor) -> dict[str, Any]:
+    """Return what MUMPS says of its factor; the values agree on all ranks.  Local."""
+    mumps = factor.mumps
+    ordering = {1: "PT-Scotch", 2: "ParMETIS"} if mumps.infog(32) == 2 else _ORDERINGS
     return {
         "package": "mumps",
-        "code": min(0, F.getMumpsInfog(1)),  # positive values are warnings
-        "detail": F.getMumpsInfog(2),
-        "negative": F.getMumpsInfog(12),  # pivots
-        "null": F.getMumpsInfog(28),
-        "ordering": ordering.get(F.getMumpsInfog(7), "unknown"),
-        "entries": count(F.getMumpsInfog(29)),  # of the factor
-        "memory_MB": F.getMumpsInfog(22),  # used while factoring, all ranks together
-        "memory_max_MB": F.getMumpsInfog(21),  # of the largest rank
-        "flops": F.getMumpsRinfog(3),
+        "code": min(0, mumps.infog(1)),  # positive values are warnings
+        "detail": mumps.infog(2),
+        "negative": mumps.infog(12),  # pivots
+        "null": mumps.infog(28),
+        "ordering": ordering.get(mumps.infog(7), "unknown"),
+        "entries": count(mumps.infog(29)),  # of the factor
+        "memory_MB": mumps.infog(22),  # used while factoring, all ranks together
+        "memory_max_MB": mumps.infog(21),  # of the largest rank
+        "flops": mumps.rinfog(3),
     }

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from ..parallel.agree import raise_together
 from ..parallel.errors import ResourceError
 from ..parallel.memory import gigabytes
 
 if TYPE_CHECKING:
+    from ._mumps import Instance
     from .analysis import FactorMemory
 
 VARIABLE = "MUMPS_OOC_TMPDIR"  # where MUMPS writes; it reads the variable when it starts to factor
@@ -36,12 +36,12 @@ def room_on_disk(comm: MPI.Comm, memory: FactorMemory) -> str | None:
     return folder if comm.allreduce(folder is not None, op=MPI.LAND) else None
 
 
-def write_to_disk(comm: MPI.Comm, F: PETSc.Mat, folder: str | None) -> None:
+def write_to_disk(comm: MPI.Comm, mumps: Instance, folder: str | None) -> None:
     """Make an analysed factor one that MUMPS keeps on disk, in ``folder``.  Collective on ``comm``."""
     problem = None if folder is not None and os.access(folder, os.W_OK) else f"{folder}: cannot be written; set {VARIABLE}"
     raise_together(comm, problem, ResourceError)
     os.environ[VARIABLE] = str(folder)
-    F.setMumpsIcntl(_OUT_OF_CORE, 1)
+    mumps.set_icntl(_OUT_OF_CORE, 1)
 
 
 def disks(memory: FactorMemory) -> str:

@@ -26,13 +26,15 @@ from .surface import Surface, on_mesh
 
 NEAR = 0.1  # of the size of the larger faces: how far apart the surfaces of a joint may lie, where it states no tolerance
 FAR = 0.1  # of the mesh's diagonal, the same where the gap is that of the mesh
-WHOLE = 0.99  # of each cell of a face that has moments
+WHOLE = 0.9  # of each cell of a face that has moments
 COVERED = 0.98  # of the first surface must have a partner
 LAYERS = 1.05  # of a cell that the second surface may cover: more is a second layer
 _LEAST = 1e-6  # of a cell: a smaller share with a partner is none
 _FACING = np.cos(np.radians(60.0))  # facets that turn further away from a cell are no candidates
 _NEWTON, _CONVERGED, _FAULTY = 30, 1e-14, 1e-6  # steps to local coordinates, and the residual over the size of a face
 _GRAIN = 1e-12  # of the surface, to which the corners of shared parts are rounded: edges that nearly coincide then do
+_ARCS = 12  # pieces of a curved edge of a face, half as many of a cell's
+_BEND = 5e-4  # of a cell: corners of an outline that are no further from the line between others are left out
 _CHUNK = 4000  # triangles that are sampled at a time
 
 
@@ -43,6 +45,7 @@ class Cells:
     kind: str
     faces: np.ndarray  # (n, n_face_nodes) nodes of the face that each belongs to
     corners: np.ndarray  # (n, 4, 3) m
+    outline: np.ndarray  # (n, k, 3) m, curved edges in pieces
     centre: np.ndarray  # (n, 3) m
     axes: np.ndarray  # (n, 3, 3) rows x, y in the plane, z out of the body
     area: np.ndarray  # (n,) m2, of the curved surface
@@ -128,7 +131,25 @@ def cells_of(mesh: Mesh, kind: str, faces: np.ndarray) -> Cells:
     x -= np.einsum("pi,pi->p", x, z)[:, None] * z
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     axes = np.stack([x, np.cross(z, x), z], axis=1)
-    return Cells(kind, np.repeat(faces, len(xi), axis=0), corners, corners.mean(axis=1), axes, area)
+    outline = np.stack([_outlines(kind, points, own, _ARCS // 2) for own in xi], axis=1).reshape(len(corners), -1, 3)
+    return Cells(kind, np.repeat(faces, len(xi), axis=0), corners, outline, corners.mean(axis=1), axes, area)
+
+
+def _outlines(kind: str, points: np.ndarray, corners: np.ndarray, n_pieces: int) -> np.ndarray:
+    """Return the outline of a polygon in the coordinates of faces, (n_faces, k, 3) [m], curved edges in pieces.  Local.
+
+    ``points`` (n_faces, n_face_nodes, 3) m; ``corners`` (n_corners, 2) in turn.
+    """
+    shape = elements.FACE_KINDS[kind]
+    pieces = n_pieces if len(shape.nodes) > shape.n_corners else 1
+    share = np.arange(pieces)[:, None] / pieces
+    edges = np.roll(corners, -1, axis=0) - corners
+    return shape.values((corners[:, None] + share * edges[:, None]).reshape(-1, 2)) @ points
+
+
+def _polygons(outlines: np.ndarray, bend: np.ndarray) -> np.ndarray:
+    """Return polygons (n,) of outlines (n, k, 2) without corners that lie within ``bend`` (n,) [m] of others' lines.  Local."""
+    return shapely.simplify(shapely.polygons(outlines), bend, preserve_topology=False)
 
 
 def _with_moments(
@@ -159,13 +180,15 @@ def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_mom
     """
     n, n_nodes = len(cells.area), len(mesh.points)
     n_own = len(elements.CELLS[cells.kind])
-    flat = cells.in_plane(np.arange(n), cells.corners)[:, :, :2]
-    outlines = shapely.polygons(flat)
+    bend, flat = _BEND * cells.radius, cells.in_plane(np.arange(n), cells.outline)[:, :, :2]
+    outlines = _polygons(flat, bend)
     side1, side2, covered = sp.csr_matrix((n, n_nodes)), sp.csr_matrix((n, n_nodes)), np.zeros(n)
     for kind, facets in second.faces.items():
         i, j = _candidates(mesh, cells, kind, facets, reach)
-        ring = cells.in_plane(i, mesh.points[facets[j]])[:, list(elements.RINGS[facets.shape[1]]), :2]
-        parts = shapely.intersection(outlines[i], shapely.polygons(ring), grid_size=_GRAIN * np.ptp(flat))
+        corners = elements.FACE_KINDS[kind].nodes[: elements.FACE_KINDS[kind].n_corners]
+        ring = _outlines(kind, mesh.points[facets], corners, _ARCS)
+        rings = _polygons(cells.in_plane(i, ring[j])[:, :, :2], bend[i])
+        parts = shapely.intersection(outlines[i], rings, grid_size=_GRAIN * np.ptp(flat))
         piece, triangles = _triangles(parts)
         for start in range(0, len(piece), _CHUNK):
             own = slice(start, start + _CHUNK)

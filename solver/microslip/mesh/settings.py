@@ -222,9 +222,11 @@ class Statics:
     pressures: tuple[tuple[str, float], ...] = ()  # group of faces, Pa
     temperatures: Mapping[str, float] = field(default_factory=dict)  # by body, K above that without stress
     bolts: tuple[Bolt, ...] = ()
+    displacements: tuple[tuple[str, Vector], ...] = ()  # group of supported nodes, m
     steps: int = 10
     stiffens: bool = True  # the vibration feels stress and spin
     deforms: bool = False  # and the change of shape
+    is_large: bool = False  # displacements are large: strains and equilibrium of the deformed shape
 
     @property
     def spin(self) -> np.ndarray:
@@ -279,4 +281,7 @@ class MeshSettings:
             named += [(f"[[statics.forces]] {i} group", one.group) for i, one in enumerate(forces, 1) if one.group is not None]
             named += [(f"[[statics.pressures]] {i} group", group) for i, (group, _) in enumerate(pressures, 1)]
             named += [(f"[[statics.bolts]] {i} group", bolt.group) for i, bolt in enumerate(self.statics.bolts, 1)]
+            named += [
+                (f"[[statics.displacements]] {i} group", group) for i, (group, _) in enumerate(self.statics.displacements, 1)
+            ]
         return named

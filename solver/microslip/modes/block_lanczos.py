@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..linear.dense import diagonal_owned, gram, multiply
-from ..linear.mumps import solve_block
 from ..linear.random_signs import random_signs
 from ..parallel.errors import ConvergenceError
 from ..parallel.watchdog import moved
@@ -85,6 +84,22 @@ class BlockLanczos:
         info = {"method": "block Lanczos", "basis": len(theta), "complete": self._is_whole}
         return theta[:n_found], self._vectors(theta[:n_found], Z[:, :n_found]), info
 
+    def renew(self) -> None:
+        """Take new random directions into the space, and grow it to twice its size.
+
+        A multiple mode of which it lacks copies comes into it no other way.
+        """
+        Q, M_Q, coupling = self._next, self._M_next, self._coupling
+        X = self._random_motions(Q.shape[1])
+        for _ in range(2):
+            X = X - Q @ gram(self.comm, M_Q, X)
+        more, M_more, _ = self._beyond(X, self._size_of(X))
+        self._next, self._M_next = np.hstack([Q, more]), np.hstack([M_Q, M_more])
+        self._coupling = np.vstack([coupling, np.zeros((more.shape[1], coupling.shape[1]))])
+        enough = 2 * len(self._T)
+        while len(self._T) < enough and not self._is_whole:
+            self._grow()
+
     def _converged(self) -> tuple[np.ndarray, np.ndarray, int]:
         """Return Ritz values falling, their vectors in V, and how many of the first have converged: the same on all ranks."""
         theta, Z = self.comm.bcast(np.linalg.eigh(self._T))
@@ -101,7 +116,7 @@ class BlockLanczos:
     def _grow(self) -> None:
         """Take the next block into the space, and find the one after it: one block of solves."""
         Q, M_Q, before = self._next, self._M_next, self._coupling
-        X = solve_block(self.linearised.factor.ksp, M_Q)
+        X = self.linearised.factor.solver.solve(M_Q)
         moved()
         inner = gram(self.comm, M_Q, X)
         previous = self.V[:, len(self._T) - self._last :]
@@ -127,14 +142,21 @@ class BlockLanczos:
 
     def _draw(self, b: int) -> None:
         """Begin with a random block; none is found where the space is all that has mass: then the space is whole."""
+        X = self._random_motions(b)
+        self._next, self._M_next, _ = self._beyond(X, self._size_of(X))
+        self._coupling = np.zeros((self._next.shape[1], self._last))
+        self._is_whole = self._next.shape[1] == 0
+
+    def _random_motions(self, b: int) -> np.ndarray:
+        """Return K_L^-1 times random forces, others at each call, (n_owned, b).  Collective: one block of solves."""
         mass, first = np.maximum(diagonal_owned(self.linearised.M), 0.0), self.linearised.M.getOwnershipRange()[0]
         random = np.sqrt(mass)[:, None] * random_signs(first, len(mass), b, _KEY + self._n_random)
         self._n_random += 1
-        X = solve_block(self.linearised.factor.ksp, np.asfortranarray(random))
-        size = np.sqrt(np.linalg.norm(gram(self.comm, X, multiply(self.linearised.M, X))))
-        self._next, self._M_next, _ = self._beyond(X, size)
-        self._coupling = np.zeros((self._next.shape[1], self._last))
-        self._is_whole = self._next.shape[1] == 0
+        return self.linearised.factor.solver.solve(np.asfortranarray(random))
+
+    def _size_of(self, X: np.ndarray) -> float:
+        """Return the size of a block, by M.  Collective."""
+        return float(np.sqrt(np.linalg.norm(gram(self.comm, X, multiply(self.linearised.M, X)))))
 
     def _beyond(self, X: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return Q with X = V C + Q B, Q^T M Q = I and V^T M Q = 0, M Q, and B; of X what exceeds rounding of ``size``."""

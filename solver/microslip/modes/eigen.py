@@ -57,6 +57,9 @@ class Search(Protocol):
     def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
         """Return at least ``n_wanted`` (theta, phi) of K_L^-1 M, theta falling, and what is worth knowing of them."""
 
+    def renew(self) -> None:
+        """Look in other directions, too, from now on: a mode was missed."""
+
 
 def search_of(linearised: Linearised) -> Search:
     """Return the search that the user's options name, or that by blocks.  Local."""
@@ -120,7 +123,7 @@ def is_complete(linearised: Linearised, modes: Modes, n_modes: int) -> bool:
     least = find_gap(squares, n_modes)
     most = max(least, find_gap(squares, len(squares) - 1)) if n_modes < len(squares) else least
     for n_below, sigma in dict.fromkeys((most, least)):
-        if count_below(linearised.K_L, linearised.M, sigma) == n_below:
+        if count_below(linearised.K_L, linearised.M, sigma, linearised.factor.solver.order) == n_below:
             modes.info.update(_proof(n_below, sigma))
             return True
     return False
@@ -152,10 +155,11 @@ def _solve(
         if not verify or info.get("complete"):
             return theta, phi_owned, info
         n_below, sigma = find_gap(1.0 / theta, n_modes)
-        missing = count_below(linearised.K_L, linearised.M, sigma) - n_below
+        missing = count_below(linearised.K_L, linearised.M, sigma, linearised.factor.solver.order) - n_below
         if missing == 0:
             return theta, phi_owned, info | _proof(n_below, sigma)
         n_wanted += max(missing, _GUARD)
+        search.renew()
     raise ConvergenceError(
         f"modes: {missing:+d} modes lie below {np.sqrt(sigma) / (2 * np.pi):.6g} Hz besides the {n_below} "
         "found; ask for more [solver] modes"

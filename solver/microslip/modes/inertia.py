@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from petsc4py import PETSc
 
-from ..linear.mumps import SINGULAR, factorise
+from ..linear.direct import factorise
+from ..linear.mumps import SINGULAR
 from ..parallel.errors import ConvergenceError
 
 _GAP = 1e-6  # (next - last) / last of omega_n^2 that parts two modes; closer ones count as equal
@@ -27,7 +28,7 @@ def find_gap(eigenvalues: np.ndarray, n_wanted: int) -> tuple[int, float]:
     return first, float((1.0 - 0.5 * _GAP) * eigenvalues[first])
 
 
-def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float) -> int:
+def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float, order: np.ndarray | None = None) -> int:
     """Return how many eigenvalues omega_n^2 of (K_L, M) lie below ``sigma`` [rad2/s2]: Sylvester's law of inertia.
 
     Collective: one factorisation.  Its pivots alone are kept, which takes a quarter of the memory of a factor or less.  It is
@@ -38,15 +39,8 @@ def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float) -> int:
     ConvergenceError : sigma is an eigenvalue to working precision; on every rank
     ResourceError : not enough memory
     """
-    shifted = K_L.duplicate(copy=True)
-    shifted.axpy(-sigma, M, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    shifted.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    shifted.setOption(PETSc.Mat.Option.SPD, False)
-    try:
-        ksp, info = factorise(shifted, "modes_inertia_", "K_L - sigma M", inertia_only=True)
-        ksp.destroy()
-    finally:
-        shifted.destroy()
+    solver, info = factorise(K_L, "modes_inertia_", "K_L - sigma M", order=order, shift=(sigma, M))
+    solver.destroy()
     if info["code"] in SINGULAR or info["null"] > 0:
         raise ConvergenceError(
             f"modes: K_L - sigma M is singular at sigma = {sigma:.6e} rad2/s2, so that its negative pivots prove "

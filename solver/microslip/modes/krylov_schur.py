@@ -11,7 +11,6 @@ import numpy as np
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
-from ..linear.mumps import said_of_solve
 from ..parallel.errors import ConvergenceError
 from ..parallel.watchdog import moved
 
@@ -32,6 +31,9 @@ class SlepcSearch:
     def lowest(self, n_wanted: int) -> tuple[np.ndarray, np.ndarray, dict]:
         """Return at least ``n_wanted`` (theta, phi): :func:`slepc_modes`.  Collective."""
         return slepc_modes(self.linearised, n_wanted)
+
+    def renew(self) -> None:
+        """Nothing: the search begins anew each time."""
 
 
 def is_asked_for() -> bool:
@@ -79,8 +81,7 @@ class _KeptFactor:
 
     def apply(self, pc, b: PETSc.Vec, x: PETSc.Vec) -> None:
         moved()
-        with said_of_solve(self.factor.ksp) as F:
-            F.solve(b, x)
+        x.setArray(self.factor.solver.solve(b.getArray()[:, None])[:, 0])
 
 
 def _solves_with(factor) -> PETSc.KSP:

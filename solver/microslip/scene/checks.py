@@ -174,9 +174,10 @@ def _statics(scene: Scene) -> list[str]:
     if statics.rotation_speed > 0.0 and scene.model.axis is None:
         found.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
     acting = (any(one.pressure for one in statics.pressures), any(one.temperature for one in statics.temperatures))
-    if not (statics.rotation_speed or statics.forces or statics.bolts or any(acting)):
+    if not (statics.rotation_speed or statics.forces or statics.bolts or statics.displacements or any(acting)):
         found.append(
-            "[statics] loads nothing: state rotation_speed, forces, pressures, temperatures or bolts, or leave the table out"
+            "[statics] loads nothing: state rotation_speed, forces, pressures, temperatures, bolts or displacements, or leave "
+            "the table out"
         )
     found += _same_bolts(statics)
     found += [

@@ -20,6 +20,7 @@ from .schema import (
     Mass,
     Material,
     Method,
+    MovedSupport,
     Output,
     Point,
     Pressure,
@@ -49,6 +50,7 @@ _NESTED: dict[tuple[str, str], type[Table]] = {  # [[statics.forces]]
     ("statics", "pressures"): Pressure,
     ("statics", "temperatures"): Temperature,
     ("statics", "bolts"): Bolt,
+    ("statics", "displacements"): MovedSupport,
 }
 _LONGEST = 60  # characters of a value that a message shows
 

@@ -17,6 +17,7 @@ from .joint_laws import LAWS_OF_KEY, NEEDED, NEEDED_WITH_PAIRS, OF_FILE, check_l
 WHOLE_MODELS = (
     ".inp",
     ".cdb",
+    ".rst",
     ".bdf",
     ".nas",
     ".dat",
@@ -457,6 +458,15 @@ class Temperature(Table):
     temperature: float = Field(description="the temperature in K above that without stress, a number")
 
 
+class MovedSupport(Table):
+    """[[statics.displacements]]: nodes of a support, moved before the vibration and held there."""
+
+    group: str = Field(min_length=1, description="the name of a group in the mesh, of nodes that [[supports]] hold")
+    displacement: Direction = Field(
+        description="the displacement [x, y, z] in m, three numbers, not all 0; directions other than 0 are those of a support"
+    )
+
+
 class Bolt(Table):
     """[[statics.bolts]]: a shank that is cut and pulled together."""
 
@@ -479,6 +489,9 @@ class Statics(Table):
         True, description="true or false: the vibration feels the stress at rest and, where it rotates, spin softening"
     )
     deformed_shape: bool = Field(False, description="true or false: the vibration feels the change of shape at rest, too")
+    large_displacements: bool = Field(
+        False, description="true or false: equilibrium and vibration in the deformed shape, with strains of second order"
+    )
     steps: int = Field(10, ge=1, le=100_000, description="the number of load steps, a whole number of at least 1")
     forces: tuple[Force, ...] = Field((), description="tables, each headed [[statics.forces]], with a place and force")
     pressures: tuple[Pressure, ...] = Field((), description="tables, each headed [[statics.pressures]], with group and pressure")
@@ -488,6 +501,17 @@ class Statics(Table):
     bolts: tuple[Bolt, ...] = Field(
         (), description="tables, each headed [[statics.bolts]], with group and force, or with group and shortening"
     )
+    displacements: tuple[MovedSupport, ...] = Field(
+        (), description="tables, each headed [[statics.displacements]], with group and displacement"
+    )
+
+    @model_validator(mode="after")
+    def _large(self):
+        if self.large_displacements and not self.stress_stiffening:
+            raise ValueError("large_displacements = true goes with stress_stiffening; the one without the other is no stiffness")
+        if self.large_displacements and self.bolts:
+            raise ValueError("large_displacements = true: bolts are tightened with small displacements; leave out one of them")
+        return self
 
     @model_validator(mode="after")
     def _deformed(self):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..assembly.system import System
-from ..contact.laws import about_rest, are_springs, friction_limit
+from ..contact.laws import ELASTIC_COULOMB, about_rest, are_springs, friction_limit
 from ..mesh.connected import connected_parts
 from ..mesh.data import ContactPairs, Mesh
 from ..parallel.agree import on_root
@@ -39,6 +39,15 @@ def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
     k_t, k_n, w0 = (changed.get(name, getattr(pairs, name)) for name in ("k_t", "k_n", "w0"))
     own = {name: changed.get(name, values) for name, values in pairs.own.items()}
     return replace(pairs, N0=N0, k_t=k_t, k_n=k_n, w0=w0, T0=T0, apart=apart, own=own)
+
+
+def of_larger_area(pairs: ContactPairs, ratio: np.ndarray) -> ContactPairs:
+    """Return pairs whose areas are ``ratio`` (n_pairs,) times as large, in a deformed shape.  Local.
+
+    Springs, preloads and gaps of elastic-Coulomb friction go with it; other laws keep what they have.
+    """
+    ratio = np.where(pairs.laws == ELASTIC_COULOMB, ratio, 1.0)
+    return replace(pairs, area=pairs.area * ratio, k_t=pairs.k_t * ratio, k_n=pairs.k_n * ratio, N0=pairs.N0 * ratio)
 
 
 def touches_from_none(pairs: ContactPairs) -> np.ndarray:

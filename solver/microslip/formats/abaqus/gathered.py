@@ -67,6 +67,23 @@ class Terms:
         self.where.append(where)
 
 
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Values of a material that depend on the temperature."""
+
+    keyword: str
+    where: str  # of the first row that differs
+    keys: tuple[str, ...]  # of a material, one for each column but the last
+    rows: np.ndarray  # (n, len(keys) + 1), the temperature last
+    zero: float = 0.0  # temperature from which an expansion counts
+    is_of_temperature: bool = True  # alone; other fields, or a routine of the user, are not followed
+
+    def at(self, temperature: float, column: int) -> float:
+        """Return a value between the rows, constant beyond them."""
+        order = np.argsort(self.rows[:, -1], kind="stable")
+        return float(np.interp(temperature, self.rows[order, -1], self.rows[order, column]))
+
+
 @dataclass(eq=False)
 class Gathered:
     """The model, in part."""
@@ -77,6 +94,7 @@ class Gathered:
     steps: list[Step]
     findings: Findings
     materials: dict[str, FileMaterial] = field(default_factory=dict)
+    tables: dict[str, list[Table]] = field(default_factory=dict)  # of materials that depend on the temperature
     bodies: dict[str, FileBody] = field(default_factory=dict)
     supports: list[FileSupport] = field(default_factory=list)
     ties: list[FileTie] = field(default_factory=list)
@@ -92,6 +110,14 @@ class Gathered:
     loading: set[Card] = field(default_factory=set)  # cards of steps that become the statics
     axes: dict[int, np.ndarray] = field(default_factory=dict)  # node: (3, 3) rows of its own axes, *TRANSFORM
     attached: set[int] = field(default_factory=set)  # nodes that masses, springs or equations have
+
+    @property
+    def steps_at_rest(self) -> list[Step]:
+        """The steps about whose loads the first vibration is: those before a *STEP, PERTURBATION that are none themselves."""
+        vibration = self.first_vibration
+        if vibration is None or not vibration.is_frequency or not vibration.is_perturbation:
+            return []
+        return [step for step in self.steps[: vibration.number - 1] if not step.is_perturbation]
 
     @property
     def first_vibration(self) -> Step | None:

@@ -9,15 +9,13 @@ import numpy as np
 from ...parallel.errors import MeshError
 from ..model import FileBody, FileMaterial
 from .cards import Card, number
-from .gathered import Gathered
+from .gathered import Gathered, Table
 from .scopes import Scope
 from .types import OF_DISCRETE, Integration, integration_of, is_solid, kind_of, note_on
 
-_FIRST_ALONE = "values depend on the temperature or on fields; those of the first line would be taken"
-
 
 def take_materials(model: Gathered) -> None:
-    """Take linear, isotropic materials.
+    """Take linear, isotropic materials; those whose values depend on the temperature with their tables (temperatures.py).
 
     Raises
     ------
@@ -43,19 +41,26 @@ def _with(model: Gathered, material: FileMaterial, name: str, card: Card) -> Fil
         effect = f"material {name!r} is not isotropic ({kind})"
         model.findings.add(f"*{card.keyword}, TYPE={kind}", card.where, effect, True, "materials")
         return material
-    n = 2 if card.keyword == "ELASTIC" else 1
-    rows = [(_row(words, where, card, n), where) for words, where in card.lines()]
+    keys = {"ELASTIC": ("young", "poisson"), "DENSITY": ("density",), "EXPANSION": ("expansion",)}[card.keyword]
+    lines = list(card.lines())
+    rows = [_row(words, where, card, len(keys)) for words, where in lines]
     if not rows:
         raise MeshError(f"{card.where}: *{card.keyword} of material {name!r} holds no numbers")
-    values = rows[0][0]
-    other = [where for row, where in rows if row != values]
+    other = [where for row, (_, where) in zip(rows, lines, strict=True) if row != rows[0]]
     if other or "USER" in card.parameters:
-        model.findings.add(
-            f"*{card.keyword}", (other or [card.where])[0], f"material {name!r}: {_FIRST_ALONE}", True, "materials"
-        )
-    if card.keyword == "ELASTIC":
-        return replace(material, young=values[0], poisson=values[1])
-    return replace(material, density=values[0]) if card.keyword == "DENSITY" else replace(material, expansion=values[0])
+        where = (other or [card.where])[0]
+        model.tables.setdefault(name, []).append(_table(card, lines, keys, where))
+    return replace(material, **dict(zip(keys, rows[0], strict=True)))
+
+
+def _table(card: Card, lines: list[tuple[list[str], str]], keys: tuple[str, ...], where: str) -> Table:
+    """Return values over the temperature, the number behind them in each row."""
+    n = len(keys)
+    rows = np.array([_row(words, at, card, n + 1) for words, at in lines])
+    has_fields = any(word for words, _ in lines for word in words[n + 1 :])
+    is_plain = not has_fields and not {"USER", "DEPENDENCIES"} & set(card.parameters)
+    zero = number(card.parameters.get("ZERO", "0")) or 0.0
+    return Table(card.keyword, where, keys, rows, zero, is_plain)
 
 
 def _row(words: list[str], where: str, card: Card, n: int) -> tuple[float, ...]:

@@ -1,9 +1,9 @@
-"""Loads of the static steps before the vibration: *CLOAD, *DLOAD and *DSLOAD, as they are when those steps end."""
+"""Loads of the static steps before the vibration: *CLOAD, *DLOAD, ..., as they are when those steps end."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,13 +13,15 @@ from .cards import Card, number
 from .gathered import Gathered, Step
 from .groups import add_faces
 from .scopes import Scope
+from .supports import held_by
+from .temperatures import take_temperatures, temperatures_of
 from .types import is_solid
 
 WORD = "*STEP, PERTURBATION"
-_TAKEN = ("CLOAD", "DLOAD", "DSLOAD")
+LARGE = "*STEP, NLGEOM"
+_TAKEN = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
 _FACES = ("P1", "P2", "P3", "P4", "P5", "P6")
 _OTHERS = {
-    "TEMPERATURE": "temperatures",
     "FIELD": "values of a field",
     "INERTIA LOAD": "forces of inertia",
     "CONTACT INTERFERENCE": "surfaces pressed into each other",
@@ -35,13 +37,20 @@ class _Acting:
     faces: dict[tuple[int, int], float] = field(default_factory=dict)  # element, face from 1: pressure
     surfaces: dict[str, float] = field(default_factory=dict)  # pressure
     bolts: dict[str, float] = field(default_factory=dict)
+    moved: dict[tuple[int, int], float] = field(default_factory=dict)  # node, direction from 1: displacement
+    temperatures: dict[int, float] = field(default_factory=dict)  # by node
+    heated: str = ""  # where they are stated
     spin: tuple[float, ...] | None = None  # square of the speed, a point of the axis, its direction
     _own: set[tuple[int, Hashable]] = field(default_factory=set)  # what the step has stated
 
     def begin(self, step: Step) -> None:
         """Take out what the step replaces as a whole."""
         self._own.clear()
-        for keywords, tables in ((("CLOAD",), (self.forces, self.bolts)), (("DLOAD", "DSLOAD"), (self.faces, self.surfaces))):
+        for keywords, tables in (
+            (("CLOAD",), (self.forces, self.bolts)),
+            (("DLOAD", "DSLOAD"), (self.faces, self.surfaces)),
+            (("TEMPERATURE",), (self.temperatures,)),
+        ):
             if any(card.keyword in keywords and card.parameter("OP") == "NEW" for _, card in step.cards):
                 for table in tables:
                     table.clear()
@@ -63,20 +72,28 @@ def take_statics(model: Gathered) -> None:
     """
     vibration = model.first_vibration
     if vibration is None or not vibration.is_frequency or not vibration.is_perturbation:
+        take_temperatures(model, None if _are_heated(model.steps[: vibration.number if vibration else 0]) else {}, "")
         return
     acting, loaded = _Acting(), []
-    for step in model.steps[: vibration.number - 1]:
-        if not step.is_perturbation and _is_loaded(step):
+    for step in model.steps_at_rest:
+        if _is_loaded(step):
             loaded.append(step)
             _take_step(model, step, acting)
     if not loaded:
+        take_temperatures(model, None if _are_heated([vibration]) else {}, "")
         return
     if any(card.keyword == "BOUNDARY" for _, card in vibration.cards):
         _refuse(model, "*BOUNDARY", vibration.cards[0][1].where, "what is held changes between the loads and the vibration")
-    _find_nonlinear(model, loaded)
-    model.statics = _composed(model, acting, loaded[-1])
+    _find_nonlinear(model, loaded, acting)
+    is_large = any(map(_is_large, loaded)) and not _why_not_large(model, acting)
+    model.statics = replace(_composed(model, acting, loaded[-1]), large=LARGE if is_large else "")
+    take_temperatures(model, None if _are_heated([vibration]) else acting.temperatures, acting.heated)
     effect = f"vibration about the loads of step {loaded[-1].number}: take them over, or state them in [statics]"
     _refuse(model, WORD, vibration.cards[0][1].where, effect)
+
+
+def _are_heated(steps: list[Step]) -> bool:
+    return any(card.keyword == "TEMPERATURE" for step in steps for _, card in step.cards)
 
 
 def _is_loaded(step: Step) -> bool:
@@ -87,15 +104,28 @@ def _refuse(model: Gathered, word: str, where: str, effect: str) -> None:
     model.findings.add(word, where, effect, True, "statics")
 
 
-def _find_nonlinear(model: Gathered, loaded: list[Step]) -> None:
-    """Add findings for what the linear statics of a scene leave out."""
+def _find_nonlinear(model: Gathered, loaded: list[Step], acting: _Acting) -> None:
+    """Add findings for what the statics of a scene leave out, and for large displacements in any case."""
+    why = _why_not_large(model, acting)
     for step in loaded:
-        card = step.cards[0][1]
-        if "NLGEOM" in card.parameters and card.parameter("NLGEOM", "YES") != "NO":
-            _refuse(model, "*STEP, NLGEOM", card.where, "large displacements under the loads; [statics] has small ones")
+        if _is_large(step):
+            effect = f"large displacements under the loads; [statics] has small ones with {why}" if why else "large displacements"
+            _refuse(model, LARGE, step.cards[0][1].where, effect)
     for _, card in model.cards:
         if card.keyword == "PLASTIC":
             _refuse(model, "*PLASTIC", card.where, "the loads may exceed yield; [statics] is elastic")
+
+
+def _is_large(step: Step) -> bool:
+    card = step.cards[0][1]
+    return "NLGEOM" in card.parameters and card.parameter("NLGEOM", "YES") != "NO"
+
+
+def _why_not_large(model: Gathered, acting: _Acting) -> str:
+    """Return what a scene has with small displacements alone; "" where the file has nothing of that."""
+    if acting.faces or acting.surfaces:
+        return "pressures, which do not follow the surface"
+    return "bolts" if acting.bolts else "points that turn with their nodes" if model.points else ""
 
 
 def _take_step(model: Gathered, step: Step, acting: _Acting) -> None:
@@ -113,15 +143,28 @@ def _take_step(model: Gathered, step: Step, acting: _Acting) -> None:
         elif card.keyword in _OTHERS:
             _refuse(model, f"*{card.keyword}", card.where, f"{_OTHERS[card.keyword]} load the structure before it vibrates")
         elif card.keyword == "BOUNDARY":
-            _find_moved(model, card)
+            _take_moved(model, scope, card, acting)
 
 
-def _find_moved(model: Gathered, card: Card) -> None:
-    """Add a finding where a support is moved."""
+def _take_moved(model: Gathered, scope: Scope, card: Card, acting: _Acting) -> None:
+    """Take supports of solids that are moved along model axes, and hold what they hold; findings for others."""
     for words, where in card.lines():
-        if len(words) > 3 and number(words[3]):
-            _refuse(model, "*BOUNDARY", where, f"a displacement other than 0 ({words[0]}) loads the structure before it vibrates")
+        if len(words) < 2 or number(words[1]) is None:
+            continue  # by name: held
+        dofs, value = held_by(words, where)
+        nodes = model.mesh.nodes(scope, words[0], where)
+        bad = [name for name in card.parameters if name not in ("OP", "TYPE")]
+        if value and (bad or card.parameter("TYPE", "DISPLACEMENT") != "DISPLACEMENT" or not _are_plain(model, nodes, dofs)):
+            why = f", {bad[0]}" if bad else ""
+            effect = f"a displacement other than 0 ({words[0]}{why}) loads the structure before it vibrates"
+            _refuse(model, "*BOUNDARY", where, effect)
             return
+        acting.moved.update({(node, dof): value for node in nodes.tolist() for dof in dofs})
+
+
+def _are_plain(model: Gathered, nodes: np.ndarray, dofs: set[int]) -> bool:
+    """Return whether nodes are those of solids without axes of their own, and no directions rotations."""
+    return bool(model.grouped.of_solids[nodes].all()) and not np.isin(nodes, list(model.axes)).any() and dofs <= {1, 2, 3}
 
 
 def _take_card(model: Gathered, scope: Scope, card: Card, acting: _Acting) -> None:
@@ -129,6 +172,10 @@ def _take_card(model: Gathered, scope: Scope, card: Card, acting: _Acting) -> No
         if name != "OP":
             _refuse(model, f"*{card.keyword}, {name}", card.where, "a load that is more than a constant")
             return
+    if card.keyword == "TEMPERATURE":
+        acting.temperatures.update(temperatures_of(model, scope, card))
+        acting.heated = card.where
+        return
     for words, where in card.lines():
         if card.keyword == "CLOAD":
             _take_force(model, scope, words, where, acting)
@@ -210,6 +257,7 @@ def _composed(model: Gathered, acting: _Acting, step: Step) -> FileStatics:
         forces=tuple(_forces(model, acting)),
         pressures=tuple([*_pressures(model, acting), *((name, value) for name, value in acting.surfaces.items() if value)]),
         bolts=tuple((name, bolts[name], abs(value)) for name, value in acting.bolts.items() if value),
+        displacements=tuple(_moved(model, acting)),
         speed=speed,
         axis=(axis[3], axis[4], axis[5]),
         axis_point=(axis[0], axis[1], axis[2]),
@@ -240,6 +288,18 @@ def _forces(model: Gathered, acting: _Acting) -> list[FileForce]:
         x, y, z = (len(nodes) * value for value in force)
         found.append(FileForce(group=group, force=(x, y, z)))
     return found
+
+
+def _moved(model: Gathered, acting: _Acting) -> list[tuple[str, Vector]]:
+    """Return groups made of the nodes that are moved alike, and by what."""
+    vectors: dict[int, list[float]] = {}
+    for (node, dof), value in acting.moved.items():
+        if value:
+            vectors.setdefault(node, [0.0] * 3)[dof - 1] = value
+    alike: dict[Vector, list[int]] = {}
+    for node, (x, y, z) in vectors.items():
+        alike.setdefault((x, y, z), []).append(node)
+    return [(model.grouped.node_group("*BOUNDARY moved", np.array(nodes)), by) for by, nodes in alike.items()]
 
 
 def _pressures(model: Gathered, acting: _Acting) -> list[tuple[str, float]]:

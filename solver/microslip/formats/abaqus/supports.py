@@ -76,8 +76,9 @@ _Held = dict[str, tuple[list[np.ndarray], set[int]]]  # by the name of a set, or
 def take_supports(model: Gathered) -> None:
     """Take what is held in the first step with *FREQUENCY, or in the first step: by the model data and the steps up to it."""
     held: _Held = {}
+    loading = {card for step in model.steps_at_rest for _, card in step.cards}
     for scope, card in _boundaries(model):
-        _take_card(model, scope, card, held)
+        _take_card(model, scope, card, held, may_move=card in loading)
     for name, (nodes, dofs) in held.items():
         _hold(model, name, np.unique(np.concatenate(nodes)), dofs)
 
@@ -95,15 +96,16 @@ def _boundaries(model: Gathered) -> list[tuple[Scope, Card]]:
     return found
 
 
-def _take_card(model: Gathered, scope: Scope, card: Card, held: _Held) -> None:
+def _take_card(model: Gathered, scope: Scope, card: Card, held: _Held, *, may_move: bool) -> None:
+    """Take what a card holds; ``may_move``: what it moves is seen to in statics.py."""
     kind = card.parameter("TYPE", "DISPLACEMENT")
     for key in ("SUBMODEL", "USER", "BASENAME"):
         if key in card.parameters:
             model.findings.add(f"*BOUNDARY, {key}", card.where, "a support that moves", True, "supports")
             return
     for words, where in card.lines():
-        dofs, value = _dofs(words, where)
-        if value or kind not in ("DISPLACEMENT",):
+        dofs, value = held_by(words, where)
+        if (value or kind != "DISPLACEMENT") and not may_move:
             effect = f"a displacement other than 0 ({words[0]}); it would be taken as held"
             model.findings.add("*BOUNDARY", where, effect, True, "supports")
         nodes = model.mesh.nodes(scope, words[0], where)
@@ -115,7 +117,7 @@ def _take_card(model: Gathered, scope: Scope, card: Card, held: _Held) -> None:
         known |= dofs
 
 
-def _dofs(words: list[str], where: str) -> tuple[set[int], float]:
+def held_by(words: list[str], where: str) -> tuple[set[int], float]:
     """Return which degrees of freedom, from 1, a data line holds, and where it moves them."""
     if len(words) > 1 and words[1].upper() in _NAMED:
         return set(_NAMED[words[1].upper()]), 0.0

@@ -18,12 +18,12 @@ class Command:
 
     word: str
     fields: tuple[str, ...]
-    line: int  # from 1
+    line: int  # from 1; 0 of a file without lines
     block: tuple[str, ...] = ()  # lines of a block of types, without its format
 
     @property
     def where(self) -> str:
-        return f"line {self.line}"
+        return f"line {self.line}" if self.line else f"its {self.word}"
 
     def field(self, i: int) -> str:
         """Return field i, empty where there is none."""

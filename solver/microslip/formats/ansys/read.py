@@ -38,7 +38,7 @@ def read_cdb(path: str) -> FileModel:
     said = tuple(commands(path))
     _check_counts(path, said)
     _refuse_exponents(path)
-    return _model(_archive(path), said)
+    return model_of(_archive(path), said)
 
 
 def read_input(path: str) -> FileModel:
@@ -51,7 +51,7 @@ def read_input(path: str) -> FileModel:
     said = tuple(as_archived(commands(path)))
     with open(path, encoding="utf-8", errors="replace") as file:
         blocks = blocks_of_text(file.read().splitlines())
-    return _model(blocks, said)
+    return model_of(blocks, said)
 
 
 def is_input(path: str) -> bool:
@@ -60,8 +60,8 @@ def is_input(path: str) -> bool:
         return any(line.strip().upper().startswith(_STARTS) for line in islice(file, _HEAD))
 
 
-def _model(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
-    """Return the model of blocks and commands."""
+def model_of(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
+    """Return the model of blocks and commands.  Local."""
     numbers, points, angles = blocks.numbers, blocks.points, blocks.angles
     _refuse_doubles(numbers)
     components = {name.upper(): nodes for name, nodes in blocks.node_components.items()}

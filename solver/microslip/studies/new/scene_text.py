@@ -40,20 +40,20 @@ class First:
     def open_findings(self) -> list[Finding]:
         """What of the file changes the answer and is not answered by the scene."""
         joined = [frozenset(one.surfaces) for one in self.joints]
-        at_rest = self.loads_at_rest
+        answered = set() if self.loads_at_rest is None else {self.loads_at_rest.word, self.loads_at_rest.large}
         return [
             one
             for one in self.file.findings
             if one.changes
             and not (one.surfaces and frozenset(one.surfaces) in joined)
-            and not (one.part == "statics" and (self.states_bolts or (at_rest is not None and one.word == at_rest.word)))
+            and not (one.part == "statics" and (self.states_bolts or one.word in answered))
         ]
 
     @property
     def loads_at_rest(self) -> FileStatics | None:
         """What the scene takes over as [statics], without a word: more than bolts."""
         statics = self.file.statics
-        more = statics is not None and (statics.forces or statics.pressures or statics.speed)
+        more = statics is not None and set(statics.kinds) - {f"{len(statics.bolts)} bolts"}
         return statics if more else None
 
     @property

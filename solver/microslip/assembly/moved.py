@@ -1,0 +1,68 @@
+"""Supports that are moved before the vibration, and hold what they hold there (docs/theory.md, eq. (12.12))."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..mesh.data import DistributedMesh, Mesh
+from ..mesh.links import find_links
+from ..mesh.locate import find_node
+from ..mesh.settings import MeshSettings
+from ..parallel.agree import on_root
+from ..parallel.errors import MeshError
+from ..parallel.words import place
+from .system import System
+
+
+def moved_supports(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System) -> np.ndarray | None:
+    """Return how far supports are moved, (n_nodes, 3) [m] of the rank-ordered nodes, the same on every rank; None: they rest.
+
+    Collective on ``dmesh.comm``: one broadcast.  docs/theory.md, eq. (12.12): d.  ``mesh`` is that of rank 0.
+
+    Raises
+    ------
+    MeshError : a direction that no support holds, or one that something else follows; on every rank
+    """
+    statics = settings.statics
+    assert statics is not None, "a scene with [statics]"
+    if not statics.displacements:
+        return None
+    moved = on_root(dmesh.comm, _of_mesh, mesh, settings, system)
+    return moved[np.argsort(dmesh.rank_order)]
+
+
+def _of_mesh(mesh: Mesh, settings: MeshSettings, system: System) -> np.ndarray:
+    """Return how far each node of ``Mesh.points`` is moved, (n_nodes, 3) [m].  Local, rank 0."""
+    assert settings.statics is not None and system.dof is not None, "a structure with a mesh and [statics]"
+    places = system.dof if system.constraints is None else system.constraints.dof
+    is_held = places[: len(mesh.points)] < 0
+    moved = np.zeros((len(mesh.points), 3))
+    for i, (group, displacement) in enumerate(settings.statics.displacements, 1):
+        where = f"[[statics.displacements]] {i}"
+        nodes = find_node(mesh, group=group, where=where)
+        axes = np.flatnonzero(displacement)
+        free = ~is_held[np.ix_(nodes, axes)]
+        if free.any():
+            row, column = np.argwhere(free)[0]
+            raise MeshError(
+                f'{mesh.path}: {where} group = "{group}": node {mesh.numbers[nodes[row]]} at {place(mesh.points[nodes[row]])} m '
+                f"is held along {'xyz'[axes[column]]} by none of [[supports]]; a support is moved, hold it there"
+            )
+        moved[np.ix_(nodes, axes)] = np.array(displacement)[axes]
+    _refuse_followed(mesh, settings, system, moved)
+    return moved
+
+
+def _refuse_followed(mesh: Mesh, settings: MeshSettings, system: System, moved: np.ndarray) -> None:
+    """Raise MeshError where ties, points or equations follow what is moved, which would move them, too."""
+    if system.constraints is None:
+        return
+    links = find_links(mesh, settings)
+    leads = abs(links.weights).sum(axis=0).A1[: moved.size].reshape(moved.shape) > 0.0
+    both = np.argwhere(leads & (moved != 0.0))
+    if len(both):
+        node = both[0][0]
+        raise MeshError(
+            f"{mesh.path}: [[statics.displacements]]: node {mesh.numbers[node]} at {place(mesh.points[node])} m is moved, and "
+            "leads a tie, a point or an equation, which do not go with it here; move nodes that nothing follows"
+        )

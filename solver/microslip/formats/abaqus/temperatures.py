@@ -1,0 +1,116 @@
+"""Temperatures at which the structure vibrates: what they make of materials, and what they load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from ..model import FileBody, FileMaterial
+from .cards import Card, number
+from .gathered import Gathered, Table
+from .scopes import Scope
+
+Ends = tuple[float | None, float | None]  # temperature of a body at first and in the vibration, None where it differs within it
+_SAME = 1e-9  # temperatures of one body that differ by less, of the largest, are one
+_FIRST_ALONE = "values depend on the temperature or on fields; those of the first line would be taken"
+
+
+def temperatures_of(model: Gathered, scope: Scope, card: Card) -> dict[int, float]:
+    """Return what the data lines of a card give to nodes, by node.
+
+    Raises
+    ------
+    MeshError : sets that there are not, words where numbers are due
+    """
+    found: dict[int, float] = {}
+    for words, where in card.lines():
+        value = number(words[1]) if len(words) > 1 else None
+        if value is None:
+            raise MeshError(f"{where}: *{card.keyword} holds {','.join(words)[:60]!r} where a temperature is due")
+        found.update(dict.fromkeys(model.mesh.nodes(scope, words[0], where).tolist(), value))
+    return found
+
+
+def take_temperatures(model: Gathered, at_rest: dict[int, float] | None, where: str) -> None:
+    """Give materials their values at the temperature of their bodies, and the statics what is warmer than at first.
+
+    ``at_rest`` has the temperatures that static steps end with, by node, stated at ``where``; None: the file changes them in a
+    way that is not followed. Materials whose values depend on a temperature that no card states, or that differs within a body,
+    are among the findings.
+
+    Raises
+    ------
+    MeshError : as :func:`temperatures_of`
+    """
+    given: dict[int, float] = {}
+    for scope, card in model.cards:
+        if card.keyword == "INITIAL CONDITIONS" and card.parameter("TYPE") == "TEMPERATURE" and set(card.parameters) == {"TYPE"}:
+            given.update(temperatures_of(model, scope, card))
+    cold = np.zeros(len(model.mesh.points))
+    cold[list(given)] = list(given.values())
+    warm = cold.copy()
+    warm[list(at_rest or {})] = list((at_rest or {}).values())
+    ends = {name: (_common(model, body, cold), _common(model, body, warm)) for name, body in model.bodies.items()}
+    is_known = at_rest is not None and bool(given or at_rest)
+    _warm_materials(model, ends if is_known else dict.fromkeys(ends, (None, None)))
+    if at_rest:
+        _warm_statics(model, ends, where)
+
+
+def _common(model: Gathered, body: FileBody, values: np.ndarray) -> float | None:
+    """Return the one temperature of a body, None where its nodes differ."""
+    group = model.grouped.groups[body.group]
+    own = np.concatenate([values[model.grouped.cells[i].nodes[rows].ravel()] for i, rows in group.cells.items()])
+    return float(own[0]) if np.ptp(own) <= _SAME * np.abs(own).max() else None
+
+
+def _warm_materials(model: Gathered, ends: dict[str, Ends]) -> None:
+    """Replace materials that depend on the temperature by what they are in each body, cold at first and warm in the vibration."""
+    for name, tables in model.tables.items():
+        own = {key: ends[key] for key, body in model.bodies.items() if body.material == name}
+        states = {(cold, warm) for cold, warm in own.values() if cold is not None and warm is not None}
+        if not own or len(states) < len(set(own.values())) or not all(table.is_of_temperature for table in tables):
+            for table in tables:
+                model.findings.add(f"*{table.keyword}", table.where, f"material {name!r}: {_FIRST_ALONE}", True, "materials")
+            continue
+        plain = model.materials.pop(name)
+        for key, (cold, warm) in own.items():
+            assert cold is not None and warm is not None, "a body of one temperature"
+            named = name if len(states) == 1 else f"{name} {key}"
+            model.materials[named] = _at(plain, tables, cold, warm)
+            model.bodies[key] = replace(model.bodies[key], material=named)
+
+
+def _at(material: FileMaterial, tables: list[Table], cold: float, warm: float) -> FileMaterial:
+    """Return a material at a temperature, between the rows of its tables and constant beyond them.
+
+    An expansion counts from its table's zero, and its value becomes what the way from ``cold`` to ``warm`` expands by, a degree.
+    """
+    changed = {}
+    for table in tables:
+        for i, key in enumerate(table.keys):
+            value = table.at(warm, i)
+            if key == "expansion" and warm != cold:
+                strain = value * (warm - table.zero) - table.at(cold, i) * (cold - table.zero)
+                value = strain / (warm - cold)
+            changed[key] = value
+    return replace(material, **changed)
+
+
+def _warm_statics(model: Gathered, ends: dict[str, Ends], where: str) -> None:
+    """Add to the statics by how much bodies that expand are warmer than at first."""
+    assert model.statics is not None, "a file with loads"
+    found = []
+    for name, body in model.bodies.items():
+        material = model.materials.get(body.material)
+        cold, warm = ends[name]
+        if material is None or not material.expansion or (cold is not None and cold == warm):
+            continue
+        if cold is None or warm is None:
+            effect = f"temperatures that differ within body {name!r} load the structure before it vibrates"
+            model.findings.add("*TEMPERATURE", where, effect, True, "statics")
+        else:
+            found.append((body.group, warm - cold))
+    model.statics = replace(model.statics, temperatures=tuple(found))

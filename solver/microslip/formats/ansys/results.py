@@ -1,0 +1,81 @@
+"""Read the model that a results file of Ansys holds (.rst): mesh, materials, components, and what was held."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...parallel.apart import Died, read_apart
+from ...parallel.errors import MeshError
+from ..model import FileModel
+from .blocks import Blocks, blocks_of_archive
+from .commands import Command
+from .read import model_of
+
+_GAIN = 400  # bytes of memory for a byte of the file: records may be compressed
+_LIBRARY = "ansys.mapdl.reader"
+_NOT_TOLD = (
+    "a results file does not tell equations, couplings and rigid regions (CE, CP, CERIG), nor real constants; the archive does: "
+    "CDWRITE,DB,model,cdb"
+)
+Told = tuple[Blocks, list[tuple[str, ...]]]  # the mesh, and what is said of it as commands: word and fields
+
+
+def read_rst(path: str) -> FileModel:
+    """Return what a results file holds: solids by material and type, components, supports of its first result.  Local.
+
+    Raises
+    ------
+    MeshError without the file's name: the library is missing, the file is damaged, or has shapes that are no solids here
+    """
+    try:
+        library = importlib.import_module(_LIBRARY)
+    except ImportError:
+        raise MeshError(
+            "results of Ansys are read by ansys-mapdl-reader; install it: pip install ansys-mapdl-reader (with VTK some 500 MB), "
+            "or write the archive: CDWRITE,DB,model,cdb"
+        ) from None
+    try:
+        blocks, said = read_apart(path, _parts, library, path, gain=_GAIN)
+    except Died as problem:
+        raise MeshError(f"it is truncated or damaged: {problem}") from None
+    except Exception as problem:  # whatever the library makes of a damaged file
+        raise MeshError(f"it is truncated, damaged, or holds no results of Ansys ({problem})") from None
+    found = model_of(blocks, tuple(Command(one[0], one[1:], 0) for one in said))
+    return replace(found, facts=(*found.facts, _NOT_TOLD))
+
+
+def _parts(library: Any, path: str) -> Told:
+    """Return what the library has read, as numbers and words alone."""
+    result = library.read_binary(path, parse_vtk=False)
+    if not hasattr(result, "mesh") or not hasattr(result, "materials"):
+        raise ValueError("it holds no mesh")
+    blocks = blocks_of_archive(result.mesh)
+    keys = {
+        int(number): {i: int(value) for i, value in enumerate(values, 1) if value}
+        for number, values in result._element_table["keyopts"].items()  # the library's mesh leaves them out
+    }
+    return replace(blocks, keys=keys), [*_materials(result.materials), *_held(result)]
+
+
+def _materials(materials: Mapping[int, Mapping[str, Any]]) -> list[tuple[str, ...]]:
+    """Return the materials as MP commands; what is no single number is named, and stops where it changes the answer."""
+    return [
+        ("MP", label, str(number), repr(float(value))) if np.ndim(value) == 0 else ("TB", label, str(number))
+        for number, known in materials.items()
+        for label, value in known.items()
+    ]
+
+
+def _held(result: Any) -> list[tuple[str, ...]]:
+    """Return the supports of the first result as D commands; none where it has none, or the file no result."""
+    try:
+        nodes, dofs, values = result.nodal_boundary_conditions(0)
+    except (IndexError, ValueError):
+        return []
+    names = result.result_dof(0)
+    return [("D", str(int(node)), names[int(dof) - 1], repr(float(value))) for node, dof, value in zip(nodes, dofs, values)]

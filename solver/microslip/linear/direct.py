@@ -1,0 +1,62 @@
+"""The direct solver of a symmetric matrix: MUMPS, or the package that PETSc's options name."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sp
+from petsc4py import PETSc
+
+from . import mumps, other_package
+from .analysis import FactorMemory, scaled_memory
+
+
+class DirectSolver(Protocol):
+    """The factor of a matrix A (n_dof, n_dof), rows split over the ranks; every method is collective, answers are unchecked."""
+
+    @property
+    def order(self) -> np.ndarray | None:
+        """Place of every row in the order of elimination, on rank 0; None, on every rank, if the package chose it."""
+
+    def solve(self, B_owned: np.ndarray) -> np.ndarray:
+        """Return this rank's rows of A^-1 B, (n_owned, m), column-major."""
+
+    def solve_sparse(self, B: sp.csc_matrix) -> np.ndarray:
+        """Return the same for sparse B (n_dof, m), the same on every rank."""
+
+    def inverse_entries(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray | None:
+        """Return entries of A^-1 in rising rows and columns on rank 0, (0, 0) elsewhere; None where they are not to be had."""
+
+    def destroy(self) -> None:
+        """Free the factor."""
+
+
+def factorise(
+    A: PETSc.Mat,
+    prefix: str,
+    what: str,
+    *,
+    last: np.ndarray | None = None,
+    order: np.ndarray | None = None,
+    shift: tuple[float, PETSc.Mat] | None = None,
+) -> tuple[DirectSolver, dict[str, Any]]:
+    """Factor A by MUMPS, :func:`.mumps.factorise`, or by what the options of ``prefix`` name.  Collective."""
+    if other_package.is_asked_for(prefix):
+        return other_package.factorise(A, prefix, what, shift)
+    return mumps.factorise(A, prefix, what, last=last, order=order, shift=shift)
+
+
+def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMemory | None:
+    """Return the memory of a factor on this rank, from the coupling of nodes with ``n_dof_each`` unknowns each.
+
+    Collective on the graph's communicator; nothing is solved.  ``entries_owned`` of the matrix lie on this rank.  None, on every
+    rank, where the options name another package than MUMPS, or MUMPS refuses.
+    """
+    if other_package.is_asked_for("static_"):
+        return None
+    analysed = mumps.analysed(graph, "static_", "the coupling of nodes")
+    try:
+        return scaled_memory(analysed.mumps, n_dof_each, entries_owned) if analysed.mumps.infog(1) >= 0 else None
+    finally:
+        analysed.destroy()

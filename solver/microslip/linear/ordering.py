@@ -1,0 +1,75 @@
+"""The order in which a factorisation eliminates: nested dissection by METIS, with a joint last.
+
+The columns of G_static then pass the top of the elimination tree alone: docs/theory.md, section 4.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pymetis
+import scipy.sparse as sp
+from mpi4py import MPI
+
+from ..parallel.agree import on_root
+from ._mumps import repeats
+
+Rows = tuple[np.ndarray, np.ndarray]  # (n_owned + 1,) starts and columns, rising, of a rank's rows
+
+
+def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> np.ndarray:
+    """Return the place of every row in the order of elimination, (n,) from 1, on rank 0; (0,) elsewhere.
+
+    Collective on ``comm``: one gather of a third of the pattern.
+
+    Parameters
+    ----------
+    rows : pattern of this rank's rows of a symmetric matrix
+    last : (m,) global rows that come after all others, unless they are so many that the front of them would be larger than
+        those of a solid: n^(2/3)
+    """
+    gathered = comm.gather((len(rows[0]) - 1, *_groups(*rows)))
+
+    def order() -> np.ndarray:
+        assert gathered is not None, "rank 0 has it"
+        n_rows, first_of, counts, columns = zip(*gathered)
+        offsets = np.concatenate([[0], np.cumsum(n_rows)])
+        n = int(offsets[-1])
+        firsts = np.concatenate([own + offset for own, offset in zip(first_of, offsets)])
+        group = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, n)))
+        graph = _graph_of_groups(group, np.concatenate(counts), np.concatenate(columns))
+        is_last = np.zeros(len(firsts), dtype=bool)
+        is_last[group[last if len(last) <= n ** (2.0 / 3.0) else []]] = True
+        place = np.empty(len(firsts), dtype=np.int64)
+        place[np.concatenate([_dissected(graph, np.flatnonzero(~is_last)), np.flatnonzero(is_last)])] = np.arange(len(firsts))
+        positions = np.empty(n, dtype=np.int32)
+        positions[np.argsort(place[group], kind="stable")] = np.arange(1, n + 1)
+        return positions
+
+    found = on_root(comm, order, share=False)
+    return np.empty(0, dtype=np.int32) if found is None else found
+
+
+def _groups(starts: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the first rows of groups that follow each other and have one pattern, and counts and columns of these.  Local."""
+    is_first, counts = ~repeats(starts, columns), np.diff(starts)
+    kept = columns[np.repeat(is_first, counts)]
+    return np.flatnonzero(is_first), counts[is_first], kept
+
+
+def _graph_of_groups(group: np.ndarray, lengths: np.ndarray, columns: np.ndarray) -> sp.csr_matrix:
+    """Return the coupling of groups, (n_groups, n_groups), from the number of columns of each, and these, rising.  Local."""
+    row = np.repeat(np.arange(len(lengths), dtype=np.int32), lengths)
+    column = group[columns].astype(np.int32)
+    is_new = np.append(True, (np.diff(column) != 0) | (np.diff(row) != 0))[: len(row)] & (row != column)
+    starts = np.concatenate([[0], np.cumsum(np.bincount(row[is_new], minlength=len(lengths)))])
+    return sp.csr_matrix((np.ones(int(starts[-1]), dtype=np.int8), column[is_new], starts), (len(lengths), len(lengths)))
+
+
+def _dissected(graph: sp.csr_matrix, members: np.ndarray) -> np.ndarray:
+    """Return the members of a graph, (m,), in the order of nested dissection of what couples them.  Local."""
+    if len(members) <= 1:
+        return members
+    own = graph if len(members) == graph.shape[0] else graph[members][:, members]
+    adjacency = pymetis.CSRAdjacency(own.indptr.astype(np.int32), own.indices.astype(np.int32))
+    order, _ = pymetis.nested_dissection(adjacency=adjacency)
+    return members[np.asarray(order, dtype=np.int64)]

@@ -1,0 +1,32 @@
+"""Contact surfaces in the deformed shape: how much larger they are, and how far they have turned (docs/theory.md, section 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from .data import ContactPairs, Mesh
+from .settings import Joint
+from .surface import surface_of
+
+
+def stretched(mesh: Mesh, joints: Sequence[Joint], pairs: ContactPairs, u: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+    """Return the areas of the pairs over those of the unloaded mesh, (n_pairs,), and how far each joint turns at most [rad].
+
+    Local, rank 0.  Areas and normals are those of the first surface, by its nodes.  ``u`` (n_nodes, 3) [m] is the displacement
+    of ``Mesh.points``.
+    """
+    weights = abs(pairs.sides(len(mesh.points))[0])
+    names, ratio, turns = np.array(pairs.joint), np.ones(pairs.n_pairs), {}
+    deformed = replace(mesh, points=mesh.points + u)
+    for joint in joints:
+        before, now = (surface_of(one, joint.surfaces[0]) for one in (mesh, deformed))
+        of_nodes = np.ones(len(mesh.points))
+        of_nodes[before.nodes] = now.areas / before.areas
+        own = np.flatnonzero(names == joint.name)
+        ratio[own] = (weights[own] @ of_nodes) / weights[own].sum(axis=1).A1
+        across = np.linalg.norm(np.cross(before.normals, now.normals), axis=1)
+        turns[joint.name] = float(np.arcsin(np.minimum(across, 1.0)).max())
+    return ratio, turns

@@ -1,0 +1,96 @@
+"""Equilibrium with large displacements: Newton's method around that of small ones (docs/theory.md, section 12)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from ..assembly.system import System
+from ..linear.joint_springs import linearise
+from ..mesh.data import ContactPairs
+from ..parallel.errors import CaseError, ConvergenceError
+from .equilibrium import Flexibility, Rest, equilibrium
+
+CLOSE = 1e-8  # change of a step over the largest displacement: that of the next one is its square
+MOST_STEPS = 12  # of Newton's method, under one share of the load
+SHORTEST = 1.0 / 16.0  # share of the load put on at once
+
+
+@dataclass(frozen=True, eq=False)
+class About:
+    """The structure about a displacement, under a share of the load."""
+
+    K: PETSc.Mat  # K_T, N/m
+    forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows of the forces beside that share of the constant ones
+    pairs: ContactPairs  # with the areas that surfaces have there
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """An equilibrium with large displacements that is looked for."""
+
+    system: System
+    # of this rank's rows of a displacement, a share of the load, and whether the stress is that of an equilibrium
+    about: Callable[[np.ndarray, float, bool], About]
+    forces_owned: np.ndarray  # (n_dof_owned,) N, constant, this rank's rows
+    n_steps: int  # of contact, each time
+    which_flies: Callable[[], str]
+    where: str  # the scene file, for messages
+
+
+def large_equilibrium(sought: Sought) -> tuple[Rest, About, int]:
+    """Return the rest under all loads, the structure about it, and the steps of Newton's method that it took.
+
+    Collective.  docs/theory.md, eq. (12.14).  A share of the load without a solution is halved.
+
+    Raises
+    ------
+    ConvergenceError : no equilibrium, as beyond the load at which the structure buckles; on every rank
+    ResourceError : not enough memory for a factor
+    """
+    u, rest = np.zeros(len(sought.forces_owned)), None
+    share, step, n_taken = 0.0, 1.0, 0
+    while share < 1.0:
+        aim = min(share + step, 1.0)
+        try:
+            found, n_more = _under(sought, u, aim)
+        except (CaseError, ConvergenceError) as problem:
+            step *= 0.5
+            if step < SHORTEST:
+                raise ConvergenceError(
+                    f"{sought.where}: [statics] large_displacements: no equilibrium beyond {share:.1%} of the load: {problem}"
+                ) from problem
+            continue
+        rest, u, share, n_taken, step = found, found.u_owned, aim, n_taken + n_more, min(2.0 * step, 1.0)
+    assert rest is not None, "at least one share"
+    return rest, sought.about(u, 1.0, True), n_taken
+
+
+def _under(sought: Sought, u: np.ndarray, share: float) -> tuple[Rest, int]:
+    """Return the rest under a share of the load, from a displacement (n_dof_owned,) on, and the steps taken.  Collective."""
+    comm = sought.system.comm
+    for k in range(1, MOST_STEPS + 1):
+        rest = _step(sought, u, share, k > 1)
+        change, size = (comm.allreduce(np.abs(own).max(initial=0.0), MPI.MAX) for own in (rest.u_owned - u, rest.u_owned))
+        u = rest.u_owned
+        if k > 1 and change <= CLOSE * size:
+            return rest, k
+    raise ConvergenceError(f"{MOST_STEPS} steps of Newton's method, and the last changed u by {change:.1e} m of {size:.1e} m")
+
+
+def _step(sought: Sought, u: np.ndarray, share: float, is_stressed: bool) -> Rest:
+    """Return the rest of the structure linearised about a displacement.  Collective; frees its factor."""
+    about = sought.about(u, share, is_stressed)
+    try:
+        linearised = linearise(replace(sought.system, K=about.K), about.pairs)
+        try:
+            loads = share * sought.forces_owned + about.forces_owned
+            return equilibrium(Flexibility(linearised), about.pairs, loads, sought.n_steps, None, sought.which_flies)
+        finally:
+            linearised.destroy()
+    finally:
+        about.K.destroy()

@@ -1,0 +1,113 @@
+"""Results files of Ansys: what the library says of their model, what they do not tell, and what is missing or damaged."""
+
+import struct
+import sys
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+from microslip.formats.model import FileBody, FileMaterial, FileSupport
+from microslip.formats.read import read_model
+from microslip.parallel.errors import MeshError
+
+HEAD = [1, 1, 1, 1, 0, 0, 0, 0, 7, 0]  # of element 7: material, type, real constants, ...
+CUBE = np.array([(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))])
+
+
+class Result:
+    """What ansys.mapdl.reader makes of a file, as far as it is asked."""
+
+    def __init__(self, element=185, keys=(0, 2)):
+        self.mesh = SimpleNamespace(
+            nnum=np.arange(11, 19),
+            nodes=CUBE,
+            node_angles=None,
+            n_elem=1,
+            enum=np.array([7]),
+            _elem=np.array([*HEAD, *range(11, 19)]),
+            _elem_off=np.array([0, 18]),
+            ekey=np.array([[1, element]]),
+            key_option={},
+            rlblock=[],
+            rlblock_num=[],
+            node_components={"ROOT": np.array([11, 12, 13, 14])},
+            element_components={"ALL": np.array([7])},
+        )
+        self._element_table = {"keyopts": {1: np.array([*keys, *[0] * (11 - len(keys))])}}
+        self.materials = {1: {"EX": 2e11, "NUXY": 0.3, "DENS": 7800.0, "ALPX": 1e-5}}
+
+    def nodal_boundary_conditions(self, number):
+        return np.array([11, 11, 11, 12]), np.array([1, 2, 3, 3]), np.zeros(4)
+
+    def result_dof(self, number):
+        return ["UX", "UY", "UZ"]
+
+
+def install(monkeypatch, read):
+    for name in ("ansys", "ansys.mapdl", "ansys.mapdl.reader"):
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    monkeypatch.setattr(sys.modules["ansys.mapdl.reader"], "read_binary", read, raising=False)
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "job.rst"
+    path.write_bytes(b"\0" * 400)
+    return path
+
+
+def test_the_model_of_a_results_file_is_read(monkeypatch, file):
+    install(monkeypatch, lambda path, parse_vtk: Result())
+    model = read_model(file)
+    assert model.cells[0].kind == "hex8" and model.cells[0].numbers.tolist() == [7]
+    assert model.materials == {"material 1": FileMaterial(young=2e11, poisson=0.3, density=7800.0, expansion=1e-5)}
+    assert model.bodies == {"material 1": FileBody(group="material 1", material="material 1", integration="full")}
+    assert model.numbers[model.groups["ROOT"].nodes].tolist() == [11, 12, 13, 14] and "ALL" in model.groups
+    assert FileSupport(group="D xyz", fix=("x", "y", "z")) in model.supports
+    assert not [one for one in model.findings if one.changes]
+    assert "does not tell equations, couplings" in model.facts[-1]
+
+
+def test_what_of_it_changes_the_answer_is_found(monkeypatch, file):
+    def read(path, parse_vtk):
+        found = Result(element=181)
+        found.materials[1]["EY"] = 1e11
+        found.materials[1]["stress_failure_criteria"] = np.zeros((2, 3))
+        found.nodal_boundary_conditions = lambda number: (np.array([11]), np.array([1]), np.array([0.5]))
+        return found
+
+    install(monkeypatch, read)
+    found = {one.word for one in read_model(file).findings if one.changes}
+    assert {"element type 181", "MP", "D"} <= found
+
+
+def broken(path, parse_vtk):
+    raise struct.error("required argument is not an integer")
+
+
+WRONG = {
+    "damaged": (broken, "truncated, damaged, or holds no results"),
+    "full": (lambda path, parse_vtk: object(), "it holds no mesh"),
+}
+
+
+@pytest.mark.parametrize("read, message", WRONG.values(), ids=WRONG)
+def test_other_files_are_refused(monkeypatch, file, read, message):
+    install(monkeypatch, read)
+    with pytest.raises(MeshError, match=message):
+        read_model(file)
+
+
+def test_without_the_library_the_message_says_what_to_install(monkeypatch, file):
+    monkeypatch.setitem(sys.modules, "ansys.mapdl.reader", None)
+    with pytest.raises(MeshError, match="pip install ansys-mapdl-reader .* or write the archive: CDWRITE"):
+        read_model(file)
+
+
+def test_the_example_of_the_library_is_read():
+    """Its modes are in the file; the same structure as matrices is in tests/elements."""
+    examples = pytest.importorskip("ansys.mapdl.reader.examples")
+    model = read_model(examples.rstfile)
+    assert [(one.kind, len(one.nodes)) for one in model.cells] == [("hex20", 40)] and len(model.points) == 321
+    assert model.materials["material 1"].young == pytest.approx(16.9e6)

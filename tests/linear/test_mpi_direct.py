@@ -1,0 +1,157 @@
+"""The direct solver: the order of elimination, the bridge to MUMPS, and other packages that the options name."""
+
+import lattices
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from lattices import distributed, split_rows
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.sparse.linalg import spsolve
+
+from microslip.linear import direct, mumps
+from microslip.linear._mumps import repeats, upper_triangle
+from microslip.linear.factor import Factor
+from microslip.linear.ordering import elimination_order
+from microslip.modes.inertia import count_below
+from microslip.parallel.errors import CaseError
+
+comm = MPI.COMM_WORLD
+SHAPE = (12, 6, 5)
+K = lattices.lattice_stiffness(SHAPE)
+N = K.shape[0]
+JOINT = np.flatnonzero(np.arange(N) // 3 % 30 == 7)
+
+
+def matrix(A=K, empty=None):
+    A = distributed(comm, A, split_rows(A.shape[0], comm.size, empty))
+    A.setOption(PETSc.Mat.Option.SPD, True)
+    return A
+
+
+def own_pattern(A, empty=None):
+    first, last = split_rows(A.shape[0], comm.size, empty)[comm.rank :][:2]
+    own = sp.csr_matrix(A)[first:last]
+    own.sort_indices()
+    return own.indptr.astype(np.int32), own.indices.astype(np.int32)
+
+
+def fill(A, positions):
+    """Entries of the Cholesky factor of a pattern in an order, counted by elimination."""
+    order = np.argsort(positions)
+    place = np.empty(len(order), dtype=int)
+    place[order] = np.arange(len(order))
+    below = [{j for j in place[A.indices[A.indptr[i] : A.indptr[i + 1]]] if j > k} for k, i in enumerate(order)]
+    for rows in below:
+        if rows:
+            parent = min(rows)
+            below[parent] |= rows - {parent}
+    return len(order) + sum(len(rows) for rows in below)
+
+
+@pytest.mark.parametrize("empty", [None, 0, 1])
+@pytest.mark.parametrize("last", [np.empty(0, dtype=int), JOINT], ids=["nothing", "joint"])
+def test_an_order_is_one_and_has_the_joint_last(last, empty):
+    solid = sp.kron(lattices.lattice_stiffness(SHAPE)[::3, ::3], np.ones((3, 3)), format="csr")
+    positions = elimination_order(comm, own_pattern(solid, empty), last)
+    if comm.rank > 0:
+        assert len(positions) == 0
+        return
+    assert np.array_equal(np.sort(positions), np.arange(1, N + 1))
+    assert set(positions[last]) == set(range(N - len(last) + 1, N + 1))
+    nodes = np.sort(positions.reshape(-1, 3), axis=1)
+    assert np.array_equal(nodes - nodes[:, :1], np.tile([0, 1, 2], (N // 3, 1)))  # what is coupled alike stays together
+
+
+@pytest.mark.ranks(1)
+def test_the_order_fills_less_than_that_of_the_rows():
+    for last, share in ((np.empty(0, dtype=int), 0.75), (JOINT, 0.9)):
+        assert fill(K, elimination_order(comm, own_pattern(K), last)) < share * fill(K, np.arange(1, N + 1))
+
+
+@pytest.mark.ranks(1)
+def test_a_joint_larger_than_a_front_is_dissected_like_the_rest():
+    many = np.arange(N // 2)
+    of_many = elimination_order(comm, own_pattern(K), many)
+    assert np.array_equal(of_many, elimination_order(comm, own_pattern(K), np.empty(0, dtype=int)))
+
+
+@pytest.mark.parametrize("A", [sp.identity(1), sp.identity(7), lattices.chain(2, True)], ids=["one", "diagonal", "two"])
+def test_patterns_with_little_or_nothing_to_order(A):
+    A = sp.csr_matrix(A, dtype=float)
+    A_distributed = matrix(A)
+    factor = Factor(A_distributed, last=np.array([0]))
+    b = np.arange(1.0, A.shape[0] + 1.0)[:, None]
+    owned = slice(*A_distributed.getOwnershipRange())
+    np.testing.assert_allclose(factor.solve(b[owned]), spsolve(A.tocsc(), b).reshape(-1, 1)[owned], rtol=1e-12)
+    factor.destroy()
+
+
+@pytest.mark.ranks(1)
+def test_rows_with_the_pattern_of_the_row_before():
+    A = sp.csr_matrix(np.array([[1, 1, 0, 0], [1, 1, 0, 0], [0, 0, 1, 1], [0, 1, 0, 1]], dtype=float))
+    assert repeats(A.indptr, A.indices).tolist() == [False, True, False, False]
+    assert repeats(np.zeros(1, np.int32), np.empty(0, np.int32)).tolist() == []
+
+
+@pytest.mark.ranks(1)
+@pytest.mark.parametrize("first, last", [(0, 9), (3, 9), (4, 4)])
+def test_the_upper_triangle_of_some_rows(first, last):
+    A = sp.random(9, 9, 0.4, format="csr", random_state=3) + sp.identity(9, format="csr")
+    own = A[first:last]
+    i, j, a = upper_triangle(first, own.indptr, own.indices, own.data, -2.0)
+    expected = np.zeros((9, 9))
+    expected[first:last] = -2.0 * np.triu(A.toarray())[first:last]
+    assert np.array_equal(sp.coo_matrix((a, (i - 1, j - 1)), (9, 9)).toarray(), expected)
+
+
+@pytest.mark.parametrize("empty", [None, 0, 1])
+def test_the_signs_of_pivots_count_the_modes_below(empty):
+    """With the order of the factor and without; M has entries where K has none, and the other way round."""
+    mass = sp.csr_matrix(sp.diags([0.01, 0.25, 0.01], [-1, 0, 1], shape=(N, N)))
+    A, M = matrix(empty=empty), matrix(mass, empty=empty)
+    L = np.linalg.inv(np.linalg.cholesky(mass.toarray()))
+    squares = np.linalg.eigvalsh(L @ K.toarray() @ L.T)
+    factor = Factor(A, last=JOINT)
+    for n_below in (1, 40, N - 1):
+        sigma = 0.5 * (squares[n_below - 1] + squares[n_below])
+        if squares[n_below] - squares[n_below - 1] < 1e-6 * squares[n_below]:
+            continue
+        assert count_below(A, M, sigma, factor.solver.order) == count_below(A, M, sigma) == n_below
+    factor.destroy()
+
+
+def test_a_factor_tells_how_it_was_ordered():
+    A = matrix()
+    factor = Factor(A, last=JOINT)
+    assert factor.info["ordering"] == "METIS" and factor.info["package"] == "mumps"
+    factor.destroy()
+
+
+def test_another_package_solves_as_well(monkeypatch):
+    """PETSc's own Cholesky on one rank; MUMPS' LU by way of PETSc on several."""
+    options = PETSc.Options()
+    given = {"static_pc_factor_mat_solver_type": "petsc"} if comm.size == 1 else {"static_pc_type": "lu"}
+    if comm.size > 1:
+        given["static_pc_factor_mat_solver_type"] = "mumps"
+    for name, value in given.items():
+        options[name] = value
+    A = matrix()
+    factor = Factor(A, last=JOINT)
+    assert factor.info["package"] == ("petsc" if comm.size == 1 else "mumps") and factor.solver.order is None
+    B = np.random.default_rng(1).standard_normal((N, 2))
+    owned = slice(*A.getOwnershipRange())
+    X = spsolve(K.tocsc(), B)
+    np.testing.assert_allclose(factor.solve(B[owned]), X[owned], atol=1e-10 * abs(X).max())
+    np.testing.assert_allclose(factor.solve_sparse(sp.csc_matrix(B)), X[owned], atol=1e-10 * abs(X).max())
+    assert factor.inverse_entries(JOINT, JOINT) is None
+    assert direct.foreseen(A, 3, 100) is None
+    factor.destroy()
+    for name in given:
+        options.delValue(name)
+
+
+def test_a_library_of_another_version_is_refused(monkeypatch):
+    monkeypatch.setattr(mumps, "BUILT_FOR", "4.10.0")
+    with pytest.raises(CaseError, match=r"built for MUMPS 4\.10\.0, and PETSc has .*install it again"):
+        Factor(matrix())

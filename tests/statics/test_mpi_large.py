@@ -1,0 +1,177 @@
+"""Supports that are moved, and large displacements at rest, against theory; on one rank and on several."""
+
+import numpy as np
+import pytest
+from blocks import box, stacked
+from msh import write_msh
+from rest_scene import HEIGHT, WIDTH, force
+from rest_scene import LENGTH as BAR
+from rest_scene import scene_of as bar_scene_of
+
+import microslip
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import CaseError, ConvergenceError, MeshError
+
+YOUNG, DENSITY, LENGTH, SIDE = 2.0e11, 8000.0, 1.0, 0.02
+GUIDED = '[[supports]]\ngroup = "beam"\nfix = ["y", "z"]\n[[supports]]\ngroup = "tip"\nfix = ["x"]\n'
+ALONG = "direction = [1.0, 0.0, 0.0]"
+SCENE = f"""
+[model]
+mesh = "KIND.msh"
+[materials.steel]
+young = {YOUNG}
+poisson = 0.0
+density = {DENSITY}
+[bodies.beam]
+group = "beam"
+material = "steel"
+[[supports]]
+group = "hub"
+fix = ["x", "y", "z"]
+SUPPORTS
+[[loads]]
+position = [0.5, 0.01, 0.01]
+DIRECTION
+[[outputs]]
+name = "middle"
+position = [0.5, 0.01, 0.01]
+DIRECTION
+[damping]
+ratio = 0.01
+[response]
+levels = [1.0]
+mode = 1
+span = [0.9, 1.1]
+[solver]
+modes = 3
+[statics]
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(comm, tmp_path_factory):
+    path = comm.bcast(tmp_path_factory.mktemp("large"))
+
+    def write():
+        for kind, cells in (("hex20", (12, 1, 1)), ("hex8", (12, 1, 1))):
+            beam = box(kind, (LENGTH, SIDE, SIDE), cells, (0.0, -0.5 * SIDE, -0.5 * SIDE), {"x0": "hub", "x1": "tip"})
+            write_msh(str(path / f"{kind}.msh"), {"beam": beam})
+        write_msh(str(path / "bar.msh"), stacked("hex8", (BAR, WIDTH, HEIGHT), (4, 2, 1), 0.005))
+
+    on_root(comm, write)
+    return path
+
+
+def scene_of(comm, folder, statics, kind="hex20", supports=GUIDED, direction=ALONG):
+    text = SCENE.replace("KIND", kind).replace("SUPPORTS", supports).replace("DIRECTION", direction)
+    path = folder / "beam.toml"
+    on_root(comm, lambda: path.write_text(text + statics))
+    try:
+        return microslip.read(path)
+    finally:
+        comm.barrier()  # before the next test writes it
+
+
+def moved_by(d, more=""):
+    return f'{more}\n[[statics.displacements]]\ngroup = "tip"\ndisplacement = [{d}, 0.0, 0.0]\n'
+
+
+@pytest.mark.parametrize("large", [True, False])
+def test_a_bar_between_supports_that_are_moved_vibrates_as_theory_says(comm, folder, large):
+    """omega = pi / L sqrt(A / rho), A the slope of the force over the stretch l: E (3 l^2 - 1) / 2, E (l^2 + l - 1) of small ones."""
+    stretch = 1.05
+    scene = scene_of(comm, folder, moved_by(stretch - 1.0, f"{'large_displacements' if large else 'deformed_shape'} = true"))
+    with microslip.build(scene, comm) as structure:
+        omega = structure.modes.omega_n[0]
+    slope = 0.5 * (3.0 * stretch**2 - 1.0) if large else stretch**2 + stretch - 1.0
+    assert omega == pytest.approx(np.pi / LENGTH * np.sqrt(YOUNG / DENSITY * slope), rel=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["hex20", "hex8"])
+def test_a_beam_bends_far_as_theory_says(comm, folder, kind):
+    """K. E. Bisshopp and D. C. Drucker, Quarterly of Applied Mathematics 3 (1945) 272: P L^2 = E I."""
+    P = YOUNG * SIDE**4 / 12.0 / LENGTH**2
+    pull = f'large_displacements = true\n[[statics.forces]]\ngroup = "tip"\nforce = [0.0, 0.0, {P}]\n'
+    scene = scene_of(comm, folder, pull, kind, supports="", direction="direction = [0.0, 0.0, 1.0]")
+    with microslip.build(scene, comm) as structure:
+        system = structure.linearised.system
+        u = system.at_nodes(np.concatenate(comm.allgather(system.rest_owned)))
+        tip = on_root(comm, lambda: u[np.isclose(structure.mesh.points[:, 0], LENGTH)].mean(axis=0))
+    assert tip[2] == pytest.approx(0.3017 * LENGTH, rel=5e-3)
+    assert tip[0] == pytest.approx(-0.0564 * LENGTH, rel=5e-3)
+
+
+def test_under_small_loads_a_joint_is_at_the_rest_of_small_displacements(comm, folder):
+    load = force(0.15, 0.05, -1.0)
+    found = []
+    for first in ("", "large_displacements = true\n"):
+        with microslip.build(bar_scene_of(comm, folder, first + load), comm) as structure:
+            found.append((structure.pairs.N0, structure.modes.omega_n))
+    for small, large in zip(*found, strict=True):
+        assert large == pytest.approx(small, rel=1e-5)
+
+
+def test_springs_of_a_joint_act_on_the_area_that_it_has_under_load(comm, folder):
+    """A warm bar and warm ground are larger by their free strain, in all directions."""
+    strain = 1e-2
+    warm = f"temperature = {strain / 1.2e-5}\n"
+    both = "".join(f'[[statics.temperatures]]\ngroup = "{group}"\n{warm}' for group in ("bar", "ground"))
+    free = (
+        'fix = ["x", "y", "z"]',
+        'fix = ["z"]\n[[springs]]\ngroups = ["ground_base"]\ndirection = [1.0, 0.0, 0.0]\nstiffness = 1e6\n'
+        '[[springs]]\ngroups = ["ground_base"]\ndirection = [0.0, 1.0, 0.0]\nstiffness = 1e6',
+    )
+    scene = bar_scene_of(comm, folder, "large_displacements = true\n" + force(0.0, 0.0, -100.0) + both, free)
+    with microslip.build(scene, comm) as structure:
+        area, stiffness = structure.pairs.area.sum(), structure.pairs.k_n.sum()
+    larger = 1.0 + 2.0 * strain  # of second-order strain: F^T F = 1 + 2 strain
+    assert area == pytest.approx(BAR * WIDTH * larger, rel=1e-5)
+    assert stiffness == pytest.approx(2e12 * area, rel=1e-12)
+
+
+WRONG = {
+    "free": ("", "[0.01, 0.0, 0.0]", r'\[\[statics.displacements\]\] 1 group = "tip": node \d+ .* held along x by none'),
+    "held elsewhere": (GUIDED.replace('fix = ["x"]', 'fix = ["y"]'), "[0.01, 0.0, 0.0]", "held along x by none"),
+}
+
+
+EXCLUDED = {
+    "stress": ("stress_stiffening = false\n" + moved_by(0.01), "large_displacements = true goes with stress_stiffening"),
+    "bolts": ('[[statics.bolts]]\ngroup = "tip"\nforce = 1.0\n', "bolts are tightened with small displacements"),
+}
+
+
+@pytest.mark.parametrize("statics, message", EXCLUDED.values(), ids=EXCLUDED)
+def test_what_large_displacements_do_not_go_with_is_said(comm, folder, statics, message):
+    with pytest.raises(CaseError, match=message):
+        scene_of(comm, folder, "large_displacements = true\n" + statics)
+
+
+def test_a_group_that_there_is_not_is_named(comm, folder):
+    with pytest.raises(
+        MeshError, match=r"\[\[statics.displacements\]\] 1 group = 'tap': there is no such group .* nearest is 'tip'"
+    ):
+        microslip.build(scene_of(comm, folder, moved_by(0.01).replace('"tip"', '"tap"')), comm)
+
+
+@pytest.mark.parametrize("supports, by, message", WRONG.values(), ids=WRONG)
+def test_what_no_support_holds_is_not_moved(comm, folder, supports, by, message):
+    moved = f'[[statics.displacements]]\ngroup = "tip"\ndisplacement = {by}\n'
+    with pytest.raises(MeshError, match=message):
+        microslip.build(scene_of(comm, folder, moved, supports=supports), comm)
+
+
+def test_a_tie_does_not_go_with_a_moved_support(comm, folder):
+    """A point of mass between the hub, which is moved, and nothing: its rigid group follows what is held."""
+    tied = GUIDED + '[[points]]\nname = "p"\nposition = [1.0, 0.0, 0.0]\ngroup = "tip"\nconnection = "distributing"\nmass = 1.0\n'
+    with pytest.raises(MeshError, match="is moved, and leads a tie, a point or an equation"):
+        microslip.build(scene_of(comm, folder, moved_by(0.01), supports=tied), comm)
+
+
+def test_a_load_beyond_buckling_says_so(comm, folder):
+    """Euler's load of a cantilever, four times over, pushes it along a line that it cannot stay on."""
+    P = np.pi**2 * YOUNG * SIDE**4 / 12.0 / LENGTH**2
+    pushed = f'large_displacements = true\n[[statics.forces]]\ngroup = "tip"\nforce = [{-P}, 0.0, 0.0]\n'
+    scene = scene_of(comm, folder, pushed, "hex8", supports="", direction="direction = [0.0, 0.0, 1.0]")
+    with pytest.raises(ConvergenceError, match="no equilibrium beyond (1[89]|2[0-5])[.0-9]*% of the load"):
+        microslip.build(scene, comm)
