@@ -12,7 +12,7 @@ sys.path.insert(0, str(_root / "solver"))
 
 project = "microslip"
 copyright = "the microslip developers, MIT licence"
-release = re.search(r'__version__ = "(.+?)"', (_root / "solver" / "microslip" / "__init__.py").read_text(encoding="utf-8"))[1]
+release = re.search(r'__version__ = "(.+?)"', (_root / "solver" / "microslip" / "version.py").read_text(encoding="utf-8"))[1]
 
 # The equations are set by a MathJax that pip brings and the build copies, so that pages need no network.
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]

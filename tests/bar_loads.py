@@ -11,6 +11,7 @@ from microslip.library.settings import reduction_settings
 from microslip.linear.joint_springs import joint_stiffness
 from microslip.modes.dense import gathered
 from microslip.parallel.agree import on_root
+from microslip.receptance.model import ReducedModel
 
 LOADS = SCENE[SCENE.index("[[loads]]") : SCENE.index("[[outputs]]")]
 OUTPUTS = SCENE[SCENE.index("[[outputs]]") : SCENE.index("[damping]")]
@@ -46,4 +47,5 @@ def dense(structure):
 
 def reduced_model(structure, scene=None):
     """Return the reduced model of a structure by the method of a scene, its own unless given.  Collective."""
-    return reduced(structure, reduction_settings(scene or structure.scene)).model
+    settings = reduction_settings(scene or structure.scene)
+    return ReducedModel.of(reduced(structure, settings).structure, settings.excitation)

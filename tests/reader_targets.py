@@ -17,7 +17,6 @@ from mpi4py import MPI
 from microslip.assembly.force_file import forces_on_dofs, forces_on_nodes
 from microslip.assembly.matrix_places import dofs_of_rows, names_nodes
 from microslip.assembly.pair_file import read_pairs
-from microslip.continuation.branch import Point
 from microslip.continuation.checkpoint import under
 from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
@@ -28,6 +27,7 @@ from microslip.mesh.values import COLUMNS, PLACES
 from microslip.parallel import lock
 from microslip.parallel.csv_table import read_table
 from microslip.parallel.errors import CaseError, MicroslipError, ResourceError
+from microslip.points.branch import Point
 from microslip.receptance.static_columns import StaticColumns
 from microslip.restart.branch import KeptBranch
 from microslip.restart.columns import KeptColumns

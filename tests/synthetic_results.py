@@ -7,9 +7,9 @@ from mpi4py import MPI
 
 from microslip import __version__
 from microslip.contact.law import OPEN, SLIP, STICK
-from microslip.continuation.branch import Branch, Point
 from microslip.mesh.data import ContactPairs
 from microslip.observe.observer import Observers
+from microslip.points.branch import Branch, Point
 from microslip.results.record import LinearCurve, ResultFile, joint_of
 from microslip.results.writer import ResultWriter
 

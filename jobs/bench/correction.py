@@ -21,11 +21,11 @@ from verification.random_structures import draw
 from microslip.continuation.grid import at_frequencies, range_of
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.point_solver import PointSolver, Workspace
-from microslip.error_estimate.better_model import BetterModel
-from microslip.error_estimate.components import total
 from microslip.error_estimate.estimate import ErrorEstimator, output_amplitude
 from microslip.parallel.errors import MicroslipError
-from microslip.reduction.selection import AllPairs
+from microslip.points.error_parts import total
+from microslip.points.selection import AllPairs
+from microslip.receptance.modes_left_out import BetterModel
 
 HERE = MPI.COMM_SELF
 SEEN = 1e-6  # error over the peak

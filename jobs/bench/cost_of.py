@@ -32,9 +32,9 @@ from microslip.continuation import acceptance, corrector, follow
 from microslip.continuation.grid import at_frequencies
 from microslip.continuation.task import BranchTask
 from microslip.harmonic import balance, clustered, linearisation, newton_solver, preconditioner
+from microslip.points.selection import AllPairs
 from microslip.receptance import columns
 from microslip.receptance.static_columns import StaticColumns
-from microslip.reduction.selection import AllPairs
 
 # what is timed, each function without the others in this list that it calls
 GROUPS = [

@@ -30,10 +30,10 @@ from microslip.parallel.petsc import initialise
 initialise()
 from mpi4py import MPI
 
-from microslip.continuation.branch import Branch
 from microslip.observe.observer import Observers
 from microslip.parallel.agree import on_root
 from microslip.parallel.memory import give_back, resident_memory
+from microslip.points.branch import Branch
 from microslip.run import RunOptions, run
 from microslip.scene.read import read_scene
 

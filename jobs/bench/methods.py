@@ -37,12 +37,13 @@ from rubin import PlainRubin, build_rubin
 from stopwatch import Stopwatch
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
-from microslip.continuation.branch import Point
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies, going_on, secant
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.task import BranchTask
-from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
+from microslip.points.branch import Point
+from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
+from microslip.receptance.motions import output_motion
 
 
 class Laps:
@@ -107,7 +108,7 @@ def condensed_at(problem, points, chosen: list[int], tolerance: float, watch: St
         found = newton.correct(guess, size)
         equation = problem.equation
         p = equation.full_force(equation.contact_forces(found.iterate.U, equation.every_pair, tangents=False))
-        response = equation.model.output_motion(problem.level, omega, p)
+        response = output_motion(equation.model, problem.level, omega, p)
         row.add(i, omega, response, laps.lap(), found.newton, 0, newton.unknowns)
         row.failure = row.failure or found.failure
     return row

@@ -30,8 +30,8 @@ from microslip.harmonic.gmres import Gmres
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.newton_solver import RTOL
 from microslip.harmonic.preconditioner import HarmonicPreconditioner
+from microslip.points.selection import AllPairs
 from microslip.receptance.columns import ActiveColumns
-from microslip.reduction.selection import AllPairs
 
 COMM, H = MPI.COMM_SELF, 3
 

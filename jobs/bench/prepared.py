@@ -10,11 +10,11 @@ import numpy as np
 from microslip.continuation.levels import ResponseProblem, arc_length_steps
 from microslip.continuation.problems import ForcedResponse
 from microslip.continuation.steps import ArcLength, LinearCurve
-from microslip.continuation.sweep import Sweep
 from microslip.library.build import Structure, build
 from microslip.library.prepare import prepare as ready
 from microslip.observe.log import RunLog, Stage
 from microslip.parallel.agree import on_root
+from microslip.points.sweep import Sweep
 from microslip.receptance.model import ReducedModel
 from microslip.scene.read import read_scene
 

@@ -44,7 +44,7 @@ from microslip.mesh.read import read_mesh
 from microslip.modes import eigen
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
-from microslip.reduction.selection import AllPairs
+from microslip.points.selection import AllPairs
 from microslip.scene.read import read_scene
 
 NAMES = ("wall", "cpu", "mpi_wall", "mpi_cpu", *(f"{kind}, {what}" for what in ("calls", "bytes") for kind in KINDS))

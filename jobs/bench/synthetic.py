@@ -24,6 +24,7 @@ from microslip.parallel.ownership import split_evenly
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
+from microslip.receptance.motions import linear_motion
 from microslip.receptance.static_columns import StaticColumns
 
 K_T = 2e7  # N/m, of each pair and direction
@@ -113,7 +114,7 @@ def smooth_shapes(x: np.ndarray, n_modes: int, rng) -> np.ndarray:
 
 def joint_problem(model: ReducedModel, share: float, n_samples: int = 128, level: float = 1.0) -> ForcedResponse:
     """Return the problem in which about a ``share`` of the pairs slips at OMEGA.  Collective on the model's communicator."""
-    U = model.linear_motion(level, OMEGA)
+    U = linear_motion(model, level, OMEGA)
     rows = model.comm.allgather(U.reshape(-1, 3, model.N_H))
     du_t = synthesise(np.concatenate(rows)[:, :2], 64)
     most = K_T * np.linalg.norm(du_t, axis=1).max(axis=1)

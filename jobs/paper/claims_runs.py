@@ -16,7 +16,7 @@ from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import amplitude
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.balance import HarmonicBalance
-from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
+from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 REFERENCE, ORIGINAL, IMPROVED = "reference", "original", "improved"
 TIE = 1e-6  # of the peak: differences that far apart are the same

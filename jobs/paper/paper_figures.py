@@ -19,8 +19,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 from paper_runs import ARC, EPSILON, EQUAL, Level, Run, Study, errors, peak_error
 
-from microslip.continuation.branch import Branch
 from microslip.fourier.coefficients import amplitude
+from microslip.points.branch import Branch
 from microslip.reduction.expand import node_fields
 from microslip.results.curve_plots import draw_response, draw_rom_size, draw_states
 from microslip.results.joint_plots import draw_energy_map, draw_slip_map

@@ -25,7 +25,7 @@ from microslip.continuation.grid import at_frequencies, going_on
 from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import amplitude
 from microslip.parallel.errors import ConvergenceError
-from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
+from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPairs
 from microslip.studies.compare.report import differences
 
 LU_SIZES = (100, 200, 500, 1000, 2000, 4000)  # unknowns at which one dense LU is timed

@@ -16,6 +16,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .version import __version__ as __version__
+
 if TYPE_CHECKING:
     from .library.build import Structure, build
     from .library.respond import respond
@@ -26,7 +28,6 @@ if TYPE_CHECKING:
     from .scene.read import scene_of
     from .scene.schema import Scene
 
-__version__ = "0.1.0"
 __all__ = [
     "CaseError",
     "ConvergenceError",

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .continuation.branch import Branch
 from .continuation.keeper import Keepers
 from .library.build import build
 from .library.files import extent_of, write_shapes, writer_of
@@ -24,6 +23,7 @@ from .parallel.errors import ConvergenceError
 from .parallel.lock import locked
 from .parallel.versions import versions
 from .parallel.walltime import TimeLimit
+from .points.branch import Branch
 from .restart.cache import cache_of
 from .restart.folder import Restart
 from .restart.place import RESULTS, place_of, settle

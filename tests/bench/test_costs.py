@@ -13,7 +13,7 @@ from mpi4py import MPI
 from synthetic import K_T, frequencies, joint_model, joint_problem
 
 from microslip.continuation.grid import at_frequencies
-from microslip.reduction.selection import AllPairs
+from microslip.points.selection import AllPairs
 
 COMM = MPI.COMM_SELF
 

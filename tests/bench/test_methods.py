@@ -25,9 +25,11 @@ from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
 from microslip.modes.eigen import lowest_modes
+from microslip.points.selection import AllPairs, NonStickingPairs
+from microslip.receptance.excitation import Excitation
+from microslip.receptance.model import ReducedModel
 from microslip.reduction.build import reduce_structure
-from microslip.reduction.selection import AllPairs, NonStickingPairs
-from microslip.reduction.settings import ModalDamping, ReductionSettings
+from microslip.reduction.settings import ModalDamping
 from microslip.reduction.stuck import StuckStructure, static_response
 
 COMM = MPI.COMM_SELF
@@ -108,7 +110,8 @@ def two_boxes(n_modes):
     pairs = pair_contacts(mesh, case.joints)
     linearised = linearise(assemble(distribute(mesh, case, COMM), mesh, pairs, case), pairs)
     structure = StuckStructure(linearised, pairs, static_response(linearised), lowest_modes(linearised, n_modes))
-    return structure, scene, reduce_structure(structure, ReductionSettings(loads=case.loads, damping=scene.damping))
+    excitation = Excitation(tuple((load.harmonic, load.phase) for load in case.loads))
+    return structure, scene, ReducedModel.of(reduce_structure(structure, scene.damping), excitation)
 
 
 @pytest.mark.parametrize("level", [0.05, 4.0])

@@ -11,8 +11,8 @@ from microslip.harmonic.clustered import ClusteredPreconditioner, of_wide_slip
 from microslip.harmonic.gmres import Gmres
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.preconditioner import HarmonicPreconditioner
+from microslip.points.selection import AllPairs
 from microslip.receptance.clusters import felt, halved
-from microslip.reduction.selection import AllPairs
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
 COMM, N_PAIRS, H = MPI.COMM_WORLD, 150, 2

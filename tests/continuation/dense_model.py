@@ -7,16 +7,17 @@ from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.problems import ForcedResponse
 from microslip.continuation.steps import ArcLength, arc_lengths, linear_frequencies
-from microslip.continuation.sweep import Sweep
 from microslip.continuation.task import BranchTask
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic.balance import HarmonicBalance
 from microslip.parallel.ownership import split_evenly
+from microslip.points.selection import AllPairs
+from microslip.points.sweep import Sweep
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
+from microslip.receptance.motions import linear_motion
 from microslip.receptance.static_columns import StaticColumns
-from microslip.reduction.selection import AllPairs
 
 
 def reduced(system, comm, H, n_modes=None):
@@ -88,7 +89,7 @@ def branch(
     problem = forced(model, parameters, n_samples, level)
     low, high = low or system["omega"][0], high or system["omega"][1]
     grid = linear_frequencies(low, high, model.omega_n, model.zeta)
-    ds = arc_lengths(comm, [model.linear_motion(level, w) for w in grid], grid, high - low)[-1] / points
+    ds = arc_lengths(comm, [linear_motion(model, level, w) for w in grid], grid, high - low)[-1] / points
     start, stop = (high, low) if down else (low, high)
     steps = ArcLength(ds=ds, ds_min=ds_min * ds, ds_max=2 * ds)
     task = BranchTask(problem, selection or AllPairs(), Sweep(start, stop, tuple(at)), steps, tolerance)

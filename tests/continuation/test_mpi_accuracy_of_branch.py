@@ -23,13 +23,13 @@ from microslip.continuation.accuracy import (
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies
 from microslip.continuation.point_solver import Workspace
-from microslip.continuation.sweep import Sweep
 from microslip.continuation.task import BranchTask
-from microslip.error_estimate.better_model import BetterModel
-from microslip.error_estimate.components import PARTS
 from microslip.error_estimate.estimate import ErrorEstimator
 from microslip.fourier.harmonics import Harmonics
-from microslip.reduction.selection import AllPairs
+from microslip.points.error_parts import PARTS
+from microslip.points.selection import AllPairs
+from microslip.points.sweep import Sweep
+from microslip.receptance.modes_left_out import BetterModel
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD

@@ -8,7 +8,7 @@ from dense_model import amplitude, branch, reduced
 from mpi4py import MPI
 from oracles import harmonic_balance, scenes
 
-from microslip.reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs
+from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD  # the one- and two-pair systems leave ranks without pairs

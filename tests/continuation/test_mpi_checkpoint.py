@@ -13,13 +13,13 @@ from microslip.continuation.follow import advance
 from microslip.continuation.point_record import HELD
 from microslip.continuation.point_solver import Workspace
 from microslip.continuation.steps import ArcLength
-from microslip.continuation.sweep import Sweep
 from microslip.continuation.task import BranchTask
-from microslip.error_estimate.better_model import BetterModel
 from microslip.error_estimate.estimate import ErrorEstimator
 from microslip.fourier.harmonics import Harmonics
 from microslip.harmonic import adjoint_solver, newton_solver
-from microslip.reduction.selection import AllPairs, NonStickingPairs
+from microslip.points.selection import AllPairs, NonStickingPairs
+from microslip.points.sweep import Sweep
+from microslip.receptance.modes_left_out import BetterModel
 
 pytestmark = pytest.mark.ranks(1, 2, 3)
 COMM = MPI.COMM_WORLD

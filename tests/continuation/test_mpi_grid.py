@@ -9,7 +9,7 @@ from oracles import scenes
 from microslip.continuation.grid import at_frequencies, secant
 from microslip.continuation.iterate import Iterate
 from microslip.fourier.harmonics import Harmonics
-from microslip.reduction.selection import AllPairs, NonStickingPairs
+from microslip.points.selection import AllPairs, NonStickingPairs
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM, ALL = MPI.COMM_WORLD, AllPairs()

@@ -13,10 +13,11 @@ from microslip.continuation.follow import follow_branch
 from microslip.continuation.levels import levels_of_slip, linear_curve
 from microslip.continuation.linear_levels import is_linear
 from microslip.continuation.steps import ArcLength
-from microslip.continuation.sweep import Sweep
 from microslip.continuation.task import BranchTask
 from microslip.fourier.coefficients import synthesis_matrix
-from microslip.reduction.selection import AllPairs, NonStickingPairs
+from microslip.points.selection import AllPairs, NonStickingPairs
+from microslip.points.sweep import Sweep
+from microslip.receptance.motions import linear_motion
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -37,7 +38,7 @@ def prepared(name, *, at=(), down=False, **changes):
 def slip_level(model, parameters, curve):
     """Return the level at which the first pair leaves sticking: k_t |du_t| = mu (N0 - k_n du_z) at one of 256 samples."""
     synthesis = synthesis_matrix(model.harmonics, 256)
-    motions = np.array([model.linear_motion_of_all(1.0, omega) for omega in curve.omega])
+    motions = np.array([linear_motion(model, 1.0, omega, slice(None)) for omega in curve.omega])
     x, y, z = (motions.reshape(len(motions), -1, 3, model.N_H) @ synthesis.T).transpose(2, 0, 1, 3)
     mu, N0, k_t, k_n = (values[:, None] for values in (parameters.mu, parameters.N0, parameters.k_t, parameters.k_n))
     assert not parameters.separate.any()

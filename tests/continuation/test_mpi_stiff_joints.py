@@ -16,14 +16,14 @@ from microslip.continuation.corrector import row_weights
 from microslip.continuation.follow import follow_branch
 from microslip.continuation.point_record import HELD
 from microslip.continuation.steps import ArcLength
-from microslip.continuation.sweep import Sweep
 from microslip.continuation.task import BranchTask
 from microslip.harmonic.direct import WholeInverse
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
 from microslip.harmonic.operating_point import OperatingPoint
 from microslip.parallel.errors import CaseError
-from microslip.reduction.selection import AllPairs
+from microslip.points.selection import AllPairs
+from microslip.points.sweep import Sweep
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD

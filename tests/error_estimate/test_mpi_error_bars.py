@@ -9,14 +9,15 @@ from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation.grid import at_frequencies
-from microslip.error_estimate.better_model import BetterModel
-from microslip.error_estimate.components import PARTS, SAFETY, total
 from microslip.error_estimate.correction import corrected
 from microslip.error_estimate.estimate import Changes, ErrorEstimator
 from microslip.harmonic import adjoint_solver
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.operating_point import OperatingPoint
-from microslip.reduction.selection import AllPairs, NonStickingPairs
+from microslip.points.error_parts import PARTS, SAFETY, total
+from microslip.points.selection import AllPairs, NonStickingPairs
+from microslip.receptance.modes_left_out import BetterModel
+from microslip.receptance.motions import output_motion
 
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
@@ -87,7 +88,7 @@ def test_the_solver_s_part_is_the_distance_to_the_solution():
 
     def response(U):
         p = equation.full_force(equation.contact_forces(U, everything, tangents=False))
-        return model.output_motion(100.0, 560.0, p)[0]
+        return output_motion(model, 100.0, 560.0, p)[0]
 
     off = response(U) - response(exact[model.owned])
     parts = (
@@ -188,7 +189,7 @@ def test_what_a_correction_leaves_falls_as_the_square_of_what_it_corrects():
         p = equation.full_force(equation.contact_forces(U, everything, tangents=False))
         none = np.zeros_like(p)
         estimator.changes = lambda *_: Changes(none, none, none, equation, np.zeros_like(U), p)
-        found, first = estimator.at(equation, U, at, everything), model.output_motion(100.0, 560.0, p)[0, 1:3]
+        found, first = estimator.at(equation, U, at, everything), output_motion(model, 100.0, 560.0, p)[0, 1:3]
         estimator.destroy()
         return first[0] - 1j * first[1] + np.array([0.0, found.correction[0]])
 

@@ -10,7 +10,7 @@ import microslip
 
 ROOT = Path(microslip.__file__).parent
 BEYOND = (
-    "assembly contact continuation elements error_estimate fourier harmonic linear mesh modes parallel receptance reduction statics transient"
+    "assembly contact continuation elements error_estimate fourier harmonic linear mesh modes parallel points receptance reduction statics transient"
 ).split()
 TYPED = {"comm", "linearised", "modes", "pairs", "system", "stuck", "settings", "equation", "model", "law"}
 

@@ -9,6 +9,7 @@ import microslip
 from microslip.fourier.amplitudes import to_complex
 from microslip.library.settings import reduction_settings
 from microslip.parallel.errors import CaseError
+from microslip.receptance.motions import output_motion
 from microslip.reduction.choose_again import with_first
 
 N_DOF, N_PAIRS = 54, 6  # of the coarsest bar
@@ -57,7 +58,7 @@ def test_every_method_meets_a_direct_solution(comm, shared_path, eta):
         u = np.column_stack([np.linalg.solve(Z[n], forces[:, n]) for n in range(3)])
         exact = system.outputs @ u
         for method, keys in METHODS.items():
-            found = to_complex(reduced_model(structure, by(scene, method, **keys)).output_motion(1.0, omega, p))
+            found = to_complex(output_motion(reduced_model(structure, by(scene, method, **keys)), 1.0, omega, p))
             np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-8 * np.abs(exact).max(), err_msg=method)
 
 

@@ -11,8 +11,8 @@ from lap_scene import SCENE, write_mesh
 from scene_files import GOOD, write_scene
 
 import microslip
-from microslip.error_estimate.components import total
 from microslip.parallel.errors import CaseError
+from microslip.points.error_parts import total
 
 WITHOUT = """
 import sys, microslip

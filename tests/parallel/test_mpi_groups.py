@@ -15,7 +15,7 @@ from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ResourceError
 from microslip.parallel.groups import Counter, Reports, dealt, refuse_too_many, split
-from microslip.receptance.on_group import model_on_group
+from microslip.receptance.on_group import on_group
 from microslip.results.read import read_results
 from microslip.results.table import ResponseTable
 from microslip.scene.read import read_scene
@@ -116,7 +116,7 @@ def test_each_group_holds_the_whole_model(comm, shared_path, monkeypatch):
     structure = build(scene, comm, RunLog(comm, screen=False))
     model = prepare(structure).model
     parts = split(comm, min(2, comm.size))
-    own, everything = model_on_group(model, parts.comm), np.arange(model.n_pairs)
+    own, everything = on_group(model, parts.comm), np.arange(model.n_pairs)
     whole = np.concatenate(comm.allgather(model.G_static.transposed(everything)), axis=1)
     there = np.concatenate(parts.comm.allgather(own.G_static.transposed(everything)), axis=1)
     assert own.G_static.known.all() and there.shape == (3 * model.n_pairs, 3 * model.n_pairs)

@@ -13,6 +13,7 @@ from microslip.receptance.columns import ActiveColumns, ReceptanceColumns
 from microslip.receptance.damping import Damping, DynamicFlexibility
 from microslip.receptance.family import ModalFamily
 from microslip.receptance.model import ReducedModel
+from microslip.receptance.motions import linear_motion, linear_motion_rate, load_motion, modal_motion, output_motion
 from microslip.receptance.static_columns import StaticColumns
 
 COMM = MPI.COMM_WORLD
@@ -112,12 +113,12 @@ def test_motions_are_those_of_dense_algebra(name):
         return exact(model, static_f, x, lambda m: m.b.T, f) - exact(model, static_p, x, pairs_of, p)
 
     expected = moved(model.du_static, static_of(model), pairs_of, still)
-    np.testing.assert_allclose(whole(model.linear_motion(level, OMEGA)), expected, atol=1e-12)
-    np.testing.assert_allclose(model.linear_motion_of_all(level, OMEGA), expected, atol=1e-12)
+    np.testing.assert_allclose(whole(linear_motion(model, level, OMEGA)), expected, atol=1e-12)
+    np.testing.assert_allclose(linear_motion(model, level, OMEGA, slice(None)), expected, atol=1e-12)
     outputs = moved(model.out_static, model.out_R, lambda m: m.o, p)
-    np.testing.assert_allclose(model.output_motion(level, OMEGA, p), outputs, atol=1e-12)
+    np.testing.assert_allclose(output_motion(model, level, OMEGA, p), outputs, atol=1e-12)
     loads = moved(model.load_static, model.du_static.T, lambda m: m.b.T, p)
-    np.testing.assert_allclose(model.load_motion(level, OMEGA, p), loads, atol=1e-12)
+    np.testing.assert_allclose(load_motion(model, level, OMEGA, p), loads, atol=1e-12)
     for n in model.harmonics.chosen:
         A = model.out_R + dynamic(model, n, lambda m: m.o, pairs_of)
         np.testing.assert_allclose(model.output_receptance(OMEGA, n), A, atol=1e-12)
@@ -127,7 +128,7 @@ def test_motions_are_those_of_dense_algebra(name):
 def test_modal_motion_solves_the_modal_equations(name):
     model = MODELS[name]()
     p = random(4, 3 * N_PAIRS, model.N_H)
-    for share, eta in zip(model.shares, model.modal_motion(2.0, OMEGA, p), strict=True):
+    for share, eta in zip(model.shares, modal_motion(model, 2.0, OMEGA, p), strict=True):
         modes, n_omega = share.family, OMEGA * share.harmonics.numbers
         q = to_complex((modes.b @ (2.0 * model.f) - modes.R_phi.T @ p)[:, share.columns])
         left = modes.omega_n[:, None] ** 2 * eta - n_omega**2 * eta + 1j * n_omega * modes.damping.apply(eta)
@@ -190,11 +191,11 @@ def test_rates_leave_a_remainder_of_second_order(name, d_omega, d_sigma):
 
     def at(h):
         moved, omega = model.with_damping(h * d_sigma), OMEGA + h * d_omega
-        return whole(ReceptanceColumns(moved, omega, ACTIVE).apply(p)), whole(moved.linear_motion(2.0, omega))
+        return whole(ReceptanceColumns(moved, omega, ACTIVE).apply(p)), whole(linear_motion(moved, 2.0, omega))
 
     rates = (
         whole(ReceptanceColumns(model, OMEGA, ACTIVE).apply_rate(p, d_omega, d_sigma)),
-        whole(model.linear_motion_rate(2.0, OMEGA, d_omega, d_sigma)),
+        whole(linear_motion_rate(model, 2.0, OMEGA, d_omega, d_sigma)),
     )
     for here, rate, *steps in zip(at(0.0), rates, *(at(h) for h in STEPS)):
         if d_omega == d_sigma == 0.0:
@@ -238,9 +239,9 @@ def test_two_families_with_the_same_modes_are_one(full):
     assert (len(one.shares), len(two.shares)) == (1, 2)
     p = random(10, 3 * N_PAIRS, one.N_H)
     for act in (
-        lambda model: model.linear_motion(2.0, OMEGA),
-        lambda model: model.linear_motion_rate(2.0, OMEGA, 0.3, 0.4),
-        lambda model: model.output_motion(2.0, OMEGA, p),
+        lambda model: linear_motion(model, 2.0, OMEGA),
+        lambda model: linear_motion_rate(model, 2.0, OMEGA, 0.3, 0.4),
+        lambda model: output_motion(model, 2.0, OMEGA, p),
         lambda model: ReceptanceColumns(model, OMEGA, np.arange(N_PAIRS)).apply(p),
         lambda model: ReceptanceColumns(model, OMEGA, np.arange(N_PAIRS)).apply_rate(p, 0.3, 0.4),
         lambda model: ReceptanceColumns(model, OMEGA, ACTIVE).matrix(),

@@ -11,12 +11,15 @@ from matrix_scenes import write_matrix_scene
 from oracles import harmonic_balance, scenes
 
 from microslip.continuation.grid import at_frequencies
-from microslip.library.settings import reduction_settings
+from microslip.library.settings import excitation, reduction_settings
 from microslip.linear.dense import gram, multiply
 from microslip.modes.dense import gathered
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
+from microslip.receptance.model import ReducedModel
+from microslip.receptance.motions import linear_motion
 from microslip.reduction.expand import displacement
+from microslip.reduction.facts import Counts
 from microslip.reduction.free_interface import free_bodies, residual_attachment_modes
 from microslip.reduction.methods import METHODS, full, reduce_by_method
 
@@ -32,6 +35,10 @@ BASES = {
 def reduced(scene, structure, method, **solver):
     scene = by(scene, method.split(",")[0], **solver)
     return reduce_by_method(structure, reduction_settings(scene))
+
+
+def model_of(scene, reduction):
+    return ReducedModel.of(reduction.structure, excitation(scene))
 
 
 def matrices(structure):
@@ -50,7 +57,7 @@ def whole(comm, tmp_path_factory):
 def curve(scene, structure, reduction, omegas, level=30.0):
     pairs = structure.pairs
     law = replace(pairs.law, sampled=scene.solver.between_samples == "return-map")
-    problem = forced(reduction.model, law, 128, level)
+    problem = forced(model_of(scene, reduction), law, 128, level)
     found = at_frequencies(problem, reduction.selection, omegas, tolerance=1e-10)
     assert found.failure is None
     return found.points
@@ -149,9 +156,11 @@ def test_unknowns_are_those_of_the_reduced_equations_not_of_what_is_left_after_c
     scene, structure = whole
     for method, n in {"full": N_DOF, "rubin": N_DOF + 6 * N_PAIRS + 1, "rubin, condensed": N_DOF + 3 * N_PAIRS + 1}.items():
         reduction = reduced(scene, structure, method, **BASES.get(method, {}))
-        assert reduction.selection.unknowns(np.ones(N_PAIRS, bool), np.ones(N_PAIRS, bool), reduction.model.n_modes, 7) == 7 * n
+        assert (
+            reduction.selection.unknowns(np.ones(N_PAIRS, bool), np.ones(N_PAIRS, bool), reduction.structure.n_modes, 7) == 7 * n
+        )
         solver = by(scene, method, **BASES.get(method, {})).solver
-        assert METHODS[method.split(",")[0]].coordinates(solver, N_DOF, N_DOF, N_PAIRS, 1) == n
+        assert METHODS[method.split(",")[0]].FACTS.coordinates(solver, Counts(N_DOF, N_DOF, N_PAIRS, 1)) == n
 
 
 # -- the reference itself ------------------------------------------------------------------------------------------
@@ -168,7 +177,7 @@ def test_full_by_its_krylov_space_is_the_inverse_of_the_dynamic_stiffness(comm, 
         C = M @ phi @ np.diag(0.02 * np.sqrt(squares)) @ phi.T @ M
     else:
         C = 30.0 * M + 1e-7 * K_L
-    system, model = structure.linearised.system, reduced(scene, structure, "full").model
+    system, model = structure.linearised.system, model_of(scene, reduced(scene, structure, "full"))
     assert len(structure.modes.omega_n) + 56 < model.n_modes < system.n_dof == 324
     R, F, O = system.R.toarray(), system.loads.toarray(), system.outputs.toarray()
     for omega in structure.modes.omega_n[0] * np.array([0.7, 0.95, 1.1]):
@@ -185,9 +194,9 @@ def test_full_by_its_krylov_space_is_the_inverse_of_the_dynamic_stiffness(comm, 
 def test_full_expands_to_the_same_field_as_receptance(whole, reference):
     scene, structure = whole
     omegas, of_full, points = reference
-    model = reduced(scene, structure, "receptance").model
+    model = model_of(scene, reduced(scene, structure, "receptance"))
     p = model.comm.bcast(points[4].p).reshape(-1, model.N_H)
-    u = of_full.displacement(30.0, omegas[4], p)
+    u = of_full.displacement(model_of(scene, of_full), 30.0, omegas[4], p)
     assert u == pytest.approx(
         displacement(structure.linearised, structure.modes, model, 30.0, omegas[4], p), abs=1e-9 * np.abs(u).max(initial=1e-9)
     )
@@ -216,7 +225,7 @@ def test_frequencies_converge_from_above(comm, shared_path, method):
     errors = []
     for n_modes in (6, 15, 30):
         modes = type(structure.modes)(structure.modes.omega_n[0] * np.ones(n_modes), structure.modes.phi_owned)
-        model = reduce_by_method(replace(structure, modes=modes), reduction_settings(by(scene, method))).model
+        model = reduce_by_method(replace(structure, modes=modes), reduction_settings(by(scene, method))).structure
         assert (model.omega_n[:6] > exact * (1.0 - 1e-10)).all()
         errors.append(np.max(model.omega_n[:6] / exact - 1.0))
     assert errors[0] > 2.0 * errors[1] > 2.0 * errors[2] > 0.0
@@ -256,17 +265,18 @@ def test_fewer_modes_than_rigid_body_modes_are_refused(comm, shared_path):
 def test_few_shapes_of_the_joint_make_a_small_model_that_more_shapes_improve(whole, reference):
     scene, structure = whole
     omegas, of_full, _ = reference
-    exact = of_full.model.linear_motion_of_all(1.0, omegas[0])
+    best = model_of(scene, of_full)
+    exact = linear_motion(best, 1.0, omegas[0], slice(None))
     few = type(structure.modes)(structure.modes.omega_n[:8], structure.modes.phi_owned[:, :8])
     for method in ("joint-interface-modes", "trial-vectors"):
         errors = []
         for n in (5, 20, 45):
             settings = reduction_settings(by(scene, method, interface_modes=n))
-            model = reduce_by_method(replace(structure, modes=few), settings).model
+            model = model_of(scene, reduce_by_method(replace(structure, modes=few), settings))
             assert model.n_modes == 8 + 1 + n
-            trace, exact_trace = (np.sum(m.one_family.R_phi**2 / m.omega_n**2) for m in (model, of_full.model))  # of G_static
+            trace, exact_trace = (np.sum(m.one_family.R_phi**2 / m.omega_n**2) for m in (model, best))  # of G_static
             errors.append(1.0 - trace / exact_trace)
-            motion = model.linear_motion_of_all(1.0, omegas[0])
+            motion = linear_motion(model, 1.0, omegas[0], slice(None))
             assert np.abs(motion - exact).max() < 1e-3 * np.abs(exact).max()
         assert 1.0 > errors[0] > errors[1] > errors[2] > -1e-10
         assert errors[2] < 1e-10  # with all shapes the static columns are exact

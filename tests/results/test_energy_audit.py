@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic_results import branch, two_flanks
 
-from microslip.continuation.branch import Branch
+from microslip.points.branch import Branch
 from microslip.results.audit import audit_text, closure, energy_closure
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from synthetic_results import branch, two_flanks, write
 
-from microslip.continuation.branch import QUANTITIES
-from microslip.continuation.quantities import Column, Quantity, axis_lengths, declared, number
+from microslip.points.branch import QUANTITIES
+from microslip.points.quantities import Column, Quantity, axis_lengths, declared, number
 from microslip.results.guide_tables import with_tables
 from microslip.results.read import read_results
 

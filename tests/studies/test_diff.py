@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from synthetic_results import branch, head, no_pairs, two_flanks, write
 
-from microslip.error_estimate.components import PARTS, total
 from microslip.parallel.errors import CaseError
+from microslip.points.error_parts import PARTS, total
 from microslip.results.origin import InputFile, Origin
 from microslip.results.read import read_results
 from microslip.results.record import COMPLETE, RUNNING, STOPPED, ResultFile, level_result

@@ -27,11 +27,11 @@ from mpi4py import MPI
 from oracles import shooting
 from verification.random_structures import draw, kinds
 
-from microslip.error_estimate.components import PARTS, total
 from microslip.library.build import build
 from microslip.library.follow import follow
 from microslip.library.prepare import prepare
 from microslip.parallel.errors import MicroslipError
+from microslip.points.error_parts import PARTS, total
 from microslip.scene.read import read_scene
 
 HERE = MPI.COMM_SELF

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from oracles import populations, scenes
 
 import microslip
-from microslip.error_estimate.components import total
+from microslip.points.error_parts import total
 
 HERE = MPI.COMM_SELF
 H = 9

@@ -20,6 +20,22 @@ from .law import SLIP, STICK, ContactCycle
 _MOST_DERIVATIVES = 2**24  # numbers of dp/dU of elements that are held at a time
 
 
+class OfElements:
+    """What the laws share whose tangential part is a bundle of elements."""
+
+    bundle: Bundle
+
+    @property
+    def order(self) -> int:
+        """The order in 1 / N_t at which the harmonics of a cycle converge: that of the elements."""
+        return self.bundle.elements.order
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers of a pair that a step of time remembers beside p: the forces of its elements."""
+        return self.bundle.n_memory
+
+
 @dataclass(frozen=True)
 class Bundle:
     """Elements of n pairs, ``size`` a pair, that share its motion: eq. (3.10).  Of their forces the tangential one counts.

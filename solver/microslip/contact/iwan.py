@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from .bundle import Bundle, started
+from .bundle import Bundle, OfElements, started
 from .elastic_coulomb import ElasticCoulomb
 from .law import SLIP, STICK, ContactCycle
 
@@ -22,7 +22,7 @@ WEAKEST = 1e-3  # strength over that of the strongest, below which all sliders a
 
 
 @dataclass(frozen=True)
-class Iwan:
+class Iwan(OfElements):
     """The law of ``n`` pairs, arrays (n,); ValueError if one is out of range."""
 
     F_S: np.ndarray  # force at which all of a pair slips [N], above 0
@@ -46,16 +46,6 @@ class Iwan:
     @property
     def n_pairs(self) -> int:
         return len(self.K_T)
-
-    @property
-    def order(self) -> int:
-        """The order in 1 / N_t at which the harmonics of a cycle converge: that of the sliders."""
-        return self.bundle.elements.order
-
-    @property
-    def n_memory(self) -> int:
-        """Numbers of a pair that a step of time remembers beside p: the forces of its sliders."""
-        return self.bundle.n_memory
 
     @cached_property
     def stiffness(self) -> np.ndarray:

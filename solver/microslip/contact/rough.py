@@ -16,7 +16,7 @@ import numpy as np
 
 from ..fourier.coefficients import analysis_matrix, synthesis_matrix
 from ..fourier.harmonics import Harmonics
-from .bundle import Bundle, started
+from .bundle import Bundle, OfElements, started
 from .elastic_coulomb import ElasticCoulomb
 from .law import OPEN, SLIP, STICK, ContactCycle
 
@@ -28,7 +28,7 @@ MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential over normal stiffness at
 
 
 @dataclass(frozen=True)
-class Rough:
+class Rough(OfElements):
     """The law of ``n`` pairs of rough surfaces, arrays (n,), about their rest; ValueError if it is not defined there.
 
     A power of the approach may be open at rest, N0 <= 0, as an elastic-Coulomb pair: by the gap -N0 / k_n.  Its k_t and k_n are
@@ -65,16 +65,6 @@ class Rough:
     @property
     def n_pairs(self) -> int:
         return len(self.N0)
-
-    @property
-    def order(self) -> int:
-        """The order in 1 / N_t at which the harmonics of a cycle converge: that of the asperities."""
-        return self.bundle.elements.order
-
-    @property
-    def n_memory(self) -> int:
-        """Numbers of a pair that a step of time remembers beside p: the forces of its asperities."""
-        return self.bundle.n_memory
 
     @cached_property
     def is_open(self) -> np.ndarray:

@@ -9,8 +9,8 @@ import numpy as np
 from ..contact.law import STICK
 from ..fourier.harmonics import Harmonics
 from ..parallel.errors import ConvergenceError
+from ..points.branch import Point
 from .accuracy import Accuracy, Memory, Resolution
-from .branch import Point
 from .corrector import Correction
 from .iterate import PointState
 from .point_record import point_record

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..error_estimate.components import PARTS
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.symmetry import symmetric
+from ..points.error_parts import PARTS
 from .settings import ResponseSettings
 from .steps import ArcLength
 

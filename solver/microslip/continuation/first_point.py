@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from ..parallel.errors import ConvergenceError
+from ..points.sweep import Sweep
 from .iterate import Iterate
 from .point_solver import Found, PointSolver, Workspace
 from .problems import DampingHomotopy, LevelHomotopy, Problem
 from .state import BranchState
 from .steps import ArcLength
-from .sweep import Sweep
 from .task import Advance, BranchTask, Reached, Way
 
 STEPS = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)  # along a homotopy

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..parallel.errors import ConvergenceError
+from ..points.branch import NOTHING, Branch, Point
 from .acceptance import Accepted, accept
-from .branch import NOTHING, Branch, Point
 from .first_point import reach_first
 from .hold import MOSTLY, MOVED, hold, let_go
 from .iterate import Iterate, PointState, interpolate

@@ -9,10 +9,11 @@ import numpy as np
 
 from ..error_estimate.estimate import ErrorEstimator
 from ..parallel.errors import ConvergenceError
-from ..reduction.selection import Selection
+from ..points.branch import NOTHING, Branch, Point
+from ..points.selection import Selection
+from ..points.sweep import Sweep
 from .acceptance import Accepted, accept
 from .accuracy import Accuracy
-from .branch import NOTHING, Branch, Point
 from .first_point import reach_first
 from .follow import Leg, advance, solved
 from .iterate import Iterate, PointState, interpolate
@@ -21,7 +22,6 @@ from .problems import Problem
 from .state import BranchState
 from .stepping import second, step
 from .steps import ArcLength
-from .sweep import Sweep
 from .task import BranchTask
 
 FURTHEST = 2.0  # times the last way between two points over which their secant is trusted

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from .branch import Branch, Point
+from ..points.branch import Branch, Point
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from ..points.sweep import Sweep
     from .point_solver import Workspace
     from .state import BranchState
-    from .sweep import Sweep
     from .task import BranchTask
 
 Begun = tuple["BranchState", list[Point]]

@@ -11,17 +11,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..contact.law import Law
-from ..error_estimate.better_model import BetterModel
 from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.amplitudes import to_complex
 from ..harmonic.balance import HarmonicBalance
-from ..modes.band import frequency_band
 from ..parallel.errors import CaseError
+from ..points.band import frequency_band
+from ..points.branch import Branch, Point
+from ..points.selection import AllPairs, Selection
+from ..points.sweep import Sweep
 from ..receptance.model import ReducedModel
-from ..receptance.on_group import model_on_group
-from ..reduction.selection import AllPairs, Selection
+from ..receptance.modes_left_out import BetterModel
+from ..receptance.motions import linear_motion, output_motion
+from ..receptance.on_group import on_group
 from .accuracy import accuracy_of, steps_for
-from .branch import Branch, Point
 from .corrector import Correction
 from .follow import follow_branch
 from .grid import going_on
@@ -33,7 +35,6 @@ from .problems import ForcedResponse
 from .resonances import unresolved_peaks
 from .settings import ResponseSettings
 from .steps import ArcLength, LinearCurve, arc_lengths, linear_frequencies
-from .sweep import Sweep
 from .task import BranchTask
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ class ResponseProblem:
 
     def on_group(self, comm: MPI.Comm) -> ResponseProblem:
         """Return the same for a group of ranks, ``comm``, that goes on without the others.  Collective on all of them."""
-        model = model_on_group(self.model, comm)
+        model = on_group(self.model, comm)
         return replace(self, model=model, better=self.better and self.better.on_group(model, comm))
 
     def at_level(self, level: float) -> ForcedResponse:
@@ -133,8 +134,8 @@ def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> L
     ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
     omega = model.comm.bcast(linear_frequencies(*ends, model.omega_n, model.zeta))
     none = np.zeros((3 * model.n_pairs, model.N_H))
-    response = np.array([model.output_motion(1.0, w, none) for w in omega])
-    motions = [model.linear_motion(1.0, w) for w in omega] if model.n_pairs else list(response)
+    response = np.array([output_motion(model, 1.0, w, none) for w in omega])
+    motions = [linear_motion(model, 1.0, w) for w in omega] if model.n_pairs else list(response)
     s = arc_lengths(model.comm, motions, omega, sweep.scale)
     stuck = np.zeros(len(omega))
     if law is not None and model.n_pairs > 0:
@@ -198,7 +199,8 @@ def likely_to_slip(model: ReducedModel, law: Law, curve: LinearCurve) -> np.ndar
 
 def motion_at_peak(model: ReducedModel, curve: LinearCurve) -> np.ndarray:
     """Return the motion of all pairs where the first output peaks linearly, (3 n_pairs, N_H) [m/N].  Collective."""
-    return model.linear_motion_of_all(1.0, curve.omega[np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))])
+    at_peak = np.argmax(np.abs(curve.response[:, 0, 1:]).max(axis=1, initial=0.0))
+    return linear_motion(model, 1.0, curve.omega[at_peak], slice(None))
 
 
 def levels_of_slip(of: ResponseProblem) -> tuple[float, float]:

@@ -9,9 +9,10 @@ from ..error_estimate.estimate import ErrorEstimator
 from ..fourier.coefficients import cycle_work
 from ..harmonic.operating_point import OperatingPoint
 from ..parallel.errors import ConvergenceError
+from ..points.branch import Point
+from ..points.selection import Selection
 from ..receptance.model import ReducedModel
-from ..reduction.selection import Selection
-from .branch import Point
+from ..receptance.motions import load_motion, modal_motion, output_motion
 from .corrector import Correction
 from .point_solver import Found
 from .problems import Problem
@@ -49,7 +50,7 @@ def point_record(
     most = max(abs(work), damping + abs(friction), apparent_work(model, at, p))
     _check_balance(problem, correction, work - damping - friction, most)
     estimate = None if estimator is None else estimator.at(equation, U, at, selected, of_all)
-    response = harmonics.carry(model.output_motion(at.level, at.omega, p), recorded)
+    response = harmonics.carry(output_motion(model, at.level, at.omega, p), recorded)
     point = Point(
         omega=at.omega,
         response=response,
@@ -96,7 +97,7 @@ def apparent_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> flo
 
     A constant load does none, but leaves the rounding of a thousandth of its own.
     """
-    y, f = model.load_motion(at.level, at.omega, p), at.level * model.f
+    y, f = load_motion(model, at.level, at.omega, p), at.level * model.f
     n, cos, sin, mean = model.harmonics.above_mean, model.harmonics.cos, model.harmonics.sin, model.harmonics.mean
     vibration = np.sum(n * np.hypot(f[:, cos], f[:, sin]) * np.hypot(y[:, cos], y[:, sin]))
     return float(np.pi * (vibration + 1e-3 * np.sum(np.abs(f[:, mean] * y[:, mean]))))
@@ -104,7 +105,7 @@ def apparent_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> flo
 
 def damping_loss(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
     """Return the viscous loss D of eq. (9.1) and the structural one of eq. (13.3), together [J per cycle].  Local."""
-    of_shares = list(zip(model.shares, model.modal_motion(at.level, at.omega, p)))
+    of_shares = list(zip(model.shares, modal_motion(model, at.level, at.omega, p)))
     viscous = [_real_product(share.harmonics.numbers**2, eta, share.family.damping.apply(eta)) for share, eta in of_shares]
     structural = [
         _real_product(share.harmonics.numbers, eta, share.family.damping.apply_structural(eta)) for share, eta in of_shares
@@ -119,4 +120,4 @@ def _real_product(weights: np.ndarray, eta: np.ndarray, forces: np.ndarray) -> f
 
 def input_work(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> float:
     """Return the work of the loads, W of eq. (9.1) [J per cycle]: closed integral of f . du over each load.  Local."""
-    return float(cycle_work(at.level * model.f, model.load_motion(at.level, at.omega, p), model.harmonics).sum())
+    return float(cycle_work(at.level * model.f, load_motion(model, at.level, at.omega, p), model.harmonics).sum())

@@ -12,14 +12,14 @@ from ..harmonic.balance import HarmonicBalance
 from ..harmonic.mean_slip import is_held_by_its_joint_alone
 from ..harmonic.newton_solver import NewtonSolver
 from ..parallel.errors import ConvergenceError
-from ..reduction.selection import Selection
+from ..points.selection import Selection
+from ..points.sweep import Sweep
 from .accuracy import Resolution
 from .constraints import Plane, Scaling
 from .corrector import BorderedSystem, Correction, Corrector, row_weights
 from .iterate import Iterate, PointState
 from .linear_levels import sticks
 from .problems import Problem
-from .sweep import Sweep
 
 SHRINKS = 0.5  # of the unit of U: a motion below it is solved again in its own unit
 

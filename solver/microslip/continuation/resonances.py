@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..receptance.family import Share
+from ..receptance.motions import modal_motion
 from .iterate import Iterate, PointState
 from .point_solver import PointSolver
 from .steps import LinearCurve
@@ -113,4 +114,4 @@ def _modal_motion(solver: PointSolver, there: Iterate) -> list[np.ndarray]:
     """Return the modal amplitudes of each share of the harmonics at a solution.  Collective."""
     equation, at, there = solver.equation, solver.problem.at(there.parameters), there.on(solver.harmonics)
     p = equation.full_force(equation.contact_forces(there.U, equation.every_pair, tangents=False))
-    return equation.model_at(at).modal_motion(at.level, at.omega, p)
+    return modal_motion(equation.model_at(at), at.level, at.omega, p)

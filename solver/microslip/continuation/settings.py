@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..modes.band import Band
+from ..points.band import Band
 
 
 @dataclass(frozen=True, kw_only=True)

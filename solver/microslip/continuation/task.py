@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ..error_estimate.estimate import ErrorEstimator
-from ..reduction.selection import Selection
+from ..points.selection import Selection
+from ..points.sweep import Sweep
 from .accuracy import Accuracy, Memory
 from .point_solver import Found, PointSolver, Workspace
 from .problems import Problem
 from .state import BranchState
 from .steps import ArcLength
-from .sweep import Sweep
 
 Reached = tuple[Found, PointSolver]
 Advance = Callable[..., Any]  # takes a branch one step on: follow.advance, which itself begins with a first point

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .branch import Point
+from ..points.branch import Point
 
 if TYPE_CHECKING:
     from .keeper import Begun, Shorter

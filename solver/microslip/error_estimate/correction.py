@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .components import SAFETY, total
+from ..points.error_parts import SAFETY, total
 
 OF_HARMONICS = 0.2  # share of that part which is left: the harmonics settle to a tenth, and more would follow beyond them
 OF_SAMPLES = 0.25  # the same of the samples, whose limit is extrapolated

@@ -23,7 +23,8 @@ from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..parallel.ownership import rows_of
 from ..receptance.model import ReducedModel
-from .better_model import BetterModel
+from ..receptance.modes_left_out import BetterModel
+from ..receptance.motions import output_motion
 from .correction import Estimate, corrected
 
 FINER = 2  # times the samples of the better problem
@@ -73,7 +74,7 @@ class ErrorEstimator:
 
     def __init__(self, better: BetterModel):
         self.better, self.left_out = better, better.left_out
-        self.adjoint_solver, self.forward_solver = AdjointSolver(better.model.comm), AdjointSolver(better.model.comm)
+        self.adjoint_solver, self.forward_solver = AdjointSolver(better.structure.comm), AdjointSolver(better.structure.comm)
         self._models: dict[Harmonics, ReducedModel] = {}  # better ones, by harmonics
 
     def destroy(self) -> None:
@@ -81,15 +82,15 @@ class ErrorEstimator:
         self.adjoint_solver.destroy()
         self.forward_solver.destroy()
 
-    def model_on(self, harmonics: Harmonics) -> ReducedModel:
-        """Return the better model on a set of harmonics, made once.  Local."""
+    def better_than(self, model: ReducedModel, harmonics: Harmonics) -> ReducedModel:
+        """Return the better model under the loads of another, in a set of harmonics; made once.  Local."""
         if harmonics not in self._models:
-            self._models[harmonics] = self.better.model.with_harmonics(harmonics)
+            self._models[harmonics] = model.on(self.better.structure).with_harmonics(harmonics)
         return self._models[harmonics]
 
     def exact(self, equation: HarmonicBalance) -> HarmonicBalance:
         """Return the same equation of the better model.  Local."""
-        return equation if self.better.is_solved else equation.of(self.model_on(equation.harmonics))
+        return equation if self.better.is_solved else equation.of(self.better_than(equation.model, equation.harmonics))
 
     def at(
         self,
@@ -188,7 +189,7 @@ class ErrorEstimator:
         finer = exact.resolved(harmonics, FINER * exact.n_samples)
         by_samples = finer.full_force(finer.contact_forces(U, everything, tangents=False)) - p_all
         by_samples *= FINER**exact.law.order / (FINER**exact.law.order - 1.0)  # the limit of many samples, from N_t and FINER N_t
-        wider = exact.of(self.model_on(more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
+        wider = exact.of(self.better_than(exact.model, more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
         U_more = harmonics.carry(U, more)
         at_wider = wider.contact_forces(U_more, everything, tangents=False)
         forces, higher, miss = with_higher(wider, at, harmonics, at_wider, U_more, np.zeros_like(U_more), SETTLED)
@@ -238,7 +239,7 @@ def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
 
 def output_amplitude(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> np.ndarray:
     """Return cos 1 and then sin 1 of the outputs under loads and ``p`` (3 n_pairs, N_H), (2 n_outputs,) [m].  Local."""
-    motion = model.output_motion(at.level, at.omega, p)
+    motion = output_motion(model, at.level, at.omega, p)
     return motion[:, model.harmonics.columns(1)].T.ravel()
 
 

@@ -12,9 +12,10 @@ import numpy as np
 
 from ..contact.law import Law
 from ..fourier.harmonics import Harmonics
-from ..linear.dense import summed
+from ..parallel.ownership import summed
 from ..receptance.columns import ReceptanceColumns
 from ..receptance.model import ReducedModel
+from ..receptance.motions import linear_motion, linear_motion_rate
 from .mean_slip import hold_mean_slip
 from .operating_point import ContactForces, OperatingPoint, Rate
 
@@ -114,12 +115,12 @@ class HarmonicBalance:
 
     def linear_motion(self, at: OperatingPoint) -> np.ndarray:
         """Return U_lin of this rank's pairs, (n_owned, 3, N_H) [m].  Local; kept for the last point: do not write into it."""
-        return self._kept("motion", at, lambda: self.model_at(at).linear_motion(at.level, at.omega).reshape(self.shape))
+        return self._kept("motion", at, lambda: linear_motion(self.model_at(at), at.level, at.omega).reshape(self.shape))
 
     def linear_motion_rate(self, at: OperatingPoint, rate: Rate) -> np.ndarray:
         """Return how U_lin changes with a parameter, (n_owned, 3, N_H).  Local."""
-        d_U = self.model_at(at).linear_motion_rate(at.level, at.omega, rate.omega, rate.sigma).reshape(self.shape)
-        per_newton = self.model_at(at).linear_motion(1.0, at.omega).reshape(self.shape) if rate.level else 0.0
+        d_U = linear_motion_rate(self.model_at(at), at.level, at.omega, rate.omega, rate.sigma).reshape(self.shape)
+        per_newton = linear_motion(self.model_at(at), 1.0, at.omega).reshape(self.shape) if rate.level else 0.0
         return d_U + rate.level * per_newton
 
     def receptance(self, at: OperatingPoint, active: np.ndarray) -> ReceptanceColumns:

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import __version__
-from ..continuation.branch import Branch, hertz
 from ..mesh.locate import find_node
 from ..observe.not_computed import Extent
 from ..parallel.agree import on_root
 from ..parallel.versions import commit, program_hash, versions
+from ..points.branch import Branch, hertz
 from ..reduction.expand import node_fields, peak_displacement
 from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.origin import Origin
 from ..results.record import BOLT_UNITS, Bolts, LinearCurve, ResultFile, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
+from ..version import __version__
 from .origin import origin_of
 from .prepare import Prepared
 from .settings import outputs, units_of
@@ -89,7 +89,7 @@ def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, r
         if rest is not None and system.moved is not None:
             rest = rest + system.moved[:, :, None]
         for number, branch in enumerate(branches):
-            at, u = peak_displacement(system, prepared.reduction, branch)
+            at, u = peak_displacement(system, prepared.reduction, prepared.model, branch)
             if u is not None:
                 peaks[number] = Motion(at, u)
     on_root(prepared.model.comm, _write, prepared, branches, folder, (shapes, rest, peaks), run, share=False)

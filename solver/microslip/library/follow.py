@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..continuation.branch import Branch
 from ..continuation.keeper import Keepers, keep_nothing
 from ..continuation.levels import ResponseProblem, follow_levels, levels_of_slip
 from ..observe.log import RunLog
 from ..observe.observer import Observer, Observers
-from ..observe.side_by_side import follow_side_by_side
+from ..points.branch import Branch
+from .side_by_side import follow_side_by_side
 
 
 def follow(
@@ -59,4 +59,4 @@ def in_turn(response: ResponseProblem, n_groups: int) -> bool:
 def known_columns(response: ResponseProblem) -> np.ndarray:
     """Return the pairs whose static columns were solved for, (n_pairs,) bool.  Local."""
     better, known = response.better, response.model.G_static.known
-    return known if better is None else known | better.model.G_static.known
+    return known if better is None else known | better.structure.G_static.known

@@ -19,6 +19,7 @@ from ..linear.direct import foreseen
 from ..linear.joint_springs import KEPT, analysis_of
 from ..modes.block_lanczos import basis_size
 from ..parallel.memory import refuse_beyond
+from ..reduction.facts import Counts
 from ..reduction.galerkin import memory_of_basis
 from ..reduction.methods import METHODS
 from ..reduction.settings import ReductionSettings
@@ -139,10 +140,8 @@ def _peaks(
     proof = FACTORED * entries + fronts if solver.verify_modes else 0.0
     stages["modes"] = held + vectors + max(proof, SHARPENED, columns)
     held += 8.0 * n_owned * n_modes
-    n_columns = METHODS[solver.method].coordinates(
-        settings, n_modes, n_dof, n_pairs, sum(len(one.phases) for one in settings.loads)
-    )
-    basis = memory_of_basis(n_owned, n_columns) if METHODS[solver.method].FACTS.makes_basis else columns
+    facts, counts = METHODS[solver.method].FACTS, Counts(n_modes, n_dof, n_pairs, len(settings.excitation.shapes))
+    basis = memory_of_basis(n_owned, facts.coordinates(settings, counts)) if facts.makes_basis else columns
     stages["reduction"] = held + basis
     static = 72.0 * n_pairs * own_pairs
     points = _bytes_a_point(n_pairs, N_H) * scene.response.points * (len(scene.response.levels) + 1) * (comm.rank == 0)

@@ -9,19 +9,19 @@ from time import perf_counter
 import numpy as np
 
 from ..continuation.levels import ResponseProblem, response_problem
-from ..error_estimate.better_model import BetterModel, better_model_of
-from ..fourier.harmonics import Harmonics
 from ..mesh.data import ContactPairs
-from ..modes.band import Band
+from ..points.band import Band
+from ..receptance.excitation import Excitation
 from ..receptance.model import ReducedModel
-from ..reduction.build import load_coefficients
+from ..receptance.modes_left_out import BetterModel
+from ..reduction.better_model import better_model_of
 from ..reduction.methods import METHODS, check_size, reduce_by_method
 from ..reduction.reduction import Reduction
 from ..reduction.settings import ReductionSettings
 from ..scene.schema import Scene
 from ..statics.bolts import BoltsAtRest
 from .build import Structure
-from .settings import has_error_bars, reduction_settings, response_settings
+from .settings import excitation, has_error_bars, reduction_settings, response_settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,8 @@ def response_of(
     CaseError : the range cannot be followed; on every rank
     """
     law = pairs.law.followed(scene.solver.between_samples == "path")
-    return response_problem(response_settings(scene), reduction.model, law, reduction.selection, omega_n, better)
+    model = ReducedModel.of(reduction.structure, excitation(scene))
+    return response_problem(response_settings(scene), model, law, reduction.selection, omega_n, better)
 
 
 def reduced(structure: Structure, settings: ReductionSettings) -> Reduction:
@@ -113,12 +114,11 @@ def reduced(structure: Structure, settings: ReductionSettings) -> Reduction:
         structure.kept.pop("reduction", None)  # its memory first
         structure.kept["reduction"] = reduce_by_method(structure, settings)
         structure.kept["basis"] = key
-    found, harmonics = structure.kept["reduction"], Harmonics.up_to(settings.harmonics)
-    return replace(found, model=replace(found.model, f=load_coefficients(settings.loads, harmonics), harmonics=harmonics))
+    return structure.kept["reduction"]
 
 
 def _of_basis(settings: ReductionSettings) -> ReductionSettings:
     """Return what of the settings a basis depends on; of some methods on the range and its harmonics, too."""
     if not METHODS[settings.method].FACTS.knows_range:
-        settings = replace(settings, harmonics=0, band=Band())
+        settings = replace(settings, excitation=Excitation(), band=Band())
     return replace(settings, modes=None, accuracy=1.0, insists=False, level=1.0, where="")

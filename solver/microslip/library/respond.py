@@ -16,6 +16,7 @@ from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
 from ..parallel.errors import CaseError
 from ..parallel.words import nearest
+from ..receptance.model import ReducedModel
 from ..reduction.choose_modes import choose_modes
 from ..reduction.settings import ReductionSettings
 from ..scene import schema
@@ -114,8 +115,8 @@ def found_again(prepared: Prepared, find: Callable[[], Structure]) -> Prepared:
     """Return what was prepared, such that it asks for its structure where its fields need it.  Local."""
     settings = reduction_settings(prepared.scene)
 
-    def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
-        return reduced(find(), settings).displacement(level, omega, p)
+    def displacement(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
+        return reduced(find(), settings).displacement(model, level, omega, p)
 
     return replace(prepared, whole=find, reduction=replace(prepared.reduction, displacement=displacement))
 
@@ -200,7 +201,7 @@ def with_modes_for(structure: Structure, settings: ReductionSettings, pairs: Con
     key: tuple = ("modes", *_of_modes(settings))
     if settings.modes is None:
         limits = pairs.mu.tobytes(), pairs.N0.tobytes()
-        key = (*key, settings.method, settings.harmonics, settings.loads, settings.damping, settings.level, *limits)
+        key = (*key, settings.method, settings.excitation, settings.damping, settings.level, *limits)
     modes, why = structure.once(key, lambda: choose_modes(structure.linearised, pairs, structure.statics, settings))
     return replace(structure, modes=modes), why
 

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..continuation.branch import QUANTITIES, Branch
-from ..continuation.quantities import LABELS, TEXT, Quantity
-from ..error_estimate.components import total
 from ..fourier.coefficients import amplitude, phase
 from ..observe.observer import Observers
 from ..parallel.agree import on_each, on_root
 from ..parallel.errors import CaseError
+from ..points.branch import QUANTITIES, Branch
+from ..points.error_parts import total
+from ..points.quantities import LABELS, TEXT, Quantity
 from ..reduction.expand import node_fields
 from ..results.measures import AMPLITUDE, Shown
 from ..results.record import COMPLETE, STOPPED, LevelResult, ResultFile, level_result
@@ -208,7 +208,7 @@ class Response:
             )
         )
         p = found.p[i].reshape(-1, found.p.shape[-1])
-        u_owned = self.prepared.reduction.displacement(level, 2.0 * np.pi * found.frequency[i], p)
+        u_owned = self.prepared.reduction.displacement(self.prepared.model, level, 2.0 * np.pi * found.frequency[i], p)
         if system.dof is None:
             return float(found.frequency[i]), np.concatenate(system.comm.allgather(u_owned))
         return float(found.frequency[i]), system.comm.bcast(node_fields(system, u_owned))

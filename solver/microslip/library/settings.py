@@ -9,6 +9,7 @@ from typing import Any
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
 from ..formats.units import UNITS
+from ..fourier.harmonics import Harmonics
 from ..mesh.settings import (
     GEOMETRY,
     Body,
@@ -27,7 +28,8 @@ from ..mesh.settings import (
     Tie,
     TouchingFaces,
 )
-from ..modes.band import Band
+from ..points.band import Band
+from ..receptance.excitation import Excitation
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
 from ..scene.joint_laws import OWN
@@ -83,14 +85,19 @@ def reduction_settings(scene: Scene) -> ReductionSettings:
     return ReductionSettings(
         accuracy=solver.accuracy or DEFAULT_ACCURACY,
         insists=solver.accuracy is not None,
-        harmonics=scene.harmonics,
-        loads=loads(scene),
+        excitation=excitation(scene),
         damping=None if damping is None else _damping(damping, scene),
         band=band(scene),
         level=max(scene.response.levels),
         where=str(scene.path),
         **{key: getattr(solver, key) for key in keys},
     )
+
+
+def excitation(scene: Scene) -> Excitation:
+    """Return how the loads of a scene vary in time, and its harmonics.  Local."""
+    shapes = ((load.harmonic, phase) for load in loads(scene) for phase in load.phases)
+    return Excitation(tuple(shapes), Harmonics.up_to(scene.harmonics))
 
 
 def response_settings(scene: Scene) -> ResponseSettings:

@@ -6,6 +6,8 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from ..parallel.ownership import summed
+
 
 def wrap(block_owned: np.ndarray, comm: MPI.Comm) -> PETSc.Mat:
     """Return a PETSc dense matrix whose local rows are ``block_owned`` (n_owned, m), in the same memory.
@@ -30,13 +32,6 @@ def multiply(A: PETSc.Mat, X_owned: np.ndarray) -> np.ndarray:
     AX.destroy()
     X.destroy()
     return AX_owned
-
-
-def summed(comm: MPI.Comm, partial: np.ndarray) -> np.ndarray:
-    """Return the sum of ``partial`` over the ranks, on every rank.  Collective on ``comm``: one sum."""
-    total = np.array(partial, dtype=float, order="C")
-    comm.Allreduce(MPI.IN_PLACE, total)
-    return total
 
 
 def gram(comm: MPI.Comm, X_owned: np.ndarray, Y_owned: np.ndarray) -> np.ndarray:

@@ -10,8 +10,9 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from ..parallel.errors import ConvergenceError
+from ..parallel.ownership import summed
 from ..parallel.watchdog import moved
-from .dense import column_norms, diagonal_owned, multiply, summed
+from .dense import column_norms, diagonal_owned, multiply
 from .direct import factorise
 from .free_motion import explain_singular, is_singular
 from .mumps import SINGULAR

@@ -12,8 +12,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from ..parallel.errors import CaseError
+from ..parallel.ownership import summed
 from ..parallel.words import listed
-from .dense import diagonal_owned, gram, multiply, summed
+from .dense import diagonal_owned, gram, multiply
 from .direct import DirectSolver, factorise
 
 if TYPE_CHECKING:

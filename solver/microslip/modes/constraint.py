@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
-from ..linear.dense import summed
+from ..parallel.ownership import summed
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised

@@ -14,7 +14,8 @@ import scipy.linalg
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ..linear.dense import gram, multiply, summed
+from ..linear.dense import gram, multiply
+from ..parallel.ownership import summed
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised

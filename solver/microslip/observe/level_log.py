@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..continuation.branch import Branch, Point
-from ..continuation.sweep import Sweep
+from ..points.branch import Branch, Point
+from ..points.sweep import Sweep
 from ..results.measures import AMPLITUDE, Shown, counts
 from .log import RunLog
 

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .. import __version__
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, said_of
 from ..parallel.watchdog import moved
+from ..version import __version__
 from .screen import Screen
 
 if TYPE_CHECKING:

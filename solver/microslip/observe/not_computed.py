@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..continuation.branch import Branch, Point
-from ..error_estimate.components import PARTS, SAFETY
+from ..points.branch import Branch, Point
+from ..points.error_parts import PARTS, SAFETY
 
 FAINT = 1e-3  # of the largest output: fainter ones are judged against that
 TOO_LITTLE = 1e-6  # of the peak: less is not told in digits

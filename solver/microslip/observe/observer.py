@@ -7,8 +7,8 @@ from dataclasses import replace
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, Protocol
 
-from ..continuation.branch import Branch, Point
 from ..parallel.agree import on_root
+from ..points.branch import Branch, Point
 
 if TYPE_CHECKING:
     from mpi4py import MPI

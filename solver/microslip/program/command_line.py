@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from .. import __version__
 from ..parallel.errors import CaseError
 from ..parallel.petsc import PREFIXES
 from ..parallel.walltime import seconds_of
 from ..parallel.words import listed, nearest
+from ..version import __version__
 
 _SOLVE = ("run", "compare", "verify", "trade", "export")  # commands that PETSc options are for
 _SCENE = (*_SOLVE, "check")  # commands that read a scene

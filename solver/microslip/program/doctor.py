@@ -16,9 +16,9 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .. import __version__
 from ..parallel.petsc import initialise, locate
 from ..parallel.versions import dotted, loaded_libraries, mumps_version
+from ..version import __version__
 
 
 class Unusable(Exception):

@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from ..parallel.ownership import split_evenly
-from .model import ReducedModel
 from .static_columns import StaticColumns
+from .structure import ReducedStructure
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+Reduced = TypeVar("Reduced", bound=ReducedStructure)
 _BATCH = 128  # pairs whose columns travel together
 
 
-def model_on_group(model: ReducedModel, comm: MPI.Comm) -> ReducedModel:
-    """Return the same model, whole, with its pairs split over the ranks of ``comm``, a part of those of ``model.comm``.
+def on_group(model: Reduced, comm: MPI.Comm) -> Reduced:
+    """Return the same model, or structure, with its pairs split over the ranks of ``comm``, a part of those of ``model.comm``.
 
     Collective on ``model.comm``: the static columns of *all* pairs are solved for.  The factor is spread over all ranks, so
     that a group by itself cannot solve for a pair that leaves sticking later.

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..assembly.system import System
-from ..fourier.harmonics import Harmonics
 from ..linear.dense import gram, multiply
-from ..mesh.settings import Load
 from ..parallel.errors import CaseError
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
-from ..receptance.model import ReducedModel
 from ..receptance.observed import Observed
-from .settings import ModalDamping, ReductionSettings
+from ..receptance.structure import ReducedStructure
+from .settings import ModalDamping
 from .stuck import StuckStructure, seen_rows
 
 if TYPE_CHECKING:
@@ -87,32 +84,14 @@ def diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
     return modal if is_coupled.any() else np.diag(modal).copy()
 
 
-def load_coefficients(loads: Sequence[Load], harmonics: Harmonics) -> np.ndarray:
-    """Return the Fourier coefficients of the loads' shapes at unit level, (n_loads, N_H): cos(n omega t + phase).  Local."""
-    shapes = [(load.harmonic, phase) for load in loads for phase in load.phases]
-    f = np.zeros((len(shapes), harmonics.n_coefficients))
-    for row, (harmonic, phase) in zip(f, shapes):
-        if harmonic not in harmonics:
-            raise CaseError(f"[[loads]] acts in harmonic {harmonic}, which is not one of the harmonics {harmonics}")
-        cos_sin = np.array([np.cos(phase), -np.sin(phase)])
-        row[harmonics.columns(harmonic)] = cos_sin[:1] if harmonic == 0 else cos_sin
-    return f
-
-
-def reduce_structure(stuck: StuckStructure, settings: ReductionSettings) -> ReducedModel:
-    """Return the model of the structure's modes with its exact static response.
+def reduce_structure(stuck: StuckStructure, damping: ModalDamping | None) -> ReducedStructure:
+    """Return the structure's modes with its exact static response.
 
     Collective on the system's communicator: a sum, with a damping matrix another.
     """
-    system, modes, harmonics = stuck.linearised.system, stuck.modes, Harmonics.up_to(settings.harmonics)
-    return ReducedModel(
-        comm=system.comm,
-        families=(modal_family(system, modes.omega_n, modes.phi_owned, settings.damping),),
-        f=load_coefficients(settings.loads, harmonics),
-        harmonics=harmonics,
-        observed=observed(system),
-        **vars(stuck.statics),
-    )
+    system, modes = stuck.linearised.system, stuck.modes
+    family = modal_family(system, modes.omega_n, modes.phi_owned, damping)
+    return ReducedStructure(comm=system.comm, families=(family,), observed=observed(system), **vars(stuck.statics))
 
 
 def observed(system: System) -> Observed | None:

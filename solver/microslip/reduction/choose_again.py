@@ -15,7 +15,7 @@ from ..modes.limits import FEW
 from ..parallel.ownership import rows_of
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
-from ..receptance.model import ReducedModel
+from ..receptance.structure import ReducedStructure
 from .build import diagonal_if_possible, modal_damping
 from .choose_modes import as_stated, batches, picked
 from .settings import ModalDamping, ReductionSettings
@@ -26,7 +26,7 @@ from .truncation import bound
 class KnownStructure:
     """A stuck structure without its matrices."""
 
-    model: ReducedModel  # of all modes that were found
+    reduced: ReducedStructure  # of all modes that were found
     outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each
     n_dof: int
     n_proved: int  # modes that are known to be the lowest
@@ -39,13 +39,13 @@ class NotKnown(LookupError):
 def choose_again(known: KnownStructure, law: Law, settings: ReductionSettings) -> tuple[int, str] | None:
     """Return how many of the modes found are needed, and a line that says why; None if that or these modes are not known.
 
-    Collective on the model's communicator.  The number is that of :func:`~microslip.reduction.choose_modes.choose_modes`.
+    Collective on the structure's communicator.  The number is that of :func:`~microslip.reduction.choose_modes.choose_modes`.
 
     Raises
     ------
     CaseError : the accuracy asked for needs more modes than are computed
     """
-    n_known = len(known.model.one_family.omega_n)
+    n_known = len(known.reduced.one_family.omega_n)
     if settings.modes is not None:
         found: tuple[int, str] | None = settings.modes, as_stated(_omega_n(known, settings.modes), settings, known.n_dof)
     elif known.n_dof <= FEW:
@@ -58,35 +58,35 @@ def choose_again(known: KnownStructure, law: Law, settings: ReductionSettings) -
 
 
 def _omega_n(known: KnownStructure, n_modes: int) -> np.ndarray:
-    return known.model.one_family.omega_n[:n_modes]
+    return known.reduced.one_family.omega_n[:n_modes]
 
 
 def _fewest(known: KnownStructure, law: Law, settings: ReductionSettings) -> tuple[int, str] | None:
     """Return the same where an accuracy decides, from the batches in which the modes were found."""
-    n_known, mode = len(known.model.one_family.omega_n), settings.band.mode or 0
+    n_known, mode = len(known.reduced.one_family.omega_n), settings.band.mode or 0
     for n_batch, is_last in batches(known.n_dof, mode):
         n_found = min(n_batch, n_known)
         if n_found < n_batch and n_known < known.n_dof:
             return None
         if mode < n_found or is_last:
-            model = with_first(known.model, n_found, settings.damping)
+            reduced = with_first(known.reduced, n_found, settings.damping)
             try:
-                found = bound(model, law, Known(known, n_found), settings)
+                found = bound(reduced, law, Known(known, n_found), settings)
             except NotKnown:
                 return None
             omega_n, is_all = _omega_n(known, n_found), n_found == known.n_dof
-            n_modes, why = model.comm.bcast(picked(found, omega_n, is_all, is_last, settings))
+            n_modes, why = reduced.comm.bcast(picked(found, omega_n, is_all, is_last, settings))
             if n_modes:
                 return n_modes, why
     return None
 
 
-def with_first(model: ReducedModel, n_modes: int, damping: ModalDamping | None) -> ReducedModel:
-    """Return a model with the first of its modes alone, and their damping; that of the model where the structure has a matrix.
+def with_first(reduced: ReducedStructure, n_modes: int, damping: ModalDamping | None) -> ReducedStructure:
+    """Return the same with the first of its modes alone, and their damping; its own where the structure has a matrix.
 
     Local.
     """
-    family, first = model.one_family, slice(n_modes)
+    family, first = reduced.one_family, slice(n_modes)
     omega_n = family.omega_n[first]
     if damping is not None and damping.is_alone:
         C = modal_damping(damping, omega_n)
@@ -94,7 +94,7 @@ def with_first(model: ReducedModel, n_modes: int, damping: ModalDamping | None) 
         C = _first(family.damping.C, n_modes)
     S = None if family.damping.S is None else _first(family.damping.S, n_modes)
     shared = ModalFamily(omega_n, Damping(C, S), family.R_phi[:, first], family.b[first], family.o[:, first])
-    return replace(model, families=(shared,))
+    return replace(reduced, families=(shared,))
 
 
 def _first(modal: np.ndarray, n: int) -> np.ndarray:
@@ -110,19 +110,19 @@ class Known:
     n: int
 
     def of_load(self, f: np.ndarray) -> np.ndarray:
-        model = self.structure.model
+        model = self.structure.reduced
         parts = np.column_stack([f.real, f.imag])
         static = np.einsum("lp,lm,mp->p", parts, model.load_static, parts)
         return self._rest(static, model.one_family.b[: self.n] @ parts)[:, 0]
 
     def of_outputs(self) -> np.ndarray:
-        rows = self.structure.model.one_family.o[:, : self.n].T
+        rows = self.structure.reduced.one_family.o[:, : self.n].T
         both = np.concatenate([rows, np.zeros_like(rows)], axis=1)
         static = self.structure.outputs_static
         return self._rest(np.concatenate([static, np.zeros_like(static)]), both)
 
     def of_pairs(self, p: np.ndarray) -> np.ndarray:
-        model = self.structure.model
+        model = self.structure.reduced
         parts = np.concatenate([p.real, p.imag], axis=1)
         moving = np.flatnonzero(parts.reshape(model.n_pairs, -1).any(axis=1))
         if not model.G_static.known[moving].all():
@@ -137,7 +137,7 @@ class Known:
 
     def _rest(self, static: np.ndarray, of_modes: np.ndarray) -> np.ndarray:
         """Return the norms (n, q) of columns, real parts (n, q) and then imaginary ones, as the modes see them."""
-        omega_n = self.structure.model.one_family.omega_n[: self.n]
+        omega_n = self.structure.reduced.one_family.omega_n[: self.n]
         rest = np.maximum(static - np.cumsum((of_modes / omega_n[:, None]) ** 2, axis=0), 0.0)
         q = rest.shape[1] // 2
         return np.sqrt(rest[:, :q] + rest[:, q:])

@@ -8,11 +8,14 @@ import numpy as np
 
 from ..fourier.harmonics import Harmonics
 from ..receptance.model import ReducedModel
+from ..receptance.motions import modal_forces
 
 if TYPE_CHECKING:
     from ..assembly.system import System
     from ..linear.joint_springs import Linearised
     from ..modes.eigen import Modes
+    from ..points.branch import Branch
+    from .reduction import Reduction
 
 
 def displacement(
@@ -26,7 +29,7 @@ def displacement(
     system, model = linearised.system, model.with_harmonics(Harmonics.full(p.shape[-1]))
     first, last = system.K.getOwnershipRange()
     force = system.loads.tocsr()[first:last] @ (level * model.f) - system.R.T.tocsr()[first:last] @ p
-    (c,), (q,) = model.flexibilities(omega), model.modal_forces(level, p)
+    (c,), (q,) = model.flexibilities(omega), modal_forces(model, level, p)
     return linearised.factor.solve(np.ascontiguousarray(force)) + modes.phi_owned @ c.apply(q)
 
 
@@ -41,7 +44,7 @@ def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:
     return system.at_nodes(np.concatenate(gathered))
 
 
-def peak_displacement(system: System, reduction, branch) -> tuple[int, np.ndarray | None]:
+def peak_displacement(system: System, reduction: Reduction, model: ReducedModel, branch: Branch) -> tuple[int, np.ndarray | None]:
     """Return the number of a branch's point of largest response and the harmonics of u there, (n_nodes, 3, N_H) [m], as recorded.
 
     Collective; the field on rank 0, None elsewhere and where the branch has no point.
@@ -49,6 +52,6 @@ def peak_displacement(system: System, reduction, branch) -> tuple[int, np.ndarra
     if not branch.points:
         return -1, None
     at = branch.peak
-    p = reduction.model.comm.bcast(branch.points[at].p)
-    u = reduction.displacement(branch.level, branch.points[at].omega, p.reshape(-1, p.shape[-1]))
+    p = model.comm.bcast(branch.points[at].p)
+    u = reduction.displacement(model, branch.level, branch.points[at].omega, p.reshape(-1, p.shape[-1]))
     return at, node_fields(system, u)

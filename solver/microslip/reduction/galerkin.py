@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import scipy.linalg
 
-from ..assembly.system import System
 from ..fourier.amplitudes import to_real
 from ..fourier.harmonics import Harmonics
 from ..linear.dense import gram, multiply
@@ -24,13 +23,15 @@ from ..linear.joint_springs import Linearised
 from ..modes.rayleigh import sharpened
 from ..parallel.agree import on_root
 from ..parallel.ownership import rows_of, split_evenly
+from ..points.selection import AllPairs
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
+from ..receptance.motions import modal_motion
 from ..receptance.observed import Observed
 from ..receptance.static_columns import StaticColumns
-from .build import load_coefficients, modal_family, observed
+from ..receptance.structure import ReducedStructure
+from .build import modal_family, observed
 from .reduction import Reduction
-from .selection import AllPairs
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 
@@ -55,14 +56,16 @@ def reduce_on_basis(
     Collective on the system's communicator.  ``unknowns`` a harmonic coefficient are reported, the columns of V unless given.
     """
     omega_n, phi_owned = galerkin_modes(stuck.linearised, V_owned)
-    model = model_of_modes(stuck.linearised.system, omega_n, phi_owned, settings)
+    system = stuck.linearised.system
+    family = modal_family(system, omega_n, phi_owned, settings.damping)
+    structure = structure_of_family(system.comm, family, observed(system))
 
-    def displacement(level: float, omega: float, p: np.ndarray) -> np.ndarray:
+    def displacement(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
         full = model.with_harmonics(Harmonics.full(p.shape[-1]))
-        (eta,) = full.modal_motion(level, omega, p)
+        (eta,) = modal_motion(full, level, omega, p)
         return phi_owned @ to_real(eta, full.N_H)
 
-    return Reduction(model, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out, phi_owned)
+    return Reduction(structure, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out, phi_owned)
 
 
 def galerkin_modes(linearised: Linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -101,15 +104,8 @@ def reduced_modes(K_r: np.ndarray, M_r: np.ndarray) -> tuple[np.ndarray, np.ndar
     return theta[::-1], (W @ q)[:, ::-1], float(values[kept][0] / values[-1])
 
 
-def model_of_modes(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, settings: ReductionSettings) -> ReducedModel:
-    """Return the model that holds these modes and nothing else: its static parts are theirs, eq. (8.2).  Collective: two sums."""
-    return model_of_family(system.comm, modal_family(system, omega_n, phi_owned, settings.damping), settings, observed(system))
-
-
-def model_of_family(
-    comm: MPI.Comm, family: ModalFamily, settings: ReductionSettings, observed: Observed | None = None
-) -> ReducedModel:
-    """Return the model that holds a family of modes and nothing else, eq. (8.2).  Local."""
+def structure_of_family(comm: MPI.Comm, family: ModalFamily, observed: Observed | None = None) -> ReducedStructure:
+    """Return what holds a family of modes and nothing else: its static parts are theirs, eq. (8.2).  Local."""
     R_phi, o, b, n_pairs = family.R_phi, family.o, family.b, len(family.R_phi) // 3
     pair_ranges, flexibility = split_evenly(n_pairs, comm.size), 1.0 / family.omega_n**2
     own = R_phi[3 * pair_ranges[comm.rank] : 3 * pair_ranges[comm.rank + 1]] * flexibility
@@ -117,8 +113,7 @@ def model_of_family(
     def columns(pairs: np.ndarray) -> np.ndarray:
         return own @ R_phi[rows_of(pairs)].T
 
-    harmonics = Harmonics.up_to(settings.harmonics)
-    return ReducedModel(
+    return ReducedStructure(
         comm=comm,
         pair_ranges=pair_ranges,
         families=(family,),
@@ -127,8 +122,6 @@ def model_of_family(
         out_static=(o * flexibility) @ b,
         out_R=(o * flexibility) @ R_phi.T,
         load_static=(b.T * flexibility) @ b,
-        f=load_coefficients(settings.loads, harmonics),
-        harmonics=harmonics,
         observed=observed,
     )
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from functools import partial
 
+from ..points.selection import Selection
 from .build import reduce_structure
 from .expand import displacement
 from .reduction import Reduction
-from .selection import Selection
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 
@@ -17,5 +17,5 @@ def reduce_to_pairs(stuck: StuckStructure, settings: ReductionSettings, selectio
 
     Collective: static solves of a pair when it first leaves sticking.
     """
-    model = reduce_structure(stuck, settings)
-    return Reduction(model, selection, partial(displacement, stuck.linearised, stuck.modes, model), leaves_out="modes")
+    structure = reduce_structure(stuck, settings.damping)
+    return Reduction(structure, selection, partial(displacement, stuck.linearised, stuck.modes), leaves_out="modes")

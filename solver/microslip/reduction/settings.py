@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..mesh.settings import Load
-from ..modes.band import Band
+from ..points.band import Band
+from ..receptance.excitation import Excitation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +43,7 @@ class ReductionSettings:
     accuracy: float = 1e-3  # of the response over its linear peak
     insists: bool = False  # on the accuracy: it was stated
     verify_modes: bool = True  # prove by a count that none is missed
-    harmonics: int = 3  # the highest
-    loads: tuple[Load, ...] = ()  # their harmonics and phases
+    excitation: Excitation = Excitation()  # what the modes have to bear
     damping: ModalDamping | None = None  # None: the structure has a damping matrix
     band: Band = Band()
     level: float = 1.0  # the highest [N]

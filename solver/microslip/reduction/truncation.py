@@ -21,10 +21,13 @@ import scipy.sparse as sp
 from ..assembly.system import System
 from ..contact.law import Law
 from ..fourier.amplitudes import to_complex
-from ..linear.dense import gram, multiply, summed
-from ..modes.band import frequency_band
+from ..linear.dense import gram, multiply
+from ..parallel.ownership import summed
+from ..points.band import frequency_band
 from ..receptance.family import ModalFamily
 from ..receptance.model import ReducedModel
+from ..receptance.motions import linear_motion, output_motion
+from ..receptance.structure import ReducedStructure
 from .build import reduce_structure
 from .settings import ReductionSettings
 from .stuck import StuckStructure
@@ -64,11 +67,12 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
     docs/theory.md, eq. (4.5).
     """
-    return bound(reduce_structure(stuck, settings), stuck.pairs.law, Solved(stuck), settings)
+    return bound(reduce_structure(stuck, settings.damping), stuck.pairs.law, Solved(stuck), settings)
 
 
-def bound(model: ReducedModel, law: Law, norms: Norms, settings: ReductionSettings) -> LeftOut:
-    """Return the bounds for the modes of a model, by residual norms that are solved for or known.  Collective."""
+def bound(structure: ReducedStructure, law: Law, norms: Norms, settings: ReductionSettings) -> LeftOut:
+    """Return the bounds for the modes of a structure, by residual norms that are solved for or known.  Collective."""
+    model = ReducedModel.of(structure, settings.excitation)
     family, n = model.one_family, len(model.one_family.omega_n)
     low, high = 2.0 * np.pi * np.array(frequency_band(settings.band, family.omega_n))
     omegas = np.union1d(np.linspace(low, high, 60), family.omega_n[(family.omega_n > low) & (family.omega_n < high)])
@@ -161,14 +165,14 @@ def residual_norms(stuck: StuckStructure, X_owned: np.ndarray) -> np.ndarray:
 def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
     """Return the largest amplitude of each output on the linear curve, (n_outputs,) [m/N], any harmonic but the mean.  Local."""
     nothing = np.zeros((3 * model.n_pairs, model.N_H))
-    motions = [to_complex(model.output_motion(1.0, omega, nothing)) for omega in omegas]
+    motions = [to_complex(output_motion(model, 1.0, omega, nothing)) for omega in omegas]
     return np.abs(motions)[:, :, model.harmonics.numbers > 0].max(axis=(0, 2), initial=0.0)
 
 
 def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]:
     """Return the frequencies at which the stuck joint stores most energy, and the last of the range.  Local."""
     K_J = law.stiffness.reshape(-1, 1)
-    U = [to_complex(model.linear_motion_of_all(1.0, omega))[:, model.harmonics.numbers > 0] for omega in omegas]
+    U = [to_complex(linear_motion(model, 1.0, omega, slice(None)))[:, model.harmonics.numbers > 0] for omega in omegas]
     energy = np.array([np.sum(K_J * np.abs(U_n) ** 2) for U_n in U])
     rises = np.diff(energy, prepend=-1.0, append=-1.0) > 0.0
     tops = np.flatnonzero(rises[:-1] & ~rises[1:])
@@ -179,7 +183,7 @@ def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]
 def resonance(norms: Norms, model: ReducedModel, law: Law, omega: float, h: int, settings: ReductionSettings) -> Resonance:
     """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective."""
     level, family, (c,), i = settings.level, model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
-    U = to_complex(model.linear_motion_of_all(level, omega))
+    U = to_complex(linear_motion(model, level, omega, slice(None)))
     U_adjoint = model.out_R.T + c.between(family.R_phi, i, family.o)  # (3 n_pairs, n_outputs)
     share = law.slipping_share(np.abs(U).sum(axis=1).reshape(-1, 3), _EARLY).ravel()
     K_J = law.stiffness.ravel()

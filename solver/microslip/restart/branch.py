@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..continuation.branch import NOTHING, Branch, Point
 from ..continuation.checkpoint import Part, from_arrays, own_arrays, parts_of
 from ..continuation.keeper import Begun, Shorter
 from ..parallel.agree import on_root
 from ..parallel.errors import MicroslipError
 from ..parallel.files import make_folder
+from ..points.branch import NOTHING, Branch, Point
 from .points import of_point, to_point
 from .records import Arrays, Disk, Journal, Latest, as_written, length_of, note_record, pack, read_record, read_records, unpack
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
     from ..continuation.point_solver import Workspace
     from ..continuation.state import BranchState
-    from ..continuation.sweep import Sweep
     from ..continuation.task import BranchTask
+    from ..points.sweep import Sweep
 
 SELDOM = 300.0  # times as long as writing takes: two steps that come in less are written together
 SHORT = 0.1  # s; but if they take longer, each is written at once

@@ -20,12 +20,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..continuation.sweep import Sweep
 from ..library.prepare import Prepared
 from ..modes.user_order import in_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_each, on_root
 from ..parallel.files import make_folder, said_of
+from ..points.sweep import Sweep
 from .branch import KeptBranch
 from .cache import Cache, read_modes, take
 from .columns import KeptColumns

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .. import __version__
 from ..contact.laws import ELASTIC_COULOMB, LAWS
 from ..library.inputs import fingerprint, input_files
 from ..parallel.versions import program_hash, versions
+from ..version import __version__
 
 if TYPE_CHECKING:
     from ..scene.schema import Scene

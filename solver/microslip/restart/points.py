@@ -7,7 +7,7 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
-from ..continuation.branch import Point
+from ..points.branch import Point
 from .records import Arrays
 
 _KINDS = get_type_hints(Point)

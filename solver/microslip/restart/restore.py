@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..continuation.checkpoint import under
-from ..error_estimate.better_model import BetterModel
-from ..fourier.harmonics import Harmonics
 from ..library.build import Structure, build
 from ..library.prepare import Prepared, reduced, response_of
 from ..library.settings import reduction_settings
@@ -21,11 +19,11 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
 from ..receptance.model import ReducedModel
+from ..receptance.modes_left_out import BetterModel
 from ..receptance.static_columns import StaticColumns
-from ..reduction.build import load_coefficients
-from ..reduction.galerkin import model_of_family
+from ..receptance.structure import ReducedStructure
+from ..reduction.galerkin import structure_of_family
 from ..reduction.reduction import Reduction
-from ..reduction.settings import ReductionSettings
 from .columns import KeptColumns
 from .records import Arrays
 from .setup import STATICS, family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of
@@ -71,9 +69,9 @@ class Rebuilt:
         """Return the static columns of further pairs, as StaticColumns asks for them."""
         return self.structure.statics.G_static.solve(pairs)
 
-    def displacement(self, level: float, omega: float, p: np.ndarray) -> np.ndarray:
+    def displacement(self, model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
         """Return full displacements, as a Reduction does."""
-        return self.reduction.displacement(level, omega, p)
+        return self.reduction.displacement(model, level, omega, p)
 
     def close(self) -> None:
         """Free the factor, if there is one."""
@@ -93,41 +91,37 @@ def restored(
 
     Collective on the ranks of ``columns``; arrays and texts on every rank.
     """
-    comm, settings, outline = columns.comm, reduction_settings(scene), outline_of(arrays, texts)
+    comm, outline = columns.comm, outline_of(arrays, texts)
     rebuilt = Rebuilt(scene, comm, log, outline.omega_n, read_modes)
     pairs = pairs_of(arrays, texts)
     exact = texts["leaves_out"] == "modes"
     if exact:
-        model = exact_model(under("model", arrays), comm, settings, rebuilt.solve)
+        structure = exact_structure(under("model", arrays), comm, rebuilt.solve)
     else:
-        model = model_of_family(comm, family_of(under("model", arrays)), settings, observed_of(under("model", arrays)))
-    reduction = Reduction(model, selection_of(texts), rebuilt.displacement, texts["leaves_out"])
+        structure = structure_of_family(comm, family_of(under("model", arrays)), observed_of(under("model", arrays)))
+    reduction = Reduction(structure, selection_of(texts), rebuilt.displacement, texts["leaves_out"])
     better = None
     if texts["has_bars"]:
         other = under("better", arrays)
-        compared_with = exact_model(other, comm, settings, rebuilt.solve) if other else model
+        compared_with = exact_structure(other, comm, rebuilt.solve) if other else structure
         better = BetterModel(compared_with, left_out_of(arrays), is_solved=not other)
     known = exact_columns(reduction, better)
     if known is not None:
-        columns.restore(known, model.owned_rows)
+        columns.restore(known, structure.owned_rows)
     response = response_of(scene, pairs, reduction, outline.omega_n, better)
     return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close)
 
 
-def exact_model(
-    arrays: Mapping[str, Any], comm: MPI.Comm, settings: ReductionSettings, solve: Callable[[np.ndarray], np.ndarray]
-) -> ReducedModel:
-    """Return a model with the exact static response, its columns to be solved for by ``solve``.  Local."""
-    family, harmonics = family_of(arrays), Harmonics.up_to(settings.harmonics)
+def exact_structure(arrays: Mapping[str, Any], comm: MPI.Comm, solve: Callable[[np.ndarray], np.ndarray]) -> ReducedStructure:
+    """Return a structure with the exact static response, its columns to be solved for by ``solve``.  Local."""
+    family = family_of(arrays)
     n_pairs = len(family.R_phi) // 3
     pair_ranges = split_evenly(n_pairs, comm.size)
-    return ReducedModel(
+    return ReducedStructure(
         comm=comm,
         pair_ranges=pair_ranges,
         families=(family,),
         G_static=StaticColumns(n_pairs, int(np.diff(pair_ranges)[comm.rank]), solve),
-        f=load_coefficients(settings.loads, harmonics),
-        harmonics=harmonics,
         observed=observed_of(arrays),
         **{name: arrays[name] for name in STATICS},
     )
@@ -136,5 +130,5 @@ def exact_model(
 def exact_columns(reduction: Reduction, better: BetterModel | None) -> StaticColumns | None:
     """Return the static columns that were solved for with the factor; None where the modes of a basis give them.  Local."""
     if reduction.leaves_out == "modes":
-        return reduction.model.G_static
-    return None if better is None or better.is_solved else better.model.G_static
+        return reduction.structure.G_static
+    return None if better is None or better.is_solved else better.structure.G_static

@@ -13,27 +13,27 @@ from typing import Any
 import numpy as np
 
 from ..continuation.checkpoint import over, under
-from ..error_estimate.modes_left_out import ModesLeftOut
-from ..error_estimate.structural_coupling import StructuralCoupling
 from ..library.prepare import Outline, Prepared
 from ..mesh.data import ContactPairs
+from ..points.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
-from ..receptance.model import ReducedModel
+from ..receptance.modes_left_out import ModesLeftOut
 from ..receptance.observed import Observed
-from ..reduction.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
+from ..receptance.structural_coupling import StructuralCoupling
+from ..receptance.structure import ReducedStructure
 from ..statics.bolts import BoltsAtRest
 from .records import Arrays
 
 SELECTIONS: dict[str, type] = {kind.__name__: kind for kind in (AllPairs, DissipatingPairs, NonStickingPairs)}
-STATICS = ("du_static", "out_static", "out_R", "load_static")  # of a model with the exact static response
+STATICS = ("du_static", "out_static", "out_R", "load_static")  # of a structure with the exact static response
 _OF_MESH = ("weights1", "weights2", "notes")  # of pairs: assembly alone needs them
 
 
 def to_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     """Return the arrays and texts of what was prepared, without static columns.  Local, on rank 0."""
     outline, reduction, better = prepared.outline, prepared.reduction, prepared.response.better
-    arrays = over("pairs", numbers_of(prepared.pairs)) | over("model", of_model(reduction.model))
+    arrays = over("pairs", numbers_of(prepared.pairs)) | over("model", of_reduced(reduction.structure))
     arrays |= over("outline", numbers_of(outline))
     texts: dict[str, Any] = texts_of_pairs(prepared.pairs, outline) | {
         "leaves_out": reduction.leaves_out,
@@ -43,7 +43,7 @@ def to_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     if outline.bolts is not None:
         arrays |= over("bolts", numbers_of(outline.bolts))
     if better is not None:
-        arrays |= {} if better.is_solved else over("better", of_model(better.model))
+        arrays |= {} if better.is_solved else over("better", of_reduced(better.structure))
         arrays |= {} if better.left_out is None else over("left_out", numbers_of(better.left_out))
     return arrays, texts
 
@@ -102,13 +102,13 @@ def left_out_of(arrays: Arrays) -> ModesLeftOut | None:
     return ModesLeftOut(**whole, coupling=StructuralCoupling(**coupling) if coupling else None) if kept else None
 
 
-def of_model(model: ReducedModel) -> Arrays:
-    """Return the arrays of a model with one family."""
-    family = model.one_family
+def of_reduced(reduced: ReducedStructure) -> Arrays:
+    """Return the arrays of a reduced structure with one family."""
+    family = reduced.one_family
     found = over("family", {"omega_n": family.omega_n, "R_phi": family.R_phi, "b": family.b, "o": family.o})
     found |= {"family/C": family.damping.C, **({} if family.damping.S is None else {"family/S": family.damping.S})}
-    found |= {name: getattr(model, name) for name in STATICS}
-    return found | ({} if model.observed is None else over("observed", numbers_of(model.observed)))
+    found |= {name: getattr(reduced, name) for name in STATICS}
+    return found | ({} if reduced.observed is None else over("observed", numbers_of(reduced.observed)))
 
 
 def numbers_of(of: Any) -> Arrays:

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..continuation.checkpoint import over, under
-from ..error_estimate.better_model import BetterModel
-from ..error_estimate.left_out_again import OnRandom, left_out_again, on_random
 from ..library.build import Structure
 from ..library.complete import read_completed
 from ..library.prepare import Prepared, response_of
@@ -22,15 +20,18 @@ from ..mesh.read import read_mesh
 from ..modes.eigen import Modes
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
+from ..receptance.modes_left_out import BetterModel
 from ..receptance.static_columns import StaticColumns
+from ..receptance.structure import ReducedStructure
 from ..reduction.build import modal_family
 from ..reduction.choose_again import KnownStructure, choose_again, with_first
+from ..reduction.left_out_again import OnRandom, left_out_again, on_random
 from ..reduction.methods import SELECTIONS
 from ..reduction.reduction import Reduction
 from .columns import KeptColumns
 from .records import Arrays
-from .restore import Rebuilt, exact_model
-from .setup import left_out_of, numbers_of, of_model, outline_of, pairs_of, texts_of_pairs
+from .restore import Rebuilt, exact_structure
+from .setup import left_out_of, numbers_of, of_reduced, outline_of, pairs_of, texts_of_pairs
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -60,13 +61,14 @@ def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     ------
     CaseError : the damping matrix feeds energy into a mode that was found, but is not kept
     """
-    structure, model = prepared.structure, prepared.reduction.model
+    structure = prepared.structure
     linearised, modes = structure.linearised, all_found(structure)
     system, settings = linearised.system, reduction_settings(prepared.scene)
     family = modal_family(system, modes.omega_n, modes.phi_owned, settings.damping)
     first, last = system.K.getOwnershipRange()
     rows = system.outputs.T.tocsr()[first:last].toarray()
-    arrays = over("pairs", numbers_of(prepared.pairs)) | over("model", of_model(replace(model, families=(family,))))
+    reduced = replace(prepared.reduction.structure, families=(family,))
+    arrays = over("pairs", numbers_of(prepared.pairs)) | over("model", of_reduced(reduced))
     arrays |= over("outline", numbers_of(replace(prepared.outline, omega_n=modes.omega_n)))
     arrays["outputs_static"] = np.diag(gram(system.comm, rows, linearised.factor.solve(rows)))
     arrays |= over("random", numbers_of(on_random(linearised, modes)))
@@ -123,21 +125,21 @@ def made_of(
         settings = replace(settings, damping=replace(settings.damping, is_alone=False))
     outline = outline_of(arrays, texts)
     rebuilt = Rebuilt(scene, comm, log, outline.omega_n, read_modes)
-    everything = exact_model(under("model", arrays), comm, settings, rebuilt.solve)
+    everything = exact_structure(under("model", arrays), comm, rebuilt.solve)
     columns.restore(everything.G_static, everything.owned_rows)
     known = KnownStructure(everything, arrays["outputs_static"], outline.n_dof, texts["n_proved"])
     chosen = choose_again(known, pairs.law, settings)
     if chosen is None:
         return None
     n_modes, why = chosen
-    model = replace(with_first(everything, n_modes, settings.damping), G_static=to_ask_for(everything.G_static))
+    reduced = replace(with_first(everything, n_modes, settings.damping), G_static=to_ask_for(everything.G_static))
     better = None
     if has_error_bars(scene):
-        better = _better(arrays, texts, model, known)
+        better = _better(arrays, texts, reduced, known)
         if better is None:
             return None
     outline = replace(outline, omega_n=rebuilt.keep_first(n_modes))
-    reduction = Reduction(model, SELECTIONS[settings.method](settings), rebuilt.displacement, "modes")
+    reduction = Reduction(reduced, SELECTIONS[settings.method](settings), rebuilt.displacement, "modes")
     response = response_of(scene, pairs, reduction, outline.omega_n, better)
     return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close), why
 
@@ -151,16 +153,16 @@ def to_ask_for(known: StaticColumns) -> StaticColumns:
     return StaticColumns(n_pairs, n_owned, lambda pairs: known.transposed(pairs).T)
 
 
-def _better(arrays: Arrays, texts: Mapping[str, Any], model, known: KnownStructure) -> BetterModel | None:
+def _better(arrays: Arrays, texts: Mapping[str, Any], reduced: ReducedStructure, known: KnownStructure) -> BetterModel | None:
     """Return what error bars compare with; None where its samples are not known.  Local."""
-    n, n_kept = len(model.one_family.omega_n), texts["n_kept"]
+    n, n_kept = len(reduced.one_family.omega_n), texts["n_kept"]
     left_out = left_out_of(arrays)
     if n == known.n_dof:
-        return BetterModel(model, None, True)
+        return BetterModel(reduced, None, True)
     if left_out is None or (left_out.coupling is not None and n != n_kept):
         return None
-    again = left_out_again(left_out, n_kept, model, known.model.one_family, OnRandom(**under("random", arrays)))
-    return BetterModel(model, again, True)
+    again = left_out_again(left_out, n_kept, reduced, known.reduced.one_family, OnRandom(**under("random", arrays)))
+    return BetterModel(reduced, again, True)
 
 
 def pairs_for(scene: Scene, kept: ContactPairs, joints: list[dict[str, Any]], comm: MPI.Comm) -> ContactPairs | None:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..continuation.branch import CLOSES_TO, Branch
 from ..fourier.coefficients import amplitude
+from ..points.branch import CLOSES_TO, Branch
 
 _NOTHING = 1e-10  # of pi F a, the most work that a load F can do per cycle at amplitude a
 

@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from ..continuation.branch import CLOSES_TO
-from ..error_estimate.components import PARTS, total
 from ..fourier.coefficients import amplitude
+from ..points.branch import CLOSES_TO
+from ..points.error_parts import PARTS, total
 from .audit import closure
 from .measures import counts, peak, segments
 from .record import STOPPED, LevelResult, ResultFile

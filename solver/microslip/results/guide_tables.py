@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
 
-from ..continuation.branch import QUANTITIES
-from ..continuation.quantities import Quantity, axis_lengths
+from ..points.branch import QUANTITIES
+from ..points.quantities import Quantity, axis_lengths
 from .record import JOINT_QUANTITIES
 from .table import COLUMNS
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..contact.law import OPEN
 from ..contact.laws import ELASTIC_COULOMB
-from ..continuation.branch import CLOSES_TO, QUANTITIES
-from ..continuation.quantities import TEXT, Quantity, axis_lengths
 from ..formats.hdf5 import MOST_GAIN
 from ..parallel.apart import Died, read_apart
 from ..parallel.errors import CaseError
+from ..points.branch import CLOSES_TO, QUANTITIES
+from ..points.quantities import TEXT, Quantity, axis_lengths
 from .fields import read_fields, read_run
 from .origin import InputFile, Origin
 from .reader import Reader, attribute, opened

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from ..contact.laws import ELASTIC_COULOMB
-from ..continuation.branch import CLOSES_TO, QUANTITIES, Branch
-from ..continuation.quantities import Quantity, axis_lengths, declared
+from ..points.branch import CLOSES_TO, QUANTITIES, Branch
+from ..points.quantities import Quantity, axis_lengths, declared
 from .measures import Shown, shown_with
 from .origin import Origin
 
@@ -36,7 +36,7 @@ class LinearCurve:
 class LevelResult:
     """The converged points of one level, in the order of the branch.
 
-    Each quantity of :class:`~microslip.continuation.branch.Point` is an attribute by its name, an array (n, ...) of the shape and
+    Each quantity of :class:`~microslip.points.branch.Point` is an attribute by its name, an array (n, ...) of the shape and
     unit that is declared there: ``level.frequency``, ``level.response``, ``level.du``; None where it was not read or computed.
     """
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import h5py
 import numpy as np
 
-from ..continuation.branch import QUANTITIES, Branch, Point
-from ..continuation.quantities import LABELS, TEXT, Quantity, axis_lengths
 from ..parallel.agree import on_root
 from ..parallel.files import make_folder, written_whole
+from ..points.branch import QUANTITIES, Branch, Point
+from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
 from .origin import Origin
 from .record import BOLT_UNITS, COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Bolts, Joint, LevelResult, ResultFile, level_result
 from .table import ResponseTable

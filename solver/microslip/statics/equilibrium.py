@@ -15,13 +15,12 @@ from mpi4py import MPI
 from ..assembly.pretension import Bolts
 from ..contact.law import Law
 from ..contact.laws import are_springs, pressed_to
-from ..linear.dense import summed
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
 from ..modes.constraint import static_columns
 from ..parallel.agree import on_root
 from ..parallel.errors import ConvergenceError, ResourceError
-from ..parallel.ownership import rows_of
+from ..parallel.ownership import rows_of, summed
 from .bolts import BoltsAtRest, cuts_of, of_loads
 
 TOLERANCE = 1e-12  # of the relative displacement, over the largest there is

@@ -1,8 +1,8 @@
 """The reduction methods, one file each, one registry: what ``method`` names.
 
-A method takes the stuck structure and the settings, and returns a :class:`Reduction`.  Harmonic balance and
-continuation know none of them.  Beside what every file has, one may have ``check`` (of size, before anything is solved),
-``check_modes`` and, if it is the structure's modes with its exact static response, ``selection``: the set B.
+A method takes the stuck structure and the settings, and returns a :class:`Reduction`: its ``reduce``, or, if it is the
+structure's modes with their exact static response, its ``selection``: the set B.  Harmonic balance and continuation know none
+of them.  A file may have ``check`` (of size, before anything is solved) and ``check_modes``.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from ...assembly.system import System
+from ...points.selection import Selection
 from ..facts import Facts
+from ..internal_variable import reduce_to_pairs
 from ..reduction import Reduction
-from ..selection import Selection
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
 from . import adaptive, adaptive_energy, craig_bampton, full, joint_interface_modes, receptance, rubin, trial_vectors
@@ -23,10 +24,6 @@ class Method(Protocol):
     """What each file has."""
 
     FACTS: Facts
-
-    def reduce(self, stuck: StuckStructure, settings: ReductionSettings) -> Reduction: ...
-
-    def coordinates(self, settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int: ...
 
 
 METHODS: dict[str, Method] = {
@@ -47,6 +44,7 @@ def _with(function: str) -> dict[str, Callable[..., Any]]:
 
 
 CHECKS, MODE_CHECKS = _with("check"), _with("check_modes")
+REDUCTIONS: dict[str, Callable[[StuckStructure, ReductionSettings], Reduction]] = _with("reduce")
 SELECTIONS: dict[str, Callable[[ReductionSettings], Selection]] = _with("selection")
 
 
@@ -69,4 +67,6 @@ def check_modes(stuck: StuckStructure, settings: ReductionSettings) -> None:
 
 def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction by the method asked for.  Collective."""
-    return METHODS[settings.method].reduce(stuck, settings)
+    if settings.method in SELECTIONS:
+        return reduce_to_pairs(stuck, settings, SELECTIONS[settings.method](settings))
+    return REDUCTIONS[settings.method](stuck, settings)

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from petsc4py import PETSc
 
-from ...linear.dense import diagonal_owned, multiply, summed
+from ...linear.dense import diagonal_owned, multiply
 from ...linear.factor import Factor
 from ...linear.joint_springs import Linearised
 from ...modes.eigen import lowest_modes
+from ...parallel.ownership import summed
 from ..facts import Facts
 from ..galerkin import reduce_on_basis
 from ..interface_dofs import interface_dofs, unit_columns
@@ -30,12 +31,7 @@ if TYPE_CHECKING:
 
 _BATCH = 128
 
-FACTS = Facts(makes_basis=True)
-
-
-def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
-    """Return how many unknowns a harmonic coefficient has at most.  Local."""
-    return n_modes + 6 * n_pairs
+FACTS = Facts(lambda _, n: n.modes + 6 * n.pairs, makes_basis=True)
 
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:

@@ -25,10 +25,10 @@ import scipy.sparse as sp
 
 from ...linear.dense import gram, multiply
 from ...linear.joint_springs import Linearised
-from ...modes.band import frequency_band
 from ...modes.eigen import Modes, lowest_modes
 from ...parallel.errors import CaseError
 from ...parallel.memory import memory_left
+from ...points.band import frequency_band
 from ..facts import Facts
 from ..galerkin import memory_of_basis, reduce_on_basis
 from ..reduction import Reduction
@@ -44,12 +44,7 @@ ACCURACY = 1e-13  # of the residual receptance
 MOST_RATIO = 0.25  # kappa_max over omega_m^2: beyond, more modes are computed
 _LEAST_BLOCKS = 2
 
-FACTS = Facts(knows_range=True)
-
-
-def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
-    """Return how many unknowns a harmonic coefficient has at most.  Local."""
-    return n_dof
+FACTS = Facts(lambda _, n: n.dof, knows_range=True)
 
 
 def check(settings: ReductionSettings, n_dof: int, n_rows: int, comm: MPI.Comm) -> None:
@@ -93,7 +88,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 def modes_beyond(linearised: Linearised, modes: Modes, settings: ReductionSettings) -> tuple[Modes, int]:
     """Return modes that reach far enough beyond the range, and how many blocks of the Krylov space it then takes.  Collective."""
     n_dof = linearised.system.n_dof
-    highest = max(settings.harmonics, 1) * 2 * np.pi * frequency_band(settings.band, modes.omega_n)[1]
+    highest = max(settings.excitation.harmonics.highest, 1) * 2 * np.pi * frequency_band(settings.band, modes.omega_n)[1]
     while (ratio := (highest / modes.omega_n[-1]) ** 2) > MOST_RATIO and len(modes.omega_n) < n_dof:
         modes = lowest_modes(linearised, min(2 * len(modes.omega_n), n_dof), settings.verify_modes, fewer_will_do=True)
     return modes, n_blocks_for(ratio)

@@ -25,12 +25,7 @@ from ..reduction import Reduction
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
 
-FACTS = Facts(makes_basis=True)
-
-
-def coordinates(settings: ReductionSettings, n_modes: int, n_dof: int, n_pairs: int, n_loads: int) -> int:
-    """Return how many unknowns a harmonic coefficient has at most.  Local."""
-    return n_modes + min(settings.interface_modes, 3 * n_pairs) + n_loads
+FACTS = Facts(lambda settings, n: n.modes + min(settings.interface_modes, 3 * n.pairs) + n.loads, makes_basis=True)
 
 
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:

@@ -7,8 +7,8 @@ from typing import Any
 import matplotlib.colors
 import numpy as np
 
-from ...error_estimate.components import PARTS, total
 from ...fourier.coefficients import amplitude, phase
+from ...points.error_parts import PARTS, total
 from ..audit import closure
 from ..measures import counts, segments
 from ..record import LevelResult, ResultFile

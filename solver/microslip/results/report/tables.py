@@ -7,7 +7,7 @@ from html import escape
 
 import numpy as np
 
-from ...error_estimate.components import PARTS, total
+from ...points.error_parts import PARTS, total
 from ..fields import Fields, RunRecord
 from ..measures import counts, peak
 from ..record import STOPPED, Bolts, LevelResult, ResultFile

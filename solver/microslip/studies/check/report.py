@@ -18,6 +18,7 @@ from ...mesh.data import ContactPairs, Mesh
 from ...mesh.settings import MeshSettings
 from ...modes.limits import FEW, refuse_too_many
 from ...parallel.words import place
+from ...reduction.facts import Counts
 from ...reduction.methods import METHODS
 from ...scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
 from . import content
@@ -152,9 +153,9 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
         modes = f"{solver.modes}, as [solver] modes says" if solver.modes else "all there are"
     n_modes = solver.modes or (n_dof if n_dof <= FEW else 0)
     settings = reduction_settings(scene)
-    n_loads = sum(len(load.phases) for load in settings.loads)
+    n_loads = len(settings.excitation.shapes)
     coordinates, with_another_mode = (
-        METHODS[solver.method].coordinates(settings, n_modes + more, n_dof, n_pairs, n_loads) for more in (0, 1)
+        METHODS[solver.method].FACTS.coordinates(settings, Counts(n_modes + more, n_dof, n_pairs, n_loads)) for more in (0, 1)
     )
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
     points = f"about {scene.response.points} points" if scene.harmonics else "one point, for all frequencies"

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ...continuation.branch import Branch
 from ...continuation.grid import at_frequencies
 from ...library.build import Structure, build
 from ...library.prepare import Prepared, prepare
@@ -15,6 +14,7 @@ from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
 from ...parallel.words import nearest
+from ...points.branch import Branch
 from ...reduction.methods import METHODS, check_modes
 from ...results.measures import shown_with
 from .report import Row, write_comparison

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...error_estimate.components import total
+from ...points.error_parts import total
 from ...results.measures import AMPLITUDE, Shown, counts
 from ...results.record import COMPLETE, LevelResult
 from .curves import Curve, Foot, half_width

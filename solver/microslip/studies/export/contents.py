@@ -10,9 +10,9 @@ import numpy as np
 
 from ...contact.laws import ELASTIC_COULOMB, sliders_of
 from ...library.build import Structure
-from ...library.settings import band, units_of
+from ...library.settings import band, excitation, units_of
 from ...mesh.data import ContactPairs, Mesh
-from ...modes.band import frequency_band
+from ...points.band import frequency_band
 from ...reduction.reduction import Reduction
 from .matrices import InterfaceModel
 
@@ -35,7 +35,7 @@ def contents(
 ) -> dict[str, Entry]:
     """Return the arrays of an export by their names.  Local."""
     found = {**_matrices(model, K_J), **_pairs(structure.pairs)}
-    found |= _loads(reduction, model) | _outputs(scene, reduction, model) | _asked(scene, structure)
+    found |= _loads(scene, model) | _outputs(scene, reduction, model) | _asked(scene, structure)
     return found
 
 
@@ -98,16 +98,17 @@ _SLIDERS = {  # shape, unit and meaning
 }
 
 
-def _loads(reduction: Reduction, model: InterfaceModel) -> dict[str, Entry]:
+def _loads(scene: Scene, model: InterfaceModel) -> dict[str, Entry]:
     meaning = "load at unit level: mean, cos 1, sin 1, cos 2, ... of the coordinates"
-    return {"load": Entry(model.F @ reduction.model.f, "(n, 2 H + 1)", "1", meaning)}
+    return {"load": Entry(model.F @ excitation(scene).coefficients, "(n, 2 H + 1)", "1", meaning)}
 
 
 def _outputs(scene: Scene, reduction: Reduction, model: InterfaceModel) -> dict[str, Entry]:
-    n, observed, units = len(model.outputs), reduction.model.observed, units_of(scene).outputs
+    n, observed, units = len(model.outputs), reduction.structure.observed, units_of(scene).outputs
     order = np.zeros(n) if observed is None else observed.order.astype(float)
     of_p = np.zeros((n, len(model.R))) if observed is None else observed.of_p
-    base = np.zeros((n, reduction.model.f.shape[1])) if observed is None else observed.of_base @ reduction.model.f
+    f = excitation(scene).coefficients
+    base = np.zeros((n, f.shape[1])) if observed is None else observed.of_base @ f
     return {
         "outputs": Entry(model.outputs, "(n_outputs, n)", "1", "rows o of the outputs"),
         "output_order": Entry(

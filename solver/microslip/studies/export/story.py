@@ -58,7 +58,7 @@ def export(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
             reduction = reduced(structure, settings)
         with log.stage("matrices"):
             K_J = joint_stiffness(structure.pairs)
-            model = on_root(comm, lambda: interface_model(reduction.model.one_family, K_J))
+            model = on_root(comm, lambda: interface_model(reduction.structure.one_family, K_J))
             found = contents(scene, structure, reduction, model, K_J)
             fields = recovered(structure, reduction, model.T) if asked.recovery else None
         log.note(note)

@@ -5,27 +5,25 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...continuation.accuracy import Accuracy, accuracy_of
-from ...continuation.branch import Branch
 from ...continuation.grid import at_frequencies
 from ...continuation.levels import ResponseProblem, frequency_sweep
 from ...continuation.problems import ForcedResponse
-from ...error_estimate.better_model import BetterModel
-from ...error_estimate.components import total
 from ...error_estimate.correction import Estimate
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
-from ...harmonic.balance import HarmonicBalance
-from ...harmonic.operating_point import ContactForces, OperatingPoint
 from ...library.build import Structure
 from ...library.prepare import Prepared, prepare
 from ...library.settings import response_settings
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...parallel.errors import MicroslipError
+from ...points.branch import Branch
+from ...points.error_parts import total
+from ...receptance.modes_left_out import BetterModel
 from .study import Curve, Run, Setting
 
 if TYPE_CHECKING:
@@ -133,7 +131,7 @@ class Bench:
 
     def response(self, prepared: Prepared, setting: Setting) -> ResponseProblem:
         """Return what all levels share with a setting.  Local."""
-        model = prepared.reduction.model.with_harmonics(Harmonics.up_to(setting.harmonics))
+        model = prepared.model.with_harmonics(Harmonics.up_to(setting.harmonics))
         settings = replace(prepared.response.settings, samples=setting.samples, tolerance=setting.tolerance)
         selection = prepared.reduction.selection
         return replace(prepared.response, settings=settings, model=model, selection=selection, sweep=self.sweep)
@@ -228,16 +226,9 @@ class TimedEstimator(ErrorEstimator):
         super().__init__(better)
         self.spent = np.zeros(2)
 
-    def at(
-        self,
-        equation: HarmonicBalance,
-        U: np.ndarray,
-        at: OperatingPoint,
-        selected: np.ndarray,
-        of_all: ContactForces | None = None,
-    ) -> Estimate | None:
+    def at(self, *point: Any, **known: Any) -> Estimate | None:
         start = Stopwatch.read()
-        estimate = super().at(equation, U, at, selected, of_all)
+        estimate = super().at(*point, **known)
         self.spent += Stopwatch.read() - start
         return estimate
 

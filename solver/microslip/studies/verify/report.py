@@ -10,10 +10,10 @@ import matplotlib
 import numpy as np
 from matplotlib.lines import Line2D
 
-from ...continuation.branch import Branch
 from ...fourier.coefficients import amplitude
 from ...observe.screen_table import screen_table
 from ...parallel.files import make_folder, written_whole
+from ...points.branch import Branch
 from ...results.measures import segments
 from ...results.style import DPI, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, some, with_prefix
 

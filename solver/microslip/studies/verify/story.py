@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...continuation.branch import Branch
 from ...continuation.levels import ResponseProblem, follow_levels
 from ...fourier.amplitudes import to_real
 from ...fourier.coefficients import amplitude, cycle_work, synthesise
@@ -21,7 +20,9 @@ from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
+from ...points.branch import Branch
 from ...receptance.model import ReducedModel
+from ...receptance.motions import modal_motion
 from ...transient.march import Cycle, March
 from ...transient.model import TransientModel, transient_model
 from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
@@ -247,7 +248,7 @@ def start_of(transient: TransientModel, model: ReducedModel, chosen: list[Chosen
     """Return the motions of harmonic balance at t = 0: among steady states that differ by residual tractions, theirs."""
     N_H = chosen[0].p.shape[-1]
     model = model.with_harmonics(Harmonics.full(N_H))
-    motions = [model.modal_motion(one.level, one.omega, one.p.reshape(-1, N_H)) for one in chosen]
+    motions = [modal_motion(model, one.level, one.omega, one.p.reshape(-1, N_H)) for one in chosen]
     eta = [to_real(of_family, N_H) for (of_family,) in motions]
     return from_harmonics(
         transient, np.array([one.omega for one in chosen]), np.array(eta), np.array([one.U for one in chosen]), n_steps

@@ -8,7 +8,7 @@ from typing import Any, get_type_hints
 
 import numpy as np
 
-from ..error_estimate.components import PARTS
+from .error_parts import PARTS
 
 QUADRATURES = ("cos", "sin")
 LABELS = {"parts": PARTS, "quadratures": QUADRATURES}  # of the axes whose entries have names
@@ -31,7 +31,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a field of a dataclass is, and how it is stored: of a :class:`~microslip.continuation.branch.Point` above all.
+    """What a field of a dataclass is, and how it is stored: of a :class:`~microslip.points.branch.Point` above all.
 
     One whose field may be None is left out of a level unless all its points have it: its array is None then, its cells are
     empty, and a file without it is read; so is one without what an earlier version did not write (``optional``).

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..linear.dense import diagonal_owned, gram, summed
+from ..linear.dense import diagonal_owned, gram
 from ..linear.random_signs import random_signs
+from ..parallel.ownership import summed
 from ..receptance.family import ModalFamily
-from ..receptance.model import ReducedModel
-from .modes_left_out import KEY, LAST, SAMPLES, ModesLeftOut, of_samples
+from ..receptance.modes_left_out import KEY, LAST, SAMPLES, ModesLeftOut, of_samples
+from ..receptance.structure import ReducedStructure
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
@@ -42,12 +43,14 @@ def on_random(linearised: Linearised, modes: Modes) -> OnRandom:
     return OnRandom(summed(comm, mass @ modes.phi_owned**2), gram(comm, modes.phi_owned, random))
 
 
-def left_out_again(left_out: ModesLeftOut, n_kept: int, model: ReducedModel, family: ModalFamily, seen: OnRandom) -> ModesLeftOut:
-    """Return the samples beside the modes of ``model`` from those beside ``n_kept`` modes.  Local.
+def left_out_again(
+    left_out: ModesLeftOut, n_kept: int, structure: ReducedStructure, family: ModalFamily, seen: OnRandom
+) -> ModesLeftOut:
+    """Return the samples beside the modes of ``structure`` from those beside ``n_kept`` modes.  Local.
 
     ``family`` are all modes known.  What couples the modes kept to the others is known for ``n_kept`` alone.
     """
-    n = len(model.one_family.omega_n)
+    n = len(structure.one_family.omega_n)
     assert n == n_kept or left_out.coupling is None, "a coupling is known for the modes kept alone"
     between, sign = slice(min(n, n_kept), max(n, n_kept)), 1.0 if n < n_kept else -1.0
     squares = family.omega_n[between] ** 2
@@ -57,4 +60,4 @@ def left_out_again(left_out: ModesLeftOut, n_kept: int, model: ReducedModel, fam
     rows = (rows + sign * (of_modes / squares) @ seen.amplitudes[between]) * seen.scale(n)
     direct = left_out.direct + sign * (o / squares**2) @ b
     own = left_out.own + sign * (b**2 / squares[:, None] ** 2).sum(axis=0)
-    return of_samples(rows, direct, own, model, left_out.loss_factor, left_out.coupling)
+    return of_samples(structure, rows, direct, own, left_out.loss_factor, left_out.coupling)

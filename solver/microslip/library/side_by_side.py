@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..continuation.branch import NOTHING, Branch
 from ..continuation.keeper import Keepers, keep_nothing
 from ..continuation.levels import ResponseProblem, follow_level
+from ..observe.log import RunLog
+from ..observe.observer import Observers
 from ..parallel.agree import on_root
 from ..parallel.groups import Counter, Reports, dealt, split
 from ..parallel.watchdog import unwatched
-from .log import RunLog
-from .observer import Observers
+from ..points.branch import NOTHING, Branch
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -10,21 +10,18 @@ many pairs there are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse as sp
 
-from ..linear.dense import diagonal_owned, gram, multiply, summed
-from ..linear.random_signs import random_signs
-from ..receptance.model import ReducedModel
-from ..reduction.build import owned_product
+from .model import ReducedModel
+from .on_group import on_group
 from .structural_coupling import StructuralCoupling
+from .structure import ReducedStructure
 
 if TYPE_CHECKING:
-    from ..linear.joint_springs import Linearised
-    from ..modes.eigen import Modes
+    from mpi4py import MPI
 
 SAMPLES = 32  # random vectors: norms are known to about a quarter
 KEY = 20  # of the random vectors
@@ -86,42 +83,24 @@ def _norms(samples: np.ndarray, model: ReducedModel) -> np.ndarray:
     return np.sqrt(np.concatenate([mean, cos + sin], axis=-1))
 
 
-def sample_modes_left_out(linearised: Linearised, modes: Modes, model: ReducedModel, eta: float = 0.0) -> ModesLeftOut | None:
-    """Return the samples for the modes beyond ``modes``; None where there are none.
-
-    Collective on the system's communicator: ``SAMPLES`` static solves, with a loss factor ``eta`` as many more as modes.
-    docs/theory.md, eq. (11.3).
-    """
-    system, n_rows, n_out = linearised.system, linearised.system.R.shape[0], linearised.system.outputs.shape[0]
-    if len(modes.omega_n) == 0 or len(modes.omega_n) == system.n_dof:
-        return None
-    comm, mass = system.comm, np.maximum(diagonal_owned(linearised.M), 0.0)
-    first, last = linearised.K_L.getOwnershipRange()
-    # the diagonal of M, scaled to have the kinetic energy of the highest modes kept
-    energies = summed(comm, mass @ modes.phi_owned[:, -LAST:] ** 2)
-    random = np.sqrt(mass / energies.mean())[:, None] * random_signs(first, last - first, SAMPLES, KEY)
-    given = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
-    Z_random, Z_given = (beyond_modes(linearised, modes, right_owned) for right_owned in (random, given))
-    everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
-    rows = owned_product(everything, Z_random, system) / np.sqrt(SAMPLES)
-    W = gram(comm, Z_given, multiply(linearised.M, Z_given))
-    coupling = structural_coupling(linearised, modes, everything, eta) if eta > 0.0 and n_rows > 0 else None
-    return of_samples(rows, W[-n_out:, :-n_out], np.diag(W)[:-n_out], model, eta, coupling)
-
-
 def of_samples(
-    rows: np.ndarray, direct: np.ndarray, own: np.ndarray, model: ReducedModel, eta: float, coupling: StructuralCoupling | None
+    structure: ReducedStructure,
+    rows: np.ndarray,
+    direct: np.ndarray,
+    own: np.ndarray,
+    eta: float,
+    coupling: StructuralCoupling | None,
 ) -> ModesLeftOut:
-    """Return what samples tell beside the modes of a model.  Local.
+    """Return what samples tell beside the modes of a structure.  Local.
 
     Parameters
     ----------
     rows : (3 n_pairs + n_outputs + n_loads, SAMPLES) the samples Z s seen from pairs, outputs and loads
     direct, own : (n_outputs, n_loads), (n_loads,) of W, as kept
     """
-    family, n_rows, n_out = model.one_family, 3 * model.n_pairs, model.n_outputs
+    family, n_rows, n_out = structure.one_family, 3 * structure.n_pairs, structure.n_outputs
     # Rayleigh's quotients of the loads: energy x^T K_L^-1 x over x^T W x, without the modes kept
-    static = np.diag(model.load_static) - (family.b**2 / family.omega_n[:, None] ** 2).sum(axis=0)
+    static = np.diag(structure.load_static) - (family.b**2 / family.omega_n[:, None] ** 2).sum(axis=0)
     squares = np.maximum(static, 0.0) / np.maximum(own, np.finfo(float).tiny)
     effective = np.sqrt(squares[squares > 0.0].min(initial=np.inf))
     omega = np.clip(effective, family.omega_n[-1], 1e3 * family.omega_n[-1])
@@ -133,26 +112,20 @@ def of_samples(
         rows[n_rows + n_out :],
         direct,
         own,
-        model.out_static - (family.o / family.omega_n**2) @ family.b,
+        structure.out_static - (family.o / family.omega_n**2) @ family.b,
         eta,
         coupling,
     )
 
 
-def structural_coupling(linearised: Linearised, modes: Modes, everything: sp.csr_matrix, eta: float) -> StructuralCoupling:
-    """Return how a loss factor couples the modes to those beyond.  Collective: as many static solves as modes."""
-    system, phi_owned = linearised.system, modes.phi_owned
-    d_owned = eta * (multiply(linearised.K_L, phi_owned) - multiply(system.K, phi_owned))  # eta R^T K_J R phi
-    Z_owned = beyond_modes(linearised, modes, d_owned)
-    n_rows, n_out = system.R.shape[0], system.outputs.shape[0]
-    seen = owned_product(everything, Z_owned, system)
-    return StructuralCoupling(
-        seen[:n_rows], seen[n_rows : n_rows + n_out], seen[n_rows + n_out :], gram(system.comm, d_owned, Z_owned)
-    )
+@dataclass(frozen=True)
+class BetterModel:
+    """The receptance with an exact static residual, and samples of the modes left out; None where none is."""
 
+    structure: ReducedStructure
+    left_out: ModesLeftOut | None
+    is_solved: bool  # whether it is the very model that is solved
 
-def beyond_modes(linearised: Linearised, modes: Modes, right_owned: np.ndarray) -> np.ndarray:
-    """Return Z B = K_L^-1 B - phi Omega^-2 phi^T B, this rank's rows.  Collective: as many static solves as columns."""
-    comm = linearised.system.comm
-    of_modes = gram(comm, modes.phi_owned, right_owned) / modes.omega_n[:, None] ** 2
-    return linearised.factor.solve(right_owned) - modes.phi_owned @ of_modes
+    def on_group(self, own: ReducedStructure, comm: MPI.Comm) -> BetterModel:
+        """Return the same for a group of ranks, which solves the model ``own``.  Collective on ``structure.comm``."""
+        return replace(self, structure=own if self.is_solved else on_group(self.structure, comm))

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fourier.amplitudes import to_complex
-from ..receptance.model import ReducedModel
+from .model import ReducedModel
+from .motions import modal_motion
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class StructuralCoupling:
         """
         k, i = model.index_of(1)
         family, j = model.shares[k].family, model.harmonics.chosen.index(1)
-        x = model.modal_motion(level, omega, p)[k][:, i]
+        x = modal_motion(model, level, omega, p)[k][:, i]
         f_1, p_1 = to_complex(level * model.f)[:, j], to_complex(p)[:, j]
         force = 1j * (self.of_loads.T @ f_1 - self.of_pairs.T @ p_1) - self.own @ x
         more = model.flexibilities(omega)[k].whole(force[:, None], i)[:, 0]

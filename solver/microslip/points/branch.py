@@ -10,8 +10,8 @@ from typing import Annotated
 import numpy as np
 
 from ..contact.law import OPEN, SLIP, STICK
-from ..error_estimate.components import PARTS, SAFETY, total
 from ..fourier.coefficients import amplitude, phase
+from .error_parts import PARTS, SAFETY, total
 from .quantities import TEXT, Column, Quantity, declared, number
 
 
