@@ -11,7 +11,7 @@ from microslip.library.settings import reduction_settings
 from microslip.linear.joint_springs import joint_stiffness
 from microslip.modes.dense import gathered
 from microslip.parallel.agree import on_root
-from microslip.receptance.model import ReducedModel
+from microslip.receptance.reduced_model import ReducedModel
 
 LOADS = SCENE[SCENE.index("[[loads]]") : SCENE.index("[[outputs]]")]
 OUTPUTS = SCENE[SCENE.index("[[outputs]]") : SCENE.index("[damping]")]

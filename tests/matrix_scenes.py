@@ -10,9 +10,9 @@ import scipy.sparse as sp
 
 from microslip.assembly.pair_file import COLUMNS
 from microslip.library.build import build
-from microslip.library.files import writer_of
-from microslip.library.follow import follow
+from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
+from microslip.library.result_files import writer_of
 from microslip.observe.log import RunLog
 from microslip.scene.read import read_scene
 

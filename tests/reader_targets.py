@@ -29,10 +29,10 @@ from microslip.parallel.csv_table import read_table
 from microslip.parallel.errors import CaseError, MicroslipError, ResourceError
 from microslip.points.branch import Point
 from microslip.receptance.static_columns import StaticColumns
-from microslip.restart.branch import KeptBranch
-from microslip.restart.columns import KeptColumns
 from microslip.restart.identity import Identity
-from microslip.restart.points import to_point
+from microslip.restart.kept_branch import KeptBranch
+from microslip.restart.kept_columns import KeptColumns
+from microslip.restart.kept_points import to_point
 from microslip.restart.records import Latest, as_written, length_of, read_record, read_records, unpack
 from microslip.restart.setup import family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of
 from microslip.results.fields import read_fields, read_run

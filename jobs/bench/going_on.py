@@ -28,8 +28,8 @@ from mpi4py import MPI
 import microslip.run as story
 from microslip.parallel.agree import on_root
 from microslip.restart import folder as kept
-from microslip.restart.branch import KeptBranch
-from microslip.restart.columns import KeptColumns
+from microslip.restart.kept_branch import KeptBranch
+from microslip.restart.kept_columns import KeptColumns
 from microslip.scene.read import read_scene
 
 KEEPING = ((KeptBranch, "keep"), (KeptBranch, "end"), (KeptColumns, "_keep"), (kept.Restart, "_keep"), (kept.Restart, "finish"))

@@ -15,7 +15,7 @@ from microslip.library.prepare import prepare as ready
 from microslip.observe.log import RunLog, Stage
 from microslip.parallel.agree import on_root
 from microslip.points.sweep import Sweep
-from microslip.receptance.model import ReducedModel
+from microslip.receptance.reduced_model import ReducedModel
 from microslip.scene.read import read_scene
 
 MODES = 20  # of a scene with a mesh that states none

@@ -23,8 +23,8 @@ from microslip.harmonic.balance import HarmonicBalance
 from microslip.parallel.ownership import split_evenly
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
-from microslip.receptance.model import ReducedModel
 from microslip.receptance.motions import linear_motion
+from microslip.receptance.reduced_model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
 
 K_T = 2e7  # N/m, of each pair and direction

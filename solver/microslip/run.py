@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 from .continuation.keeper import Keepers
 from .library.build import build
-from .library.files import extent_of, write_shapes, writer_of
-from .library.follow import follow, in_turn, known_columns
-from .library.origin import origin_of
+from .library.follow_response import follow, in_turn, known_columns
+from .library.origin_of_run import origin_of
 from .library.prepare import Prepared, prepare
+from .library.result_files import extent_of, write_shapes, writer_of
 from .library.settings import units_of
 from .observe.level_log import LevelLog
 from .observe.log import RunLog

@@ -15,9 +15,9 @@ from microslip.library.settings import reduction_settings
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
-from microslip.receptance.model import ReducedModel
 from microslip.receptance.motions import linear_motion, linear_motion_rate, output_motion
-from microslip.reduction.build import reduce_structure
+from microslip.receptance.reduced_model import ReducedModel
+from microslip.reduction.modal_structure import reduce_structure
 from microslip.scene.read import read_scene
 
 COMM = MPI.COMM_WORLD

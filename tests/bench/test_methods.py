@@ -27,8 +27,8 @@ from microslip.mesh.partition import distribute
 from microslip.modes.eigen import lowest_modes
 from microslip.points.selection import AllPairs, NonStickingPairs
 from microslip.receptance.excitation import Excitation
-from microslip.receptance.model import ReducedModel
-from microslip.reduction.build import reduce_structure
+from microslip.receptance.reduced_model import ReducedModel
+from microslip.reduction.modal_structure import reduce_structure
 from microslip.reduction.settings import ModalDamping
 from microslip.reduction.stuck import StuckStructure, static_response
 

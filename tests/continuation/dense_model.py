@@ -15,8 +15,8 @@ from microslip.points.selection import AllPairs
 from microslip.points.sweep import Sweep
 from microslip.receptance.damping import Damping
 from microslip.receptance.family import ModalFamily
-from microslip.receptance.model import ReducedModel
 from microslip.receptance.motions import linear_motion
+from microslip.receptance.reduced_model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
 
 

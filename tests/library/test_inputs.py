@@ -10,7 +10,7 @@ from sources import ROOT
 
 from microslip.formats.includes import included_files
 from microslip.formats.read import read_model
-from microslip.library.inputs import fingerprint, input_files
+from microslip.library.input_files import fingerprint, input_files
 from microslip.parallel.errors import CaseError
 from microslip.scene.read import read_scene
 

@@ -12,8 +12,8 @@ from microslip.parallel.ownership import split_evenly
 from microslip.receptance.columns import ActiveColumns, ReceptanceColumns
 from microslip.receptance.damping import Damping, DynamicFlexibility
 from microslip.receptance.family import ModalFamily
-from microslip.receptance.model import ReducedModel
 from microslip.receptance.motions import linear_motion, linear_motion_rate, load_motion, modal_motion, output_motion
+from microslip.receptance.reduced_model import ReducedModel
 from microslip.receptance.static_columns import StaticColumns
 
 COMM = MPI.COMM_WORLD

@@ -16,8 +16,8 @@ from microslip.linear.dense import gram, multiply
 from microslip.modes.dense import gathered
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
-from microslip.receptance.model import ReducedModel
 from microslip.receptance.motions import linear_motion
+from microslip.receptance.reduced_model import ReducedModel
 from microslip.reduction.expand import displacement
 from microslip.reduction.facts import Counts
 from microslip.reduction.free_interface import free_bodies, residual_attachment_modes

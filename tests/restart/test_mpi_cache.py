@@ -9,7 +9,7 @@ from bar_scene import write_bar
 from mpi4py import MPI
 from plain_model import tables
 
-from microslip.library.follow import follow
+from microslip.library.follow_response import follow
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.restart import cache, restore

@@ -9,13 +9,13 @@ import pytest
 from bar_scene import write_bar
 from mpi4py import MPI
 
-from microslip.library.follow import follow
+from microslip.library.follow_response import follow
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ConvergenceError, Interrupted
 from microslip.restart import identity, restore
-from microslip.restart.branch import KeptBranch
 from microslip.restart.folder import NAME, Restart
+from microslip.restart.kept_branch import KeptBranch
 from microslip.restart.records import pack
 from microslip.results.read import read_results
 from microslip.run import RunOptions, run, set_up
@@ -127,8 +127,8 @@ def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, shared_p
 @pytest.mark.slow
 @pytest.mark.parametrize("n_points", [9, pytest.param(10, marks=pytest.mark.ranks(1))])
 def test_a_run_that_is_killed_loses_one_point_at_most_and_goes_on_to_the_same_curve(n_points, shared_path, monkeypatch):
-    monkeypatch.setattr("microslip.restart.branch.SHORT", math.inf)  # every other step is put off
-    monkeypatch.setattr("microslip.restart.branch.SELDOM", math.inf)
+    monkeypatch.setattr("microslip.restart.kept_branch.SHORT", math.inf)  # every other step is put off
+    monkeypatch.setattr("microslip.restart.kept_branch.SELDOM", math.inf)
     monkeypatch.setattr(KeptBranch, "let_go", lambda kept: None)
     scene = scene_at(shared_path, "response.levels=[50.0]")
     whole = followed(scene, shared_path / "whole")
@@ -156,7 +156,7 @@ def seconds_of(branch):
 
 def kept_points(folder: Path):
     """Return the points in the journals of a folder."""
-    from microslip.restart.points import to_point
+    from microslip.restart.kept_points import to_point
     from microslip.restart.records import read_records, unpack
 
     return [[to_point(*unpack(body)) for body in read_records(path)] for path in (folder / NAME).glob("level-*/points.*")]

@@ -15,7 +15,7 @@ from microslip.results.convert import convert
 from microslip.results.joint_cycle import joint_cycle, joint_values
 from microslip.results.joint_mesh import joint_mesh
 from microslip.results.read import read_results
-from microslip.results.unv import ELEMENTS
+from microslip.results.universal_file import ELEMENTS
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 from synthetic_results import branch, head, no_pairs, two_flanks, write
 
 import microslip
-from microslip.library.inputs import fingerprint
+from microslip.library.input_files import fingerprint
 from microslip.parallel.errors import CaseError
 from microslip.parallel.versions import commit, program_hash
 from microslip.results.convert import convert

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from box_meshes import KINDS, box, mesh_of
 
-from microslip.results.skin import skin
+from microslip.results.skin_triangles import skin
 
 
 def volume(points, triangles):

@@ -22,7 +22,7 @@ from microslip.parallel.errors import CaseError
 from microslip.receptance.motions import linear_motion, output_motion
 from microslip.scene.read import read_scene
 from microslip.studies.export import story
-from microslip.studies.export.matrices import independent_rows, interface_model
+from microslip.studies.export.interface_model import independent_rows, interface_model
 
 pytestmark = pytest.mark.ranks(1, 2)
 HZ = 2.0 * np.pi

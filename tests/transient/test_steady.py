@@ -11,8 +11,8 @@ from oracles import exact, scenes, time_integration
 from microslip.fourier.amplitudes import to_real
 from microslip.receptance.motions import modal_motion, output_motion
 from microslip.transient.march import March, StepContact
-from microslip.transient.model import transient_model
 from microslip.transient.steady import coefficients, energies, from_harmonics, from_rest, samples, steady_state
+from microslip.transient.transient_model import transient_model
 
 COMM = MPI.COMM_SELF
 pytestmark = pytest.mark.slow

@@ -12,9 +12,9 @@ from microslip.parallel.petsc import initialise
 initialise()  # before anything imports PETSc; does nothing where it has been done
 
 from microslip.library.build import Structure, build
-from microslip.library.follow import follow
+from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
-from microslip.receptance.model import ReducedModel
+from microslip.receptance.reduced_model import ReducedModel
 from microslip.results.audit import energy_closure
 from microslip.scene.read import read_scene
 

@@ -26,7 +26,7 @@ from verification.extreme_structures import scaled
 
 from microslip.continuation.point_record import HELD
 from microslip.library.build import build
-from microslip.library.follow import follow
+from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
 from microslip.parallel.errors import MicroslipError
 from microslip.scene.read import read_scene

@@ -28,7 +28,7 @@ from scipy.linalg import eigh
 from verification.random_structures import _between, _dofs, _loads, _stiffness, stuck_forces
 
 from microslip.library.build import build
-from microslip.library.follow import follow
+from microslip.library.follow_response import follow
 from microslip.library.prepare import prepare
 from microslip.scene.read import read_scene
 

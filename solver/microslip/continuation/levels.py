@@ -19,10 +19,10 @@ from ..points.band import frequency_band
 from ..points.branch import Branch, Point
 from ..points.selection import AllPairs, Selection
 from ..points.sweep import Sweep
-from ..receptance.model import ReducedModel
 from ..receptance.modes_left_out import BetterModel
 from ..receptance.motions import linear_motion, output_motion
 from ..receptance.on_group import on_group
+from ..receptance.reduced_model import ReducedModel
 from .accuracy import accuracy_of, steps_for
 from .corrector import Correction
 from .follow import follow_branch

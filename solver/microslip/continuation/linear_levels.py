@@ -9,7 +9,7 @@ from ..contact.law import Law
 from ..fourier.amplitudes import to_complex
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.operating_point import OperatingPoint
-from ..receptance.model import ReducedModel
+from ..receptance.reduced_model import ReducedModel
 from .steps import LinearCurve
 
 FINER = 2  # times the samples of the scene, where the linear curve is tested for slip

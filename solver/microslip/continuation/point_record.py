@@ -11,8 +11,8 @@ from ..harmonic.operating_point import OperatingPoint
 from ..parallel.errors import ConvergenceError
 from ..points.branch import Point
 from ..points.selection import Selection
-from ..receptance.model import ReducedModel
 from ..receptance.motions import load_motion, modal_motion, output_motion
+from ..receptance.reduced_model import ReducedModel
 from .corrector import Correction
 from .point_solver import Found
 from .problems import Problem

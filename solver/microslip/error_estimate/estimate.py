@@ -22,9 +22,9 @@ from ..harmonic.balance import HarmonicBalance
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..parallel.ownership import rows_of
-from ..receptance.model import ReducedModel
 from ..receptance.modes_left_out import BetterModel
 from ..receptance.motions import output_motion
+from ..receptance.reduced_model import ReducedModel
 from .correction import Estimate, corrected
 
 FINER = 2  # times the samples of the better problem

@@ -14,8 +14,8 @@ from ..contact.law import Law
 from ..fourier.harmonics import Harmonics
 from ..parallel.ownership import summed
 from ..receptance.columns import ReceptanceColumns
-from ..receptance.model import ReducedModel
 from ..receptance.motions import linear_motion, linear_motion_rate
+from ..receptance.reduced_model import ReducedModel
 from .mean_slip import hold_mean_slip
 from .operating_point import ContactForces, OperatingPoint, Rate
 

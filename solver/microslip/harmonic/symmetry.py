@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from ..receptance.model import ReducedModel
+from ..receptance.reduced_model import ReducedModel
 from .balance import HarmonicBalance
 
 _TOGETHER = 64  # pairs whose static columns are looked at together

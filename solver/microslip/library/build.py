@@ -30,7 +30,7 @@ from ..scene.schema import Scene
 from ..statics.bolts import BoltsAtRest
 from .at_rest import Unloaded, brought_to_rest
 from .complete import read_completed
-from .memory import of_factor, refuse_modes
+from .memory_estimate import of_factor, refuse_modes
 from .settings import matrix_settings, mesh_settings, outputs, reduction_settings
 
 if TYPE_CHECKING:

@@ -12,8 +12,8 @@ from ..continuation.levels import ResponseProblem, response_problem
 from ..mesh.data import ContactPairs
 from ..points.band import Band
 from ..receptance.excitation import Excitation
-from ..receptance.model import ReducedModel
 from ..receptance.modes_left_out import BetterModel
+from ..receptance.reduced_model import ReducedModel
 from ..reduction.better_model import better_model_of
 from ..reduction.methods import METHODS, check_size, reduce_by_method
 from ..reduction.reduction import Reduction

@@ -16,14 +16,14 @@ from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
 from ..parallel.errors import CaseError
 from ..parallel.words import nearest
-from ..receptance.model import ReducedModel
+from ..receptance.reduced_model import ReducedModel
 from ..reduction.choose_modes import choose_modes
 from ..reduction.settings import ReductionSettings
 from ..scene import schema
 from ..scene.read import changed
 from ..scene.schema import Scene
 from .build import Structure, at_another_rest
-from .follow import follow
+from .follow_response import follow
 from .prepare import Prepared, prepare, reduced
 from .response import Response
 from .settings import reduction_settings

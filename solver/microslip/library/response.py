@@ -21,8 +21,8 @@ from ..points.quantities import LABELS, TEXT, Quantity
 from ..reduction.expand import node_fields
 from ..results.measures import AMPLITUDE, Shown
 from ..results.record import COMPLETE, STOPPED, LevelResult, ResultFile, level_result
-from .files import head_of, write_shapes, writer_of
 from .prepare import Prepared
+from .result_files import head_of, write_shapes, writer_of
 
 if TYPE_CHECKING:
     import xarray

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..parallel.ownership import rows_of
 from .damping import Flexibility
-from .model import ReducedModel
+from .reduced_model import ReducedModel
 from .rows import Rows
 
 

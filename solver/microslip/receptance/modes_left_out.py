@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .model import ReducedModel
 from .on_group import on_group
+from .reduced_model import ReducedModel
+from .reduced_structure import ReducedStructure
 from .structural_coupling import StructuralCoupling
-from .structure import ReducedStructure
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -9,7 +9,7 @@ import numpy as np
 from ..fourier.amplitudes import to_complex
 from .damping import Flexibility
 from .family import ModalFamily
-from .model import ReducedModel
+from .reduced_model import ReducedModel
 
 
 def linear_motion(model: ReducedModel, level: float, omega: float, rows: slice | None = None) -> np.ndarray:

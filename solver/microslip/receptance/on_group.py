@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ..parallel.ownership import split_evenly
+from .reduced_structure import ReducedStructure
 from .static_columns import StaticColumns
-from .structure import ReducedStructure
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..fourier.amplitudes import to_complex
-from .model import ReducedModel
 from .motions import modal_motion
+from .reduced_model import ReducedModel
 
 
 @dataclass(frozen=True)

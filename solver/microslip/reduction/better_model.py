@@ -11,9 +11,9 @@ from ..linear.random_signs import random_signs
 from ..modes.eigen import Modes
 from ..parallel.ownership import summed
 from ..receptance.modes_left_out import KEY, LAST, SAMPLES, BetterModel, ModesLeftOut, of_samples
+from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.structural_coupling import StructuralCoupling
-from ..receptance.structure import ReducedStructure
-from .build import owned_product, reduce_structure
+from .modal_structure import owned_product, reduce_structure
 from .reduction import Reduction
 from .settings import ReductionSettings
 from .stuck import StuckStructure

@@ -15,9 +15,9 @@ from ..modes.limits import FEW
 from ..parallel.ownership import rows_of
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
-from ..receptance.structure import ReducedStructure
-from .build import diagonal_if_possible, modal_damping
+from ..receptance.reduced_structure import ReducedStructure
 from .choose_modes import as_stated, batches, picked
+from .modal_structure import diagonal_if_possible, modal_damping
 from .settings import ModalDamping, ReductionSettings
 from .truncation import bound
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from ..receptance.model import ReducedModel
 from ..receptance.motions import modal_forces
+from ..receptance.reduced_model import ReducedModel
 
 if TYPE_CHECKING:
     from ..assembly.system import System

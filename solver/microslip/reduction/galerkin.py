@@ -25,12 +25,12 @@ from ..parallel.agree import on_root
 from ..parallel.ownership import rows_of, split_evenly
 from ..points.selection import AllPairs
 from ..receptance.family import ModalFamily
-from ..receptance.model import ReducedModel
 from ..receptance.motions import modal_motion
 from ..receptance.observed import Observed
+from ..receptance.reduced_model import ReducedModel
+from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.static_columns import StaticColumns
-from ..receptance.structure import ReducedStructure
-from .build import modal_family, observed
+from .modal_structure import modal_family, observed
 from .reduction import Reduction
 from .settings import ReductionSettings
 from .stuck import StuckStructure

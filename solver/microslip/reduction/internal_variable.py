@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from ..points.selection import Selection
-from .build import reduce_structure
 from .expand import displacement
+from .modal_structure import reduce_structure
 from .reduction import Reduction
 from .settings import ReductionSettings
 from .stuck import StuckStructure

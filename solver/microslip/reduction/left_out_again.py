@@ -16,7 +16,7 @@ from ..linear.random_signs import random_signs
 from ..parallel.ownership import summed
 from ..receptance.family import ModalFamily
 from ..receptance.modes_left_out import KEY, LAST, SAMPLES, ModesLeftOut, of_samples
-from ..receptance.structure import ReducedStructure
+from ..receptance.reduced_structure import ReducedStructure
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from ..points.selection import Selection
-from ..receptance.model import ReducedModel
-from ..receptance.structure import ReducedStructure
+from ..receptance.reduced_model import ReducedModel
+from ..receptance.reduced_structure import ReducedStructure
 
 
 @dataclass(frozen=True)

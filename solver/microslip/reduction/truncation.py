@@ -25,10 +25,10 @@ from ..linear.dense import gram, multiply
 from ..parallel.ownership import summed
 from ..points.band import frequency_band
 from ..receptance.family import ModalFamily
-from ..receptance.model import ReducedModel
 from ..receptance.motions import linear_motion, output_motion
-from ..receptance.structure import ReducedStructure
-from .build import reduce_structure
+from ..receptance.reduced_model import ReducedModel
+from ..receptance.reduced_structure import ReducedStructure
+from .modal_structure import reduce_structure
 from .settings import ReductionSettings
 from .stuck import StuckStructure
 

@@ -26,7 +26,7 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.files import make_folder
-from .columns import KeptColumns, n_pairs_in
+from .kept_columns import KeptColumns, n_pairs_in
 from .place import is_part
 from .records import Arrays, read_record, write_record
 from .shared import WHY, all_found, is_shared, made_of, shared_arrays

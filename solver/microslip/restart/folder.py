@@ -26,10 +26,10 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_each, on_root
 from ..parallel.files import make_folder, said_of
 from ..points.sweep import Sweep
-from .branch import KeptBranch
 from .cache import Cache, read_modes, take
-from .columns import KeptColumns
 from .identity import Identity, identity_of
+from .kept_branch import KeptBranch
+from .kept_columns import KeptColumns
 from .place import RESULTS, TABLE, is_part
 from .records import Disk, as_written, note_record, read_record, write_record
 from .restore import exact_columns, restored

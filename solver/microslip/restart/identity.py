@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..contact.laws import ELASTIC_COULOMB, LAWS
-from ..library.inputs import fingerprint, input_files
+from ..library.input_files import fingerprint, input_files
 from ..parallel.versions import program_hash, versions
 from ..version import __version__
 

@@ -18,13 +18,13 @@ from ..modes.user_order import from_user_order
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
-from ..receptance.model import ReducedModel
 from ..receptance.modes_left_out import BetterModel
+from ..receptance.reduced_model import ReducedModel
+from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.static_columns import StaticColumns
-from ..receptance.structure import ReducedStructure
 from ..reduction.galerkin import structure_of_family
 from ..reduction.reduction import Reduction
-from .columns import KeptColumns
+from .kept_columns import KeptColumns
 from .records import Arrays
 from .setup import STATICS, family_of, left_out_of, observed_of, outline_of, pairs_of, selection_of
 

@@ -20,8 +20,8 @@ from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
 from ..receptance.modes_left_out import ModesLeftOut
 from ..receptance.observed import Observed
+from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.structural_coupling import StructuralCoupling
-from ..receptance.structure import ReducedStructure
 from ..statics.bolts import BoltsAtRest
 from .records import Arrays
 

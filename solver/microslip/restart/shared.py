@@ -21,14 +21,14 @@ from ..modes.eigen import Modes
 from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..receptance.modes_left_out import BetterModel
+from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.static_columns import StaticColumns
-from ..receptance.structure import ReducedStructure
-from ..reduction.build import modal_family
 from ..reduction.choose_again import KnownStructure, choose_again, with_first
 from ..reduction.left_out_again import OnRandom, left_out_again, on_random
 from ..reduction.methods import SELECTIONS
+from ..reduction.modal_structure import modal_family
 from ..reduction.reduction import Reduction
-from .columns import KeptColumns
+from .kept_columns import KeptColumns
 from .records import Arrays
 from .restore import Rebuilt, exact_structure
 from .setup import left_out_of, numbers_of, of_reduced, outline_of, pairs_of, texts_of_pairs

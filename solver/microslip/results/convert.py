@@ -15,7 +15,7 @@ from .paraview import write_series
 from .read import read_results
 from .record import ResultFile
 from .scene_back import write_scene
-from .unv import write_unv
+from .universal_file import write_unv
 
 STEPS = 32  # of a period
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..parallel.errors import ConvergenceError
-from .model import TransientModel
 from .scheme import RHO, GeneralisedAlpha, Motion, fitted_angle
+from .transient_model import TransientModel
 
 _NEWTON = 60  # iterations of a step
 _TOLERANCE = 1e-10  # of a step's contact forces, over the largest force of the joint's springs in the period

@@ -10,8 +10,8 @@ import numpy as np
 from ..fourier.coefficients import analyse, synthesise
 from ..fourier.harmonics import Harmonics
 from .march import Cycle, March
-from .model import TransientModel
 from .scheme import Motion
+from .transient_model import TransientModel
 
 DEPTH = 8  # differences that the acceleration remembers
 _LARGEST = (2.0, 20.0)  # corrections of motion and of contact forces over F: an excursion would bring slip of its own

@@ -22,9 +22,9 @@ import numpy as np
 from ...linear.joint_springs import joint_stiffness
 from ...parallel.agree import on_root
 from ...parallel.ownership import summed
-from ..build import owned_product
 from ..facts import Facts
 from ..galerkin import DEPENDENT, reduce_on_basis
+from ..modal_structure import owned_product
 from ..reduction import Reduction
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure

@@ -15,7 +15,7 @@ from ..read import read_results
 from ..record import ResultFile
 from . import tables
 from .figures import MOST_OUTPUTS, figures_of
-from .maps import map_data, map_drawings
+from .joint_maps import map_data, map_drawings
 from .view import view_data
 
 NAME = "report.html"

@@ -13,7 +13,7 @@ from ..fields import Fields
 from ..joint_mesh import joint_mesh
 from ..paraview import motion_of_pairs
 from ..record import ResultFile
-from ..skin import skin
+from ..skin_triangles import skin
 from ..style import level_name, some, with_prefix
 
 MOST_NODES, MOST_LEVELS, MOST_MODES, MOST_HARMONICS = 12_000, 8, 12, 5

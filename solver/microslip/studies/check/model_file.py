@@ -14,7 +14,7 @@ from ...mesh.data import Mesh
 from ...mesh.settings import MeshSettings
 from ...parallel.agree import on_root
 from ...parallel.words import place
-from . import content
+from . import model_content as content
 from .marks import marks_of_file
 from .picture import draw
 from .plausible import SI, suspicion

@@ -21,7 +21,7 @@ from ...parallel.words import place
 from ...reduction.facts import Counts
 from ...reduction.methods import METHODS
 from ...scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
-from . import content
+from . import model_content as content
 from .plausible import SI, suspicion
 
 

@@ -16,7 +16,7 @@ from ...parallel.agree import on_root
 from ...parallel.memory import peak_memory
 from ...scene.schema import Scene
 from .marks import marks_of_scene
-from .memory import memory_of_matrices, memory_of_mesh
+from .memory_report import memory_of_matrices, memory_of_mesh
 from .picture import draw
 from .report import description, description_of_matrices
 

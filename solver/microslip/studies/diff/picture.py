@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from ...parallel.files import written_whole
 from ...results.measures import segments
 from ...results.style import DPI, INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
-from .levels import LevelDifference, apart_of
+from .compared_levels import LevelDifference, apart_of
 from .story import Difference
 
 _MOST_LEVELS, _MOST_OUTPUTS = 4, 3

@@ -12,7 +12,7 @@ from ...observe.screen_table import screen_table
 from ...parallel.words import listed
 from ...results.record import COMPLETE, ResultFile
 from .asked import Change
-from .levels import LevelDifference
+from .compared_levels import LevelDifference
 from .story import Difference
 
 _MOST = 60  # characters of a value

@@ -11,7 +11,7 @@ from ...results.measures import Shown
 from ...results.read import read_results
 from ...results.record import COMPLETE, Joint, LevelResult, ResultFile
 from .asked import Change, facts_changed, inputs_changed, keys_changed
-from .levels import LevelDifference, compare_level
+from .compared_levels import LevelDifference, compare_level
 
 TOLERANCE = 1e-6  # of the peak, beyond what the points resolve
 _OF_ACCURACY = 0.1  # the share of an accuracy that is the solver's, where that chose how exactly the points were solved

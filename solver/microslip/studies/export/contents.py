@@ -14,7 +14,7 @@ from ...library.settings import band, excitation, units_of
 from ...mesh.data import ContactPairs, Mesh
 from ...points.band import frequency_band
 from ...reduction.reduction import Reduction
-from .matrices import InterfaceModel
+from .interface_model import InterfaceModel
 
 if TYPE_CHECKING:
     from ...scene.schema import Scene

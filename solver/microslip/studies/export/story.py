@@ -20,7 +20,7 @@ from ...reduction.methods import METHODS, SELECTIONS
 from ...reduction.reduction import Reduction
 from ...reduction.settings import ReductionSettings
 from .contents import contents, recovery
-from .matrices import interface_model
+from .interface_model import interface_model
 from .report import write_export
 
 if TYPE_CHECKING:

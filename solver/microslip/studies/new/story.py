@@ -14,7 +14,7 @@ from ...parallel.errors import CaseError
 from ...parallel.files import written_whole
 from ...parallel.words import listed, nearest
 from ...scene.checks import absent
-from ..check.content import table
+from ..check.model_content import table
 from ..check.plausible import SI
 from ..check.whole import likely_units, whole_mesh
 from .candidates import find_candidates

@@ -71,7 +71,7 @@ def write_trade(study: Study, scene: Titled, folder: str) -> str:
     ------
     CaseError, ResourceError : a file cannot be written
     """
-    from .plots import draw_trade
+    from .speed_plots import draw_trade
 
     make_folder(folder)
     with written_whole(f"{folder}/trade.csv") as path, open(path, "w", newline="") as file:

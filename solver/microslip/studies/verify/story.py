@@ -21,11 +21,11 @@ from ...parallel.agree import on_each, on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
 from ...points.branch import Branch
-from ...receptance.model import ReducedModel
 from ...receptance.motions import modal_motion
+from ...receptance.reduced_model import ReducedModel
 from ...transient.march import Cycle, March
-from ...transient.model import TransientModel, transient_model
 from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
+from ...transient.transient_model import TransientModel, transient_model
 from ..check.report import resolution
 from .report import Check, Loop, write_verification
 

@@ -9,7 +9,7 @@ import numpy as np
 from ..contact.law import Law
 from ..fourier.coefficients import synthesise
 from ..receptance.family import ModalFamily
-from ..receptance.model import ReducedModel
+from ..receptance.reduced_model import ReducedModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from ..parallel.errors import CaseError
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
 from ..receptance.observed import Observed
-from ..receptance.structure import ReducedStructure
+from ..receptance.reduced_structure import ReducedStructure
 from .settings import ModalDamping
 from .stuck import StuckStructure, seen_rows
 

@@ -17,7 +17,7 @@ from ..parallel.errors import CaseError
 from .damping import DynamicFlexibility
 from .excitation import Excitation
 from .family import Share, shared_out
-from .structure import ReducedStructure
+from .reduced_structure import ReducedStructure
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -10,7 +10,7 @@ from ...assembly.assemble import read_off
 from ...assembly.constraints import constrain
 from ...assembly.coupling import Coupling, coupling_of_dofs, coupling_of_nodes
 from ...assembly.matrices import GivenStructure
-from ...library.memory import MemoryEstimate, estimate_memory
+from ...library.memory_estimate import MemoryEstimate, estimate_memory
 from ...mesh.data import ContactPairs, DistributedMesh, Mesh
 from ...mesh.settings import MeshSettings
 from ...parallel.agree import on_root

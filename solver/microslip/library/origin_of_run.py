@@ -13,7 +13,7 @@ from ..parallel.errors import CaseError
 from ..results.origin import InputFile, Origin
 from ..scene.inputs import named_files
 from ..scene.schema import Scene
-from .inputs import fingerprint, input_files
+from .input_files import fingerprint, input_files
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -19,7 +19,7 @@ from ..results.record import BOLT_UNITS, Bolts, LinearCurve, ResultFile, joint_o
 from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
 from ..version import __version__
-from .origin import origin_of
+from .origin_of_run import origin_of
 from .prepare import Prepared
 from .settings import outputs, units_of
 

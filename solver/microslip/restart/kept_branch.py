@@ -18,7 +18,7 @@ from ..parallel.agree import on_root
 from ..parallel.errors import MicroslipError
 from ..parallel.files import make_folder
 from ..points.branch import NOTHING, Branch, Point
-from .points import of_point, to_point
+from .kept_points import of_point, to_point
 from .records import Arrays, Disk, Journal, Latest, as_written, length_of, note_record, pack, read_record, read_records, unpack
 
 if TYPE_CHECKING:
