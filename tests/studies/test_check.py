@@ -9,7 +9,8 @@ from plain_model import bdf, cdb, exodus, inp, plain, unv
 from microslip.formats.model import FileMaterial, Finding
 from microslip.formats.units import UNITS
 from microslip.mesh.skin import skin_of_mesh
-from microslip.studies.check import content, picture
+from microslip.studies.check import model_content as content
+from microslip.studies.check import picture
 from microslip.studies.check.marks import marks_of_scene
 from microslip.studies.check.model_file import _lines
 from microslip.studies.check.picture import draw

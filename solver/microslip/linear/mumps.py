@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,6 +19,9 @@ from .inverse_entries import inverse_entries
 from .ordering import elimination_order
 from .out_of_core import disks, room_on_disk, write_to_disk
 from .to_owners import ToOwners
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 ANALYSE, FACTOR, SOLVE = 1, 2, 3  # MUMPS' jobs
 DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
@@ -205,7 +208,7 @@ def analysed(
     return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order if mumps.icntl(7) == _GIVEN else None)
 
 
-def _started(comm, sym: int) -> Instance:
+def _started(comm: MPI.Comm, sym: int) -> Instance:
     """Return a new instance of MUMPS.  Collective.
 
     Raises
