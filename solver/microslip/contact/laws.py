@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from . import iwan, rough
+from .combined import as_one
 from .elastic_coulomb import ElasticCoulomb
 from .law import Law
-from .several import as_one
 
 Columns = Mapping[str, np.ndarray]  # of pairs, (n,) each: those of ContactPairs, and what their laws have beside them
 Keys = Mapping[str, Any]  # of a joint, numbers or None

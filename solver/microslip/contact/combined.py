@@ -12,7 +12,7 @@ from .law import ContactCycle, Law
 
 
 @dataclass(frozen=True)
-class Several:
+class CombinedLaw:
     """The law of pairs that have different ones, two parts or more; made by :func:`as_one`."""
 
     parts: tuple[tuple[np.ndarray, Law], ...]  # which pairs, ascending, and their law; every pair belongs to one part
@@ -50,9 +50,9 @@ class Several:
         found = [(np.flatnonzero(part_of[chosen] == i), law) for i, (_, law) in enumerate(self.parts)]
         return as_one([(own, law.take(place[chosen[own]])) for own, law in found])
 
-    def followed(self, path: bool) -> Several:
+    def followed(self, path: bool) -> CombinedLaw:
         """Return the law that follows the path between samples, or one that knows samples alone.  Local."""
-        return Several(tuple((own, law.followed(path)) for own, law in self.parts))
+        return CombinedLaw(tuple((own, law.followed(path)) for own, law in self.parts))
 
     def cycle(self, U: np.ndarray, n_samples: int, tangents: bool = True, harmonics: Harmonics | None = None) -> ContactCycle:
         """Return the harmonics of p under the periodic motion ``U`` (n, 3, N_H) [m], with their exact derivative.  Local."""
@@ -115,5 +115,5 @@ def as_one(parts: Sequence[tuple[np.ndarray, Law]]) -> Law:
     """Return the law of pairs from the laws of its parts; where one has them all, that.  Local."""
     some = [(own, law) for own, law in parts if len(own) > 0]
     if len(some) > 1:
-        return Several(tuple(some))
+        return CombinedLaw(tuple(some))
     return some[0][1] if some else parts[0][1]

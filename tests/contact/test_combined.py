@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from microslip.contact import bundle
+from microslip.contact.combined import CombinedLaw, as_one
 from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.contact.energy import pair_energy
 from microslip.contact.iwan import Iwan
 from microslip.contact.laws import LAWS, columns_of_joint, joined, law_of
 from microslip.contact.rough import Rough
-from microslip.contact.several import Several, as_one
 from microslip.fourier.coefficients import analyse, synthesise
 from microslip.fourier.harmonics import Harmonics
 
@@ -142,7 +142,7 @@ def test_half_wave_symmetry_is_kept_where_it_is_said_to_be():
 
 def test_several_laws_are_their_parts_bit_for_bit_in_the_order_of_the_pairs():
     of, U = mixed(15), motions(15, 0.4)
-    assert isinstance(of, Several) and of.n_pairs == 15 and of.order == 2
+    assert isinstance(of, CombinedLaw) and of.n_pairs == 15 and of.order == 2
     found = of.cycle(U, 64)
     before = np.zeros((15, 3 + of.n_memory))
     after, L, state = of.step(U[..., 1], before)
