@@ -89,9 +89,9 @@ def eigenvalues(path: Path, n: int, ignore: tuple[str, ...] = (), pairing: str |
     scene, _ = complete(scene_for(path, model, ignore), model)
     if pairing is not None:
         scene = changed(scene, {}, {joint.name: {"pairing": pairing} for joint in scene.joints})
-    _, system, pairs, *_ = from_mesh(scene, model, MPI.COMM_SELF, RunLog(MPI.COMM_SELF, screen=False))
-    linearised = linearise(system, pairs, str(path))
-    modes = lowest_modes(linearised, min(n, system.n_dof), verify=False)
+    _, rest, _ = from_mesh(scene, model, MPI.COMM_SELF, RunLog(MPI.COMM_SELF, screen=False))
+    linearised = linearise(rest.system, rest.pairs, str(path))
+    modes = lowest_modes(linearised, min(n, rest.system.n_dof), verify=False)
     linearised.destroy()
     return modes.omega_n**2
 

@@ -72,7 +72,8 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=2)
     parser.add_argument("--solves", action="store_true")
     asked, comm = parser.parse_args(), everyone()
-    _, system, pairs, _, _ = from_mesh(microslip.read(asked.scene), None, comm, RunLog(comm, screen=False))
+    _, rest, _ = from_mesh(microslip.read(asked.scene), None, comm, RunLog(comm, screen=False))
+    system, pairs = rest.system, rest.pairs
     runs = [{name: measure(system, pairs, order, asked.solves) for name, order in ORDERS.items()} for _ in range(asked.times)]
     if comm.rank > 0:
         return

@@ -78,11 +78,11 @@ def scene(folder, of_model=None, **more):
 def frequencies(scene):
     """Return the six lowest frequencies [rad/s] about the rest, the joint's name and its pairs.  Collective."""
     file, whole, _ = read_completed(scene, COMM)
-    _, system, pairs, *_ = from_mesh(whole, file, COMM, RunLog(COMM, screen=False))
-    linearised = linearise(system, pairs, "job.inp")
+    _, rest, _ = from_mesh(whole, file, COMM, RunLog(COMM, screen=False))
+    linearised = linearise(rest.system, rest.pairs, "job.inp")
     modes = lowest_modes(linearised, 6, verify=False)
     linearised.destroy()
-    return modes.omega_n, whole, pairs
+    return modes.omega_n, whole, rest.pairs
 
 
 def test_a_block_on_the_springs_of_its_contact_pair_vibrates_as_a_rigid_body_on_them(tmp_path):

@@ -73,7 +73,8 @@ def structure_of(path):
 def all_modes(path):
     """Return scene and stuck structure with all of its modes."""
     scene = read_scene(path)
-    _, system, pairs = from_matrices(scene, comm, RunLog(comm, screen=False))
+    _, rest = from_matrices(scene, comm, RunLog(comm, screen=False))
+    system, pairs = rest.system, rest.pairs
     linearised = linearise(system, pairs)
     return scene, StuckStructure(linearised, pairs, static_response(linearised), lowest_modes(linearised, system.n_dof))
 

@@ -117,7 +117,7 @@ class ErrorEstimator:
         n_samples = 0 if self.left_out is None else self.left_out.of_pairs.shape[1]
         found = Felt.nothing(2 * n_out, n_samples, exact.model.N_H)  # all pairs stick, in the better problems too
         if len(forces.active) > 0 or changes.are_any:
-            found = self.through_the_joint(equation, exact, U, at, forces, used, changes)
+            found = self.through_the_joint(equation, Linearisation.of(exact, at, forces), U, used, changes)
         by_harmonics, by_samples, by_pairs, by_solver, by_basis = found.linear
         if not self.better.is_solved:
             by_basis = by_basis + (output_amplitude(exact.model, at, p) - output_amplitude(model, at, p))
@@ -130,22 +130,16 @@ class ErrorEstimator:
         return corrected(np.stack(parts), linear, found.second, left_out, changes.unsettled)
 
     def through_the_joint(
-        self,
-        equation: HarmonicBalance,
-        exact: HarmonicBalance,
-        U: np.ndarray,
-        at: OperatingPoint,
-        forces: ContactForces,
-        used: ContactForces,
-        changes: Changes,
+        self, equation: HarmonicBalance, linear: Linearisation, U: np.ndarray, used: ContactForces, changes: Changes
     ) -> Felt:
-        """Return what the outputs feel of all changes, by way of the pairs.
+        """Return what the outputs feel of all changes, by way of the pairs; ``linear`` is the better model's linearisation.
 
         Collective: sums over the ranks, and a broadcast.  docs/theory.md, eq. (11.2).
         """
-        linear, own, N_H = Linearisation.of(exact, at, forces), exact.model.owned_rows, exact.model.N_H
+        exact, at = linear.equation, linear.at
+        own, N_H = exact.model.owned_rows, exact.model.N_H
         chi, tau, is_adjoint_found = linear.solve_transposed(sensitivity(exact.model, at.omega), self.adjoint_solver)
-        residual = equation.residual(U, at, used, linear.G if used is forces and exact is equation else None)
+        residual = equation.residual(U, at, used, linear.G if used is linear.forces and exact is equation else None)
         sums = [-chi @ change[own].ravel() for change in (changes.harmonics, changes.samples, changes.pairs)]
         sums += [tau @ residual.ravel(), np.zeros(len(tau))]
         if not self.better.is_solved:

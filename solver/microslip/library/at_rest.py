@@ -81,12 +81,12 @@ class Unloaded:
 
 @dataclass(frozen=True, eq=False)
 class AtRest:
-    """A structure as it vibrates about its rest."""
+    """A structure as it vibrates about its rest: as it was assembled, where no constant loads act."""
 
     system: System
     pairs: ContactPairs
-    bolts: BoltsAtRest | None
-    said: tuple[str, ...]  # of the rest, for the log
+    bolts: BoltsAtRest | None = None
+    said: tuple[str, ...] = ()  # of the rest, for the log
 
 
 def brought_to_rest(unloaded: Unloaded, pairs: ContactPairs, known: System | None = None) -> AtRest:

@@ -10,7 +10,6 @@ import numpy as np
 
 from ..assembly.assemble import assemble
 from ..assembly.matrices import distribute_structure, read_structure
-from ..assembly.system import System
 from ..formats.model import FileModel
 from ..linear.contact_outputs import with_contact_forces
 from ..linear.joint_springs import Linearised, joint_stiffness, linearise
@@ -28,7 +27,7 @@ from ..reduction.methods import check_size
 from ..reduction.stuck import StuckStructure, static_response
 from ..scene.schema import Scene
 from ..statics.bolts import BoltsAtRest
-from .at_rest import Unloaded, brought_to_rest
+from .at_rest import AtRest, Unloaded, brought_to_rest
 from .complete import read_completed
 from .memory_estimate import of_factor, refuse_modes
 from .settings import matrix_settings, mesh_settings, outputs, reduction_settings
@@ -86,37 +85,34 @@ def build(
     comm = comm or everyone()
     log = log or RunLog(comm, screen=False)
     if scene.model.mesh is None:
-        mesh, system, pairs = from_matrices(scene, comm, log)
-        bolts = unloaded = None
+        mesh, rest, unloaded = *from_matrices(scene, comm, log), None
     else:
         with log.stage("model file"):
             file, scene, notes = read_completed(scene, comm)
         for note in notes:
             log.note(note)
-        mesh, system, pairs, bolts, unloaded = from_mesh(scene, file, comm, log)
+        mesh, rest, unloaded = from_mesh(scene, file, comm, log)
     if not keeps_unloaded:
         unloaded = None  # its memory before the factor's
-    return stuck_structure(scene, mesh, system, pairs, bolts, log, known_modes, unloaded)
+    return stuck_structure(scene, mesh, rest, log, known_modes, unloaded)
 
 
 def stuck_structure(
     scene: Scene,
     mesh: Mesh | None,
-    system: System,
-    pairs: ContactPairs,
-    bolts: BoltsAtRest | None,
+    rest: AtRest,
     log: RunLog,
     known_modes: Callable[[Linearised], Modes] | None = None,
     unloaded: Unloaded | None = None,
 ) -> Structure:
-    """Return the structure of pairs as they vibrate: factored, with its static response and its modes.  Collective.
+    """Return the structure as it vibrates about its rest: factored, with its static response and its modes.  Collective.
 
     Raises
     ------
     CaseError, ResourceError : on every rank
     """
-    settings = reduction_settings(scene)
-    system = with_contact_forces(system, pairs, outputs(scene))
+    settings, pairs = reduction_settings(scene), rest.pairs
+    system = with_contact_forces(rest.system, pairs, outputs(scene))
     log.note(f"{system.n_dof} DOF, {pairs.n_pairs} contact pairs")
     refuse_too_many(settings.modes, system.n_dof, scene.path)
     check_size(settings, system)
@@ -131,7 +127,7 @@ def stuck_structure(
         modes, why = choose_modes(linearised, pairs, statics, settings) if known_modes is None else (known_modes(linearised), "")
     for note in filter(None, (*modes.info.get("said", ()), why)):
         log.note(note)
-    return Structure(linearised, pairs, statics, modes, scene, mesh, bolts, unloaded)
+    return Structure(linearised, pairs, statics, modes, scene, mesh, rest.bolts, unloaded)
 
 
 def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> tuple[Structure, tuple[str, ...]]:
@@ -157,7 +153,7 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
             linearised = replace(known, system=replace(known.system, rest_owned=rest.system.rest_owned))
             found = replace(structure, linearised=linearised, pairs=rest.pairs, scene=scene, bolts=rest.bolts)
         else:
-            found = stuck_structure(scene, structure.mesh, rest.system, rest.pairs, rest.bolts, log)
+            found = stuck_structure(scene, structure.mesh, rest, log)
         structure.kept[_OTHER_REST] = key, found, (*rest.said, *log.notes)
     _, found, notes = structure.kept[_OTHER_REST]
     return found, notes
@@ -170,12 +166,10 @@ def free_other_rest(structure: Structure) -> None:
         known[1].linearised.destroy()
 
 
-def from_mesh(
-    scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog
-) -> tuple[Mesh | None, System, ContactPairs, BoltsAtRest | None, Unloaded | None]:
-    """Return mesh (on rank 0), matrices, pairs and bolts of a scene with a mesh, whose file rank 0 has read.  Collective.
+def from_mesh(scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, AtRest, Unloaded | None]:
+    """Return mesh (on rank 0) and structure of a scene with a mesh, whose file rank 0 has read.  Collective.
 
-    With [statics] they are those at rest, and what was there before comes with them.
+    With [statics] it is that at rest, and what was there before comes with it.
     """
     settings = mesh_settings(scene)
     with log.stage("mesh and contact pairs"):
@@ -190,22 +184,22 @@ def from_mesh(
     for note in system.constraints.notes if system.constraints is not None else ():
         log.note(note)
     if settings.statics is None:
-        return mesh, system, pairs, None, None
+        return mesh, AtRest(system, pairs), None
     with log.stage("statics"):
         unloaded = Unloaded.of(system, shares, mesh, pairs, settings, str(scene.path))
         rest = brought_to_rest(unloaded, unloaded.pairs)
         unloaded.close()
     for line in rest.said:
         log.note(line)
-    return mesh, rest.system, rest.pairs, rest.bolts, unloaded
+    return mesh, rest, unloaded
 
 
-def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, System, ContactPairs]:
-    """Return nodes (on rank 0, where there are any), matrices and pairs of a scene given as matrices.  Collective."""
+def from_matrices(scene: Scene, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, AtRest]:
+    """Return nodes (on rank 0, where there are any) and structure of a scene given as matrices.  Collective."""
     settings = matrix_settings(scene)
     with log.stage("matrices and contact pairs"):
         given = on_root(comm, read_structure, settings, share=False)
         system, pairs = distribute_structure(given, settings, comm)
     for note in on_root(comm, lambda: given.notes):
         log.note(note)
-    return (None if given is None else given.mesh), system, pairs
+    return (None if given is None else given.mesh), AtRest(system, pairs)

@@ -27,8 +27,6 @@ from ..scene.schema import Scene
 from .settings import reduction_settings
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from ..linear.joint_springs import Linearised
 
 # bytes an entry of K, of the arrays held at once; M has a third of the entries
@@ -74,7 +72,7 @@ def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: floa
     """
     comm = coupling.graph.comm.tompi4py()
     factor = foreseen(coupling.graph, coupling.n_dof_each, coupling.entries_owned)
-    names = _peaks(scene, coupling, n_pairs, so_far, highest, factor, comm)
+    names = _peaks(scene, coupling, n_pairs, so_far, highest, factor)
     found = comm.allgather(list(names.values()))
     stages = tuple(
         StageMemory(name, np.array(peaks), is_measured=i == 0) for i, (name, peaks) in enumerate(zip(names, zip(*found)))
@@ -116,10 +114,10 @@ def of_factor(info: dict[str, Any]) -> str:
 
 
 def _peaks(
-    scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, highest: int, factor: FactorMemory | None, comm: MPI.Comm
+    scene: Scene, coupling: Coupling, n_pairs: int, so_far: float, highest: int, factor: FactorMemory | None
 ) -> dict[str, float]:
     """Return the peak of this rank until the end of each stage [bytes].  Local."""
-    entries, n_owned, n_dof = coupling.entries_owned, coupling.dofs_owned, coupling.n_dof
+    comm, entries, n_owned, n_dof = coupling.graph.comm, coupling.entries_owned, coupling.dofs_owned, coupling.n_dof
     of_factor = FACTORED * entries + (factor.in_core if factor is not None else _by_size(n_dof) / comm.size)
     n_modes, solver = _n_modes(scene, n_dof), scene.solver
     settings = reduction_settings(scene)

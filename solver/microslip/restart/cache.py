@@ -29,6 +29,7 @@ from ..parallel.files import make_folder
 from .kept_columns import KeptColumns, n_pairs_in
 from .place import is_part
 from .records import Arrays, read_record, write_record
+from .restore import KeptSetup
 from .shared import WHY, all_found, is_shared, made_of, shared_arrays
 
 if TYPE_CHECKING:
@@ -63,11 +64,11 @@ class Cache:
         found = on_root(self.comm, self._read)
         if found is None:
             return None
-        arrays, texts = found
+        texts = found[1]
         modes = self._entry / texts["modes"]
         columns = KeptColumns(self.comm, self._entry / "columns")
         with log.stage("set-up of an earlier run"):
-            made = made_of(arrays, texts, columns, scene, log, lambda: read_modes(modes))
+            made = made_of(KeptSetup(found[0], texts, columns, lambda: read_modes(modes)), scene, log)
         if made is None:
             return None
         prepared, why = made

@@ -32,7 +32,7 @@ from .kept_branch import KeptBranch
 from .kept_columns import KeptColumns
 from .place import RESULTS, TABLE, is_part
 from .records import Disk, as_written, note_record, read_record, write_record
-from .restore import exact_columns, restored
+from .restore import KeptSetup, exact_columns, restored
 from .setup import to_arrays
 
 if TYPE_CHECKING:
@@ -100,7 +100,8 @@ class Restart:
             prepared = self._shared(log) or self._anew(log, make)
         else:
             with log.stage("set-up as it was kept"):
-                prepared = as_written(self._setup, restored, *found, columns, self.scene, log, self._read_modes)
+                kept = KeptSetup(found[0], found[1], columns, self._read_modes)
+                prepared = as_written(self._setup, restored, kept, self.scene, log)
             for note in found[1]["notes"]:
                 log.note(note)
         known = exact_columns(prepared.reduction, prepared.response.better)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -79,20 +80,21 @@ class Rebuilt:
             self.structure.close()
 
 
-def restored(
-    arrays: Arrays,
-    texts: Mapping[str, Any],
-    columns: KeptColumns,
-    scene: Scene,
-    log: RunLog,
-    read_modes: Callable[[], np.ndarray | None],
-) -> Prepared:
-    """Return what was prepared when ``arrays`` and ``texts`` were kept.
+@dataclass(frozen=True)
+class KeptSetup:
+    """A set-up as it was kept: arrays and texts, on every rank, and what reads the rest."""
 
-    Collective on the ranks of ``columns``; arrays and texts on every rank.
-    """
+    arrays: Arrays
+    texts: Mapping[str, Any]
+    columns: KeptColumns
+    read_modes: Callable[[], np.ndarray | None]
+
+
+def restored(kept: KeptSetup, scene: Scene, log: RunLog) -> Prepared:
+    """Return what was prepared when a set-up was kept.  Collective on the ranks of its columns."""
+    arrays, texts, columns = kept.arrays, kept.texts, kept.columns
     comm, outline = columns.comm, outline_of(arrays, texts)
-    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, read_modes)
+    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, kept.read_modes)
     pairs = pairs_of(arrays, texts)
     exact = texts["leaves_out"] == "modes"
     if exact:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -28,9 +28,8 @@ from ..reduction.left_out_again import OnRandom, left_out_again, on_random
 from ..reduction.methods import SELECTIONS
 from ..reduction.modal_structure import modal_family
 from ..reduction.reduction import Reduction
-from .kept_columns import KeptColumns
 from .records import Arrays
-from .restore import Rebuilt, exact_structure
+from .restore import KeptSetup, Rebuilt, exact_structure
 from .setup import left_out_of, numbers_of, of_reduced, outline_of, pairs_of, texts_of_pairs
 
 if TYPE_CHECKING:
@@ -98,25 +97,18 @@ def damping_of(scene: Scene) -> dict[str, Any] | None:
     return None if scene.damping is None else scene.damping.model_dump(mode="json")
 
 
-def made_of(
-    arrays: Arrays,
-    texts: Mapping[str, Any],
-    columns: KeptColumns,
-    scene: Scene,
-    log: RunLog,
-    read_modes: Callable[[], np.ndarray | None],
-) -> tuple[Prepared, str] | None:
+def made_of(kept: KeptSetup, scene: Scene, log: RunLog) -> tuple[Prepared, str] | None:
     """Return a scene prepared from what runs of its structure share, and why so many modes; None if that takes a factor.
 
-    Collective on the ranks of ``columns``; arrays and texts on every rank.
+    Collective on the ranks of the columns kept.
 
     Raises
     ------
     CaseError, MeshError, ResourceError : as those who build a structure, on every rank
     """
-    comm, settings = columns.comm, reduction_settings(scene)
-    kept = pairs_of(arrays, texts)
-    pairs = kept if texts["is_at_rest"] else pairs_for(scene, kept, texts["joints"], comm)
+    arrays, texts, columns = kept.arrays, kept.texts, kept.columns
+    comm, settings, own = columns.comm, reduction_settings(scene), pairs_of(arrays, texts)
+    pairs = own if texts["is_at_rest"] else pairs_for(scene, own, texts["joints"], comm)
     if pairs is None or settings.method not in SELECTIONS:
         return None
     if texts["damping"] is not None:  # what the dampers add is kept in one with it
@@ -124,7 +116,7 @@ def made_of(
             return None
         settings = replace(settings, damping=replace(settings.damping, is_alone=False))
     outline = outline_of(arrays, texts)
-    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, read_modes)
+    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, kept.read_modes)
     everything = exact_structure(under("model", arrays), comm, rebuilt.solve)
     columns.restore(everything.G_static, everything.owned_rows)
     known = KnownStructure(everything, arrays["outputs_static"], outline.n_dof, texts["n_proved"])

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import warnings
 from typing import Any
 
 import numpy as np
@@ -12,7 +9,7 @@ import numpy as np
 from ...parallel.errors import MeshError
 from ..model import FileModel
 from .plain import Plain
-from .read import follow_references, model_of
+from .read import follow_references, model_of, read_by_pynastran
 
 _WRITE_IT = "Nastran writes it with PARAM,POST,-1 and without PARAM,OGEOM,NO; the bulk data, .bdf, hold it, too"
 
@@ -47,17 +44,8 @@ def _geometry(path: str) -> Any:
     except ImportError:
         raise MeshError("Nastran's .op2 is read by pyNastran; install it: pip install pyNastran") from None
     cards = OP2Geom(debug=None)
-    try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            cards.set_results([])
-            cards.read_op2(path, combine=True)
-            follow_references(cards)
-    except (KeyboardInterrupt, MemoryError):
-        raise
-    except BaseException as problem:  # pyNastran raises errors of many kinds, and some exit
-        text = " ".join(str(problem).split()) or type(problem).__name__
-        raise MeshError(
-            f"it cannot be read as Nastran's output; it is truncated, damaged or another format ({text[:200]}); {_WRITE_IT}"
-        ) from None
+    with read_by_pynastran("Nastran's output", f"; {_WRITE_IT}"):
+        cards.set_results([])
+        cards.read_op2(path, combine=True)
+        follow_references(cards)
     return cards

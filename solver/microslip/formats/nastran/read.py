@@ -7,6 +7,7 @@ import io
 import os
 import re
 import warnings
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -105,19 +106,25 @@ def _cards(text: str) -> Any:
     source, is_whole = _source(text)
     cards = BDF(debug=None)
     cards.disable_cards(("DEFUSET",))
+    with read_by_pynastran("Nastran bulk data"):
+        cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
+        follow_references(cards)
+    return cards
+
+
+@contextlib.contextmanager
+def read_by_pynastran(what: str, advice: str = "") -> Iterator[None]:
+    """Let pyNastran read in silence; whatever it raises is a MeshError that says ``what`` was to be read.  Local."""
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
-            follow_references(cards)
+            yield
     except (KeyboardInterrupt, MemoryError):
         raise
     except BaseException as problem:  # pyNastran raises errors of many kinds, and some exit
         text = " ".join(str(problem).split()) or type(problem).__name__
-        raise MeshError(
-            f"it cannot be read as Nastran bulk data; it is truncated, damaged or another format ({text[:200]})"
-        ) from None
-    return cards
+        said = f"it cannot be read as {what}; it is truncated, damaged or another format ({text[:200]})"
+        raise MeshError(said + advice) from None
 
 
 def _refuse_endless_ranges(text: str) -> None:

@@ -8,12 +8,14 @@ of them.  A file may have ``check`` (of size, before anything is solved) and ``c
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Protocol
 
 from ...assembly.system import System
 from ...points.selection import Selection
+from ..expand import displacement
 from ..facts import Facts
-from ..internal_variable import reduce_to_pairs
+from ..modal_structure import reduce_structure
 from ..reduction import Reduction
 from ..settings import ReductionSettings
 from ..stuck import StuckStructure
@@ -66,7 +68,12 @@ def check_modes(stuck: StuckStructure, settings: ReductionSettings) -> None:
 
 
 def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
-    """Return the reduction by the method asked for.  Collective."""
-    if settings.method in SELECTIONS:
-        return reduce_to_pairs(stuck, settings, SELECTIONS[settings.method](settings))
-    return REDUCTIONS[settings.method](stuck, settings)
+    """Return the reduction by the method asked for, or in the internal-variable form (docs/theory.md, section 4).
+
+    Collective; in that form static solves of a pair when it first leaves sticking.
+    """
+    if settings.method in REDUCTIONS:
+        return REDUCTIONS[settings.method](stuck, settings)
+    expand = partial(displacement, stuck.linearised, stuck.modes)
+    selection = SELECTIONS[settings.method](settings)
+    return Reduction(reduce_structure(stuck, settings.damping), selection, expand, leaves_out="modes")
