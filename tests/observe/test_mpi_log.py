@@ -208,6 +208,7 @@ def test_a_terminal_has_a_bar_and_no_line_a_point(path, monkeypatch):
     pytest.importorskip("rich")
     screen = io.StringIO()
     monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
     with RunLog(COMM, path, True) as log:
         with log.stage("response"):
             run_level(log)
