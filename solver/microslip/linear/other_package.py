@@ -63,30 +63,40 @@ def factorise(
     ------
     CaseError : an option chose something that keeps no factor, or PETSc refused it
     """
-    start, code, negative, ksp = perf_counter(), 0, 0, PETSc.KSP().create(A.comm)
+    start, code, negative = perf_counter(), 0, 0
+    ksp = _chosen(A if shift is None else _shifted(A, *shift), prefix)
+    pc = ksp.getPC()
     try:
-        ksp.setOptionsPrefix(prefix)
-        ksp.setOperators(A if shift is None else _shifted(A, *shift))
-        ksp.setType(PETSc.KSP.Type.PREONLY)
-        pc = ksp.getPC()
-        pc.setType(PETSc.PC.Type.CHOLESKY)
-        ksp.setFromOptions()
-        if ksp.getType() != PETSc.KSP.Type.PREONLY or pc.getType() not in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU):
-            chosen = f"-{prefix}ksp_type {ksp.getType()} -{prefix}pc_type {pc.getType()}"
-            raise CaseError(f"{chosen}: the factor is kept and used for everything, so it must be preonly with cholesky or lu")
         ksp.setUp()
         negative = pc.getFactorMatrix().getInertia()[0] if shift is not None else 0
     except PETSc.Error as error:
-        if error.ierr in _ZERO_PIVOT:
-            code = _SINGULAR
-        else:
+        code = _SINGULAR
+        if error.ierr not in _ZERO_PIVOT:
             ksp.destroy()
             raise CaseError(f"{what}: the factorisation could not start; check the -{prefix} options\n{error}") from error
-    except CaseError:
-        ksp.destroy()
-        raise
     info = {"package": pc.getFactorSolverType(), "code": code, "detail": 0, "negative": negative, "null": 0, "said": ()}
     return PackageFactor(ksp), info | {"seconds": perf_counter() - start}
+
+
+def _chosen(A: PETSc.Mat, prefix: str) -> PETSc.KSP:
+    """Return a KSP that will factor A as the options say.  Collective.
+
+    Raises
+    ------
+    CaseError : that would keep no factor
+    """
+    ksp = PETSc.KSP().create(A.comm)
+    ksp.setOptionsPrefix(prefix)
+    ksp.setOperators(A)
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(PETSc.PC.Type.CHOLESKY)
+    ksp.setFromOptions()
+    if ksp.getType() != PETSc.KSP.Type.PREONLY or pc.getType() not in (PETSc.PC.Type.CHOLESKY, PETSc.PC.Type.LU):
+        chosen = f"-{prefix}ksp_type {ksp.getType()} -{prefix}pc_type {pc.getType()}"
+        ksp.destroy()
+        raise CaseError(f"{chosen}: the factor is kept and used for everything, so it must be preonly with cholesky or lu")
+    return ksp
 
 
 def _shifted(A: PETSc.Mat, sigma: float, M: PETSc.Mat) -> PETSc.Mat:
