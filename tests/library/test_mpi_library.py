@@ -105,7 +105,7 @@ def assert_kept(comm, folder, structure, response):
 
 
 CHANGES = {
-    "friction": ({"friction": 0.046}, {}, {"friction": 0.046}),
+    "friction": ({"friction": 0.048}, {}, {"friction": 0.048}),
     "preload": ({"preload": {"joint": 1.8e7}}, {}, {"preload": 1.8e7}),
     "levels": ({"levels": 33.0}, {"response": {"levels": [33.0]}}, {}),
     "harmonics": ({"harmonics": 5}, {"solver": {"harmonics": 5}}, {}),
