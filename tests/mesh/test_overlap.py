@@ -225,18 +225,32 @@ def test_a_plane_takes_its_gap_from_the_mesh():
         np.testing.assert_allclose(pairs.frame[:, 2], np.tile(z, (pairs.n_pairs, 1)), atol=1e-12)
         np.testing.assert_allclose(-pairs.N0 / pairs.k_n, (pairs.position - (0.0, 0.0, -0.1)) @ z, atol=1e-13)
         assert (pairs.node2 == -1).all() and pairs.weights2.nnz == 0
-    with pytest.raises(MeshError, match="turns its back on the plane at .* plane_normal points from the rigid ground"):
-        pair_contacts(
-            mesh,
-            [
-                joint(
-                    surfaces=("lower_bottom",),
-                    plane=GroundPlane(point=(0, 0, -0.1), normal=(0, 0, -1)),
-                    gap=GEOMETRY,
-                    preload=0.0,
-                )
-            ],
-        )
+
+
+@pytest.mark.parametrize(
+    "point, normal, keys, says",
+    [
+        ((0.0, 0.0, -0.1), (0.0, 0.0, -1.0), {}, "turns its back on the plane at .* plane_normal points from the rigid ground"),
+        ((0.0, 0.0, -0.1), (3.0, 0.0, 1.0), {}, "stands at 72 degrees to the plane at its nearest point, .* check plane_normal"),
+        ((0.0, 0.0, -0.5), (0.0, 0.0, 1.0), {}, r"is 0.5 m off the plane at its nearest point, .*; check plane_point"),
+        ((0.0, 0.0, 0.5), (0.0, 0.0, 1.0), {}, r"is -0.5 m off the plane"),
+        ((0.0, 0.0, -0.05), (0.0, 0.0, 1.0), {"tolerance": 1e-6}, "no more than 1e-06 m is expected"),
+    ],
+)
+def test_a_plane_that_the_surface_does_not_face_or_is_far_from_is_refused(point, normal, keys, says):
+    plane = GroundPlane(point=point, normal=normal)
+    with pytest.raises(MeshError, match=says):
+        pair_contacts(boxes(), [joint(surfaces=("lower_bottom",), plane=plane, gap=GEOMETRY, preload=0.0, **keys)])
+
+
+@pytest.mark.parametrize(
+    "first, second",
+    [(SURFACES, SURFACES), (SURFACES, SURFACES[::-1]), (("lower_bottom",), ("lower_bottom",)), (SURFACES, SURFACES[:1])],
+)
+def test_faces_of_two_joints_are_refused(first, second):
+    joints = [joint(name="one", surfaces=first, pairing="auto"), joint(name="other", surfaces=second, pairing="auto")]
+    with pytest.raises(MeshError, match=r"faces belong to joint 'one' and to joint 'other', .* they would touch twice"):
+        pair_contacts(boxes(), joints)
 
 
 def test_tangent_turns_the_frames():

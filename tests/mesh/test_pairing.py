@@ -61,8 +61,8 @@ def test_parameters_are_per_unit_area():
 
 def test_faces_index_pairs_and_cover_the_surface():
     mesh = two_boxes("hex20")
-    joints = [joint("one"), joint("two")]
-    pairs = pair_contacts(mesh, joints)
+    one = pair_contacts(mesh, [joint("one")])
+    pairs = join_pairs(one, pair_contacts(mesh, [joint("two")]))
     assert pairs.joint == ("one",) * (pairs.n_pairs // 2) + ("two",) * (pairs.n_pairs // 2)
     assert [faces.shape for faces in pairs.faces] == [(6, 8), (6, 8)]
     assert set(pairs.faces[1].ravel()) == set(range(pairs.n_pairs // 2, pairs.n_pairs))

@@ -10,9 +10,11 @@ from ..parallel.errors import MeshError
 from ..parallel.words import place
 from .contact_points import ContactPoints
 from .data import Mesh, on_nodes
-from .overlap import cells_of
+from .overlap import FAR, cells_of
 from .settings import GroundPlane, Joint
 from .surface import Surface
+
+_MOST_TILT = 60.0  # degrees between a plane and the surface where they are nearest: an edge may be what touches
 
 
 def grounded(mesh: Mesh, joint: Joint, first: Surface) -> ContactPoints:
@@ -20,7 +22,7 @@ def grounded(mesh: Mesh, joint: Joint, first: Surface) -> ContactPoints:
 
     Raises
     ------
-    MeshError : a plane behind the surface
+    MeshError : a plane behind the surface, or far from it
     """
     points = _cells(mesh, first) if joint.pairing == "points" else _nodes(mesh, first)
     return points if joint.plane is None else _on_plane(mesh, joint, first, points, joint.plane)
@@ -64,10 +66,20 @@ def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints, p
     normal = np.array(plane.normal) / np.linalg.norm(plane.normal)
     distance = (points.position - np.array(plane.point)) @ normal
     nearest = int(np.argmin(distance))
-    if points.z[nearest] @ normal <= 0.0:
+    where, at = f"{mesh.path}: joint {joint.name!r}: the surface {first.group!r}", f"{place(points.position[nearest])} m"
+    tilt = np.degrees(np.arccos(np.clip(points.z[nearest] @ normal, -1.0, 1.0)))
+    if tilt >= 90.0:
+        raise MeshError(f"{where} turns its back on the plane at {at}; plane_normal points from the rigid ground into the body")
+    if tilt > _MOST_TILT:
         raise MeshError(
-            f"{mesh.path}: joint {joint.name!r}: the surface {first.group!r} turns its back on the plane at "
-            f"{place(points.position[nearest])} m; plane_normal points from the rigid ground into the body"
+            f"{where} stands at {tilt:.0f} degrees to the plane at its nearest point, {at} (bound {_MOST_TILT:.0f}): it does not "
+            "face it; check plane_normal"
+        )
+    reach = FAR * mesh.diagonal if joint.tolerance is None else joint.tolerance
+    if abs(distance[nearest]) > reach:
+        raise MeshError(
+            f"{where} is {distance[nearest]:.3g} m off the plane at its nearest point, {at}, and no more than {reach:.3g} m "
+            "is expected; check plane_point, or state a larger tolerance in the joint"
         )
     z = np.tile(normal, (points.n_points, 1))
     return ContactPoints(

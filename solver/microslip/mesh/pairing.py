@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import combinations
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,7 +20,7 @@ from .matching import NotMatching, matching_nodes
 from .overlap import overlapping_faces
 from .projected import projected_nodes
 from .settings import GEOMETRY, MORTAR, Joint
-from .surface import Surface, surface_of
+from .surface import Surface, face_keys, outward_faces, surface_of
 from .values import Values, values_of
 
 PENETRATION = 1e-6  # of the mesh's diagonal: what the mesh may penetrate at rest and count as touching
@@ -32,11 +33,13 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
 
     Raises
     ------
-    MeshError : surfaces that do not meet, face away, share nodes or penetrate; values for pairs that are not there
+    MeshError : surfaces that do not meet, face away, share nodes or penetrate, or belong to two joints; values for pairs that
+        are not there
     CaseError : a file of values is at fault
     """
     if not joints:
         return _no_pairs()
+    _check_faces(mesh, joints)
     parts, faces, notes, n_pairs = [], [], [], 0
     for joint in joints:
         points = contact_points(mesh, joint)
@@ -101,6 +104,27 @@ def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
         except NotMatching:
             return overlapping_faces(mesh, joint, first, second)
     return PAIRINGS[joint.pairing](mesh, joint, first, second)
+
+
+def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
+    """Raise MeshError where the contact points of two joints lie on the same faces: they would be in contact twice.
+
+    The second surface may serve several joints: two feet on one base.
+    """
+    sides = [
+        (joint, [face_keys(outward_faces(mesh, group)) for group in joint.surfaces])
+        for joint in joints
+        if joint.node_pairs is None
+    ]
+    for (one, of_one), (other, of_other) in combinations(sides, 2):
+        both = of_one[0] & of_other[0]
+        if not both and of_one[0] & of_other[-1]:
+            both = of_one[-1] & of_other[0]  # the same two surfaces the other way round
+        if both:
+            raise MeshError(
+                f"{mesh.path}: {len(both)} faces belong to joint {one.name!r} and to joint {other.name!r}, of "
+                f"{one.surfaces[0]!r} and {other.surfaces[0]!r}: they would touch twice; take them out of one of the two, or state one joint"
+            )
 
 
 def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:

@@ -139,3 +139,8 @@ def _check_edges(mesh: Mesh, group: str, nodes: np.ndarray, at: np.ndarray, cosi
             f"{place(mesh.points[node])} m, where a contact pair would have two normals; "
             "give the two sides of the edge as groups and joints of their own"
         )
+
+
+def face_keys(faces: dict[str, np.ndarray]) -> set[tuple[int, ...]]:
+    """Return what tells faces from each other: the corners of each, rising.  Local."""
+    return {tuple(sorted(map(int, face[: elements.FACE_KINDS[kind].n_corners]))) for kind, own in faces.items() for face in own}

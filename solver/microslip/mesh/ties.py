@@ -18,7 +18,7 @@ from ..parallel.words import place
 from .data import Mesh
 from .projection import Projection, project_on_surface
 from .settings import MeshSettings, Tie
-from .surface import outward_faces
+from .surface import face_keys, outward_faces
 
 TOLERANCE = 0.05  # of the size of the facets, where a tie states none
 COARSER = 1.2  # times as large as the facets of the other side
@@ -111,16 +111,12 @@ def check_joints(mesh: Mesh, settings: MeshSettings) -> None:
         return
     for joint in settings.joints:
         for group in joint.surfaces:
-            own = _keys(outward_faces(mesh, group))
+            own = face_keys(outward_faces(mesh, group))
             for tie in settings.ties:
                 for tied in tie.surfaces:
-                    both = own & _keys(outward_faces(mesh, tied))
+                    both = own & face_keys(outward_faces(mesh, tied))
                     if both:
                         raise MeshError(
                             f"{mesh.path}: {len(both)} faces of {group!r} of joint {joint.name!r} are faces of {tied!r} of tie "
                             f"{tie.name!r}, too: what is glued cannot slip; take them out of one of the two groups"
                         )
-
-
-def _keys(faces: dict[str, np.ndarray]) -> set[tuple[int, ...]]:
-    return {tuple(sorted(map(int, face[: elements.FACE_KINDS[kind].n_corners]))) for kind, own in faces.items() for face in own}
