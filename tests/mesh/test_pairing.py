@@ -7,7 +7,7 @@ import pytest
 from box_meshes import KINDS, box, joint, mesh_of
 
 from microslip.mesh.data import FaceBlock
-from microslip.mesh.pairing import contact_frames, pair_contacts
+from microslip.mesh.pairing import contact_frames, join_pairs, pair_contacts
 from microslip.parallel.errors import MeshError
 
 TOUCH = {
