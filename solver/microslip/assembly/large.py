@@ -16,12 +16,7 @@ from .system import System
 
 
 def tangent_about(
-    dmesh: DistributedMesh,
-    settings: MeshSettings,
-    system: System,
-    u_owned: np.ndarray,
-    share: float,
-    is_stressed: bool = True,
+    dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray, share: float, is_stressed: bool = True
 ) -> tuple[PETSc.Mat, np.ndarray]:
     """Return the stiffness K_T about a displacement, and the forces K_T u - f_int(u) beside the constant ones.
 
