@@ -234,7 +234,7 @@ def _draw(results: ResultFile, path: str, drawn: JointMap) -> list[str]:
     page = Page(results, says, WIDTH, height + (0.56 if drawn.bar else 0.0), drawn.handles)
     for i, level in enumerate(levels):
         x, y = layout.upper_left(i, page.top)
-        at = peak(level.response)
+        at = peak(level.response) or 0
         page.text(x, y + 0.04, f"{level_name(level, short=True)}, {level.frequency[at]:.5g} Hz: {drawn.level_says(level, at)}")
         _block(page, layout, shown, drawn.colour(level, at), i, len(levels))
     if drawn.bar:
