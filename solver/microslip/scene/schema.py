@@ -389,7 +389,7 @@ class Joint(Table):
         if missing:
             more = f"; and {listed(missing[1:])}" if len(missing) > 1 else ""
             raise ValueError(f"{missing[0]} is missing: expected {type(self).model_fields[missing[0]].description}{more}")
-        check_law(self)
+        check_law(dict(self), self.model_fields_set)
         if has_pairs:
             return self
         if has_gap and self.preload and self.preload != "static":
