@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -69,8 +71,5 @@ def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints, p
             f"{mesh.path}: joint {joint.name!r}: the surface {first.group!r} turns its back on the plane at "
             f"{place(points.position[nearest])} m; plane_normal points from the rigid ground into the body"
         )
-    z = np.tile(normal, (points.n_points, 1))
-    return ContactPoints(
-        points.side1, points.side2, z, points.area, points.position, distance, points.faces, points.cells,
-        note=f"joint {joint.name!r}: {points.n_points} contact points, {distance.min():.3g} to {distance.max():.3g} m off",
-    )  # fmt: skip
+    note = f"joint {joint.name!r}: {points.n_points} contact points, {distance.min():.3g} to {distance.max():.3g} m off"
+    return replace(points, z=np.tile(normal, (points.n_points, 1)), distance=distance, note=note)
