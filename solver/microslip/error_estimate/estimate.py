@@ -173,7 +173,7 @@ class ErrorEstimator:
         exact, more, wider = linear.equation, changes.wider.harmonics, changes.wider
         better = p + changes.of_all
         loaded = np.flatnonzero(better.reshape(exact.model.n_pairs, -1).any(axis=1))
-        residual = U - exact.linear_motion(linear.at) + exact.receptance(linear.at, loaded).apply(better[rows_of(loaded)])
+        residual = exact.residual_under(U, linear.at, loaded, better[rows_of(loaded)])
         B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
         d_U, P_d_U, is_found = linear.solve_for(B, self.forward_solver)
         there = exact.harmonics.carry(U + d_U.reshape(U.shape), more)
