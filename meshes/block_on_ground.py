@@ -45,17 +45,18 @@ def block_on_ground(given: BlockOnGround) -> dict[str, Body]:
     """
     half, middle = 0.5 * given.length, 0.5 * given.mast
 
-    def piece(x0: float, x1: float, z0: float, height: float, n_x: int, n_z: int, names) -> Body:
-        origin = (x0, -0.5 * given.width, z0)
-        return box(given.kind, (x1 - x0, given.width, height), (n_x, given.n_width, n_z), origin, names)
+    def piece(x: tuple[float, float], z: tuple[float, float], n_x: int, n_z: int, names) -> Body:
+        size, origin = (x[1] - x[0], given.width, z[1]), (x[0], -0.5 * given.width, z[0])  # z: from where on, and how high
+        return box(given.kind, size, (n_x, given.n_width, n_z), origin, names)
 
+    low, up = (0.0, given.height), (given.height, given.mast_height)
     shoulder = {"z0": "foot", "z1": "shoulders"}
     block = join(
         [
-            piece(-half, -middle, 0.0, given.height, given.n_shoulder, given.n_height, shoulder),
-            piece(-middle, middle, 0.0, given.height, given.n_mast, given.n_height, {"z0": "foot"}),
-            piece(middle, half, 0.0, given.height, given.n_shoulder, given.n_height, shoulder),
-            piece(-middle, middle, given.height, given.mast_height, given.n_mast, given.n_up, {"z1": "mast_top"}),
+            piece((-half, -middle), low, given.n_shoulder, given.n_height, shoulder),
+            piece((-middle, middle), low, given.n_mast, given.n_height, {"z0": "foot"}),
+            piece((middle, half), low, given.n_shoulder, given.n_height, shoulder),
+            piece((-middle, middle), up, given.n_mast, given.n_up, {"z1": "mast_top"}),
         ]
     )
     if jacobian_minimum(block).min() <= 0.0:

@@ -14,7 +14,7 @@ share their nodes.
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from blocks import Body, block, box, jacobian_minimum, join
@@ -62,6 +62,7 @@ class _Cells:
     radial: int
     through: int
     along: int
+    growth: float = 0.0  # in [0, 1): how much smaller they are at the inside of a ring
 
 
 def bolted_lap(joint: BoltedLap) -> dict[str, Body]:
@@ -109,8 +110,8 @@ def _lap(joint: BoltedLap, cells: _Cells, z: float, names: dict[str, str]) -> li
     half = 0.5 * np.array([joint.pitch, joint.width])
     for i in range(joint.bolts):
         centre = np.array([start + (i + 0.5) * joint.pitch, 0.5 * joint.width])
-        hole, rectangle = _circle(0.5 * joint.hole), _rectangle(half)
-        parts += _ring(joint.kind, centre, hole, rectangle, (z, z + joint.thickness), cells, names, growth=0.4)
+        outlines = _circle(0.5 * joint.hole), _rectangle(half)
+        parts += _ring(joint.kind, centre, outlines, (z, z + joint.thickness), replace(cells, growth=0.4), names)
     return parts
 
 
@@ -129,19 +130,20 @@ def _bolt(joint: BoltedLap, x: float, number: int) -> list[Body]:
     ):
         corner, size = (*(centre - 0.2 * joint.shank), z[0]), (0.4 * joint.shank, 0.4 * joint.shank, z[1] - z[0])
         parts.append(box(joint.kind, size, (flat.around, flat.around, n), corner, cut))
-        parts += _ring(joint.kind, centre, core, shank, z, flat, cut)
+        parts += _ring(joint.kind, centre, (core, shank), z, flat, cut)
         if pressing is not None:
-            parts += _ring(joint.kind, centre, shank, edge, z, flat, {})
-            parts += _ring(joint.kind, centre, edge, rim, z, _Cells(flat.around, 2, n, 0), pressing)
+            parts += _ring(joint.kind, centre, (shank, edge), z, flat, {})
+            parts += _ring(joint.kind, centre, (edge, rim), z, _Cells(flat.around, 2, n, 0), pressing)
     return parts
 
 
-def _ring(kind: str, centre, inside, outside, z, cells: _Cells, names: dict[str, str], growth: float = 0.0) -> list[Body]:
-    """Return the four blocks between two outlines; ``growth`` makes the cells smaller inside, in [0, 1)."""
+def _ring(kind: str, centre, outlines, z, cells: _Cells, names: dict[str, str]) -> list[Body]:
+    """Return the four blocks between two outlines, the inner and the outer one."""
+    inside, outside = outlines
 
     def quarter(k: int):
         def mapping(u, v, w):
-            u = u * (1.0 - growth * (1.0 - u))
+            u = u * (1.0 - cells.growth * (1.0 - u))
             flat = (1.0 - u)[:, None] * inside(k, v) + u[:, None] * outside(k, v)
             return np.column_stack([centre + flat, z[0] + w * (z[1] - z[0])])
 

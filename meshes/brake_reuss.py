@@ -114,13 +114,13 @@ def parts(beam: BrakeReuss) -> dict[str, Body]:
 def _half(beam: BrakeReuss) -> Body:
     """Return a half: whole up to the lap, and there its lower part with three holes."""
     h, free, pitch = 0.5 * beam.width, beam.length - beam.lap, beam.lap / 3.0
-    cells = _Cells(beam.around, beam.radial, beam.through, beam.along)
+    cells = _Cells(beam.around, beam.radial, beam.through, beam.along, growth=0.4)
     size, number = (free, beam.width, h), (beam.along, beam.around, beam.through)
     found = [box(beam.kind, size, number, (0.0, -h, z), {"x0": "END"}) for z in (-h, 0.0)]
     for i in range(3):
         centre = np.array([free + (i + 0.5) * pitch, 0.0])
         outlines = _circle(0.5 * beam.hole), _rectangle(0.5 * np.array([pitch, beam.width]))
-        found += _ring(beam.kind, centre, *outlines, (-h, 0.0), cells, {"z0": "SEAT", "z1": "LAP"}, growth=0.4)
+        found += _ring(beam.kind, centre, outlines, (-h, 0.0), cells, {"z0": "SEAT", "z1": "LAP"})
     return join(found, 1e-6)
 
 
@@ -139,10 +139,10 @@ def _bolt(beam: BrakeReuss) -> Body:
         corner, size = (-0.2 * beam.shank, -0.2 * beam.shank, z[0]), (0.4 * beam.shank, 0.4 * beam.shank, z[1] - z[0])
         found.append(box(beam.kind, size, (beam.around, beam.around, n), corner, inside))
         cells = _Cells(flat.around, 1, n, 0)
-        found += _ring(beam.kind, np.zeros(2), core, edges[0], z, cells, outside)
+        found += _ring(beam.kind, np.zeros(2), (core, edges[0]), z, cells, outside)
         if z[0] == top:
-            found += _ring(beam.kind, np.zeros(2), edges[0], edges[1], z, cells, {})
-            found += _ring(beam.kind, np.zeros(2), edges[1], edges[2], z, cells, {"z0": "UNDERHEAD"})
+            found += _ring(beam.kind, np.zeros(2), edges[:2], z, cells, {})
+            found += _ring(beam.kind, np.zeros(2), edges[1:], z, cells, {"z0": "UNDERHEAD"})
     return join(found, 1e-6)
 
 
@@ -150,8 +150,8 @@ def _nut(beam: BrakeReuss) -> Body:
     """Return a nut whose upper face lies at z = 0."""
     edges = [_circle(0.5 * diameter) for diameter in (beam.shank, beam.hole, beam.head)]
     cells, z = _Cells(beam.around, 1, 2, 0), (-beam.nut_height, 0.0)
-    inner = _ring(beam.kind, np.zeros(2), edges[0], edges[1], z, cells, {"x0": "THREAD"})
-    return join(inner + _ring(beam.kind, np.zeros(2), edges[1], edges[2], z, cells, {"z1": "FACE"}), 1e-6)
+    inner = _ring(beam.kind, np.zeros(2), edges[:2], z, cells, {"x0": "THREAD"})
+    return join(inner + _ring(beam.kind, np.zeros(2), edges[1:], z, cells, {"z1": "FACE"}), 1e-6)
 
 
 def _washer(beam: BrakeReuss) -> Body:
@@ -159,7 +159,7 @@ def _washer(beam: BrakeReuss) -> Body:
     cells = _Cells(beam.around, 2, 1, 0)
     edges = _circle(0.5 * beam.hole), _circle(0.5 * beam.washer)
     names = {"z0": "LOWER", "z1": "UPPER"}
-    return join(_ring(beam.kind, np.zeros(2), *edges, (0.0, beam.washer_height), cells, names), 1e-6)
+    return join(_ring(beam.kind, np.zeros(2), edges, (0.0, beam.washer_height), cells, names), 1e-6)
 
 
 def input_file(beam: BrakeReuss) -> str:

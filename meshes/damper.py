@@ -95,15 +95,24 @@ def _blade(given: Damper, name: str, side: float) -> Body:
     foot, edge = under(half), under(end)
     low, top = foot[1], edge[1] + given.platform
     parts = [
-        swept([(-half, given.root_radius), (half, given.root_radius), foot, (-half, low)],
-              (given.n_thick, given.n_shank), {"z0": f"{name}_root"}),
+        swept(
+            [(-half, given.root_radius), (half, given.root_radius), foot, (-half, low)],
+            (given.n_thick, given.n_shank),
+            {"z0": f"{name}_root"},
+        ),
         swept([(-half, low), foot, (half, top), (-half, top)], (given.n_thick, given.n_height)),
         swept([foot, edge, (end, top), (half, top)], (given.n_platform, given.n_height), {"z0": f"{name}_platform"}),
-        swept([(-end, edge[1]), (-half, low), (-half, top), (-end, top)], (given.n_platform, given.n_height),
-              {"z0": "outer_undersides"}),
-        swept([(-half, top), (half, top), (tip, given.tip_radius), (-tip, given.tip_radius)],
-              (given.n_thick, given.n_aerofoil), {"z1": f"{name}_tip"}),
-    ]  # fmt: skip
+        swept(
+            [(-end, edge[1]), (-half, low), (-half, top), (-end, top)],
+            (given.n_platform, given.n_height),
+            {"z0": "outer_undersides"},
+        ),
+        swept(
+            [(-half, top), (half, top), (tip, given.tip_radius), (-tip, given.tip_radius)],
+            (given.n_thick, given.n_aerofoil),
+            {"z1": f"{name}_tip"},
+        ),
+    ]
     return join(parts)
 
 

@@ -16,7 +16,6 @@ import numpy as np
 
 ARC, REFERENCE, CONDENSED = "receptance, by arc length", "receptance", "condensed full set, dense"
 RUBIN, RUBIN_BOUND = "plain Rubin, dense", "one LU of plain Rubin's size"
-PER_POINT = ("index", "omega", "response", "wall", "cpu", "evaluations", "newton", "krylov", "unknowns")
 COLUMNS = (
     "level_N",
     "method",
@@ -52,6 +51,18 @@ TITLES = (
 )
 
 
+@dataclass(frozen=True)
+class Effort:
+    """What a point took."""
+
+    wall: float  # s
+    cpu: float  # s
+    evaluations: int  # of the contact law over pairs
+    newton: int
+    krylov: int
+    unknowns: int
+
+
 @dataclass
 class Row:
     """What one method did at some points of one level."""
@@ -69,18 +80,9 @@ class Row:
     unknowns: list[int] = field(default_factory=list)
     failure: str | None = None
 
-    def add(
-        self,
-        index: int,
-        omega: float,
-        response: np.ndarray,
-        lap: tuple[float, float, int],
-        newton: int,
-        krylov: int,
-        unknowns: int,
-    ) -> None:
-        """Take the numbers of a point; ``lap`` is wall time, processor time and evaluations."""
-        for name, value in zip(PER_POINT, (index, omega, response, *lap, newton, krylov, unknowns)):
+    def add(self, index: int, omega: float, response: np.ndarray, effort: Effort) -> None:
+        """Take the numbers of a point."""
+        for name, value in {"index": index, "omega": omega, "response": response, **vars(effort)}.items():
             getattr(self, name).append(value)
 
     def mean(self, name: str) -> float:

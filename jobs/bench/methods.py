@@ -29,7 +29,7 @@ from microslip.parallel.petsc import initialise
 
 initialise()
 import machine
-from comparison import ARC, CONDENSED, REFERENCE, RUBIN, RUBIN_BOUND, Comparison, Row
+from comparison import ARC, CONDENSED, REFERENCE, RUBIN, RUBIN_BOUND, Comparison, Effort, Row
 from condensed import CondensedFullSet, solve_dense
 from mpi4py import MPI
 from prepared import Prepared, prepare
@@ -69,7 +69,7 @@ def of_branch(method: str, run: Callable, level: float, watch: Stopwatch) -> tup
     row, laps = Row(level, method), Laps(watch)
 
     def on_point(point) -> None:
-        row.add(len(row.index), point.omega, point.response, laps.lap(), point.newton, point.krylov, point.unknowns)
+        row.add(len(row.index), point.omega, point.response, Effort(*laps.lap(), point.newton, point.krylov, point.unknowns))
 
     branch = run(on_point=on_point)
     row.failure = branch.failure
@@ -109,7 +109,7 @@ def condensed_at(problem, points, chosen: list[int], tolerance: float, watch: St
         equation = problem.equation
         p = equation.full_force(equation.contact_forces(found.iterate.U, equation.every_pair, tangents=False))
         response = output_motion(equation.model, problem.level, omega, p)
-        row.add(i, omega, response, laps.lap(), found.newton, 0, newton.unknowns)
+        row.add(i, omega, response, Effort(*laps.lap(), found.newton, 0, newton.unknowns))
         row.failure = row.failure or found.failure
     return row
 
@@ -130,7 +130,7 @@ def rubin_at(rubin, problem, points, chosen: list[int], tolerance: float, watch:
         x, iterations, failure = newton.correct(guess.U, omega, size)
         wall, cpu, evaluations = laps.lap()
         own = 1.0 - newton.seconds_of_measure / cpu  # without what it takes to measure the residual alike
-        row.add(i, omega, rubin.outputs @ x, (own * wall, own * cpu, evaluations), iterations, 0, newton.unknowns)
+        row.add(i, omega, rubin.outputs @ x, Effort(own * wall, own * cpu, evaluations, iterations, 0, newton.unknowns))
         row.failure = row.failure or failure
     return row
 
@@ -140,7 +140,8 @@ def rubin_bound(level: float, n_unknowns: int) -> Row:
     A, row = np.random.default_rng(1).standard_normal((n_unknowns, n_unknowns)), Row(level, RUBIN_BOUND)
     wall, cpu = time.perf_counter(), time.process_time()
     solve_dense(A, np.ones(n_unknowns))
-    row.add(-1, np.nan, np.full((1, 1), np.nan), (time.perf_counter() - wall, time.process_time() - cpu, 0), 1, 0, n_unknowns)
+    effort = Effort(time.perf_counter() - wall, time.process_time() - cpu, 0, 1, 0, n_unknowns)
+    row.add(-1, np.nan, np.full((1, 1), np.nan), effort)
     return row
 
 

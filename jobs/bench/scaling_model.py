@@ -180,29 +180,23 @@ def parts_of_work(work: dict[int, list[float]], shares: dict[int, list[float]]) 
     return float(serial), float(replicated), float(parallel)
 
 
-def stage_model(
-    name: str,
-    work: dict[int, list[float]],
-    shares: dict[int, list[float]],
-    largest: dict[int, float],
-    calls: dict[str, dict[int, float]],
-    bytes_: dict[str, dict[int, float]],
-    wall: dict[int, float],
-    network: Network,
-) -> StageModel:
-    """Return the model of a stage.
+@dataclass(frozen=True)
+class Measured:
+    """What was measured of a stage, by number of ranks."""
 
-    Parameters
-    ----------
-    work, shares : as in :func:`parts_of_work`
-    largest : the largest share by number of ranks, of more numbers than were run perhaps
-    calls, bytes_ : by kind and number of ranks, of the rank with the most
-    wall : on one rank and on two [s]
-    network : that the two were run on
-    """
-    said = {kind: (Growth(calls[kind]), Growth(bytes_[kind])) for kind in calls if calls[kind]}
-    parts = parts_of_work(work, shares)
-    alone = work[1][0]
+    work: dict[int, list[float]]  # s, as in :func:`parts_of_work`
+    shares: dict[int, list[float]]  # as there; of more numbers than were run, perhaps
+    calls: dict[str, dict[int, float]]  # by kind before, of the rank with the most
+    bytes: dict[str, dict[int, float]]  # the same
+    wall: dict[int, float]  # s, on one rank and on two
+
+
+def stage_model(name: str, measured: Measured, network: Network) -> StageModel:
+    """Return the model of a stage measured on a network."""
+    calls, wall = measured.calls, measured.wall
+    said = {kind: (Growth(calls[kind]), Growth(measured.bytes[kind])) for kind in calls if calls[kind]}
+    parts = parts_of_work(measured.work, measured.shares)
+    alone, largest = measured.work[1][0], {ranks: max(of_ranks) for ranks, of_ranks in measured.shares.items()}
     model = StageModel(
         name,
         alone,

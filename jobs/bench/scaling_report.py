@@ -11,7 +11,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from costs import table
-from scaling_model import KINDS, RANKS, Growth, Network, StageModel, exponent, gains_until, stage_model, weak_seconds
+from scaling_model import KINDS, RANKS, Growth, Measured, Network, StageModel, exponent, gains_until, stage_model, weak_seconds
 
 from microslip.results.style import INK, RC, WIDTH
 
@@ -96,19 +96,15 @@ def models_of(size: dict, network: Network) -> list[StageModel]:
             {kind: {run["ranks"]: float(amount(run, stage, f"{kind}, {what}").max()) for run in several} for kind in KINDS}
             for what in ("calls", "bytes")
         )
-        models.append(
-            stage_model(
-                stage,
-                # between the many gathers of a point, ranks that share cores lose their caches: more than two say nothing
-                {run["ranks"]: work(run, stage).tolist() for run in runs if stage != POINT or run["ranks"] <= 2},
-                shares,
-                {ranks: max(of_ranks) for ranks, of_ranks in shares.items()},
-                calls,
-                bytes_,
-                {run["ranks"]: wall(run, stage) for run in runs if run["ranks"] <= 2 and is_quiet(size)},
-                network,
-            )
+        measured = Measured(
+            # between the many gathers of a point, ranks that share cores lose their caches: more than two say nothing
+            {run["ranks"]: work(run, stage).tolist() for run in runs if stage != POINT or run["ranks"] <= 2},
+            shares,
+            calls,
+            bytes_,
+            {run["ranks"]: wall(run, stage) for run in runs if run["ranks"] <= 2 and is_quiet(size)},
         )
+        models.append(stage_model(stage, measured, network))
     return models
 
 

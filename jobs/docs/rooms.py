@@ -64,11 +64,12 @@ ENDS = (
 )  # where a user's words come in and results go out
 
 
-def imports(path: Path) -> set[str]:
-    """Return the modules that a file imports, but for type checking alone: "numpy", "microslip.mesh.data"."""
+def imports(path: Path, with_types: bool = False) -> set[str]:
+    """Return the modules that a file imports: "numpy", "microslip.mesh.data"; for type checking alone only if asked for."""
     here = ("microslip", *path.relative_to(PACKAGE).parts[:-1])
     found = set()
-    for node in _running(ast.parse(path.read_text(encoding="utf-8"))):
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree) if with_types else _running(tree):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):

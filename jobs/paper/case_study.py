@@ -17,6 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
 import argparse
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).parent))
@@ -27,7 +28,8 @@ initialise()
 from mpi4py import MPI
 from paper_figures import draw_all, remove_old
 from paper_page import page
-from paper_runs import EPSILON, study
+from paper_runs import EPSILON, Clock, study
+from prepared import prepare
 
 SCENE = "jobs/fan_paper.toml"
 TOLERANCES = (0.0, EPSILON, 1e-7, 1e-6, 1e-5, 3e-5, 1e-4)  # J a cycle and pair
@@ -44,15 +46,10 @@ def main() -> None:
     parser.add_argument("--no-rubin", action="store_true", help="do not solve plain Rubin: one LU of its size stands for a step")
     options = parser.parse_args()
     start, folder = time.perf_counter(), options.out or Path("docs" if options.scene == SCENE else "results/paper")
-    found = study(
-        options.scene,
-        MPI.COMM_SELF,
-        sorted(options.tolerances),
-        options.steps,
-        options.points,
-        not options.no_rubin,
-        lambda line: print(line, flush=True),
-    )
+    clock = Clock(partial(print, flush=True))
+    prepared = prepare(options.scene, MPI.COMM_SELF, options.points)
+    clock.lap("mesh to reduced model, all static columns")
+    found = study(prepared, sorted(options.tolerances), options.steps, not options.no_rubin, clock)
     (folder / "img").mkdir(parents=True, exist_ok=True)
     remove_old(folder / "img")
     figures = draw_all(found, folder / "img")

@@ -308,7 +308,7 @@ def tolerance_response(study: Study) -> Page | None:
         ax.plot(run.frequency, factor * run.amplitude, **looks)
 
     says = "response by adaptive-energy around the peak, by energy tolerance \u03b5"
-    page, axes = _by_tolerance(study, says, draw, lambda run: run.amplitude, "m")
+    page, axes = _by_tolerance(study, says, draw, (lambda run: run.amplitude, "m"))
     if page is None:
         return None
     for ax, level in zip(axes, study.slipping):
@@ -330,7 +330,7 @@ def tolerance_size(study: Study) -> Page | None:
         ax.plot(run.frequency[1:], run.unknowns[1:], **looks)
 
     says = "unknowns of the adaptive ROM along the curve, by energy tolerance \u03b5; without the first point, at which B is full"
-    page, axes = _by_tolerance(study, says, draw, None, "", base=BY_SLIP)
+    page, axes = _by_tolerance(study, says, draw, base=BY_SLIP)
     for ax, level in zip(axes, study.slipping):
         ax.set(ylabel="unknowns", xlim=_slip_range(level))
         ax.set_ylim(bottom=0.0)
@@ -344,7 +344,7 @@ def tolerance_error(study: Study) -> Page | None:
         _differences(ax, run or level.adaptive, level.reference, **looks)
 
     says = "difference from the full set over its peak, by energy tolerance \u03b5"
-    page, axes = _by_tolerance(study, says, draw, None, "", base=BY_SLIP, looks={"color": FAINT, "lw": 1.0, "ls": "--"})
+    page, axes = _by_tolerance(study, says, draw, base=BY_SLIP, looks={"color": FAINT, "lw": 1.0, "ls": "--"})
     for ax, level in zip(axes, study.slipping):
         ax.set(yscale="log", ylim=(1e-6, 1.0), ylabel="difference / peak", xlim=_slip_range(level))
     return page
@@ -360,8 +360,11 @@ def _told_apart(levels: list[Level]) -> list[float]:
     return shown
 
 
-def _by_tolerance(study: Study, says: str, draw, values, unit: str, base: str = "full set of pairs (receptance)", looks=LINEAR):
-    """Return a page with a panel a level and a curve a tolerance, and its axes; ``draw`` takes a run, None for the base."""
+def _by_tolerance(study: Study, says: str, draw, drawn=None, base: str = "full set of pairs (receptance)", looks=LINEAR):
+    """Return a page with a panel a level and a curve a tolerance, and its axes.
+
+    ``draw`` takes a run, None for the ``base``, and by what ``drawn``, values of a run and their unit, are multiplied.
+    """
     levels = study.slipping
     if not levels:
         return None, []
@@ -376,7 +379,7 @@ def _by_tolerance(study: Study, says: str, draw, values, unit: str, base: str = 
     cells = page.grid(n_rows, n_columns)
     axes = [page.figure.add_subplot(cells[divmod(i, n_columns)]) for i in range(len(levels))]
     for ax, level in zip(axes, levels):
-        factor = with_prefix(values(level.reference), unit)[0] if values else 1.0
+        factor = with_prefix(drawn[0](level.reference), drawn[1])[0] if drawn else 1.0
         draw(ax, None, level, factor, **looks)
         for eps, colour, width in zip(tolerances, colours, np.linspace(1.6, 0.8, len(tolerances))):
             draw(ax, level.energy[eps], level, factor, color=colour, lw=width)

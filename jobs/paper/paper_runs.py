@@ -16,7 +16,7 @@ import methods
 import numpy as np
 from comparison import Row
 from condensed import solve_dense
-from prepared import Prepared, prepare
+from prepared import Prepared
 from rubin import build_rubin
 
 from microslip.contact.law import STICK
@@ -153,20 +153,9 @@ class Study:
         return np.where(np.asarray(unknowns) > sizes[-1], times[-1] * (np.asarray(unknowns) / sizes[-1]) ** 3, found)
 
 
-def study(
-    path: str,
-    comm,
-    tolerances: Sequence[float],
-    steps: Sequence[int],
-    points: int | None,
-    rubin_points: bool,
-    say: Callable[[str], None],
-) -> Study:
+def study(prepared: Prepared, tolerances: Sequence[float], steps: Sequence[int], rubin_points: bool, clock: Clock) -> Study:
     """Return all runs of a scene.  One rank."""
-    clock = Clock(say)
-    prepared = prepare(path, comm, points)
     model = prepared.model
-    clock.lap("mesh to reduced model, all static columns")
     levels = [of_level(prepared, level, tolerances, clock) for level in prepared.scene.response.levels]
     condensed_at_peak(prepared, levels[-1], clock)
     slipping = [level for level in levels if level.slips]
@@ -209,7 +198,8 @@ def of_level(prepared: Prepared, level: float, tolerances: Sequence[float], cloc
         why = curve.failure or "fewer than 3 points"
         raise ConvergenceError(f"receptance at {level:g} N: {why}; take a wider range or more points")
     with methods.contact_counter() as watch:
-        solve = partial(solved, prepared, problem, omegas, watch)
+        at_omegas = partial(at_frequencies, problem, omegas=omegas, tolerance=tolerance)
+        solve = partial(solved, problem, at_omegas, watch)
         reference = solve("receptance", AllPairs(), motion=True)
         found = Level(
             reference,
@@ -233,10 +223,9 @@ def condensed_at_peak(prepared: Prepared, level: Level, clock: Clock) -> None:
     clock.lap(f"all pairs by dense Newton at the peak of {level.level:g} N")
 
 
-def solved(prepared: Prepared, problem, omegas, watch, method: str, selection, motion: bool = False) -> Run:
+def solved(problem, at_omegas: Callable, watch, method: str, selection, motion: bool = False) -> Run:
     """Return one method at given frequencies; the motion of the pairs is kept if asked for."""
-    run = partial(at_frequencies, problem, selection, omegas, tolerance=prepared.scene.solver.tolerance)
-    row, points = methods.of_branch(method, run, problem.level, watch)
+    row, points = methods.of_branch(method, partial(at_omegas, selection), problem.level, watch)
     moving = np.array([moves(problem, point.U) for point in points])
     carries = np.array([point.p.any(axis=(1, 2)) for point in points])
     held = moving & ~carries

@@ -67,7 +67,7 @@ def run(
     Interrupted : a signal or the time limit stopped the run, after everything that converged was written
     """
     with locked(comm, folder) as left:
-        restart = Restart.open(comm, folder, scene, asked.petsc, asked.fresh, cache_of(folder), notes=left)
+        restart = Restart.open(comm, folder, scene, asked.petsc, asked.fresh, cache_of(folder)).noting(left)
         if restart.done is not None:
             draw_again(restart, comm, folder, asked.screen)
             failures = restart.done

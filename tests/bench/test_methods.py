@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from box_meshes import box, joint, mesh_of, settings
-from comparison import CONDENSED, REFERENCE, RUBIN, Comparison, Row
+from comparison import CONDENSED, REFERENCE, RUBIN, Comparison, Effort, Row
 from condensed import CondensedFullSet, jacobian, solve_dense
 from dense_model import forced, reduced
 from matrix_scenes import write_matrix_scene
@@ -162,7 +162,7 @@ def test_pairs_that_share_a_node_are_refused():
 def row_of(level, method, indices, milliseconds, responses, unknowns=10):
     row = Row(level, method)
     for i, response in zip(indices, responses):
-        row.add(i, 100.0 + i, np.array([[0.0, response]]), (2e-3 * milliseconds, 1e-3 * milliseconds, 3), 2, 4, unknowns)
+        row.add(i, 100.0 + i, np.array([[0.0, response]]), Effort(2e-3 * milliseconds, 1e-3 * milliseconds, 3, 2, 4, unknowns))
     return row
 
 

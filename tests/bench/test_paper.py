@@ -62,7 +62,8 @@ def test_one_command_draws_all_figures_and_writes_the_page(tmp_path, monkeypatch
 def chain_study(folder, levels, tolerances, steps):
     system = scenes.chain()
     path = write_matrix_scene(folder, system, levels, system["omega"], points=12, outputs=[6], harmonics=2, samples=32)
-    return paper_runs.study(str(path), MPI.COMM_SELF, tolerances, steps, None, True, lambda line: None)
+    clock = paper_runs.Clock(lambda line: None)
+    return paper_runs.study(prepare(str(path), MPI.COMM_SELF), tolerances, steps, True, clock)
 
 
 def test_a_scene_of_matrices_goes_without_mesh_and_without_rubin(tmp_path):

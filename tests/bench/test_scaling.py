@@ -12,6 +12,7 @@ from processes import LIMIT, MPIRUN, environment
 from scaling_model import (
     RANKS,
     Growth,
+    Measured,
     Network,
     Share,
     exponent,
@@ -39,9 +40,8 @@ def test_serial_replicated_and_parallel_work_are_told_apart(parts):
 
 def test_time_is_the_sum_of_its_terms_and_agrees_with_what_was_measured():
     calls, sizes = NOTHING | {"sums": {2: 100.0, 4: 100.0}}, NOTHING | {"sums": {2: 1e6, 4: 1e6}}
-    largest = {n: max(shares) for n, shares in SHARES.items()}
     wall = {1: 9.5, 2: 7.0}
-    model = stage_model("factor", made(1.0, 0.5, 8.0), SHARES, {1: 1.0, **largest}, calls, sizes, wall, NETWORK)
+    model = stage_model("factor", Measured(made(1.0, 0.5, 8.0), {1: [1.0], **SHARES}, calls, sizes, wall), NETWORK)
     assert [model.seconds(n, NETWORK) for n in (1, 2)] == pytest.approx([9.5, 7.0])
     wire, waiting = 2 * (100 * 1e-6 + 1e6 / 1e9), model.idle * 2 * 8.0 * 0.3
     assert waiting > 0.0

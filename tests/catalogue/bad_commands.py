@@ -27,15 +27,31 @@ COMMANDS = [
     line("PETSc option before --", "run lap.toml -hb_snes_monitor", "-hb_snes_monitor: PETSc options follow --"),
     line("PETSc option without a prefix", "run lap.toml --out out -- -snes_monitor", "perhaps -hb_snes_monitor"),
     line("PETSc option of a misspelled prefix", "run lap.toml --out out -- -statc_ksp_rtol 1", "nearest is -static_ksp_rtol"),
-    line("PETSc option that loads code", "run lap.toml --out out -- -dll_append lib.so", "-dll_append: not an option of this program's solvers"),
-    line("PETSc value without a name", "run lap.toml --out out -- 3 -hb_snes_max_it", "'3' after --: an option's name is missing"),
+    line(
+        "PETSc option that loads code",
+        "run lap.toml --out out -- -dll_append lib.so",
+        "-dll_append: not an option of this program's solvers",
+    ),
+    line(
+        "PETSc value without a name", "run lap.toml --out out -- 3 -hb_snes_max_it", "'3' after --: an option's name is missing"
+    ),
     line("PETSc options of check", "check lap.toml -- -hb_snes_monitor", "check solves nothing"),
     line("--set without a value", "run lap.toml --out out --set solver.modes", "--set solver.modes: expected KEY=VALUE"),
-    line("--set of an unknown table", "run lap.toml --out out --set sovler.modes=3", "[sovler]: unknown table; nearest is [solver]"),
-    line("--set of an unknown key", "run lap.toml --out out --set solver.mods=3", '[solver] mods: unknown key; nearest is "modes"'),
-    line("--set of no joint", "run lap.toml --out out --set joints.lop.friction=0.1", '--set joints.lop.friction=0.1: there is no [[joints]] "lop"; nearest is "lap"'),
+    line(
+        "--set of an unknown table", "run lap.toml --out out --set sovler.modes=3", "[sovler]: unknown table; nearest is [solver]"
+    ),
+    line(
+        "--set of an unknown key", "run lap.toml --out out --set solver.mods=3", '[solver] mods: unknown key; nearest is "modes"'
+    ),
+    line(
+        "--set of no joint",
+        "run lap.toml --out out --set joints.lop.friction=0.1",
+        '--set joints.lop.friction=0.1: there is no [[joints]] "lop"; nearest is "lap"',
+    ),
     line("--set of which joint", "run lap.toml --out out --set joints.friction=0.1", "of which [[joints]]?"),
-    line("--set out of range", "run lap.toml --out out --set response.points=1", "[response] points = 1", "--set response.points=1"),
+    line(
+        "--set out of range", "run lap.toml --out out --set response.points=1", "[response] points = 1", "--set response.points=1"
+    ),
     line("--set of a key as a table", "run lap.toml --out out --set model.mesh.x=1", "mesh is a key and no table"),
     line("--set in a model file", "check bar.inp --set model.scale=2", "bar.inp is a model file; keys belong to a scene"),
     line("unknown method to compare", "compare lap.toml --out out --methods full,rubbin", "rubbin", "nearest is rubin"),
@@ -51,20 +67,38 @@ COMMANDS = [
     line("new where a scene is", "new bar.inp --out lap.toml", "lap.toml", "is not overwritten", "--force"),
     line("check of no model", "check none.msh", "none.msh"),
     line("format to convert to", "convert out/results.h5 --to vtkhd", "vtkhd", "nearest is vtkhdf"),
-]  # fmt: skip
+]
 
 PLACES = [
-    line("results into a file", "run lap.toml --out lap.msh", "lap.msh: cannot be written: that is a file and no folder", "choose another folder with --out"),
+    line(
+        "results into a file",
+        "run lap.toml --out lap.msh",
+        "lap.msh: cannot be written: that is a file and no folder",
+        "choose another folder with --out",
+    ),
     line("results below a file", "run lap.toml --out lap.msh/out", "lap.msh/out", "cannot be written"),
     line("results where nobody writes", "run lap.toml --out /proc/out", "/proc/out", "choose another folder with --out"),
     line("results into a name too long", "run lap.toml --out " + 300 * "x", "File name too long"),
-    line("results into a forbidden folder", "run lap.toml --out blocks", "blocks", "Permission denied", spoil=forbidden("blocks"), not_by_root=True),
+    line(
+        "results into a forbidden folder",
+        "run lap.toml --out blocks",
+        "blocks",
+        "Permission denied",
+        spoil=forbidden("blocks"),
+        not_by_root=True,
+    ),
     line("pictures into a file", "plot out/results.h5 --out lap.msh", "lap.msh: cannot be written: that is a file and no folder"),
     line("report into a file", "report out/results.h5 --out lap.msh", "lap.msh: cannot be written: that is a file and no folder"),
-    line("conversion into a file", "convert out/results.h5 --out lap.msh", "lap.msh: cannot be written: that is a file and no folder"),
+    line(
+        "conversion into a file",
+        "convert out/results.h5 --out lap.msh",
+        "lap.msh: cannot be written: that is a file and no folder",
+    ),
     line("scene into no folder", "new bar.inp --out none/bar.toml", "none/bar.toml", "cannot be written"),
     line("table into a file", "compare lap.toml --out lap.msh", "lap.msh: cannot be written: that is a file and no folder"),
-    line("check's picture into a file", "check lap.toml --out lap.msh", "lap.msh: cannot be written: that is a file and no folder"),
-]  # fmt: skip
+    line(
+        "check's picture into a file", "check lap.toml --out lap.msh", "lap.msh: cannot be written: that is a file and no folder"
+    ),
+]
 
 CASES = [*COMMANDS, *PLACES]

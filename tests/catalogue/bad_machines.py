@@ -40,20 +40,58 @@ DISK = [
     disk("place taken: results.h5", taken("new/results.h5"), "results.h5: cannot be written: Is a directory", status=2),
     disk("place taken: results.h5.part", taken("new/results.h5.part"), "results.h5: cannot be written", status=2),
     disk("place taken: run.log", taken("new/run.log"), "run.log: cannot be written: Is a directory", status=2),
-    disk("place taken: a picture", taken("pictures/response.png"), "pictures/response.png: cannot be written: Is a directory", status=2, line="plot out/results.h5 --out pictures"),
-    disk("place taken: report", taken("new/report.html"), "report.html: cannot be written: Is a directory", status=2, line="report out/results.h5 --out new"),
+    disk(
+        "place taken: a picture",
+        taken("pictures/response.png"),
+        "pictures/response.png: cannot be written: Is a directory",
+        status=2,
+        line="plot out/results.h5 --out pictures",
+    ),
+    disk(
+        "place taken: report",
+        taken("new/report.html"),
+        "report.html: cannot be written: Is a directory",
+        status=2,
+        line="report out/results.h5 --out new",
+    ),
     disk("folder is a link to nothing", lambda folder: (folder / "new").symlink_to("none"), "new: cannot be written", status=2),
-]  # fmt: skip
+]
 
 PULL = '[statics]\n[[statics.forces]]\ngroup = "tip"\nforce = [0.0, 0.0, -1e5]\n[damping]'
 SOLVERS = [
-    solver("word for a number", "-- -hb_snes_max_it few", "PETSc refuses an option", "few has no integer value", "-hb_snes_max_it few", status=2),
+    solver(
+        "word for a number",
+        "-- -hb_snes_max_it few",
+        "PETSc refuses an option",
+        "few has no integer value",
+        "-hb_snes_max_it few",
+        status=2,
+    ),
     solver("unknown kind of a solver", "-- -hb_snes_type newtonn", "PETSc refuses an option", "newtonn", status=2),
-    solver("negative tolerance", "-- -hb_ksp_rtol -1", "PETSc refuses an option", "Relative tolerance -1", "-hb_ksp_rtol -1", status=2),
+    solver(
+        "negative tolerance",
+        "-- -hb_ksp_rtol -1",
+        "PETSc refuses an option",
+        "Relative tolerance -1",
+        "-hb_ksp_rtol -1",
+        status=2,
+    ),
     solver("unknown preconditioner", "-- -static_pc_type luu", "PETSc refuses an option", "luu", status=2),
     solver("unknown factor", "-- -static_pc_factor_mat_solver_type mumpss", "mumpss", "-static_", status=2),
-    solver("an option that nobody reads", "-- -hb_snes_maxit 5", "-hb_snes_maxit: no solver of this run reads this PETSc option", status=2),
-    solver("statics that push the body away", "", "[statics]: no equilibrium beyond", "body 'right' turns about", scene="lap", spoil=edited("lap.toml", "preload = 1e6", 'preload = "static"', "[damping]", PULL)),
-]  # fmt: skip
+    solver(
+        "an option that nobody reads",
+        "-- -hb_snes_maxit 5",
+        "-hb_snes_maxit: no solver of this run reads this PETSc option",
+        status=2,
+    ),
+    solver(
+        "statics that push the body away",
+        "",
+        "[statics]: no equilibrium beyond",
+        "body 'right' turns about",
+        scene="lap",
+        spoil=edited("lap.toml", "preload = 1e6", 'preload = "static"', "[damping]", PULL),
+    ),
+]
 
 CASES = [*DISK, *SOLVERS]

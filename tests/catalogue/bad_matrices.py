@@ -82,16 +82,40 @@ MATRICES = [
     chain("matrix of no entries", changed("M.mtx", lambda A: 0.0 * A), "M.mtx"),
     chain("negative mass", changed("M.mtx", lambda A: -A), "M.mtx"),
     chain("one negative mass", changed("M.mtx", entry(0, 0, -1.0)), "M.mtx"),
-    chain("stiffness and mass interchanged", stated('"K.mtx"\nmass = "M.mtx"', '"M.mtx"\nmass = "K.mtx"'), "chain.toml: [response] starts at", "far above the highest of the 9 modes"),
+    chain(
+        "stiffness and mass interchanged",
+        stated('"K.mtx"\nmass = "M.mtx"', '"M.mtx"\nmass = "K.mtx"'),
+        "chain.toml: [response] starts at",
+        "far above the highest of the 9 modes",
+    ),
     chain("words in a matrix", edited("K.mtx", "\n9 9\n", "\n9 9\none\n"), "K.mtx"),
     chain("size and entries differ", edited("K.mtx", "matrix array", "matrix coordinate"), "K.mtx"),
-    chain("damping matrix and [damping]", stated('mass = "M.mtx"', 'mass = "M.mtx"\ndamping = "M.mtx"'), "[damping]: the model has a damping matrix already"),
-    chain("damping that feeds energy", all_of(changed("M.mtx", lambda A: A), stated('mass = "M.mtx"\n[damping]\nratio = 0.02', 'mass = "M.mtx"\ndamping = "C.mtx"'), lambda folder: scipy.io.mmwrite(folder / "C.mtx", -np.eye(9))), "chain.toml: [model] damping", "feeds energy in"),
+    chain(
+        "damping matrix and [damping]",
+        stated('mass = "M.mtx"', 'mass = "M.mtx"\ndamping = "M.mtx"'),
+        "[damping]: the model has a damping matrix already",
+    ),
+    chain(
+        "damping that feeds energy",
+        all_of(
+            changed("M.mtx", lambda A: A),
+            stated('mass = "M.mtx"\n[damping]\nratio = 0.02', 'mass = "M.mtx"\ndamping = "C.mtx"'),
+            lambda folder: scipy.io.mmwrite(folder / "C.mtx", -np.eye(9)),
+        ),
+        "chain.toml: [model] damping",
+        "feeds energy in",
+    ),
     chain(".npz of noise", no_file("npz"), "K.npz"),
     chain(".npz of objects", into("npz", lambda path, A: np.savez(path, K=np.array([{}], dtype=object))), "K.npz"),
     chain(".npz of two matrices", into("npz", lambda path, A: np.savez(path, A=A, B=A)), "K.npz", "A, B"),
     chain(".mat of noise", no_file("mat"), "K.mat"),
-    chain(".mat of no such name", all_of(into("mat", lambda path, A: scipy.io.savemat(path, {"KAA": A})), stated("K.mat", "K.mat:KGG")), "K.mat", "KGG", "KAA"),
+    chain(
+        ".mat of no such name",
+        all_of(into("mat", lambda path, A: scipy.io.savemat(path, {"KAA": A})), stated("K.mat", "K.mat:KGG")),
+        "K.mat",
+        "KGG",
+        "KAA",
+    ),
     chain(".op4 of noise", no_file("op4"), "K.op4"),
     chain(".op2 of noise", no_file("op2"), "K.op2"),
     chain(".full of noise", no_file("full"), "K.full"),
@@ -100,7 +124,7 @@ MATRICES = [
     chain(".rua of noise", no_file("rua"), "K.rua"),
     chain(".pch of noise", no_file("pch"), "K.pch"),
     chain(".sub of Ansys", no_file("sub"), "K.sub"),
-]  # fmt: skip
+]
 
 HEADER = "x1,y1,z1,x2,y2,z2,mu,n0,g0,kt,kn\n"
 
@@ -139,31 +163,103 @@ PAIRS = [
 SCENES = [
     chain("load on no DOF", stated("dof = 6\nscale", "dof = 600\nscale"), "[[loads]] 5", "600"),
     chain("output at no DOF", stated('name = "6"\ndof = 6', 'name = "6"\ndof = 7000'), "7000"),
-    chain("load at a node of no nodes", stated("dof = 6\nscale = 0.2", "node = 6\ndirection = [1.0, 0.0, 0.0]"), "[[loads]] 5", "has no nodes"),
-    chain("direction of a DOF", stated("dof = 6\nscale = 0.2", "dof = 6\ndirection = [1.0, 0.0, 0.0]"), "[[loads]] 5", "direction belongs to a node"),
-    chain("supports of matrices", stated("[response]", '[[supports]]\ngroup = "x"\nfix = ["x"]\n[response]'), "[[supports]]: belongs to a mesh"),
-    chain("surfaces of matrices", stated('pairs = "pairs.csv"', 'surfaces = ["a", "b"]\nfriction = 0.1\ntangential_stiffness = 1.0\nnormal_stiffness = 1.0\npreload = 1.0'), "surfaces: belongs to a mesh"),
+    chain(
+        "load at a node of no nodes",
+        stated("dof = 6\nscale = 0.2", "node = 6\ndirection = [1.0, 0.0, 0.0]"),
+        "[[loads]] 5",
+        "has no nodes",
+    ),
+    chain(
+        "direction of a DOF",
+        stated("dof = 6\nscale = 0.2", "dof = 6\ndirection = [1.0, 0.0, 0.0]"),
+        "[[loads]] 5",
+        "direction belongs to a node",
+    ),
+    chain(
+        "supports of matrices",
+        stated("[response]", '[[supports]]\ngroup = "x"\nfix = ["x"]\n[response]'),
+        "[[supports]]: belongs to a mesh",
+    ),
+    chain(
+        "surfaces of matrices",
+        stated(
+            'pairs = "pairs.csv"',
+            'surfaces = ["a", "b"]\nfriction = 0.1\ntangential_stiffness = 1.0\nnormal_stiffness = 1.0\npreload = 1.0',
+        ),
+        "surfaces: belongs to a mesh",
+    ),
     chain("units of matrices", stated('mass = "M.mtx"', 'mass = "M.mtx"\nunits = "mm-t-s"'), "units belongs to a mesh"),
-    chain("statics of matrices", stated("[response]", "[statics]\n[[statics.forces]]\nnode = 1\nforce = [1.0, 0.0, 0.0]\n[response]"), "[statics]"),
-    chain("stress of matrices", stated("dof = 6\n[response]", 'node = 6\nquantity = "stress"\ncomponent = "xx"\n[response]'), "has no elements"),
+    chain(
+        "statics of matrices",
+        stated("[response]", "[statics]\n[[statics.forces]]\nnode = 1\nforce = [1.0, 0.0, 0.0]\n[response]"),
+        "[statics]",
+    ),
+    chain(
+        "stress of matrices",
+        stated("dof = 6\n[response]", 'node = 6\nquantity = "stress"\ncomponent = "xx"\n[response]'),
+        "has no elements",
+    ),
     chain("more modes than rows", stated("harmonics = 1", "modes = 500"), "[solver] modes = 500: the structure has only"),
-    chain("forces missing", stated("dof = 6\nscale = 0.2", 'forces = "forces.csv"'), 'forces = "forces.csv": there is no such file'),
-    chain("forces of nan", all_of(stated("dof = 6\nscale = 0.2", 'forces = "forces.csv"'), written("forces.csv", "dof,value\n1,nan\n")), "forces.csv, line 2", "not a finite number"),
-    chain("forces on no DOF", all_of(stated("dof = 6\nscale = 0.2", 'forces = "forces.csv"'), written("forces.csv", "dof,value\n1000,1.0\n")), "forces.csv", "1000"),
-    chain("free mass", all_of(changed("K.mtx", lambda A: 0.0 * A), written("pairs.csv", HEADER + "0,1,2,3,4,5,0.3,60.0,0.0,5e5,8e5\n")), "chain.toml", "K_L is not positive definite"),
-    blocks("rows of no table", edited("blocks/scene.toml", 'dofs = "dofs.csv"\n', ""), "node_pairs: the matrices tell no nodes; state [model] dofs"),
+    chain(
+        "forces missing", stated("dof = 6\nscale = 0.2", 'forces = "forces.csv"'), 'forces = "forces.csv": there is no such file'
+    ),
+    chain(
+        "forces of nan",
+        all_of(stated("dof = 6\nscale = 0.2", 'forces = "forces.csv"'), written("forces.csv", "dof,value\n1,nan\n")),
+        "forces.csv, line 2",
+        "not a finite number",
+    ),
+    chain(
+        "forces on no DOF",
+        all_of(stated("dof = 6\nscale = 0.2", 'forces = "forces.csv"'), written("forces.csv", "dof,value\n1000,1.0\n")),
+        "forces.csv",
+        "1000",
+    ),
+    chain(
+        "free mass",
+        all_of(changed("K.mtx", lambda A: 0.0 * A), written("pairs.csv", HEADER + "0,1,2,3,4,5,0.3,60.0,0.0,5e5,8e5\n")),
+        "chain.toml",
+        "K_L is not positive definite",
+    ),
+    blocks(
+        "rows of no table",
+        edited("blocks/scene.toml", 'dofs = "dofs.csv"\n', ""),
+        "node_pairs: the matrices tell no nodes; state [model] dofs",
+    ),
     blocks("table of too few rows", cut("blocks/dofs.csv"), "dofs.csv"),
     blocks("table of a row twice", edited("blocks/dofs.csv", "\n5,2\n", "\n5,1\n"), "dofs.csv"),
     blocks("table of no direction", edited("blocks/dofs.csv", "\n5,2\n", "\n5,9\n"), "dofs.csv"),
     blocks("table of words", edited("blocks/dofs.csv", "\n5,2\n", "\n5,y\n"), "dofs.csv", '"y" is not a number'),
-    blocks(".dof of CalculiX cut", all_of(edited("blocks/scene.toml", "K.mtx", "calculix_blocks.sti"), cut("blocks/calculix_blocks.dof")), "calculix_blocks.dof"),
+    blocks(
+        ".dof of CalculiX cut",
+        all_of(edited("blocks/scene.toml", "K.mtx", "calculix_blocks.sti"), cut("blocks/calculix_blocks.dof")),
+        "calculix_blocks.dof",
+    ),
     blocks("pair of no node", edited("blocks/pairs.csv", "\n11,5", "\n11,500"), "pairs.csv", "500"),
     blocks("pair of no normal", edited("blocks/pairs.csv", "11,5,0,0,2", "11,5,0,0,0"), "pairs.csv", "normal"),
     blocks("pair of no area", edited("blocks/pairs.csv", "0.0025", "0"), "pairs.csv", "area"),
-    blocks("load at a node without rows", edited("blocks/scene.toml", "node = 17", "node = 1700"), "scene.toml: [[loads]] 1", "1700"),
-    blocks("places of no nodes", edited("blocks/scene.toml", 'dofs = "dofs.csv"', 'dofs = "dofs.csv"\nnodes = "none.csv"'), '[model] nodes = "none.csv": there is no such file'),
-    blocks("places of nan", all_of(edited("blocks/scene.toml", 'dofs = "dofs.csv"', 'dofs = "dofs.csv"\nnodes = "nodes.csv"'), written("blocks/nodes.csv", "node,x,y,z\n5,nan,0,0\n")), "nodes.csv, line 2", "not a finite number"),
-    blocks("recovery of no rows", edited("blocks/scene.toml", 'dofs = "dofs.csv"', 'dofs = "dofs.csv"\nrecovery = "K.mtx"'), "recovery"),
-]  # fmt: skip
+    blocks(
+        "load at a node without rows", edited("blocks/scene.toml", "node = 17", "node = 1700"), "scene.toml: [[loads]] 1", "1700"
+    ),
+    blocks(
+        "places of no nodes",
+        edited("blocks/scene.toml", 'dofs = "dofs.csv"', 'dofs = "dofs.csv"\nnodes = "none.csv"'),
+        '[model] nodes = "none.csv": there is no such file',
+    ),
+    blocks(
+        "places of nan",
+        all_of(
+            edited("blocks/scene.toml", 'dofs = "dofs.csv"', 'dofs = "dofs.csv"\nnodes = "nodes.csv"'),
+            written("blocks/nodes.csv", "node,x,y,z\n5,nan,0,0\n"),
+        ),
+        "nodes.csv, line 2",
+        "not a finite number",
+    ),
+    blocks(
+        "recovery of no rows",
+        edited("blocks/scene.toml", 'dofs = "dofs.csv"', 'dofs = "dofs.csv"\nrecovery = "K.mtx"'),
+        "recovery",
+    ),
+]
 
 CASES = [*MATRICES, *PAIRS, *SCENES]

@@ -84,9 +84,17 @@ FILES = [
     Case("conversion of nothing", "convert none.h5", ("none.h5: no such file",)),
 ]
 CONTENTS = [
-    plot("results of another program", of_hdf5(lambda file: file.attrs.__setitem__("format", "other")), "not one with microslip results"),
+    plot(
+        "results of another program",
+        of_hdf5(lambda file: file.attrs.__setitem__("format", "other")),
+        "not one with microslip results",
+    ),
     plot("results without a format", of_hdf5(lambda file: file.attrs.__delitem__("format")), "not one with microslip results"),
-    plot("results of a version to come", of_hdf5(lambda file: file.attrs.__setitem__("format_version", 99)), "written by a newer version of the program (format 99"),
+    plot(
+        "results of a version to come",
+        of_hdf5(lambda file: file.attrs.__setitem__("format_version", 99)),
+        "written by a newer version of the program (format 99",
+    ),
     plot("results without levels", without("levels"), "levels"),
     plot("results without a joint", without("joint"), "joint"),
     plot("results without a response", without(RESPONSE), RESPONSE),
@@ -103,6 +111,6 @@ CONTENTS = [
     Case("difference from damaged results", f"diff {FILE} out/results.h5", (FILE, RESPONSE), without(RESPONSE)),
     Case("difference from cut results", f"diff out/results.h5 {FILE}", (FILE, "truncated"), cut(FILE)),
     Case("conversion of damaged results", f"convert {FILE} --out others", (FILE, RESPONSE), without(RESPONSE)),
-]  # fmt: skip
+]
 
 CASES = [*FILES, *CONTENTS]

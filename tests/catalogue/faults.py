@@ -109,12 +109,31 @@ def _log_on_a_full_disk(folder: Path) -> None:
 
 ELSEWHERE = ("--out", "new")
 SURROUNDINGS = [
-    Fault("24 open files at most", "", "", FIRST, ENDED_BY_LAUNCHER, ("Too many open files",), launcher=("prlimit", "--nofile=24"), is_said=False),
+    Fault(
+        "24 open files at most",
+        "",
+        "",
+        FIRST,
+        ENDED_BY_LAUNCHER,
+        ("Too many open files",),
+        launcher=("prlimit", "--nofile=24"),
+        is_said=False,
+    ),
     Fault("no home", "", "", FIRST, 0, variables={"HOME": "/none", "MPLCONFIGDIR": "/proc/none"}, is_said=False),
     Fault("a language without letters", "", "", FIRST, 0, variables={"LC_ALL": "C", "PYTHONUTF8": "0"}, is_said=False),
-    Fault("the disk of the log is full", "", "", FIRST, 0, ("run.log: no longer written: No space left on device",), options=ELSEWHERE, before=_log_on_a_full_disk, is_said=False),
+    Fault(
+        "the disk of the log is full",
+        "",
+        "",
+        FIRST,
+        0,
+        ("run.log: no longer written: No space left on device",),
+        options=ELSEWHERE,
+        before=_log_on_a_full_disk,
+        is_said=False,
+    ),
     Fault("a watch of words", "", "", FIRST, 2, ("MICROSLIP_WATCHDOG=soon",), variables={"MICROSLIP_WATCHDOG": "soon"}),
     Fault("no time at all", "", "", FIRST, 5, ("time",), once=("--walltime", "00:00:01")),
-]  # fmt: skip
+]
 
 FAULTS = [*STAGES, *POINTS, *WRITING, *SURROUNDINGS]

@@ -82,7 +82,8 @@ def test_a_wide_gap_costs_no_digits():
 @pytest.mark.parametrize("system, is_free", [(structures.spatial(k_t=1e5), False), (structures.free_body(), True)])
 def test_only_a_body_that_nothing_else_holds_gets_springs(system, is_free):
     model, parameters = reduced(system, COMM, 1)
-    assert is_held_by_its_joint_alone(forced(model, parameters, 16, 1.0).equation) is is_free
+    equation = forced(model, parameters, 16, 1.0).equation
+    assert is_held_by_its_joint_alone(equation.model, equation.law) is is_free
 
 
 @pytest.mark.ranks(1)

@@ -1,5 +1,6 @@
 """docs/architecture.md: its rooms are those of the package, imports go one way, its picture is that of the code."""
 
+import graphlib
 import re
 import sys
 
@@ -28,6 +29,12 @@ def test_a_room_imports_only_those_above_it_on_the_page():
         if ORDER.index(other) > ORDER.index(room)
     }
     assert wrong == {}
+
+
+def test_no_file_imports_itself_by_way_of_others_not_even_for_types():
+    files = {".".join(path.relative_to(SOLVER.parent).with_suffix("").parts): path for path in SOLVER.rglob("*.py")}
+    order = graphlib.TopologicalSorter({name: rooms.imports(path, with_types=True) for name, path in files.items()})
+    assert len([name for name in order.static_order() if name in files]) == len(files)
 
 
 @pytest.mark.slow

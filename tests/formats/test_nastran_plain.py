@@ -88,15 +88,20 @@ def _free(line: str) -> str:
     "card, fixed",
     [
         (b"GRID,101,,0.1,2.,.5", b"GRID         101             0.1      2.      .5"),
-        (b"GRID,101,,0.123456789,2.,.5,7", b"GRID*" + b" " * 3 + b"101".rjust(16) + b" " * 16 + b"0.123456789".rjust(16) + b"2.".rjust(16)
-         + b"\n*" + b" " * 7 + b".5".rjust(16) + b"7".rjust(16)),
-        (b"CHEXA,1,2,3,4,5,6,7,8\n,9,10", b"CHEXA   " + b"".join(b"%8d" % n for n in range(1, 9)) + b"\n+       " + b"       9      10"),
+        (
+            b"GRID,101,,0.123456789,2.,.5,7",
+            b"GRID*   %16b%16b%16b%16b\n*       %16b%16b" % (b"101", b"", b"0.123456789", b"2.", b".5", b"7"),
+        ),
+        (
+            b"CHEXA,1,2,3,4,5,6,7,8\n,9,10",
+            b"CHEXA   " + b"".join(b"%8d" % n for n in range(1, 9)) + b"\n+       " + b"       9      10",
+        ),
         (b"CHEXA,1,2,3,4,5,6,7,8,+A\n+A,9,10", None),
         (b"GRID,101,,0.1,2.,.5 $ here", None),
         (b"GRID,101,,0.12345678901234567,2.,.5", None),
         (b"SET 1 = 1,2,3,\n4,5", None),
     ],
-)  # fmt: skip
+)
 def test_what_fits_is_put_into_fixed_fields(card, fixed):
     assert in_fixed_fields(b"BEGIN BULK\n" + card + b"\nENDDATA") == b"BEGIN BULK\n" + (fixed or card) + b"\nENDDATA"
 

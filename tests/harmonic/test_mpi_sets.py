@@ -207,10 +207,9 @@ def test_a_static_load_beyond_all_friction_is_not_held_by_springs():
     )
     within, beyond = (branch(system, COMM, level, H=0, points=5) for level in (0.9, 1.2))
     assert within.failure is None and within.points[0].response[0, 0] == pytest.approx(0.9, rel=1e-6)
-    model, parameters = reduced(system, COMM, 0)
-    assert not is_held_by_its_joint_alone(forced(model, parameters, 8, 1.0).equation)
-    model, parameters = reduced(system, COMM, 1)
-    assert is_held_by_its_joint_alone(forced(model, parameters, 8, 1.0).equation)
+    for H in (0, 1):
+        equation = forced(*reduced(system, COMM, H), 8, 1.0).equation
+        assert is_held_by_its_joint_alone(equation.model, equation.law) is (H == 1)
     # what the weak spring takes beyond the limit of 1 N
     assert beyond.failure is not None or beyond.points[0].response[0, 0] == pytest.approx(0.2 / 1e-9, rel=1e-6)
 

@@ -16,6 +16,7 @@ from microslip.mesh.partition import distribute
 from microslip.mesh.settings import Body, Bolt, Force, Statics, Tie
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, MeshError
+from microslip.statics.bolts import cuts_of
 from microslip.statics.equilibrium import Flexibility, equilibrium
 
 YOUNG, DENSITY, EXPANSION = 2.0e11, 8000.0, 1e-5
@@ -52,7 +53,7 @@ def at_rest(comm, mesh, given):
     linearised = linearise(system, pairs)
     try:
         forces = constant_forces(shares, mesh, given, system)
-        rest = equilibrium(Flexibility(linearised), pairs, forces, given.statics.steps, bolts)
+        rest = equilibrium(Flexibility(linearised), pairs, forces, given.statics.steps, cuts_of(linearised, bolts))
     finally:
         linearised.destroy()
     return shares, system, pairs, bolts, rest

@@ -5,16 +5,19 @@ import pytest
 from box_meshes import box, joint, mesh_of, settings
 from matplotlib.image import imread
 from plain_model import bdf, cdb, exodus, inp, plain, unv
+from sources import ROOT
 
 from microslip.formats.model import FileMaterial, Finding
 from microslip.formats.units import UNITS
 from microslip.mesh.skin import skin_of_mesh
+from microslip.scene.read import read_scene
 from microslip.studies.check import model_content as content
 from microslip.studies.check import picture
 from microslip.studies.check.marks import marks_of_scene
 from microslip.studies.check.model_file import _lines
 from microslip.studies.check.picture import draw
 from microslip.studies.check.plausible import suspicion
+from microslip.studies.check.report import _solution
 
 VOLUME, MASS = 0.05 * 0.01 * 0.025, 0.05 * 0.01 * 0.025 * 7800.0
 STEEL = {
@@ -125,3 +128,8 @@ def test_the_picture_shows_bodies_joint_and_support(tmp_path, monkeypatch):
         assert is_colour(image, picture.SET_COLOURS[1]).sum() > 200
     coarse, body = picture._coarse(skin_of_mesh(mesh))
     assert len(coarse) < skin_of_mesh(mesh).n_faces and set(body) == {0, 1}
+
+
+def test_the_guide_shows_what_check_says_of_the_demos_method():
+    guide = (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")
+    assert "\n".join(f"    {line}" for line in _solution(read_scene(ROOT / "jobs" / "fan_small.toml"), 9693, 46)) in guide

@@ -128,11 +128,20 @@ def on_stops(apart):
     m, k = np.diag([1.0, 1.0, 1.0, 0.3, 0.2, 0.4]), np.diag([0.5, 0.4, 0.6, 0.8, 0.9, 0.7])
     k[:3, 3:] = k[3:, :3] = -0.1 * np.eye(3)
     return scenes.make_system(
-        "stops", m, k, [[0, 1, 2, -1, -1, -1], [3, 4, 5, -1, -1, -1], [0, 1, 2, 3, 4, 5]],
-        mu=0.4, N0=[1.0, -0.3, -0.2], k_t=[1.0, 0.8, 0.6], k_n=[1.5, 1.2, 0.9], C=0.05 * np.eye(6),
+        "stops",
+        m,
+        k,
+        [[0, 1, 2, -1, -1, -1], [3, 4, 5, -1, -1, -1], [0, 1, 2, 3, 4, 5]],
+        mu=0.4,
+        N0=[1.0, -0.3, -0.2],
+        k_t=[1.0, 0.8, 0.6],
+        k_n=[1.5, 1.2, 0.9],
+        C=0.05 * np.eye(6),
         loads=[{"vector": np.array([0.5, 0.2, 0.3, 0.2, 0.1, 1.0]), "harmonic": 1, "phase": 0.0}],
-        output=[0, 0, 0, 0, 0, 1], omega=(0.8, 1.6), levels={},
-    ) | {"apart": np.array([False, apart, apart])}  # fmt: skip
+        output=[0, 0, 0, 0, 0, 1],
+        omega=(0.8, 1.6),
+        levels={},
+    ) | {"apart": np.array([False, apart, apart])}
 
 
 def test_pairs_without_springs_come_to_the_motion_of_those_with_springs():
@@ -149,9 +158,20 @@ def test_pairs_without_springs_come_to_the_motion_of_those_with_springs():
 def test_a_motion_without_inertia_is_named_where_a_step_fails():
     """A block that hangs on its pair alone, by two of its three modes."""
     system = scenes.make_system(
-        "hung", np.diag([1.0, 2.0, 3.0]), np.zeros((3, 3)), [[0, 1, 2, -1, -1, -1]], mu=0.3, N0=1.0, k_t=1.0, k_n=2.0, zeta=0.01,
-        loads=[{"vector": np.array([1.0, 0.0, 0.0]), "harmonic": 1, "phase": 0.0}], output=[1, 0, 0], omega=(0.1, 1.0), levels={},
-    )  # fmt: skip
+        "hung",
+        np.diag([1.0, 2.0, 3.0]),
+        np.zeros((3, 3)),
+        [[0, 1, 2, -1, -1, -1]],
+        mu=0.3,
+        N0=1.0,
+        k_t=1.0,
+        k_n=2.0,
+        zeta=0.01,
+        loads=[{"vector": np.array([1.0, 0.0, 0.0]), "harmonic": 1, "phase": 0.0}],
+        output=[1, 0, 0],
+        omega=(0.1, 1.0),
+        levels={},
+    )
     for n_modes, says in (
         (2, "1 motion has neither inertia nor stiffness .* more .* modes, 3 at least"),
         (3, "take more steps a period"),

@@ -19,7 +19,8 @@ from ..parallel.memory import refuse_beyond
 from .base_motion import with_base_motion
 from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .check import check_elements
-from .constraints import check_supports, constrain, constrained
+from .constrained import constrained
+from .constraints import check_supports, constrain
 from .maps import base_map, load_map, orders_of, output_map, pair_map
 from .nodal_forces import nodal_forces
 from .numbering import number_dofs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,10 +13,9 @@ from ..mesh.attached import Attached
 from ..mesh.data import DistributedMesh, Mesh
 from ..mesh.links import DIRECTIONS, Links
 from ..mesh.settings import Point
-from ..parallel.errors import CaseError, MeshError
+from ..parallel.errors import MeshError
 from ..parallel.words import place
 from .numbering import number_dofs
-from .system import System
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -161,49 +160,8 @@ def check_supports(mesh: Mesh, links: Links, is_fixed: np.ndarray) -> None:
     )
 
 
-def constrained(system: System, constraints: Constraints, part: np.ndarray) -> System:
-    """Return the system of what is free: K' = T^T K T, M' = T^T M T, R' = R T and so on, eq. (2.5).
-
-    Collective; destroys K and M of ``system``, whose maps have a column for each row of T.  ``part`` (n_nodes,) is that of each
-    node.
-
-    Raises
-    ------
-    CaseError : nothing can move, or a load moves nothing; on every rank
-    """
-    T, points = constraints.T, constraints.points
-    if constraints.n_dof == 0:
-        raise CaseError("[[supports]] fix every degree of freedom; nothing can move")
-    loads = (T.T @ system.loads).tocsc()
-    for i in np.flatnonzero((np.diff(loads.indptr) == 0) & (np.diff(system.loads.indptr) > 0)):  # a shape may be none at all
-        raise CaseError(f"[[loads]] {i + 1} acts only on degrees of freedom that a support fixes; it moves nothing")
-    attached = constraints.attached
-    M = reduced(system.M, constraints, mass_blocks(points), None if attached is None else attached.M)
-    M.setOption(PETSc.Mat.Option.SPD, True)
-    return replace(
-        system,
-        K=reduced(system.K, constraints, stiffness_blocks(points), None if attached is None else attached.K),
-        M=M,
-        C=None if attached is None or attached.C is None else damping_of(attached.C, constraints, system.comm),
-        R=_tidy(system.R @ T),
-        loads=loads,
-        outputs=_tidy(system.outputs @ T),
-        dof=constraints.free[: len(part)],
-        parts=_parts(constraints, part, system.comm.rank),
-        constraints=constraints,
-    )
-
-
-def _parts(constraints: Constraints, part: np.ndarray, rank: int) -> np.ndarray:
-    """Return the connected part of each owned row, that of a point being the part of its group."""
-    of_places = np.concatenate([part, np.repeat(part[list(constraints.group_nodes)], 2)])
-    place_, axis = np.nonzero(constraints.free >= 0)
-    rows = np.empty(constraints.n_dof, dtype=part.dtype)
-    rows[constraints.free[place_, axis]] = of_places[place_]
-    return rows[slice(*constraints.row_ranges[rank : rank + 2])]
-
-
-def _tidy(matrix: sp.spmatrix) -> sp.csr_matrix:
+def tidy(matrix: sp.spmatrix) -> sp.csr_matrix:
+    """Return a matrix by rows, without stored zeros, columns rising.  Local."""
     matrix = matrix.tocsr()
     matrix.eliminate_zeros()
     matrix.sort_indices()
@@ -212,7 +170,7 @@ def _tidy(matrix: sp.spmatrix) -> sp.csr_matrix:
 
 def damping_of(on_places: sp.csr_matrix, constraints: Constraints, comm: MPI.Comm) -> PETSc.Mat:
     """Return C of what is free from that of the dampers (3 n_places, 3 n_places) [N s/m].  Collective on ``comm``."""
-    return _of_rows(constraints, _tidy(constraints.at_places.T @ on_places @ constraints.at_places), comm)
+    return _of_rows(constraints, tidy(constraints.at_places.T @ on_places @ constraints.at_places), comm)
 
 
 def _of_rows(constraints: Constraints, values: sp.csr_matrix, comm: MPI.Comm) -> PETSc.Mat:
@@ -238,7 +196,7 @@ def reduced(matrix: PETSc.Mat, constraints: Constraints, blocks: np.ndarray, on_
         one.destroy()
     added = added_by_points(constraints, blocks)
     if on_places is not None:
-        added = _tidy(added + constraints.at_places.T @ on_places @ constraints.at_places)
+        added = tidy(added + constraints.at_places.T @ on_places @ constraints.at_places)
     if added.nnz:
         more = _of_rows(constraints, added, comm)
         found.axpy(1.0, more, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)

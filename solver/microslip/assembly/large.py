@@ -9,20 +9,14 @@ from petsc4py import PETSc
 
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock
-from ..mesh.settings import Body, MeshSettings, Statics
+from ..mesh.settings import MeshSettings, Statics
 from .blocks import BlockSum, element_chunks, node_pattern
-from .prestress import add_to_nodes, displacement_at_nodes, on_rows, owned_nodes, with_change
+from .prestress import add_to_nodes, displacement_at_nodes, moved_at_nodes, on_rows, owned_nodes, with_change
 from .system import System
 
 
 def tangent_about(
-    dmesh: DistributedMesh,
-    settings: MeshSettings,
-    system: System,
-    u_owned: np.ndarray,
-    moved: np.ndarray | None,
-    share: float,
-    is_stressed: bool = True,
+    dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray, share: float, is_stressed: bool = True
 ) -> tuple[PETSc.Mat, np.ndarray]:
     """Return the stiffness K_T about a displacement, and the forces K_T u - f_int(u) beside the constant ones.
 
@@ -31,8 +25,7 @@ def tangent_about(
     Parameters
     ----------
     u_owned : (n_dof_owned,) m, this rank's rows
-    moved : (n_nodes, 3) m of the rank-ordered nodes, how far supports are moved in the end; None: they rest
-    share : of the spin, of temperatures and of ``moved`` that there is
+    share : of the spin, of temperatures and of the way of moved supports that there is
     is_stressed : whether K_T has the stress and the spin in it; at the start of a share, where the stress is not yet that of an
         equilibrium, it does without
 
@@ -42,16 +35,16 @@ def tangent_about(
     forces_owned : (n_dof_owned,) N, this rank's rows
     """
     assert settings.statics is not None, "a scene with [statics]"
-    statics = _share_of(settings.statics, share)
+    statics, moved = _share_of(settings.statics, share), moved_at_nodes(dmesh, system)
+    settings = replace(settings, statics=statics)
     free = displacement_at_nodes(dmesh, system, u_owned)
     held = np.zeros_like(free) if moved is None else share * moved
     pattern, (first, last) = node_pattern(dmesh), owned_nodes(dmesh)
     total, forces = BlockSum(pattern, 3), np.zeros((last - first, 3))
     for block in dmesh.blocks:
-        body = settings.bodies[block.body]
         for chunk in element_chunks(block):
             nodes = block.nodes[chunk]
-            change, left = _about(block, chunk, body, statics, free[nodes], held[nodes], is_stressed)
+            change, left = _about(block, chunk, settings, free[nodes], held[nodes], is_stressed)
             total.add(*pattern.positions(nodes), change)
             add_to_nodes(forces, nodes - first, left)
     softened = statics if is_stressed else replace(statics, speed=0.0)
@@ -65,13 +58,14 @@ def _share_of(statics: Statics, share: float) -> Statics:
 
 
 def _about(
-    block: LocalBlock, chunk: slice, body: Body, statics: Statics, free: np.ndarray, held: np.ndarray, is_stressed: bool
+    block: LocalBlock, chunk: slice, settings: MeshSettings, free: np.ndarray, held: np.ndarray, is_stressed: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return K_T - K (n_elements, n, 3, n, 3) [N/m] and K_T u - f_int (n_elements, n, 3) [N] of some elements.  Local.
 
     ``free`` and ``held`` (n_elements, n, 3) [m] are the displacements of what is free and of supports that are moved.
     """
-    points = block.points[chunk]
+    statics, body, points = settings.statics, settings.bodies[block.body], block.points[chunk]
+    assert statics is not None, "a scene with [statics]"
     strain = body.expansion * statics.temperatures.get(block.body, 0.0)
     of, how = (body.young, body.poisson), (body.integration, body.incompatible_modes)
     resisted, K_T = elements.large_displacements(block.kind, points, free + held, *of, strain, *how, with_stress=is_stressed)

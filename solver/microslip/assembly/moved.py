@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..mesh.data import DistributedMesh, Mesh
+from ..mesh.data import Mesh
 from ..mesh.links import find_links
 from ..mesh.locate import find_node
 from ..mesh.settings import MeshSettings
@@ -14,10 +14,10 @@ from ..parallel.words import place
 from .system import System
 
 
-def moved_supports(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System) -> np.ndarray | None:
-    """Return how far supports are moved, (n_nodes, 3) [m] of the rank-ordered nodes, the same on every rank; None: they rest.
+def moved_supports(mesh: Mesh | None, settings: MeshSettings, system: System) -> np.ndarray | None:
+    """Return how far supports are moved, (n_nodes, 3) [m] of the nodes of the mesh, the same on every rank; None: they rest.
 
-    Collective on ``dmesh.comm``: one broadcast.  docs/theory.md, eq. (12.12): d.  ``mesh`` is that of rank 0.
+    Collective on ``system.comm``: one broadcast.  docs/theory.md, eq. (12.12): d.  ``mesh`` is that of rank 0.
 
     Raises
     ------
@@ -27,8 +27,7 @@ def moved_supports(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSett
     assert statics is not None, "a scene with [statics]"
     if not statics.displacements:
         return None
-    moved = on_root(dmesh.comm, _of_mesh, mesh, settings, system)
-    return moved[np.argsort(dmesh.rank_order)]
+    return on_root(system.comm, _of_mesh, mesh, settings, system)
 
 
 def _of_mesh(mesh: Mesh, settings: MeshSettings, system: System) -> np.ndarray:

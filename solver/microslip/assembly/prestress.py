@@ -21,14 +21,11 @@ from .system import System
 Seen = Callable[[LocalBlock, int, slice], np.ndarray]
 
 
-def constant_forces(
-    dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System, moved: np.ndarray | None = None
-) -> np.ndarray:
+def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings, system: System) -> np.ndarray:
     """Return this rank's rows of the forces of ``settings.statics``, eq. (12.1) and eq. (12.2), (n_dof_owned,) [N].
 
-    Collective on ``dmesh.comm``: one broadcast.  ``mesh`` is that of rank 0, ``moved`` (n_nodes, 3) [m] of the rank-ordered nodes
-    how far supports are moved, eq. (12.12).  With large displacements the forces of temperatures and moved supports are no
-    constants, and left out.
+    Collective on ``dmesh.comm``: one broadcast.  ``mesh`` is that of rank 0.  Moved supports act as well, eq. (12.12).  With
+    large displacements the forces of temperatures and moved supports are no constants, and left out.
 
     Raises
     ------
@@ -37,6 +34,7 @@ def constant_forces(
     statics = settings.statics
     assert statics is not None, "a scene with [statics]"
     first, last = owned_nodes(dmesh)
+    moved = None if statics.is_large else moved_at_nodes(dmesh, system)
     nodes, values = on_root(dmesh.comm, _forces_on_nodes, mesh, statics)
     total = np.zeros((last - first, 3))
     add_to_nodes(total, dmesh.rank_order[nodes] - first, values)
@@ -44,7 +42,7 @@ def constant_forces(
         body = settings.bodies[block.body]
         for chunk in element_chunks(block):
             add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, body, statics))
-            if moved is not None and not statics.is_large and moved[block.nodes[chunk]].any():
+            if moved is not None and moved[block.nodes[chunk]].any():
                 add_to_nodes(total, block.nodes[chunk] - first, _forces_of_moved(block, chunk, body, moved[block.nodes[chunk]]))
     constraints = system.constraints
     if constraints is None:
@@ -119,22 +117,17 @@ def _forces_of_moved(block: LocalBlock, chunk: slice, body: Body, moved: np.ndar
 
 
 def stiffness_at_rest(
-    dmesh: DistributedMesh,
-    settings: MeshSettings,
-    system: System,
-    u_owned: np.ndarray,
-    seen: Seen | None = None,
-    moved: np.ndarray | None = None,
+    dmesh: DistributedMesh, settings: MeshSettings, system: System, u_owned: np.ndarray, seen: Seen | None = None
 ) -> PETSc.Mat:
     """Return K + K_sigma - Omega^2 K_spin, eq. (12.5), about the displacement ``u_owned`` (n_dof_owned,) [m]; K_F in place
     of K where the deformed shape counts.
 
     Collective on ``dmesh.comm``: every rank gathers the displacement.  ``seen`` gives what some elements see beyond that of
-    their nodes (above the cuts of bolts), of a block, its number and rows: (n_elements, n, 3) [m]; ``moved`` (n_nodes, 3) [m]
-    how far supports are moved.
+    their nodes (above the cuts of bolts), of a block, its number and rows: (n_elements, n, 3) [m].
     """
     statics = settings.statics
     assert statics is not None, "a scene with [statics]"
+    moved = moved_at_nodes(dmesh, system)
     u = displacement_at_nodes(dmesh, system, u_owned) + (0.0 if moved is None else moved)
     pattern = node_pattern(dmesh)
     total = BlockSum(pattern, 3)
@@ -151,6 +144,11 @@ def stiffness_at_rest(
 def displacement_at_nodes(dmesh: DistributedMesh, system: System, u_owned: np.ndarray) -> np.ndarray:
     """Return the displacement of all nodes, rank-ordered, (n_nodes, 3) [m], from this rank's rows; supports rest.  Collective."""
     return system.at_nodes(np.concatenate(dmesh.comm.allgather(u_owned)))[np.argsort(dmesh.rank_order)]
+
+
+def moved_at_nodes(dmesh: DistributedMesh, system: System) -> np.ndarray | None:
+    """Return how far supports are moved, of all nodes, rank-ordered, (n_nodes, 3) [m]; None: they rest.  Local."""
+    return None if system.moved is None else system.moved[np.argsort(dmesh.rank_order)]
 
 
 def with_change(dmesh: DistributedMesh, system: System, statics: Statics, pattern: NodePattern, total: BlockSum) -> PETSc.Mat:

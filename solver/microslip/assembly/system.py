@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 
+from .constraints import Constraints
+
 if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
-
-    from .constraints import Constraints
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ class Workspace:
     def is_loose(self, equation: HarmonicBalance) -> bool:
         """Tell whether nothing but its joint holds a body, once every pair slips.  Collective at first."""
         if equation.harmonics not in self._is_loose:
-            self._is_loose[equation.harmonics] = is_held_by_its_joint_alone(equation)
+            self._is_loose[equation.harmonics] = is_held_by_its_joint_alone(equation.model, equation.law)
         return self._is_loose[equation.harmonics]
 
     def lap(self) -> float:

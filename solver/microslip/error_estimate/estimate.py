@@ -56,6 +56,15 @@ class Changes:
 
 
 @dataclass(frozen=True)
+class Higher:
+    """The harmonics above those solved for, as far as they have settled."""
+
+    motion: np.ndarray  # (n_owned, 3, N_H of the wider set) m
+    forces: ContactForces  # under all harmonics
+    miss: float = 0.0  # of what these excite, relative
+
+
+@dataclass(frozen=True)
 class Felt:
     """What the outputs' cos 1, then sin 1, feel of the changes by way of the pairs; n = 2 n_outputs."""
 
@@ -164,13 +173,13 @@ class ErrorEstimator:
         exact, more, wider = linear.equation, changes.wider.harmonics, changes.wider
         better = p + changes.of_all
         loaded = np.flatnonzero(better.reshape(exact.model.n_pairs, -1).any(axis=1))
-        residual = U - exact.linear_motion(linear.at) + exact.receptance(linear.at, loaded).apply(better[rows_of(loaded)])
+        residual = exact.residual_under(U, linear.at, loaded, better[rows_of(loaded)])
         B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
         d_U, P_d_U, is_found = linear.solve_for(B, self.forward_solver)
         there = exact.harmonics.carry(U + d_U.reshape(U.shape), more)
         begin = wider.contact_forces(there + changes.higher, exact.every_pair, tangents=False)
-        forces, _, _ = with_higher(wider, linear.at, exact.harmonics, begin, there, changes.higher, CLOSER)
-        now = more.carry(wider.full_force(forces), exact.harmonics) - changes.of_wider
+        found = with_higher(wider, linear.at, exact.harmonics, there, Higher(changes.higher, begin), CLOSER)
+        now = more.carry(wider.full_force(found.forces), exact.harmonics) - changes.of_wider
         return now[exact.model.owned_rows].reshape(U.shape) - P_d_U.reshape(U.shape), is_found
 
     def changes(self, exact: HarmonicBalance, U: np.ndarray, at: OperatingPoint, p_all: np.ndarray, p: np.ndarray) -> Changes:
@@ -186,27 +195,22 @@ class ErrorEstimator:
         wider = exact.of(self.better_than(exact.model, more)).resolved(more, max(exact.n_samples, SAMPLES * (more.highest + 1)))
         U_more = harmonics.carry(U, more)
         at_wider = wider.contact_forces(U_more, everything, tangents=False)
-        forces, higher, miss = with_higher(wider, at, harmonics, at_wider, U_more, np.zeros_like(U_more), SETTLED)
-        of_wider = more.carry(wider.full_force(forces), harmonics)
+        found = with_higher(wider, at, harmonics, U_more, Higher(np.zeros_like(U_more), at_wider), SETTLED)
+        of_wider = more.carry(wider.full_force(found.forces), harmonics)
         by_harmonics = of_wider - more.carry(wider.full_force(at_wider), harmonics)
-        unsettled = max(1.0, miss / SETTLED)  # what never settled is known no better than that
-        return Changes(by_harmonics, by_samples, p_all - p, wider, higher, of_wider, unsettled)
+        unsettled = max(1.0, found.miss / SETTLED)  # what never settled is known no better than that
+        return Changes(by_harmonics, by_samples, p_all - p, wider, found.motion, of_wider, unsettled)
 
 
 def with_higher(
-    wider: HarmonicBalance,
-    at: OperatingPoint,
-    low: Harmonics,
-    forces: ContactForces,
-    U: np.ndarray,
-    higher: np.ndarray,
-    settled: float,
-) -> tuple[ContactForces, np.ndarray, float]:
-    """Return the forces under ``U`` and the harmonics above ``low`` that they excite, these, and how far they miss.
+    wider: HarmonicBalance, at: OperatingPoint, low: Harmonics, U: np.ndarray, start: Higher, settled: float
+) -> Higher:
+    """Return the harmonics above ``low`` that the contact forces under ``U`` (n_owned, 3, N_H of ``wider``) and them excite.
 
-    Collective.  ``forces`` are those under ``U`` (n_owned, 3, N_H of ``wider``) and the ``higher`` ones that it begins with.
+    Collective.  The iteration ends where they miss by ``settled``.
     """
-    mixing, miss = Anderson(wider), 0.0
+    forces, higher, miss = start.forces, start.motion, start.miss
+    mixing = Anderson(wider)
     for _ in range(MOST_SWEEPS if len(forces.active) > 0 else 0):
         excited = -wider.receptance(at, forces.active).apply(forces.p)
         excited -= low.carry(wider.harmonics.carry(excited, low), wider.harmonics)
@@ -214,7 +218,7 @@ def with_higher(
         if miss <= settled:
             break
         forces = wider.contact_forces(U + higher, forces.selected, tangents=False)
-    return forces, higher, miss
+    return Higher(higher, forces, miss)
 
 
 def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:

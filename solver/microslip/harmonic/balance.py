@@ -134,7 +134,13 @@ class HarmonicBalance:
 
         Collective where static columns are new.  ``G``, of the active pairs at ``at``, may be given where it is known.
         """
-        return U - self.linear_motion(at) + (G or self.receptance(at, forces.active)).apply(forces.p)
+        return self.residual_under(U, at, forces.active, forces.p, G)
+
+    def residual_under(
+        self, U: np.ndarray, at: OperatingPoint, active: np.ndarray, p: np.ndarray, G: ReceptanceColumns | None = None
+    ) -> np.ndarray:
+        """Return the same under any forces ``p`` (3 n_active, N_H) [N] of the ``active`` pairs."""
+        return U - self.linear_motion(at) + (G or self.receptance(at, active)).apply(p)
 
     def _kept(self, name: str, key, make):
         """Return what ``make`` returns, made once for a key."""

@@ -7,16 +7,13 @@ tangential motion.  Where all pairs of a body slip, and nothing but the joint ho
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse.linalg as sla
 
-from ..contact.law import ContactCycle
+from ..contact.law import ContactCycle, Law
 from ..parallel.agree import on_root
-
-if TYPE_CHECKING:
-    from .balance import HarmonicBalance
+from ..receptance.reduced_model import ReducedModel
 
 HOLD = 1e-3  # stiffness of the springs, as a share of k_t: peaks change by some 1e-3 (docs/validation.md)
 
@@ -37,8 +34,10 @@ def hold_mean_slip(found: ContactCycle, about: np.ndarray) -> None:
         found.P[:, [0, N_H]] *= 1.0 - HOLD
 
 
-def is_held_by_its_joint_alone(equation: HarmonicBalance) -> bool:
+def is_held_by_its_joint_alone(model: ReducedModel, law: Law) -> bool:
     """Tell whether the mean slip is undetermined once every pair slips.  Collective; static columns of all pairs are needed.
+
+    ``law`` is that of this rank's pairs.
 
     Never without a mean, which then is zero; nor without vibration, where the slider has not forgotten where the pair was, and a
     load beyond all friction has no equilibrium that a spring might feign.
@@ -47,15 +46,14 @@ def is_held_by_its_joint_alone(equation: HarmonicBalance) -> bool:
     k_t^1/2 G_tt k_t^1/2, which is k / (k + rest) for that motion, lies so close to 1.  A joint that is only stiff beside a
     structure that holds itself is not meant: springs of ``HOLD`` k_t would be stiffer than the structure.
     """
-    model, comm = equation.model, equation.comm
     if not model.harmonics.has_mean or model.harmonics.is_constant:
         return False
     tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
     n_owned = model.owned.stop - model.owned.start
     own = (3 * np.arange(n_owned)[:, None] + np.arange(2)).ravel()
-    rows = comm.gather(model.G_static.chosen(np.arange(model.n_pairs)).part(tangential).columns(own).T)
-    roots = comm.gather(np.sqrt(equation.law.stiffness[:, :2]).ravel())
-    return on_root(comm, _largest_share, rows, roots) > 1.0 - FREE
+    rows = model.comm.gather(model.G_static.chosen(np.arange(model.n_pairs)).part(tangential).columns(own).T)
+    roots = model.comm.gather(np.sqrt(law.stiffness[:, :2]).ravel())
+    return on_root(model.comm, _largest_share, rows, roots) > 1.0 - FREE
 
 
 def _largest_share(rows: list[np.ndarray], roots: list[np.ndarray]) -> float:

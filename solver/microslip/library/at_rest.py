@@ -19,10 +19,11 @@ from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.deformed import stretched
 from ..mesh.settings import MeshSettings
 from ..parallel.agree import on_root
-from ..statics.bolts import BoltsAtRest
+from ..statics.bolts import BoltsAtRest, Cuts, cuts_of
 from ..statics.equilibrium import Flexibility, Rest, equilibrium, stuck_forces
 from ..statics.flight import which_flies
 from ..statics.large import About, Sought, large_equilibrium
+from ..statics.loaded import Loaded
 from ..statics.pressed import check_pressed
 from ..statics.rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none
 
@@ -41,7 +42,6 @@ class Unloaded:
     forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows of the constant forces
     bolts: Bolts | None
     where: str  # the scene file, for messages
-    moved: np.ndarray | None = None  # (n_nodes, 3) m, rank-ordered: how far supports are moved; None: they rest
 
     @classmethod
     def of(
@@ -56,14 +56,12 @@ class Unloaded:
         ------
         MeshError : places or groups without nodes, bolts without a cut, what is moved and not held; on every rank
         """
-        moved = moved_supports(shares, mesh, settings, system)
-        forces, bolts = constant_forces(shares, mesh, settings, system, moved), pretension(shares, mesh, settings, system)
-        if moved is not None:
-            system = replace(system, moved=moved[shares.rank_order])
-        found = cls(system, shares, mesh, pairs, settings, forces, bolts, where, moved)
+        system = replace(system, moved=moved_supports(mesh, settings, system))
+        forces, bolts = constant_forces(shares, mesh, settings, system), pretension(shares, mesh, settings, system)
+        found = cls(system, shares, mesh, pairs, settings, forces, bolts, where)
         if not touches_from_none(pairs).any():
             return found
-        N = stuck_forces(found.flexibility, pairs, forces, bolts, where)
+        N = stuck_forces(found.flexibility, pairs, forces, found.cuts)
         found.close()
         return replace(found, pairs=referred_to(pairs, N))
 
@@ -72,8 +70,19 @@ class Unloaded:
         """That of the pairs, all of them stuck, with the factor; friction and preload are no part of it.  Collective."""
         return Flexibility(linearise(self.system, self.pairs, self.where))
 
+    @cached_property
+    def cuts(self) -> Cuts | None:
+        """The cuts through the bolts while all pairs stick; None without bolts.  Collective: a solve a bolt.
+
+        Raises
+        ------
+        CaseError : a bolt that clamps nothing; on every rank
+        """
+        return None if self.bolts is None else cuts_of(self.flexibility.linearised, self.bolts, self.where)
+
     def close(self) -> None:
-        """Free the factor, if there is one; it is made again where it is needed.  Collective."""
+        """Free the factor, if there is one, and what was made with it; it is made again where it is needed.  Collective."""
+        vars(self).pop("cuts", None)
         known = vars(self).pop("flexibility", None)
         if known is not None:
             known.linearised.destroy()
@@ -99,27 +108,29 @@ def brought_to_rest(unloaded: Unloaded, pairs: ContactPairs, known: System | Non
     ------
     CaseError, ConvergenceError, MeshError, ResourceError : on every rank
     """
-    system, mesh, settings, forces = unloaded.system, unloaded.mesh, unloaded.settings, unloaded.forces_owned
-    statics, body_of = settings.statics, settings.body_of
+    system, settings, forces, where = unloaded.system, unloaded.settings, unloaded.forces_owned, unloaded.where
+    statics = settings.statics
     assert statics is not None, "a scene with [statics]"
-    flies = partial(which_flies, system, mesh, pairs, forces, body_of)
+    loaded = Loaded(system, unloaded.mesh, pairs, forces, settings.body_of, where)
+    flies = partial(which_flies, loaded)
     said: list[str] = []
     if statics.is_large:
-        sought = Sought(system, partial(_about, unloaded, pairs), forces, statics.steps, flies, unloaded.where)
+        sought = Sought(system, partial(_about, unloaded, pairs), forces, statics.steps, flies, where)
         rest, about, n_steps = large_equilibrium(sought)
         K, pairs = about.K, about.pairs
+        loaded = replace(loaded, pairs=pairs)
         said = _said_of_large(unloaded, pairs, rest, n_steps)
     else:
-        rest = equilibrium(unloaded.flexibility, pairs, forces, statics.steps, unloaded.bolts, flies, unloaded.where)
+        rest = equilibrium(unloaded.flexibility, pairs, forces, statics.steps, unloaded.cuts, flies)
         K = _stiffness(unloaded, rest, known)
-    check_pressed(system, mesh, pairs, rest, forces, body_of, unloaded.where)
-    said += in_words(system, mesh, pairs, rest, forces, body_of)
+    check_pressed(loaded, rest)
+    said += in_words(loaded, rest)
     return AtRest(replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts, tuple(said))
 
 
 def _about(unloaded: Unloaded, pairs: ContactPairs, u_owned: np.ndarray, share: float, is_stressed: bool) -> About:
     """Return the structure about a displacement, this rank's rows, under a share of the load.  Collective."""
-    K, forces = tangent_about(unloaded.shares, unloaded.settings, unloaded.system, u_owned, unloaded.moved, share, is_stressed)
+    K, forces = tangent_about(unloaded.shares, unloaded.settings, unloaded.system, u_owned, share, is_stressed)
     if not pairs.n_pairs:
         return About(K, forces, pairs)
     ratio, _ = _stretched(unloaded, pairs, u_owned, share)
@@ -153,7 +164,7 @@ def _stiffness(unloaded: Unloaded, rest: Rest, known: System | None) -> PETSc.Ma
     if not settings.statics.stiffens:
         return system.K
     seen = None if bolts is None or rest.bolts is None else partial(bolts.overlap.seen, shortening=rest.bolts.shortening)
-    return stiffness_at_rest(unloaded.shares, settings, system, rest.u_owned, seen, unloaded.moved)
+    return stiffness_at_rest(unloaded.shares, settings, system, rest.u_owned, seen)
 
 
 def _is_same(known: System, u_owned: np.ndarray) -> bool:

@@ -121,7 +121,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
 
 def has_error_bars(scene: Scene) -> bool:
     """Return whether the error of every point is estimated: that of harmonic 1, where there is one.  Local."""
-    return scene.solver.error_bars and scene.harmonics > 0
+    return scene.solver.error_bars and not scene.is_static
 
 
 def loads(scene: Scene) -> tuple[Load, ...]:

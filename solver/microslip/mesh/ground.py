@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -81,8 +83,5 @@ def _on_plane(mesh: Mesh, joint: Joint, first: Surface, points: ContactPoints, p
             f"{where} is {distance[nearest]:.3g} m off the plane at its nearest point, {at}, and no more than {reach:.3g} m "
             "is expected; check plane_point, or state a larger tolerance in the joint"
         )
-    z = np.tile(normal, (points.n_points, 1))
-    return ContactPoints(
-        points.side1, points.side2, z, points.area, points.position, distance, points.faces, points.cells,
-        note=f"joint {joint.name!r}: {points.n_points} contact points, {distance.min():.3g} to {distance.max():.3g} m off",
-    )  # fmt: skip
+    note = f"joint {joint.name!r}: {points.n_points} contact points, {distance.min():.3g} to {distance.max():.3g} m off"
+    return replace(points, z=np.tile(normal, (points.n_points, 1)), distance=distance, note=note)

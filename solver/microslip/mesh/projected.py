@@ -27,7 +27,7 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
     reach = reach_of(mesh, joint, first, second)
     foot = project_on_surface(mesh.points, second.faces, mesh.points[first.nodes])
     near = foot.distance <= reach
-    _check_near(mesh, joint, first, second, near, foot.distance, reach)
+    _check_near(mesh, joint, first, second, foot.distance, reach)
     kept = np.flatnonzero(near)
     kept = kept[np.argsort(mesh.numbers[first.nodes[kept]], kind="stable")]
     nodes = first.nodes[kept]
@@ -57,8 +57,9 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
     )
 
 
-def _check_near(mesh: Mesh, joint: Joint, first: Surface, second: Surface, near, distance, reach: float) -> None:
+def _check_near(mesh: Mesh, joint: Joint, first: Surface, second: Surface, distance: np.ndarray, reach: float) -> None:
     """Raise MeshError where too much of the first surface has no partner."""
+    near = distance <= reach
     covered = first.areas[near].sum() / first.areas.sum()
     if covered >= COVERED or (near.any() and first.group in mesh.found):
         return

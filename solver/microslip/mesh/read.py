@@ -188,7 +188,8 @@ def _elements_of_kind(kind: str, file: FileModel, settings: MeshSettings, notes:
                 f"body {name!r}; each element must belong to one body"
             )
         body[mine] = i
-    _note_left_out(kind, numbers, same, body, file, start, notes)
+    if (body < 0).any():
+        notes.append(_left_out(kind, numbers, same, body, file, start))
     first = np.unique(same, return_index=True)[1]  # the first copy of each element, in the order of the file
     first = np.sort(first)
     found = []
@@ -211,11 +212,9 @@ def _rows(group: Group, start: dict[int, int]) -> np.ndarray:
     return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64)
 
 
-def _note_left_out(kind, numbers, same, body, file: FileModel, start, notes: list[str]) -> None:
-    """Note elements of groups that are no body; raise MeshError for elements in no group at all."""
+def _left_out(kind: str, numbers: np.ndarray, same: np.ndarray, body: np.ndarray, file: FileModel, start: dict[int, int]) -> str:
+    """Return a note on elements of groups that are no body; raise MeshError for elements in no group at all."""
     left_out = body < 0
-    if not left_out.any():
-        return
     holders, is_named = [], np.zeros(len(body), dtype=bool)
     for name, group in file.groups.items():
         mine = same[_rows(group, start)]
@@ -228,9 +227,7 @@ def _note_left_out(kind, numbers, same, body, file: FileModel, start, notes: lis
             f"{len(lost)} {kind} elements, the first of them element {numbers[same == lost[0]][0]}, are in no named "
             "group; name a group and a body for them, or delete them from the mesh"
         )
-    notes.append(
-        f"{np.count_nonzero(left_out)} {kind} elements of {', '.join(map(repr, holders))} belong to no body and are left out"
-    )
+    return f"{np.count_nonzero(left_out)} {kind} elements of {', '.join(map(repr, holders))} belong to no body and are left out"
 
 
 def _faces(name: str, group: Group, file: FileModel, used: np.ndarray, new: np.ndarray) -> list[FaceBlock]:

@@ -13,6 +13,24 @@ import numpy as np
 
 from ..fourier.amplitudes import to_complex, to_real
 
+_COUPLES = 1e-12  # |C_ij| / sqrt(C_ii C_jj) between modes beyond which a damping matrix is kept full
+
+
+def diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
+    """Return the diagonal (m,) of a symmetric matrix (m, m) that couples no modes; else itself.  Local."""
+    size = np.sqrt(np.abs(np.diag(modal)))
+    is_coupled = np.abs(modal - np.diag(np.diag(modal))) > _COUPLES * np.outer(size, size)
+    return modal if is_coupled.any() else np.diag(modal).copy()
+
+
+def added(C: np.ndarray, of_modes: np.ndarray) -> np.ndarray:
+    """Return a damping, (m,) or (m, m), with that of each mode (m,) added.  Local."""
+    return C + (of_modes if C.ndim == 1 else np.diag(of_modes))
+
+
+def _first(C: np.ndarray, n: int) -> np.ndarray:
+    return C[:n] if C.ndim == 1 else diagonal_if_possible(C[:n, :n])
+
 
 @dataclass(frozen=True, eq=False)
 class Damping:
@@ -47,6 +65,10 @@ class Damping:
         if self.S is None:
             return np.zeros(len(self.C))
         return np.diag(self.S) if self.couples_modes else self.S
+
+    def of_first(self, n: int) -> Damping:
+        """Return that of the first n modes, as a structure with these alone has it."""
+        return Damping(_first(self.C, n), None if self.S is None else _first(self.S, n))
 
     def plus(self, sigma: float) -> Damping:
         """Return it with sigma M [1/s] added to the damping matrix, docs/theory.md, eq. (7.3)."""

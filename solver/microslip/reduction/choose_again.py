@@ -13,11 +13,10 @@ import numpy as np
 from ..contact.law import Law
 from ..modes.limits import FEW
 from ..parallel.ownership import rows_of
-from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
 from ..receptance.reduced_structure import ReducedStructure
 from .choose_modes import as_stated, batches, picked
-from .modal_structure import diagonal_if_possible, modal_damping
+from .modal_structure import modal_damping
 from .settings import ModalDamping, ReductionSettings
 from .truncation import KnownNorms, bound, norms_beyond
 
@@ -89,18 +88,11 @@ def with_first(reduced: ReducedStructure, n_modes: int, damping: ModalDamping | 
     """
     family, first = reduced.one_family, slice(n_modes)
     omega_n = family.omega_n[first]
+    of_first = family.damping.of_first(n_modes)
     if damping is not None and damping.is_alone:
-        C = modal_damping(damping, omega_n)
-    else:
-        C = _first(family.damping.C, n_modes)
-    S = None if family.damping.S is None else _first(family.damping.S, n_modes)
-    shared = ModalFamily(omega_n, Damping(C, S), family.R_phi[:, first], family.b[first], family.o[:, first])
+        of_first = replace(of_first, C=modal_damping(damping, omega_n))
+    shared = ModalFamily(omega_n, of_first, family.R_phi[:, first], family.b[first], family.o[:, first])
     return replace(reduced, families=(shared,))
-
-
-def _first(modal: np.ndarray, n: int) -> np.ndarray:
-    """Return a damping (m,) or (m, m) for the first n modes, as a structure with these alone has it."""
-    return modal[:n] if modal.ndim == 1 else diagonal_if_possible(modal[:n, :n])
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from ..assembly.system import System
 from ..linear.dense import gram, multiply
 from ..parallel.errors import CaseError
-from ..receptance.damping import Damping
+from ..receptance.damping import Damping, added, diagonal_if_possible
 from ..receptance.family import ModalFamily
 from ..receptance.observed import Observed
 from ..receptance.reduced_structure import ReducedStructure
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
     from petsc4py import PETSc
 
-_COUPLES = 1e-12  # |C_ij| / sqrt(C_ii C_jj) between modes beyond which a damping matrix is kept full
 _ROUNDING = 1e-9  # negative eigenvalue of phi^T C phi over the largest that counts as zero
 
 
@@ -74,14 +73,7 @@ def all_damping(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, damp
         return of_modes
     if of_modes is None:
         return of_structure
-    return of_structure + (of_modes if of_structure.ndim == 1 else np.diag(of_modes))
-
-
-def diagonal_if_possible(modal: np.ndarray) -> np.ndarray:
-    """Return the diagonal (m,) of a symmetric matrix (m, m) that couples no modes; else itself.  Local."""
-    size = np.sqrt(np.abs(np.diag(modal)))
-    is_coupled = np.abs(modal - np.diag(np.diag(modal))) > _COUPLES * np.outer(size, size)
-    return modal if is_coupled.any() else np.diag(modal).copy()
+    return added(of_structure, of_modes)
 
 
 def reduce_structure(stuck: StuckStructure, damping: ModalDamping | None) -> ReducedStructure:

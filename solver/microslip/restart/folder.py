@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import hashlib
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -74,16 +74,16 @@ class Restart:
         options: tuple[str, ...] = (),
         fresh: bool = False,
         shared: Path | None = None,
-        notes: Sequence[str] = (),
     ) -> Restart:
-        """Return what is kept in the folder of a run; nothing if it is to start afresh.
-
-        ``shared`` is a cache of set-ups, ``notes`` are what there is to say of the folder beside.
-        """
+        """Return what is kept in the folder of a run; nothing if it is to start afresh.  ``shared`` is a cache of set-ups."""
         path = folder / NAME
-        identity, of_files, done = on_root(comm, as_written, path, _opened, path, scene, options, fresh)
+        identity, notes, done = on_root(comm, as_written, path, _opened, path, scene, options, fresh)
         cache = None if shared is None else Cache(comm, shared, identity.structure)
-        return cls(comm, path, scene, identity, (*notes, *of_files), done, cache, fresh)
+        return cls(comm, path, scene, identity, notes, done, cache, fresh)
+
+    def noting(self, more: Iterable[str]) -> Restart:
+        """Return the same with more to say of the folder, first.  Local."""
+        return replace(self, notes=(*more, *self.notes))
 
     # -- the set-up --------------------------------------------------------------------------------------------------
 

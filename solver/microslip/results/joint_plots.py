@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import matplotlib
@@ -27,6 +28,17 @@ _NO_LOSS = "#ececec"
 _LOSS_DECADES = 1e-4
 
 
+@dataclass(frozen=True)
+class JointMap:
+    """A quantity of the pairs as a picture shows it, level by level."""
+
+    says: str  # heading
+    colour: Callable[[LevelResult, int], np.ndarray]  # (n_pairs, 4) RGBA at a point of a level
+    level_says: Callable[[LevelResult, int], str]
+    handles: Sequence[Swatch]
+    bar: tuple | None = None  # palette, scale and text of a colour bar
+
+
 def draw_slip_map(results: ResultFile, out_dir: str) -> list[str]:
     """Draw stick, slip and separation on the contact surfaces at the peak of each level.  Local; returns the files."""
     handles = [Swatch(facecolor=c, edgecolor=FAINT, lw=0.4, label=n) for c, n in zip(STATE_COLOURS, STATE_NAMES)]
@@ -42,7 +54,7 @@ def draw_slip_map(results: ResultFile, out_dir: str) -> list[str]:
         return (", ".join(moving) or "all stick") + (f" ({n_apart} at rest)" if n_apart else "")
 
     what = "states of the contact pairs at the peak of each level"
-    return _draw(results, f"{out_dir}/slip_map.png", what, colour, says, handles)
+    return _draw(results, f"{out_dir}/slip_map.png", JointMap(what, colour, says, handles))
 
 
 def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
@@ -81,15 +93,9 @@ def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
         if len(losses) == 0
         else (matplotlib.colors.ListedColormap(palette(np.linspace(0.04, 0.96, 256))), scale, f"friction loss per cycle [{unit}]")
     )
-    return _draw(
-        results,
-        f"{out_dir}/energy_map.png",
-        what if len(losses) else what + ": none",
-        colour,
-        says,
-        [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="no loss")],
-        bar,
-    )
+    handles = [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="no loss")]
+    what = what if len(losses) else what + ": none"
+    return _draw(results, f"{out_dir}/energy_map.png", JointMap(what, colour, says, handles, bar))
 
 
 def draw_rest(results: ResultFile, out_dir: str) -> list[str]:
@@ -126,11 +132,10 @@ def draw_rest(results: ResultFile, out_dir: str) -> list[str]:
         (friction, (N > 0.0) | without, f"friction over its limit: up to {friction.max(initial=0.0):.3g}"),
     )
     for i, (share, carries, head) in enumerate(heads):
-        row, column = divmod(i, layout.level_columns)
-        x, y = layout.LEFT + column * layout.block[0], page.top + row * layout.block[1]
+        x, y = layout.upper_left(i, page.top)
         page.text(x, y + 0.04, head)
         rgba = np.where(carries[:, None], palette(np.clip(share, 0.0, 1.0)), matplotlib.colors.to_rgba(_NO_LOSS))
-        _block(page, layout, shown, (x, y), rgba, column == 0, i + layout.level_columns >= 2)
+        _block(page, layout, shown, rgba, i, 2)
     over = "" if without.all() else f"pressure over {most:.4g} MPa, "
     _colour_bar(page, palette, matplotlib.colors.Normalize(0.0, 1.0), f"{over}friction over its limit")
     return [page.save(f"{out_dir}/rest.png")]
@@ -160,6 +165,11 @@ class Layout:
 
     def height(self, n_levels: int) -> float:
         return math.ceil(n_levels / self.level_columns) * self.block[1] + self.BELOW
+
+    def upper_left(self, i: int, top: float) -> tuple[float, float]:
+        """Return the upper left corner of block i on a page whose blocks begin at ``top``."""
+        row, column = divmod(i, self.level_columns)
+        return self.LEFT + column * self.block[0], top + row * self.block[1]
 
     def corner(self, k: int) -> tuple[float, float]:
         """Return the upper left corner of patch k in its block."""
@@ -210,8 +220,8 @@ def _layout(sizes: np.ndarray, level_columns: int, patch_columns: int, labelled:
     )
 
 
-def _draw(results: ResultFile, path: str, says: str, colour, level_says, handles, bar=None) -> list[str]:
-    """Draw every level's surfaces; ``colour`` returns (n_pairs, 4) at a point of a level."""
+def _draw(results: ResultFile, path: str, drawn: JointMap) -> list[str]:
+    """Draw every level's surfaces in the colours of a quantity."""
     levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
     surfaces = patches(results.joint)
     if not levels or not surfaces:
@@ -219,18 +229,16 @@ def _draw(results: ResultFile, path: str, says: str, colour, level_says, handles
     shown = sorted(sorted(surfaces, key=lambda patch: -len(patch.pairs))[:_MOST_PATCHES], key=surfaces.index)
     labelled = len(surfaces) > 1
     layout = choose_layout(np.array([patch.size for patch in shown]), len(levels), labelled)
-    says += _remarks(results, levels, surfaces, shown, layout)
+    says = drawn.says + _remarks(results, levels, surfaces, shown, layout)
     height = layout.height(len(levels))
-    page = Page(results, says, WIDTH, height + (0.56 if bar else 0.0), handles)
+    page = Page(results, says, WIDTH, height + (0.56 if drawn.bar else 0.0), drawn.handles)
     for i, level in enumerate(levels):
-        row, column = divmod(i, layout.level_columns)
-        x, y = layout.LEFT + column * layout.block[0], page.top + row * layout.block[1]
-        at = peak(level.response)
-        page.text(x, y + 0.04, f"{level_name(level, short=True)}, {level.frequency[at]:.5g} Hz: {level_says(level, at)}")
-        is_last = i + layout.level_columns >= len(levels)
-        _block(page, layout, shown, (x, y), colour(level, at), column == 0, is_last)
-    if bar:
-        _colour_bar(page, *bar)
+        x, y = layout.upper_left(i, page.top)
+        at = peak(level.response) or 0
+        page.text(x, y + 0.04, f"{level_name(level, short=True)}, {level.frequency[at]:.5g} Hz: {drawn.level_says(level, at)}")
+        _block(page, layout, shown, drawn.colour(level, at), i, len(levels))
+    if drawn.bar:
+        _colour_bar(page, *drawn.bar)
     return [page.save(path)]
 
 
@@ -246,11 +254,13 @@ def _remarks(results: ResultFile, levels, surfaces, shown, layout: Layout) -> st
     return remarks + (f"; across stretched {layout.stretch:.2g} times" if layout.stretch > 1.01 else "")
 
 
-def _block(page: Page, layout: Layout, shown: list[Patch], corner, rgba, is_first: bool, is_last: bool) -> None:
-    """Draw the surfaces of one level; ``corner`` is the upper left one, in inches from the upper left of the page."""
+def _block(page: Page, layout: Layout, shown: list[Patch], rgba: np.ndarray, i: int, n_blocks: int) -> None:
+    """Draw the surfaces in block i, in colours (n_pairs, 4); ticks at the left and beneath the last of each column."""
     along = {patch.x_label for patch in shown}
+    is_first, is_last = i % layout.level_columns == 0, i + layout.level_columns >= n_blocks
+    upper_left = layout.upper_left(i, page.top)
     for k, patch in enumerate(shown):
-        x, y = np.add(corner, layout.corner(k))
+        x, y = np.add(upper_left, layout.corner(k))
         size = layout.scale * patch.size * [1.0, layout.stretch]
         ax = page.axes(x, y, *np.maximum(size, 0.05))
         if layout.label:

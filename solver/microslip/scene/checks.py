@@ -320,7 +320,7 @@ def _points(scene: Scene) -> list[str]:
 def _constant_loads(scene: Scene) -> list[str]:
     """A constant motion with a method that keeps the pairs which dissipate, or whose modes have to bear the load."""
     solver = scene.solver
-    if solver.harmonics > 0:
+    if not scene.is_static:
         return []
     if solver.method == "adaptive-energy" and not solver.in_point_check:
         return [

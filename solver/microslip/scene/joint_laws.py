@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from .schema import Joint
+from collections.abc import Mapping, Set
+from typing import Any
 
 ELASTIC_COULOMB, ROUGH, IWAN = "elastic-coulomb", "rough", "iwan"
 
@@ -39,43 +37,45 @@ OF_FILE = {"friction", "tangential_stiffness", "normal_stiffness", "roughness_he
 OWN = ("roughness_height", "roughness_pressure", "exponent", "tangential_ratio", "slip_force", "chi", "beta", "sliders")
 
 
-def check_law(joint: Joint) -> None:
-    """Raise ValueError where a key belongs to another law, or a law does not take a value.  Local."""
+def check_law(joint: Mapping[str, Any], stated: Set[str]) -> None:
+    """Raise ValueError where a key of a joint belongs to another law, or its law does not take a value.  Local.
+
+    ``joint`` has the values of all keys, ``stated`` are those that the scene states.
+    """
+    law = joint["law"]
     for key, laws in LAWS_OF_KEY.items():
-        if key in joint.model_fields_set and joint.law not in laws:
-            raise ValueError(
-                f"{key} belongs to law = {' or '.join(map(_quoted, laws))}; this joint has law = {_quoted(joint.law)}"
-            )
+        if key in stated and law not in laws:
+            raise ValueError(f"{key} belongs to law = {' or '.join(map(_quoted, laws))}; this joint has law = {_quoted(law)}")
     for key in ("friction", "tangential_stiffness"):
-        if isinstance(getattr(joint, key), tuple):
+        if isinstance(joint[key], tuple):
             _check_directions(joint, key)
-    if joint.law == ROUGH and joint.pairs is None:
+    if law == ROUGH and joint["pairs"] is None:
         _check_rough(joint)
 
 
-def _check_directions(joint: Joint, key: str) -> None:
+def _check_directions(joint: Mapping[str, Any], key: str) -> None:
     """Raise ValueError where a joint states two numbers of a key that its law takes for both directions alike."""
-    if joint.law != ELASTIC_COULOMB:
-        raise ValueError(f"{key}: law = {_quoted(joint.law)} takes one number for both directions")
-    if joint.friction_limit != "separate":
+    if joint["law"] != ELASTIC_COULOMB:
+        raise ValueError(f"{key}: law = {_quoted(joint['law'])} takes one number for both directions")
+    if joint["friction_limit"] != "separate":
         raise ValueError(f'{key} = [x, y] needs friction_limit = "separate": a friction circle has one number for both')
-    if joint.parameters is not None or joint.fields:
-        given = "parameters, a file" if joint.parameters is not None else "fields, a table"
+    if joint["parameters"] is not None or joint["fields"]:
+        given = "parameters, a file" if joint["parameters"] is not None else "fields, a table"
         raise ValueError(f"{key} = [x, y] with {given} of values for each point: state one number")
 
 
-def _check_rough(joint: Joint) -> None:
+def _check_rough(joint: Mapping[str, Any]) -> None:
     """Raise ValueError where rough surfaces carry nothing at rest, or their power is half stated."""
-    if joint.preload == "static" and joint.exponent is None:
+    if joint["preload"] == "static" and joint["exponent"] is None:
         raise ValueError(
             f'preload = "static": the exponential of law = {_quoted(ROUGH)} has no approach at which nothing presses; state '
             "in Pa the pressure at which the surfaces lie as the mesh has them, and [statics] goes on from there; or a power, "
             "exponent and roughness_pressure, which begins without any"
         )
-    if joint.preload == 0.0:
+    if joint["preload"] == 0.0:
         raise ValueError(f"preload = 0: rough surfaces that carry nothing have no stiffness, law = {_quoted(ROUGH)} needs some")
-    if (joint.exponent is None) != (joint.roughness_pressure is None):
-        there, missing = ("exponent", "roughness_pressure")[:: 1 if joint.roughness_pressure is None else -1]
+    if (joint["exponent"] is None) != (joint["roughness_pressure"] is None):
+        there, missing = ("exponent", "roughness_pressure")[:: 1 if joint["roughness_pressure"] is None else -1]
         raise ValueError(f"{there} without {missing}: a power takes both, the exponential neither")
 
 

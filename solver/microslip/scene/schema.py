@@ -389,7 +389,7 @@ class Joint(Table):
         if missing:
             more = f"; and {listed(missing[1:])}" if len(missing) > 1 else ""
             raise ValueError(f"{missing[0]} is missing: expected {type(self).model_fields[missing[0]].description}{more}")
-        check_law(self)
+        check_law(dict(self), self.model_fields_set)
         if has_pairs:
             return self
         if has_gap and self.preload and self.preload != "static":
@@ -833,8 +833,13 @@ class Scene(Table):
     @property
     def harmonics(self) -> int:
         """The highest harmonic: as stated, or where the program chooses, enough for the loads."""
-        loaded = max(load.harmonic for load in self.loads) if self.chooses("harmonics") else 0
+        loaded = max((load.harmonic for load in self.loads), default=0) if self.chooses("harmonics") else 0
         return max(self.solver.harmonics, loaded)
+
+    @property
+    def is_static(self) -> bool:
+        """Whether harmonic 0 alone is solved for: nothing vibrates."""
+        return self.harmonics == 0
 
     @property
     def path(self) -> Path:

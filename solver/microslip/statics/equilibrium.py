@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from mpi4py import MPI
 
-from ..assembly.pretension import Bolts
 from ..contact.law import Law
 from ..contact.laws import are_springs, pressed_to
 from ..linear.joint_springs import Linearised
@@ -21,7 +20,7 @@ from ..modes.constraint import static_columns
 from ..parallel.agree import on_root
 from ..parallel.errors import ConvergenceError, ResourceError
 from ..parallel.ownership import rows_of, summed
-from .bolts import BoltsAtRest, cuts_of, of_loads
+from .bolts import BoltsAtRest, Cuts, of_loads
 
 TOLERANCE = 1e-12  # of the relative displacement, over the largest there is
 MOST_ITERATIONS = 60
@@ -80,23 +79,20 @@ def equilibrium(
     pairs: ContactPairs,
     forces_owned: np.ndarray,
     n_steps: int,
-    bolts: Bolts | None = None,
+    cuts: Cuts | None = None,
     which_flies: Callable[[], str] = lambda: "",
-    where: str = "",
 ) -> Rest:
     """Return the joint at rest under ``forces_owned`` (n_dof_owned,) [N], this rank's rows, put on in equal steps.
 
     Collective.  ``G`` is that of the springs of all pairs.  docs/theory.md, eq. (12.3).  A step without a solution is halved.
-    ``bolts`` are tightened first, in as many steps; then their shortening is held while the forces are put on.
+    Bolts, by their ``cuts``, are tightened first, in as many steps; then their shortening is held while the forces are put on.
 
     Parameters
     ----------
     which_flies : says which bodies the loads move freely; collective
-    where : the scene file, for messages
 
     Raises
     ------
-    CaseError : a bolt that clamps nothing; on every rank
     ConvergenceError : no equilibrium; the text says which body nothing presses on any more; on every rank
     ResourceError : more pairs open or slip than are solved for densely; on every rank
     """
@@ -109,20 +105,20 @@ def equilibrium(
     unloaded = np.zeros((pairs.n_pairs, 3 + pairs.law.n_memory))
     now, n_taken, found = State(np.zeros(du_load.shape), unloaded), 0, None
     held, u_held = np.zeros(du_load.shape), 0.0
-    if bolts is not None:
-        cuts = cuts_of(linearised, bolts, where)
+    if cuts is not None:
         delta = cuts.tightened(now.p)
         tightening = Loading(held, (cuts.RU @ delta).reshape(-1, 3), "the bolts' forces", release=cuts.release)
         now, n_taken = contact.follow(tightening, now, n_steps)
         delta = cuts.tightened(now.p)
         tightened = cuts.force(delta, now.p)
         held, u_held = (cuts.RU @ delta).reshape(-1, 3), cuts.U_owned @ delta
-    if bolts is None or comm.allreduce(bool(forces_owned.any()), MPI.LOR):
+    if cuts is None or comm.allreduce(bool(forces_owned.any()), MPI.LOR):
         loading = Loading(held, du_load, "the load", which_flies)
         now, n_more = contact.follow(loading, now, n_steps)
         n_taken += n_more
-    if bolts is not None:
+    if cuts is not None:
         at_rest = cuts.force(delta, now.p, of_loads(cuts, linearised, forces_owned))
+        bolts = cuts.bolts
         found = BoltsAtRest(tuple(bolt.name for bolt in bolts.given), bolts.area, delta, tightened, at_rest)
     u_owned = u_held + u_load - linearised.factor.solve((R_owned.T @ now.p.ravel())[:, None])[:, 0]
     force = now.p + pairs.law.stiffness * now.du
@@ -130,7 +126,7 @@ def equilibrium(
     return Rest(now.du, force, u_owned, contact.iterations, n_taken, found, now.after[:, 3:])
 
 
-def stuck_forces(G: Flexibility, pairs: ContactPairs, forces_owned: np.ndarray, bolts: Bolts | None, where: str) -> np.ndarray:
+def stuck_forces(G: Flexibility, pairs: ContactPairs, forces_owned: np.ndarray, cuts: Cuts | None) -> np.ndarray:
     """Return the normal forces of the pairs if all of them stuck, closed, under the bolts and all loads, (n_pairs,) [N].
 
     Collective; arguments as in :func:`equilibrium`.
@@ -138,8 +134,7 @@ def stuck_forces(G: Flexibility, pairs: ContactPairs, forces_owned: np.ndarray, 
     linearised, comm = G.linearised, G.linearised.system.comm
     first, last = linearised.K_L.getOwnershipRange()
     du = comm.bcast(summed(comm, linearised.system.R[:, first:last] @ linearised.factor.solve(forces_owned[:, None])[:, 0]))
-    if bolts is not None:
-        cuts = cuts_of(linearised, bolts, where)
+    if cuts is not None:
         du = du + cuts.RU @ cuts.tightened(np.zeros(len(du)))
     return -pairs.k_n * du.reshape(-1, 3)[:, 2]
 

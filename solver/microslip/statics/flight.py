@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +10,9 @@ from scipy.optimize import nnls
 from ..assembly.system import System
 from ..contact.laws import friction_limit
 from ..mesh.connected import connected_parts
-from ..mesh.data import ContactPairs, Mesh
+from ..mesh.data import ContactPairs
 from ..parallel.agree import on_root
+from .loaded import Loaded
 
 _BALANCED = 1e-6  # what is left of the loads over themselves: below it rigid bodies are in equilibrium
 _TAKES_PART = 0.3  # of the largest motion: bodies that move less are carried along
@@ -30,29 +30,23 @@ class _Rigid:
     part: np.ndarray  # (n_nodes,); what is tied is one
 
 
-def which_flies(
-    system: System, mesh: Mesh | None, pairs: ContactPairs, forces_owned: np.ndarray, body_of: Mapping[str, str]
-) -> str:
+def which_flies(loaded: Loaded) -> str:
     """Return in words which bodies contact and friction cannot hold, and how they move; "" where rigid ones would be held.
 
-    Collective on ``system.comm``.
-
-    Parameters
-    ----------
-    mesh : that of rank 0
-    forces_owned : (n_dof_owned,) N, this rank's rows of the loads
+    Collective on ``loaded.system.comm``.
 
     Notes
     -----
     docs/theory.md, eq. (12.9): bodies are rigid here.  The loads are projected on what supports, and contact forces within
     their cones of friction, can bear; what is left over is the motion.
     """
-    gathered = system.comm.gather(forces_owned)
+    system = loaded.system
+    gathered = system.comm.gather(loaded.forces_owned)
 
     def words() -> str:
-        assert mesh is not None and gathered is not None, "called on rank 0 of a scene with a mesh"
-        rigid = _rigid_motions(system, mesh, body_of)
-        q = _motions(system, rigid, pairs, np.concatenate(gathered))
+        assert gathered is not None, "called on rank 0"
+        rigid = _rigid_motions(loaded)
+        q = _motions(system, rigid, loaded.pairs, np.concatenate(gathered))
         size = np.linalg.norm(q, axis=1)
         order = [i for i in np.argsort(-size, kind="stable") if size[i] > _TAKES_PART * size.max()]
         return "; ".join(_in_words(rigid.names[i], q[i], rigid.middle[i]) for i in order)
@@ -60,8 +54,10 @@ def which_flies(
     return on_root(system.comm, words)
 
 
-def _rigid_motions(system: System, mesh: Mesh, body_of: Mapping[str, str]) -> _Rigid:
-    part, names = connected_parts(mesh, body_of)
+def _rigid_motions(loaded: Loaded) -> _Rigid:
+    system, mesh = loaded.system, loaded.mesh
+    assert mesh is not None, "a scene with a mesh"
+    part, names = connected_parts(mesh, loaded.body_of)
     if system.constraints is not None:
         tied = system.constraints.clusters
         part, names = tied[part], tuple(" with ".join(names[i] for i in np.flatnonzero(tied == j)) for j in np.unique(tied))

@@ -89,7 +89,7 @@ def _step(sought: Sought, u: np.ndarray, share: float, is_stressed: bool) -> Res
         linearised = linearise(replace(sought.system, K=about.K), about.pairs)
         try:
             loads = share * sought.forces_owned + about.forces_owned
-            return equilibrium(Flexibility(linearised), about.pairs, loads, sought.n_steps, None, sought.which_flies)
+            return equilibrium(Flexibility(linearised), about.pairs, loads, sought.n_steps, which_flies=sought.which_flies)
         finally:
             linearised.destroy()
     finally:

@@ -2,50 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..assembly.system import System
 from ..mesh.connected import connected_parts, on_parts
-from ..mesh.data import ContactPairs, Mesh
+from ..mesh.data import ContactPairs
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 from ..parallel.words import listed
 from .equilibrium import Rest
+from .loaded import Loaded
 from .rest import loose_parts
 
 RESOLVED = 1e-10  # normal force over the sum of all loads: below it a hundred times what equilibrium is solved to
 
 
-def check_pressed(
-    system: System,
-    mesh: Mesh | None,
-    pairs: ContactPairs,
-    rest: Rest,
-    forces_owned: np.ndarray,
-    body_of: Mapping[str, str],
-    where: str = "",
-) -> None:
+def check_pressed(loaded: Loaded, rest: Rest) -> None:
     """Raise CaseError on every rank for a body that contact alone holds and nothing presses on.
 
-    Collective on ``system.comm``.  Loads that balance each other on a body leave its joints to rounding: a pair or two then
-    count as closed, and what vibrates hangs on them.
-
-    Parameters
-    ----------
-    mesh : that of rank 0
-    forces_owned : (n_dof_owned,) N, this rank's rows of the loads
-    where : the scene file, for messages
+    Collective on ``loaded.system.comm``.  Loads that balance each other on a body leave its joints to rounding: a pair or two
+    then count as closed, and what vibrates hangs on them.
     """
-    gathered = system.comm.gather(forces_owned)
+    system, mesh, pairs = loaded.system, loaded.mesh, loaded.pairs
+    gathered = system.comm.gather(loaded.forces_owned)
 
     def check() -> None:
         assert mesh is not None and gathered is not None, "called on rank 0 of a scene with a mesh"
         size = _size(np.concatenate(gathered), pairs, rest)
-        part, names = connected_parts(mesh, body_of)
+        part, names = connected_parts(mesh, loaded.body_of)
         loose = loose_parts(system, part, len(names))
         group_of, is_held = _groups(part, len(names), loose)
         first, second = (_on_groups(on_parts(side, part, len(names)), group_of) for side in pairs.sides(len(part)))
@@ -53,7 +40,8 @@ def check_pressed(
         if len(free):
             bodies = [names[i] for i in np.flatnonzero(np.isin(group_of, free))]
             own = np.isin(first, free) | np.isin(second, free)
-            raise CaseError(_in_words(bodies, dict.fromkeys(np.array(pairs.joint)[own]), rest.N[own].max(), size, where))
+            joints = dict.fromkeys(np.array(pairs.joint)[own])
+            raise CaseError(_in_words(bodies, joints, rest.N[own].max(), size, loaded.where))
 
     on_root(system.comm, check)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 from ..parallel.words import listed
 from .equilibrium import Rest
+from .loaded import Loaded
 
 
 def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
@@ -81,20 +81,15 @@ class Resultant:
     size: float  # N, the sum of the magnitudes of what was added
 
 
-def in_words(
-    system: System, mesh: Mesh | None, pairs: ContactPairs, rest: Rest, forces_owned: np.ndarray, body_of: Mapping[str, str]
-) -> list[str]:
-    """Return a line for each joint, and one for each body that nothing but joints holds: do its forces balance?  Collective.
-
-    ``body_of`` names the body of each group of elements; ``mesh`` is that of rank 0.
-    """
-    forces = system.comm.gather(forces_owned)
+def in_words(loaded: Loaded, rest: Rest) -> list[str]:
+    """Return a line for each joint, and one for each body that nothing but joints holds: do its forces balance?  Collective."""
+    forces = loaded.system.comm.gather(loaded.forces_owned)
 
     def lines() -> list[str]:
-        assert mesh is not None and forces is not None, "called on rank 0 of a scene with a mesh"
-        return _of_joints(pairs, rest) + _of_bolts(rest) + _of_bodies(system, mesh, pairs, rest, np.concatenate(forces), body_of)
+        assert forces is not None, "called on rank 0"
+        return _of_joints(loaded.pairs, rest) + _of_bolts(rest) + _of_bodies(loaded, rest, np.concatenate(forces))
 
-    return on_root(system.comm, lines)
+    return on_root(loaded.system.comm, lines)
 
 
 def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
@@ -129,14 +124,14 @@ def _of_bolts(rest: Rest) -> list[str]:
     ]
 
 
-def _of_bodies(
-    system: System, mesh: Mesh, pairs: ContactPairs, rest: Rest, forces: np.ndarray, body_of: Mapping[str, str]
-) -> list[str]:
+def _of_bodies(loaded: Loaded, rest: Rest, forces: np.ndarray) -> list[str]:
     """Return a line for each part without a support: loads and contact forces on it, and what is left over."""
-    loaded = rest.force.copy()
-    loaded[:, 2] += np.maximum(np.nan_to_num(pairs.N0), 0.0)  # what a stated preload presses with balances itself
-    contact = -(system.R.T @ loaded.ravel())
-    part, part_names = connected_parts(mesh, body_of)
+    system, mesh = loaded.system, loaded.mesh
+    assert mesh is not None, "a scene with a mesh"
+    carried = rest.force.copy()
+    carried[:, 2] += np.maximum(np.nan_to_num(loaded.pairs.N0), 0.0)  # what a stated preload presses with balances itself
+    contact = -(system.R.T @ carried.ravel())
+    part, part_names = connected_parts(mesh, loaded.body_of)
     lines = []
     for own in loose_parts(system, part, len(part_names)):
         nodes = np.flatnonzero(np.isin(part, own))

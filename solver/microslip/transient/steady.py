@@ -124,7 +124,6 @@ def steady_state(
     B = len(march.level)
     accelerations = [Acceleration(3 * len(march.model.modes.omega_n)) for _ in range(B)] if accelerated else None
     springs = march.model.law.springs.ravel()
-    root = march.model.memory_scale  # p / root is an energy's root, as the scaled motion is
     found: list[tuple] = [()] * B
     best = np.full(B, np.inf)
     left, now = np.arange(B), start
@@ -154,17 +153,22 @@ def steady_state(
             break
         now = Start(z, p)
         if accelerations is not None:
-            now = _accelerated([accelerations[point] for point in left], part, before, correction, before_p, p, root)
+            now = _accelerated([accelerations[point] for point in left], part, before, correction, before_p, p)
         now = now.take(~done)
         left = left[~done]
     return _together(found)
 
 
 def _accelerated(
-    accelerations: list[Acceleration], march: March, motion: np.ndarray, correction: np.ndarray, before: np.ndarray, after, root
+    accelerations: list[Acceleration],
+    march: March,
+    motion: np.ndarray,
+    correction: np.ndarray,
+    before: np.ndarray,
+    after: np.ndarray,
 ) -> Start:
     """Return where the next period of every point begins: motion and contact forces, each in the root of an energy.  Local."""
-    n, shape = motion[0].size, motion[0].shape
+    n, shape, root = motion[0].size, motion[0].shape, march.model.memory_scale
     x = [
         one.next(np.append(x0, p0 / root), np.append(c, (p1 - p0) / root))
         for one, x0, c, p0, p1 in zip(accelerations, motion, correction, before, after)

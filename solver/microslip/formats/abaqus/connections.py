@@ -6,7 +6,7 @@ import numpy as np
 
 from ...parallel.errors import MeshError
 from ...parallel.words import nearest
-from ..model import FileBolt, FilePoint, FileTie
+from ..model import FileBolt, FilePoint, FileTie, Finding
 from .cards import Card, number, values_of
 from .gathered import Gathered
 from .scopes import Scope
@@ -85,7 +85,10 @@ def tie(model: Gathered, scope: Scope, words: list[str], where: str, card: Card)
     if first is None or second is None:
         which = words[0] if first is None else words[1]
         effect = f"{words[0]} tied to {words[1]}: the nodes of {which} are not those of whole faces of solids"
-        model.findings.add(f"*{card.keyword}", where, effect, True, "ties", (words[0], words[1]))
+        finding = Finding(
+            word=f"*{card.keyword}", where=where, effect=effect, changes=True, part="ties", surfaces=(words[0], words[1])
+        )
+        model.findings.take(finding)
         return
     tolerance, name = _number(card, "POSITIONTOLERANCE"), card.parameters.get("NAME")
     model.ties.append(FileTie(surfaces=(first, second), name=name or None, tolerance=tolerance or None))
@@ -109,8 +112,9 @@ def _single(model: Gathered, scope: Scope, word: str, card: Card) -> int:
     return int(nodes[0])
 
 
-def _add_point(model: Gathered, node: int, name: str, nodes: np.ndarray, group: str, connection: str, card: Card) -> None:
+def _add_point(model: Gathered, node: int, nodes: np.ndarray, group: str, connection: str, card: Card) -> None:
     """Add a point at a node, connected to others; a node on the solids, or with two groups, cannot be one."""
+    name = card.parameters.get("CONSTRAINTNAME", "")
     nodes = nodes[(nodes != node) & model.grouped.of_solids[nodes]]
     word, number = f"*{card.keyword}", model.mesh.numbers[node]
     if model.grouped.of_solids[node] or not len(nodes):
@@ -151,7 +155,7 @@ def _take_coupling(model: Gathered, scope: Scope, card: Card, kind: Card) -> Non
     if kind.parameter("WEIGHTINGMETHOD", "UNIFORM") != "UNIFORM":
         model.findings.add("*DISTRIBUTING, WEIGHTING METHOD", kind.where, f"{name}: weights by distance", True, "points")
         return
-    _add_point(model, node, name, nodes, surface, connection, card)
+    _add_point(model, node, nodes, surface, connection, card)
 
 
 def _holds_all(model: Gathered, kind: Card, name: str) -> bool:
@@ -183,7 +187,7 @@ def _take_rigid_body(model: Gathered, scope: Scope, card: Card) -> None:
     if "ELSET" in card.parameters:
         parts.append(model.mesh.nodes_of(model.mesh.elements(scope, card.parameters["ELSET"], card.where)))
     node = _single(model, scope, word, card)
-    _add_point(model, node, "", np.concatenate(parts), f"rigid body of node {model.mesh.numbers[node]}", "rigid", card)
+    _add_point(model, node, np.concatenate(parts), f"rigid body of node {model.mesh.numbers[node]}", "rigid", card)
     if "ROTNODE" in card.parameters and node in model.points:
         model.turns[_single(model, scope, card.parameters["ROTNODE"], card)] = node
 
@@ -193,7 +197,7 @@ def _take_kinematic_coupling(model: Gathered, scope: Scope, card: Card) -> None:
     if not _holds_all(model, card, f"node {model.mesh.numbers[node]}"):
         return
     nodes = np.concatenate([model.mesh.nodes(scope, words[0], where) for words, where in card.lines()])
-    _add_point(model, node, "", nodes, f"coupled to node {model.mesh.numbers[node]}", "rigid", card)
+    _add_point(model, node, nodes, f"coupled to node {model.mesh.numbers[node]}", "rigid", card)
 
 
 def _take_distributing_coupling(model: Gathered, scope: Scope, card: Card) -> None:
@@ -208,7 +212,7 @@ def _take_distributing_coupling(model: Gathered, scope: Scope, card: Card) -> No
     nodes = np.concatenate([model.mesh.nodes(scope, words[0], where) for words, where in lines])
     group = f"coupled to node {model.mesh.numbers[at[0]]}"
     _find_lever(model, int(at[0]), np.unique(nodes), card)
-    _add_point(model, int(at[0]), "", nodes, group, "distributing", card)
+    _add_point(model, int(at[0]), nodes, group, "distributing", card)
 
 
 def _find_lever(model: Gathered, node: int, nodes: np.ndarray, card: Card) -> None:
@@ -239,7 +243,7 @@ def _take_mpc(model: Gathered, scope: Scope, card: Card) -> None:
             model.findings.add(f"*MPC {kind}", where, effect, True, "equations")
     for node, parts in beams.items():
         number = model.mesh.numbers[node]
-        _add_point(model, node, "", np.concatenate(parts), f"beams to node {number}", "rigid", card)
+        _add_point(model, node, np.concatenate(parts), f"beams to node {number}", "rigid", card)
 
 
 def _take_cut(model: Gathered, scope: Scope, card: Card) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...parallel.errors import MeshError
 from ...parallel.words import listed, nearest
-from ..model import FileJoint
+from ..model import FileJoint, Finding
 from .cards import Card, number
 from .connections import plain, surface_of, tie
 from .gathered import Gathered
@@ -169,7 +169,8 @@ def _take_pair(model: Gathered, scope: Scope, card: Card, words: list[str], wher
         keys = listed([f"{key} ({why})" for key, why in lacks.items()])
         rest = f"a joint of the scene between them takes its place, and has to state {keys}"
     effect = f"{surfaces[0]} and {surfaces[1]} in contact{friction}: {rest}"
-    model.findings.add("*CONTACT PAIR", where, effect, True, "", surfaces, one.is_glued)
+    found = Finding(word="*CONTACT PAIR", where=where, effect=effect, changes=True, surfaces=surfaces, is_glued=one.is_glued)
+    model.findings.take(found)
 
 
 def _smaller_first(model: Gathered, slave: str, master: str) -> tuple[str, str]:

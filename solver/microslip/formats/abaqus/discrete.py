@@ -88,7 +88,7 @@ def _take_spring(model: Gathered, scope: Scope, card: Card, elements: np.ndarray
         return
     stiffness = float(_numbers(card, 1)[0])
     for word, ends in _ends(model, elements):
-        _add_spring(model, card, word, ends, lines, stiffness=stiffness)
+        _add_spring(model, card, word, ends, lines, FileSpring(groups=(), stiffness=stiffness))
 
 
 def _take_dashpot(model: Gathered, scope: Scope, card: Card, elements: np.ndarray) -> None:
@@ -104,7 +104,7 @@ def _take_dashpot(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
         model.findings.add(word, card.where, effect, True, "springs")
         return
     for word, ends in own:
-        _add_spring(model, card, word, ends, lines, damping=float(damping[0]))
+        _add_spring(model, card, word, ends, lines, FileSpring(groups=(), damping=float(damping[0])))
 
 
 def _ends(model: Gathered, elements: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
@@ -114,15 +114,13 @@ def _ends(model: Gathered, elements: np.ndarray) -> Iterator[tuple[str, np.ndarr
             yield block.word, ends
 
 
-def _add_spring(
-    model: Gathered, card: Card, word: str, ends: np.ndarray, lines: list, stiffness: float = 0.0, damping: float = 0.0
-) -> None:
-    """Add one spring or damper."""
+def _add_spring(model: Gathered, card: Card, word: str, ends: np.ndarray, lines: list, spring: FileSpring) -> None:
+    """Add one spring or damper of that stiffness and damping between its ends."""
     dofs = [int(field) for field in lines[0][0][:2] if field.isdigit()] if not word.endswith("A") and lines else []
     of_points = [int(node) in model.points or int(node) in model.turns for node in ends]
     numbers = " and ".join(str(model.mesh.numbers[node]) for node in ends)
     if word == "SPRING1" and of_points == [True] and len(dofs) == 1 and 1 <= dofs[0] <= 6:
-        _ground_point(model, int(ends[0]), dofs[0], stiffness)
+        _ground_point(model, int(ends[0]), dofs[0], spring.stiffness)
         return
     if any(of_points) or (dofs and not all(1 <= dof <= 3 for dof in dofs)) or len(set(dofs)) > 1:
         effect = f"a {card.keyword.lower()} at {numbers} on rotations, on a reference node or between different directions"
@@ -134,7 +132,7 @@ def _add_spring(
         direction = float(along[0]), float(along[1]), float(along[2])
     groups = tuple(model.grouped.node_group(f"node {model.mesh.numbers[node]}", np.array([node])) for node in ends)
     model.attached.update(ends.tolist())
-    model.springs.append(FileSpring(groups=groups, direction=direction, stiffness=stiffness, damping=damping))
+    model.springs.append(replace(spring, groups=groups, direction=direction))
 
 
 def _ground_point(model: Gathered, node: int, dof: int, stiffness: float) -> None:

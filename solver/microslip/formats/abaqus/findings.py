@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ...parallel.words import nearest
 from ..model import Finding
@@ -101,10 +101,13 @@ def known(keyword: str) -> str:
 class Findings:
     """What has been found that is not taken over; like entries count once, with the place of the first."""
 
-    _found: dict[tuple, list[str]] = field(default_factory=dict)
+    _found: dict[Finding, list[str]] = field(default_factory=dict)  # the places of each, which itself has none
 
-    def add(self, word: str, where: str, effect: str, changes: bool, part: str = "", surfaces=(), is_glued=False) -> None:
-        self._found.setdefault((word, effect, changes, part, surfaces, is_glued), []).append(where)
+    def add(self, word: str, where: str, effect: str, changes: bool, part: str = "") -> None:
+        self.take(Finding(word=word, where=where, effect=effect, changes=changes, part=part))
+
+    def take(self, finding: Finding) -> None:
+        self._found.setdefault(replace(finding, where=""), []).append(finding.where)
 
     def add_card(self, card: Card) -> None:
         """Add what a card does that nothing here takes over."""
@@ -121,15 +124,7 @@ class Findings:
     def all(self) -> tuple[Finding, ...]:
         """Return the findings, those that change the answer first."""
         made = [
-            Finding(
-                word=word,
-                where=places[0] + (f" and {len(places) - 1} more" if len(places) > 1 else ""),
-                effect=effect,
-                changes=changes,
-                part=part,
-                surfaces=surfaces,
-                is_glued=is_glued,
-            )
-            for (word, effect, changes, part, surfaces, is_glued), places in self._found.items()
+            replace(one, where=places[0] + (f" and {len(places) - 1} more" if len(places) > 1 else ""))
+            for one, places in self._found.items()
         ]
         return tuple(sorted(made, key=lambda one: not one.changes))

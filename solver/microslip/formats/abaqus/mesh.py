@@ -92,12 +92,13 @@ class FileMesh:
             what = "is made of itself" if key in within else f"is made of sets within more than {_DEEPEST} others"
             raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} {what}")
         if key not in self.known:
-            found = [self._part(names, kind, word, *part, (*within, key)) for part in names.sets[kind][word]]
+            found = [self._part(names, kind, word, part, (*within, key)) for part in names.sets[kind][word]]
             self.known[key] = np.unique(np.concatenate([NO_NODES, *found]))
         return self.known[key]
 
-    def _part(self, names: Names, kind: str, word: str, how: str, what, where: str, within: tuple) -> np.ndarray:
+    def _part(self, names: Names, kind: str, word: str, part: tuple, within: tuple) -> np.ndarray:
         """Return one entry of a set: numbers, another set, the nodes of an element set, or numbers of an instance."""
+        how, what, where = part
         if how == "elements":
             return self.nodes_of(self._members(names, "ELSET", what, where, within))
         if how == "instance":

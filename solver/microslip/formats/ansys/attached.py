@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,6 +10,16 @@ from ...parallel.errors import MeshError
 from ..model import KINDS, Cells, FileMass, FilePoint, FileSpring, Finding, Group, index_of
 from .blocks import FIELDS, Blocks
 from .content import Content
+
+
+@dataclass(frozen=True)
+class _Element:
+    """A MASS21 or a COMBIN14."""
+
+    where: str
+    values: list[float]  # its real constants
+    keys: dict[int, int]  # its KEYOPTs
+    nodes: np.ndarray
 
 
 def attached(blocks: Blocks, content: Content, groups: dict[str, Group], leading: dict[int, FilePoint]):
@@ -25,18 +35,22 @@ def attached(blocks: Blocks, content: Content, groups: dict[str, Group], leading
         own_type = content.types[int(flat[row + 1])]
         values, keys = constants.get(int(flat[row + 2]), []), content.keys.get(int(flat[row + 1]), {})
         where = f"element {number}"
+        element = _Element(where, values, keys, flat[row + FIELDS : row + FIELDS + (1 if own_type == 21 else 2)])
         if own_type == 21:
-            masses += _mass(content, where, values, keys, int(flat[row + FIELDS]), numbers, groups, leading)
-        elif any(int(node) in leading for node in flat[row + FIELDS : row + FIELDS + 2]):
+            masses += _mass(content, element, numbers, groups, leading)
+        elif any(int(node) in leading for node in element.nodes):
             effect = "a spring at a node that leads a rigid region"
             content.findings.append(Finding(word="COMBIN14", where=where, effect=effect, changes=True, part="springs"))
         else:
-            springs += _spring(content, where, values, keys, flat[row + FIELDS : row + FIELDS + 2], numbers, groups)
+            springs += _spring(content, element, numbers, groups)
     return tuple(masses), tuple(springs)
 
 
-def _mass(content, where, values, keys, node, numbers, groups, leading) -> list[FileMass]:
+def _mass(
+    content: Content, element: _Element, numbers: np.ndarray, groups: dict[str, Group], leading: dict[int, FilePoint]
+) -> list[FileMass]:
     """Return the mass of a MASS21; its rotary inertia has nothing to act on at the node of a solid."""
+    where, values, keys, node = element.where, element.values, element.keys, int(element.nodes[0])
     inertia = tuple(map(float, [*values[3:6], 0.0, 0.0, 0.0][:3])) if keys.get(3, 0) == 0 else (0.0, 0.0, 0.0)
     if keys.get(1, 0) or (keys.get(2, 0) and len(set(inertia)) > 1):
         effect = "a point mass given by its volume (KEYOPT(1)), or with an inertia in axes of its node (KEYOPT(2))"
@@ -63,8 +77,9 @@ def _heavier(point: FilePoint, mass: float, inertia: tuple[float, ...]) -> FileP
     return replace(point, mass=point.mass + mass, inertia=total if any(total) else None)
 
 
-def _spring(content, where, values, keys, nodes, numbers, groups) -> list[FileSpring]:
+def _spring(content: Content, element: _Element, numbers: np.ndarray, groups: dict[str, Group]) -> list[FileSpring]:
     """Return a COMBIN14 along its line, or along x, y or z."""
+    where, values, keys = element.where, element.values, element.keys
     kind = keys.get(2, 0)
     if keys.get(1, 0) or kind > 3 or keys.get(3, 0) or not values:
         effect = "a spring that is not linear, or turns, or has no constants"
@@ -74,7 +89,7 @@ def _spring(content, where, values, keys, nodes, numbers, groups) -> list[FileSp
         effect = "a damper that is not linear"
         content.findings.append(Finding(word="COMBIN14", where=where, effect=effect, changes=True, part="springs"))
     names = []
-    for node in nodes:
+    for node in element.nodes:
         if node > 0:
             names.append(f"COMBIN14 {where} node {node}")
             groups.setdefault(names[-1], Group()).add_nodes(known_nodes(numbers, np.array([node])))

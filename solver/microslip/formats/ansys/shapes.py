@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ...parallel.errors import MeshError
 from ..model import Cells, index_of
 
-# corners I J K L M N O P and mid-sides Q R S T U V W X Y Z A B; which of them fall together, and which are kept
-_WHOLE = {
-    "hex": ((), tuple(range(8)), tuple(range(8, 20))),
-    "wedge": (((2, 3), (6, 7)), (0, 1, 2, 4, 5, 6), (8, 9, 11, 12, 13, 15, 16, 17, 18)),
-    "pyramid": (((4, 5), (4, 6), (4, 7)), (0, 1, 2, 3, 4), (8, 9, 10, 11, 16, 17, 18, 19)),
-    "tet": (((2, 3), (4, 5), (4, 6), (4, 7)), (0, 1, 2, 4), (8, 9, 11, 16, 17, 18)),
-}
-_N_PAIRS = {"hex": 0, "wedge": 2, "pyramid": 6, "tet": 7}  # equal pairs among eight corners
+
+class _Shape(NamedTuple):
+    """Which nodes of a row make the nodes of a cell."""
+
+    family: str
+    corners: list[int]
+    middles: list[int]
+    equal: tuple[tuple[int, int], ...] = ()  # corners that fall together
+    n_equal: int = 0  # pairs of equal ones among all corners
+
+
+# corners I J K L M N O P and mid-sides Q R S T U V W X Y Z A B
+_WHOLE = (
+    _Shape("hex", list(range(8)), list(range(8, 20))),
+    _Shape("wedge", [0, 1, 2, 4, 5, 6], [8, 9, 11, 12, 13, 15, 16, 17, 18], ((2, 3), (6, 7)), 2),
+    _Shape("pyramid", [0, 1, 2, 3, 4], [8, 9, 10, 11, 16, 17, 18, 19], ((4, 5), (4, 6), (4, 7)), 6),
+    _Shape("tet", [0, 1, 2, 4], [8, 9, 11, 16, 17, 18], ((2, 3), (4, 5), (4, 6), (4, 7)), 7),
+)
+_TETRAHEDRON = _Shape("tet", [0, 1, 2, 3], [4, 5, 6, 7, 8, 9])  # of elements that have no other shape
 
 
 def solids(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
@@ -33,12 +46,12 @@ def solids(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[
     corners, is_linear = rows[:, :8], ~(rows[:, 8:] > 0).any(axis=1)
     n_equal = sum((corners[:, i] == corners[:, j]).astype(int) for i in range(8) for j in range(i))
     found, is_known = [], np.zeros(len(rows), dtype=bool)
-    for family, (equal, kept, middles) in _WHOLE.items():
-        own = (n_equal == _N_PAIRS[family]) & ~is_known
-        for i, j in equal:
+    for shape in _WHOLE:
+        own = (n_equal == shape.n_equal) & ~is_known
+        for i, j in shape.equal:
             own &= corners[:, i] == corners[:, j]
         is_known |= own
-        found += _by_order(family, rows, own, is_linear, list(kept), list(middles), elements, numbers)
+        found += _by_order(shape, rows[own], is_linear[own], elements[own], numbers)
     if not is_known.all():
         raise MeshError(
             f"element {elements[~is_known][0]}: its nodes fall together in a way that is no hexahedron, prism, pyramid or "
@@ -50,16 +63,15 @@ def solids(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[
 def tetrahedra(rows: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
     """Return the cells of SOLID187 and its like, (n, 10), whose nodes are in the order of this program.  Local."""
     is_linear = ~(rows[:, 4:] > 0).any(axis=1)
-    every = np.ones(len(rows), dtype=bool)
-    return _by_order("tet", rows, every, is_linear, [0, 1, 2, 3], [4, 5, 6, 7, 8, 9], elements, numbers)
+    return _by_order(_TETRAHEDRON, rows, is_linear, elements, numbers)
 
 
-def _by_order(family, rows, own, is_linear, kept, middles, elements, numbers) -> list[Cells]:
+def _by_order(shape: _Shape, rows: np.ndarray, is_linear: np.ndarray, elements: np.ndarray, numbers: np.ndarray) -> list[Cells]:
     """Return the cells of one shape: those without any mid-side node, and those with all."""
     found = []
-    for mine, nodes in ((own & is_linear, kept), (own & ~is_linear, kept + middles)):
+    for mine, nodes in ((is_linear, shape.corners), (~is_linear, shape.corners + shape.middles)):
         if mine.any():
-            found.append(_cells(f"{family}{len(nodes)}", rows[mine][:, nodes], elements[mine], numbers))
+            found.append(_cells(f"{shape.family}{len(nodes)}", rows[mine][:, nodes], elements[mine], numbers))
     return found
 
 

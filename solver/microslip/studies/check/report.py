@@ -139,7 +139,7 @@ def highest_harmonic(scene: Scene) -> int:
 def resolution(scene: Scene) -> str:
     """Say with which harmonics and samples the points are solved."""
     chosen = f"chosen at each point for accuracy {scene.solver.accuracy}"
-    stated = f"harmonics 0 to {scene.harmonics}" if scene.harmonics else "harmonic 0 alone: statics"
+    stated = "harmonic 0 alone: statics" if scene.is_static else f"harmonics 0 to {scene.harmonics}"
     harmonics = f"harmonics up to {MOST_HARMONICS}, {chosen}" if scene.chooses("harmonics") else stated
     return f"{harmonics}, {f'samples {chosen}' if scene.chooses('samples') else f'{scene.solver.samples} samples'}"
 
@@ -158,8 +158,8 @@ def _solution(scene: Scene, n_dof: int, n_pairs: int) -> list[str]:
         METHODS[solver.method].FACTS.coordinates(settings, Counts(n_modes + more, n_dof, n_pairs, n_loads)) for more in (0, 1)
     )
     unknowns = (2 * highest_harmonic(scene) + 1) * coordinates
-    points = f"about {scene.response.points} points" if scene.harmonics else "one point, for all frequencies"
-    if scene.harmonics and solver.accuracy is not None and response_settings(scene).chooses_steps:
+    points = "one point, for all frequencies" if scene.is_static else f"about {scene.response.points} points"
+    if not scene.is_static and solver.accuracy is not None and response_settings(scene).chooses_steps:
         points = f"as many points as accuracy {solver.accuracy:g} takes"
     has_more = n_modes == 0 and with_another_mode > coordinates
     return [

@@ -137,12 +137,11 @@ def write_comparison(rows: Sequence[Row], scene: Titled, folder: str) -> str:
 def table(records: Sequence[dict], reference: str) -> str:
     """Return the records as a table for the screen; differences are from the reference."""
     names = [name for name in COLUMNS if name != "failure" or any(entry["failure"] for entry in records)]
-    cells = [[_cell(name, entry, reference) for name in names] for entry in records]
+    rows = [(entry["level_N"], [_cell(name, entry, reference) for name in names]) for entry in records]
     return screen_table(
         f"differences from {reference}, in % of its peak; set-up beside factor and modes, which all share",
         [COLUMNS[name] for name in names],
-        cells,
-        [entry["level_N"] for entry in records],
+        rows,
         left=("method", "failure"),
         wraps=("failure",),
     )

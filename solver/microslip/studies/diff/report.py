@@ -129,16 +129,7 @@ def _counted(what: str, n: tuple[int, int]) -> str:
 def _table(found: Difference) -> str:
     rows = [row for level in found.levels for row in _rows(level)]
     title = "difference: of mean and all harmonics, in % of the peak of A; peaks, losses, states: where harmonic 1 is largest"
-    return screen_table(
-        title,
-        _HEAD,
-        [cells for _, cells in rows],
-        [level for level, _ in rows],
-        left=("level", "output"),
-        wraps=("output",),
-        width=200,
-        close=True,
-    )
+    return screen_table(title, _HEAD, rows, left=("level", "output"), wraps=("output",), close=True)
 
 
 def _rows(level: LevelDifference) -> list[tuple[float, list[str]]]:

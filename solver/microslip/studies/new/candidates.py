@@ -65,14 +65,15 @@ def find_candidates(mesh: Mesh, file: FileModel, settings: MeshSettings) -> list
     tied = [(faces[a], faces[b]) for a, b in (one.surfaces for one in file.ties) if a in faces and b in faces]
     asked = [one.surfaces for one in file.findings if len(one.surfaces) == 2]
     named, rest = _named(mesh, skin, _without(touching, skin, tied), faces, asked)
-    joined = {tuple(pair) for one in tied for pair in _bodies_of(skin, *one)}
-    joined |= {tuple(pair) for one in named for pair in _bodies_of(skin, *(faces[name] for name in one.surfaces))}
+    names = [settings.body_of[group] for group in groups_of_bodies(mesh)]
+    together = [*tied, *((faces[a], faces[b]) for a, b in (one.surfaces for one in named))]
+    joined = {frozenset(names[i] for i in pair) for one in together for pair in _bodies_of(skin, *one)}
     rough = np.abs(rest.gap) > _APART * np.maximum(skin.size[rest.face], skin.size[rest.other])
     taken = set(mesh.node_groups)
     found = [
-        one
+        replace(one, is_likely=frozenset(one.made[0].bodies) not in joined)
         for is_apart in (False, True)
-        for one in _unnamed(mesh, skin, _some(rest, rough == is_apart), settings, joined, taken, not is_apart)
+        for one in _unnamed(mesh, skin, _some(rest, rough == is_apart), names, taken, not is_apart)
     ]
     order = sorted([*named, *found], key=lambda one: (one.is_apart, not one.is_likely, bool(one.made), -one.area))
     return [replace(one, name=name) for one, name in zip(order, _distinct([one.name for one in order]), strict=True)]
@@ -139,9 +140,7 @@ def _named(
         if not inside.any():
             continue  # in a candidate before
         first, second = _in_order(skin, (i, mutual[i, j][0]), (j, mutual[i, j][1]), [faces[name] for name in names])
-        candidates.append(
-            _candidate(mesh, skin, touching, (names[first], names[second]), faces[names[first]], faces[names[second]])
-        )
+        candidates.append(_candidate(skin, touching, (names[first], names[second]), faces[names[first]], faces[names[second]]))
         touching = _without(touching, skin, [(faces[names[i]], faces[names[j]])])
     return candidates, touching
 
@@ -154,7 +153,7 @@ def _in_order(skin: Skin, one: tuple[int, float], other: tuple[int, float], face
     return (one[0], other[0]) if one[1] >= other[1] else (other[0], one[0])
 
 
-def _candidate(mesh: Mesh, skin: Skin, touching: Touching, surfaces, first: np.ndarray, second: np.ndarray, made=()) -> Candidate:
+def _candidate(skin: Skin, touching: Touching, surfaces, first: np.ndarray, second: np.ndarray, made=()) -> Candidate:
     """Return two surfaces of a skin with what there is to say of them."""
     inside = _between(touching, skin, first, second) & np.isin(touching.face, first)
     touched, on = np.unique(touching.face[inside]), np.unique(touching.other[inside])
@@ -167,33 +166,28 @@ def _candidate(mesh: Mesh, skin: Skin, touching: Touching, surfaces, first: np.n
         area=float((skin.area * touching.share)[touched].sum()),
         gap=float(touching.gap[inside] @ weight / weight.sum()),
         size=float(max(skin.size[touched].mean(), skin.size[on].mean())),
-        matches=_match(mesh, skin, first, second),
+        matches=_match(skin, first, second),
     )
 
 
-def _match(mesh: Mesh, skin: Skin, first: np.ndarray, second: np.ndarray) -> bool:
+def _match(skin: Skin, first: np.ndarray, second: np.ndarray) -> bool:
     """Return whether the nodes of two sets of faces lie on each other, one to one."""
     nodes, others = skin.nodes_of(first), skin.nodes_of(second)
     if len(nodes) != len(others):
         return False
-    apart, partner = cKDTree(mesh.points[others]).query(mesh.points[nodes])
-    return bool((apart <= TOLERANCE * mesh.diagonal).all() and len(np.unique(partner)) == len(nodes))
+    apart, partner = cKDTree(skin.points[others]).query(skin.points[nodes])
+    diagonal = np.linalg.norm(np.ptp(skin.points, axis=0))
+    return bool((apart <= TOLERANCE * diagonal).all() and len(np.unique(partner)) == len(nodes))
 
 
-def _unnamed(
-    mesh: Mesh,
-    skin: Skin,
-    touching: Touching,
-    settings: MeshSettings,
-    joined: set[tuple[int, ...]],
-    taken: set[str],
-    splits: bool,
-) -> list[Candidate]:
-    """Return a candidate for each two bodies that touch where no group is, or several where they touch round an edge."""
-    names, found = [settings.body_of[group] for group in groups_of_bodies(mesh)], []
+def _unnamed(mesh: Mesh, skin: Skin, touching: Touching, names: list[str], taken: set[str], splits: bool) -> list[Candidate]:
+    """Return a candidate for each two bodies that touch where no group is, or several where they touch round an edge.
+
+    ``names`` are those of the bodies, ``taken`` those that surfaces have already.
+    """
+    found = []
     pairs = np.unique(np.sort(np.stack([skin.body[touching.face], skin.body[touching.other]], axis=1), axis=1), axis=0)
     for a, b in pairs.tolist():
-        is_likely = (a, b) not in joined
         first = np.unique(touching.face[(skin.body[touching.face] == a) & (skin.body[touching.other] == b)])
         second = np.unique(touching.face[(skin.body[touching.face] == b) & (skin.body[touching.other] == a)])
         if skin.area[second].mean() < 0.999 * skin.area[first].mean() and a != b:
@@ -206,7 +200,7 @@ def _unnamed(
                 TouchingFaces(name=surfaces[0], bodies=(names[a], names[b]), normal=normal),
                 TouchingFaces(name=surfaces[1], bodies=(names[b], names[a]), normal=back),
             )
-            found.append(replace(_candidate(mesh, skin, touching, surfaces, side, other, made), is_likely=is_likely))
+            found.append(_candidate(skin, touching, surfaces, side, other, made))
     return found
 
 

@@ -204,9 +204,9 @@ def _cell(name: str, record: dict, floor: float) -> str:
 
 def table(study: Study) -> str:
     """Return the runs as a table for the screen."""
-    names, cells = [COLUMNS[name] for name in SHOWN], rows(study)
+    names, lines = [COLUMNS[name] for name in SHOWN], rows(study)
     says = "errors in % of the reference's peak; set-up: modes and reduction, beside what all runs share"
-    return screen_table(says, names, cells, [line[0] for line in cells], left=("knob", "value"), close=True)
+    return screen_table(says, names, [(line[0], line) for line in lines], left=("knob", "value"), close=True)
 
 
 # -- sentences -----------------------------------------------------------------------------------------------------

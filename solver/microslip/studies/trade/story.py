@@ -96,7 +96,7 @@ def check_asked(scene: Scene, asked: Asked) -> None:
         raise CaseError(f"--seconds: {asked.seconds:g} is not a time above 0")
     if not scene.joints:
         raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint the response is linear, and nothing is to trade")
-    if scene.solver.harmonics == 0:
+    if scene.is_static:
         raise CaseError(
             f"{scene.path}: [solver] harmonics = 0 is a static balance; trade needs a vibration: state at least 1, "
             "and a load in harmonic 1"

@@ -126,13 +126,10 @@ def write_verification(
 def table(records: Sequence[dict]) -> str:
     """Return the records as a table for the screen."""
     names = [name for name in COLUMNS if name != "failure" or any(entry["failure"] for entry in records)]
-    cells = [[_cell(name, entry[name]) for name in names] for entry in records]
+    rows = [(entry["level_N"], [_cell(name, entry[name]) for name in names]) for entry in records]
     head = [COLUMNS[name] for name in names]
-    title, groups = (
-        "harmonic 1 of the first output; differences over the peak of the curve",
-        [entry["level_N"] for entry in records],
-    )
-    return screen_table(title, head, cells, groups, left=("", "failure"), wraps=head, width=200)
+    title = "harmonic 1 of the first output; differences over the peak of the curve"
+    return screen_table(title, head, rows, left=("", "failure"), wraps=head)
 
 
 def verdict(checks: Sequence[Check]) -> str:

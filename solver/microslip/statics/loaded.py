@@ -1,0 +1,23 @@
+"""A structure under its constant loads, as questions about its rest need it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..assembly.system import System
+from ..mesh.data import ContactPairs, Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A structure, the constant forces on it, and the pairs before these act."""
+
+    system: System
+    mesh: Mesh | None  # rank 0 only
+    pairs: ContactPairs
+    forces_owned: np.ndarray  # (n_dof_owned,) N, this rank's rows
+    body_of: Mapping[str, str]  # the body of each group of elements
+    where: str = ""  # the scene file, for messages
