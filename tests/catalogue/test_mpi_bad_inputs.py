@@ -80,8 +80,9 @@ def petsc_options(line):
 
 
 def entry(number, case):
-    """Return a case as a parameter; on three ranks, which show little that two do not, some of them have to do."""
-    return pytest.param(case, id=case.name, marks=[pytest.mark.ranks(1, 2)] if number % 8 else [])
+    """Return a case as a parameter; on one rank and on three, which show little that two do not, some of them have to do."""
+    others = (1,) * (number % 4 == 0) + (3,) * (number % 16 == 0)
+    return pytest.param(case, id=case.name, marks=pytest.mark.ranks(2, *others))
 
 
 @pytest.mark.slow

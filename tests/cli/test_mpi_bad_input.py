@@ -2,10 +2,14 @@
 
 import signal
 
+import numpy as np
 import pytest
 from lap_scene import SCENE, write_mesh
+from matrix_scenes import write_matrix_scene
+from oracles import scenes
 
 from microslip.__main__ import main
+from microslip.parallel.agree import on_root
 from microslip.parallel.signals import STOPPING
 
 
@@ -113,3 +117,12 @@ def test_the_check_finds_it_as_well(said, mesh):
     text = said(SCENE, with_nan(mesh), command="check")
     assert text.count("microslip: error: ") == 1
     assert "not a finite number" in text
+
+
+@pytest.mark.parametrize("command", ["check", "run"])
+def test_matrices_that_do_not_fit_each_other(comm, shared_path, program, command):
+    system = {**scenes.spatial_mass(), "M": np.eye(2)}
+    scene = on_root(comm, lambda: write_matrix_scene(shared_path, system, [0.4], (1.0, 1.6), outputs=[0]))
+    status, _, text = program(command, scene)
+    assert status == 2 and text.count("microslip: error: ") == 1 and "Traceback" not in text
+    assert text.count("M.mtx: [model] mass is 2 x 2, but the stiffness 3 x 3") == 1

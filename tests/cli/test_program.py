@@ -75,17 +75,18 @@ def test_a_run_writes_its_results_and_says_which_option_nobody_read(tmp_path):
         assert done.returncode == 0 and (tmp_path / "page" / "report.html").stat().st_size < 10e6
 
 
-def test_check_and_run_refuse_too_many_modes_alike(tmp_path):
+def test_check_and_run_refuse_too_many_modes_alike(tmp_path, program):
     write_mesh(tmp_path / "lap.msh")
-    (tmp_path / "lap.toml").write_text(SCENE.replace("modes = 5", "accuracy = 1e-2"))
-    done = microslip("check", "lap.toml", cwd=tmp_path)
-    assert done.returncode == 0 and "modes      picked at run time for [solver] accuracy = 0.01\n" in done.stdout
-    (tmp_path / "lap.toml").write_text(SCENE.replace("modes = 5", "modes = 5000"))
+    scene = tmp_path / "lap.toml"
+    scene.write_text(SCENE.replace("modes = 5", "accuracy = 1e-2"))
+    status, out, _ = program("check", scene)
+    assert status == 0 and "modes      picked at run time for [solver] accuracy = 0.01\n" in out
+    scene.write_text(SCENE.replace("modes = 5", "modes = 5000"))
     said = []
     for command in ("check", "run"):
-        done = microslip(command, "lap.toml", cwd=tmp_path)
-        assert done.returncode == 2 and "Traceback" not in done.stderr
-        said.append([line for line in done.stderr.splitlines() if line.startswith("microslip: error: ")])
+        status, _, err = program(command, scene)
+        assert status == 2 and "Traceback" not in err
+        said.append([line for line in err.splitlines() if line.startswith("microslip: error: ")])
     assert said[0] == said[1] and "lap.toml: [solver] modes = 5000: the structure has only" in said[0][0]
 
 

@@ -30,7 +30,7 @@ def scene(name):
     [(0.5, (0.632495064828, 1.897248005129)), (1.5, (1.127402158122, 1.463083257582)), (2.0, (1.136206225921, 1.305151377843))],
 )
 def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, frequencies):
-    found = branch(scene("jenkins"), COMM, 0.8, H=1, n_samples=4096, at=frequencies)
+    found = branch(scene("jenkins"), COMM, 0.8, H=1, n_samples=4096, at=frequencies, points=20)
     asked = [point for point in found.points if point.asked]
     assert found.failure is None
     assert [point.omega for point in asked] == pytest.approx(frequencies, abs=1e-12)
@@ -47,14 +47,14 @@ def test_jenkins_mass_reaches_the_exact_amplitude_at_the_exact_frequency(X, freq
 def test_points_are_solutions_of_an_independent_harmonic_balance(name, level, omega):
     system = {**scene(name), "sampled": True}
     low = {"gap": system["omega"][0]}.get(name, system["omega"][0])
-    found = branch(system, COMM, level, low=low, H=5, n_samples=256, at=(omega,))
+    found = branch(system, COMM, level, low=low, H=5, n_samples=64, at=(omega,))
     point = next(point for point in found.points if point.asked)
     if COMM.rank > 0:  # motions and forces are recorded on rank 0
         return
     model, _ = reduced(system, COMM, 5)
     # started from this point, so that the two codes mean the same solution where several exist
     start = full_motion(system, level, point)
-    reference = harmonic_balance.solve(system, omega, level, H=5, n_samples=256, start=start)
+    reference = harmonic_balance.solve(system, omega, level, H=5, n_samples=64, start=start)
     assert reference.u_hat == pytest.approx(start, abs=1e-6 * np.abs(start).max())
     assert np.array_equal(reference.state, point.state)
     assert point.response[0] == pytest.approx(system["output"] @ reference.u_hat, abs=1e-6 * np.abs(start).max())
@@ -81,7 +81,7 @@ def full_motion(system, level, point):
 def test_energy_closes_at_every_point(name):
     system = scene(name)
     for level, *_ in system["levels"].values():
-        found = branch(system, COMM, level)
+        found = branch(system, COMM, level, points=20)
         assert found.failure is None
         closure = [abs(p.input - p.damping - p.friction) / p.input for p in found.points]
         assert max(closure) < 1e-6

@@ -80,7 +80,7 @@ def followed(make, n_steps, path=None):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "with_preconditioners", [pytest.param(False, marks=pytest.mark.ranks(1)), pytest.param(True, marks=pytest.mark.ranks(1, 2))]
+    "with_preconditioners", [pytest.param(False, marks=pytest.mark.ranks(1)), pytest.param(True, marks=pytest.mark.ranks(2))]
 )
 @pytest.mark.parametrize(
     "make",

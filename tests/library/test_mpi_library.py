@@ -114,7 +114,7 @@ CHANGES = {
     "range": ({"frequencies": [1.0, 2.0]}, None, {}),
     "modes": ({"modes": 8}, {"solver": {"modes": 8}}, {}),
 }
-ON_RANKS, ALONE = ("friction", "method", "modes"), pytest.mark.ranks(1)  # changes tried on several ranks, too
+ON_RANKS, ALONE = ("friction", "method"), pytest.mark.ranks(1)  # changes tried on several ranks, too
 
 
 @pytest.mark.slow
@@ -148,6 +148,7 @@ def test_nothing_that_did_not_change_is_built_again(structure, response, monkeyp
     assert len(built) == n_built > 0 and found.prepared.reduction.structure.families == basis.structure.families
 
 
+@pytest.mark.ranks(1)
 def test_modes_chosen_for_an_accuracy_are_those_for_what_is_asked(structure):
     def modes_of(**keys):
         return microslip.respond(
@@ -159,6 +160,7 @@ def test_modes_chosen_for_an_accuracy_are_those_for_what_is_asked(structure):
     assert modes_of(levels=20.0, friction=0.04) is not strong
 
 
+@pytest.mark.ranks(1)
 def test_what_a_log_would_say_of_the_modes_is_kept(structure):
     assert microslip.respond(structure, points=5).notes == ()
     (note,) = microslip.respond(structure, modes=3, points=5).notes

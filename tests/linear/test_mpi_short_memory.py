@@ -15,6 +15,7 @@ from microslip.parallel import memory
 from microslip.parallel.errors import CaseError, ResourceError
 from microslip.parallel.memory import Limit
 
+pytestmark = pytest.mark.ranks(1, 2)
 comm = MPI.COMM_WORLD
 K = lattices.lattice_stiffness((24, 12, 10))
 

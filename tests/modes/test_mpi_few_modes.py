@@ -11,6 +11,7 @@ from microslip.modes.eigen import lowest_modes
 from microslip.modes.krylov_schur import slepc_modes
 from microslip.parallel.errors import ConvergenceError
 
+pytestmark = pytest.mark.ranks(1, 2)
 SHAPE = (12, 7, 6)
 
 

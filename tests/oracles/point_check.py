@@ -85,16 +85,19 @@ class Judge:
         )
         self.C = damping(system, self.K_L).astype(_LONG)
 
-    def verdicts(self, points, level: float, outputs, forces: np.ndarray | None = None) -> list[Verdict]:
-        """Return the errors of points of one level; all are marched at once.
+    def verdicts(self, points, levels, outputs) -> list[Verdict]:
+        """Return the errors of points at one level or one each; all are marched at once.
 
-        ``outputs`` (n_outputs,) are the DOFs of the responses; ``forces`` (n, N_H) [N] the loads, unless they are the system's.
+        ``outputs`` (n_outputs,) are the DOFs of the responses.
         """
         if not points:
             return []
         n_pairs, march = len(self.k), self.march(np.nan_to_num(np.concatenate([point.U for point in points])))
         parts = [march.of(slice(i * n_pairs, (i + 1) * n_pairs)) for i in range(len(points))]
-        return [self.verdict(point, level, outputs, part, forces) for point, part in zip(points, parts)]
+        return [
+            self.verdict(point, level, outputs, part)
+            for point, level, part in zip(points, np.broadcast_to(levels, len(points)), parts)
+        ]
 
     def verdict(self, point, level: float, outputs, march: March | None = None, forces: np.ndarray | None = None) -> Verdict:
         """Return the errors of a point, of which the ``march`` may be known; otherwise as :meth:`verdicts`."""

@@ -15,16 +15,13 @@ sliders need time, nor need the motion be stable; sliders that do not move in th
 from __future__ import annotations
 
 import ctypes
-import subprocess
-import sysconfig
-import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import expm
 
+from .compiled import arguments, compiled
 from .scenes import damping_matrix, force_coefficients, stuck_stiffness
 
 PERTURBED = 1e-7  # of the size of each part of the state, for its derivative
@@ -41,19 +38,9 @@ TOLERANCE = 1e-10  # of the state
 @lru_cache(maxsize=1)
 def _compiled():
     """Return the library of shooting.c."""
-    source = Path(__file__).with_suffix(".c")
-    compiler = (sysconfig.get_config_var("CC") or "cc").split()[0]
-    with tempfile.TemporaryDirectory() as folder:  # what is loaded stays
-        library = f"{folder}/shooting.so"
-        subprocess.run([compiler, "-O2", "-shared", "-fPIC", "-o", library, str(source), "-lm"], check=True)
-        found = ctypes.CDLL(library)
+    found = compiled("shooting")
     found.sliders.restype = ctypes.c_double
     return found
-
-
-def _arguments(*values):
-    """Return integers and arrays as C takes them."""
-    return [ctypes.c_int(v) if isinstance(v, int) else v.ctypes.data_as(ctypes.c_void_p) for v in values]
 
 
 @dataclass(frozen=True)
@@ -119,7 +106,7 @@ class Point:
         moved, output = np.zeros((len(x), 2 * self.m), dtype=np.uint8), np.zeros((len(x), N))
         motion = np.zeros((len(x), N, 3 * self.m))
         arrays = [*self.matrices(N), self.R, self.U, self.out_lin, self.out, basis, *self.law, x, moved, output, motion]
-        failed = _compiled().period(*_arguments(self.n, self.m, N, len(x), *arrays))
+        failed = _compiled().period(*arguments(self.n, self.m, N, len(x), *arrays))
         if failed:
             raise RuntimeError(f"{self.system['name']}: {failed} steps of {N} a period have no solution; take more")
         return x, moved.astype(bool), output, motion
@@ -228,5 +215,5 @@ class Point:
         law = [values[pairs] for values in self.law]
         du = np.ascontiguousarray(du.reshape(len(du), self.m, 3)[:, pairs])
         p_t = np.zeros(2 * du.shape[1])
-        _compiled().sliders(*_arguments(du.shape[1], len(du), SETTLING, *law, du, p_t))
+        _compiled().sliders(*arguments(du.shape[1], len(du), SETTLING, *law, du, p_t))
         return p_t

@@ -183,11 +183,14 @@ def test_more_groups_than_ranks_are_refused_before_anything_is_done(comm, shared
 
 
 @pytest.mark.slow
-def test_a_level_that_ends_early_leaves_the_others_whole(comm, shared_path, program):
+@pytest.mark.parametrize(
+    "n_groups", [pytest.param(1, marks=pytest.mark.ranks(1, 2)), pytest.param(2, marks=pytest.mark.ranks(2, 3))]
+)
+def test_a_level_that_ends_early_leaves_the_others_whole(comm, shared_path, program, n_groups):
     scene = write(comm, shared_path, levels=[0.4, 0.02, 0.01])
     options = PETSc.Options()  # PETSc has started: it reads no more of a command line
     options["hb_snes_max_it"] = 1
-    status, _, err = program("run", scene, "--out", "out", "--groups", str(min(2, comm.size)))
+    status, _, err = program("run", scene, "--out", "out", "--groups", str(n_groups))
     del options["hb_snes_max_it"]
     assert status == 3 and err.count("microslip: error: ") == 1 and "Traceback" not in err
     assert "level 0.4 N ends after" in err and "what converged is in out" in err

@@ -24,7 +24,7 @@ from microslip.scene.read import read_scene
 pytestmark = pytest.mark.ranks(1, 2)
 COMM = MPI.COMM_WORLD
 METHODS = ("receptance", "adaptive-energy", "full", "craig-bampton")
-ON_RANKS = ("receptance", "craig-bampton")  # those of them that are tried on several ranks, too
+ON_RANKS = ("craig-bampton",)  # those of them that are tried on several ranks, too; receptance there: test_mpi_cache.py
 
 
 @pytest.fixture(autouse=True)
@@ -108,7 +108,7 @@ def test_a_set_up_that_was_kept_gives_the_same_response_and_is_not_built_again(m
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_points", [2, pytest.param(17, marks=pytest.mark.ranks(1))])
+@pytest.mark.parametrize("n_points", [pytest.param(2, marks=pytest.mark.ranks(2)), pytest.param(17, marks=pytest.mark.ranks(1))])
 def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, shared_path, built):
     scene = scene_at(shared_path)
     whole = followed(scene, shared_path / "whole")
@@ -125,7 +125,7 @@ def test_a_run_goes_on_after_the_last_point_to_the_same_curve(n_points, shared_p
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_points", [9, pytest.param(10, marks=pytest.mark.ranks(1))])
+@pytest.mark.parametrize("n_points", [pytest.param(9, marks=pytest.mark.ranks(2)), pytest.param(10, marks=pytest.mark.ranks(1))])
 def test_a_run_that_is_killed_loses_one_point_at_most_and_goes_on_to_the_same_curve(n_points, shared_path, monkeypatch):
     monkeypatch.setattr("microslip.restart.kept_branch.SHORT", math.inf)  # every other step is put off
     monkeypatch.setattr("microslip.restart.kept_branch.SELDOM", math.inf)

@@ -59,11 +59,11 @@ def all_cases() -> list[Case]:
 
 
 def quick_cases() -> list[Case]:
-    """Return a few cases of every family, small ones, with few points."""
+    """Return a few cases of every family, small and quick ones, with few points."""
     found: list[Case] = []
     by_family: dict[str, list[Case]] = {}
     for case in all_cases():
-        if "5,000" not in case.name:
+        if "5,000" not in case.name and case.name != "frame, k_t = 1, k_n = 1e+06":  # a tenth of all their time
             by_family.setdefault(case.family, []).append(case)
     for cases in by_family.values():
         found += [replace(case, points=min(case.points, 8)) for case in cases[:: max(len(cases) // 4, 1)][:4]]

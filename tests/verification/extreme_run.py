@@ -86,16 +86,17 @@ def _solve_and_judge(case: Case, outcome: Outcome, folder: Path) -> None:
         outcome.in_segments |= branch.broken is not None
         if branch.failure:
             outcome.status, outcome.words = FAILED, branch.failure
+    points = [point for branch in branches for point in branch.points]
+    at_levels = [branch.level for branch in branches for _ in branch.points]
+    verdicts = (
+        [_sparse_verdict(system, point, level, H, samples) for point, level in zip(points, at_levels)]
+        if judge is None
+        else judge.verdicts(points, at_levels, outputs)
+    )
     faults = []
-    for branch in branches:
-        verdicts = (
-            [_sparse_verdict(system, point, branch.level, H, samples) for point in branch.points]
-            if judge is None
-            else judge.verdicts(branch.points, branch.level, outputs)
-        )
-        for point, verdict in zip(branch.points, verdicts):
-            _count(outcome, point, verdict)
-            faults += [f"{branch.level:.3g} N, {point.omega:.6g} rad/s: {fault}" for fault in verdict.faults()]
+    for point, level, verdict in zip(points, at_levels, verdicts):
+        _count(outcome, point, verdict)
+        faults += [f"{level:.3g} N, {point.omega:.6g} rad/s: {fault}" for fault in verdict.faults()]
     if not faults and outcome.status == SOLVED:
         faults = _against_expectation(case, system, branches, H, outcome, (levels, band, at), folder)
     if faults:
