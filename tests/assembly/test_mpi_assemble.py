@@ -58,7 +58,7 @@ def serial(mesh, case):
     K, M = sp.lil_matrix((n, n)), sp.lil_matrix((n, n))
     steel = next(iter(case.bodies.values()))
     for block in mesh.elements:
-        stiffness = elements.stiffness(block.kind, mesh.points[block.nodes], steel.young, steel.poisson)
+        stiffness = elements.stiffness(block.kind, mesh.points[block.nodes], steel.material)
         mass = elements.mass(block.kind, mesh.points[block.nodes], steel.density)
         for nodes, k, m in zip(block.nodes, stiffness, mass, strict=True):
             rows = (3 * nodes[:, None] + np.arange(3)).ravel()
