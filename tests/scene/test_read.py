@@ -225,6 +225,36 @@ def test_windows_files_are_read(tmp_path):
             'nearest is "rubin"; known: adaptive, adaptive-energy, receptance, full, craig-bampton, '
             "rubin, joint-interface-modes, trial-vectors",
         ),
+        # materials with axes of their own
+        ("young = 114e9\n", "", "[materials.titanium]: young is missing: expected Young's modulus in Pa"),
+        ("114e9", "[1e11, 1e10, 1e10]", "[materials.titanium]: an orthotropic material has three numbers each of young, poisson"),
+        (
+            "114e9",
+            "[1e11, 1e10]",
+            "[materials.titanium] young = [1e+11, 1e+10]: expected Young's modulus in Pa, a number above 0, or",
+        ),
+        ("114e9", "114e9\nshear = [1e9, 1e9, 1e9]", "[materials.titanium]: an orthotropic material has three numbers each"),
+        (
+            "114e9",
+            "114e9\nexpansion = [1e-5, 1e-5, 2e-5]",
+            "[materials.titanium]: expansion holds three numbers, and the material is",
+        ),
+        (
+            'group = "blade"\n',
+            'group = "blade"\norientation = "fibres"\n',
+            '[bodies.blade] orientation = "fibres": there is no such orientation; there is no table [orientations.NAME] at all',
+        ),
+        (
+            "[damping]",
+            "[orientations.a]\ndirections = [[1, 0, 0], [-2, 0, 0]]\n[damping]",
+            "[orientations.a]: directions are parallel; they span no plane",
+        ),
+        (
+            "[damping]",
+            "[orientations.a]\ndirections = [[1, 0, 0], [0, 1, 0]]\naxis_point = [0, 0, 0]\n[damping]",
+            "[orientations.a]: axis_point belongs to axis",
+        ),
+        ("[damping]", "[orientations.a]\n[damping]", "[orientations.a]: exactly one of directions, axis is needed, found none"),
         # files
         ('"fan_sector.msh"', '"fan_sctor.msh"', '[model] mesh = "fan_sctor.msh": there is no such file in '),
         ('"fan_sector.msh"', '"fan_sctor.msh"', '; nearest is "fan_sector.msh"'),
