@@ -25,7 +25,7 @@ def large_displacements(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the forces by which elements resist a displacement, (n_elements, n, 3) [N], and their derivative by it.
 
-    Local.  docs/theory.md, eq. (12.13): with F = 1 + du/dx and E = (F^T F - 1) / 2 the stress is S = C (E - alpha dT), and
+    Local.  docs/theory.md, eq. (12.13): with F = 1 + du/dx and E = (F^T F - 1) / 2 the stress S is that of E, and
     ``f_ai = integral of F_ik S_kl dN_a/dx_l``. Bubbles of hex8 move until no force acts on them.
 
     Parameters

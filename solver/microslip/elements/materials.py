@@ -149,37 +149,37 @@ class Anisotropic:
         """Return the material at places (n_elements, n_q, 3) [m] in model axes: docs/theory.md, eq. (2.12)."""
         axes = self.axes.at(places)
         T = strain_transformation(axes)
-        C = T.swapaxes(-1, -2) @ np.array(self.elasticity) @ T
-        return Turned(C, (axes.swapaxes(-1, -2) * np.array(self.expansion)) @ axes)
+        elasticity = T.swapaxes(-1, -2) @ np.array(self.elasticity) @ T
+        return Turned(elasticity, (axes.swapaxes(-1, -2) * np.array(self.expansion)) @ axes)
 
 
 @dataclass(frozen=True, eq=False)
 class Turned:
     """A material in model axes, the same everywhere or at each quadrature point of some elements; see :class:`Elastic`."""
 
-    C: np.ndarray  # (6, 6) or (n_elements, n_q, 6, 6) Pa
+    elasticity: np.ndarray  # (6, 6) or (n_elements, n_q, 6, 6) Pa
     expansion: np.ndarray  # (3, 3) or (n_elements, n_q, 3, 3) 1/K
 
     def stress(self, strain: np.ndarray, warmer: float = 0.0) -> np.ndarray:
-        """sigma = C (eps - alpha dT)."""
+        """The elasticity times eps - alpha dT; see :class:`Elastic`."""
         elastic = strain - warmer * self.expansion
         six = np.stack([elastic[..., i, j] * (1.0 if i == j else 2.0) for i, j in COMPONENTS], axis=-1)
-        values = (self.C @ six[..., None])[..., 0]
+        values = (self.elasticity @ six[..., None])[..., 0]
         found = np.empty((*values.shape[:-1], 3, 3))
         for k, (i, j) in enumerate(COMPONENTS):
             found[..., i, j] = found[..., j, i] = values[..., k]
         return found
 
     def stiffness(self, dN: np.ndarray, volumes: np.ndarray) -> np.ndarray:
-        """The integral of B^T C B: docs/theory.md, eq. (2.12)."""
+        """docs/theory.md, eq. (2.12); see :class:`Elastic`."""
         return self.stiffness_about(dN, np.eye(3), volumes)
 
     def stiffness_about(self, dN: np.ndarray, F: np.ndarray, volumes: np.ndarray) -> np.ndarray:
-        """The integral of B_F^T C B_F, in which B_F v = sym(F^T dv/dx)."""
+        """Six strains sym(F^T dv/dx) of each function, and their stresses; see :class:`Elastic`."""
         n_elements, n_q, _, m = dN.shape
-        B = _strain_rows(dN, F)
-        stressed = (self.C @ B) * volumes[..., None, None]
-        return B.reshape(n_elements, n_q * 6, 3 * m).swapaxes(-1, -2) @ stressed.reshape(n_elements, n_q * 6, 3 * m)
+        strains = _strain_rows(dN, F)
+        stresses = (self.elasticity @ strains) * volumes[..., None, None]
+        return strains.reshape(n_elements, n_q * 6, 3 * m).swapaxes(-1, -2) @ stresses.reshape(n_elements, n_q * 6, 3 * m)
 
 
 Material = Isotropic | Anisotropic
@@ -214,11 +214,11 @@ def orthotropic(young: Vector, poisson: Vector, shear: Vector) -> np.ndarray:
             f"pulled in one way it would do work, or not give way: its compliance, over that along its axes, has the eigenvalue "
             f"{least:.3g}; nu_ij is how much it shrinks along j for a strain along i, along which it is pulled"
         )
-    C = np.linalg.inv(compliance)
-    return 0.5 * (C + C.T)
+    elasticity = np.linalg.inv(compliance)
+    return 0.5 * (elasticity + elasticity.T)
 
 
-def checked(C: np.ndarray) -> np.ndarray:
+def checked(elasticity: np.ndarray) -> np.ndarray:
     """Return an elasticity (6, 6) [Pa] that a material can have.  Local.
 
     No strain has a negative energy; some may have none (an inviscid fluid resists a change of volume alone).
@@ -227,12 +227,12 @@ def checked(C: np.ndarray) -> np.ndarray:
     ------
     ValueError : it is not symmetric, or some strain would do work
     """
-    if (np.abs(C - C.T) > _ROUNDED * np.abs(C).max()).any():
+    if (np.abs(elasticity - elasticity.T) > _ROUNDED * np.abs(elasticity).max()).any():
         raise ValueError("its elasticity is not symmetric")
-    least, *_, most = np.linalg.eigvalsh(C)
+    least, *_, most = np.linalg.eigvalsh(elasticity)
     if not (least >= -_ROUNDED * most and most > 0.0):
         raise ValueError(f"strained in one way it would do work: its elasticity has the eigenvalue {least:.3g} Pa")
-    return 0.5 * (C + C.T)
+    return 0.5 * (elasticity + elasticity.T)
 
 
 def strain_transformation(axes: np.ndarray) -> np.ndarray:
@@ -249,14 +249,14 @@ def strain_transformation(axes: np.ndarray) -> np.ndarray:
 
 
 def _strain_rows(dN: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Return B_F (n_elements, n_q, 6, 3 m), the six strains of a displacement of each function."""
+    """Return the six strains sym(F^T dv/dx) of each function v, (n_elements, n_q, 6, 3 m)."""
     *shape, _, m = dN.shape
-    B = np.empty((*shape, 6, m, 3))
-    for row, (r, s) in enumerate(COMPONENTS):
-        B[..., row, :, :] = dN[..., s, :, None] * F[..., None, :, r]
+    rows = np.empty((*shape, 6, m, 3))
+    for i, (r, s) in enumerate(COMPONENTS):
+        rows[..., i, :, :] = dN[..., s, :, None] * F[..., None, :, r]
         if r != s:
-            B[..., row, :, :] += dN[..., r, :, None] * F[..., None, :, s]
-    return B.reshape(*shape, 6, 3 * m)
+            rows[..., i, :, :] += dN[..., r, :, None] * F[..., None, :, s]
+    return rows.reshape(*shape, 6, 3 * m)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ def stress(
 
     Notes
     -----
-    sigma = C (eps - alpha dT).  The bubbles of hex8 follow from the nodes, as in its stiffness.
+    The elasticity times eps - alpha dT.  The bubbles of hex8 follow from the nodes, as in its stiffness.
     """
     found = strain(kind, points, u, material, integration, incompatible_modes)
     rule = rules(kind, integration)[0]

@@ -33,7 +33,10 @@ def nodal_stress(
 def nodal_strain(
     kind: str, points: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
 ) -> np.ndarray:
-    """Return the strain at the nodes of one element per displacement of each node, (n, 3, 3, n, 3) [1/m].  Local; as above."""
+    """Return the strain at the nodes of one element per displacement of each node, (n, 3, 3, n, 3) [1/m].
+
+    Local.  As the stress, docs/theory.md, eq. (13.6).
+    """
     unit = _unit_displacements(len(points))
     found = strain(kind, np.broadcast_to(points, unit.shape), unit, material, integration, incompatible_modes)
     return _at_nodes(found, kind, integration)

@@ -232,7 +232,7 @@ def _anisotropic(material: schema.Material, body: schema.Body, scene: Scene) -> 
     CaseError : there is no material of these constants
     """
     try:
-        C = _elasticity(material)
+        elasticity = _elasticity(material)
     except ValueError as problem:
         raise CaseError(f"{scene.path}: [materials.{body.material}]: there is no such material; {problem}") from None
     axes: Directions | Cylindrical = Directions()
@@ -240,7 +240,7 @@ def _anisotropic(material: schema.Material, body: schema.Body, scene: Scene) -> 
         stated = scene.orientations[body.orientation]
         axes = Cylindrical(stated.axis, stated.axis_point) if stated.axis is not None else Directions(*(stated.directions or ()))
     alpha = material.expansion or 0.0
-    return Anisotropic(tuple(map(tuple, C.tolist())), alpha if isinstance(alpha, tuple) else (alpha,) * 3, axes)
+    return Anisotropic(tuple(map(tuple, elasticity.tolist())), alpha if isinstance(alpha, tuple) else (alpha,) * 3, axes)
 
 
 def _elasticity(material: schema.Material) -> np.ndarray:

@@ -42,10 +42,10 @@ def keys_of(keyword: str, kind: str, values: Sequence[float]) -> dict[str, Any]:
         return {"young": values[0], "poisson": values[1]}
     if kind == "ENGINEERING":
         return {"young": tuple(values[:3]), "poisson": tuple(values[3:6]), "shear": tuple(values[6:])}
-    C = np.zeros((6, 6))
+    six = np.zeros((6, 6))
     for (i, j), value in zip(_ORTHO if kind == "ORTHO" else _ANISO, values, strict=True):
-        C[i, j] = C[j, i] = value
-    return {"elasticity": tuple(map(tuple, C.tolist()))}
+        six[i, j] = six[j, i] = value
+    return {"elasticity": tuple(map(tuple, six.tolist()))}
 
 
 def orientation_of(scope: Scope, card: Card) -> FileOrientation | None:

@@ -35,12 +35,12 @@ def _isotropic(content: Content, one: Any) -> dict[str, Any]:
 
 def _anisotropic(content: Content, one: Any) -> dict[str, Any]:
     """Return the keys of a MAT9; an expansion by shear is a finding."""
-    C = np.array([[getattr(one, f"G{min(i, j)}{max(i, j)}") or 0.0 for j in range(1, 7)] for i in range(1, 7)], dtype=float)
+    six = np.array([[getattr(one, f"G{min(i, j)}{max(i, j)}") or 0.0 for j in range(1, 7)] for i in range(1, 7)], dtype=float)
     alpha = np.array([value or 0.0 for value in (one.A if one.A is not None else ())] + [0.0] * 6, dtype=float)[:6]
     if alpha[3:].any():
         effect = "an expansion that shears the material in its own axes"
         content.left_out("MAT9", one.mid, effect, "materials")
-    own = C[np.ix_(_FROM_MAT9, _FROM_MAT9)]
+    own = six[np.ix_(_FROM_MAT9, _FROM_MAT9)]
     return {"elasticity": tuple(map(tuple, own.tolist())), "expansion": _vector(alpha[:3]) if alpha.any() else None}
 
 
