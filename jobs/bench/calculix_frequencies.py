@@ -52,11 +52,8 @@ def wound(text: str, axes: str) -> str:
     young, poisson, _ = calculix.STEEL
     head, _, tail = text.partition(f"*ELASTIC\n{young}, {poisson}\n")
     if axes == "matrix":
-        six = (
-            elements.Anisotropic(elastic(PLY), axes=elements.Directions((1.0, 0.5, 0.3), (0.0, 1.0, 0.4)))
-            .at(np.zeros((1, 1, 3)))
-            .C
-        )
+        oblique = elements.Directions((1.0, 0.5, 0.3), (0.0, 1.0, 0.4))
+        six = elements.Anisotropic(elastic(PLY), axes=oblique).at(np.zeros((1, 1, 3))).elasticity
         values = [f"{six[i, j]:.9e}" for j in range(6) for i in range(j + 1)]
         card = ["*ELASTIC, TYPE=ANISO", *(", ".join(values[k : k + 8]) for k in (0, 8, 16))]
     else:
