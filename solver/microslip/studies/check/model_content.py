@@ -8,13 +8,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from ... import elements
-from ...formats.model import FileJoint, FileMaterial, FileModel, Finding
+from ...formats.model import FileBody, FileJoint, FileMaterial, FileModel, FileOrientation, Finding
 from ...formats.units import Units
 from ...mesh.data import Mesh
 from ...mesh.settings import Body
 from ...mesh.skin import faces_of_group, skin_of_mesh
 from ...parallel.words import place
-from ...scene.schema import Material
+from ...scene import schema
+from ...scene.schema import Material, Orientation
 
 MOST = 40  # groups, findings or bodies that are listed one by one
 
@@ -104,6 +105,21 @@ def elastic(one: FileMaterial | Material, stress: float = 1.0) -> list[str]:
 def expansion(one: FileMaterial | Material) -> list[str]:
     """Return how a material expands, in words; nothing where that is not stated.  Local."""
     return [f"expansion {_numbers(one.expansion)} 1/K"] if one.expansion is not None else []
+
+
+def axes(
+    orientations: Mapping[str, FileOrientation | Orientation], bodies: Mapping[str, FileBody | schema.Body], length: float = 1.0
+) -> list[str]:
+    """Return a line for the axes of materials and the bodies that have them; ``length`` is a unit of it [m].  Local."""
+    found = []
+    for name, one in orientations.items():
+        of = ", ".join(body for body, own in bodies.items() if own.orientation == name)
+        if one.directions is not None:
+            text = f"1 along {place(one.directions[0])}, 2 towards {place(one.directions[1])}"
+        else:
+            text = f"around {place(one.axis or ())} through {place(np.multiply(one.axis_point or (0.0, 0.0, 0.0), length))} m"
+        found.append(f"{name}: {text}" + (f", of {of}" if of else ""))
+    return table("axes", found)
 
 
 def _numbers(value: float | tuple[float, ...], factor: float = 1.0) -> str:

@@ -52,6 +52,7 @@ def description(
         *content.facts(file),
         *content.bodies(mesh, settings.bodies, volume),
         *_materials(scene),
+        *content.axes(scene.orientations, scene.bodies),
         *content.groups(mesh, settings.bodies),
         *_supports(mesh, settings),
         *content.table("masses", [f"{one.group}: {one.mass:.6g} kg a node" for one in settings.masses]),
