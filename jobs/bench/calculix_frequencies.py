@@ -1,6 +1,6 @@
 """One input file, read by CalculiX and by this program: the lowest frequencies of both, for every element type.
 
-    python jobs/bench/calculix_frequencies.py [--ccx PATH] [--straight] [--fibres AXES] [--pushed FORCE | --bent FORCE]
+    python jobs/bench/calculix_frequencies.py [--ccx PATH] [--straight] [--fibres AXES] [--pushed FORCE | --bent FORCE | --heated K]
 
 The bar of tests/verification/calculix.py, clamped at one end: curved, twisted and tapered, or straight. Everything comes from the
 file, materials, sections and supports too. CalculiX prints seven digits. Its C3D8I has the incompatible modes in the mass, too, and
@@ -11,7 +11,8 @@ cylinder around it, or of the model ("oblique", "cylinder", "model"); "matrix" s
 
 With --pushed the straight bar vibrates about a static step, pushed along its length by FORCE [N], which is taken over from the
 file, too; shown beside the difference is by how much the force changes the frequencies of CalculiX. With --bent it is bent sideways, in a
-step with NLGEOM, and vibrates about the large displacement.
+step with NLGEOM, and vibrates about the large displacement. With --heated it is warmed by so many kelvin, held at one end, and
+expands along axes 1, 2 and 3 by -1e-6, 3e-5 and 2e-5 1/K, which stresses it there.
 """
 
 from __future__ import annotations
@@ -81,6 +82,14 @@ def loaded(text: str, name: str, force: float, *, is_large: bool) -> str:
     )
 
 
+def heated(text: str, kelvin: float) -> str:
+    """Return an input file that expands by direction with a step before its vibration in which it is warmed."""
+    every = text.count("\n", 0, text.index("*ELEMENT")) - text.count("\n", 0, text.index("*NODE") + 6)  # lines of nodes
+    cold = f"*NSET, NSET=EVERY, GENERATE\n1, {every + 1}\n*INITIAL CONDITIONS, TYPE=TEMPERATURE\nEVERY, 0.\n"
+    text = text.replace("*DENSITY", "*EXPANSION, TYPE=ORTHO\n-1.e-6, 3.e-5, 2.e-5\n*DENSITY", 1)
+    return text.replace("*STEP", f"{cold}*STEP\n*STATIC\n*TEMPERATURE\nEVERY, {kelvin}\n*END STEP\n*STEP, PERTURBATION", 1)
+
+
 def both(ccx: str, text: str, pairing: str | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Return the eigenvalues of CalculiX and of this program, whose joints may have another ``pairing``."""
     with tempfile.TemporaryDirectory() as folder:
@@ -97,17 +106,21 @@ def main() -> None:
     parser.add_argument("--straight", action="store_true")
     parser.add_argument("--pushed", type=float, metavar="FORCE")
     parser.add_argument("--bent", type=float, metavar="FORCE")
+    parser.add_argument("--heated", type=float, metavar="K")
     parser.add_argument("--fibres", choices=sorted(AXES))
     chosen = parser.parse_args()
     force = chosen.pushed if chosen.bent is None else chosen.bent
     if not chosen.ccx:
         sys.exit("ccx not found: install CalculiX (Debian: calculix-ccx) or give its path with --ccx")
     for name in sorted(calculix.TYPES):
-        text = deck(name, chosen.straight or force is not None)
+        is_loaded = force is not None or chosen.heated is not None
+        text = deck(name, chosen.straight or is_loaded)
         text = wound(text, chosen.fibres) if chosen.fibres else text
-        free = both(chosen.ccx, text)[0] if force is not None else None
+        free = both(chosen.ccx, text)[0] if is_loaded else None
         if force is not None:
             text = loaded(text, name, force, is_large=chosen.bent is not None)
+        elif chosen.heated is not None:
+            text = heated(text, chosen.heated)
         theirs, ours = both(chosen.ccx, text)
         difference = abs(np.sqrt(ours / theirs) - 1.0).max()
         hertz = " ".join(f"{value:.7g}" for value in np.sqrt(theirs) / (2.0 * np.pi))

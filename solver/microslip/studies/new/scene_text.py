@@ -126,7 +126,7 @@ def _materials(first: First) -> str:
         one = file.materials.get(name, FileMaterial())
         lines.append(f"[materials.{key_text(name)}]")
         factors = {"young": units.stress, "shear": units.stress, "elasticity": units.stress, "density": units.density}
-        for key in ("young", "poisson", "shear", "elasticity", "density"):
+        for key in ("young", "poisson", "shear", "elasticity", "density", "expansion"):
             value = getattr(one, key)
             if key in one.lacking:
                 lines.append(_line(key, _STEEL[key][0], f"{_STEEL[key][1]}: steel's; the file does not state it"))
