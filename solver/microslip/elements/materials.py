@@ -106,8 +106,9 @@ class Directions:
 
     def at(self, places: np.ndarray) -> np.ndarray:
         """Return the axes, one a row, (3, 3)."""
-        third = np.cross(self.first, self.second)
-        return _unit(np.stack([np.array(self.first), np.cross(third, self.first), third]))
+        first = _unit(np.array(self.first))
+        third = _unit(np.cross(first, _unit(np.array(self.second))))
+        return np.stack([first, np.cross(third, first), third])
 
 
 @dataclass(frozen=True)

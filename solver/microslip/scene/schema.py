@@ -221,7 +221,7 @@ class Orientation(Table):
         if self.directions is not None:
             (a, b, c), (x, y, z) = self.directions
             across = math.hypot(b * z - c * y, c * x - a * z, a * y - b * x)
-            if across < _PARALLEL * math.hypot(a, b, c) * math.hypot(x, y, z):
+            if across <= _PARALLEL * math.hypot(a, b, c) * math.hypot(x, y, z):
                 raise ValueError("directions are parallel; they span no plane")
         return self
 

@@ -97,6 +97,7 @@ class Gathered:
     materials: dict[str, FileMaterial] = field(default_factory=dict)
     orientations: dict[str, FileOrientation] = field(default_factory=dict)
     tables: dict[str, list[Table]] = field(default_factory=dict)  # of materials that depend on the temperature
+    axes_of_materials: set[Card] = field(default_factory=set)  # *ORIENTATION that sections name and whose materials need
     bodies: dict[str, FileBody] = field(default_factory=dict)
     supports: list[FileSupport] = field(default_factory=list)
     ties: list[FileTie] = field(default_factory=list)

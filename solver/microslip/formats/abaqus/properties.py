@@ -65,7 +65,8 @@ def _records(card: Card, n: int) -> list[tuple[list[str], str]]:
     MeshError : lines that belong to a set are missing
     """
     lines = list(card.lines())
-    n_lines = -(-(n + 1 + int(number(card.parameters.get("DEPENDENCIES", "0")) or 0)) // _A_LINE)
+    n_fields = max(int(number(card.parameters.get("DEPENDENCIES", "0")) or 0), 0)
+    n_lines = -(-(n + 1 + n_fields) // _A_LINE)
     if len(lines) % n_lines:
         raise MeshError(f"{card.where}: *{card.keyword} holds {len(lines)} lines where sets of {n_lines} are due")
     starts = range(0, len(lines), n_lines)
@@ -108,8 +109,8 @@ def take_sections(model: Gathered) -> None:
             has_section[elements] = True
             _take_section(model, scope, card, elements, words)
     _find_without_section(model, has_section, words)
-    for scope, card in model.cards:
-        if card.keyword == "ORIENTATION" and scope.named(card.parameters.get("NAME", "")) not in model.orientations:
+    for _, card in model.cards:
+        if card.keyword == "ORIENTATION" and card not in model.axes_of_materials:
             model.findings.add("*ORIENTATION", card.where, "no material that differs by direction has it", False, "bodies")
 
 
@@ -163,12 +164,13 @@ def _orientation(model: Gathered, scope: Scope, section: Card, material: FileMat
         return None
     for owner, card in model.cards:
         if card.keyword == "ORIENTATION" and owner is scope and card.parameter("NAME") == wanted.upper():
-            name = scope.named(card.parameters["NAME"])
+            model.axes_of_materials.add(card)
             found = orientation_of(scope, card)
             if found is None:
                 effect = "axes of a material that are not stated by coordinates, rectangular or cylindrical"
                 model.findings.add("*ORIENTATION", card.where, effect, True, "bodies")
                 return None
+            name = scope.named(card.parameters["NAME"])
             model.orientations[name] = found
             return name
     raise MeshError(f"{section.where}: *SOLID SECTION: there is no *ORIENTATION {wanted!r}")
