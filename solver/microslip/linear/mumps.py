@@ -250,20 +250,20 @@ def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) 
 def _handed_over(A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, what: str) -> tuple[np.ndarray, np.ndarray, Any]:
     """Return the pattern of this rank's rows of A, and rows, columns and values of its upper triangle, or of A - sigma M's.
 
-    Local.  MUMPS adds what stands in one place.
+    Local.
     """
     first = A.getOwnershipRange()[0]
     try:
         starts, columns, values = _owned_rows(A)
-        entries = upper_triangle(first, starts, columns, values, 1.0)
-        if shift is None:
-            return starts, columns, entries
-        del values
-        sigma, M = shift
-        both = zip(entries, upper_triangle(first, *_owned_rows(M), -sigma))
-        return starts, columns, [np.concatenate(parts) for parts in both]
+        sigma, of_M = (0.0, _no_entries(len(starts))) if shift is None else (shift[0], _owned_rows(shift[1]))
+        return starts, columns, upper_triangle(first, starts, columns, values, sigma, *of_M)
     except MemoryError as error:
         raise ResourceError(f"{what}: not enough memory to hand it to its factorisation; {ADVICE}") from error
+
+
+def _no_entries(n_starts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the rows of a matrix that has none of them filled.  Local."""
+    return np.zeros(n_starts, dtype=np.int32), np.empty(0, dtype=np.int32), np.empty(0)
 
 
 def _owned_rows(A: PETSc.Mat) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
