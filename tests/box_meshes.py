@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from microslip.elements import Isotropic
 from microslip.mesh.data import ElementBlock, Mesh
 from microslip.mesh.settings import Body, Joint, Load, MeshSettings, Output, Support
 
@@ -76,7 +77,7 @@ def settings(bodies, supports=(), joints=(), loads=(), outputs=(), file="box.msh
         file=Path(file),
         stated=Path(file).name,
         scale=scale,
-        bodies={name: Body(group=group, young=2.1e11, poisson=0.3, density=7800.0) for name, group in bodies.items()},
+        bodies={name: Body(group=group, material=Isotropic(2.1e11, 0.3), density=7800.0) for name, group in bodies.items()},
         supports=tuple(Support(group=group, fix=tuple(fix)) for group, fix in supports),
         joints=tuple(joints),
         loads=tuple(Load(**load) for load in loads),

@@ -11,7 +11,12 @@ from microslip import elements
 
 def assemble(kind, points, nodes, young, poisson, density, integration="full", incompatible_modes=True):
     """Return sparse K and M (3 n_points, 3 n_points) of elements of one kind; ``nodes`` (n_elements, n)."""
-    K = elements.stiffness(kind, points[nodes], young, poisson, integration, incompatible_modes)
+    return assemble_of(elements.Isotropic(young, poisson), kind, points, nodes, density, integration, incompatible_modes)
+
+
+def assemble_of(material, kind, points, nodes, density, integration="full", incompatible_modes=True):
+    """Return K and M of elements of any material, as :func:`assemble`."""
+    K = elements.stiffness(kind, points[nodes], material, integration, incompatible_modes)
     M = elements.mass(kind, points[nodes], density, integration)
     dof = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1)
     return _sum(K, dof), sp.kron(_sum(M, nodes), sp.eye(3), format="csr")

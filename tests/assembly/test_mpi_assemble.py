@@ -1,5 +1,7 @@
 """K, M and the maps: equal to a plain serial assembly on any number of ranks, and right by mechanics."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -58,7 +60,7 @@ def serial(mesh, case):
     K, M = sp.lil_matrix((n, n)), sp.lil_matrix((n, n))
     steel = next(iter(case.bodies.values()))
     for block in mesh.elements:
-        stiffness = elements.stiffness(block.kind, mesh.points[block.nodes], steel.young, steel.poisson)
+        stiffness = elements.stiffness(block.kind, mesh.points[block.nodes], steel.material)
         mass = elements.mass(block.kind, mesh.points[block.nodes], steel.density)
         for nodes, k, m in zip(block.nodes, stiffness, mass, strict=True):
             rows = (3 * nodes[:, None] + np.arange(3)).ravel()
@@ -83,6 +85,23 @@ def test_equals_serial_assembly(kind):
     assert system.n_dof == 3 * len(mesh.points) - 2 * len(mesh.node_groups["base"])
     assert_equal_matrices(system, mesh, case)
     assert gathered(system.M).nnz < 0.4 * gathered(system.K).nnz
+
+
+def of_fibres(mesh, supports=()):
+    """Return settings of one body whose fibres lie around an axis."""
+    C = elements.orthotropic((1.4e11, 1e10, 2e10), (0.28, 0.31, 0.4), (5e9, 6e9, 3.5e9))
+    wound = elements.Anisotropic(
+        tuple(map(tuple, C.tolist())), (-1e-6, 3e-5, 2e-5), elements.Cylindrical((0.1, 0.2, 1.0), (-2.0, 0.5, 0.0))
+    )
+    case = settings({"block": "block"}, supports)
+    return replace(case, bodies={"block": replace(case.bodies["block"], material=wound)})
+
+
+@pytest.mark.parametrize("kind", ["hex8", "tet10"])
+def test_a_material_with_axes_equals_serial_assembly(kind):
+    mesh = one_body(kind)
+    case = of_fibres(mesh, [("base", ["x", "z"])])
+    assert_equal_matrices(system_of(mesh, case)[0], mesh, case)
 
 
 def test_small_pieces_give_the_same_matrices(monkeypatch):

@@ -42,7 +42,7 @@ def stack(low="hex20", high="hex20", n_low=(2, 2, 1), n_high=(2, 2, 1)):
 def tied(mesh, *ties, supports=(), points=(), joints=(), poisson=0.3, **more):
     """Return the settings of a mesh whose groups of elements are its bodies."""
     case = settings({block.group: block.group for block in mesh.elements}, supports, joints, **more)
-    bodies = {name: replace(body, poisson=poisson) for name, body in case.bodies.items()}
+    bodies = {name: replace(body, material=replace(body.material, poisson=poisson)) for name, body in case.bodies.items()}
     return replace(case, bodies=bodies, ties=ties, points=points)
 
 

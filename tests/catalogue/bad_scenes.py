@@ -42,7 +42,7 @@ FILES = [
 MISSING = [
     lap("no model", '[model]\nmesh = "lap.msh"\n', "", "[model] is missing"),
     lap("no mesh", 'mesh = "lap.msh"', "", "[model]: exactly one of mesh, stiffness is needed, found none"),
-    lap("no young", "young = 210e9\n", "", "[materials.steel] young is missing", "Young's modulus in Pa"),
+    lap("no young", "young = 210e9\n", "", "[materials.steel]: young is missing", "Young's modulus in Pa"),
     lap("no group of a body", 'group = "beam_1"\n', "", "[bodies.left] group is missing"),
     lap("no loads", "[[loads]]", "[[springs]]", "[[loads]]"),
     lap(

@@ -53,7 +53,12 @@ def test_what_the_commands_say_becomes_the_scene(tmp_path):
         "material 1": ("material 1", "material 1"),
         "material 2": ("material 2", "material 2"),
     }
-    assert scene.materials["material 1"].model_dump() == {"young": 2.1e11, "poisson": 0.3, "density": 7800.0, "expansion": 1.2e-5}
+    assert scene.materials["material 1"].model_dump(exclude_none=True) == {
+        "young": 2.1e11,
+        "poisson": 0.3,
+        "density": 7800.0,
+        "expansion": 1.2e-5,
+    }
     assert [(support.group, support.fix) for support in scene.supports] == [("D xyz", ("x", "y", "z"))]
     assert any("F is left out: loads of the file" in note for note in notes)
 
@@ -242,8 +247,58 @@ def test_an_isotropic_material_may_state_all_axes(tmp_path, more, says):
         "MP,PRXY,1,0.3",
     )
     found = read_model(written(tmp_path, plain(), *alike, *more))
-    assert [one.effect for one in found.findings] == ([f"{says} of material 1: it is not isotropic"] if says else [])
+    assert [one.effect.partition(",")[0] for one in found.findings] == (
+        [f"{says} of material 1: it is not isotropic"] if says else []
+    )
     assert found.materials["material 1"].poisson == 0.3
+
+
+PLY = (
+    "EX 1.4e11",
+    "EY 1.0e10",
+    "EZ 2.0e10",
+    "PRXY 0.28",
+    "NUXZ 0.05",
+    "PRYZ 0.4",
+    "GXY 5e9",
+    "GYZ 3.5e9",
+    "GXZ 6e9",
+    "ALPY 3e-5",
+)
+
+
+def test_an_orthotropic_material_has_the_axes_of_its_elements(tmp_path):
+    """Elements in the model's axes, in axes turned by 30 degrees about z, and around a cylinder's axis along y."""
+    lines = cdb(plain(), [f"MP,{text.split()[0]},1,{text.split()[1]}" for text in ("ALPX 1e-6", *PLY)]).splitlines()
+    begin = next(i for i, line in enumerate(lines) if line == "(19i9)") + 1
+    rows = [i for i in range(begin, len(lines)) if lines[i].startswith(f"{1:9d}" * 2)]
+    for i, system in zip(rows, [0, 12] + [13] * len(rows)):
+        lines[i] = f"{lines[i][:36]}{system:9d}{lines[i][45:]}"
+    lines[4:4] = [
+        "LOCAL,R5.0,LOC,    12,  0, 0.1, 0.0, 0.0",
+        "LOCAL,R5.0,ANG,    12,  0, 30.0, 0.0, 0.0",
+        "LOCAL,13,1,0.5,0.0,0.25,0.0,-90.0,0.0",
+    ]
+    found = read_model(written(tmp_path, text="\n".join(lines)))
+    assert not [one for one in found.findings if one.changes]
+    one = found.materials["material 1"]
+    assert (one.young, one.shear, one.expansion) == ((1.4e11, 1e10, 2e10), (5e9, 6e9, 3.5e9), (1e-6, 3e-5, 0.0))
+    assert one.poisson == pytest.approx((0.28, 0.05 * 1.4e11 / 2e10, 0.4))
+    axes = {name: body.orientation for name, body in found.bodies.items() if body.material == "material 1"}
+    assert axes == {"material 1 ESYS 0": None, "material 1 ESYS 12": "ESYS 12", "material 1 ESYS 13": "ESYS 13"}
+    first, second = found.orientations["ESYS 12"].directions
+    assert first == pytest.approx((np.sqrt(0.75), 0.5, 0.0)) and second == pytest.approx((-0.5, np.sqrt(0.75), 0.0))
+    around = found.orientations["ESYS 13"]
+    assert around.axis == pytest.approx((0.0, 1.0, 0.0)) and around.axis_point == (0.5, 0.0, 0.25)
+    lines[4:7] = []
+    unknown = [one for one in read_model(written(tmp_path, text="\n".join(lines))).findings if one.changes]
+    assert [one.word for one in unknown] == ["ESYS 12", "ESYS 13"]
+
+
+def test_an_isotropic_material_may_expand_by_direction(tmp_path):
+    found = read_model(written(tmp_path, plain(), "MP,ALPX,1,1e-5", "MP,ALPY,1,1e-5", "MP,ALPZ,1,2e-5"))
+    one = found.materials["material 1"]
+    assert (one.young, one.poisson, one.expansion) == ((2.1e11,) * 3, (0.3,) * 3, (1e-5, 1e-5, 2e-5))
 
 
 def test_supports_in_turned_nodal_axes_become_equations(tmp_path):

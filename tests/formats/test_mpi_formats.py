@@ -1,5 +1,9 @@
 """Every model file that states materials, bodies and supports gives the response of the same model as a mesh with a scene."""
 
+import sys
+from types import ModuleType
+
+import mapdl_archive
 import meshio
 import numpy as np
 import pytest
@@ -66,6 +70,35 @@ def test_a_model_file_gives_the_response_of_mesh_and_scene(expected, folder, end
     if ending in SURFACES:
         stated["joints"] = ({**stated["joints"][0], "surfaces": SURFACES[ending]},)
     omega, frequency, amplitude = response_of(scene_of(stated, folder / f"model{ending}.toml"))
+    np.testing.assert_allclose(omega, expected[0], rtol=1e-8)
+    np.testing.assert_allclose(frequency, expected[1], rtol=1e-8)
+    np.testing.assert_allclose(amplitude, expected[2], rtol=1e-6)
+
+
+class Result:
+    """A results file of Ansys as ansys.mapdl.reader reads it, of the model that the archive beside it holds."""
+
+    def __init__(self, path, parse_vtk):
+        self.mesh = mapdl_archive.Archive(path.replace(".rst", ".cdb"), parse_vtk=False)
+        self.materials = {number: {"EX": YOUNG, "NUXY": POISSON, "DENS": DENSITY} for number in (1, 2)}
+        keys = {number: dict(pairs) for number, pairs in self.mesh.key_option.items()}
+        self._element_table = {"keyopts": {n: [own.get(i, 0) for i in range(1, 12)] for n, own in keys.items()}}
+
+    def nodal_boundary_conditions(self, number):
+        held = plain().numbers[plain().sets["PLATE_BASE"]]
+        return np.repeat(held, 3), np.tile([1, 2, 3], len(held)), np.zeros(3 * len(held))
+
+    def result_dof(self, number):
+        return ["UX", "UY", "UZ"]
+
+
+@pytest.mark.slow
+def test_a_results_file_gives_the_response_of_mesh_and_scene(expected, folder, monkeypatch):
+    for name in ("ansys", "ansys.mapdl", "ansys.mapdl.reader"):
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    monkeypatch.setattr(sys.modules["ansys.mapdl.reader"], "read_binary", Result, raising=False)
+    on_root(comm, lambda: [(folder / f"result.{ending}").write_text(cdb(plain())) for ending in ("rst", "cdb")])
+    omega, frequency, amplitude = response_of(scene_of(tables("result.rst"), folder / "rst.toml"))
     np.testing.assert_allclose(omega, expected[0], rtol=1e-8)
     np.testing.assert_allclose(frequency, expected[1], rtol=1e-8)
     np.testing.assert_allclose(amplitude, expected[2], rtol=1e-6)

@@ -55,6 +55,39 @@ def test_what_the_cards_say_becomes_the_scene(tmp_path):
     assert [(support.group, support.fix) for support in found.supports] == [("SPC xyz", ("x", "y", "z"))]
 
 
+MAT9 = (
+    "MAT9,1,11.,12.,13.,14.,15.,16.,22.",
+    ",23.,24.,25.,26.,33.,34.,35.,36.",
+    ",44.,45.,46.,55.,56.,66.,2.5,1e-6",
+    ",2e-6,3e-6",
+)
+MAT11 = ("MAT11,1,1.4+11,1.+10,2.+10,.28,.31,.4,5.+9", ",6.+9,3.5+9,1600.,1.-6,2.-5,3.-5")
+SYSTEMS = ("CORD2R,7,0,0.,0.,0.,0.,0.,1.", ",1.,1.,0.", "CORD2C,8,0,.5,0.,.25,.5,2.,.25", ",1.,2.,.25")
+
+
+@pytest.mark.parametrize("system", [0, 7, 8, -1])
+def test_materials_with_axes_of_their_own(tmp_path, system):
+    text = bdf(plain(), SYSTEMS).splitlines()
+    i = next(i for i, line in enumerate(text) if line.startswith("MAT1,1,"))
+    text[i - 1 : i + 1] = [f"PSOLID,1,1,{system}", *(MAT11 if system == 7 else MAT9)]
+    found = read_model(written(tmp_path, text="\n".join(text)))
+    assert [one.word for one in found.findings if one.changes] == (["PSOLID CORDM"] if system == -1 else [])
+    body = found.bodies["PSOLID 1"]
+    one = found.materials[body.material]
+    if system == 7:
+        assert (one.young, one.poisson, one.shear) == ((1.4e11, 1e10, 2e10), (0.28, 0.31, 0.4), (5e9, 6e9, 3.5e9))
+        assert (one.density, one.expansion) == (1600.0, (1e-6, 2e-5, 3e-5))
+        x, y = found.orientations[body.orientation].directions
+        assert x == pytest.approx(np.array([1.0, 1.0, 0.0]) / np.sqrt(2.0)) and y == pytest.approx((-x[0], x[1], 0.0))
+        return
+    C = np.array(one.elasticity)
+    assert np.array_equal(C, C.T) and np.array_equal(np.diag(C), [11.0, 22.0, 33.0, 44.0, 66.0, 55.0])
+    assert (C[0, 3], C[0, 4], C[0, 5], C[4, 5], C[3, 4]) == (14.0, 16.0, 15.0, 56.0, 46.0)
+    assert (one.density, one.expansion) == (2.5, (1e-6, 2e-6, 3e-6))
+    around = found.orientations[body.orientation] if system == 8 else None
+    assert body.orientation is None or around.axis == (0.0, 1.0, 0.0) and around.axis_point == (0.5, 0.0, 0.25)
+
+
 def test_mass_is_in_the_units_of_wtmass(tmp_path):
     found = read_model(written(tmp_path, plain(), "PARAM,WTMASS,0.5", "CONM2,900,101,,3.0"))
     assert found.materials["MAT1 1"].density == pytest.approx(3900.0)

@@ -59,7 +59,7 @@ def test_everything_is_taken_over_in_si_units(tmp_path):
     found, notes = complete(scene(tmp_path), model())
     settings = mesh_settings(found)
     assert settings.scale == 1e-3
-    assert settings.bodies["beam"].young == pytest.approx(2.1e11)
+    assert settings.bodies["beam"].material.young == pytest.approx(2.1e11)
     assert settings.bodies["beam"].density == pytest.approx(7850.0)
     assert (settings.bodies["beam"].integration, settings.supports[0].group) == ("reduced", "root")
     assert settings.ties[0].tolerance == pytest.approx(1e-4)

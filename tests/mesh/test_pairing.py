@@ -7,7 +7,7 @@ import pytest
 from box_meshes import KINDS, box, joint, mesh_of
 
 from microslip.mesh.data import FaceBlock
-from microslip.mesh.pairing import contact_frames, join_pairs, pair_contacts
+from microslip.mesh.pairing import contact_frames, pair_contacts
 from microslip.parallel.errors import MeshError
 
 TOUCH = {
@@ -61,8 +61,7 @@ def test_parameters_are_per_unit_area():
 
 def test_faces_index_pairs_and_cover_the_surface():
     mesh = two_boxes("hex20")
-    one = pair_contacts(mesh, [joint("one")])
-    pairs = join_pairs(one, pair_contacts(mesh, [joint("two")]))
+    pairs = pair_contacts(mesh, [joint("one"), joint("two", surfaces=("upper_bottom",))])  # the second on ground
     assert pairs.joint == ("one",) * (pairs.n_pairs // 2) + ("two",) * (pairs.n_pairs // 2)
     assert [faces.shape for faces in pairs.faces] == [(6, 8), (6, 8)]
     assert set(pairs.faces[1].ravel()) == set(range(pairs.n_pairs // 2, pairs.n_pairs))

@@ -9,6 +9,7 @@ from box_meshes import box, joint, mesh_of, settings
 from microslip.assembly.assemble import assemble
 from microslip.assembly.prestress import constant_forces, stiffness_at_rest
 from microslip.assembly.pretension import pretension
+from microslip.elements import Isotropic
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.cut import cut_through
 from microslip.mesh.pairing import pair_contacts
@@ -26,7 +27,7 @@ STIFFNESS = YOUNG * AREA / LENGTH
 
 
 def steel(group, young=YOUNG):
-    return Body(group=group, young=young, poisson=0.0, density=DENSITY, expansion=EXPANSION)
+    return Body(group=group, material=Isotropic(young, 0.0, EXPANSION), density=DENSITY)
 
 
 def bar(kind, bulge=0.0, n=(4, 2, 2)):

@@ -51,6 +51,20 @@ def test_all_that_a_file_states_is_listed(tmp_path):
     assert "units suspected" not in text and "picture" not in text
 
 
+def test_materials_with_axes_are_listed(tmp_path):
+    """The first instance is turned by a right angle, and its axes with it."""
+    elastic = "*Elastic\n210000000000.0, 0.3\n"
+    section = "*Solid Section, elset=ALL, material=Steel"
+    text = inp(plain())
+    assert elastic in text and section in text
+    text = text.replace(elastic, "*Elastic, type=engineering constants\n1.4e11, 1e10, 2e10, .28, .31, .4, 5e9, 6e9\n3.5e9\n")
+    axes = "*Orientation, name=layup\n1., 0., 0., 0., 1., 0.\n"
+    (tmp_path / "m.inp").write_text(text.replace(section, f"{axes}{section}, orientation=layup", 1))
+    text = said(tmp_path / "m.inp")
+    assert "Steel: young 1.4e+11 1e+10 2e+10 Pa, poisson 0.28 0.31 0.4, shear 5e+09 6e+09 3.5e+09 Pa, density" in text
+    assert "axes       BAR-1.layup: 1 along (" in text and ", of BAR-1.ALL" in text
+
+
 @pytest.mark.parametrize("ending", [".cdb", ".bdf", ".unv", ".exo"])
 def test_every_format_is_listed(tmp_path, ending):
     model, path = plain("hex20"), tmp_path / f"m{ending}"

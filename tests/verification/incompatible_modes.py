@@ -22,9 +22,8 @@ from small_fe import _sum, assemble, bent, dofs, frequencies
 from verification.calculix import STEEL, calculix
 
 from microslip import elements
-from microslip.elements import solid
+from microslip.elements import Isotropic, solid
 from microslip.elements.kinds import KINDS
-from microslip.elements.prestress import lame
 from microslip.elements.quadrature import rules
 
 HEX8 = KINDS["hex8"]
@@ -39,7 +38,7 @@ def as_calculix(points, nodes):
     dN, volumes = solid._gradients(HEX8, corners, rule)
     centre = solid._jacobians(HEX8, corners, np.zeros((1, 3)))[1]
     modes = solid._incompatible_gradients(HEX8, corners, rule, centre * rule.weights)  # makes the factor 1
-    whole = solid._isotropic(np.concatenate([dN, modes @ AS_ONE], axis=-1), volumes, *lame(young, poisson))
+    whole = Isotropic(young, poisson).stiffness(np.concatenate([dN, modes @ AS_ONE], axis=-1), volumes)
     K = solid._condense(whole, 27)
     N = np.column_stack([HEX8.values(rule.points), np.ones(8)])
     M = density * np.einsum("eq,qa,qb->eab", volumes, N, N)
@@ -67,7 +66,7 @@ def lowest(K, M, points, n=6):
 
 def least_energy(K, points, nodes):
     """Return the least energy of six constant strains over the exact one, less 1; rows behind the nodes' follow without force."""
-    lam, mu = lame(*STEEL[:2])
+    lam, mu = (steel := Isotropic(*STEEL[:2])).lam, steel.mu
     n, volume, found = points.size, elements.volumes("hex8", points[nodes]).sum(), []
     for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
         H = np.zeros((3, 3))

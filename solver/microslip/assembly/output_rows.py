@@ -45,13 +45,10 @@ def _recovered(mesh: Mesh, node: int, output: Output, settings: MeshSettings, wh
     i, j = ("xyz".index(axis) for axis in output.component or "")
     nodes, values = [], []
     for kind, own, body in around:
-        rows = elements.nodal_stress(kind, mesh.points[own], body.young, body.poisson, body.integration, body.incompatible_modes)[
-            int(np.flatnonzero(own == node)[0])
-        ]
-        if output.quantity == "strain":
-            rows = elements.strain_of(rows, body.young, body.poisson)
+        recovered = elements.nodal_stress if output.quantity == "stress" else elements.nodal_strain
+        rows = recovered(kind, mesh.points[own], body.material, body.integration, body.incompatible_modes)
         nodes.append(own)
-        values.append(rows[i, j] / len(around))
+        values.append(rows[int(np.flatnonzero(own == node)[0]), i, j] / len(around))
     return OutputRow(node, np.concatenate(nodes), np.concatenate(values))
 
 
@@ -65,7 +62,7 @@ def _elements_around(
         if output.body in (None, name):
             found += [(name, block.kind, own) for own in block.nodes[(block.nodes == node).any(axis=1)]]
     names = list(dict.fromkeys(name for name, _, _ in found))
-    materials = {(bodies[name].young, bodies[name].poisson) for name in names}
+    materials = {bodies[name].material.elastic for name in names}
     if not found:
         raise CaseError(f"{where} body = {output.body!r}: node {mesh.numbers[node]} is not one of its nodes")
     if len(materials) > 1:

@@ -103,15 +103,15 @@ def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, sta
     if statics.speed > 0.0:
         outward = (points - np.array(statics.axis_point)) @ statics.spin
         total += elements.mass(block.kind, points, body.density, body.integration) @ outward
-    strain = body.expansion * statics.temperatures.get(block.body, 0.0)
-    if strain != 0.0 and not statics.is_large:
-        total += elements.thermal_forces(block.kind, points, body.young, body.poisson, strain, body.integration)
+    warmer = statics.temperatures.get(block.body, 0.0)
+    if warmer != 0.0 and body.material.expands and not statics.is_large:
+        total += elements.thermal_forces(block.kind, points, body.material, warmer, body.integration)
     return total
 
 
 def _forces_of_moved(block: LocalBlock, chunk: slice, body: Body, moved: np.ndarray) -> np.ndarray:
     """Return the forces -K u of supports moved by u (n_elements, n, 3) [m] on the nodes of some elements, eq. (12.12).  Local."""
-    of = (body.young, body.poisson, body.integration, body.incompatible_modes)
+    of = (body.material, body.integration, body.incompatible_modes)
     K = elements.stiffness(block.kind, block.points[chunk], *of)
     return -(K @ moved.reshape(len(K), -1, 1)).reshape(moved.shape)
 
@@ -181,14 +181,14 @@ def _softening(constraints: Constraints, statics: Statics) -> np.ndarray:
 def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u: np.ndarray) -> np.ndarray:
     """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
     points = block.points[chunk]
-    strain = body.expansion * statics.temperatures.get(block.body, 0.0)
+    warmer = statics.temperatures.get(block.body, 0.0)
     modes = body.incompatible_modes
-    stress = elements.stress(block.kind, points, u, body.young, body.poisson, strain, body.integration, modes)
+    stress = elements.stress(block.kind, points, u, body.material, warmer, body.integration, modes)
     sigma = elements.stress_stiffness(block.kind, points, stress, body.integration)
     mass = elements.mass(block.kind, points, body.density, body.integration)
     change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
     if statics.deforms:
-        of = (body.young, body.poisson, body.integration, modes)
+        of = (body.material, body.integration, modes)
         turned = elements.deformed_stiffness(block.kind, points, u, *of) - elements.stiffness(block.kind, points, *of)
         change += turned.reshape(change.shape)
     return change

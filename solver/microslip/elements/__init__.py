@@ -1,4 +1,4 @@
-"""Shape functions, quadrature, element stiffness and mass of isotropic solids, element faces.  NumPy only."""
+"""Shape functions, quadrature, element stiffness and mass of solids, linear elastic materials, element faces.  NumPy only."""
 
 from .faces import (
     CELLS,
@@ -14,14 +14,21 @@ from .faces import (
 )
 from .kinds import FACE_KINDS, KINDS, Kind
 from .large import large_displacements
+from .materials import COMPONENTS, Anisotropic, Cylindrical, Directions, Isotropic, Material, checked, orthotropic
 from .nearest import nearest_on_faces
 from .prestress import deformed_stiffness, stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
-from .recovery import nodal_stress, strain_of
+from .recovery import nodal_strain, nodal_stress
 from .solid import jacobian_minimum, mass, stiffness, volumes
 
 __all__ = [
     "CELLS",
+    "COMPONENTS",
+    "Anisotropic",
+    "Cylindrical",
+    "Directions",
+    "Isotropic",
+    "Material",
     "FACE_KINDS",
     "INTEGRATIONS",
     "KINDS",
@@ -30,6 +37,7 @@ __all__ = [
     "SAMPLES",
     "point_functions",
     "Kind",
+    "checked",
     "deformed_stiffness",
     "face_nodal_areas",
     "face_normals",
@@ -38,11 +46,12 @@ __all__ = [
     "large_displacements",
     "mass",
     "nearest_on_faces",
+    "nodal_strain",
     "nodal_stress",
+    "orthotropic",
     "part_integrals",
     "pressure_forces",
     "stiffness",
-    "strain_of",
     "stress",
     "stress_stiffness",
     "thermal_forces",

@@ -1,12 +1,13 @@
-"""Forces and tangent stiffness of isotropic solids under large displacements and small strains (docs/theory.md, section 12)."""
+"""Forces and tangent stiffness of solids under large displacements and small strains (docs/theory.md, section 12)."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .prestress import _about, _functions, lame
+from .materials import Elastic, Material
+from .prestress import _functions
 from .quadrature import rules
-from .solid import _chunks, _condense
+from .solid import _chunks, _condense, _local
 
 _BUBBLE_STEPS = 20  # of Newton's method for the bubbles of hex8
 _BUBBLES_REST = 1e-13  # their forces, over the largest of the elements
@@ -16,17 +17,16 @@ def large_displacements(
     kind: str,
     points: np.ndarray,
     u: np.ndarray,
-    young: float,
-    poisson: float,
-    free_strain: float = 0.0,
+    material: Material,
+    warmer: float = 0.0,
     integration: str = "full",
     incompatible_modes: bool = True,
     with_stress: bool = True,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the forces by which elements resist a displacement, (n_elements, n, 3) [N], and their derivative by it.
 
-    Local.  docs/theory.md, eq. (12.13): with F = 1 + du/dx and E = (F^T F - 1) / 2 the stress is S = lam tr(E) 1 + 2 mu E less
-    that of a free expansion, and ``f_ai = integral of F_ik S_kl dN_a/dx_l``. Bubbles of hex8 move until no force acts on them.
+    Local.  docs/theory.md, eq. (12.13): with F = 1 + du/dx and E = (F^T F - 1) / 2 the stress S is that of E, and
+    ``f_ai = integral of F_ik S_kl dN_a/dx_l``. Bubbles of hex8 move until no force acts on them.
 
     Parameters
     ----------
@@ -40,35 +40,33 @@ def large_displacements(
     K : (n_elements, 3 n, 3 n) [N/m], symmetric: K_F + K_sigma, with the stress S
     """
     rule = rules(kind, integration)[0]
-    moduli = (*lame(young, poisson), free_strain, with_stress)
     n = points.shape[1]
     f, K = np.empty(points.shape), np.empty((len(points), 3 * n, 3 * n))
     for chunk in _chunks(len(points), 9 * (n + 3) ** 2):
         dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes)
+        of = (_local(material, kind, points[chunk], rule), warmer, with_stress)
         bubbles = np.zeros((len(volumes), dN.shape[-1] - n, 3))
-        forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *moduli)
+        forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *of)
         for _ in range(_BUBBLE_STEPS if bubbles.size else 0):
             left = forces[:, n:]
             if np.abs(left).max() <= _BUBBLES_REST * np.abs(forces).max():
                 break
             step = np.linalg.solve(whole[:, 3 * n :, 3 * n :], left.reshape(len(left), -1, 1))
             bubbles = bubbles - step.reshape(left.shape)
-            forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *moduli)
+            forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *of)
         f[chunk], K[chunk] = forces[:, :n], _condense(whole, 3 * n) if bubbles.size else whole
     return f, K
 
 
 def _forces_and_tangent(
-    dN: np.ndarray, volumes: np.ndarray, moved: np.ndarray, lam: float, mu: float, free_strain: float, with_stress: bool
+    dN: np.ndarray, volumes: np.ndarray, moved: np.ndarray, local: Elastic, warmer: float, with_stress: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return forces (n_elements, m, 3) and tangent (n_elements, 3 m, 3 m) of m functions with amplitudes ``moved`` [m]."""
     F = np.eye(3) + (dN @ moved[:, None]).swapaxes(-1, -2)
     E = 0.5 * (F.swapaxes(-1, -2) @ F - np.eye(3))
-    mean = lam * np.trace(E, axis1=-2, axis2=-1) - (3.0 * lam + 2.0 * mu) * free_strain
-    S = 2.0 * mu * E + mean[..., None, None] * np.eye(3)
-    weighted = volumes[..., None, None] * (S @ dN)
+    weighted = volumes[..., None, None] * (local.stress(E, warmer) @ dN)
     f = (weighted.swapaxes(-1, -2) @ F.swapaxes(-1, -2)).sum(axis=1)
-    K = _about(dN, F, volumes, lam, mu)
+    K = local.stiffness_about(dN, F, volumes)
     sigma = (dN.swapaxes(-1, -2) @ weighted).sum(axis=1) * with_stress
     m = dN.shape[-1]
     for i in range(3):

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from .kinds import KINDS
-from .prestress import stress
+from .materials import Material
+from .prestress import strain, stress
 from .quadrature import rules
 
 _CORNERS = {"hex": "hex8", "tet": "tet4", "wedge": "wedge6", "pyramid": "pyramid5"}  # the kind whose functions are fitted
 
 
 def nodal_stress(
-    kind: str, points: np.ndarray, young: float, poisson: float, integration: str = "full", incompatible_modes: bool = True
+    kind: str, points: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
 ) -> np.ndarray:
     """Return the stress at the nodes of one element per displacement of each node, (n, 3, 3, n, 3) [Pa/m].
 
@@ -24,17 +25,32 @@ def nodal_stress(
     points : (n, 3) nodes of the element [m]
     others : as in :func:`microslip.elements.stiffness`
     """
-    n = len(points)
-    unit = np.eye(3 * n).reshape(3 * n, n, 3)
-    at_points = stress(kind, np.broadcast_to(points, unit.shape), unit, young, poisson, 0.0, integration, incompatible_modes)
-    at_nodes = np.einsum("aq,uqij->aiju", fit(kind, integration), at_points)
-    return at_nodes.reshape(n, 3, 3, n, 3)
+    unit = _unit_displacements(len(points))
+    found = stress(kind, np.broadcast_to(points, unit.shape), unit, material, 0.0, integration, incompatible_modes)
+    return _at_nodes(found, kind, integration)
 
 
-def strain_of(sigma: np.ndarray, young: float, poisson: float) -> np.ndarray:
-    """Return the strain tensor of a stress tensor [Pa], both (3, 3, ...): ((1 + nu) sigma - nu tr(sigma) 1) / E.  Local."""
-    mean = np.multiply.outer(np.eye(3), np.trace(sigma))
-    return ((1.0 + poisson) * sigma - poisson * mean) / young
+def nodal_strain(
+    kind: str, points: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
+) -> np.ndarray:
+    """Return the strain at the nodes of one element per displacement of each node, (n, 3, 3, n, 3) [1/m].
+
+    Local.  As the stress, docs/theory.md, eq. (13.6).
+    """
+    unit = _unit_displacements(len(points))
+    found = strain(kind, np.broadcast_to(points, unit.shape), unit, material, integration, incompatible_modes)
+    return _at_nodes(found, kind, integration)
+
+
+def _unit_displacements(n: int) -> np.ndarray:
+    """Return a displacement of one node along one axis, for each, (3 n, n, 3) [m]."""
+    return np.eye(3 * n).reshape(3 * n, n, 3)
+
+
+def _at_nodes(at_points: np.ndarray, kind: str, integration: str) -> np.ndarray:
+    """Return tensors (3 n, n_q, 3, 3) of unit displacements, fitted to the nodes, (n, 3, 3, n, 3)."""
+    n = len(at_points) // 3
+    return np.einsum("aq,uqij->aiju", fit(kind, integration), at_points).reshape(n, 3, 3, n, 3)
 
 
 def fit(kind: str, integration: str = "full") -> np.ndarray:

@@ -1,17 +1,18 @@
-"""Stiffness and mass of isotropic solid elements, vectorised over elements (docs/theory.md, section 2)."""
+"""Stiffness and mass of solid elements, vectorised over elements (docs/theory.md, section 2)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from .kinds import KINDS, Kind
+from .materials import Elastic, Material
 from .quadrature import Rule, rules
 
 _CHUNK_ENTRIES = 2**18  # of the largest intermediate array: 2 MiB stay in a core's cache, larger ones do not
 
 
 def stiffness(
-    kind: str, points: np.ndarray, young: float, poisson: float, integration: str = "full", incompatible_modes: bool = True
+    kind: str, points: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
 ) -> np.ndarray:
     """Return the stiffness matrices of elements of one kind.
 
@@ -21,7 +22,7 @@ def stiffness(
     ----------
     kind : a key of ``KINDS``
     points : (n_elements, n, 3) nodes of each element [m]
-    young, poisson : Young's modulus [Pa], Poisson's ratio [-]
+    material : what they are made of
     integration : a key of ``INTEGRATIONS``
     incompatible_modes : hex8 only: add three condensed bubble modes a direction, without which it locks in bending
 
@@ -36,10 +37,9 @@ def stiffness(
     Notes
     -----
     docs/theory.md, eq. (2.1): with Lame's constants and G_ai,bj = integral of dN_a/dx_i dN_b/dx_j,
-    ``K_ai,bj = lam G_ai,bj + mu G_aj,bi + mu delta_ij G_ak,bk``, one product of matrices an element.
+    ``K_ai,bj = lam G_ai,bj + mu G_aj,bi + mu delta_ij G_ak,bk``; of anisotropic materials eq. (2.12).
     """
     rule = rules(kind, integration)[0]
-    lam, mu = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), young / (2.0 * (1.0 + poisson))
     with_modes = incompatible_modes and kind == "hex8"
     n_elements, n = points.shape[:2]
     n_functions = n + 3 if with_modes else n
@@ -48,7 +48,7 @@ def stiffness(
         dN, volumes = _gradients(KINDS[kind], points[chunk], rule)
         if with_modes:
             dN = np.concatenate([dN, _incompatible_gradients(KINDS[kind], points[chunk], rule, volumes)], axis=-1)
-        whole = _isotropic(dN, volumes, lam, mu)
+        whole = _local(material, kind, points[chunk], rule).stiffness(dN, volumes)
         K[chunk] = _condense(whole, 3 * n) if with_modes else whole
     return K
 
@@ -158,21 +158,9 @@ def _incompatible_gradients(kind: Kind, points: np.ndarray, rule: Rule, volumes:
     return at_centre * (det * rule.weights / volumes)[:, :, None, None]
 
 
-def _isotropic(dN: np.ndarray, volumes: np.ndarray, lam: float, mu: float) -> np.ndarray:
-    """Return K (n_elements, 3 m, 3 m) from the gradients (n_elements, n_q, 3, m) of m functions."""
-    n_elements, n_q, _, m = dN.shape
-    D = dN.reshape(n_elements, n_q, 3 * m)
-    weighted = D * volumes[:, :, None]
-    G = (D.transpose(0, 2, 1) @ weighted).reshape(n_elements, 3, m, 3, m)
-    trace = mu * (G[:, 0, :, 0] + G[:, 1, :, 1] + G[:, 2, :, 2])
-    K = np.empty((n_elements, m, 3, m, 3))
-    for i in range(3):
-        K[:, :, i, :, i] = (lam + mu) * G[:, i, :, i] + trace
-        for j in range(i):
-            block = lam * G[:, i, :, j] + mu * G[:, j, :, i]
-            K[:, :, i, :, j] = block
-            K[:, :, j, :, i] = block.transpose(0, 2, 1)
-    return K.reshape(n_elements, 3 * m, 3 * m)
+def _local(material: Material, kind: str, points: np.ndarray, rule: Rule) -> Elastic:
+    """Return what a material is at the quadrature points of some elements, in model axes."""
+    return material.at(KINDS[kind].values(rule.points) @ points)
 
 
 def _condense(K: np.ndarray, n_kept: int) -> np.ndarray:

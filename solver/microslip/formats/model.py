@@ -7,7 +7,7 @@ not understand is never left out in silence.  ``library/complete.py`` makes a sc
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -64,12 +64,48 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True)
 class FileMaterial:
-    """A linear, isotropic material in units of the file; None: the file does not say."""
+    """A linear elastic material in units of the file, keys as in a scene; None: the file does not say."""
 
-    young: float | None = None
-    poisson: float | None = None
+    young: float | Vector | None = None  # three along its axes
+    poisson: float | Vector | None = None
+    shear: Vector | None = None
+    elasticity: tuple[tuple[float, ...], ...] | None = None  # (6, 6) in its axes
     density: float | None = None
-    expansion: float | None = None
+    expansion: float | Vector | None = None
+
+    @property
+    def has_axes(self) -> bool:
+        """Whether it differs by direction."""
+        return self.elasticity is not None or isinstance(self.young, tuple)
+
+    @property
+    def lacking(self) -> list[str]:
+        """The keys that a scene needs beside those that are stated."""
+        needed = ("density",) if self.elasticity is not None else ("young", "poisson", "density")
+        return [key for key in needed if getattr(self, key) is None]
+
+    @property
+    def modulus(self) -> float | None:
+        """The largest Young's modulus, or stress of a unit strain."""
+        if self.elasticity is not None:
+            return max(map(max, self.elasticity))
+        return max(self.young) if isinstance(self.young, tuple) else self.young
+
+    def with_axes(self) -> FileMaterial:
+        """Return a material whose expansion alone differs by direction as one that has axes; any other as it is."""
+        E, nu = self.young, self.poisson
+        if not isinstance(self.expansion, tuple) or not isinstance(E, float) or not isinstance(nu, float):
+            return self
+        return replace(self, young=(E, E, E), poisson=(nu, nu, nu), shear=(0.5 * E / (1.0 + nu),) * 3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileOrientation:
+    """The axes of a material: two directions that span its first two, or the third, around which the first is radial."""
+
+    directions: tuple[Vector, Vector] | None = None
+    axis: Vector | None = None
+    axis_point: Vector | None = None  # length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +114,7 @@ class FileBody:
 
     group: str
     material: str  # a key of FileModel.materials
+    orientation: str | None = None  # a key of FileModel.orientations, of a material that has axes
     integration: str = "full"  # "full", "reduced", "reduced-both"
     incompatible_modes: bool = True  # in 8-node hexahedra
 
@@ -247,6 +284,7 @@ class FileModel:
     notes: tuple[str, ...] = ()
     fields: dict[str, np.ndarray] = field(default_factory=dict)  # (n_points,) each: numbers at the nodes; NaN where it has none
     materials: Mapping[str, FileMaterial] = field(default_factory=dict)  # by name
+    orientations: Mapping[str, FileOrientation] = field(default_factory=dict)  # by name
     bodies: Mapping[str, FileBody] = field(default_factory=dict)  # by name
     supports: tuple[FileSupport, ...] = ()
     ties: tuple[FileTie, ...] = ()

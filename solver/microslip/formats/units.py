@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,11 @@ class Units:
     def rotational_stiffness(self) -> float:
         """N m/rad"""
         return self.inertia / self.time**2
+
+
+def times(value: Any, factor: float) -> Any:
+    """Return a number, or numbers in tuples, times a factor.  Local."""
+    return tuple(times(one, factor) for one in value) if isinstance(value, tuple) else factor * value
 
 
 UNITS = {

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
-from ..formats.model import FileJoint, FileModel
+from ..formats.model import FileJoint, FileMaterial, FileModel
 from ..formats.read import read_model
-from ..formats.units import UNITS, Units
+from ..formats.units import UNITS, Units, times
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 from ..parallel.words import listed, nearest
@@ -76,9 +76,11 @@ def complete(scene: Scene, model: FileModel) -> tuple[Scene, tuple[str, ...]]:
     if "statics" in taken:
         tables["model"] = {**_axis(model, units), **tables["model"]}
     notes += _equations(model, scene, "supports" in taken)
-    used = {body["material"] for body in tables.get("bodies", {}).values()}
-    tables["materials"] = {name: entry for name, entry in tables.get("materials", {}).items() if name in used}
-    _refuse_incomplete(scene, tables["materials"])
+    tables["orientations"] = _joined(_orientations(model, scene), tables.get("orientations"))
+    for part in ("materials", "orientations"):
+        used = {body.get(part[:-1]) for body in tables.get("bodies", {}).values()}
+        tables[part] = {name: entry for name, entry in tables.get(part, {}).items() if name in used}
+    _refuse_incomplete(scene, {name: one for name, one in model.materials.items() if name in tables["materials"]})
     return completed(scene, tables), tuple(notes)
 
 
@@ -201,14 +203,13 @@ def _refuse_unknown_units(scene: Scene, part: str) -> None:
         )
 
 
-def _refuse_incomplete(scene: Scene, materials: Mapping[str, Tables]) -> None:
-    """Raise CaseError for a material that the file states in part."""
-    for name, entry in materials.items():
-        missing = [key for key in ("young", "poisson", "density") if entry.get(key) is None]
-        if missing:
+def _refuse_incomplete(scene: Scene, materials: Mapping[str, FileMaterial]) -> None:
+    """Raise CaseError for a material that the file states in part, and the scene does not."""
+    for name, one in materials.items():
+        if one.lacking and name not in scene.materials:
             raise CaseError(
-                f"{scene.path}: material {name!r} of {scene.model.mesh} has no {listed(missing)}; state [materials.{name}] in "
-                "the scene"
+                f"{scene.path}: material {name!r} of {scene.model.mesh} has no {listed(one.lacking)}; "
+                f"state [materials.{name}] in the scene"
             )
 
 
@@ -223,13 +224,19 @@ def _stated(entry: Any, **factors: float) -> Tables:
     table = {field.name: getattr(entry, field.name) for field in fields(entry) if getattr(entry, field.name) is not None}
     for key, factor in factors.items():
         if key in table:
-            value = table[key]
-            table[key] = tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
+            table[key] = times(table[key], factor)
     return table
 
 
 def _materials(model: FileModel, units: Units, scene: Scene) -> Tables:
-    return {name: _stated(one, young=units.stress, density=units.density) for name, one in model.materials.items()}
+    factors = {**dict.fromkeys(("young", "shear", "elasticity"), units.stress), "density": units.density}
+    return {name: _stated(one, **factors) for name, one in model.materials.items()}
+
+
+def _orientations(model: FileModel, scene: Scene) -> Tables:
+    """Return the axes that the file names: they are lengths and directions, for which [model] scale is enough."""
+    length = scene.model.scale if scene.model.units is None else UNITS[scene.model.units].length
+    return {name: _stated(one, axis_point=length) for name, one in model.orientations.items()}
 
 
 def _bodies(model: FileModel, units: Units, scene: Scene) -> Tables:

@@ -6,8 +6,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
+from ..elements import Anisotropic, Cylindrical, Directions, Isotropic, checked, orthotropic
 from ..formats.units import UNITS
 from ..fourier.harmonics import Harmonics
 from ..mesh.settings import (
@@ -28,6 +31,7 @@ from ..mesh.settings import (
     Tie,
     TouchingFaces,
 )
+from ..parallel.errors import CaseError
 from ..points.band import Band
 from ..receptance.excitation import Excitation
 from ..reduction.settings import ModalDamping, ReductionSettings
@@ -47,7 +51,7 @@ def mesh_settings(scene: Scene) -> MeshSettings:
         file=scene.folder / scene.model.mesh,
         stated=scene.model.mesh,
         scale=scene.model.scale if scene.model.units is None else UNITS[scene.model.units].length,
-        bodies={name: _body(body, scene.materials[body.material]) for name, body in scene.bodies.items()},
+        bodies={name: _body(body, scene) for name, body in scene.bodies.items()},
         supports=tuple(Support(group=support.group, point=support.point, fix=support.fix) for support in scene.supports),
         surfaces=tuple(TouchingFaces(**dict(surface)) for surface in scene.surfaces),
         joints=tuple(_joint(joint, scene) for joint in scene.joints),
@@ -203,9 +207,49 @@ def _load(scene: Scene, load: schema.Load) -> Load:
     return Load(**kept)
 
 
-def _body(body: schema.Body, material: schema.Material) -> Body:
-    kept = {**dict(material), "expansion": material.expansion or 0.0}
-    return Body(group=body.group, integration=body.integration, incompatible_modes=body.incompatible_modes, **kept)
+def _body(body: schema.Body, scene: Scene) -> Body:
+    material = scene.materials[body.material]
+    return Body(
+        group=body.group,
+        material=_anisotropic(material, body, scene) if material.has_axes else _isotropic(material),
+        density=material.density,
+        integration=body.integration,
+        incompatible_modes=body.incompatible_modes,
+    )
+
+
+def _isotropic(material: schema.Material) -> Isotropic:
+    assert isinstance(material.young, float) and isinstance(material.poisson, float), "a material without axes"
+    assert not isinstance(material.expansion, tuple), "a material without axes"
+    return Isotropic(material.young, material.poisson, material.expansion or 0.0)
+
+
+def _anisotropic(material: schema.Material, body: schema.Body, scene: Scene) -> Anisotropic:
+    """Return a material with axes: those of the body's orientation, or the model's.
+
+    Raises
+    ------
+    CaseError : there is no material of these constants
+    """
+    try:
+        elasticity = _elasticity(material)
+    except ValueError as problem:
+        raise CaseError(f"{scene.path}: [materials.{body.material}]: there is no such material; {problem}") from None
+    axes: Directions | Cylindrical = Directions()
+    if body.orientation is not None:
+        stated = scene.orientations[body.orientation]
+        axes = Cylindrical(stated.axis, stated.axis_point) if stated.axis is not None else Directions(*(stated.directions or ()))
+    alpha = material.expansion or 0.0
+    return Anisotropic(tuple(map(tuple, elasticity.tolist())), alpha if isinstance(alpha, tuple) else (alpha,) * 3, axes)
+
+
+def _elasticity(material: schema.Material) -> np.ndarray:
+    """Return stress of strain (6, 6) [Pa] of a material with axes; ValueError where there is none."""
+    if material.elasticity is not None:
+        return checked(np.array(material.elasticity))
+    young, poisson, shear = material.young, material.poisson, material.shear
+    assert isinstance(young, tuple) and isinstance(poisson, tuple) and shear is not None, "three constants along the axes"
+    return orthotropic(young, poisson, shear)
 
 
 def _tie(tie: schema.Tie) -> Tie:

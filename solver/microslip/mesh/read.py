@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..elements import Isotropic
 from ..formats.model import KINDS, Equations, FileModel, Group
 from ..formats.read import read_model
 from ..parallel.errors import MeshError
@@ -60,7 +61,7 @@ def read_whole(path: Path) -> Mesh:
     if not everything.cells:
         raise MeshError(f"{path}: the file has no solid elements")
     file = replace(file, groups={**file.groups, _EVERYTHING: everything}, equations=None)
-    body = Body(group=_EVERYTHING, young=1.0, poisson=0.0, density=1.0)
+    body = Body(group=_EVERYTHING, material=Isotropic(1.0, 0.0), density=1.0)
     try:
         return _compose(str(path), file, MeshSettings(file=path, bodies={_EVERYTHING: body}))
     except MeshError as problem:

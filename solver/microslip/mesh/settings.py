@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..elements import Material
+
 Vector = tuple[float, float, float]
 GEOMETRY = "geometry"  # the gap of a joint: what the mesh has
 MORTAR = "mortar"  # the pairing of moments over faces
@@ -17,13 +19,11 @@ UNITS = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s2", "stress
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """A group of volume elements of one linear, isotropic material."""
+    """A group of volume elements of one linear elastic material."""
 
     group: str
-    young: float  # Pa
-    poisson: float  # -
+    material: Material
     density: float  # kg/m3
-    expansion: float = 0.0  # 1/K
     integration: str = "full"  # "full", "reduced", "reduced-both"
     incompatible_modes: bool = True  # in 8-node hexahedra
 

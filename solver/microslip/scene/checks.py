@@ -56,6 +56,7 @@ def _of_matrices(scene: Scene) -> list[str]:
     """What belongs to a mesh."""
     held = (
         ("[materials.NAME]", scene.materials),
+        ("[orientations.NAME]", scene.orientations),
         ("[bodies.NAME]", scene.bodies),
         ("[[supports]]", scene.supports),
         ("[[surfaces]]", scene.surfaces),
@@ -115,16 +116,20 @@ def _damping(scene: Scene) -> list[str]:
 
 
 def _materials(scene: Scene) -> list[str]:
-    """Bodies whose material is not there."""
-    found: list[str] = []
+    """Bodies whose material or orientation is not there."""
     if scene.awaits_file:
-        return found
+        return []
+    found = []
     for name, body in scene.bodies.items():
-        if body.material not in scene.materials:
-            near = nearest(body.material, scene.materials)
-            hint = f'nearest is "{near}"; ' if near else ""
-            known = f"known: {', '.join(scene.materials)}" if scene.materials else "there is no table [materials.NAME] at all"
-            found.append(f'[bodies.{name}] material = "{body.material}": there is no such material; {hint}{known}')
+        for key, wanted, tables in (
+            ("material", body.material, scene.materials),
+            ("orientation", body.orientation, scene.orientations),
+        ):
+            if wanted is not None and wanted not in tables:
+                near = nearest(wanted, tables)
+                hint = f'nearest is "{near}"; ' if near else ""
+                known = f"known: {', '.join(tables)}" if tables else f"there is no table [{key}s.NAME] at all"
+                found.append(f'[bodies.{name}] {key} = "{wanted}": there is no such {key}; {hint}{known}')
     return found
 
 

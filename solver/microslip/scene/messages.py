@@ -21,6 +21,7 @@ from .schema import (
     Material,
     Method,
     MovedSupport,
+    Orientation,
     Output,
     Point,
     Pressure,
@@ -33,7 +34,7 @@ from .schema import (
     Tie,
 )
 
-_NAMED: dict[str, type[Table]] = {"materials": Material, "bodies": Body}  # [materials.NAME]
+_NAMED: dict[str, type[Table]] = {"materials": Material, "orientations": Orientation, "bodies": Body}  # [materials.NAME]
 _LISTED: dict[str, type[Table]] = {  # [[loads]]
     "supports": Support,
     "surfaces": Surface,

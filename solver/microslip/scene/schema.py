@@ -5,6 +5,7 @@ Every key's description says what is expected of it, with its unit; messages quo
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -28,6 +29,7 @@ WHOLE_MODELS = (
 )  # endings of files that may state more than a mesh
 HIGHEST_FREQUENCY = 1e9  # Hz: beyond it a frequency is a slip of the pen
 LARGEST_NUMBER = 2**62  # of nodes and DOFs
+_PARALLEL = 1e-6  # sine of the angle between directions that span no plane
 DEFAULT_ACCURACY = 1e-3
 DEFAULT_INTERFACE_MODES = 40  # all there are where the joint has fewer
 
@@ -88,6 +90,8 @@ def _rising(limits: tuple[float, float]) -> tuple[float, float]:
 Name = Annotated[str, Field(pattern=r'^[^\s,"/\\\x00-\x1f](?:[^,"/\\\x00-\x1f]*[^\s,"/\\\x00-\x1f])?$')]
 Positive = Annotated[float, Field(gt=0)]
 TwoPositive = tuple[Positive, Positive]
+ThreePositive = tuple[Positive, Positive, Positive]
+Six = tuple[float, float, float, float, float, float]
 NotNegative = Annotated[float, Field(ge=0)]
 Ratio = Annotated[float, Field(ge=0, lt=1)]
 ModeNumber = Annotated[int, Field(ge=1, le=LARGEST_NUMBER)]
@@ -156,12 +160,70 @@ class Model(Table):
 
 
 class Material(Table):
-    """[materials.NAME]: linear, isotropic."""
+    """[materials.NAME]: linear elastic, isotropic or with values along axes of its own."""
 
-    young: Positive = Field(description="Young's modulus in Pa, a number above 0")
-    poisson: float = Field(gt=-1, lt=0.5, description="Poisson's ratio, a number above -1 and below 0.5")
+    young: Positive | ThreePositive | None = Field(
+        None, description="Young's modulus in Pa, a number above 0, or three along the axes of the material"
+    )
+    poisson: Annotated[float, Field(gt=-1, lt=0.5)] | Vector | None = Field(
+        None, description="Poisson's ratio, a number above -1 and below 0.5, or three: of axes 1 and 2, 1 and 3, 2 and 3"
+    )
+    shear: ThreePositive | None = Field(
+        None, description="three shear moduli in Pa, numbers above 0, of axes 1 and 2, 1 and 3, 2 and 3"
+    )
+    elasticity: tuple[Six, Six, Six, Six, Six, Six] | None = Field(
+        None, description="six rows of six numbers in Pa, symmetric, in the order 11, 22, 33, 12, 13, 23"
+    )
     density: Positive = Field(description="the density in kg/m3, a number above 0")
-    expansion: float | None = Field(None, description="the coefficient of thermal expansion in 1/K, a number")
+    expansion: float | Vector | None = Field(
+        None, description="the coefficient of thermal expansion in 1/K, a number, or three along the axes of the material"
+    )
+
+    @model_validator(mode="after")
+    def _elastic(self):
+        if self.elasticity is not None:
+            for key in ("young", "poisson", "shear"):
+                if getattr(self, key) is not None:
+                    raise ValueError(f"{key} beside elasticity, which says all of it; keep one of them")
+        else:
+            for key in ("young", "poisson"):
+                if getattr(self, key) is None:
+                    raise ValueError(f"{key} is missing: expected {Material.model_fields[key].description}")
+        if len({isinstance(self.young, tuple), isinstance(self.poisson, tuple), self.shear is not None}) > 1:
+            raise ValueError(
+                "an orthotropic material has three numbers each of young, poisson and shear; an isotropic one no shear"
+            )
+        if isinstance(self.expansion, tuple) and not self.has_axes:
+            raise ValueError("expansion holds three numbers, and the material is isotropic: expected one number in 1/K")
+        return self
+
+    @property
+    def has_axes(self) -> bool:
+        """Whether it differs by direction."""
+        return self.elasticity is not None or isinstance(self.young, tuple)
+
+
+class Orientation(Table):
+    """[orientations.NAME]: the axes of a material."""
+
+    directions: tuple[Direction, Direction] | None = Field(
+        None, description="two directions [[x, y, z], [x, y, z]]: axis 1, and another in the plane of axes 1 and 2"
+    )
+    axis: Direction | None = Field(
+        None, description="the direction [x, y, z] of axis 3, around which axis 1 is radial and axis 2 tangential"
+    )
+    axis_point: Vector = Field((0.0, 0.0, 0.0), description="a point of that axis, three coordinates [x, y, z] in m")
+
+    @model_validator(mode="after")
+    def _one_kind(self):
+        if self.exactly_one("directions", "axis") == "directions" and "axis_point" in self.model_fields_set:
+            raise ValueError("axis_point belongs to axis; directions are the same everywhere")
+        if self.directions is not None:
+            (a, b, c), (x, y, z) = self.directions
+            across = math.hypot(b * z - c * y, c * x - a * z, a * y - b * x)
+            if across <= _PARALLEL * math.hypot(a, b, c) * math.hypot(x, y, z):
+                raise ValueError("directions are parallel; they span no plane")
+        return self
 
 
 class Body(Table):
@@ -173,6 +235,9 @@ class Body(Table):
         "full", description='the quadrature, "full", "reduced" or "reduced-both"'
     )
     incompatible_modes: bool = Field(True, description="true or false: incompatible modes in 8-node hexahedra")
+    orientation: str | None = Field(
+        None, min_length=1, description="the NAME of a table [orientations.NAME]; without it axes of the material are the model's"
+    )
 
 
 class Support(Table):
@@ -794,6 +859,7 @@ class Scene(Table):
     springs: tuple[Spring, ...] = Field(
         (), description="tables, each headed [[springs]], with groups, direction, and stiffness or damping"
     )
+    orientations: dict[str, Orientation] = Field({}, description="tables [orientations.NAME] with directions, or axis")
     statics: Statics | None = Field(None, description="a table [statics]")
     loads: tuple[Load, ...] = Field(min_length=1, description="at least one table headed [[loads]], with position and direction")
     outputs: tuple[Output, ...] = Field(

@@ -14,6 +14,7 @@ from ..model import (
     FileJoint,
     FileMass,
     FileMaterial,
+    FileOrientation,
     FilePoint,
     FileSpring,
     FileStatics,
@@ -73,15 +74,15 @@ class Table:
 
     keyword: str
     where: str  # of the first row that differs
-    keys: tuple[str, ...]  # of a material, one for each column but the last
-    rows: np.ndarray  # (n, len(keys) + 1), the temperature last
+    kind: str  # of VALUES in properties.py
+    rows: np.ndarray  # (n, number of values + 1), the temperature last
     zero: float = 0.0  # temperature from which an expansion counts
     is_of_temperature: bool = True  # alone; other fields, or a routine of the user, are not followed
 
-    def at(self, temperature: float, column: int) -> float:
-        """Return a value between the rows, constant beyond them."""
-        order = np.argsort(self.rows[:, -1], kind="stable")
-        return float(np.interp(temperature, self.rows[order, -1], self.rows[order, column]))
+    def at(self, temperature: float) -> np.ndarray:
+        """Return the values between the rows, constant beyond them."""
+        *columns, temperatures = self.rows[np.argsort(self.rows[:, -1], kind="stable")].T
+        return np.array([np.interp(temperature, temperatures, column) for column in columns])
 
 
 @dataclass(eq=False)
@@ -94,7 +95,9 @@ class Gathered:
     steps: list[Step]
     findings: Findings
     materials: dict[str, FileMaterial] = field(default_factory=dict)
+    orientations: dict[str, FileOrientation] = field(default_factory=dict)
     tables: dict[str, list[Table]] = field(default_factory=dict)  # of materials that depend on the temperature
+    axes_of_materials: set[Card] = field(default_factory=set)  # *ORIENTATION that sections name and whose materials need
     bodies: dict[str, FileBody] = field(default_factory=dict)
     supports: list[FileSupport] = field(default_factory=list)
     ties: list[FileTie] = field(default_factory=list)

@@ -9,13 +9,16 @@ import numpy as np
 from ...parallel.errors import MeshError
 from ..model import FileBody, FileMaterial
 from .cards import Card, number
+from .elastic import VALUES, keys_of, kind_of_material, orientation_of
 from .gathered import Gathered, Table
 from .scopes import Scope
 from .types import OF_DISCRETE, Integration, integration_of, is_solid, kind_of, note_on
 
+_A_LINE = 8  # numbers of a material card on a full line
+
 
 def take_materials(model: Gathered) -> None:
-    """Take linear, isotropic materials; those whose values depend on the temperature with their tables (temperatures.py).
+    """Take linear elastic materials; those whose values depend on the temperature with their tables (temperatures.py).
 
     Raises
     ------
@@ -36,31 +39,51 @@ def _spelled(model: Gathered, name: str) -> str:
 
 def _with(model: Gathered, material: FileMaterial, name: str, card: Card) -> FileMaterial:
     """Return a material with what one card says."""
-    kind = card.parameter("TYPE", "ISO")
-    if kind not in ("ISO", "ISOTROPIC") and card.keyword != "DENSITY":
-        effect = f"material {name!r} is not isotropic ({kind})"
-        model.findings.add(f"*{card.keyword}, TYPE={kind}", card.where, effect, True, "materials")
+    kind = kind_of_material(card)
+    if kind is None:
+        stated = card.parameter("TYPE")
+        effect = f"material {name!r} is of a type ({stated}) that this program does not have"
+        model.findings.add(f"*{card.keyword}, TYPE={stated}", card.where, effect, True, "materials")
         return material
-    keys = {"ELASTIC": ("young", "poisson"), "DENSITY": ("density",), "EXPANSION": ("expansion",)}[card.keyword]
-    lines = list(card.lines())
-    rows = [_row(words, where, card, len(keys)) for words, where in lines]
+    n = VALUES[card.keyword, kind]
+    records = _records(card, n)
+    rows = [_row(words, where, card, n) for words, where in records]
     if not rows:
         raise MeshError(f"{card.where}: *{card.keyword} of material {name!r} holds no numbers")
-    other = [where for row, (_, where) in zip(rows, lines, strict=True) if row != rows[0]]
+    other = [where for row, (_, where) in zip(rows, records, strict=True) if row != rows[0]]
     if other or "USER" in card.parameters:
         where = (other or [card.where])[0]
-        model.tables.setdefault(name, []).append(_table(card, lines, keys, where))
-    return replace(material, **dict(zip(keys, rows[0], strict=True)))
+        model.tables.setdefault(name, []).append(_table(card, records, kind, where))
+    return replace(material, **keys_of(card.keyword, kind, rows[0]))
 
 
-def _table(card: Card, lines: list[tuple[list[str], str]], keys: tuple[str, ...], where: str) -> Table:
+def _records(card: Card, n: int) -> list[tuple[list[str], str]]:
+    """Return the fields of each set of ``n`` values, its temperature and fields behind them, and where it begins.
+
+    Raises
+    ------
+    MeshError : lines that belong to a set are missing
+    """
+    lines = list(card.lines())
+    n_fields = max(int(number(card.parameters.get("DEPENDENCIES", "0")) or 0), 0)
+    n_lines = -(-(n + 1 + n_fields) // _A_LINE)
+    if len(lines) % n_lines:
+        raise MeshError(f"{card.where}: *{card.keyword} holds {len(lines)} lines where sets of {n_lines} are due")
+    starts = range(0, len(lines), n_lines)
+    if n_lines == 1:
+        return lines
+    padded = [(words + [""] * _A_LINE)[:_A_LINE] for words, _ in lines]
+    return [(sum(padded[i : i + n_lines], []), lines[i][1]) for i in starts]
+
+
+def _table(card: Card, records: list[tuple[list[str], str]], kind: str, where: str) -> Table:
     """Return values over the temperature, the number behind them in each row."""
-    n = len(keys)
-    rows = np.array([_row(words, at, card, n + 1) for words, at in lines])
-    has_fields = any(word for words, _ in lines for word in words[n + 1 :])
+    n = VALUES[card.keyword, kind]
+    rows = np.array([_row(words, at, card, n + 1) for words, at in records])
+    has_fields = any(word for words, _ in records for word in words[n + 1 :])
     is_plain = not has_fields and not {"USER", "DEPENDENCIES"} & set(card.parameters)
     zero = number(card.parameters.get("ZERO", "0")) or 0.0
-    return Table(card.keyword, where, keys, rows, zero, is_plain)
+    return Table(card.keyword, where, kind, rows, zero, is_plain)
 
 
 def _row(words: list[str], where: str, card: Card, n: int) -> tuple[float, ...]:
@@ -86,6 +109,9 @@ def take_sections(model: Gathered) -> None:
             has_section[elements] = True
             _take_section(model, scope, card, elements, words)
     _find_without_section(model, has_section, words)
+    for _, card in model.cards:
+        if card.keyword == "ORIENTATION" and card not in model.axes_of_materials:
+            model.findings.add("*ORIENTATION", card.where, "no material that differs by direction has it", False, "bodies")
 
 
 def _words(model: Gathered) -> np.ndarray:
@@ -98,6 +124,7 @@ def _take_section(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
         model.findings.add("*SOLID SECTION, COMPOSITE", card.where, "layers of several materials", True, "bodies")
         return
     material = _spelled(model, card.parameters.get("MATERIAL", ""))
+    orientation = _orientation(model, scope, card, model.materials.get(material, FileMaterial()))
     parts: dict[Integration, list[int]] = {}
     for i in np.unique(words[elements]):
         word = model.mesh.blocks[i][1].word
@@ -112,8 +139,41 @@ def _take_section(model: Gathered, scope: Scope, card: Card, elements: np.ndarra
         if group in model.bodies:
             continue
         model.bodies[group] = FileBody(
-            group=group, material=material, integration=how.integration, incompatible_modes=how.incompatible_modes
+            group=group,
+            material=material,
+            orientation=orientation,
+            integration=how.integration,
+            incompatible_modes=how.incompatible_modes,
         )
+
+
+def _orientation(model: Gathered, scope: Scope, section: Card, material: FileMaterial) -> str | None:
+    """Return the name of the axes of a section's material, and take them; None where they are the model's, or none are needed.
+
+    Raises
+    ------
+    MeshError : it names axes that there are not
+    """
+    if not material.has_axes and not isinstance(material.expansion, tuple):
+        return None
+    wanted = section.parameters.get("ORIENTATION", "")
+    if not wanted:
+        if (scope.rotation != np.eye(3)).any():
+            effect = f"a material that differs by direction in instance {scope.name}, which is turned, without *ORIENTATION"
+            model.findings.add("*SOLID SECTION", section.where, effect, True, "bodies")
+        return None
+    for owner, card in model.cards:
+        if card.keyword == "ORIENTATION" and owner is scope and card.parameter("NAME") == wanted.upper():
+            model.axes_of_materials.add(card)
+            found = orientation_of(scope, card)
+            if found is None:
+                effect = "axes of a material that are not stated by coordinates, rectangular or cylindrical"
+                model.findings.add("*ORIENTATION", card.where, effect, True, "bodies")
+                return None
+            name = scope.named(card.parameters["NAME"])
+            model.orientations[name] = found
+            return name
+    raise MeshError(f"{section.where}: *SOLID SECTION: there is no *ORIENTATION {wanted!r}")
 
 
 def _find_without_section(model: Gathered, has_section: np.ndarray, words: np.ndarray) -> None:

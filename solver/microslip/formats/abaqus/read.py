@@ -65,6 +65,7 @@ def read_inp(path: str) -> FileModel:
     take_discrete(model)
     take_supports(model)
     take_statics(model)
+    model.materials = {name: one.with_axes() for name, one in model.materials.items()}
     _find_rest(model)
     return _composed(model)
 
@@ -154,6 +155,7 @@ def _composed(model: Gathered) -> FileModel:
         model.grouped.groups,
         notes,
         materials=model.materials,
+        orientations=model.orientations,
         bodies=model.bodies,
         supports=tuple(model.supports),
         ties=tuple(model.ties),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from ...parallel.errors import MeshError
 from ..model import FileBody, FileMaterial
 from .cards import Card, number
+from .elastic import keys_of
 from .gathered import Gathered, Table
 from .scopes import Scope
 
@@ -88,14 +90,13 @@ def _at(material: FileMaterial, tables: list[Table], cold: float, warm: float) -
 
     An expansion counts from its table's zero, and its value becomes what the way from ``cold`` to ``warm`` expands by, a degree.
     """
-    changed = {}
+    changed: dict[str, Any] = {}
     for table in tables:
-        for i, key in enumerate(table.keys):
-            value = table.at(warm, i)
-            if key == "expansion" and warm != cold:
-                strain = value * (warm - table.zero) - table.at(cold, i) * (cold - table.zero)
-                value = strain / (warm - cold)
-            changed[key] = value
+        values = table.at(warm)
+        if table.keyword == "EXPANSION" and warm != cold:
+            strain = values * (warm - table.zero) - table.at(cold) * (cold - table.zero)
+            values = strain / (warm - cold)
+        changed.update(keys_of(table.keyword, table.kind, values.tolist()))
     return replace(material, **changed)
 
 

@@ -8,22 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import Finding
+from ..model import FileMaterial, Finding
 from . import constraints as between
 from .commands import Command
+from .materials import OTHER_AXES, PLAIN, material_of, take_system
 
-_PROPERTIES = {"EX": "young", "NUXY": "poisson", "PRXY": "poisson", "DENS": "density", "ALPX": "expansion"}
-_OTHER_AXES = {  # what an isotropic material may state of its other axes: the property that they repeat
-    **dict.fromkeys(("EY", "EZ"), "young"),
-    **dict.fromkeys(("GXY", "GYZ", "GXZ"), "shear"),
-    **dict.fromkeys(("NUYZ", "NUXZ", "PRYZ", "PRXZ"), "poisson"),
-    **dict.fromkeys(("ALPY", "ALPZ"), "expansion"),
-}
-_ALIKE = 1e-4  # of a property: digits with which files repeat it
 # what sets up the program, selects, solves or prints; and loads, which are counted
 _HARMLESS = set(
     "FINISH DOF *IF *ELSE *ELSEIF *ENDIF *SET *DIM *GET *DO *ENDDO NUMOFF EXTOPT TYPE MAT REAL ESYS SECNUM SHPP N EN NBLOCK "
-    "EBLOCK CMBLOCK CM CMGRP CMSEL ALLSEL ESEL NSEL RLBLOCK MPTEMP CSYS DSYS LOCAL TREF TUNIF BFUNIF TOFFST ANTYPE "
+    "EBLOCK CMBLOCK CM CMGRP CMSEL ALLSEL ESEL NSEL RLBLOCK MPTEMP CSYS DSYS TREF TUNIF BFUNIF TOFFST ANTYPE "
     "MODOPT MXPAND MODCONTROL QRDOPT EQSLV HROPT HROUT HARFRQ KUSE TIME NCNV CRPLIM AUTOTS NSUBST DELTIM KBC OUTRES OUTPR "
     "NROPT CNVTOL LNSRCH NEQIT PRED NLGEOM SSTIF RESCONTROL ERESX SOLVE SAVE ALPHAD BETAD DMPRAT DMPSTR MDAMP IRLF CGLOC "
     "LSWRITE CDREAD CDOPT PSTRES WPSTYL SECDATA SECTYPE SECBLOCK SECCONTROL SECOFFSET SECJOINT SECLOCK SECSTOP SFBEAM "
@@ -51,10 +44,10 @@ class Content:
 
     types: dict[int, int] = field(default_factory=dict)  # ET: number of a type, and of its element
     keys: dict[int, dict[int, int]] = field(default_factory=dict)  # KEYOPT
-    materials: dict[int, dict[str, float]] = field(default_factory=dict)
-    of_axes: list[tuple[Command, str, int, float]] = field(
-        default_factory=list
-    )  # properties of other axes: label, material, value
+    known: dict[int, dict[str, float]] = field(default_factory=dict)  # properties of materials, by their label
+    stated: dict[tuple[int, str], Command] = field(default_factory=dict)  # where a property of a material is stated
+    materials: dict[int, FileMaterial] = field(default_factory=dict)
+    systems: dict[int, tuple[int, np.ndarray, np.ndarray]] = field(default_factory=dict)  # LOCAL: kind, origin, angles
     constants: dict[int, list[float]] = field(default_factory=dict)  # R, RMORE, RMODIF
     constraints: between.Restraints = field(default_factory=between.Restraints)
     findings: list[Finding] = field(default_factory=list)
@@ -81,6 +74,8 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
             content.keys.setdefault(int(command.number(0)), {})[int(command.number(1))] = int(command.number(2))
         elif word in ("MP", "MPDATA"):
             _take_property(content, command)
+        elif word == "LOCAL":
+            take_system(content.systems, command)
         elif word in ("R", "RMORE"):
             last_real = int(command.number(0)) if word == "R" else last_real
             values = [command.number(i) for i in range(1 if word == "R" else 0, len(command.fields))]
@@ -103,7 +98,7 @@ def gather(said: Iterable[Command], numbers: np.ndarray, components: dict[str, n
             content.facts += (f"units: {command.field(0)}, as it says",)
         else:
             _pass_over(content, command)
-    content.findings.extend(_of_other_axes(content))
+    _make_materials(content)
     return content
 
 
@@ -116,18 +111,16 @@ def _change_constants(content: Content, command: Command) -> None:
         known[i] = value
 
 
-def _of_other_axes(content: Content) -> list[Finding]:
-    """Return a finding for each property of another axis that is not that of an isotropic material."""
-    found = []
-    for command, label, number, value in content.of_axes:
-        known = content.materials[number]
-        young, poisson = known.get("young"), known.get("poisson")
-        shear = young / (2.0 * (1.0 + poisson)) if young is not None and poisson not in (None, -1.0) else None
-        expected = {**known, "shear": shear}.get(_OTHER_AXES[label])
-        if expected is None or abs(value - expected) > _ALIKE * abs(expected):
-            effect = f"{label} of material {number}: it is not isotropic"
-            found.append(Finding(word=command.word, where=command.where, effect=effect, changes=True, part="materials"))
-    return found
+def _make_materials(content: Content) -> None:
+    """Make the materials of their properties, with a finding for each that another axis has and that does not do."""
+    for number, known in content.known.items():
+        content.materials[number], lacking = material_of(known)
+        for label in lacking:
+            command = content.stated[number, label]
+            effect = f"{label} of material {number}: it is not isotropic, and E, PR or NU, and G of all axes are not stated"
+            content.findings.append(
+                Finding(word=command.word, where=command.where, effect=effect, changes=True, part="materials")
+            )
 
 
 def _take_keys(content: Content, command: Command, fields: tuple[str, ...]) -> None:
@@ -164,19 +157,19 @@ def _take_property(content: Content, command: Command) -> None:
     i = 2 if command.word == "MPDATA" and command.field(0).upper().startswith("R5") else 0
     label, number = command.field(i).upper(), int(command.number(i + 1))
     value, position = command.number(i + 3 if command.word == "MPDATA" else i + 2), command.number(i + 2)
-    known = content.materials.setdefault(number, {})
+    known = content.known.setdefault(number, {})
     where, part = command.where, "materials"
-    if label == "REFT" or (label in _PROPERTIES and command.word == "MPDATA" and position > 1):
-        changes = label in _PROPERTIES and known.get(_PROPERTIES[label], value) != value
+    is_taken = label in (*PLAIN, *OTHER_AXES)
+    if label == "REFT" or (is_taken and command.word == "MPDATA" and position > 1):
+        changes = is_taken and known.get(label, value) != value
         effect = f"{label} of material {number} at further temperatures"
         content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=changes, part=part))
-    elif label in _PROPERTIES:
-        known[_PROPERTIES[label]] = value
+    elif is_taken:
+        known[label] = value
+        content.stated[number, label] = command
         if command.word == "MP" and any(command.number(k) for k in range(3, 7)):
             effect = f"{label} of material {number} depends on the temperature; its value at 0 would be taken"
             content.findings.append(Finding(word="MP", where=where, effect=effect, changes=True, part=part))
-    elif label in _OTHER_AXES:
-        content.of_axes.append((command, label, number, value))
     elif label in ("DMPR", "BETD", "ALPD", "DMPS"):
         effect = f"damping of material {number}; state [damping]"
         content.findings.append(Finding(word=command.word, where=where, effect=effect, changes=False, part=part))

@@ -2,25 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from ..model import Cells, FileBody, Finding, Group
+from ..model import Cells, FileBody, FileMaterial, FileOrientation, Finding, Group
 from .blocks import FIELDS, Blocks
 from .contacts import CONTACT, TARGET, Side, findings_of_contacts, side_of
 from .content import Content
+from .materials import orientation_of
 from .shapes import faces, solids, tetrahedra
 from .types import EFFECTS, Solid, solid_of
 
 
-def cells_and_bodies(blocks: Blocks, content: Content, groups: dict[str, Group]) -> tuple[list[Cells], dict[str, FileBody]]:
-    """Return the cells, and the bodies: solids by material and type; fill groups of solids and contact surfaces.  Local."""
+def cells_and_bodies(
+    blocks: Blocks, content: Content, groups: dict[str, Group]
+) -> tuple[list[Cells], dict[str, FileBody], dict[str, FileOrientation]]:
+    """Return the cells, the bodies, solids by material and type, and the axes that they have; fill groups of them.  Local."""
     start, flat, numbers, elements = blocks.start[:-1], blocks.flat, blocks.numbers, blocks.elements
     n_nodes = np.diff(blocks.start) - FIELDS
-    material, kind, real = (flat[start + i] for i in range(3))
+    material, kind, real, _, system = (flat[start + i] for i in range(5))
     for number, element_type in blocks.types.items():
         content.types.setdefault(number, element_type)
     cells: list[Cells] = []
     bodies: dict[str, FileBody] = {}
+    orientations: dict[str, FileOrientation] = {}
     sides: list[Side] = []
     for number in np.unique(kind):
         own_type = content.types.get(int(number), 0)
@@ -44,15 +50,45 @@ def cells_and_bodies(blocks: Blocks, content: Content, groups: dict[str, Group])
         elif solid.differs:
             content.findings.append(Finding(word=f"SOLID{own_type}", where=f"ET {number}", effect=solid.differs, changes=False))
         for one in np.unique(material[rows_of_type]):
-            own = rows_of_type & (material == one)
-            name = f"material {one}" if (kind[material == one] == number).all() else f"material {one} type {number}"
-            rows = _rows(flat, start, n_nodes, own, solid.n_nodes)
-            _add_cells(groups, name, cells, (tetrahedra if solid.n_nodes == 10 else solids)(rows, elements[own], numbers))
-            bodies[name] = FileBody(
-                group=name, material=f"material {one}", integration=solid.integration, incompatible_modes=solid.incompatible_modes
-            )
+            of_material = rows_of_type & (material == one)
+            named = f"material {one}" if (kind[material == one] == number).all() else f"material {one} type {number}"
+            for name, own, axes in _by_axes(named, of_material, system, content, int(one), orientations):
+                rows = _rows(flat, start, n_nodes, own, solid.n_nodes)
+                _add_cells(groups, name, cells, (tetrahedra if solid.n_nodes == 10 else solids)(rows, elements[own], numbers))
+                bodies[name] = FileBody(
+                    group=name,
+                    material=f"material {one}",
+                    orientation=axes,
+                    integration=solid.integration,
+                    incompatible_modes=solid.incompatible_modes,
+                )
     content.findings.extend(findings_of_contacts(content, sides))
-    return cells, bodies
+    return cells, bodies, orientations
+
+
+def _by_axes(
+    name: str, own: np.ndarray, system: np.ndarray, content: Content, material: int, found: dict[str, FileOrientation]
+) -> Iterator[tuple[str, np.ndarray, str | None]]:
+    """Yield the elements of one material that have the same axes, with a name for them and that of the axes.
+
+    Elements of isotropic materials stay together. Axes of other than the model's are taken into ``found``.
+    """
+    if not content.materials.get(material, FileMaterial()).has_axes:
+        yield name, own, None
+        return
+    alike = np.unique(system[own])
+    for number in alike:
+        axes = f"ESYS {number}" if number else None
+        if axes is not None:
+            made = orientation_of(*content.systems[int(number)]) if int(number) in content.systems else None
+            if made is None:
+                effect = f"element axes of material {material}, which no LOCAL states as Cartesian or cylindrical"
+                where = f"{(own & (system == number)).sum()} elements"
+                content.findings.append(Finding(word=axes, where=where, effect=effect, changes=True, part="bodies"))
+                axes = None
+            else:
+                found[axes] = made
+        yield (name if len(alike) == 1 else f"{name} ESYS {number}"), own & (system == number), axes
 
 
 def _rows(flat: np.ndarray, start: np.ndarray, n_nodes: np.ndarray, own: np.ndarray, width: int) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...parallel.apart import Died, read_apart
 from ...parallel.errors import MeshError
-from ..model import FileMaterial, FileModel, Group
+from ..model import FileModel, Group
 from . import constraints as between
 from .attached import attached, known_nodes, nodes_of_solids, rigid_regions
 from .blocks import Blocks, blocks_of_archive, blocks_of_text
@@ -69,7 +69,7 @@ def model_of(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
     for number, keys in blocks.keys.items():
         content.keys.setdefault(number, {}).update(keys)
     groups: dict[str, Group] = {}
-    cells, bodies = cells_and_bodies(blocks, content, groups)
+    cells, bodies, orientations = cells_and_bodies(blocks, content, groups)
     for name, own in blocks.element_components.items():
         add_elements(groups.setdefault(name, Group()), cells, own)
     for name, own in blocks.node_components.items():
@@ -87,7 +87,8 @@ def model_of(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
         numbers,
         tuple(cells),
         groups,
-        materials={f"material {number}": FileMaterial(**known) for number, known in content.materials.items()},
+        materials={f"material {number}": one for number, one in content.materials.items()},
+        orientations=orientations,
         bodies=bodies,
         supports=supports,
         connected=tuple(leading.values()),

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ..model import KINDS, Cells, FileBody, FileMaterial, FileModel, Finding, Group, index_of, names_of_tags
+from ..model import KINDS, Cells, FileBody, FileModel, FileOrientation, Finding, Group, index_of, names_of_tags
 from .cards import EFFECTS, HARMLESS, PARTS, SHELLS
 from .connections import connections
-from .content import Content, mass_factor
+from .content import Content
+from .materials import axes_of, materials, name_of
 from .plain import Plain, Solids, none_plain, take_plain
 from .supports import equations, supports
 
@@ -59,20 +60,23 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
     others = np.array([node.get_position() for node in cards.nodes.values()], dtype=float).reshape(-1, 3)
     order = np.argsort(numbers)
     content = Content(cards, numbers[order], np.concatenate([plain.points, others])[order])
-    cells, bodies = _cells_and_bodies(content, plain.solids)
+    orientations: dict[str, FileOrientation] = {}
+    cells, bodies = _cells_and_bodies(content, plain.solids, orientations)
     content.of_solids = np.zeros(len(numbers), dtype=bool)
     for own in cells:
         content.of_solids[own.nodes] |= KINDS[own.kind][0] == 3
     _sets(content)
     connected, masses, springs, of_rigid = connections(content)
     held = supports(content, {point.name for point in connected}, of_rigid)
+    found_materials = materials(content)
     _report(content)
     return FileModel(
         content.points,
         content.numbers,
         tuple(cells),
         content.groups,
-        materials=_materials(content),
+        materials=found_materials,
+        orientations=orientations,
         bodies=bodies,
         supports=held.supports,
         connected=connected,
@@ -203,8 +207,10 @@ class _Files:
         return inner
 
 
-def _cells_and_bodies(content: Content, plain: tuple[Solids, ...]) -> tuple[list[Cells], dict[str, FileBody]]:
-    """Return cells by kind and property, and the bodies: the solids of each property."""
+def _cells_and_bodies(
+    content: Content, plain: tuple[Solids, ...], orientations: dict[str, FileOrientation]
+) -> tuple[list[Cells], dict[str, FileBody]]:
+    """Return cells by kind and property, and the bodies: the solids of each property; take the axes of their materials."""
     rows: dict[tuple[str, int], list[tuple[np.ndarray, np.ndarray]]] = {}
     for block in plain:
         for pid in np.unique(block.properties):
@@ -225,7 +231,8 @@ def _cells_and_bodies(content: Content, plain: tuple[Solids, ...]) -> tuple[list
         name = names[KINDS[kind][0], pid]
         content.groups.setdefault(name, Group()).add_cells(len(cells) - 1, np.arange(len(elements)))
         if KINDS[kind][0] == 3 and (known := content.cards.properties.get(pid)) is not None:
-            bodies[f"PSOLID {pid}"] = FileBody(group=name, material=f"MAT1 {known.mid}")
+            axes = axes_of(content, known, orientations) if known.type == "PSOLID" else None
+            bodies[f"PSOLID {pid}"] = FileBody(group=name, material=name_of(content, known.mid), orientation=axes)
     return cells, bodies
 
 
@@ -270,18 +277,6 @@ def _sets(content: Content) -> None:
         own = [node for node in getattr(one, "ids", ()) if node in known]
         if own:
             content.group(f"SET1 {number}", content.nodes_of(own, f"SET1 {number}"))
-
-
-def _materials(content: Content) -> dict[str, FileMaterial]:
-    """Return the isotropic materials; Nastran's defaults tie E, G and nu together."""
-    found = {}
-    for number, one in content.cards.materials.items():
-        if one.type == "MAT1":
-            density = float(one.rho) * mass_factor(content)
-            found[f"MAT1 {number}"] = FileMaterial(
-                young=float(one.e), poisson=float(one.nu), density=density or None, expansion=float(one.a) if one.a else None
-            )
-    return found
 
 
 def _report(content: Content) -> None:

@@ -8,12 +8,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from ... import elements
-from ...formats.model import FileJoint, FileModel, Finding
+from ...formats.model import FileBody, FileJoint, FileMaterial, FileModel, FileOrientation, Finding
 from ...formats.units import Units
 from ...mesh.data import Mesh
 from ...mesh.settings import Body
 from ...mesh.skin import faces_of_group, skin_of_mesh
 from ...parallel.words import place
+from ...scene import schema
+from ...scene.schema import Material, Orientation
 
 MOST = 40  # groups, findings or bodies that are listed one by one
 
@@ -82,12 +84,47 @@ def materials(file: FileModel, units: Units) -> list[str]:
     """Return a line for each material of the file, in SI units.  Local."""
     found = []
     for name, one in file.materials.items():
-        parts = [f"young {one.young * units.stress:.6g} Pa"] if one.young is not None else ["no young"]
-        parts += [f"poisson {one.poisson:g}" if one.poisson is not None else "no poisson"]
+        parts = elastic(one, units.stress)
         parts += [f"density {one.density * units.density:.6g} kg/m3" if one.density is not None else "no density"]
-        parts += [f"expansion {one.expansion:g} 1/K"] if one.expansion is not None else []
+        parts += expansion(one)
         found.append(f"{name}: {', '.join(parts)}")
     return table("materials", found)
+
+
+def elastic(one: FileMaterial | Material, stress: float = 1.0) -> list[str]:
+    """Return the elastic constants of a material in words; ``stress`` is a unit of it [Pa].  Local."""
+    if one.elasticity is not None:
+        return [
+            f"elasticity along its axes {_numbers(tuple(one.elasticity[i][i] for i in range(6)), stress)} Pa and between them"
+        ]
+    parts = [f"young {_numbers(one.young, stress)} Pa"] if one.young is not None else ["no young"]
+    parts += [f"poisson {_numbers(one.poisson)}" if one.poisson is not None else "no poisson"]
+    return parts + ([f"shear {_numbers(one.shear, stress)} Pa"] if one.shear is not None else [])
+
+
+def expansion(one: FileMaterial | Material) -> list[str]:
+    """Return how a material expands, in words; nothing where that is not stated.  Local."""
+    return [f"expansion {_numbers(one.expansion)} 1/K"] if one.expansion is not None else []
+
+
+def axes(
+    orientations: Mapping[str, FileOrientation | Orientation], bodies: Mapping[str, FileBody | schema.Body], length: float = 1.0
+) -> list[str]:
+    """Return a line for the axes of materials and the bodies that have them; ``length`` is a unit of it [m].  Local."""
+    found = []
+    for name, one in orientations.items():
+        of = ", ".join(body for body, own in bodies.items() if own.orientation == name)
+        if one.directions is not None:
+            text = f"1 along {place(one.directions[0])}, 2 towards {place(one.directions[1])}"
+        else:
+            text = f"around {place(one.axis or ())} through {place(np.multiply(one.axis_point or (0.0, 0.0, 0.0), length))} m"
+        found.append(f"{name}: {text}" + (f", of {of}" if of else ""))
+    return table("axes", found)
+
+
+def _numbers(value: float | tuple[float, ...], factor: float = 1.0) -> str:
+    """Return a number, or several, times a factor."""
+    return " ".join(f"{factor * one:.6g}" for one in (value if isinstance(value, tuple) else (value,)))
 
 
 def attached(file: FileModel, units: Units) -> list[str]:

@@ -60,6 +60,7 @@ def lines_of_file(path: str, file: FileModel, mesh: Mesh, settings: MeshSettings
         *content.facts(file),
         *content.bodies(mesh, settings.bodies, volume),
         *content.materials(file, UNITS[units]),
+        *content.axes(file.orientations, file.bodies, UNITS[units].length),
         *content.groups(mesh, settings.bodies),
         *content.attached(file, UNITS[units]),
         *content.passed_over(file.findings),

@@ -50,7 +50,7 @@ def suspicion(
 
 def better_units(diagonal: float, materials: Iterable[FileMaterial]) -> list[str]:
     """Return the units in which materials and length are plausible, those with the likelier lengths first.  Local."""
-    known = [one for one in materials if one.young is not None or one.density is not None]
+    known = [one for one in materials if one.modulus is not None or one.density is not None]
     fitting = [
         name
         for name, units in UNITS.items()
@@ -63,14 +63,14 @@ def _as(diagonal: float, materials: Mapping[str, FileMaterial], name: str) -> st
     """Say what some units would make of the file."""
     units, (material, one) = UNITS[name], next(iter(materials.items()))
     parts = [f"{diagonal * units.length:.4g} m across"]
-    parts += [f"young {one.young * units.stress:.4g} Pa"] if one.young is not None else []
+    parts += [f"young {one.modulus * units.stress:.4g} Pa"] if one.modulus is not None else []
     parts += [f"density {one.density * units.density:.4g} kg/m3"] if one.density is not None else []
     return f'in "{name}" it is {parts[0]}, {material!r} has {" and ".join(parts[1:])}: '
 
 
 def _odd_material(name: str, one: FileMaterial, units: Units) -> str:
     """Say what no material has; empty where it is plausible."""
-    young = None if one.young is None else one.young * units.stress
+    young = None if one.modulus is None else one.modulus * units.stress
     density = None if one.density is None else one.density * units.density
     if young is not None and not _within(young, _YOUNG):
         return f"{name!r} has young = {young:.4g} Pa"

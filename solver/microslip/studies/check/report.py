@@ -52,6 +52,7 @@ def description(
         *content.facts(file),
         *content.bodies(mesh, settings.bodies, volume),
         *_materials(scene),
+        *content.axes(scene.orientations, scene.bodies),
         *content.groups(mesh, settings.bodies),
         *_supports(mesh, settings),
         *content.table("masses", [f"{one.group}: {one.mass:.6g} kg a node" for one in settings.masses]),
@@ -83,8 +84,7 @@ def _materials(scene: Scene) -> list[str]:
     """Return a line for each material that a body has."""
     used = dict.fromkeys(body.material for body in scene.bodies.values())
     lines = [
-        f"{name}: young {one.young:.6g} Pa, poisson {one.poisson:g}, density {one.density:.6g} kg/m3"
-        + (f", expansion {one.expansion:g} 1/K" if one.expansion is not None else "")
+        f"{name}: {', '.join([*content.elastic(one), f'density {one.density:.6g} kg/m3', *content.expansion(one)])}"
         for name, one in scene.materials.items()
         if name in used
     ]

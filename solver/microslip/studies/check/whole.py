@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...elements import Isotropic
 from ...formats.model import KINDS, FileModel, Group
 from ...formats.units import UNITS, Units
 from ...mesh.data import Mesh
@@ -18,7 +19,7 @@ from .plausible import SI, better_units, suspicion
 def whole_mesh(path: str, file: FileModel, units: Units) -> tuple[Mesh, MeshSettings]:
     """Return the mesh of all bodies of a model file in metres, and the settings that it was read by.  Local, rank 0.
 
-    Young's modulus, Poisson's ratio and density of a body are NaN where the file does not state them.
+    The density of a body is NaN where the file does not state it, and its elastic constants are.
 
     Raises
     ------
@@ -79,11 +80,8 @@ def _is_solid(kind: str) -> bool:
 def _body(file: FileModel, name: str, group: str, units: Units) -> Body:
     own = file.bodies.get(name)
     material = file.materials.get(own.material) if own is not None else None
-    young, poisson, density = (
-        np.nan if material is None or (value := getattr(material, key)) is None else value
-        for key in ("young", "poisson", "density")
-    )
-    return Body(group=group, young=young * units.stress, poisson=poisson, density=density * units.density)
+    density = np.nan if material is None or material.density is None else material.density
+    return Body(group=group, material=Isotropic(np.nan, np.nan), density=density * units.density)
 
 
 def _no_bodies(file: FileModel) -> str:

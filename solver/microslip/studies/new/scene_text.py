@@ -6,10 +6,10 @@ import json
 from dataclasses import dataclass
 
 from ...formats.model import FileMaterial, FileModel, FileStatics, Finding
-from ...formats.units import UNITS
+from ...formats.units import UNITS, times
 from ...mesh.data import Mesh
 from ...mesh.settings import MeshSettings, TouchingFaces
-from ...scene.text import key_text
+from ...scene.text import key_text, value_text
 from .candidates import Candidate
 from .places import Place
 
@@ -116,7 +116,7 @@ def _materials(first: First) -> str:
     file, lacking = first.file, []
     for name in dict.fromkeys(body.material for body in file.bodies.values()):
         one = file.materials.get(name)
-        if one is None or None in (one.young, one.poisson, one.density):
+        if one is None or one.lacking:
             lacking.append(name)
     if not file.bodies:
         lacking = ["steel"]
@@ -124,11 +124,14 @@ def _materials(first: First) -> str:
     units = UNITS[first.units or "m-kg-s"]
     for name in lacking:
         one = file.materials.get(name, FileMaterial())
-        known = {"young": (one.young, units.stress), "poisson": (one.poisson, 1.0), "density": (one.density, units.density)}
         lines.append(f"[materials.{key_text(name)}]")
-        for key, (value, factor) in known.items():
-            comment = f"{_STEEL[key][1]}: steel's; the file does not state it" if value is None else "as in the file"
-            lines.append(_line(key, _STEEL[key][0] if value is None else repr(value * factor), comment))
+        factors = {"young": units.stress, "shear": units.stress, "elasticity": units.stress, "density": units.density}
+        for key in ("young", "poisson", "shear", "elasticity", "density", "expansion"):
+            value = getattr(one, key)
+            if key in one.lacking:
+                lines.append(_line(key, _STEEL[key][0], f"{_STEEL[key][1]}: steel's; the file does not state it"))
+            elif value is not None:
+                lines.append(_line(key, value_text(times(value, factors.get(key, 1.0))), "as in the file"))
         lines.append("")
     if file.bodies and not lacking:
         names = ", ".join(dict.fromkeys(body.material for body in file.bodies.values()))

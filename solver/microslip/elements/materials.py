@@ -1,0 +1,264 @@
+"""Linear elastic materials: stress of strain, and stiffness of the gradients of shape functions (docs/theory.md, section 2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+Vector = tuple[float, float, float]
+COMPONENTS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # the order of six stresses and strains, as in Abaqus
+_ROUNDED = 1e-9  # of the largest entry of an elasticity: what the digits of a file leave
+_ON_AXIS = 1e-12  # of a distance: nearer to the axis of a cylinder any direction is as radial as another
+
+
+class Elastic(Protocol):
+    """What a material is at some points, in model axes."""
+
+    def stress(self, strain: np.ndarray, warmer: float = 0.0) -> np.ndarray:
+        """Return the stress (..., 3, 3) [Pa] of a strain (..., 3, 3) where it is ``warmer`` [K] than without stress."""
+        ...
+
+    def stiffness(self, dN: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+        """Return K (n_elements, 3 m, 3 m) [N/m] of m functions from their gradients (n_elements, n_q, 3, m) and w det J."""
+        ...
+
+    def stiffness_about(self, dN: np.ndarray, F: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+        """Return K_F of m functions about the deformation gradient F (n_elements, n_q, 3, 3): docs/theory.md, eq. (12.11)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Isotropic:
+    """Hooke's law of two constants."""
+
+    young: float  # Pa
+    poisson: float  # -
+    expansion: float = 0.0  # 1/K
+
+    @property
+    def lam(self) -> float:
+        """Lame's first constant [Pa]."""
+        return self.young * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
+
+    @property
+    def mu(self) -> float:
+        """The shear modulus [Pa]."""
+        return self.young / (2.0 * (1.0 + self.poisson))
+
+    @property
+    def expands(self) -> bool:
+        return self.expansion != 0.0
+
+    @property
+    def elastic(self) -> tuple:
+        """What makes stress of strain, to be compared with that of others."""
+        return self.young, self.poisson
+
+    def at(self, places: np.ndarray) -> Isotropic:
+        """Return the material at some places: it is the same everywhere, and in all axes."""
+        return self
+
+    def stress(self, strain: np.ndarray, warmer: float = 0.0) -> np.ndarray:
+        """sigma = lam tr(eps) 1 + 2 mu eps - (3 lam + 2 mu) alpha dT 1; see :class:`Elastic`."""
+        lam, mu = self.lam, self.mu
+        mean = lam * np.trace(strain, axis1=-2, axis2=-1) - (3.0 * lam + 2.0 * mu) * self.expansion * warmer
+        return 2.0 * mu * strain + mean[..., None, None] * np.eye(3)
+
+    def stiffness(self, dN: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+        """One product of matrices an element: docs/theory.md, eq. (2.1); see :class:`Elastic`."""
+        n_elements, n_q, _, m = dN.shape
+        lam, mu = self.lam, self.mu
+        D = dN.reshape(n_elements, n_q, 3 * m)
+        weighted = D * volumes[:, :, None]
+        G = (D.transpose(0, 2, 1) @ weighted).reshape(n_elements, 3, m, 3, m)
+        trace = mu * (G[:, 0, :, 0] + G[:, 1, :, 1] + G[:, 2, :, 2])
+        K = np.empty((n_elements, m, 3, m, 3))
+        for i in range(3):
+            K[:, :, i, :, i] = (lam + mu) * G[:, i, :, i] + trace
+            for j in range(i):
+                block = lam * G[:, i, :, j] + mu * G[:, j, :, i]
+                K[:, :, i, :, j] = block
+                K[:, :, j, :, i] = block.transpose(0, 2, 1)
+        return K.reshape(n_elements, 3 * m, 3 * m)
+
+    def stiffness_about(self, dN: np.ndarray, F: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+        """With g = F dN, lam g_ai g_bj + mu g_aj g_bi + mu (F F^T)_ij dN_a . dN_b; see :class:`Elastic`."""
+        n_elements, n_q, _, m = dN.shape
+        g = (F @ dN).reshape(n_elements, n_q, 3 * m)
+        G = (g.swapaxes(-1, -2) @ (g * volumes[..., None])).reshape(n_elements, 3, m, 3, m)
+        left = self.mu * volumes[..., None, None] * (F @ F.swapaxes(-1, -2))
+        K = np.empty((n_elements, m, 3, m, 3))
+        for i in range(3):
+            for j in range(3):
+                trace = (dN.swapaxes(-1, -2) @ (left[:, :, i, j, None, None] * dN)).sum(axis=1)
+                K[:, :, i, :, j] = self.lam * G[:, i, :, j] + self.mu * G[:, j, :, i] + trace
+        return K.reshape(n_elements, 3 * m, 3 * m)
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Axes of a material that are the same everywhere: the first, and another direction in the plane of the first two."""
+
+    first: Vector = (1.0, 0.0, 0.0)
+    second: Vector = (0.0, 1.0, 0.0)
+
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """Return the axes, one a row, (3, 3)."""
+        first = _unit(np.array(self.first))
+        third = _unit(np.cross(first, _unit(np.array(self.second))))
+        return np.stack([first, np.cross(third, first), third])
+
+
+@dataclass(frozen=True)
+class Cylindrical:
+    """Axes of a material around an axis: the first is radial, the second tangential, the third along it."""
+
+    axis: Vector
+    point: Vector = (0.0, 0.0, 0.0)  # m
+
+    def at(self, places: np.ndarray) -> np.ndarray:
+        """Return the axes at places (..., 3) [m], one a row, (..., 3, 3); on the axis itself any direction is radial."""
+        along = _unit(np.array(self.axis))
+        arm = places - np.array(self.point)
+        radial = arm - (arm @ along)[..., None] * along
+        is_on_axis = np.linalg.norm(radial, axis=-1) <= _ON_AXIS * np.linalg.norm(arm, axis=-1)
+        radial[is_on_axis] = np.cross(along, np.eye(3)[np.abs(along).argmin()])
+        tangential = np.cross(along, radial)
+        return _unit(np.stack([radial, tangential, np.broadcast_to(along, radial.shape)], axis=-2))
+
+
+@dataclass(frozen=True)
+class Anisotropic:
+    """A linear elastic material with axes of its own."""
+
+    elasticity: tuple[tuple[float, ...], ...]  # (6, 6) Pa in its axes, stresses and strains in the order of COMPONENTS
+    expansion: Vector = (0.0, 0.0, 0.0)  # 1/K, along its axes
+    axes: Directions | Cylindrical = Directions()
+
+    @property
+    def expands(self) -> bool:
+        return any(self.expansion)
+
+    @property
+    def elastic(self) -> tuple:
+        """What makes stress of strain, to be compared with that of others."""
+        return self.elasticity, self.axes
+
+    def at(self, places: np.ndarray) -> Turned:
+        """Return the material at places (n_elements, n_q, 3) [m] in model axes: docs/theory.md, eq. (2.12)."""
+        axes = self.axes.at(places)
+        T = strain_transformation(axes)
+        elasticity = T.swapaxes(-1, -2) @ np.array(self.elasticity) @ T
+        return Turned(elasticity, (axes.swapaxes(-1, -2) * np.array(self.expansion)) @ axes)
+
+
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """A material in model axes, the same everywhere or at each quadrature point of some elements; see :class:`Elastic`."""
+
+    elasticity: np.ndarray  # (6, 6) or (n_elements, n_q, 6, 6) Pa
+    expansion: np.ndarray  # (3, 3) or (n_elements, n_q, 3, 3) 1/K
+
+    def stress(self, strain: np.ndarray, warmer: float = 0.0) -> np.ndarray:
+        """The elasticity times eps - alpha dT; see :class:`Elastic`."""
+        elastic = strain - warmer * self.expansion
+        six = np.stack([elastic[..., i, j] * (1.0 if i == j else 2.0) for i, j in COMPONENTS], axis=-1)
+        values = (self.elasticity @ six[..., None])[..., 0]
+        found = np.empty((*values.shape[:-1], 3, 3))
+        for k, (i, j) in enumerate(COMPONENTS):
+            found[..., i, j] = found[..., j, i] = values[..., k]
+        return found
+
+    def stiffness(self, dN: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+        """docs/theory.md, eq. (2.12); see :class:`Elastic`."""
+        return self.stiffness_about(dN, np.eye(3), volumes)
+
+    def stiffness_about(self, dN: np.ndarray, F: np.ndarray, volumes: np.ndarray) -> np.ndarray:
+        """Six strains sym(F^T dv/dx) of each function, and their stresses; see :class:`Elastic`."""
+        n_elements, n_q, _, m = dN.shape
+        strains = _strain_rows(dN, F)
+        stresses = (self.elasticity @ strains) * volumes[..., None, None]
+        return strains.reshape(n_elements, n_q * 6, 3 * m).swapaxes(-1, -2) @ stresses.reshape(n_elements, n_q * 6, 3 * m)
+
+
+Material = Isotropic | Anisotropic
+
+
+def orthotropic(young: Vector, poisson: Vector, shear: Vector) -> np.ndarray:
+    """Return the elasticity (6, 6) [Pa] of three planes of symmetry.
+
+    Local.
+
+    Parameters
+    ----------
+    young : E_1, E_2, E_3 [Pa]
+    poisson : nu_12, nu_13, nu_23 [-]: pulled along i it shrinks by nu_ij of that strain along j
+    shear : G_12, G_13, G_23 [Pa]
+
+    Raises
+    ------
+    ValueError : some stress would do work
+
+    Notes
+    -----
+    docs/theory.md, eq. (2.13), inverted.
+    """
+    compliance = np.diag(1.0 / np.array([*young, *shear]))
+    for (i, j), nu in zip(((0, 1), (0, 2), (1, 2)), poisson, strict=True):
+        compliance[i, j] = compliance[j, i] = -nu / young[i]
+    size = np.sqrt(np.diag(compliance))
+    least = np.linalg.eigvalsh(compliance / np.outer(size, size))[0]
+    if least <= _ROUNDED:
+        raise ValueError(
+            f"pulled in one way it would do work, or not give way: its compliance, over that along its axes, has the eigenvalue "
+            f"{least:.3g}; nu_ij is how much it shrinks along j for a strain along i, along which it is pulled"
+        )
+    elasticity = np.linalg.inv(compliance)
+    return 0.5 * (elasticity + elasticity.T)
+
+
+def checked(elasticity: np.ndarray) -> np.ndarray:
+    """Return an elasticity (6, 6) [Pa] that a material can have.  Local.
+
+    No strain has a negative energy; some may have none (an inviscid fluid resists a change of volume alone).
+
+    Raises
+    ------
+    ValueError : it is not symmetric, or some strain would do work
+    """
+    if (np.abs(elasticity - elasticity.T) > _ROUNDED * np.abs(elasticity).max()).any():
+        raise ValueError("its elasticity is not symmetric")
+    least, *_, most = np.linalg.eigvalsh(elasticity)
+    if not (least >= -_ROUNDED * most and most > 0.0):
+        raise ValueError(f"strained in one way it would do work: its elasticity has the eigenvalue {least:.3g} Pa")
+    return 0.5 * (elasticity + elasticity.T)
+
+
+def strain_transformation(axes: np.ndarray) -> np.ndarray:
+    """Return T (..., 6, 6), which takes strains in model axes to those in ``axes`` (..., 3, 3), one a row.  Local.
+
+    Six strains with shear angles gamma_ij = 2 eps_ij, of eps'_rs = a_ri a_sj eps_ij.
+    """
+    T = np.empty((*axes.shape[:-2], 6, 6))
+    for row, (r, s) in enumerate(COMPONENTS):
+        for column, (i, j) in enumerate(COMPONENTS):
+            both = axes[..., r, i] * axes[..., s, j] + axes[..., r, j] * axes[..., s, i]
+            T[..., row, column] = 0.5 * both if r == s else both
+    return T
+
+
+def _strain_rows(dN: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Return the six strains sym(F^T dv/dx) of each function v, (n_elements, n_q, 6, 3 m)."""
+    *shape, _, m = dN.shape
+    rows = np.empty((*shape, 6, m, 3))
+    for i, (r, s) in enumerate(COMPONENTS):
+        rows[..., i, :, :] = dN[..., s, :, None] * F[..., None, :, r]
+        if r != s:
+            rows[..., i, :, :] += dN[..., r, :, None] * F[..., None, :, s]
+    return rows.reshape(*shape, 6, 3 * m)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -1,0 +1,80 @@
+"""Materials of bulk data: MAT1, MAT9 and MAT11, and the axes that a PSOLID gives them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..model import FileMaterial, FileOrientation, Finding, Vector
+from .content import Content, mass_factor
+
+_FROM_MAT9 = [0, 1, 2, 3, 5, 4]  # 11, 22, 33, 12, 13, 23 among its x, y, z, xy, yz, zx
+
+
+def name_of(content: Content, number: int) -> str:
+    """Return what a material is called.  Local."""
+    known = content.cards.materials.get(number)
+    return f"{known.type if known is not None else 'MAT1'} {number}"
+
+
+def materials(content: Content) -> dict[str, FileMaterial]:
+    """Return the linear materials of solids; of MAT1 Nastran's defaults tie E, G and nu together.  Local."""
+    found = {}
+    for number, one in content.cards.materials.items():
+        if one.type in _KEYS:
+            density = float(one.rho) * mass_factor(content)
+            keys = _KEYS[one.type](content, one)
+            found[name_of(content, number)] = FileMaterial(density=density or None, **keys)
+    return found
+
+
+def _isotropic(content: Content, one: Any) -> dict[str, Any]:
+    return {"young": float(one.e), "poisson": float(one.nu), "expansion": float(one.a) if one.a else None}
+
+
+def _anisotropic(content: Content, one: Any) -> dict[str, Any]:
+    """Return the keys of a MAT9; an expansion by shear is a finding."""
+    six = np.array([[getattr(one, f"G{min(i, j)}{max(i, j)}") or 0.0 for j in range(1, 7)] for i in range(1, 7)], dtype=float)
+    alpha = np.array([value or 0.0 for value in (one.A if one.A is not None else ())] + [0.0] * 6, dtype=float)[:6]
+    if alpha[3:].any():
+        effect = "an expansion that shears the material in its own axes"
+        content.left_out("MAT9", one.mid, effect, "materials")
+    own = six[np.ix_(_FROM_MAT9, _FROM_MAT9)]
+    return {"elasticity": tuple(map(tuple, own.tolist())), "expansion": _vector(alpha[:3]) if alpha.any() else None}
+
+
+def _orthotropic(content: Content, one: Any) -> dict[str, Any]:
+    values = {key: tuple(float(getattr(one, name)) for name in names) for key, names in _OF_MAT11.items()}
+    alpha = np.array([one.a1 or 0.0, one.a2 or 0.0, one.a3 or 0.0])
+    return {**values, "expansion": _vector(alpha) if alpha.any() else None}
+
+
+def _vector(values: np.ndarray) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+_OF_MAT11 = {"young": ("e1", "e2", "e3"), "poisson": ("nu12", "nu13", "nu23"), "shear": ("g12", "g13", "g23")}
+_KEYS = {"MAT1": _isotropic, "MAT9": _anisotropic, "MAT11": _orthotropic}
+
+
+def axes_of(content: Content, solid: Any, found: dict[str, FileOrientation]) -> str | None:
+    """Return the name of the material axes of a PSOLID, and take them; None for those of the model, or where none are needed.
+
+    Local.  CORDM is a rectangular or cylindrical system; that of the elements (-1) and spheres are findings.
+    """
+    material, system = content.cards.materials.get(solid.mid), int(solid.cordm or 0)
+    if material is None or material.type not in ("MAT9", "MAT11") or system == 0:
+        return None
+    coord = content.cards.coords.get(system)
+    kind = "" if coord is None else coord.type[-1]
+    if kind not in ("R", "C"):
+        effect = "material axes by CORDM that are neither of a rectangular nor of a cylindrical system of the file"
+        where = f"PSOLID {solid.pid}"
+        content.findings.append(Finding(word="PSOLID CORDM", where=where, effect=effect, changes=True, part="bodies"))
+        return None
+    name = f"CORD {system}"
+    i, j, k, origin = map(_vector, (coord.i, coord.j, coord.k, coord.origin))
+    found[name] = FileOrientation(directions=(i, j)) if kind == "R" else FileOrientation(axis=k, axis_point=origin)
+    return name
