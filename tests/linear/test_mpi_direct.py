@@ -97,12 +97,15 @@ def test_rows_with_the_pattern_of_the_row_before():
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("first, last", [(0, 9), (3, 9), (4, 4)])
 def test_the_upper_triangle_of_some_rows(first, last):
-    A = sp.random(9, 9, 0.4, format="csr", random_state=3) + sp.identity(9, format="csr")
-    own = A[first:last]
-    i, j, a = upper_triangle(first, own.indptr, own.indices, own.data, -2.0)
+    """Of K - sigma M, each place once: some are of K alone, some of M alone, some of both; rows of either may be empty."""
+    K, M = (sp.random(9, 9, 0.4, format="csr", random_state=seed) for seed in (3, 4))
+    own_K, own_M = K[first:last].sorted_indices(), M[first:last].sorted_indices()
+    arrays_K, arrays_M = ((own.indptr, own.indices, own.data) for own in (own_K, own_M))
+    i, j, a = upper_triangle(first, *arrays_K, 0.5, *arrays_M)
     expected = np.zeros((9, 9))
-    expected[first:last] = -2.0 * np.triu(A.toarray())[first:last]
+    expected[first:last] = np.triu((K - 0.5 * M).toarray())[first:last]
     assert np.array_equal(sp.coo_matrix((a, (i - 1, j - 1)), (9, 9)).toarray(), expected)
+    assert len(set(zip(i.tolist(), j.tolist()))) == len(a)
 
 
 @pytest.mark.parametrize("empty", [None, 0, 1])

@@ -109,6 +109,27 @@ def test_no_room_in_memory_nor_on_disk_is_refused_before_it_is_taken(A, monkeypa
         Factor(A)
 
 
+def test_what_comes_later_sends_a_factor_to_disk(A, monkeypatch, tmp_path):
+    """A factor that fits by itself, but not with what is taken beside it: its place is chosen with both in mind."""
+    found = foreseen(A)
+    monkeypatch.setenv(out_of_core.VARIABLE, comm.bcast(str(tmp_path)))
+    monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: True)
+    has(monkeypatch, 1.5 * found.in_core)
+    factor = Factor(A, later=lambda memory: memory.in_core)
+    assert factor.info["out_of_core"] and solves(factor)
+    assert "does not fit into memory with what comes later (" in factor.info["said"][0]
+    factor.destroy()
+
+
+def test_a_factor_stays_in_memory_where_no_disk_has_room_for_what_comes_later(A, monkeypatch):
+    found = foreseen(A)
+    has(monkeypatch, 1.5 * found.in_core)
+    monkeypatch.setattr(out_of_core, "_is_on_disk", lambda folder: False)
+    factor = Factor(A, later=lambda memory: memory.in_core)
+    assert not factor.info["out_of_core"] and factor.info["said"] == () and solves(factor)
+    factor.destroy()
+
+
 def test_a_file_system_in_memory_is_no_disk(monkeypatch):
     monkeypatch.setattr(out_of_core, "_mounts", lambda: [("/", "ext4"), ("/tmp", "tmpfs")])
     assert not out_of_core._is_on_disk("/tmp") and out_of_core._is_on_disk("/") and not out_of_core._is_on_disk("/nowhere")

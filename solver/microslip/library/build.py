@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +30,7 @@ from ..scene.schema import Scene
 from ..statics.bolts import BoltsAtRest
 from .at_rest import AtRest, Unloaded, brought_to_rest
 from .complete import read_completed
-from .memory_estimate import of_factor, refuse_modes
+from .memory_estimate import memory_of_modes, of_factor, refuse_modes
 from .settings import matrix_settings, mesh_settings, outputs, reduction_settings
 
 if TYPE_CHECKING:
@@ -117,7 +118,8 @@ def stuck_structure(
     refuse_too_many(settings.modes, system.n_dof, scene.path)
     check_size(settings, system)
     with log.stage("factor of the stuck structure"):
-        linearised = linearise(system, pairs, str(scene.path))
+        later = None if known_modes is not None else partial(memory_of_modes, system, settings)
+        linearised = linearise(system, pairs, str(scene.path), later)
     for note in (*linearised.factor.info["said"], of_factor(linearised.factor.info)):
         log.note(note)
     if known_modes is None:

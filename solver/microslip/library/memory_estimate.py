@@ -27,6 +27,7 @@ from ..scene.schema import Scene
 from .settings import reduction_settings
 
 if TYPE_CHECKING:
+    from ..assembly.system import System
     from ..linear.joint_springs import Linearised
 
 # bytes an entry of K, of the arrays held at once; M has a third of the entries
@@ -80,25 +81,34 @@ def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: floa
     return MemoryEstimate(stages, None if factor is None else tuple(comm.allgather(factor)), _n_modes(scene, coupling.n_dof))
 
 
-def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
-    """Raise ResourceError if the modes and the proof that none is missing would not fit beside the kept factor.
+def memory_of_modes(system: System, settings: ReductionSettings, factor: FactorMemory | None) -> float:
+    """Return what the modes, and the proof that none is missing, take on this rank beside the kept factor [bytes].  Local.
 
-    Collective.  Before the first of them is sought: the proof comes last, and takes the fronts of another factorisation.
+    The proof comes last, and takes the fronts of another factorisation.  ``factor`` is None where its package does not tell.
+    """
+    n_owned, n_dof = system.K.getLocalSize()[0], system.n_dof
+    n_modes = min(settings.modes or PICKED, n_dof)
+    vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
+    entries = system.K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
+    proof = 0.0 if factor is None or not settings.verify_modes else FACTORED * entries + factor.out_of_core
+    return vectors + max(proof, SHARPENED)
+
+
+def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
+    """Raise ResourceError if the modes and their proof would not fit beside the kept factor, before the first is sought.
+
+    Collective.
 
     Raises
     ------
     ResourceError : on every rank
     """
-    system, memory = linearised.system, linearised.factor.info.get("memory")
-    n_dof, n_owned = system.n_dof, linearised.K_L.getLocalSize()[0]
-    n_modes = min(settings.modes or PICKED, n_dof)
-    vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
-    entries = linearised.K_L.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
-    proof = 0.0 if memory is None or not settings.verify_modes else FACTORED * entries + memory.out_of_core
+    system = linearised.system
+    needed = memory_of_modes(system, settings, linearised.factor.info.get("memory"))
     advice = "ask for fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
-    if proof > 0.0:
+    if settings.verify_modes:
         advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factorisation"
-    refuse_beyond(system.comm, vectors + max(proof, SHARPENED), f"{settings.where}: {n_modes} modes", advice)
+    refuse_beyond(system.comm, needed, f"{settings.where}: {min(settings.modes or PICKED, system.n_dof)} modes", advice)
 
 
 def of_factor(info: dict[str, Any]) -> str:

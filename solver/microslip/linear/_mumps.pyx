@@ -161,22 +161,40 @@ cdef class Instance:
         self.c.id.irhs_loc = self.c.id.irhs_ptr = self.c.id.irhs_sparse = self.c.id.isol_loc = NULL
 
 
-def upper_triangle(int first, const int[::1] starts, const int[::1] columns, const double[::1] values, double scale):
-    """Return rows and columns, from 1, and values times ``scale`` on and above the diagonal of rows that begin with ``first``."""
-    cdef Py_ssize_t n = starts.shape[0] - 1, row, k, m = 0
-    for row in range(n):
-        for k in range(starts[row], starts[row + 1]):
-            m += columns[k] >= first + row
-    found = np.empty(m, np.int32), np.empty(m, np.int32), np.empty(m)
-    cdef int[::1] i = found[0], j = found[1]
-    cdef double[::1] a = found[2]
-    m = 0
-    for row in range(n):
-        for k in range(starts[row], starts[row + 1]):
-            if columns[k] >= first + row:
-                i[m], j[m], a[m] = first + row + 1, columns[k] + 1, scale * values[k]
+cdef Py_ssize_t merged(int first, const int[::1] starts, const int[::1] columns, const double[::1] values, double sigma,
+                       const int[::1] starts_M, const int[::1] columns_M, const double[::1] values_M,
+                       int[::1] i, int[::1] j, double[::1] a, bint writes) except -1:
+    """Count the entries of :func:`upper_triangle`, and write them if asked to."""
+    cdef Py_ssize_t row, k, l, end, end_M, m = 0
+    cdef int column
+    cdef bint of_K, of_M
+    for row in range(starts.shape[0] - 1):
+        k, end, l, end_M = starts[row], starts[row + 1], starts_M[row], starts_M[row + 1]
+        while k < end or l < end_M:
+            of_K = l == end_M or (k < end and columns[k] <= columns_M[l])
+            of_M = k == end or (l < end_M and columns_M[l] <= columns[k])
+            column = columns[k] if of_K else columns_M[l]
+            if column >= first + row:
+                if writes:
+                    i[m], j[m] = first + row + 1, column + 1
+                    a[m] = (values[k] if of_K else 0.0) - (sigma * values_M[l] if of_M else 0.0)
                 m += 1
-    return found
+            k += of_K
+            l += of_M
+    return m
+
+
+def upper_triangle(int first, const int[::1] starts, const int[::1] columns, const double[::1] values, double sigma,
+                   const int[::1] starts_M, const int[::1] columns_M, const double[::1] values_M):
+    """Return rows and columns, from 1, and values of K - sigma M on and above the diagonal of rows that begin with ``first``.
+
+    Columns rise in the rows of both; the places are those of either.
+    """
+    i, j, a = np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0)
+    cdef Py_ssize_t m = merged(first, starts, columns, values, sigma, starts_M, columns_M, values_M, i, j, a, False)
+    i, j, a = np.empty(m, np.int32), np.empty(m, np.int32), np.empty(m)
+    merged(first, starts, columns, values, sigma, starts_M, columns_M, values_M, i, j, a, True)
+    return i, j, a
 
 
 def repeats(const int[::1] starts, const int[::1] columns):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
@@ -40,11 +41,12 @@ def factorise(
     last: np.ndarray | None = None,
     order: np.ndarray | None = None,
     shift: tuple[float, PETSc.Mat] | None = None,
+    later: Callable[[FactorMemory], float] | None = None,
 ) -> tuple[DirectSolver, dict[str, Any]]:
     """Factor A by MUMPS, :func:`.mumps.factorise`, or by what the options of ``prefix`` name.  Collective."""
     if other_package.is_asked_for(prefix):
         return other_package.factorise(A, prefix, what, shift)
-    return mumps.factorise(A, prefix, what, last=last, order=order, shift=shift)
+    return mumps.factorise(A, prefix, what, last=last, order=order, shift=shift, later=later)
 
 
 def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMemory | None:

@@ -18,7 +18,10 @@ from .free_motion import explain_singular, is_singular
 from .mumps import SINGULAR
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from ..assembly.system import System
+    from .analysis import FactorMemory
 
 RESIDUAL_LIMIT = 1e-6  # |A x - b| / |b| of an answer
 _ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
@@ -44,6 +47,7 @@ class Factor:
         prefix: str = "static_",
         what: str = "K_L",
         last: np.ndarray | None = None,
+        later: Callable[[FactorMemory], float] | None = None,
     ):
         """Factor A.
 
@@ -56,6 +60,7 @@ class Factor:
         prefix : of the PETSc options
         what : how messages call A
         last : (m,) rows that are eliminated last, so that entries of A^-1 between them come quickly
+        later : bytes that this rank takes beside the factor, of which it is told the size, while the factor is kept
 
         Raises
         ------
@@ -64,7 +69,7 @@ class Factor:
         """
         self.A, self.what, self.prefix = A, what, prefix
         self.comm = A.comm.tompi4py()
-        self.solver, self.info = factorise(A, prefix, what, last=last)
+        self.solver, self.info = factorise(A, prefix, what, last=last, later=later)
         self.diagonal_owned = diagonal_owned(A)
         self.info.update(solves=0, refined=0, solve_seconds=0.0, residual=0.0)
         if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.solver):

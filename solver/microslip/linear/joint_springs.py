@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from ..assembly.system import System
 from ..mesh.data import ContactPairs
 from ..parallel.errors import CaseError
 from ..parallel.memory import refuse_beyond
+from .analysis import FactorMemory
 from .factor import Factor
 from .mumps import ADVICE
 
@@ -36,10 +38,13 @@ class Linearised:
         self.K_L.destroy()
 
 
-def linearise(system: System, pairs: ContactPairs, where: str = "") -> Linearised:
+def linearise(
+    system: System, pairs: ContactPairs, where: str = "", later: Callable[[FactorMemory], float] | None = None
+) -> Linearised:
     """Return the structure with all pairs stuck, K_L of docs/theory.md, eq. (1.3), factored.
 
-    Collective on ``system.comm``.  ``where`` is the scene file, for messages.
+    Collective on ``system.comm``.  ``where`` is the scene file, for messages; ``later`` says what comes beside the
+    factor: :class:`.factor.Factor`.
 
     Raises
     ------
@@ -56,7 +61,7 @@ def linearise(system: System, pairs: ContactPairs, where: str = "") -> Linearise
     refuse_beyond(system.comm, memory_before_factor(system.K), "K_L, the stiffness with all pairs stuck", ADVICE)
     K_L = add_springs(system.K, (system.R.T @ sp.diags(K_J) @ system.R).tocsr())
     try:
-        return Linearised(system, K_L, system.M, Factor(K_L, system, last=np.unique(system.R.indices)))
+        return Linearised(system, K_L, system.M, Factor(K_L, system, last=np.unique(system.R.indices), later=later))
     except CaseError as problem:
         K_L.destroy()
         raise CaseError(f"{where}: {problem}" if where else str(problem)) from problem

@@ -21,7 +21,11 @@ from .out_of_core import disks, room_on_disk, write_to_disk
 from .to_owners import ToOwners
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mpi4py import MPI
+
+    from .analysis import FactorMemory
 
 ANALYSE, FACTOR, SOLVE = 1, 2, 3  # MUMPS' jobs
 DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
@@ -129,11 +133,12 @@ def factorise(
     last: np.ndarray | None = None,
     order: np.ndarray | None = None,
     shift: tuple[float, PETSc.Mat] | None = None,
+    later: Callable[[FactorMemory], float] | None = None,
 ) -> tuple[MumpsFactor, dict[str, Any]]:
     """Factor A, symmetric and positive definite, without pivoting, or find the signs of the pivots of A - sigma M.
 
-    Collective on A's communicator.  The memory it takes is known after the analysis: a factor too large for it is written to
-    disk, where one has room, and refused otherwise.
+    Collective on A's communicator.  The memory it takes is known after the analysis: a factor too large for it, or for what comes
+    later, is written to disk, where one has room; one that is too large by itself is refused otherwise.
 
     Parameters
     ----------
@@ -143,6 +148,7 @@ def factorise(
     order : of elimination, of a factor made before of a matrix with this pattern
     shift : (sigma, M): A - sigma M is factored as L D L^T, every negative pivot counted, those of the last front too, and nothing
         else kept
+    later : bytes that this rank takes beside the factor, of which it is told the size, while the factor is kept
 
     Returns
     -------
@@ -157,7 +163,7 @@ def factorise(
     start = perf_counter()
     factor = analysed(A, prefix, what, last=last, order=order, shift=shift)
     try:
-        info = _factored(factor, what)
+        info = _factored(factor, what, later or (lambda _: 0.0))
     except BaseException:
         factor.destroy()
         raise
@@ -244,20 +250,20 @@ def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) 
 def _handed_over(A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, what: str) -> tuple[np.ndarray, np.ndarray, Any]:
     """Return the pattern of this rank's rows of A, and rows, columns and values of its upper triangle, or of A - sigma M's.
 
-    Local.  MUMPS adds what stands in one place.
+    Local.
     """
     first = A.getOwnershipRange()[0]
     try:
         starts, columns, values = _owned_rows(A)
-        entries = upper_triangle(first, starts, columns, values, 1.0)
-        if shift is None:
-            return starts, columns, entries
-        del values
-        sigma, M = shift
-        both = zip(entries, upper_triangle(first, *_owned_rows(M), -sigma))
-        return starts, columns, [np.concatenate(parts) for parts in both]
+        sigma, of_M = (0.0, _no_entries(len(starts))) if shift is None else (shift[0], _owned_rows(shift[1]))
+        return starts, columns, upper_triangle(first, starts, columns, values, sigma, *of_M)
     except MemoryError as error:
         raise ResourceError(f"{what}: not enough memory to hand it to its factorisation; {ADVICE}") from error
+
+
+def _no_entries(n_starts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the rows of a matrix that has none of them filled.  Local."""
+    return np.zeros(n_starts, dtype=np.int32), np.empty(0, dtype=np.int32), np.empty(0)
 
 
 def _owned_rows(A: PETSc.Mat) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -266,7 +272,7 @@ def _owned_rows(A: PETSc.Mat) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return starts.astype(np.int32, copy=False), columns.astype(np.int32, copy=False), values
 
 
-def _factored(factor: MumpsFactor, what: str) -> dict[str, Any]:
+def _factored(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float]) -> dict[str, Any]:
     """Give an analysed factor its numbers, with more memory or on disk where it lacks; return the report.  Collective.
 
     Raises
@@ -276,7 +282,7 @@ def _factored(factor: MumpsFactor, what: str) -> dict[str, Any]:
     said, relaxations, on_disk = list[str](), iter(_RELAXATION), False
     is_analysed = factor.mumps.infog(1) >= 0
     while True:
-        info = _attempt(factor, what, on_disk) if is_analysed else _report(factor) | {"said": []}
+        info = _attempt(factor, what, later, on_disk) if is_analysed else _report(factor) | {"said": []}
         code, said = info["code"], said + info.pop("said")
         if code >= 0 or code in SINGULAR:
             return info | {"said": tuple(said)}
@@ -292,19 +298,19 @@ def _factored(factor: MumpsFactor, what: str) -> dict[str, Any]:
             raise failure(code, info["detail"], what, factor.prefix, int(factor.ranges[-1]))
 
 
-def _attempt(factor: MumpsFactor, what: str, on_disk: bool) -> dict[str, Any]:
+def _attempt(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float], on_disk: bool) -> dict[str, Any]:
     """Choose the place of a factor and let MUMPS find its numbers; return the report.  Collective.
 
     Raises
     ------
     ResourceError : neither memory nor disk has room; on every rank
     """
-    placed = _placed(factor, what, on_disk)
+    placed = _placed(factor, what, later, on_disk)
     factor.mumps.run(FACTOR)
     return _report(factor) | placed
 
 
-def _placed(factor: MumpsFactor, what: str, on_disk: bool) -> dict[str, Any]:
+def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], float], on_disk: bool) -> dict[str, Any]:
     """Choose memory or disk for an analysed factor; return the estimate, whether it goes to disk, and what is to be said.
 
     Collective.
@@ -318,15 +324,19 @@ def _placed(factor: MumpsFactor, what: str, on_disk: bool) -> dict[str, Any]:
     if factor.mumps.icntl(22) == 1:  # the user's option
         refuse_beyond(comm, memory.out_of_core, what_of, ADVICE)
         return {"memory": memory, "out_of_core": True, "said": []}
-    lacks = shortage(comm, memory.in_core)
+    beside = later(memory)
+    lacks, kept = shortage(comm, memory.in_core + beside), {"memory": memory, "out_of_core": False, "said": []}
     if lacks is None and not on_disk:
-        return {"memory": memory, "out_of_core": False, "said": []}
+        return kept
     lacks_beside, folder = shortage(comm, memory.out_of_core), room_on_disk(comm, memory)
     if lacks_beside is not None or folder is None:
+        if not on_disk and shortage(comm, memory.in_core) is None:
+            return kept  # what comes later may be less than foreseen
         less = f"; on disk it would still be so: {lacks_beside}" if lacks_beside else f"; nor is there room for {disks(memory)}"
         raise ResourceError(f"{what}: not enough memory for its factor ({n_dof} unknowns): {lacks}{less}; {ADVICE}")
     write_to_disk(comm, factor.mumps, folder)
-    reason = f" does not fit into memory ({lacks})" if lacks else ""
+    with_what = " with what comes later" if comm.allreduce(beside) > 0.0 else ""
+    reason = f" does not fit into memory{with_what} ({lacks})" if lacks else ""
     said = f"{what}: its factor of {gigabytes(8.0 * memory.entries)}{reason} is kept on disk, in {folder}"
     return {"memory": memory, "out_of_core": True, "said": [said]}
 
