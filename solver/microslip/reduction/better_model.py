@@ -51,7 +51,7 @@ def sample_modes_left_out(
     energies = summed(comm, mass @ modes.phi_owned[:, -LAST:] ** 2)
     random = np.sqrt(mass / energies.mean())[:, None] * random_signs(first, last - first, SAMPLES, KEY)
     given = sp.hstack([system.loads, system.outputs.T], format="csr")[first:last].toarray()
-    Z_random, Z_given = (beyond_modes(linearised, modes, right_owned) for right_owned in (random, given))
+    Z_random, Z_given = np.split(beyond_modes(linearised, modes, np.hstack([random, given])), [SAMPLES], axis=1)
     everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
     rows = owned_product(everything, Z_random, system) / np.sqrt(SAMPLES)
     W = gram(comm, Z_given, multiply(linearised.M, Z_given))

@@ -19,7 +19,7 @@ from ..receptance.reduced_structure import ReducedStructure
 from .choose_modes import as_stated, batches, picked
 from .modal_structure import diagonal_if_possible, modal_damping
 from .settings import ModalDamping, ReductionSettings
-from .truncation import bound
+from .truncation import KnownNorms, bound, norms_beyond
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,8 @@ def _fewest(known: KnownStructure, law: Law, settings: ReductionSettings) -> tup
         if mode < n_found or is_last:
             reduced = with_first(known.reduced, n_found, settings.damping)
             try:
-                found = bound(reduced, law, Known(known, n_found), settings)
+                norms = Known(reduced.one_family, reduced.load_static, known.outputs_static, reduced)
+                found = bound(reduced, law, norms, settings)
             except NotKnown:
                 return None
             omega_n, is_all = _omega_n(known, n_found), n_found == known.n_dof
@@ -103,26 +104,13 @@ def _first(modal: np.ndarray, n: int) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Known:
-    """Residual norms for keeping 1 to n of the first n modes of a known structure."""
+class Known(KnownNorms):
+    """Residual norms for keeping 1 to n of n modes of a known structure."""
 
-    structure: KnownStructure
-    n: int
-
-    def of_load(self, f: np.ndarray) -> np.ndarray:
-        model = self.structure.reduced
-        parts = np.column_stack([f.real, f.imag])
-        static = np.einsum("lp,lm,mp->p", parts, model.load_static, parts)
-        return self._rest(static, model.one_family.b[: self.n] @ parts)[:, 0]
-
-    def of_outputs(self) -> np.ndarray:
-        rows = self.structure.reduced.one_family.o[:, : self.n].T
-        both = np.concatenate([rows, np.zeros_like(rows)], axis=1)
-        static = self.structure.outputs_static
-        return self._rest(np.concatenate([static, np.zeros_like(static)]), both)
+    reduced: ReducedStructure
 
     def of_pairs(self, p: np.ndarray) -> np.ndarray:
-        model = self.structure.reduced
+        model = self.reduced
         parts = np.concatenate([p.real, p.imag], axis=1)
         moving = np.flatnonzero(parts.reshape(model.n_pairs, -1).any(axis=1))
         if not model.G_static.known[moving].all():
@@ -130,14 +118,7 @@ class Known:
         rows = rows_of(moving)
         Gp_owned = parts[rows].T @ model.G_static.transposed(moving)  # its columns are this rank's rows of G
         static = model.comm.allreduce(np.einsum("pi,ip->p", Gp_owned, parts[model.owned_rows]))
-        return self._rest(static, model.one_family.R_phi[:, : self.n].T @ parts)
+        return norms_beyond(static, self.family.R_phi.T @ parts, self.family.omega_n)
 
     def of_drag(self, z: np.ndarray, n_omega: float, settings: ReductionSettings) -> np.ndarray:
         raise NotKnown("drag of a full damping matrix")
-
-    def _rest(self, static: np.ndarray, of_modes: np.ndarray) -> np.ndarray:
-        """Return the norms (n, q) of columns, real parts (n, q) and then imaginary ones, as the modes see them."""
-        omega_n = self.structure.reduced.one_family.omega_n[: self.n]
-        rest = np.maximum(static - np.cumsum((of_modes / omega_n[:, None]) ** 2, axis=0), 0.0)
-        q = rest.shape[1] // 2
-        return np.sqrt(rest[:, :q] + rest[:, q:])

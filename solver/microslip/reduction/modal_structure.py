@@ -89,9 +89,18 @@ def reduce_structure(stuck: StuckStructure, damping: ModalDamping | None) -> Red
 
     Collective on the system's communicator: a sum, with a damping matrix another.
     """
-    system, modes = stuck.linearised.system, stuck.modes
-    family = modal_family(system, modes.omega_n, modes.phi_owned, damping)
-    return ReducedStructure(comm=system.comm, families=(family,), observed=observed(system), **vars(stuck.statics))
+    system, modes, static = stuck.linearised.system, stuck.modes, stuck.statics
+    return ReducedStructure(
+        comm=system.comm,
+        pair_ranges=static.pair_ranges,
+        families=(modal_family(system, modes.omega_n, modes.phi_owned, damping),),
+        G_static=static.G_static,
+        du_static=static.du_static,
+        out_static=static.out_static,
+        out_R=static.out_R,
+        load_static=static.load_static,
+        observed=observed(system),
+    )
 
 
 def observed(system: System) -> Observed | None:

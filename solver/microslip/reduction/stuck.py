@@ -24,7 +24,7 @@ _FEWER = "fewer pairs slip at lower [response] levels; more ranks on more machin
 
 @dataclass(frozen=True, eq=False)
 class Statics:
-    """The exact static response of pairs, outputs and loads; the attributes are those of ReducedModel."""
+    """The exact static response of pairs, outputs and loads; all but the last are attributes of a reduced structure."""
 
     pair_ranges: np.ndarray  # (size + 1,) rank r owns pairs pair_ranges[r]:pair_ranges[r + 1]
     G_static: StaticColumns  # of R K_L^-1 R^T, solved for on demand
@@ -32,6 +32,7 @@ class Statics:
     out_static: np.ndarray  # (n_outputs, n_loads) o K_L^-1 f
     out_R: np.ndarray  # (n_outputs, 3 n_pairs) o K_L^-1 R^T
     load_static: np.ndarray  # (n_loads, n_loads) f^T K_L^-1 f
+    outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,7 @@ def static_response(linearised: Linearised) -> Statics:
         out_static=static[n_rows : n_rows + n_out, :n_load].copy(),
         out_R=static[:n_rows, n_load:].T.copy(),
         load_static=static[n_rows + n_out :, :n_load].copy(),
+        outputs_static=np.diag(static[n_rows : n_rows + n_out, n_load:]).copy(),
     )
 
 

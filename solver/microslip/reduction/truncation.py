@@ -67,7 +67,9 @@ def left_out(stuck: StuckStructure, settings: ReductionSettings) -> LeftOut:
     Collective on the system's communicator: a few static solves.  The last entries, of all n kept, are infinite.
     docs/theory.md, eq. (4.5).
     """
-    return bound(reduce_structure(stuck, settings.damping), stuck.pairs.law, Solved(stuck), settings)
+    structure = reduce_structure(stuck, settings.damping)
+    norms = Solved(structure.one_family, structure.load_static, stuck.statics.outputs_static, stuck)
+    return bound(structure, stuck.pairs.law, norms, settings)
 
 
 def bound(structure: ReducedStructure, law: Law, norms: Norms, settings: ReductionSettings) -> LeftOut:
@@ -85,13 +87,15 @@ def bound(structure: ReducedStructure, law: Law, norms: Norms, settings: Reducti
     peaks = np.maximum(peaks, _FAINT * peaks.max())
     of_load = {h: norms.of_load(_load(model, h)) for h in loaded}
     of_output = norms.of_outputs()
+    # of the rows of the outputs, where velocities and the like count most
+    peaks_u = {h: peaks / model.output_factors(h * high) for h in loaded}
     for h in loaded:
-        peaks_u = peaks / model.output_factors(h * high)  # of the rows of the outputs, where velocities and the like count most
-        error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks_u
+        error = (gains(family, h * high) * of_load[h])[:, None] * of_output / peaks_u[h]
         direct = np.maximum(direct, error.max(axis=1))
-        for omega in comm.bcast(resonances(model, law, omegas)) if model.n_pairs or family.damping.couples_modes else ():
-            at = resonance(norms, model, law, omega, h, settings)
-            error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks_u
+    if model.n_pairs or family.damping.couples_modes:
+        at_which = [(h, omega) for omega in comm.bcast(resonances(model, law, omegas)) for h in loaded]
+        for (h, _), at in zip(at_which, acting(norms, model, law, at_which, settings)):
+            error = _through_the_joint(model, at, h, of_load[h], of_output, settings.level) / peaks_u[h]
             joint = np.maximum(joint, error.max(axis=1))
     direct[-1] = np.inf  # the first mode left out is not known
     return LeftOut(direct, joint)
@@ -157,9 +161,7 @@ def residual_norms(stuck: StuckStructure, X_owned: np.ndarray) -> np.ndarray:
         columns = slice(start, start + _COLUMNS)
         u_owned = stuck.linearised.factor.solve(parts[:, columns])
         static[columns] = summed(comm, np.einsum("ij,ij->j", parts[:, columns], u_owned))
-    kept = np.cumsum((gram(comm, modes.phi_owned, parts) / modes.omega_n[:, None]) ** 2, axis=0)
-    rest = np.maximum(static - kept, 0.0)
-    return np.sqrt(rest[:, :q] + rest[:, q:])
+    return norms_beyond(static, gram(comm, modes.phi_owned, parts), modes.omega_n)
 
 
 def output_peaks(model: ReducedModel, omegas: np.ndarray) -> np.ndarray:
@@ -180,20 +182,31 @@ def resonances(model: ReducedModel, law: Law, omegas: np.ndarray) -> list[float]
     return [float(omega) for omega in np.union1d(omegas[highest], omegas[-1:])]
 
 
-def resonance(norms: Norms, model: ReducedModel, law: Law, omega: float, h: int, settings: ReductionSettings) -> Resonance:
-    """Return the residual norms of what acts at ``omega`` in harmonic h.  Collective."""
-    level, family, (c,), i = settings.level, model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
+def acting(
+    norms: Norms, model: ReducedModel, law: Law, at_which: list[tuple[int, float]], settings: ReductionSettings
+) -> list[Resonance]:
+    """Return the residual norms of what acts in each harmonic h at each omega of ``at_which``.  Collective: all at once."""
+    everything = [_at_joint(model, law, h, omega, settings.level) for h, omega in at_which]
+    of_everything = np.split(norms.of_pairs(np.hstack([p for p, _ in everything])), len(everything), axis=1)
+    found = []
+    for (h, omega), (_, z), of_p in zip(at_which, everything, of_everything):
+        drags = norms.of_drag(z, h * omega, settings) if model.one_family.damping.couples_modes else np.zeros_like(of_p)
+        found.append(Resonance(omega, of_p[:, 0], drags[:, 0], of_p[:, 1:], drags[:, 1:]))
+    return found
+
+
+def _at_joint(model: ReducedModel, law: Law, h: int, omega: float, level: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return forces of pairs (3 n_pairs, 1 + n_outputs), complex, and modal motions z, under the loads and those outputs feel.
+
+    Local.
+    """
+    family, (c,), i = model.one_family, model.flexibilities(omega), model.harmonics.chosen.index(h)
     U = to_complex(linear_motion(model, level, omega, slice(None)))
     U_adjoint = model.out_R.T + c.between(family.R_phi, i, family.o)  # (3 n_pairs, n_outputs)
     share = law.slipping_share(np.abs(U).sum(axis=1).reshape(-1, 3), _EARLY).ravel()
     K_J = law.stiffness.ravel()
     p = np.column_stack([share * K_J * U[:, i], ((share > 0.0) * K_J)[:, None] * U_adjoint])
-    of_p = norms.of_pairs(p)
-    drags = np.zeros_like(of_p)
-    if family.damping.couples_modes:
-        z = c.whole(np.column_stack([level * family.b @ to_complex(model.f)[:, i], family.o.T]), i)
-        drags = norms.of_drag(z, h * omega, settings)
-    return Resonance(omega, of_p[:, 0], drags[:, 0], of_p[:, 1:], drags[:, 1:])
+    return p, c.whole(np.column_stack([level * family.b @ to_complex(model.f)[:, i], family.o.T]), i)
 
 
 def _load(model: ReducedModel, h: int) -> np.ndarray:
@@ -218,18 +231,39 @@ class Norms(Protocol):
 
 
 @dataclass(frozen=True)
-class Solved:
-    """Residual norms by static solves."""
+class KnownNorms:
+    """Those of loads and outputs, whose static solutions are known."""
 
-    stuck: StuckStructure
+    family: ModalFamily
+    load_static: np.ndarray  # (n_loads, n_loads) f^T K_L^-1 f
+    outputs_static: np.ndarray  # (n_outputs,) o K_L^-1 o^T of each
 
     def of_load(self, f: np.ndarray) -> np.ndarray:
-        system = self.stuck.linearised.system
-        return residual_norms(self.stuck, _owned(system, system.loads) @ f[:, None])[:, 0]
+        parts = np.column_stack([f.real, f.imag])
+        static = np.einsum("lp,lm,mp->p", parts, self.load_static, parts)
+        return norms_beyond(static, self.family.b @ parts, self.family.omega_n)[:, 0]
 
     def of_outputs(self) -> np.ndarray:
-        system = self.stuck.linearised.system
-        return residual_norms(self.stuck, _owned(system, system.outputs.T).toarray())
+        of_modes, static = self.family.o.T, self.outputs_static
+        both = np.concatenate([of_modes, np.zeros_like(of_modes)], axis=1)
+        return norms_beyond(np.concatenate([static, np.zeros_like(static)]), both, self.family.omega_n)
+
+
+def norms_beyond(static: np.ndarray, of_modes: np.ndarray, omega_n: np.ndarray) -> np.ndarray:
+    """Return the residual norms (n, q) for keeping 1 to n modes of columns whose real parts come first, then the imaginary ones.
+
+    Local.  ``static`` (2 q,) x^T K_L^-1 x, ``of_modes`` (n, 2 q) phi^T x.
+    """
+    rest = np.maximum(static - np.cumsum((of_modes / omega_n[:, None]) ** 2, axis=0), 0.0)
+    q = rest.shape[1] // 2
+    return np.sqrt(rest[:, :q] + rest[:, q:])
+
+
+@dataclass(frozen=True)
+class Solved(KnownNorms):
+    """Those of loads and outputs as known, the others by static solves."""
+
+    stuck: StuckStructure
 
     def of_pairs(self, p: np.ndarray) -> np.ndarray:
         system = self.stuck.linearised.system

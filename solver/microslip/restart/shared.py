@@ -13,7 +13,6 @@ from ..library.build import Structure
 from ..library.complete import read_completed
 from ..library.prepare import Prepared, response_of
 from ..library.settings import has_error_bars, mesh_settings, reduction_settings
-from ..linear.dense import gram
 from ..mesh.data import ContactPairs
 from ..mesh.pairing import pair_contacts
 from ..mesh.read import read_mesh
@@ -54,7 +53,7 @@ def all_found(structure: Structure) -> Modes:
 def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     """Return the arrays and texts that runs of the structure share, without modes and static columns.
 
-    Collective: a solve with the outputs, and sums.
+    Collective: sums.
 
     Raises
     ------
@@ -64,12 +63,10 @@ def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
     linearised, modes = structure.linearised, all_found(structure)
     system, settings = linearised.system, reduction_settings(prepared.scene)
     family = modal_family(system, modes.omega_n, modes.phi_owned, settings.damping)
-    first, last = system.K.getOwnershipRange()
-    rows = system.outputs.T.tocsr()[first:last].toarray()
     reduced = replace(prepared.reduction.structure, families=(family,))
     arrays = over("pairs", numbers_of(prepared.pairs)) | over("model", of_reduced(reduced))
     arrays |= over("outline", numbers_of(replace(prepared.outline, omega_n=modes.omega_n)))
-    arrays["outputs_static"] = np.diag(gram(system.comm, rows, linearised.factor.solve(rows)))
+    arrays["outputs_static"] = structure.statics.outputs_static
     arrays |= over("random", numbers_of(on_random(linearised, modes)))
     n_kept, better = len(structure.modes.omega_n), prepared.response.better
     texts: dict[str, Any] = texts_of_pairs(prepared.pairs, prepared.outline) | {
