@@ -38,10 +38,14 @@ def cases(folder: Path) -> dict[str, microslip.Scene]:
         return changed(whole, {"model": {"mesh": str(paths[matching])}}, {"lap": lap})
 
     return {
-        "the scene: meshes differ, cells of plate 1": scene(0),
+        "the scene: meshes differ, mortars on plate 1": scene(0),
+        "meshes differ, cells of plate 1": scene(0, pairing="points"),
+        "both meshed as plate 1, mortars": scene(1, pairing="mortar"),
         "both meshed as plate 1, cells": scene(1, pairing="points"),
         "both meshed as plate 1, nodes": scene(1),
-        "meshes differ, cells of plate 2": scene(0, surfaces=("lap_2", "lap_1")),
+        "meshes differ, mortars on plate 2": scene(0, surfaces=("lap_2", "lap_1")),
+        "meshes differ, cells of plate 2": scene(0, surfaces=("lap_2", "lap_1"), pairing="points"),
+        "both meshed as plate 2, mortars": scene(2, pairing="mortar"),
         "both meshed as plate 2, cells": scene(2, pairing="points"),
         "both meshed as plate 2, nodes": scene(2),
         "the scene, uniform 16.4 MPa": without_statics(scene(0), preload=UNIFORM),

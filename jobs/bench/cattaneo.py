@@ -76,7 +76,7 @@ samples = {samples}
 """
 
 
-# cells, of which each face has four, hang on few nodes: with much stiffer springs their forces alternate, moments more than means
+# cells, of which each face has four, hang on few nodes: with much stiffer springs their forces alternate
 STIFF = {"projected": 1000.0, "points": 200.0, "mortar": 50.0}
 
 

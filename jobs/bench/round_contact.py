@@ -161,7 +161,7 @@ def in_words(case: Case, cells: int) -> str:
     """Say what presses on what, and how their meshes meet."""
     if not case.base:
         return f"{case.shape} on a rigid plane, nodes"
-    how = {"points": "cells", "projected": "nodes projected"}[case.pairing]
+    how = {"points": "cells", "mortar": "mortar", "projected": "nodes projected"}[case.pairing]
     return f"{case.shape} on an elastic base, {'the same mesh' if case.base == cells else 'another mesh'}, {how}"
 
 
@@ -176,7 +176,8 @@ def main():
             "| contact | pairs closed | force | radius over Hertz's | largest pressure over Hertz's |\n| --- | --- | --- | --- | --- |"
         )
         for shape in ("sphere", "roller"):
-            for case in (Case(shape), Case(shape, "points", n), Case(shape, "points", other), Case(shape, "projected", other)):
+            apart = [Case(shape, pairing, base) for pairing in ("mortar", "points") for base in (n, other)]
+            for case in (Case(shape), *apart, Case(shape, "projected", other)):
                 if shape in given.case:
                     closed, force, radius, p0 = at_rest(case, n, Path(folder))
                     print(f"| {in_words(case, n)} | {closed} | {force:.6f} | {radius:.4f} | {p0:.4f} |", flush=True)

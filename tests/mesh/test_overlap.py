@@ -55,7 +55,7 @@ def consistent_areas(mesh, group):
 def test_flat_averages(lower, upper):
     """Both sides keep linear fields, and a uniform pressure loads both as their shape functions ask."""
     mesh = boxes(lower, upper)
-    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="auto"))
+    points = contact_points(mesh, joint(surfaces=SURFACES, pairing="points"))
     assert points.note and (points.area > 0.0).all()
     for side in (points.side1, points.side2):
         np.testing.assert_allclose(side.sum(axis=1), 1.0, rtol=1e-13)
@@ -105,6 +105,8 @@ def test_a_mortar_takes_means_of_faces_that_are_not_covered_wholly():
     mortar, means = (contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing)) for pairing in ("mortar", "points"))
     same = np.abs((mortar.side1 - means.side1).toarray()).max(axis=1) < 1e-12
     assert np.count_nonzero(same) == 4 * 15  # of the faces along two edges
+    assert "contact points, mortars on faces of 'upper_bottom' (60 of them means over cells," in mortar.note
+    assert "contact points, in cells of 'upper_bottom'; 'lower_top' covers" in means.note
     for points in (mortar, means):
         assert (points.area > 0.0).all() and points.area.sum() == pytest.approx(1.0, rel=1e-9)
         np.testing.assert_allclose(points.side2.T @ points.area, consistent_areas(mesh, "lower_top"), atol=1e-12)
@@ -134,6 +136,26 @@ def test_edges_that_curve_in_the_surface_lose_nothing(kind, loses, n_lower, pair
     assert points.n_points == n_cells * sum(map(len, surface_of(mesh, "upper_bottom").faces.values()))
     for side in (points.side1, points.side2):
         np.testing.assert_allclose(side @ mesh.points, points.position, atol=1e-12)
+
+
+@pytest.mark.parametrize("kinds", [("hex8", "tet4"), ("hex20", "hex20")])
+def test_auto_takes_mortars_where_meshes_do_not_match(kinds):
+    mesh = boxes(*kinds)
+    auto, mortar = (contact_points(mesh, joint(surfaces=SURFACES, pairing=pairing)) for pairing in ("auto", "mortar"))
+    for name in ("side1", "side2"):
+        assert (getattr(auto, name) != getattr(mortar, name)).nnz == 0
+    np.testing.assert_array_equal(auto.area, mortar.area)
+    assert auto.note == mortar.note and "contact points, mortars on faces of 'upper_bottom'; 'lower_top' covers" in auto.note
+
+
+def test_auto_takes_means_where_no_face_is_covered_wholly():
+    """A strip of single faces whose edge hangs over: its mortar would have moments of nothing there."""
+    mesh = boxes(n_lower=(3, 2, 1), n_upper=(4, 1, 1), size=(1.0, 1.015, 1.0), shift=(0.0, -0.0075))
+    thin = boxes(n_lower=(3, 2, 1), n_upper=(4, 12, 1), size=(1.0, 1.015, 1.0), shift=(0.0, -0.0075))
+    for one, n_means in ((mesh, 0), (thin, 32)):
+        auto, means = (contact_points(one, joint(surfaces=SURFACES, pairing=pairing)) for pairing in ("auto", "points"))
+        same = np.abs((auto.side1 - means.side1).toarray()).max(axis=1) < 1e-12
+        assert np.count_nonzero(same) == n_means and (f"({n_means} of them means" in auto.note) is (n_means > 0)
 
 
 def test_matching_meshes_stay_node_to_node():

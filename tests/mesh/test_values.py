@@ -87,9 +87,19 @@ def with_field(name="mu", values=None):
 
 def test_a_field_of_the_mesh_is_interpolated():
     mesh = with_field()
-    for pairing in ("nodes", "points"):
+    for pairing in ("nodes", "points", "mortar"):
         pairs = pair_contacts(mesh, [joint(fields={"friction": "mu"}, pairing=pairing)])
         assert pairs.mu == pytest.approx(0.1 + 0.2 * pairs.position[:, 0])
+
+
+@pytest.mark.parametrize("pairing", ["points", "mortar"])
+def test_a_field_that_jumps_stays_within_its_values(pairing):
+    """Shape functions of quadratic faces are below 0 in places, friction is not."""
+    lower, upper = box("hex20", (2, 3, 1)), box("hex20", (2, 3, 1), origin=(0.0, 0.0, 1.0))
+    mesh = mesh_of(("lower", "hex20", *lower), ("upper", "hex20", *upper), groups=TOUCH)
+    mesh = replace(mesh, fields={"mu": np.where(mesh.points[:, 0] > 0.9, 0.4, 0.0)})
+    pairs = pair_contacts(mesh, [joint(fields={"friction": "mu"}, pairing=pairing)])
+    assert pairs.mu.min() == 0.0 and 0.2 < pairs.mu.max() <= 0.4
 
 
 @pytest.mark.parametrize(

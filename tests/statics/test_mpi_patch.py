@@ -76,6 +76,9 @@ def blocks(upper: str, lower: str):
     }
 
 
+TWO = 'surfaces = ["under", "on"]'
+
+
 @pytest.fixture(scope="module")
 def folder(comm, tmp_path_factory):
     return comm.bcast(tmp_path_factory.mktemp("patch"))
@@ -96,17 +99,20 @@ def built(comm, folder, upper, lower, *changes):
     return microslip.build(on_root(comm, write), comm)
 
 
-@pytest.mark.parametrize("upper, lower", [("hex8", "hex8"), ("tet10", "hex20"), ("hex20", "wedge15"), ("tet4", "hex8")])
-def test_a_uniform_pressure_crosses_the_joint(comm, folder, upper, lower):
-    with built(comm, folder, upper, lower) as structure:
+@pytest.mark.parametrize(
+    "upper, lower, pairing",
+    [("hex8", "hex8", "auto"), ("tet10", "hex20", "auto"), ("hex20", "wedge15", "points"), ("tet4", "hex8", "points")],
+)
+def test_a_uniform_pressure_crosses_the_joint(comm, folder, upper, lower, pairing):
+    with built(comm, folder, upper, lower, (TWO, f'{TWO}\npairing = "{pairing}"')) as structure:
         pairs = structure.pairs
-        assert "contact points" in pairs.notes[0]
+        assert f"contact points, {'mortars on faces' if pairing == 'auto' else 'in cells'} of" in pairs.notes[0]
         assert pairs.area.sum() == pytest.approx(SIDE**2, rel=1e-12)
         np.testing.assert_allclose(pairs.N0 / pairs.area, PRESSURE, rtol=1e-8)
         assert np.abs(pairs.T0).max() < 1e-8 * pairs.N0.max()
 
 
-GROUND = ('surfaces = ["under", "on"]', 'surfaces = ["base"]\nagainst = "ground"')
+GROUND = (TWO, 'surfaces = ["base"]\nagainst = "ground"')
 NO_BASE = ('[[supports]]\ngroup = "base"\nfix = ["z"]\n', "")
 LOWER_TOP = ('group = "top"\npressure', 'group = "on"\npressure')
 ALONE = (

@@ -8,18 +8,19 @@ As a mortar, a face that is covered wholly takes moments in place of means: what
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 import scipy.sparse as sp
 import shapely
-from scipy.spatial import cKDTree
 
 from .. import elements
 from ..parallel.errors import MeshError
 from ..parallel.words import place
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh
+from .near import pairs_within, trees_by_size
 from .projection import project_on_surface
 from .settings import GEOMETRY, MORTAR, Joint
 from .surface import Surface, on_mesh
@@ -32,10 +33,10 @@ LAYERS = 1.05  # of a cell that the second surface may cover: more is a second l
 _LEAST = 1e-6  # of a cell: a smaller share with a partner is none
 _FACING = np.cos(np.radians(60.0))  # facets that turn further away from a cell are no candidates
 _NEWTON, _CONVERGED, _FAULTY = 30, 1e-14, 1e-6  # steps to local coordinates, and the residual over the size of a face
-_GRAIN = 1e-12  # of the surface, to which the corners of shared parts are rounded: edges that nearly coincide then do
+_GRAIN = 1e-12  # of the largest cell's radius: corners of shared parts are rounded so that edges that nearly coincide do
 _ARCS = 12  # pieces of a curved edge of a face, half as many of a cell's
 _BEND = 5e-4  # of a cell: corners of an outline that are no further from the line between others are left out
-_CHUNK = 4000  # triangles that are sampled at a time
+_CHUNK = 4000  # triangles that are sampled at a time, and pairs of cell and facet that are cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ class Cells:
 
     def in_plane(self, i: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Return points (m, k, 3) in the axes of cells ``i`` (m,), the same shape [m]."""
-        return np.einsum("mkj,mij->mki", points - self.centre[i][:, None], self.axes[i])
+        return (points - self.centre[i][:, None]) @ self.axes[i].transpose(0, 2, 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,15 +81,17 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
     """
     reach = reach_of(mesh, joint, first, second)
     cells = [cells_of(mesh, kind, faces) for kind, faces in first.faces.items()]
-    shared = _joined([shared_parts(mesh, own, second, reach) for own in cells])
+    by_moments = joint.pairing == MORTAR
+    of_kinds = [shared_parts(mesh, own, second, reach, by_moments) for own in cells]
+    means, moments = (_joined([both[which] for both in of_kinds]) for which in (0, 1))
     centre, area, corners = (np.concatenate([getattr(own, name) for own in cells]) for name in ("centre", "area", "corners"))
-    share = shared.covered / shared.whole
+    share = means.covered / means.whole
     _check_covered(mesh, joint, first, second, share, area, centre, reach)
     area_shared = np.minimum(share, 1.0) * area
-    note_on = area_shared.sum() / area.sum()
-    if joint.pairing == MORTAR:
-        moments = _joined([shared_parts(mesh, own, second, reach, by_moments=True) for own in cells])
-        shared, area_shared = _with_moments(cells, shared, share, moments, area_shared)
+    is_covered = area_shared.sum() / area.sum()
+    face = _face_of(cells)
+    has_moments = by_moments & _is_whole(face, share, moments.covered)
+    shared, area_shared = _with_moments(face, has_moments, means, moments, area_shared)
     kept = np.flatnonzero(share > _LEAST)
     side1, side2 = (sp.diags(1.0 / shared.covered[kept]) @ side[kept] for side in (shared.side1, shared.side2))
     n1, n2 = side1 @ on_mesh(mesh, first), side2 @ on_mesh(mesh, second)
@@ -105,9 +108,19 @@ def overlapping_faces(mesh: Mesh, joint: Joint, first: Surface, second: Surface)
         position=(x1 + x2) / 2,
         distance=distance,
         cells=corners[kept],
-        note=f"joint {joint.name!r}: {len(kept)} contact points, in cells of {first.group!r}; {second.group!r} covers "
-        f"{note_on:.2%} of them, {distance.min():.3g} to {distance.max():.3g} m away (at most {reach:.3g} m)",
+        note=f"joint {joint.name!r}: {len(kept)} contact points, {_in_words(first, by_moments, has_moments[kept])}; "
+        f"{second.group!r} covers {is_covered:.2%} of them, {distance.min():.3g} to {distance.max():.3g} m away "
+        f"(at most {reach:.3g} m)",
     )
+
+
+def _in_words(first: Surface, by_moments: bool, has_moments: np.ndarray) -> str:
+    """Say what the points of a joint are, (n,) of which have moments."""
+    if not by_moments:
+        return f"in cells of {first.group!r}"
+    n_means = np.count_nonzero(~has_moments)
+    means = f" ({n_means} of them means over cells, in faces that are not covered wholly)" if n_means else ""
+    return f"mortars on faces of {first.group!r}{means}"
 
 
 def reach_of(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> float:
@@ -152,69 +165,119 @@ def _polygons(outlines: np.ndarray, bend: np.ndarray) -> np.ndarray:
     return shapely.simplify(shapely.polygons(outlines), bend, preserve_topology=False)
 
 
+def _face_of(cells: list[Cells]) -> np.ndarray:
+    """Return the number of the face of each cell, (n,)."""
+    n_cells = [np.full(len(own.area) // n, n) for own in cells for n in [len(elements.CELLS[own.kind])]]
+    return np.repeat(np.arange(sum(map(len, n_cells))), np.concatenate(n_cells))
+
+
+def _is_whole(face: np.ndarray, share: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Return which of n cells belong to faces that are covered wholly, so that the moments of what is covered are positive."""
+    is_whole = np.ones(face.max(initial=-1) + 1, dtype=bool)
+    np.logical_and.at(is_whole, face, (share >= WHOLE) & (moments > 0.0))
+    return is_whole[face]
+
+
 def _with_moments(
-    cells: list[Cells], means: Shared, share: np.ndarray, moments: Shared, area: np.ndarray
+    face: np.ndarray, has_moments: np.ndarray, means: Shared, moments: Shared, area: np.ndarray
 ) -> tuple[Shared, np.ndarray]:
-    """Return the moments of the faces that are covered wholly, the means of the others, and the areas (n,) [m2].  Local."""
-    n_each = [len(elements.CELLS[own.kind]) for own in cells]
-    n_cells = np.concatenate([np.full(len(own.area) // n, n) for own, n in zip(cells, n_each, strict=True)])
-    face = np.repeat(np.arange(len(n_cells)), n_cells)
-    is_whole = np.ones(len(n_cells), dtype=bool)
-    np.logical_and.at(is_whole, face, (share >= WHOLE) & (moments.covered > 0.0))
-    rows = is_whole[face]
-    per_covered = np.bincount(face, area) / np.maximum(np.bincount(face, moments.covered), 1e-300)
-    chosen, others = sp.diags(rows.astype(float)), sp.diags((~rows).astype(float))
+    """Return the moments of cells that have them, the means of the others, and the areas (n,) [m2].  Local."""
+    chosen, others = sp.diags(has_moments.astype(float)), sp.diags((~has_moments).astype(float))
     both = Shared(
         (chosen @ moments.side1 + others @ means.side1).tocsr(),
         (chosen @ moments.side2 + others @ means.side2).tocsr(),
-        np.where(rows, moments.covered, means.covered),
+        np.where(has_moments, moments.covered, means.covered),
         means.whole,
     )
-    return both, np.where(rows, moments.covered * per_covered[face], area)
+    per_covered = np.bincount(face, area) / np.maximum(np.bincount(face, moments.covered), 1e-300)
+    return both, np.where(has_moments, moments.covered * per_covered[face], area)
 
 
-def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_moments: bool = False) -> Shared:
-    """Return what the cells share with facets of the second surface that face them within ``reach`` [m].  Local.
+class _Integrals:
+    """Sums of integrals over parts of n cells, as they come: of both sides' shape functions, and of what is covered."""
 
-    With ``by_moments`` a row is that of a face's polynomial that is 1 at the integration point in the cell.
+    def __init__(self, n: int, n_nodes: int):
+        self.n, self.n_nodes = n, n_nodes
+        self.sides: tuple[list, list] = ([], [])  # of each, (values, rows, columns)
+        self.covered = np.zeros(n)  # m2
+
+    def add(self, rows: np.ndarray, faces: np.ndarray, facets: np.ndarray, w1: np.ndarray, w2: np.ndarray) -> None:
+        """Add integrals (m, q, n_face_nodes) and (m, q, n_facet_nodes) [m2] to rows (m, q), which lie near each other."""
+        np.add.at(self.covered, rows, w1.sum(axis=2))
+        for found, nodes, values in zip(self.sides, (faces, facets), (w1, w2), strict=True):
+            first, last = rows.min(initial=0), rows.max(initial=0)
+            row = np.broadcast_to(rows[:, :, None] - first, values.shape).ravel()
+            column = np.broadcast_to(nodes[:, None], values.shape).ravel()
+            own = sp.csr_matrix((values.ravel(), (row, column)), (last - first + 1, self.n_nodes)).tocoo()
+            found.append((own.data, own.row + first, own.col))
+
+    def shared(self, whole: np.ndarray) -> Shared:
+        """Return the sums; ``whole`` (n,) m2."""
+        none = (np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
+        sides = []
+        for found in self.sides:
+            values, rows, columns = map(np.concatenate, zip(none, *found, strict=True))
+            sides.append(sp.csr_matrix((values, (rows, columns)), (self.n, self.n_nodes)))
+        return Shared(side1=sides[0], side2=sides[1], covered=self.covered, whole=whole)
+
+
+def shared_parts(mesh: Mesh, cells: Cells, second: Surface, reach: float, by_moments: bool = False) -> tuple[Shared, Shared]:
+    """Return what the cells share with facets of the second surface that face them within ``reach`` [m], and its moments.  Local.
+
+    A row of the moments is that of a face's polynomial that is 1 at the integration point in the cell; without ``by_moments``
+    they are those of nothing.
     """
     n, n_nodes = len(cells.area), len(mesh.points)
     n_own = len(elements.CELLS[cells.kind])
-    bend, flat = _BEND * cells.radius, cells.in_plane(np.arange(n), cells.outline)[:, :, :2]
-    outlines = _polygons(flat, bend)
-    side1, side2, covered = sp.csr_matrix((n, n_nodes)), sp.csr_matrix((n, n_nodes)), np.zeros(n)
+    outlines = _polygons(cells.in_plane(np.arange(n), cells.outline)[:, :, :2], _BEND * cells.radius)
+    means, moments = _Integrals(n, n_nodes), _Integrals(n, n_nodes)
     for kind, facets in second.faces.items():
-        i, j = _candidates(mesh, cells, kind, facets, reach)
-        corners = elements.FACE_KINDS[kind].nodes[: elements.FACE_KINDS[kind].n_corners]
-        ring = _outlines(kind, mesh.points[facets], corners, _ARCS)
-        rings = _polygons(cells.in_plane(i, ring[j])[:, :, :2], bend[i])
-        parts = shapely.intersection(outlines[i], rings, grid_size=_GRAIN * np.ptp(flat))
-        piece, triangles = _triangles(parts)
-        for start in range(0, len(piece), _CHUNK):
-            own = slice(start, start + _CHUNK)
-            at, on = i[piece[own]], j[piece[own]]
-            near, w1, w2 = _averages(mesh, cells, at, triangles[own], kind, facets[on], reach, by_moments)
-            rows = at[near][:, None]
+        for at, on, triangles in _parts(mesh, cells, outlines, kind, facets, reach):
+            near, w1, w2 = _averages(mesh, cells, at, triangles, kind, facets[on], reach, by_moments)
+            at, faces, facing = at[near], cells.faces[at[near]], facets[on[near]]
+            means.add(at[:, None], faces, facing, w1[:, :1], w2[:, :1])
             if by_moments:
-                rows = rows // n_own * n_own + np.arange(n_own)
-            side1 = side1 + _sum(rows, cells.faces[at[near]], w1, side1.shape)
-            side2 = side2 + _sum(rows, facets[on[near]], w2, side2.shape)
-            np.add.at(covered, rows, w1.sum(axis=2))
-    return Shared(side1, side2, covered, shapely.area(outlines))
+                of_face = at[:, None] // n_own * n_own + np.arange(n_own)
+                moments.add(of_face, faces, facing, w1[:, 1:], w2[:, 1:])
+    whole = shapely.area(outlines)
+    return means.shared(whole), moments.shared(whole)
+
+
+def _parts(mesh: Mesh, cells: Cells, outlines: np.ndarray, kind: str, facets: np.ndarray, reach: float):
+    """Yield, some at a time, the cells (t,), facets (t,) and triangles (t, 3, 2) [m] in the cells' planes of what they share."""
+    i, j = _candidates(mesh, cells, kind, facets, reach)
+    corners = elements.FACE_KINDS[kind].nodes[: elements.FACE_KINDS[kind].n_corners]
+    ring = _outlines(kind, mesh.points[facets], corners, _ARCS)
+    bend, box = _BEND * cells.radius, shapely.bounds(outlines)
+    grain = _GRAIN * cells.radius.max()
+    for start in range(0, len(i), _CHUNK):
+        at, on = i[start : start + _CHUNK], j[start : start + _CHUNK]
+        rings = _polygons(cells.in_plane(at, ring[on])[:, :, :2], bend[at])
+        meet = _boxes_meet(box[at], shapely.bounds(rings))
+        at, on = at[meet], on[meet]
+        piece, triangles = _triangles(shapely.intersection(outlines[at], rings[meet], grid_size=grain))
+        for first in range(0, len(piece), _CHUNK):
+            own = slice(first, first + _CHUNK)
+            yield at[piece[own]], on[piece[own]], triangles[own]
+
+
+def _boxes_meet(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return which of n pairs of boxes, rows of least and largest x and y, have points in common."""
+    return (a[:, :2] <= b[:, 2:]).all(axis=1) & (b[:, :2] <= a[:, 2:]).all(axis=1)
 
 
 def _candidates(mesh: Mesh, cells: Cells, kind: str, facets: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return cells and facets that may share a part, (m,) each: near each other, their normals roughly opposite."""
+    """Return cells and facets that may share a part, (m,) each, in turn: near each other, their normals roughly opposite."""
     points = mesh.points[facets]
     centre = points.mean(axis=1)
     radius = np.linalg.norm(points - centre[:, None], axis=2).max(axis=1)
-    found = cKDTree(centre).query_ball_point(cells.centre, cells.radius + radius.max(initial=0.0) + reach)
-    i = np.repeat(np.arange(len(found)), [len(own) for own in found])
-    j = np.concatenate([np.array(own, dtype=np.int64) for own in found]) if len(found) else i
+    i, j = pairs_within(trees_by_size(centre, radius), cells.centre, cells.radius + reach)
     is_near = np.linalg.norm(cells.centre[i] - centre[j], axis=1) <= cells.radius[i] + radius[j] + reach
     normal = elements.face_normals(kind, points).mean(axis=1)
     is_facing = -np.einsum("mi,mi->m", cells.axes[i, 2], normal[j]) > _FACING * np.linalg.norm(normal[j], axis=1)
-    return i[is_near & is_facing], j[is_near & is_facing]
+    i, j = i[is_near & is_facing], j[is_near & is_facing]
+    order = np.lexsort((j, i))
+    return i[order], j[order]
 
 
 def _triangles(parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -234,19 +297,20 @@ def _averages(
     """Return which of t triangles in cells ``i`` lie within reach, and the integrals of both sides' shape functions over those.
 
     Shapes: (t,) bool, (m, q, n_face_nodes) and (m, q, n_facet_nodes) [m2], of a face of the cell's and the facets' kind; q = 1,
-    or with ``by_moments`` the number of polynomials of the cell's face that they are multiplied with.
+    and with ``by_moments`` as many more as there are polynomials of the cell's face, multiplied with each of these.
     """
     samples = elements.FINER_SAMPLES if by_moments else elements.SAMPLES
     edge1, edge2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    weight = np.outer(edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0], samples.weights)
+    weight = np.outer(_cross(edge1, edge2), samples.weights)
     xi, eta = samples.points.T[:, None, :, None]
     where = triangles[:, :1] + xi * edge1[:, None] + eta * edge2[:, None]
     N1, height1, local = _interpolated(mesh, cells, i, cells.kind, cells.faces[i], where)
     N2, height2, _ = _interpolated(mesh, cells, i, kind, facets, where)
     near = np.abs(height2 - height1).mean(axis=1) <= reach
-    tested = elements.point_functions(cells.kind, local[near]) if by_moments else np.ones((*weight[near].shape, 1))
-    tested = weight[near][:, :, None] * tested
-    w1, w2 = (np.einsum("tsq,tsk->tqk", tested, N[near]) for N in (N1, N2))
+    tested = weight[near][:, :, None]
+    if by_moments:
+        tested = np.concatenate([tested, tested * elements.point_functions(cells.kind, local[near])], axis=2)
+    w1, w2 = (tested.transpose(0, 2, 1) @ N[near] for N in (N1, N2))
     return near, w1, w2
 
 
@@ -265,16 +329,22 @@ def _interpolated(mesh: Mesh, cells: Cells, i: np.ndarray, kind: str, faces: np.
     xi = np.tile(shape.nodes[: shape.n_corners].mean(axis=0), (*where.shape[:2], 1))
     for _ in range(_NEWTON):
         N, slopes = _at(shape, xi)
-        residual = where - np.einsum("tsk,tkj->tsj", N, nodes[:, :, :2])
+        residual = where - N @ nodes[:, :, :2]
         if (np.abs(residual).max(axis=2) <= _CONVERGED * size).all():
             break
-        J = np.einsum("tsrk,tkj->tsjr", slopes, nodes[:, :, :2])
-        xi = xi + np.linalg.solve(J, residual[..., None])[..., 0]
+        x_xi, x_eta = (slopes[:, :, r] @ nodes[:, :, :2] for r in (0, 1))  # columns of the slope of x, (t, s, 2)
+        turned = np.stack([_cross(residual, x_eta), _cross(x_xi, residual)], axis=2)
+        xi = xi + turned / _cross(x_xi, x_eta)[:, :, None]
     worst = np.abs(residual).max(axis=(1, 2)) / size[:, 0]
     if not (worst <= _FAULTY).all():
         at = faces[np.argmax(np.nan_to_num(worst, nan=np.inf))]
         raise MeshError(f"{mesh.path}: the face of nodes {', '.join(map(str, mesh.numbers[at]))} is too distorted for contact")
-    return N, np.einsum("tsk,tk->ts", N, nodes[:, :, 2]), xi
+    return N, (N @ nodes[:, :, 2:])[:, :, 0], xi
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a_x b_y - a_y b_x of vectors (..., 2)."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
 def _at(shape, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -283,13 +353,7 @@ def _at(shape, xi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return shape.values(flat).reshape(*xi.shape[:2], -1), shape.derivatives(flat).reshape(*xi.shape[:2], 2, -1)
 
 
-def _sum(rows: np.ndarray, columns: np.ndarray, values: np.ndarray, shape: tuple[int, int]) -> sp.csr_matrix:
-    """Return the sum of values (m, q, k) in rows (m, q) and columns (m, k)."""
-    row, column = np.broadcast_to(rows[:, :, None], values.shape), np.broadcast_to(columns[:, None], values.shape)
-    return sp.csr_matrix((values.ravel(), (row.ravel(), column.ravel())), shape)
-
-
-def _joined(parts: list[Shared]) -> Shared:
+def _joined(parts: Sequence[Shared]) -> Shared:
     def join(name: str):
         values = [getattr(part, name) for part in parts]
         return sp.vstack(values).tocsr() if sp.issparse(values[0]) else np.concatenate(values)

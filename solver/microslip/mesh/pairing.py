@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -102,7 +103,7 @@ def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
         try:
             return matching_nodes(mesh, joint, first, second)
         except NotMatching:
-            return overlapping_faces(mesh, joint, first, second)
+            return overlapping_faces(mesh, replace(joint, pairing=MORTAR), first, second)
     return PAIRINGS[joint.pairing](mesh, joint, first, second)
 
 

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from ..elements import FACE_KINDS, nearest_on_faces
+from .near import pairs_within, trees_by_size
 
 SNAP = 1e-10  # weights this close to 0 or 1 are 0 or 1
 _CHUNK = 20_000  # points that are searched for at a time
@@ -80,7 +80,7 @@ def project_on_surface(points: np.ndarray, faces: Mapping[str, np.ndarray], quer
     """
     queries = np.asarray(queries, dtype=float).reshape(-1, 3)
     facets = _facets_of(points, faces)
-    trees = _trees_by_size(facets)
+    trees = trees_by_size((facets.low + facets.high) / 2.0, np.linalg.norm(facets.high - facets.low, axis=1) / 2.0)
     of_nodes = cKDTree(points[np.unique(np.concatenate([own.ravel() for own in facets.faces]))])
     facet, xi = np.zeros(len(queries), dtype=np.int64), np.zeros((len(queries), 2))
     for start in range(0, len(queries), _CHUNK):
@@ -112,27 +112,12 @@ def _facets_of(points: np.ndarray, faces: Mapping[str, np.ndarray]) -> _Facets:
     return _Facets(points, kinds, tuple(np.asarray(faces[kind]) for kind in kinds), first, low, high, size)
 
 
-def _trees_by_size(facets: _Facets) -> list[tuple[np.ndarray, cKDTree, float]]:
-    """Return the facets in classes of size, a factor of two each, with a tree of their centres and their largest radius."""
-    radius = np.linalg.norm(facets.high - facets.low, axis=1) / 2.0
-    exponent = np.frexp(np.maximum(radius, 1e-300))[1]
-    centre = (facets.low + facets.high) / 2.0
-    classes = [np.flatnonzero(exponent == e) for e in np.unique(exponent)]
-    return [(mine, cKDTree(centre[mine]), float(radius[mine].max())) for mine in classes]
-
-
 def _candidates(trees, queries: np.ndarray, reach: np.ndarray, facets: _Facets) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the pairs (point, facet) that may be nearest, and the least distance they can have, by point and that distance.
 
     ``reach`` (n,) is the distance of some point of the surface, so that no nearest facet is missed.
     """
-    parts = []
-    for mine, tree, radius in trees:
-        found = tree.query_ball_point(queries, reach + radius + _ROUNDING * facets.size, return_sorted=False)
-        count = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
-        mine = mine[np.fromiter(chain.from_iterable(found), dtype=np.int64, count=count.sum())]
-        parts.append((np.repeat(np.arange(len(queries)), count), mine))
-    at, on = (np.concatenate(column) for column in zip(*parts, strict=True))
+    at, on = pairs_within(trees, queries, reach + _ROUNDING * facets.size)
     outside = np.maximum(np.maximum(facets.low[on] - queries[at], queries[at] - facets.high[on]), 0.0)
     least = np.linalg.norm(outside, axis=1)
     kept = least <= reach[at] + _ROUNDING * facets.size

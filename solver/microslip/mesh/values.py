@@ -51,7 +51,7 @@ def values_of(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray
 
 
 def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: str) -> np.ndarray:
-    """Return a value that a field of the mesh has, as the first surface interpolates it."""
+    """Return a value that a field of the mesh has, as the first surface interpolates it, within those of the nodes it takes."""
     field, where = joint.fields[name], f"{mesh.path}: joint {joint.name!r} fields: {name}"
     if name not in LAWS[joint.law].per_point:
         raise CaseError(f'{where} is no value of law = "{joint.law}", which takes {", ".join(LAWS[joint.law].per_point)}')
@@ -69,7 +69,9 @@ def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: str) -> np.
         raise MeshError(
             f"{where} = {field!r} has no value at {len(missing)} nodes of the joint, the first is {mesh.numbers[missing[0]]}"
         )
+    of_nodes, first = mesh.fields[field][points.side1.indices], points.side1.indptr[:-1]
     found = points.side1 @ np.nan_to_num(mesh.fields[field])
+    found = np.clip(found, np.minimum.reduceat(of_nodes, first), np.maximum.reduceat(of_nodes, first))
     above = name.endswith("stiffness") or (name == "preload" and "n0" in LAWS[joint.law].above_0)
     if found.min() < 0.0 or (above and found.min() == 0.0):
         at = place(points.position[np.argmin(found)])

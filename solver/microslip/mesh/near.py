@@ -1,0 +1,33 @@
+"""What lies near given places: things of very different sizes, found by a tree for each class of size."""
+
+from __future__ import annotations
+
+from itertools import chain
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+
+def trees_by_size(centre: np.ndarray, radius: np.ndarray) -> list[tuple[np.ndarray, cKDTree, float]]:
+    """Return things in classes of size, a factor of two each, with a tree of their centres and their largest radius.
+
+    Local.  ``centre`` (n, 3) and ``radius`` (n,) m.  A large thing beside small ones then widens the search for itself alone.
+    """
+    exponent = np.frexp(np.maximum(radius, 1e-300))[1]
+    classes = [np.flatnonzero(exponent == e) for e in np.unique(exponent)]
+    return [(mine, cKDTree(centre[mine]), float(radius[mine].max())) for mine in classes]
+
+
+def pairs_within(trees, queries: np.ndarray, reach: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (query, thing), (m,) each, of all things that may come within a reach of queries, class by class.
+
+    Local.  ``queries`` (n, 3) and ``reach`` (n,) m; ``trees`` as of ``trees_by_size``.
+    """
+    parts = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))]
+    for mine, tree, radius in trees:
+        found = tree.query_ball_point(queries, reach + radius, return_sorted=False)
+        count = np.fromiter(map(len, found), dtype=np.int64, count=len(found))
+        things = mine[np.fromiter(chain.from_iterable(found), dtype=np.int64, count=count.sum())]
+        parts.append((np.repeat(np.arange(len(queries)), count), things))
+    at, on = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return at, on

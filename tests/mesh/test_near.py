@@ -1,0 +1,25 @@
+"""What lies near given places, whatever the sizes: all of it, and little else."""
+
+import numpy as np
+
+from microslip.mesh.near import pairs_within, trees_by_size
+
+
+def test_all_that_is_near_is_found_and_little_else():
+    """Sizes over four decades, against all pairs one by one; a few large things do not bring all small ones."""
+    rng = np.random.default_rng(5)
+    radius = 10.0 ** rng.uniform(-4.0, 0.0, 300)
+    centre, queries, reach = rng.random((300, 3)), rng.random((200, 3)), 1e-2 * rng.random(200)
+    at, on = pairs_within(trees_by_size(centre, radius), queries, reach)
+    distance = np.linalg.norm(queries[:, None] - centre, axis=2)
+    near = set(zip(*np.nonzero(distance <= reach[:, None] + radius)))
+    found = set(zip(at, on))
+    assert len(found) == len(at) and near <= found
+    assert all(distance[i, j] <= reach[i] + 2.0 * radius[j] for i, j in found)
+
+
+def test_nothing_is_near_nothing():
+    none = np.zeros((0, 3))
+    for centre, queries in ((none, np.zeros((2, 3))), (np.zeros((2, 3)), none)):
+        at, on = pairs_within(trees_by_size(centre, np.ones(len(centre))), queries, np.ones(len(queries)))
+        assert len(at) == len(on) == 0
