@@ -108,9 +108,9 @@ def contact_points(mesh: Mesh, joint: Joint) -> ContactPoints:
 
 
 def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
-    """Raise MeshError where the contact points of two joints lie on the same faces: they would be in contact twice.
+    """Raise MeshError where the contact points of two joints of one law lie on the same faces: they would be in contact twice.
 
-    The second surface may serve several joints: two feet on one base.
+    The second surface may serve several joints, two feet on one base; joints of different laws may act side by side.
     """
     sides = [
         (joint, [face_keys(outward_faces(mesh, group)) for group in joint.surfaces])
@@ -121,10 +121,11 @@ def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
         both = of_one[0] & of_other[0]
         if not both and of_one[0] & of_other[-1]:
             both = of_one[-1] & of_other[0]  # the same two surfaces the other way round
-        if both:
+        if both and one.law == other.law:
             raise MeshError(
                 f"{mesh.path}: {len(both)} faces belong to joint {one.name!r} and to joint {other.name!r}, of "
-                f"{one.surfaces[0]!r} and {other.surfaces[0]!r}: they would touch twice; take them out of one of the two, or state one joint"
+                f"{one.surfaces[0]!r} and {other.surfaces[0]!r}: they would touch twice; take them out of one of the two, or "
+                "state one joint"
             )
 
 
