@@ -13,6 +13,8 @@ from ..observe.observer import Observer, Observers
 from ..points.branch import Branch
 from .side_by_side import follow_side_by_side
 
+_AT_ONCE = 1e-6  # of the highest level: from there on means from the first newton on
+
 
 def follow(
     response: ResponseProblem,
@@ -43,10 +45,14 @@ def follow(
 
 
 def _in_words(first: float, half: float, highest: float) -> str:
-    """Return from which levels [N] on pairs slip, for the log."""
+    """Return from which levels [N] on pairs slip, for the log; from 0 or less those that are open or slide at rest."""
     if not np.isfinite(first):
         return "by the linear peak, no pair slips at any level"
+    if half <= _AT_ONCE * highest:
+        return "by the linear peak, half of the pairs and more slip or are open at any level"
     more = f", half of them from {half:.3g} N" if np.isfinite(half) else ""
+    if first <= _AT_ONCE * highest:
+        return f"by the linear peak, some pairs slip or are open at any level{more}"
     said = f"by the linear peak, pairs slip from about {first:.3g} N on{more}"
     return said if highest > first else f"{said}; the highest level is {highest:g} N, where nothing does"
 
