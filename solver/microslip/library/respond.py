@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -115,10 +115,10 @@ def found_again(prepared: Prepared, find: Callable[[], Structure]) -> Prepared:
     """Return what was prepared, such that it asks for its structure where its fields need it.  Local."""
     settings = reduction_settings(prepared.scene)
 
-    def displacement(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
-        return reduced(find(), settings).displacement(model, level, omega, p)
+    def displacements(model: ReducedModel, points: Sequence[tuple[float, float, np.ndarray]]) -> list[np.ndarray]:
+        return reduced(find(), settings).displacements(model, points)
 
-    return replace(prepared, whole=find, reduction=replace(prepared.reduction, displacement=displacement))
+    return replace(prepared, whole=find, reduction=replace(prepared.reduction, displacements=displacements))
 
 
 def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, OfJoints | None]) -> Scene:

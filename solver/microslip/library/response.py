@@ -208,7 +208,8 @@ class Response:
             )
         )
         p = found.p[i].reshape(-1, found.p.shape[-1])
-        u_owned = self.prepared.reduction.displacement(self.prepared.model, level, 2.0 * np.pi * found.frequency[i], p)
+        at = level, 2.0 * np.pi * found.frequency[i], p
+        (u_owned,) = self.prepared.reduction.displacements(self.prepared.model, [at])
         if system.dof is None:
             return float(found.frequency[i]), np.concatenate(system.comm.allgather(u_owned))
         return float(found.frequency[i]), system.comm.bcast(node_fields(system, u_owned))

@@ -12,7 +12,7 @@ from ..observe.not_computed import Extent
 from ..parallel.agree import on_root
 from ..parallel.versions import commit, program_hash, versions
 from ..points.branch import Branch, hertz
-from ..reduction.expand import node_fields, peak_displacement
+from ..reduction.expand import node_fields, peak_displacements
 from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.origin import Origin
 from ..results.record import BOLT_UNITS, Bolts, LinearCurve, ResultFile, joint_of
@@ -88,10 +88,9 @@ def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, r
         rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
         if rest is not None and system.moved is not None:
             rest = rest + system.moved[:, :, None]
-        for number, branch in enumerate(branches):
-            at, u = peak_displacement(system, prepared.reduction, prepared.model, branch)
-            if u is not None:
-                peaks[number] = Motion(at, u)
+        numbers = [number for number, branch in enumerate(branches) if branch.points]
+        motions = peak_displacements(system, prepared.reduction, prepared.model, [branches[number] for number in numbers])
+        peaks = {number: Motion(*motion) for number, motion in zip(numbers, motions)}
     on_root(prepared.model.comm, _write, prepared, branches, folder, (shapes, rest, peaks), run, share=False)
 
 

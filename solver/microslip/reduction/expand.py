@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,19 +19,26 @@ if TYPE_CHECKING:
     from .reduction import Reduction
 
 
-def displacement(
-    linearised: Linearised, modes: Modes, model: ReducedModel, level: float, omega: float, p: np.ndarray
-) -> np.ndarray:
-    """Return the harmonics of u on this rank's rows, (n_owned, N_H) [m].
+def displacements(
+    linearised: Linearised, modes: Modes, model: ReducedModel, points: Sequence[tuple[float, float, np.ndarray]]
+) -> list[np.ndarray]:
+    """Return the harmonics of u on this rank's rows at some points, (n_owned, N_H) each [m].
 
-    Collective: one static solve with N_H right-hand sides.  u = K_L^-1 (f - R^T p) + phi c(omega) phi^T (f - R^T p), with
-    p (3 n_pairs, N_H) [N] of the full set of harmonics 0 to H, whatever those of the model; docs/theory.md, section 4.
+    Collective: static solves with N_H right-hand sides a point, all at once.  u = K_L^-1 (f - R^T p) + phi c(omega) phi^T
+    (f - R^T p); docs/theory.md, section 4.  ``points`` are level, omega and p (3 n_pairs, N_H) [N] of the full set of harmonics 0
+    to H, whatever those of the model.
     """
-    system, model = linearised.system, model.with_harmonics(Harmonics.full(p.shape[-1]))
+    system, forces, dynamic = linearised.system, [], []
     first, last = system.K.getOwnershipRange()
-    force = system.loads.tocsr()[first:last] @ (level * model.f) - system.R.T.tocsr()[first:last] @ p
-    (c,), (q,) = model.flexibilities(omega), modal_forces(model, level, p)
-    return linearised.factor.solve(np.ascontiguousarray(force)) + modes.phi_owned @ c.apply(q)
+    loads, R_T = system.loads.tocsr()[first:last], system.R.T.tocsr()[first:last]
+    for level, omega, p in points:
+        full = model.with_harmonics(Harmonics.full(p.shape[-1]))
+        forces.append(loads @ (level * full.f) - R_T @ p)
+        (c,), (q,) = full.flexibilities(omega), modal_forces(full, level, p)
+        dynamic.append(modes.phi_owned @ c.apply(q))
+    static = linearised.factor.solve(np.hstack(forces)) if forces else np.empty((last - first, 0))
+    ends = np.cumsum([force.shape[1] for force in forces])[:-1]
+    return [own + more for own, more in zip(np.split(static, ends, axis=1), dynamic)]
 
 
 def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:
@@ -44,14 +52,20 @@ def node_fields(system: System, owned: np.ndarray) -> np.ndarray | None:
     return system.at_nodes(np.concatenate(gathered))
 
 
-def peak_displacement(system: System, reduction: Reduction, model: ReducedModel, branch: Branch) -> tuple[int, np.ndarray | None]:
-    """Return the number of a branch's point of largest response and the harmonics of u there, (n_nodes, 3, N_H) [m], as recorded.
+def peak_displacements(
+    system: System, reduction: Reduction, model: ReducedModel, branches: Sequence[Branch]
+) -> list[tuple[int, np.ndarray]]:
+    """Return the number of each branch's point of largest response and the harmonics of u there, (n_nodes, 3, N_H) [m].
 
-    Collective; the field on rank 0, None elsewhere and where the branch has no point.
+    Collective: all at once; fields as recorded on rank 0, empty elsewhere.  Branches have points.
     """
-    if not branch.points:
-        return -1, None
-    at = branch.peak
-    p = model.comm.bcast(branch.points[at].p)
-    u = reduction.displacement(model, branch.level, branch.points[at].omega, p.reshape(-1, p.shape[-1]))
-    return at, node_fields(system, u)
+    peaks = [branch.peak for branch in branches]
+    at = [(branch, branch.points[peak]) for branch, peak in zip(branches, peaks)]
+    points = [(branch.level, point.omega, _whole(model.comm.bcast(point.p))) for branch, point in at]
+    fields = (node_fields(system, u_owned) for u_owned in reduction.displacements(model, points))
+    return [(peak, np.empty((0, 3, 0)) if u is None else u) for peak, u in zip(peaks, fields)]
+
+
+def _whole(p: np.ndarray) -> np.ndarray:
+    """Return recorded forces of pairs, (n_pairs, 3, N_H), as (3 n_pairs, N_H).  Local."""
+    return p.reshape(-1, p.shape[-1])

@@ -11,6 +11,7 @@ mass are harmless.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -60,12 +61,15 @@ def reduce_on_basis(
     family = modal_family(system, omega_n, phi_owned, settings.damping)
     structure = structure_of_family(system.comm, family, observed(system))
 
-    def displacement(model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
-        full = model.with_harmonics(Harmonics.full(p.shape[-1]))
-        (eta,) = modal_motion(full, level, omega, p)
-        return phi_owned @ to_real(eta, full.N_H)
+    def displacements(model: ReducedModel, points: Sequence[tuple[float, float, np.ndarray]]) -> list[np.ndarray]:
+        found = []
+        for level, omega, p in points:
+            full = model.with_harmonics(Harmonics.full(p.shape[-1]))
+            (eta,) = modal_motion(full, level, omega, p)
+            found.append(phi_owned @ to_real(eta, full.N_H))
+        return found
 
-    return Reduction(structure, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacement, leaves_out, phi_owned)
+    return Reduction(structure, AllPairs(coordinates=unknowns or V_owned.shape[1]), displacements, leaves_out, phi_owned)
 
 
 def galerkin_modes(linearised: Linearised, V_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,6 +12,9 @@ from ..points.selection import Selection
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
 
+Expansion = Callable[[ReducedModel, Sequence[tuple[float, float, np.ndarray]]], list[np.ndarray]]
+"""Collective: level, omega and p of some points -> u of each, owned rows."""
+
 
 @dataclass(frozen=True)
 class Reduction:
@@ -19,6 +22,6 @@ class Reduction:
 
     structure: ReducedStructure
     selection: Selection
-    displacement: Callable[[ReducedModel, float, float, np.ndarray], np.ndarray]  # collective; level, omega, p -> u, owned rows
+    displacements: Expansion
     leaves_out: Literal["modes", "basis", "nothing"]  # "modes": their dynamics, not their statics; "basis": what it lacks
     phi_owned: np.ndarray | None = None  # (n_owned, m) the modes that are the whole model of a Galerkin method; None of others

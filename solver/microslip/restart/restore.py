@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -70,9 +70,9 @@ class Rebuilt:
         """Return the static columns of further pairs, as StaticColumns asks for them."""
         return self.structure.statics.G_static.solve(pairs)
 
-    def displacement(self, model: ReducedModel, level: float, omega: float, p: np.ndarray) -> np.ndarray:
+    def displacements(self, model: ReducedModel, points: Sequence[tuple[float, float, np.ndarray]]) -> list[np.ndarray]:
         """Return full displacements, as a Reduction does."""
-        return self.reduction.displacement(model, level, omega, p)
+        return self.reduction.displacements(model, points)
 
     def close(self) -> None:
         """Free the factor, if there is one."""
@@ -101,7 +101,7 @@ def restored(kept: KeptSetup, scene: Scene, log: RunLog) -> Prepared:
         structure = exact_structure(under("model", arrays), comm, rebuilt.solve)
     else:
         structure = structure_of_family(comm, family_of(under("model", arrays)), observed_of(under("model", arrays)))
-    reduction = Reduction(structure, selection_of(texts), rebuilt.displacement, texts["leaves_out"])
+    reduction = Reduction(structure, selection_of(texts), rebuilt.displacements, texts["leaves_out"])
     better = None
     if texts["has_bars"]:
         other = under("better", arrays)

@@ -128,7 +128,7 @@ def made_of(kept: KeptSetup, scene: Scene, log: RunLog) -> tuple[Prepared, str] 
         if better is None:
             return None
     outline = replace(outline, omega_n=rebuilt.keep_first(n_modes))
-    reduction = Reduction(reduced, SELECTIONS[settings.method](settings), rebuilt.displacement, "modes")
+    reduction = Reduction(reduced, SELECTIONS[settings.method](settings), rebuilt.displacements, "modes")
     response = response_of(scene, pairs, reduction, outline.omega_n, better)
     return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close), why
 

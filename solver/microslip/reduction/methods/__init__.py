@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 from ...assembly.system import System
 from ...points.selection import Selection
-from ..expand import displacement
+from ..expand import displacements
 from ..facts import Facts
 from ..modal_structure import reduce_structure
 from ..reduction import Reduction
@@ -74,6 +74,6 @@ def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Redu
     """
     if settings.method in REDUCTIONS:
         return REDUCTIONS[settings.method](stuck, settings)
-    expand = partial(displacement, stuck.linearised, stuck.modes)
+    expand = partial(displacements, stuck.linearised, stuck.modes)
     selection = SELECTIONS[settings.method](settings)
     return Reduction(reduce_structure(stuck, settings.damping), selection, expand, leaves_out="modes")
