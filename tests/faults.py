@@ -64,7 +64,7 @@ FAULTS = {
     "term": lambda: os.kill(os.getpid(), signal.SIGTERM),
     "int": lambda: os.kill(os.getpid(), signal.SIGINT),
     "hup": lambda: os.kill(os.getpid(), signal.SIGHUP),
-    "term-twice": lambda: [os.kill(os.getpid(), signal.SIGTERM) for _ in range(2)],
+    "term-twice": lambda: [signal.raise_signal(signal.SIGTERM) for _ in range(2)],
     "usr1": lambda: os.kill(os.getpid(), signal.SIGUSR1),
     "usr2": lambda: os.kill(os.getpid(), signal.SIGUSR2),
     "hang": _hang,

@@ -99,7 +99,7 @@ def test_the_time_limit_stops_groups_too(program, scene, comm, shared_path, at_p
 @pytest.mark.ranks(1)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_stops_with_every_point_saved(program, scene, shared_path, at_point_3, number):
-    at_point_3(lambda: [os.kill(os.getpid(), each) for each in (number, signal.SIGTERM)])
+    at_point_3(lambda: [signal.raise_signal(each) for each in (number, signal.SIGTERM)])
     status, _, err = program("run", scene, "--out", shared_path / "out")
     assert status == 5 and err.count(f"microslip: error: stopped by {number.name}; what was found until then is in") == 1
     table, saved, state = points(shared_path / "out")
