@@ -112,11 +112,10 @@ def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
 
     The second surface may serve several joints, two feet on one base; joints of different laws may act side by side.
     """
-    sides = [
-        (joint, [face_keys(outward_faces(mesh, group)) for group in joint.surfaces])
-        for joint in joints
-        if joint.node_pairs is None
-    ]
+    of_surfaces = [joint for joint in joints if joint.node_pairs is None]
+    if len(of_surfaces) < 2:
+        return
+    sides = [(joint, [face_keys(outward_faces(mesh, group)) for group in joint.surfaces]) for joint in of_surfaces]
     for (one, of_one), (other, of_other) in combinations(sides, 2):
         both = of_one[0] & of_other[0]
         if not both and of_one[0] & of_other[-1]:
