@@ -138,7 +138,7 @@ def _add_elements(block: LocalBlock, body: Body, pattern: NodePattern, K_sum: Bl
     for chunk in element_chunks(block):
         points = block.points[chunk]
         is_owned, positions = pattern.positions(block.nodes[chunk])
-        K = elements.stiffness(block.kind, points, body.material, body.integration, body.incompatible_modes)
+        K = elements.stiffness(body.solids(block.kind, points))
         K_sum.add(is_owned, positions, K.reshape(-1, n_nodes, 3, n_nodes, 3))
         M = elements.mass(block.kind, points, body.density, body.integration)
         M_sum.add(is_owned, positions, M.reshape(-1, n_nodes, 1, n_nodes, 1))

@@ -19,7 +19,7 @@ from .nearest import nearest_on_faces
 from .prestress import deformed_stiffness, stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
 from .recovery import nodal_strain, nodal_stress
-from .solid import jacobian_minimum, mass, stiffness, volumes
+from .solid import Solids, jacobian_minimum, mass, stiffness, volumes
 
 __all__ = [
     "CELLS",
@@ -35,6 +35,7 @@ __all__ = [
     "RINGS",
     "FINER_SAMPLES",
     "SAMPLES",
+    "Solids",
     "point_functions",
     "Kind",
     "checked",

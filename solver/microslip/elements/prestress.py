@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from .kinds import KINDS
-from .materials import Elastic, Material
-from .quadrature import Rule, rules
-from .solid import _chunks, _condense, _gradients, _incompatible_gradients, _local
+from .materials import Elastic
+from .solid import Solids, _without_bubbles
 
 
-def stress(
-    kind: str,
-    points: np.ndarray,
-    u: np.ndarray,
-    material: Material,
-    warmer: float = 0.0,
-    integration: str = "full",
-    incompatible_modes: bool = True,
-) -> np.ndarray:
+def stress(of: Solids, u: np.ndarray, warmer: float = 0.0) -> np.ndarray:
     """Return the stress at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [Pa].
 
     Local.
@@ -27,39 +17,25 @@ def stress(
     ----------
     u : (n_elements, n, 3) displacements of the nodes [m]
     warmer : temperature above that without stress [K], whose expansion stresses nothing by itself
-    others : as in :func:`microslip.elements.stiffness`
 
     Notes
     -----
     The elasticity times eps - alpha dT.  The bubbles of hex8 follow from the nodes, as in its stiffness.
     """
-    found = strain(kind, points, u, material, integration, incompatible_modes)
-    rule = rules(kind, integration)[0]
-    for chunk in _chunks(len(points), 9 * (points.shape[1] + 3) ** 2):
-        found[chunk] = _local(material, kind, points[chunk], rule).stress(found[chunk], warmer)
+    found = strain(of, u)
+    for chunk, part in of.parts(9 * (of.n + 3) ** 2):
+        found[chunk] = part.elastic().stress(found[chunk], warmer)
     return found
 
 
-def strain(
-    kind: str, points: np.ndarray, u: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
-) -> np.ndarray:
+def strain(of: Solids, u: np.ndarray) -> np.ndarray:
     """Return the strain at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [-].  Local; as :func:`stress`."""
-    rule = rules(kind, integration)[0]
-    found = np.empty((len(points), len(rule.weights), 3, 3))
-    for chunk in _chunks(len(points), 9 * (points.shape[1] + 3) ** 2):
-        dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes)
-        amplitudes = _amplitudes(dN, volumes, u[chunk], _local(material, kind, points[chunk], rule))
-        slopes = dN @ amplitudes[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
+    found = np.empty((len(of.points), len(of.rule.weights), 3, 3))
+    for chunk, part in of.parts(9 * (of.n + 3) ** 2):
+        dN, volumes = part.functions()
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], part.elastic())[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
         found[chunk] = 0.5 * (slopes + slopes.swapaxes(-1, -2))
     return found
-
-
-def _functions(kind: str, points: np.ndarray, rule: Rule, incompatible_modes: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the gradients of shape functions and, in hex8, of the bubbles behind them, and w det J."""
-    dN, volumes = _gradients(KINDS[kind], points, rule)
-    if incompatible_modes and kind == "hex8":
-        dN = np.concatenate([dN, _incompatible_gradients(KINDS[kind], points, rule, volumes)], axis=-1)
-    return dN, volumes
 
 
 def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic) -> np.ndarray:
@@ -72,53 +48,41 @@ def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elast
     return np.concatenate([u, np.linalg.solve(K[:, n:, n:], right).reshape(len(u), -1, 3)], axis=1)
 
 
-def deformed_stiffness(
-    kind: str, points: np.ndarray, u: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
-) -> np.ndarray:
+def deformed_stiffness(of: Solids, u: np.ndarray) -> np.ndarray:
     """Return the stiffness of elements about a displaced state, without that of its stress, (n_elements, 3 n, 3 n) [N/m].
 
     Local.  docs/theory.md, eq. (12.11): with F = 1 + du/dx the strain of a small motion v is sym(F^T dv/dx).
-
-    Parameters
-    ----------
-    u : (n_elements, n, 3) displacements of the nodes [m]
-    others : as in :func:`microslip.elements.stiffness`
+    ``u`` (n_elements, n, 3) are the displacements of the nodes [m].
     """
-    rule = rules(kind, integration)[0]
-    n = 3 * points.shape[1]
-    K = np.empty((len(points), n, n))
-    for chunk in _chunks(len(points), 9 * (points.shape[1] + 3) ** 2):
-        dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes)
-        local = _local(material, kind, points[chunk], rule)
+    K = np.empty((len(of.points), 3 * of.n, 3 * of.n))
+    for chunk, part in of.parts(9 * (of.n + 3) ** 2):
+        (dN, volumes), local = part.functions(), part.elastic()
         slopes = dN @ _amplitudes(dN, volumes, u[chunk], local)[:, None]
-        whole = local.stiffness_about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes)
-        K[chunk] = _condense(whole, n) if whole.shape[-1] > n else whole
+        K[chunk] = _without_bubbles(local.stiffness_about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes), 3 * of.n)
     return K
 
 
-def stress_stiffness(kind: str, points: np.ndarray, stress: np.ndarray, integration: str = "full") -> np.ndarray:
+def stress_stiffness(of: Solids, stress: np.ndarray) -> np.ndarray:
     """Return what a stress (n_elements, n_q, 3, 3) [Pa] adds to the stiffness, (n_elements, n, n) [N/m].
 
     Local.  docs/theory.md, eq. (12.5): entry a, b couples u_x of a and b, u_y, u_z alike.  ``stress`` is that of :func:`stress`.
     """
-    rule = rules(kind, integration)[0]
-    found = np.empty((len(points), points.shape[1], points.shape[1]))
-    for chunk in _chunks(len(points), 9 * points.shape[1] ** 2):
-        dN, volumes = _gradients(KINDS[kind], points[chunk], rule)
+    found = np.empty((len(of.points), of.n, of.n))
+    for chunk, part in of.parts(9 * of.n**2):
+        dN, volumes = part.gradients()
         weighted = (stress[chunk] * volumes[..., None, None]) @ dN
         found[chunk] = (dN.swapaxes(-1, -2) @ weighted).sum(axis=1)
     return found
 
 
-def thermal_forces(kind: str, points: np.ndarray, material: Material, warmer: float, integration: str = "full") -> np.ndarray:
+def thermal_forces(of: Solids, warmer: float) -> np.ndarray:
     """Return the nodal forces of elements that are held while they are warm, turned round, (n_elements, n, 3) [N].
 
     Local.  docs/theory.md, eq. (12.2); ``warmer`` [K] than without stress.
     """
-    rule = rules(kind, integration)[0]
-    found = np.empty(points.shape)
-    for chunk in _chunks(len(points), 9 * points.shape[1] ** 2):
-        dN, volumes = _gradients(KINDS[kind], points[chunk], rule)
-        held = _local(material, kind, points[chunk], rule).stress(np.zeros((3, 3)), warmer)
+    found = np.empty(of.points.shape)
+    for chunk, part in of.parts(9 * of.n**2):
+        dN, volumes = part.gradients()
+        held = part.elastic().stress(np.zeros((3, 3)), warmer)
         found[chunk] = -((volumes[..., None, None] * (held @ dN)).sum(axis=1)).swapaxes(-1, -2)
     return found
