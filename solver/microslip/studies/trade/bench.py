@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...continuation.accuracy import Accuracy, accuracy_of
-from ...continuation.grid import at_frequencies
+from ...continuation.grid import solved_at, task_at
 from ...continuation.levels import ResponseProblem, frequency_sweep
 from ...continuation.problems import ForcedResponse
 from ...error_estimate.correction import Estimate
@@ -188,11 +188,8 @@ class Bench:
             accuracy = self.accuracy_of(setting, problem)
             better = prepared.response.better
             estimator = TimedEstimator(better) if better and (bars or accuracy) else None
-            branches.append(
-                at_frequencies(
-                    problem, response.selection, list(points), tolerance=setting.tolerance, estimator=estimator, accuracy=accuracy
-                )
-            )
+            task = task_at(problem, response.selection, list(points), setting.tolerance, estimator, accuracy)
+            branches.append(solved_at(task, list(points)))
             if estimator is not None and accuracy is None:
                 spent += estimator.spent
         (wall, cpu), (wall_of_bars, cpu_of_bars) = self.comm.bcast((Stopwatch.read() - start, spent))
