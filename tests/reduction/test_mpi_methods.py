@@ -13,7 +13,7 @@ from oracles import harmonic_balance, scenes
 from microslip.continuation.grid import at_frequencies
 from microslip.library.settings import excitation, reduction_settings
 from microslip.linear.dense import gram, multiply
-from microslip.modes.dense import gathered
+from microslip.modes.lapack import gathered
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
 from microslip.receptance.motions import linear_motion

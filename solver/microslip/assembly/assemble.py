@@ -17,12 +17,12 @@ from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.memory import refuse_beyond
 from .base_motion import with_base_motion
-from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .check import check_elements
 from .constrained import constrained
 from .constraints import check_supports, constrain
 from .maps import base_map, load_map, orders_of, output_map, pair_map
 from .nodal_forces import nodal_forces
+from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .numbering import number_dofs
 from .output_rows import output_row
 from .system import System

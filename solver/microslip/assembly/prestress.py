@@ -14,8 +14,8 @@ from ..mesh.settings import Body, MeshSettings, Statics
 from ..mesh.surface import outward_faces
 from ..parallel.agree import on_root
 from .assemble import petsc_matrix
-from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .constraints import Constraints, reduced
+from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .system import System
 
 Seen = Callable[[LocalBlock, int, slice], np.ndarray]

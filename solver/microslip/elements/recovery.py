@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from .kinds import KINDS
-from .prestress import strain, stress
 from .quadrature import rules
 from .solid import Solids
+from .stress import strain, stress
 
 _CORNERS = {"hex": "hex8", "tet": "tet4", "wedge": "wedge6", "pyramid": "pyramid5"}  # the kind whose functions are fitted
 

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock
 from ..mesh.settings import MeshSettings, Statics
-from .blocks import BlockSum, element_chunks, node_pattern
+from .node_blocks import BlockSum, element_chunks, node_pattern
 from .prestress import add_to_nodes, displacement_at_nodes, moved_at_nodes, on_rows, owned_nodes, with_change
 from .system import System
 
