@@ -8,7 +8,7 @@ from pydantic import Field, field_validator, model_validator
 
 from ..parallel.words import listed
 from .joint_laws import LAWS_OF_KEY, NEEDED, NEEDED_WITH_PAIRS, OF_FILE, check_law
-from .table import Direction, Name, NotNegative, Positive, Table, TwoPositive, Vector
+from .scene_table import Direction, Name, NotNegative, Positive, Table, TwoPositive, Vector
 
 OfPoints = Literal["friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"]
 OF_SURFACES = (

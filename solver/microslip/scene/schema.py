@@ -12,9 +12,9 @@ from pydantic import Field, PrivateAttr
 
 from .constant_loads import Bolt, Force, MovedSupport, Pressure, Statics, Temperature
 from .joint import Joint
+from .scene_table import Table
 from .solution import DEFAULT_ACCURACY, Continuation, Method, Response, Solver
 from .structure import Body, Mass, Material, Model, Orientation, Point, Spring, Support, Surface, Tie
-from .table import Table
 from .vibration import Damping, Load, Output
 
 __all__ = [
