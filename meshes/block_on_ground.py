@@ -8,32 +8,27 @@ underside), "shoulders" (the top of the block beside the mast) and "mast_top".
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 
 from blocks import KINDS, Body, box, jacobian_minimum, join
-from msh import summary, write_msh
-
-
-def _says(default, text: str):
-    return field(default=default, metadata={"help": text})
+from generator import generate, says
 
 
 @dataclass(frozen=True)
 class BlockOnGround:
     """Lengths in m, and numbers of cells."""
 
-    length: float = _says(0.100, "of the block, along x")
-    width: float = _says(0.040, "of block and mast, along y")
-    height: float = _says(0.020, "of the block")
-    mast: float = _says(0.008, "thickness of the mast, along x")
-    mast_height: float = _says(0.070, "of the mast above the block")
-    kind: str = _says("hex20", "hex20 or hex8; the other solid kinds work too")
-    n_shoulder: int = _says(3, "cells along the block on each side of the mast")
-    n_mast: int = _says(2, "cells through the mast")
-    n_width: int = _says(2, "cells across")
-    n_height: int = _says(2, "cells up the block")
-    n_up: int = _says(6, "cells up the mast")
+    length: float = says(0.100, "of the block, along x")
+    width: float = says(0.040, "of block and mast, along y")
+    height: float = says(0.020, "of the block")
+    mast: float = says(0.008, "thickness of the mast, along x")
+    mast_height: float = says(0.070, "of the mast above the block")
+    kind: str = says("hex20", "hex20 or hex8; the other solid kinds work too", KINDS)
+    n_shoulder: int = says(3, "cells along the block on each side of the mast")
+    n_mast: int = says(2, "cells through the mast")
+    n_width: int = says(2, "cells across")
+    n_height: int = says(2, "cells up the block")
+    n_up: int = says(6, "cells up the mast")
 
 
 def block_on_ground(given: BlockOnGround) -> dict[str, Body]:
@@ -66,24 +61,7 @@ def block_on_ground(given: BlockOnGround) -> dict[str, Body]:
 
 def main(arguments=None) -> None:
     """Write the mesh that the command line asks for and print what it holds."""
-    show = argparse.ArgumentDefaultsHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
-    parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
-    for item in fields(BlockOnGround):
-        parser.add_argument(
-            "--" + item.name.replace("_", "-"),
-            type=type(item.default),
-            default=item.default,
-            help=item.metadata["help"],
-            choices=KINDS if item.name == "kind" else None,
-        )
-    given = vars(parser.parse_args(arguments))
-    try:
-        bodies = block_on_ground(BlockOnGround(**{item.name: given[item.name] for item in fields(BlockOnGround)}))
-        write_msh(given["out"], bodies)
-    except (ValueError, OSError) as problem:
-        parser.exit(2, f"{parser.prog}: {problem}\n")
-    print(f"{given['out']}\n{summary(bodies, [])}")
+    generate(__doc__, BlockOnGround, block_on_ground, arguments=arguments)
 
 
 if __name__ == "__main__":

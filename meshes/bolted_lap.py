@@ -13,45 +13,40 @@ share their nodes.
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from blocks import Body, block, box, jacobian_minimum, join
-from msh import summary, write_msh
+from generator import generate, says
 
 KINDS = ("hex8", "hex20")
-
-
-def _says(default, text: str):
-    return field(default=default, metadata={"help": text})
 
 
 @dataclass(frozen=True)
 class BoltedLap:
     """Lengths in m, and numbers of cells."""
 
-    length: float = _says(0.120, "of each plate")
-    width: float = _says(0.020, "of the plates")
-    thickness: float = _says(0.005, "of each plate")
-    bolts: int = _says(3, "number of bolts")
-    pitch: float = _says(0.020, "from bolt to bolt; the lap is as many of them long as there are bolts")
-    hole: float = _says(0.0066, "diameter of the holes")
-    shank: float = _says(0.006, "diameter of the bolts")
-    head: float = _says(0.010, "diameter of heads and nuts")
-    head_height: float = _says(0.004, "of heads and nuts")
-    kind: str = _says("hex8", "hex8 or hex20")
-    around_1: int = _says(3, "cells around a quarter of a hole and across the width, plate_1")
-    around_2: int = _says(4, "the same, plate_2")
-    radial_1: int = _says(2, "cells from a hole outwards, plate_1")
-    radial_2: int = _says(4, "the same, plate_2")
-    through_1: int = _says(2, "cells through plate_1")
-    through_2: int = _says(3, "cells through plate_2")
-    along_1: int = _says(10, "cells along plate_1 outside the lap")
-    along_2: int = _says(12, "the same, plate_2")
-    bolt_around: int = _says(4, "cells around a quarter of a bolt")
-    bolt_through: int = _says(2, "cells along half a shank, and through a head")
-    matching: int = _says(0, "1 or 2: both plates have the numbers of that one, and the nodes of the lap coincide")
+    length: float = says(0.120, "of each plate")
+    width: float = says(0.020, "of the plates")
+    thickness: float = says(0.005, "of each plate")
+    bolts: int = says(3, "number of bolts")
+    pitch: float = says(0.020, "from bolt to bolt; the lap is as many of them long as there are bolts")
+    hole: float = says(0.0066, "diameter of the holes")
+    shank: float = says(0.006, "diameter of the bolts")
+    head: float = says(0.010, "diameter of heads and nuts")
+    head_height: float = says(0.004, "of heads and nuts")
+    kind: str = says("hex8", "hex8 or hex20", KINDS)
+    around_1: int = says(3, "cells around a quarter of a hole and across the width, plate_1")
+    around_2: int = says(4, "the same, plate_2")
+    radial_1: int = says(2, "cells from a hole outwards, plate_1")
+    radial_2: int = says(4, "the same, plate_2")
+    through_1: int = says(2, "cells through plate_1")
+    through_2: int = says(3, "cells through plate_2")
+    along_1: int = says(10, "cells along plate_1 outside the lap")
+    along_2: int = says(12, "the same, plate_2")
+    bolt_around: int = says(4, "cells around a quarter of a bolt")
+    bolt_through: int = says(2, "cells along half a shank, and through a head")
+    matching: int = says(0, "1 or 2: both plates have the numbers of that one, and the nodes of the lap coincide", (0, 1, 2))
 
 
 @dataclass(frozen=True)
@@ -174,26 +169,7 @@ def _rectangle(half):
 
 def main(arguments=None) -> None:
     """Write the mesh that the command line asks for and print what it holds."""
-    show = argparse.ArgumentDefaultsHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
-    parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
-    choices = {"kind": KINDS, "matching": (0, 1, 2)}
-    for item in fields(BoltedLap):
-        parser.add_argument(
-            "--" + item.name.replace("_", "-"),
-            type=type(item.default),
-            default=item.default,
-            help=item.metadata["help"],
-            choices=choices.get(item.name),
-        )
-    given = vars(parser.parse_args(arguments))
-    try:
-        joint = BoltedLap(**{item.name: given[item.name] for item in fields(BoltedLap)})
-        bodies = bolted_lap(joint)
-        write_msh(given["out"], bodies)
-    except (ValueError, OSError) as problem:
-        parser.exit(2, f"{parser.prog}: {problem}\n")
-    print(f"{given['out']}\n{summary(bodies, [('lap_1', 'lap_2')] if joint.matching else [])}")
+    generate(__doc__, BoltedLap, bolted_lap, lambda asked: [("lap_1", "lap_2")] if asked.matching else [], arguments=arguments)
 
 
 if __name__ == "__main__":

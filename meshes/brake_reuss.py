@@ -10,13 +10,13 @@ point, coupled to the end face; the bolts are to be tightened in the first step,
 
 from __future__ import annotations
 
-import argparse
 import itertools
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 
 import numpy as np
 from blocks import Body, box, jacobian_minimum, join
 from bolted_lap import _Cells, _circle, _rectangle, _ring
+from generator import add_options, named, parser_of, says
 
 TYPES = {"hex8": "C3D8I", "hex20": "C3D20"}
 # Faces S1, S2, ... of a hexahedron by its corners.
@@ -68,30 +68,26 @@ LAP_LOWER, LAP_UPPER
 """
 
 
-def _says(default, text: str):
-    return field(default=default, metadata={"help": text})
-
-
 @dataclass(frozen=True)
 class BrakeReuss:
     """Lengths in mm, and numbers of cells."""
 
-    length: float = _says(420.0, "of each half")
-    lap: float = _says(120.0, "of the lap, three bolts long")
-    width: float = _says(25.0, "and height of the beam")
-    hole: float = _says(8.6, "diameter of the holes")
-    shank: float = _says(8.0, "diameter of the bolts")
-    head: float = _says(13.0, "diameter of heads and nuts")
-    washer: float = _says(16.0, "diameter of the washers")
-    head_height: float = _says(5.3, "of the heads")
-    nut_height: float = _says(6.5, "of the nuts")
-    washer_height: float = _says(1.6, "of the washers")
-    clamping: float = _says(9000.0, "force in N to which the bolts are tightened")
-    kind: str = _says("hex8", "hex8 or hex20")
-    around: int = _says(3, "cells around a quarter of a hole and across the width")
-    radial: int = _says(3, "cells from a hole outwards")
-    through: int = _says(2, "cells through half the beam")
-    along: int = _says(24, "cells along a half outside the lap")
+    length: float = says(420.0, "of each half")
+    lap: float = says(120.0, "of the lap, three bolts long")
+    width: float = says(25.0, "and height of the beam")
+    hole: float = says(8.6, "diameter of the holes")
+    shank: float = says(8.0, "diameter of the bolts")
+    head: float = says(13.0, "diameter of heads and nuts")
+    washer: float = says(16.0, "diameter of the washers")
+    head_height: float = says(5.3, "of the heads")
+    nut_height: float = says(6.5, "of the nuts")
+    washer_height: float = says(1.6, "of the washers")
+    clamping: float = says(9000.0, "force in N to which the bolts are tightened")
+    kind: str = says("hex8", "hex8 or hex20", tuple(TYPES))
+    around: int = says(3, "cells around a quarter of a hole and across the width")
+    radial: int = says(3, "cells from a hole outwards")
+    through: int = says(2, "cells through half the beam")
+    along: int = says(24, "cells along a half outside the lap")
 
 
 def parts(beam: BrakeReuss) -> dict[str, Body]:
@@ -266,18 +262,11 @@ def _connections() -> list[str]:
 
 def main(arguments=None) -> None:
     """Write the file that the command line asks for and print what it holds."""
-    show = argparse.ArgumentDefaultsHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
-    parser.add_argument("--out", required=True, help="file to write, .inp")
-    for item in fields(BrakeReuss):
-        choices = tuple(TYPES) if item.name == "kind" else None
-        kind = type(item.default)
-        parser.add_argument(
-            f"--{item.name.replace('_', '-')}", type=kind, default=item.default, help=item.metadata["help"], choices=choices
-        )
+    parser = parser_of(__doc__, ".inp")
+    add_options(parser, BrakeReuss)
     given = vars(parser.parse_args(arguments))
+    beam = BrakeReuss(**named(given, BrakeReuss))
     try:
-        beam = BrakeReuss(**{item.name: given[item.name] for item in fields(BrakeReuss)})
         text = input_file(beam)
         with open(given["out"], "w", encoding="ascii") as file:
             file.write(text)

@@ -10,46 +10,41 @@ The blades stand on radii, one on each side of x = 0, mirror images of each othe
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 
 import numpy as np
 from blocks import KINDS, Body, block, jacobian_minimum, join
-from msh import summary, write_msh
-
-
-def _says(default, text: str):
-    return field(default=default, metadata={"help": text})
+from generator import generate, says
 
 
 @dataclass(frozen=True)
 class Damper:
     """Lengths in m, angles in degrees, and numbers of cells."""
 
-    root_radius: float = _says(0.270, "from the engine's axis to the held roots")
-    ridge_radius: float = _says(0.300, "to the ridge of the roof, where the undersides would meet")
-    tip_radius: float = _says(0.410, "to the tips of the blades")
-    n_blades: int = _says(60, "on the whole circumference")
-    chord: float = _says(0.040, "of shank, platform and aerofoil, along the axis")
-    shank: float = _says(0.010, "thickness of the shank")
-    tip: float = _says(0.003, "thickness of the tip; the aerofoil tapers to it")
-    platform: float = _says(0.004, "thickness of the platforms at their edges")
-    gap: float = _says(0.002, "between the two platforms")
-    flank_angle: float = _says(45.0, "of the undersides, from the circumference")
-    damper_top: float = _says(0.004, "width of the damper at its top")
-    damper_bottom: float = _says(0.016, "width of the damper at its bottom")
-    damper_length: float = _says(0.030, "along the axis")
-    kind: str = _says("hex20", "of the blades")
-    damper_kind: str = _says("hex8", "of the damper")
-    n_chord: int = _says(4, "cells of a blade along the axis")
-    n_shank: int = _says(4, "cells along the shank")
-    n_thick: int = _says(2, "cells through shank and aerofoil")
-    n_platform: int = _says(3, "cells of a platform from the shank to its edge")
-    n_height: int = _says(2, "cells through a platform")
-    n_aerofoil: int = _says(8, "cells along the aerofoil")
-    n_damper: int = _says(3, "cells of the damper from flank to flank")
-    n_flank: int = _says(2, "cells up a flank of the damper")
-    n_length: int = _says(4, "cells along the damper")
+    root_radius: float = says(0.270, "from the engine's axis to the held roots")
+    ridge_radius: float = says(0.300, "to the ridge of the roof, where the undersides would meet")
+    tip_radius: float = says(0.410, "to the tips of the blades")
+    n_blades: int = says(60, "on the whole circumference")
+    chord: float = says(0.040, "of shank, platform and aerofoil, along the axis")
+    shank: float = says(0.010, "thickness of the shank")
+    tip: float = says(0.003, "thickness of the tip; the aerofoil tapers to it")
+    platform: float = says(0.004, "thickness of the platforms at their edges")
+    gap: float = says(0.002, "between the two platforms")
+    flank_angle: float = says(45.0, "of the undersides, from the circumference")
+    damper_top: float = says(0.004, "width of the damper at its top")
+    damper_bottom: float = says(0.016, "width of the damper at its bottom")
+    damper_length: float = says(0.030, "along the axis")
+    kind: str = says("hex20", "of the blades", KINDS)
+    damper_kind: str = says("hex8", "of the damper", KINDS)
+    n_chord: int = says(4, "cells of a blade along the axis")
+    n_shank: int = says(4, "cells along the shank")
+    n_thick: int = says(2, "cells through shank and aerofoil")
+    n_platform: int = says(3, "cells of a platform from the shank to its edge")
+    n_height: int = says(2, "cells through a platform")
+    n_aerofoil: int = says(8, "cells along the aerofoil")
+    n_damper: int = says(3, "cells of the damper from flank to flank")
+    n_flank: int = says(2, "cells up a flank of the damper")
+    n_length: int = says(4, "cells along the damper")
 
     @property
     def slope(self) -> float:
@@ -137,24 +132,7 @@ def _prism(kind: str, section: np.ndarray, length: float, divisions: tuple[int, 
 
 def main(arguments=None) -> None:
     """Write the mesh that the command line asks for and print what it holds."""
-    show = argparse.ArgumentDefaultsHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
-    parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
-    for item in fields(Damper):
-        parser.add_argument(
-            "--" + item.name.replace("_", "-"),
-            type=type(item.default),
-            default=item.default,
-            help=item.metadata["help"],
-            choices=KINDS if item.name in ("kind", "damper_kind") else None,
-        )
-    given = vars(parser.parse_args(arguments))
-    try:
-        bodies = damper(Damper(**{item.name: given[item.name] for item in fields(Damper)}))
-        write_msh(given["out"], bodies)
-    except (ValueError, OSError) as problem:
-        parser.exit(2, f"{parser.prog}: {problem}\n")
-    print(f"{given['out']}\n{summary(bodies, [])}")
+    generate(__doc__, Damper, damper, arguments=arguments)
 
 
 if __name__ == "__main__":

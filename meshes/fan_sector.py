@@ -9,45 +9,40 @@ flanks ("blade_root", "disc_slot") without being shared; everywhere else there i
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from blocks import Body, block, jacobian_minimum, join
-from msh import summary, write_msh
-
-
-def _says(default, text: str):
-    return field(default=default, metadata={"help": text})
+from generator import add_options, named, parser_of, says, write
 
 
 @dataclass(frozen=True)
 class Shape:
     """Geometry; lengths in m, angles in degrees."""
 
-    length: float = _says(0.260, "aerofoil, platform level to tip")
-    chord_root: float = _says(0.070, "chord at the platform level")
-    chord_tip: float = _says(0.060, "chord at the tip")
-    thickness_root: float = _says(0.0080, "largest thickness at the platform level")
-    thickness_tip: float = _says(0.0040, "largest thickness at the tip")
-    edge: float = _says(0.4, "thickness of the leading and trailing edge over the largest thickness")
-    camber_root: float = _says(0.05, "sag of the camber line over the chord, at the platform level")
-    camber_tip: float = _says(0.03, "the same at the tip")
-    twist: float = _says(35.0, "turn of the chord from the platform level (along the engine's axis) to the tip")
-    flare: float = _says(0.010, "height of the transition from the aerofoil to the neck of the dovetail")
-    neck_width: float = _says(0.0160, "width of the neck at the rim")
-    neck_height: float = _says(0.0060, "from the rim to the upper edge of the flanks")
-    throat_width: float = _says(0.0140, "width of the dovetail at the upper edge of the flanks")
-    flank_width: float = _says(0.0090, "width of a flank, from its upper to its lower edge")
-    flank_angle: float = _says(45.0, "between a flank and the radius")
-    flank_crown: float = _says(0.00010, "sag of a flank across its width: the blade's is convex, the slot's concave")
-    lobe_height: float = _says(0.0045, "of the dovetail below the flanks")
-    root_length: float = _says(0.066, "of dovetail and disc along the engine's axis")
-    arc_radius: float = _says(0.160, "radius of the arc along which dovetail and slot are swept")
-    clearance: float = _says(0.0012, "between dovetail and slot at the rim and at the bottom")
-    n_blades: int = _says(20, "blades on the disc: the sector is 360 degrees over this")
-    rim_radius: float = _says(0.160, "outer radius of the disc")
-    bore_radius: float = _says(0.100, "inner radius of the disc, where it is fixed")
+    length: float = says(0.260, "aerofoil, platform level to tip")
+    chord_root: float = says(0.070, "chord at the platform level")
+    chord_tip: float = says(0.060, "chord at the tip")
+    thickness_root: float = says(0.0080, "largest thickness at the platform level")
+    thickness_tip: float = says(0.0040, "largest thickness at the tip")
+    edge: float = says(0.4, "thickness of the leading and trailing edge over the largest thickness")
+    camber_root: float = says(0.05, "sag of the camber line over the chord, at the platform level")
+    camber_tip: float = says(0.03, "the same at the tip")
+    twist: float = says(35.0, "turn of the chord from the platform level (along the engine's axis) to the tip")
+    flare: float = says(0.010, "height of the transition from the aerofoil to the neck of the dovetail")
+    neck_width: float = says(0.0160, "width of the neck at the rim")
+    neck_height: float = says(0.0060, "from the rim to the upper edge of the flanks")
+    throat_width: float = says(0.0140, "width of the dovetail at the upper edge of the flanks")
+    flank_width: float = says(0.0090, "width of a flank, from its upper to its lower edge")
+    flank_angle: float = says(45.0, "between a flank and the radius")
+    flank_crown: float = says(0.00010, "sag of a flank across its width: the blade's is convex, the slot's concave")
+    lobe_height: float = says(0.0045, "of the dovetail below the flanks")
+    root_length: float = says(0.066, "of dovetail and disc along the engine's axis")
+    arc_radius: float = says(0.160, "radius of the arc along which dovetail and slot are swept")
+    clearance: float = says(0.0012, "between dovetail and slot at the rim and at the bottom")
+    n_blades: int = says(20, "blades on the disc: the sector is 360 degrees over this")
+    rim_radius: float = says(0.160, "outer radius of the disc")
+    bore_radius: float = says(0.100, "inner radius of the disc, where it is fixed")
 
     def __post_init__(self):
         signed = ("camber_root", "camber_tip", "twist", "flank_crown")
@@ -62,17 +57,17 @@ class Shape:
 class Divisions:
     """Numbers of elements."""
 
-    span: int = _says(0, "aerofoil, root to tip")
-    chord: int = _says(0, "chord of the aerofoil, and length of dovetail and disc along the engine's axis")
-    thickness: int = _says(0, "aerofoil, neck and dovetail, side to side")
-    fillet: int = _says(0, "height of the transition from aerofoil to neck")
-    neck: int = _says(0, "height of the neck, and of the slot's wall beside it")
-    flank: int = _says(0, "width of a flank")
-    lobe: int = _says(0, "height of the dovetail below the throat")
-    wall: int = _says(0, "height of the slot's wall below the flank")
-    post: int = _says(0, "disc, from slot to cyclic face")
-    slot: int = _says(0, "disc, across the slot's bottom")
-    ring: int = _says(0, "disc, from the slot's bottom to the bore")
+    span: int = says(0, "aerofoil, root to tip")
+    chord: int = says(0, "chord of the aerofoil, and length of dovetail and disc along the engine's axis")
+    thickness: int = says(0, "aerofoil, neck and dovetail, side to side")
+    fillet: int = says(0, "height of the transition from aerofoil to neck")
+    neck: int = says(0, "height of the neck, and of the slot's wall beside it")
+    flank: int = says(0, "width of a flank")
+    lobe: int = says(0, "height of the dovetail below the throat")
+    wall: int = says(0, "height of the slot's wall below the flank")
+    post: int = says(0, "disc, from slot to cyclic face")
+    slot: int = says(0, "disc, across the slot's bottom")
+    ring: int = says(0, "disc, from the slot's bottom to the bore")
 
 
 SIZES = {
@@ -304,31 +299,14 @@ def _extruded(shape: Shape, section, divisions, names=None, side: int = 1) -> Bo
 
 def main(arguments=None) -> None:
     """Write the mesh that the command line asks for and print what it holds."""
-    show = argparse.ArgumentDefaultsHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
+    parser = parser_of(__doc__, "Gmsh format 2.2")
     parser.add_argument("--size", choices=SIZES, default="small", help="element counts")
-    parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
     parser.add_argument("--ascii", action="store_true", help="write text instead of binary")
-    for says, defaults in (("geometry: m, degrees", Shape), ("elements: default as --size says", Divisions)):
-        options = parser.add_argument_group(says)
-        for item in fields(defaults):
-            options.add_argument(
-                "--" + item.name.replace("_", "-"),
-                type=type(item.default),
-                default=item.default if defaults is Shape else argparse.SUPPRESS,
-                help=item.metadata["help"],
-            )
+    add_options(parser.add_argument_group("geometry: m, degrees"), Shape)
+    add_options(parser.add_argument_group("elements: default as --size says"), Divisions, has_defaults=False)
     given = vars(parser.parse_args(arguments))
-
-    def named(kind):
-        return {item.name: given[item.name] for item in fields(kind) if item.name in given}
-
-    try:
-        bodies = fan_sector(Shape(**named(Shape)), replace(SIZES[given["size"]], **named(Divisions)))
-        write_msh(given["out"], bodies, binary=not given["ascii"])
-    except (ValueError, OSError) as problem:
-        parser.exit(2, f"{parser.prog}: {problem}\n")
-    print(f"{given['out']}\n{summary(bodies, [('blade_root', 'disc_slot')])}")
+    divisions = replace(SIZES[given["size"]], **named(given, Divisions))
+    write(parser, given, lambda: fan_sector(Shape(**named(given, Shape)), divisions), [("blade_root", "disc_slot")])
 
 
 if __name__ == "__main__":

@@ -10,31 +10,26 @@ z = x^2 / 2 R.  Elements are finest at the contact.  Surfaces: "cap" (the round 
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 
 import numpy as np
 from blocks import KINDS, Body, block, jacobian_minimum
-from msh import summary, write_msh
-
-
-def _says(default, text: str):
-    return field(default=default, metadata={"help": text})
+from generator import generate, says
 
 
 @dataclass(frozen=True)
 class Hertz:
     """Lengths in m, and numbers of cells."""
 
-    shape: str = _says("sphere", "sphere or roller")
-    size: float = _says(0.01, "of the cap, from the contact to its far sides")
-    radius: float = _says(0.1, "of the round side")
-    kind: str = _says("hex8", "of the cap")
-    cells: int = _says(18, "of the cap from the contact to a side")
-    finest: float = _says(0.15, "size of the cells at the contact over that of equal cells")
-    half: int = _says(0, "1: both sides of x = 0; 0: a quarter")
-    base: int = _says(0, "cells of an elastic base from the contact to a side; 0: no base")
-    base_kind: str = _says("hex8", "of the base")
+    shape: str = says("sphere", "sphere or roller", ("sphere", "roller"))
+    size: float = says(0.01, "of the cap, from the contact to its far sides")
+    radius: float = says(0.1, "of the round side")
+    kind: str = says("hex8", "of the cap", KINDS)
+    cells: int = says(18, "of the cap from the contact to a side")
+    finest: float = says(0.15, "size of the cells at the contact over that of equal cells")
+    half: int = says(0, "1: both sides of x = 0; 0: a quarter", (0, 1))
+    base: int = says(0, "cells of an elastic base from the contact to a side; 0: no base")
+    base_kind: str = says("hex8", "of the base", KINDS)
 
 
 def graded(u, finest: float):
@@ -77,25 +72,7 @@ def hertz(given: Hertz) -> dict[str, Body]:
 
 def main(arguments=None) -> None:
     """Write the mesh that the command line asks for and print what it holds."""
-    show = argparse.ArgumentDefaultsHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
-    parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
-    choices = {"kind": KINDS, "base_kind": KINDS, "shape": ("sphere", "roller"), "half": (0, 1)}
-    for item in fields(Hertz):
-        parser.add_argument(
-            "--" + item.name.replace("_", "-"),
-            type=type(item.default),
-            default=item.default,
-            help=item.metadata["help"],
-            choices=choices.get(item.name),
-        )
-    given = vars(parser.parse_args(arguments))
-    try:
-        bodies = hertz(Hertz(**{item.name: given[item.name] for item in fields(Hertz)}))
-        write_msh(given["out"], bodies)
-    except (ValueError, OSError) as problem:
-        parser.exit(2, f"{parser.prog}: {problem}\n")
-    print(f"{given['out']}\n{summary(bodies, [])}")
+    generate(__doc__, Hertz, hertz, arguments=arguments)
 
 
 if __name__ == "__main__":

@@ -11,12 +11,11 @@ from there, and downwards.  Surfaces: "cap" and "flat" (as far as the equal ring
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from blocks import SIDES, Body, block, jacobian_minimum, join
-from msh import summary, write_msh
+from generator import generate, says
 
 CORE = 0.5  # radius of the innermost ring of a sphere, over that of the contact
 SQUARE = 0.25  # half the side of the square within, likewise
@@ -24,23 +23,19 @@ BLEND = 3  # rings from the square to the innermost one
 BEYOND = 1.15  # radius of the largest of the equal rings, over that of the contact
 
 
-def _says(default, text: str):
-    return field(default=default, metadata={"help": text})
-
-
 @dataclass(frozen=True)
 class Rings:
     """Lengths in m, and numbers of cells."""
 
-    shape: str = _says("sphere", "sphere or roller")
-    size: float = _says(0.01, "radius and height of each body (of a roller: half its width, and height)")
-    radius: float = _says(0.1, "of the round side")
-    contact: float = _says(0.00125, "radius of the contact that is expected")
-    rings: int = _says(24, "rings, or rows, of the cap over the radius of contact")
-    base_rings: int = _says(24, "of the base")
-    angles: int = _says(3, "cells of the cap on an eighth of a circle")
-    base_angles: int = _says(3, "of the base")
-    growth: float = _says(1.3, "of one cell over the one before, away from the contact")
+    shape: str = says("sphere", "sphere or roller", ("sphere", "roller"))
+    size: float = says(0.01, "radius and height of each body (of a roller: half its width, and height)")
+    radius: float = says(0.1, "of the round side")
+    contact: float = says(0.00125, "radius of the contact that is expected")
+    rings: int = says(24, "rings, or rows, of the cap over the radius of contact")
+    base_rings: int = says(24, "of the base")
+    angles: int = says(3, "cells of the cap on an eighth of a circle")
+    base_angles: int = says(3, "of the base")
+    growth: float = says(1.3, "of one cell over the one before, away from the contact")
 
 
 def growing(first: float, start: float, end: float, growth: float) -> np.ndarray:
@@ -146,24 +141,7 @@ def hertz_rings(given: Rings) -> dict[str, Body]:
 
 def main(arguments=None) -> None:
     """Write the mesh that the command line asks for and print what it holds."""
-    show = argparse.ArgumentDefaultsHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
-    parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
-    for item in fields(Rings):
-        parser.add_argument(
-            "--" + item.name.replace("_", "-"),
-            type=type(item.default),
-            default=item.default,
-            help=item.metadata["help"],
-            choices=("sphere", "roller") if item.name == "shape" else None,
-        )
-    given = vars(parser.parse_args(arguments))
-    try:
-        bodies = hertz_rings(Rings(**{item.name: given[item.name] for item in fields(Rings)}))
-        write_msh(given["out"], bodies)
-    except (ValueError, OSError) as problem:
-        parser.exit(2, f"{parser.prog}: {problem}\n")
-    print(f"{given['out']}\n{summary(bodies, [])}")
+    generate(__doc__, Rings, hertz_rings, arguments=arguments)
 
 
 if __name__ == "__main__":

@@ -8,30 +8,25 @@ The nodes of both beams coincide on the lap ("lap_1", "lap_2") without being sha
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 
 from blocks import KINDS, Body, box, jacobian_minimum, join
-from msh import summary, write_msh
-
-
-def _says(default, text: str):
-    return field(default=default, metadata={"help": text})
+from generator import generate, says
 
 
 @dataclass(frozen=True)
 class LapJoint:
     """Lengths in m, and numbers of cells; a cell is six tetrahedra."""
 
-    length: float = _says(0.120, "of each beam")
-    overlap: float = _says(0.030, "length of the lap")
-    width: float = _says(0.020, "of the beams")
-    thickness: float = _says(0.005, "of each beam")
-    kind: str = _says("tet10", "tet10 or tet4; the other solid kinds work too")
-    n_free: int = _says(18, "cells along a beam outside the lap")
-    n_overlap: int = _says(4, "cells along the lap")
-    n_width: int = _says(2, "cells across the beams")
-    n_thickness: int = _says(3, "cells through a beam")
+    length: float = says(0.120, "of each beam")
+    overlap: float = says(0.030, "length of the lap")
+    width: float = says(0.020, "of the beams")
+    thickness: float = says(0.005, "of each beam")
+    kind: str = says("tet10", "tet10 or tet4; the other solid kinds work too", KINDS)
+    n_free: int = says(18, "cells along a beam outside the lap")
+    n_overlap: int = says(4, "cells along the lap")
+    n_width: int = says(2, "cells across the beams")
+    n_thickness: int = says(3, "cells through a beam")
 
 
 def lap_joint(joint: LapJoint) -> dict[str, Body]:
@@ -63,25 +58,7 @@ def lap_joint(joint: LapJoint) -> dict[str, Body]:
 
 def main(arguments=None) -> None:
     """Write the mesh that the command line asks for and print what it holds."""
-    show = argparse.ArgumentDefaultsHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], formatter_class=show)
-    parser.add_argument("--out", required=True, help="file to write, Gmsh format 2.2")
-    parser.add_argument("--ascii", action="store_true", help="write text instead of binary")
-    for item in fields(LapJoint):
-        parser.add_argument(
-            "--" + item.name.replace("_", "-"),
-            type=type(item.default),
-            default=item.default,
-            help=item.metadata["help"],
-            choices=KINDS if item.name == "kind" else None,
-        )
-    given = vars(parser.parse_args(arguments))
-    try:
-        bodies = lap_joint(LapJoint(**{item.name: given[item.name] for item in fields(LapJoint)}))
-        write_msh(given["out"], bodies, binary=not given["ascii"])
-    except (ValueError, OSError) as problem:
-        parser.exit(2, f"{parser.prog}: {problem}\n")
-    print(f"{given['out']}\n{summary(bodies, [('lap_1', 'lap_2')])}")
+    generate(__doc__, LapJoint, lap_joint, lambda asked: [("lap_1", "lap_2")], arguments=arguments)
 
 
 if __name__ == "__main__":

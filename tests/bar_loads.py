@@ -9,7 +9,7 @@ import microslip
 from microslip.library.prepare import reduced
 from microslip.library.settings import reduction_settings
 from microslip.linear.joint_springs import joint_stiffness
-from microslip.modes.dense import gathered
+from microslip.modes.lapack import gathered
 from microslip.parallel.agree import on_root
 from microslip.receptance.reduced_model import ReducedModel
 

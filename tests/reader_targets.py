@@ -22,7 +22,7 @@ from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
 from microslip.mesh.data import Mesh
 from microslip.mesh.listed import listed_nodes
-from microslip.mesh.nodes import read_nodes
+from microslip.mesh.nodes_of_matrices import read_nodes
 from microslip.mesh.values import COLUMNS, PLACES
 from microslip.parallel import lock
 from microslip.parallel.csv_table import read_table

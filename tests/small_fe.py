@@ -7,6 +7,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as sla
 
 from microslip import elements
+from microslip.elements import Solids
 
 
 def assemble(kind, points, nodes, young, poisson, density, integration="full", incompatible_modes=True):
@@ -16,7 +17,7 @@ def assemble(kind, points, nodes, young, poisson, density, integration="full", i
 
 def assemble_of(material, kind, points, nodes, density, integration="full", incompatible_modes=True):
     """Return K and M of elements of any material, as :func:`assemble`."""
-    K = elements.stiffness(kind, points[nodes], material, integration, incompatible_modes)
+    K = elements.stiffness(Solids(kind, points[nodes], material, integration, incompatible_modes))
     M = elements.mass(kind, points[nodes], density, integration)
     dof = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1)
     return _sum(K, dof), sp.kron(_sum(M, nodes), sp.eye(3), format="csr")

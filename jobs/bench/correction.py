@@ -18,7 +18,7 @@ from continuation.dense_model import forced, reduced
 from mpi4py import MPI
 from verification.random_structures import draw
 
-from microslip.continuation.grid import at_frequencies, range_of
+from microslip.continuation.grid import range_of, solved_at, task_at
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.point_solver import PointSolver, Workspace
 from microslip.error_estimate.estimate import ErrorEstimator, output_amplitude
@@ -38,7 +38,8 @@ def judged(system: dict[str, Any], level: float, H: int, reference: int) -> list
     low, high = system["omega"]
     omegas = np.linspace(low, high, 10)[1:-1].tolist()
     estimator = ErrorEstimator(BetterModel(model, None, is_solved=True))
-    points = at_frequencies(forced(model, law, SAMPLES, level), AllPairs(), omegas, tolerance=1e-9, estimator=estimator).points
+    task = task_at(forced(model, law, SAMPLES, level), AllPairs(), omegas, 1e-9, estimator)
+    points = solved_at(task, omegas).points
     finer, _ = reduced(system, HERE, reference)
     problem = forced(finer, law, OF_REFERENCE, level)
     workspace = Workspace(problem.equation)

@@ -180,7 +180,7 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
 
     require(comm, wrong_limit() or faults("pydantic", "mpi4py"))
     assert comm is not None, "mpi4py is there"
-    from .parallel.groups import refuse_too_many
+    from .parallel.rank_groups import refuse_too_many
     from .scene.read import read_scene
 
     refuse_too_many(command.groups or 1, comm.size)

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from microslip import elements
-from microslip.assembly import blocks as blocks_module
+from microslip.assembly import node_blocks as blocks_module
 from microslip.assembly.assemble import assemble
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
@@ -60,7 +60,7 @@ def serial(mesh, case):
     K, M = sp.lil_matrix((n, n)), sp.lil_matrix((n, n))
     steel = next(iter(case.bodies.values()))
     for block in mesh.elements:
-        stiffness = elements.stiffness(block.kind, mesh.points[block.nodes], steel.material)
+        stiffness = elements.stiffness(steel.solids(block.kind, mesh.points[block.nodes]))
         mass = elements.mass(block.kind, mesh.points[block.nodes], steel.density)
         for nodes, k, m in zip(block.nodes, stiffness, mass, strict=True):
             rows = (3 * nodes[:, None] + np.arange(3)).ravel()

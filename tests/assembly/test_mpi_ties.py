@@ -15,7 +15,7 @@ from microslip.assembly.prestress import stiffness_at_rest
 from microslip.linear.joint_springs import linearise
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.mesh.points import of_distributing
+from microslip.mesh.reference_points import of_distributing
 from microslip.mesh.settings import Point, Statics, Support, Tie
 from microslip.parallel.errors import CaseError, MeshError
 

@@ -16,7 +16,7 @@ from oracles.scenes import chain
 from plain_model import DENSITY, POISSON, YOUNG, bdf, cdb, exodus, inp, plain, tables, unv
 from synthetic_results import branch, two_flanks, write
 
-from microslip.scene.text import as_toml
+from microslip.scene.toml_text import as_toml
 
 EARLIER = "out"  # holds the results of an earlier run, which must stay as they are
 MODELS = ("inp", "cdb", "bdf", "unv", "exo", "e", "vtu")

@@ -21,7 +21,7 @@ from microslip.continuation.accuracy import (
     steps_for,
 )
 from microslip.continuation.follow import follow_branch
-from microslip.continuation.grid import at_frequencies
+from microslip.continuation.grid import at_frequencies, solved_at, task_at
 from microslip.continuation.point_solver import Workspace
 from microslip.continuation.task import BranchTask
 from microslip.error_estimate.estimate import ErrorEstimator
@@ -74,7 +74,8 @@ def test_a_branch_meets_the_accuracy_asked_for(level, target):
 def test_stated_harmonics_and_samples_stay():
     problem, estimator = problem_of("chain", 100.0, H=2, n_samples=48)
     accuracy = Accuracy(1e-4, Resolution(Harmonics.up_to(2), 48), frozenset({"harmonics", "samples"}), chooses_steps=False)
-    found = at_frequencies(problem, AllPairs(), [550.0, 560.0], tolerance=1e-9, estimator=estimator, accuracy=accuracy)
+    omegas = [550.0, 560.0]
+    found = solved_at(task_at(problem, AllPairs(), omegas, 1e-9, estimator, accuracy), omegas)
     assert {(point.harmonics, point.samples) for point in found.points} == {(2, 48)}
 
 
@@ -162,9 +163,8 @@ def test_samples_may_use_what_harmonics_leave():
 def test_the_solver_s_part_stays_within_its_share(tolerance):
     problem, estimator = problem_of("chain", 100.0)
     accuracy = Accuracy(1e-3, Resolution(Harmonics.up_to(3), 128, tolerance), frozenset({"harmonics", "samples"}))
-    found = at_frequencies(
-        problem, AllPairs(), list(np.linspace(LOW, HIGH, 12)), tolerance=1e-9, estimator=estimator, accuracy=accuracy
-    )
+    omegas = list(np.linspace(LOW, HIGH, 12))
+    found = solved_at(task_at(problem, AllPairs(), omegas, 1e-9, estimator, accuracy), omegas)
     assert found.failure is None
     peak = np.abs(amplitudes(found.points)).max()
     parts = np.array([point.error[0, PARTS.index("solver")] for point in found.points])

@@ -17,10 +17,10 @@ from microslip.continuation.follow import follow_branch
 from microslip.continuation.point_record import HELD
 from microslip.continuation.steps import ArcLength
 from microslip.continuation.task import BranchTask
-from microslip.harmonic.direct import WholeInverse
 from microslip.harmonic.linearisation import Linearisation
 from microslip.harmonic.mean_slip import is_held_by_its_joint_alone
 from microslip.harmonic.operating_point import OperatingPoint
+from microslip.harmonic.whole_inverse import WholeInverse
 from microslip.parallel.errors import CaseError
 from microslip.points.selection import AllPairs
 from microslip.points.sweep import Sweep

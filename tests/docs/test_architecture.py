@@ -1,5 +1,6 @@
 """docs/architecture.md: its rooms are those of the package, imports go one way, its picture is that of the code."""
 
+import ast
 import graphlib
 import re
 import sys
@@ -57,6 +58,37 @@ def test_every_file_that_the_page_names_is_there():
     files = re.findall(r"`([\w/]+\.py)`", PAGE)
     assert len(files) > 15
     assert not {file for file in files if not (SOLVER / file).is_file()}
+
+
+WALKS = {"levels": "levels?|at_level", "mu": "mu|friction", "harmonics": "harmonics"}  # the words by which a value goes
+
+
+def defined(path, name):
+    """Return the source of a function, class or "Class.method"; of C and Cython what follows its name."""
+    text = path.read_text(encoding="utf-8")
+    if path.suffix != ".py":
+        return text[re.search(rf"\b{name}\b", text).end() :]
+    node = ast.parse(text)
+    for part in name.split("."):
+        (node,) = [child for child in node.body if getattr(child, "name", "") == part]
+    return ast.get_source_segment(text, node)
+
+
+@pytest.mark.parametrize("value", WALKS)
+def test_the_walk_of_a_value_is_that_of_the_code(value):
+    (row,) = re.findall(rf"^\| `{value}`.*$", PAGE.partition("## Three walks")[2], flags=re.M)
+    _, way, files, _ = (cell.strip() for cell in row.strip("|").split(" | "))
+    steps = re.findall(r"`([\w/]+\.\w+)` `([\w.]+)`", way)
+    assert len({file for file, _ in steps}) == int(files) == way.count(",") + 1
+    for file, name in steps:
+        assert re.search(rf"\b({WALKS[value]})\b", defined(SOLVER / file, name)), file
+
+
+def test_no_room_of_the_numerics_but_the_law_s_computes_with_mu():
+    numerics = ("continuation", "error_estimate", "harmonic", "receptance", "reduction", "statics", "transient")
+    assert not [
+        path for room in numerics for path in (SOLVER / room).rglob("*.py") if re.search(r"\.mu\b", path.read_text("utf-8"))
+    ]
 
 
 def test_the_picture_is_that_of_the_code():

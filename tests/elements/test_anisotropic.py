@@ -7,6 +7,7 @@ from box_meshes import KINDS, box
 from small_fe import assemble_of
 
 from microslip import elements
+from microslip.elements import Solids
 from microslip.elements.materials import COMPONENTS, strain_transformation
 
 YOUNG, POISSON, SHEAR = (1.4e11, 1.0e10, 2.0e10), (0.28, 0.31, 0.4), (5.0e9, 6.0e9, 3.5e9)
@@ -88,7 +89,7 @@ def test_under_tension_or_shear_it_moves_by_the_turned_compliance(kind, stress):
     found = exact.copy()
     found[free] = sla.spsolve(K[free][:, free].tocsc(), f.ravel()[free] - K[free][:, held] @ exact[held])
     assert found == pytest.approx(exact, abs=1e-10 * np.abs(exact).max())
-    felt = elements.stress(kind, points[nodes], found.reshape(-1, 3)[nodes], PLY)
+    felt = elements.stress(Solids(kind, points[nodes], PLY), found.reshape(-1, 3)[nodes])
     assert felt == pytest.approx(np.broadcast_to(stress, felt.shape), abs=1e-9 * np.abs(stress).max())
     assert exact_stress(strain) == pytest.approx(stress, abs=1e-10 * np.abs(stress).max())
 
@@ -100,9 +101,9 @@ def test_a_body_free_to_expand_has_no_stress(kind):
     a = AXES.at(np.zeros(3))
     u = WARMER * points @ (a.T * ALPHA @ a)
     forces = np.zeros_like(points)
-    np.add.at(forces, nodes, elements.thermal_forces(kind, points[nodes], PLY, WARMER))
+    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], PLY), WARMER))
     assert K @ u.ravel() == pytest.approx(forces.ravel(), abs=1e-9 * np.abs(forces).max())
-    stress = elements.stress(kind, points[nodes], u[nodes], PLY, WARMER)
+    stress = elements.stress(Solids(kind, points[nodes], PLY), u[nodes], WARMER)
     assert np.abs(stress).max() < 1e-9 * YOUNG[0] * ALPHA[1] * WARMER
 
 
@@ -115,11 +116,11 @@ def test_an_isotropic_material_has_no_axes(kind):
     same = elements.Anisotropic(tuple(map(tuple, C.tolist())), (1e-5,) * 3, elements.Cylindrical((0.2, -1.0, 3.0)))
     u = 0.02 * np.random.default_rng(2).standard_normal(points[nodes].shape)
     for of in (
-        lambda material: elements.stiffness(kind, points[nodes], material),
-        lambda material: elements.deformed_stiffness(kind, points[nodes], u, material),
-        lambda material: elements.large_displacements(kind, points[nodes], u, material, WARMER)[0],
-        lambda material: elements.large_displacements(kind, points[nodes], u, material, WARMER)[1],
-        lambda material: elements.thermal_forces(kind, points[nodes], material, WARMER),
+        lambda material: elements.stiffness(Solids(kind, points[nodes], material)),
+        lambda material: elements.deformed_stiffness(Solids(kind, points[nodes], material), u),
+        lambda material: elements.large_displacements(Solids(kind, points[nodes], material), u, WARMER)[0],
+        lambda material: elements.large_displacements(Solids(kind, points[nodes], material), u, WARMER)[1],
+        lambda material: elements.thermal_forces(Solids(kind, points[nodes], material), WARMER),
     ):
         expected = of(steel)
         assert np.abs(of(same) - expected).max() < 1e-9 * np.abs(expected).max()
@@ -130,10 +131,10 @@ def test_the_tangent_is_the_derivative_of_the_forces(kind):
     points, nodes = skewed_box(kind)
     around = elements.Anisotropic(PLY.elasticity, ALPHA, elements.Cylindrical((0.0, 0.1, 1.0), (-2.0, 0.3, 0.0)))
     u, v = 0.02 * np.random.default_rng(6).standard_normal((2, *points[nodes].shape))
-    _, K = elements.large_displacements(kind, points[nodes], u, around, WARMER)
+    _, K = elements.large_displacements(Solids(kind, points[nodes], around), u, WARMER)
     h = 1e-5
     ahead, behind = (
-        elements.large_displacements(kind, points[nodes], u + sign * h * v, around, WARMER)[0] for sign in (1.0, -1.0)
+        elements.large_displacements(Solids(kind, points[nodes], around), u + sign * h * v, WARMER)[0] for sign in (1.0, -1.0)
     )
     slope = (K @ v.reshape(len(v), -1, 1)).reshape(v.shape)
     assert (ahead - behind) / (2.0 * h) == pytest.approx(slope, abs=1e-7 * np.abs(slope).max())

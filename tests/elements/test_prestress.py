@@ -6,6 +6,7 @@ import small_fe
 from box_meshes import KINDS, box
 
 from microslip import elements
+from microslip.elements import Solids
 
 YOUNG, POISSON = 2.0e11, 0.3
 STEEL = elements.Isotropic(YOUNG, POISSON, expansion=1e-5)
@@ -33,7 +34,7 @@ def test_stress_of_a_linear_motion_is_hookes(kind):
     points, nodes = bent_box(kind)
     H = 1e-3 * np.random.default_rng(1).standard_normal((3, 3))
     u = points[nodes] @ H.T
-    found = elements.stress(kind, points[nodes], u, STEEL, WARMER)
+    found = elements.stress(Solids(kind, points[nodes], STEEL), u, WARMER)
     assert found == pytest.approx(
         np.broadcast_to(hooke(H, STEEL.expansion * WARMER), found.shape), abs=1e-9 * np.abs(found).max()
     )
@@ -45,10 +46,10 @@ def test_a_body_free_to_expand_has_no_stress_and_its_forces_are_in_balance(kind)
     strain = STEEL.expansion * WARMER
     K, _ = small_fe.assemble(kind, points, nodes, YOUNG, POISSON, 1.0)
     forces = np.zeros_like(points)
-    np.add.at(forces, nodes, elements.thermal_forces(kind, points[nodes], STEEL, WARMER))
+    np.add.at(forces, nodes, elements.thermal_forces(Solids(kind, points[nodes], STEEL), WARMER))
     u = strain * points
     assert K @ u.ravel() == pytest.approx(forces.ravel(), abs=1e-9 * np.abs(forces).max())
-    stress = elements.stress(kind, points[nodes], u[nodes], STEEL, WARMER)
+    stress = elements.stress(Solids(kind, points[nodes], STEEL), u[nodes], WARMER)
     assert np.abs(stress).max() < 1e-9 * YOUNG * strain
     assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
 
@@ -60,8 +61,8 @@ def test_energy_of_the_stress_stiffness_is_that_of_a_linear_motion(kind):
     rng = np.random.default_rng(2)
     S, H = rng.standard_normal((2, 3, 3))
     S = S + S.T
-    n_q = elements.stress(kind, points[nodes], np.zeros_like(points[nodes]), STEEL).shape[1]
-    K = elements.stress_stiffness(kind, points[nodes], np.broadcast_to(S, (len(nodes), n_q, 3, 3)))
+    n_q = elements.stress(Solids(kind, points[nodes], STEEL), np.zeros_like(points[nodes])).shape[1]
+    K = elements.stress_stiffness(Solids(kind, points[nodes], STEEL), np.broadcast_to(S, (len(nodes), n_q, 3, 3)))
     assert pytest.approx(K.swapaxes(1, 2)) == K
     u = points[nodes] @ H.T
     volume = 1.0 * 1.5 * 4.0 * abs(np.linalg.det(skewed()))
@@ -76,8 +77,8 @@ def test_a_finite_turn_turns_the_stiffness(kind):
     rng = np.random.default_rng(3)
     Q = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     Q *= np.linalg.det(Q)
-    K = elements.stiffness(kind, points[nodes], STEEL)
-    turned = elements.deformed_stiffness(kind, points[nodes], points[nodes] @ (Q - np.eye(3)).T, STEEL)
+    K = elements.stiffness(Solids(kind, points[nodes], STEEL))
+    turned = elements.deformed_stiffness(Solids(kind, points[nodes], STEEL), points[nodes] @ (Q - np.eye(3)).T)
     v = rng.standard_normal(points[nodes].shape)
     energy = np.einsum("em,emn,en->e", v.reshape(len(v), -1), turned, v.reshape(len(v), -1))
     back = (v @ Q).reshape(len(v), -1)
@@ -89,15 +90,15 @@ def test_energy_about_a_deformed_shape_is_that_of_a_linear_motion(kind):
     """With u = H x and v = G x the strain is sym((1 + H)^T G) everywhere; K_F is symmetric, and K for u = 0."""
     points, nodes = bent_box(kind)
     H, G = 0.3 * np.random.default_rng(4).standard_normal((2, 3, 3))
-    K = elements.deformed_stiffness(kind, points[nodes], points[nodes] @ H.T, STEEL)
+    K = elements.deformed_stiffness(Solids(kind, points[nodes], STEEL), points[nodes] @ H.T)
     assert pytest.approx(K.swapaxes(1, 2), abs=1e-10 * np.abs(K).max()) == K
     v = (points[nodes] @ G.T).reshape(len(nodes), -1)
     strain = (np.eye(3) + H).T @ G
     volume = 1.0 * 1.5 * 4.0 * abs(np.linalg.det(skewed()))
     energy = volume * np.sum(hooke(strain) * 0.5 * (strain + strain.T))
     assert np.einsum("em,emn,en->", v, K, v) == pytest.approx(energy, rel=1e-9)
-    at_rest = elements.deformed_stiffness(kind, points[nodes], np.zeros_like(points[nodes]), STEEL)
-    assert at_rest == pytest.approx(elements.stiffness(kind, points[nodes], STEEL), abs=1e-10 * np.abs(at_rest).max())
+    at_rest = elements.deformed_stiffness(Solids(kind, points[nodes], STEEL), np.zeros_like(points[nodes]))
+    assert at_rest == pytest.approx(elements.stiffness(Solids(kind, points[nodes], STEEL)), abs=1e-10 * np.abs(at_rest).max())
 
 
 @pytest.mark.parametrize("kind", ["tri3", "tri6", "quad4", "quad8"])
@@ -123,11 +124,11 @@ def test_forces_of_large_displacements_are_those_of_their_stress(kind):
     E = 0.5 * (F.T @ F - np.eye(3))
     S = lam * np.trace(E) * np.eye(3) + 2.0 * mu * E
     H = rng.standard_normal((3, 3))
-    f, K = elements.large_displacements(kind, points[nodes], points[nodes] @ (F - np.eye(3)).T, STEEL)
+    f, K = elements.large_displacements(Solids(kind, points[nodes], STEEL), points[nodes] @ (F - np.eye(3)).T)
     volume = 1.0 * 1.5 * 4.0 * abs(np.linalg.det(skewed()))
     assert (f * (points[nodes] @ H.T)).sum() == pytest.approx(volume * np.trace((F @ S).T @ H), rel=1e-9)
     assert pytest.approx(K.swapaxes(1, 2), abs=1e-9 * np.abs(K).max()) == K
-    turned, _ = elements.large_displacements(kind, points[nodes], points[nodes] @ (Q - np.eye(3)).T, STEEL)
+    turned, _ = elements.large_displacements(Solids(kind, points[nodes], STEEL), points[nodes] @ (Q - np.eye(3)).T)
     assert np.abs(turned).max() < 1e-12 * np.abs(K).max()
 
 
@@ -136,9 +137,9 @@ def test_the_tangent_is_the_derivative_of_the_forces(kind):
     points, nodes = bent_box(kind)
     rng = np.random.default_rng(6)
     u, v = 0.05 * rng.standard_normal((2, *points[nodes].shape))
-    at = (STEEL, 100.0)
-    _, K = elements.large_displacements(kind, points[nodes], u, *at)
+    of = Solids(kind, points[nodes], STEEL)
+    _, K = elements.large_displacements(of, u, 100.0)
     h = 1e-5
-    ahead, behind = (elements.large_displacements(kind, points[nodes], u + sign * h * v, *at)[0] for sign in (1.0, -1.0))
+    ahead, behind = (elements.large_displacements(of, u + sign * h * v, 100.0)[0] for sign in (1.0, -1.0))
     slope = (K @ v.reshape(len(v), -1, 1)).reshape(v.shape)
     assert (ahead - behind) / (2.0 * h) == pytest.approx(slope, abs=1e-7 * np.abs(slope).max())

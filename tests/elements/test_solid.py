@@ -6,7 +6,7 @@ from box_meshes import EDGES, KINDS, add_mid_sides, box
 from small_fe import assemble, bent, dofs
 
 from microslip import elements
-from microslip.elements import solid
+from microslip.elements import Solids, solid
 
 YOUNG, POISSON, DENSITY = 2.0e11, 0.3, 7800.0
 STEEL = elements.Isotropic(YOUNG, POISSON)
@@ -45,7 +45,7 @@ def rotation():
 @pytest.mark.parametrize("kind, incompatible_modes", WITH_MODES)
 def test_stiffness_is_symmetric_and_only_rigid_motion_is_free(kind, integration, incompatible_modes):
     points = distorted(kind)
-    K = elements.stiffness(kind, points, STEEL, integration, incompatible_modes)[0]
+    K = elements.stiffness(Solids(kind, points, STEEL, integration, incompatible_modes))[0]
     scale = abs(K).max()
     assert abs(K - K.T).max() < 1e-14 * scale
     assert abs(K @ rigid_motions(points[0])).max() < 1e-13 * scale
@@ -99,8 +99,8 @@ def test_mass_and_its_moments_are_those_of_the_body(kind, integration):
 @pytest.mark.parametrize("kind, incompatible_modes", WITH_MODES)
 def test_stiffness_turns_with_the_element(kind, incompatible_modes):
     points, Q = distorted(kind), rotation()
-    K = elements.stiffness(kind, points, STEEL, incompatible_modes=incompatible_modes)[0]
-    turned = elements.stiffness(kind, points @ Q.T, STEEL, incompatible_modes=incompatible_modes)[0]
+    K = elements.stiffness(Solids(kind, points, STEEL, incompatible_modes=incompatible_modes))[0]
+    turned = elements.stiffness(Solids(kind, points @ Q.T, STEEL, incompatible_modes=incompatible_modes))[0]
     T = np.kron(np.eye(len(points[0])), Q)
     assert abs(turned - T @ K @ T.T).max() < 1e-13 * abs(K).max()
 
@@ -144,11 +144,11 @@ def _is_inner(points, nodes, kind):
 def test_many_elements_at_once_are_the_same_as_each_alone(kind):
     points, nodes = box(kind, (3, 3, 4), (1.0, 1.5, 4.0))
     x = bent(points)[nodes]
-    K, M = elements.stiffness(kind, x, STEEL), elements.mass(kind, x, DENSITY)
+    K, M = elements.stiffness(Solids(kind, x, STEEL)), elements.mass(kind, x, DENSITY)
     least = elements.jacobian_minimum(kind, x)
     for i in range(0, len(x), 7):
         alone = x[i : i + 1]
-        assert K[i] == pytest.approx(elements.stiffness(kind, alone, STEEL)[0], rel=1e-13, abs=1e-14 * K.max())
+        assert K[i] == pytest.approx(elements.stiffness(Solids(kind, alone, STEEL))[0], rel=1e-13, abs=1e-14 * K.max())
         assert M[i] == pytest.approx(elements.mass(kind, alone, DENSITY)[0], rel=1e-13)
         assert least[i] == pytest.approx(elements.jacobian_minimum(kind, alone)[0], rel=1e-13)
 
@@ -156,12 +156,12 @@ def test_many_elements_at_once_are_the_same_as_each_alone(kind):
 def test_chunks_cover_all_elements(monkeypatch):
     points, nodes = box("hex20", (2, 2, 3))
     x = points[nodes]
-    whole = elements.stiffness("hex20", x, STEEL), elements.mass("hex20", x, DENSITY)
+    whole = elements.stiffness(Solids("hex20", x, STEEL)), elements.mass("hex20", x, DENSITY)
     monkeypatch.setattr(solid, "_CHUNK_ENTRIES", 5 * 9 * 20**2)
-    parts = elements.stiffness("hex20", x, STEEL), elements.mass("hex20", x, DENSITY)
+    parts = elements.stiffness(Solids("hex20", x, STEEL)), elements.mass("hex20", x, DENSITY)
     assert all(np.allclose(a, b, rtol=1e-13, atol=0.0) for a, b in zip(parts[1:], whole[1:]))
     assert abs(parts[0] - whole[0]).max() < 1e-14 * whole[0].max()
-    assert elements.stiffness("hex20", x[:0], STEEL).shape == (0, 60, 60)
+    assert elements.stiffness(Solids("hex20", x[:0], STEEL)).shape == (0, 60, 60)
     assert elements.mass("hex20", x[:0], DENSITY).shape == (0, 20, 20)
     assert elements.jacobian_minimum("hex20", x[:0]).shape == (0,)
 
@@ -174,7 +174,7 @@ def test_jacobian_minimum_is_the_volume_ratio_and_negative_when_turned_inside_ou
     inverted = stretched * [1.0, 1.0, -1.0]
     assert elements.jacobian_minimum(kind, inverted)[0] == pytest.approx(-6.0, rel=1e-13)
     with pytest.raises(ValueError, match="1 of 1 elements have det J <= 0"):
-        elements.stiffness(kind, inverted, STEEL)
+        elements.stiffness(Solids(kind, inverted, STEEL))
     with pytest.raises(ValueError, match="1 of 1 elements have det J <= 0"):
         elements.mass(kind, inverted, DENSITY)
 
@@ -184,7 +184,7 @@ def test_jacobian_minimum_looks_at_the_nodes_too():
     points = elements.KINDS["hex8"].nodes.copy()
     points[6] = [0.1, 0.1, 0.1]
     assert elements.jacobian_minimum("hex8", points[None])[0] < 0.0
-    assert elements.stiffness("hex8", points[None], STEEL).shape == (1, 24, 24)
+    assert elements.stiffness(Solids("hex8", points[None], STEEL)).shape == (1, 24, 24)
 
 
 @pytest.mark.parametrize("incompatible_modes", [True, False])
@@ -216,7 +216,7 @@ def test_wedges_by_two_points_are_held_by_each_other():
     """The mechanism of one element is none of a mesh: six motions alone are free."""
     points, nodes = box("wedge6", (1, 1, 1), (1.0, 1.5, 2.0))
     K = np.zeros((3 * len(points), 3 * len(points)))
-    for own, matrix in zip(nodes, elements.stiffness("wedge6", points[nodes], STEEL, "reduced-both"), strict=True):
+    for own, matrix in zip(nodes, elements.stiffness(Solids("wedge6", points[nodes], STEEL, "reduced-both")), strict=True):
         at = (3 * own[:, None] + np.arange(3)).ravel()
         K[np.ix_(at, at)] += matrix
     values = np.linalg.eigvalsh(K)

@@ -8,7 +8,7 @@ from dense_model import branch, forced, reduced
 from mpi4py import MPI
 from oracles import scenes
 
-from microslip.continuation.grid import at_frequencies
+from microslip.continuation.grid import solved_at, task_at
 from microslip.error_estimate.correction import corrected
 from microslip.error_estimate.estimate import Changes, ErrorEstimator
 from microslip.harmonic import adjoint_solver
@@ -35,9 +35,8 @@ def solved(level, H=3, n_samples=128, tolerance=1e-10, selection=None, comm=COMM
     """Return the points of a level at some frequencies, with error bars."""
     model, parameters = reduced(scene(name), comm, H)
     estimator = ErrorEstimator(BetterModel(model, None, is_solved=True))
-    found = at_frequencies(
-        forced(model, parameters, n_samples, level), selection or AllPairs(), omegas, tolerance=tolerance, estimator=estimator
-    )
+    task = task_at(forced(model, parameters, n_samples, level), selection or AllPairs(), omegas, tolerance, estimator)
+    found = solved_at(task, omegas)
     assert found.failure is None
     return found.points
 

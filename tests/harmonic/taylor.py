@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from microslip.continuation.constraints import Plane, Scaling
+from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem
 from microslip.continuation.iterate import Iterate
 

@@ -8,7 +8,7 @@ from oracles import scenes
 from petsc4py import PETSc
 from taylor import Place, assert_second_order
 
-from microslip.continuation.constraints import Plane, Scaling
+from microslip.continuation.constraint_rows import Plane, Scaling
 from microslip.continuation.corrector import BorderedSystem, Corrector
 from microslip.continuation.iterate import Iterate
 from microslip.continuation.problems import DampingHomotopy, ForcedResponse, LevelHomotopy

@@ -17,7 +17,7 @@ from microslip.library.side_by_side import groups_that_pay
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ResourceError
-from microslip.parallel.groups import Counter, Reports, dealt, refuse_too_many, split
+from microslip.parallel.rank_groups import Counter, Reports, dealt, refuse_too_many, split
 from microslip.receptance.on_group import on_group
 from microslip.results.read import read_results
 from microslip.results.table import ResponseTable

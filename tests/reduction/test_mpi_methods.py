@@ -13,10 +13,10 @@ from oracles import harmonic_balance, scenes
 from microslip.continuation.grid import at_frequencies
 from microslip.library.settings import excitation, reduction_settings
 from microslip.linear.dense import gram, multiply
-from microslip.modes.dense import gathered
+from microslip.modes.lapack import gathered
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError
-from microslip.receptance.motions import linear_motion
+from microslip.receptance.motions import ActingForces, linear_motion
 from microslip.receptance.reduced_model import ReducedModel
 from microslip.reduction.expand import displacements
 from microslip.reduction.facts import Counts
@@ -196,9 +196,9 @@ def test_full_expands_to_the_same_field_as_receptance(whole, reference):
     omegas, of_full, points = reference
     model = model_of(scene, reduced(scene, structure, "receptance"))
     p = model.comm.bcast(points[4].p).reshape(-1, model.N_H)
-    (u,) = of_full.displacements(model_of(scene, of_full), [(30.0, omegas[4], p)])
+    (u,) = of_full.displacements(model_of(scene, of_full), [ActingForces(30.0, omegas[4], p)])
     assert u == pytest.approx(
-        displacements(structure.linearised, structure.modes, model, [(30.0, omegas[4], p)])[0],
+        displacements(structure.linearised, structure.modes, model, [ActingForces(30.0, omegas[4], p)])[0],
         abs=1e-9 * np.abs(u).max(initial=1e-9),
     )
 

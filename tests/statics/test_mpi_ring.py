@@ -73,7 +73,7 @@ def test_the_hoop_stress_is_that_of_a_thin_ring(comm):
     expected = DENSITY * speed**2 * RADIUS**2
     u_by_rank = u[np.argsort(shares.rank_order)]
     for own in shares.blocks:
-        stress = elements.stress(own.kind, own.points, u_by_rank[own.nodes], BODY.material)
+        stress = elements.stress(BODY.solids(own.kind, own.points), u_by_rank[own.nodes])
         middle = own.points.mean(axis=1)
         along = np.stack([-middle[:, 1], middle[:, 0], 0.0 * middle[:, 2]], axis=1) / np.linalg.norm(middle, axis=1)[:, None]
         hoop = np.einsum("ei,eqij,ej->eq", along, stress, along)

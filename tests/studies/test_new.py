@@ -12,7 +12,7 @@ from microslip.formats.units import UNITS
 from microslip.parallel.errors import CaseError, MeshError
 from microslip.scene.read import read_scene
 from microslip.studies.check.model_file import _lines as check_model_lines
-from microslip.studies.check.whole import bodies_of, whole_mesh
+from microslip.studies.check.model_mesh import bodies_of, whole_mesh
 from microslip.studies.new.candidates import find_candidates
 from microslip.studies.new.story import _write
 

@@ -71,7 +71,7 @@ def pulled(mesh):
     at_tie, beyond = [], []
     for block in mesh.elements:
         points = mesh.points[block.nodes]
-        stress = elements.stress(block.kind, points, u[block.nodes], elements.Isotropic(YOUNG, POISSON))
+        stress = elements.stress(elements.Solids(block.kind, points, elements.Isotropic(YOUNG, POISSON)), u[block.nodes])
         error = np.abs(stress[..., 2, 2] / PULL - 1.0).max(axis=1)
         touches = (np.abs(points[:, :, 2] - 1.0) < 1e-9).any(axis=1)
         at_tie.append(error[touches].max())

@@ -1,1 +1,1 @@
-"""From elements to K, M and the sparse maps of pairs, loads and outputs."""
+"""From elements, or given matrices, to K, M and the sparse maps of pairs, loads and outputs."""

@@ -17,12 +17,12 @@ from ..parallel.agree import on_root, raise_together
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.memory import refuse_beyond
 from .base_motion import with_base_motion
-from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .check import check_elements
 from .constrained import constrained
 from .constraints import check_supports, constrain
 from .maps import base_map, load_map, orders_of, output_map, pair_map
 from .nodal_forces import nodal_forces
+from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .numbering import number_dofs
 from .output_rows import output_row
 from .system import System
@@ -138,7 +138,7 @@ def _add_elements(block: LocalBlock, body: Body, pattern: NodePattern, K_sum: Bl
     for chunk in element_chunks(block):
         points = block.points[chunk]
         is_owned, positions = pattern.positions(block.nodes[chunk])
-        K = elements.stiffness(block.kind, points, body.material, body.integration, body.incompatible_modes)
+        K = elements.stiffness(body.solids(block.kind, points))
         K_sum.add(is_owned, positions, K.reshape(-1, n_nodes, 3, n_nodes, 3))
         M = elements.mass(block.kind, points, body.density, body.integration)
         M_sum.add(is_owned, positions, M.reshape(-1, n_nodes, 1, n_nodes, 1))

@@ -10,8 +10,8 @@ from .. import elements
 from ..mesh.data import DistributedMesh
 from ..mesh.links import Links
 from ..mesh.settings import MeshSettings
-from .blocks import element_chunks
 from .nodal_forces import NodalForces
+from .node_blocks import element_chunks
 
 
 def with_base_motion(loads: list[NodalForces], settings: MeshSettings, dmesh: DistributedMesh, links: Links) -> list[NodalForces]:

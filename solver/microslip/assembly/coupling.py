@@ -10,8 +10,8 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from ..mesh.data import ContactPairs, DistributedMesh
-from .blocks import node_pattern
 from .matrices import GivenStructure
+from .node_blocks import node_pattern
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -16,7 +16,7 @@ from ..formats.matrices.read import read_any
 from ..formats.model import index_of
 from ..mesh.data import ContactPairs, Mesh
 from ..mesh.locate import find_node
-from ..mesh.nodes import nodes_alone, read_nodes
+from ..mesh.nodes_of_matrices import nodes_alone, read_nodes
 from ..mesh.settings import Load, Output
 from ..parallel.csv_table import numbered_rows, read_table
 from ..parallel.errors import CaseError

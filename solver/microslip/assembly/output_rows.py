@@ -46,7 +46,7 @@ def _recovered(mesh: Mesh, node: int, output: Output, settings: MeshSettings, wh
     nodes, values = [], []
     for kind, own, body in around:
         recovered = elements.nodal_stress if output.quantity == "stress" else elements.nodal_strain
-        rows = recovered(kind, mesh.points[own], body.material, body.integration, body.incompatible_modes)
+        rows = recovered(body.solids(kind, mesh.points[own][None]))
         nodes.append(own)
         values.append(rows[int(np.flatnonzero(own == node)[0]), i, j] / len(around))
     return OutputRow(node, np.concatenate(nodes), np.concatenate(values))

@@ -14,8 +14,8 @@ from ..mesh.settings import Body, MeshSettings, Statics
 from ..mesh.surface import outward_faces
 from ..parallel.agree import on_root
 from .assemble import petsc_matrix
-from .blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .constraints import Constraints, reduced
+from .node_blocks import BlockSum, NodePattern, element_chunks, expand, node_pattern
 from .system import System
 
 Seen = Callable[[LocalBlock, int, slice], np.ndarray]
@@ -105,14 +105,13 @@ def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, sta
         total += elements.mass(block.kind, points, body.density, body.integration) @ outward
     warmer = statics.temperatures.get(block.body, 0.0)
     if warmer != 0.0 and body.material.expands and not statics.is_large:
-        total += elements.thermal_forces(block.kind, points, body.material, warmer, body.integration)
+        total += elements.thermal_forces(body.solids(block.kind, points), warmer)
     return total
 
 
 def _forces_of_moved(block: LocalBlock, chunk: slice, body: Body, moved: np.ndarray) -> np.ndarray:
     """Return the forces -K u of supports moved by u (n_elements, n, 3) [m] on the nodes of some elements, eq. (12.12).  Local."""
-    of = (body.material, body.integration, body.incompatible_modes)
-    K = elements.stiffness(block.kind, block.points[chunk], *of)
+    K = elements.stiffness(body.solids(block.kind, block.points[chunk]))
     return -(K @ moved.reshape(len(K), -1, 1)).reshape(moved.shape)
 
 
@@ -182,14 +181,12 @@ def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u
     """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
     points = block.points[chunk]
     warmer = statics.temperatures.get(block.body, 0.0)
-    modes = body.incompatible_modes
-    stress = elements.stress(block.kind, points, u, body.material, warmer, body.integration, modes)
-    sigma = elements.stress_stiffness(block.kind, points, stress, body.integration)
+    of = body.solids(block.kind, points)
+    sigma = elements.stress_stiffness(of, elements.stress(of, u, warmer))
     mass = elements.mass(block.kind, points, body.density, body.integration)
     change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
     if statics.deforms:
-        of = (body.material, body.integration, modes)
-        turned = elements.deformed_stiffness(block.kind, points, u, *of) - elements.stiffness(block.kind, points, *of)
+        turned = elements.deformed_stiffness(of, u) - elements.stiffness(of)
         change += turned.reshape(change.shape)
     return change
 

@@ -125,7 +125,7 @@ def _nodal(dmesh: DistributedMesh, settings: MeshSettings, overlap: Overlap, n_b
         for chunk in element_chunks(block):
             rows = chunk.start + np.flatnonzero(overlap.of_elements[i][chunk] >= 0)
             points, nodes = block.points[rows], block.nodes[rows] - first
-            K = elements.stiffness(block.kind, points, body.material, body.integration, body.incompatible_modes)
+            K = elements.stiffness(body.solids(block.kind, points))
             step = overlap.seen(block, i, rows, np.ones(n_bolts))
             forces = -np.einsum("eij,ej->ei", K, step.reshape(len(K), K.shape[1])).reshape(step.shape)
             mine = (nodes >= 0) & (nodes < last - first)

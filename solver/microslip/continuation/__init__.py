@@ -1,1 +1,1 @@
-"""From point to point along a curve: corrector, steps, first points, the record of a branch."""
+"""From point to point along a curve: problems, constraint rows, corrector, steps, first points, what is kept of a branch."""

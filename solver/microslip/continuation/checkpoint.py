@@ -17,10 +17,10 @@ import numpy as np
 from ..fourier.harmonics import Harmonics
 from ..harmonic.balance import HarmonicBalance
 from ..harmonic.clustered import ClusteredPreconditioner
-from ..harmonic.direct import WholeInverse
 from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import OperatingPoint
 from ..harmonic.preconditioner import HarmonicPreconditioner, PairsPreconditioner
+from ..harmonic.whole_inverse import WholeInverse
 from .accuracy import Memory, Resolution
 from .iterate import Iterate, PointState
 from .point_solver import Workspace

@@ -17,7 +17,7 @@ from ..harmonic.linearisation import Border, Exactness, Linearisation, Step
 from ..harmonic.newton_solver import NewtonSolver
 from ..harmonic.petsc_contexts import ShellMatrix, ShellSolver
 from ..parallel.watchdog import moved
-from .constraints import Constraint, Scaling
+from .constraint_rows import Constraint, Scaling
 from .iterate import Iterate
 from .problems import Problem
 

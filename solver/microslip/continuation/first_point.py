@@ -38,16 +38,7 @@ def reach_first(task: BranchTask, solver: PointSolver, advance: Advance) -> tupl
         if reached is not None:
             notes = (f"first point {NOTES[way]}, where there may be other solutions",) if way in NOTES else ()
             return *reached, notes
-    start, why = task.sweep.start, found[0].failure
-    if task.problem.is_constant:
-        raise ConvergenceError(
-            f"hb: no equilibrium under the static load of {task.problem.at((start,)).level:.4g} N was found "
-            f"({why}): is it more than friction and preload carry?"
-        )
-    raise ConvergenceError(
-        f"hb: no first point at {task.problem.where(start)}: neither from the linear response ({why}) nor from rest, "
-        "over the level or over further damping; begin at another frequency, or raise [solver] samples"
-    )
+    raise ConvergenceError(task.problem.without_solution(task.sweep.start, found[0].failure))
 
 
 def over_the_level(task: BranchTask, solver: PointSolver, advance: Advance) -> Reached | None:

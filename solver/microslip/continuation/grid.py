@@ -58,8 +58,6 @@ def at_frequencies(
     *,
     tolerance: float,
     on_point: Callable[[Point], None] = lambda point: None,
-    estimator: ErrorEstimator | None = None,
-    accuracy: Accuracy | None = None,
 ) -> Branch:
     """Solve one level at ``omegas`` (n,) [rad/s], each another than the one before, from the points solved before it.
 
@@ -72,8 +70,28 @@ def at_frequencies(
     not reach so, beyond a fold for one, the branch is followed in its arc length; points on the way are not recorded, but
     their iterations and time count.
     """
+    return solved_at(task_at(problem, selection, omegas, tolerance), omegas, on_point)
+
+
+def task_at(
+    problem: Problem,
+    selection: Selection,
+    omegas: Sequence[float],
+    tolerance: float,
+    estimator: ErrorEstimator | None = None,
+    accuracy: Accuracy | None = None,
+) -> BranchTask:
+    """Return what :func:`solved_at` goes by.  Local."""
     # springs would stay for good, and compare another problem
-    task = BranchTask(problem, selection, range_of(omegas), STEPS, tolerance, estimator, accuracy, may_hold=False)
+    return BranchTask(problem, selection, range_of(omegas), STEPS, tolerance, estimator, accuracy, may_hold=False)
+
+
+def solved_at(task: BranchTask, omegas: Sequence[float], on_point: Callable[[Point], None] = lambda point: None) -> Branch:
+    """Return the points of a task at ``omegas``, as :func:`at_frequencies`, with error bars and an accuracy if it has them.
+
+    Collective.
+    """
+    problem = task.problem
     branch, workspace = Branch(problem.at((omegas[0],)).level), Workspace(problem.equation)
     try:
         for point in _points(task, task.start(workspace), omegas):
@@ -83,8 +101,8 @@ def at_frequencies(
         branch.failure = str(failure)
     finally:
         workspace.destroy()
-        if estimator is not None:
-            estimator.destroy()
+        if task.estimator is not None:
+            task.estimator.destroy()
     return branch
 
 

@@ -129,7 +129,7 @@ def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> L
     """Return the stuck curve over the range, every resonance in it resolved.  Collective.
 
     Its length is that of the pairs' motion; of the outputs' where there is no pair.  Without the ``law`` of the pairs no level is
-    known to be linear.
+    known to be linear, nor one of a constant motion: it is left to the solver.
     """
     ends = min(sweep.start, sweep.stop), max(sweep.start, sweep.stop)
     omega = model.comm.bcast(linear_frequencies(*ends, model.omega_n, model.zeta))
@@ -138,7 +138,7 @@ def linear_curve(model: ReducedModel, sweep: Sweep, law: Law | None = None) -> L
     motions = [linear_motion(model, 1.0, w) for w in omega] if model.n_pairs else list(response)
     s = arc_lengths(model.comm, motions, omega, sweep.scale)
     stuck = np.zeros(len(omega))
-    if law is not None and model.n_pairs > 0:
+    if law is not None and model.n_pairs > 0 and not model.harmonics.is_constant:
         stuck = sticks_up_to(model, law, motions)
     return LinearCurve(omega, model.harmonics.carry(response, model.recorded), s, stuck)
 

@@ -33,10 +33,8 @@ def is_linear(equation: HarmonicBalance, level: float, curve: LinearCurve) -> bo
     """Tell whether no pair leaves sticking anywhere on the sampled linear curve at a level [N].
 
     Collective: one evaluation of the pairs at each point where the bound alone does not tell, worst first.  A
-    level that slips so costs one evaluation.  A constant motion, of harmonic 0 alone, is left to the solver.
+    level that slips so costs one evaluation.
     """
-    if equation.harmonics.is_constant:
-        return False
     finer = equation.resolved(equation.harmonics, FINER * equation.n_samples)
     for i in np.argsort(curve.sticks_up_to, kind="stable"):
         if level <= MARGIN * curve.sticks_up_to[i]:

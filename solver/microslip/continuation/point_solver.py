@@ -15,7 +15,7 @@ from ..parallel.errors import ConvergenceError
 from ..points.selection import Selection
 from ..points.sweep import Sweep
 from .accuracy import Resolution
-from .constraints import Plane, Scaling
+from .constraint_rows import Plane, Scaling
 from .corrector import BorderedSystem, Correction, Corrector, row_weights
 from .iterate import Iterate, PointState
 from .linear_levels import sticks

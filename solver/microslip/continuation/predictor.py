@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .constraints import Plane
+from .constraint_rows import Plane
 from .iterate import Iterate, PointState
 from .point_solver import PointSolver
 

@@ -32,6 +32,9 @@ class Problem(Protocol):
     def where(self, parameter: float) -> str:
         """Name a point in a message, by the parameter that is swept.  Local."""
 
+    def without_solution(self, parameter: float, why: str) -> str:
+        """Say that no way led to a first point there, and ``why`` Newton's method did not.  Local."""
+
     def with_equation(self, equation: HarmonicBalance) -> Self:
         """Return the same problem with another resolution or hold of the equation.  Local."""
 
@@ -53,6 +56,12 @@ class _OfEquation:
     def where(self, parameter: float) -> str:
         return self.at((parameter,)).text
 
+    def without_solution(self, parameter: float, why: str) -> str:
+        return (
+            f"hb: no first point at {self.where(parameter)}: neither from the linear response ({why}) nor from rest, "
+            "over the level or over further damping; begin at another frequency, or raise [solver] samples"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class ForcedResponse(_OfEquation):
@@ -63,6 +72,14 @@ class ForcedResponse(_OfEquation):
     @property
     def is_constant(self) -> bool:
         return self.equation.harmonics.is_constant
+
+    def without_solution(self, parameter: float, why: str) -> str:
+        if not self.is_constant:
+            return super().without_solution(parameter, why)
+        return (
+            f"hb: no equilibrium under the static load of {self.level:.4g} N was found ({why}): is it more than friction and "
+            "preload carry?"
+        )
 
     def at(self, parameters: tuple[float, ...]) -> OperatingPoint:
         return OperatingPoint(parameters[0], self.level)

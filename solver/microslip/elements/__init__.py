@@ -13,13 +13,13 @@ from .faces import (
     pressure_forces,
 )
 from .kinds import FACE_KINDS, KINDS, Kind
-from .large import large_displacements
+from .large_displacements import large_displacements
 from .materials import COMPONENTS, Anisotropic, Cylindrical, Directions, Isotropic, Material, checked, orthotropic
 from .nearest import nearest_on_faces
-from .prestress import deformed_stiffness, stress, stress_stiffness, thermal_forces
 from .quadrature import INTEGRATIONS
 from .recovery import nodal_strain, nodal_stress
-from .solid import jacobian_minimum, mass, stiffness, volumes
+from .solid import Solids, jacobian_minimum, mass, stiffness, volumes
+from .stress import deformed_stiffness, stress, stress_stiffness, thermal_forces
 
 __all__ = [
     "CELLS",
@@ -35,6 +35,7 @@ __all__ = [
     "RINGS",
     "FINER_SAMPLES",
     "SAMPLES",
+    "Solids",
     "point_functions",
     "Kind",
     "checked",

@@ -2,55 +2,44 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .kinds import KINDS
-from .materials import Material
-from .prestress import strain, stress
 from .quadrature import rules
+from .solid import Solids
+from .stress import strain, stress
 
 _CORNERS = {"hex": "hex8", "tet": "tet4", "wedge": "wedge6", "pyramid": "pyramid5"}  # the kind whose functions are fitted
 
 
-def nodal_stress(
-    kind: str, points: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
-) -> np.ndarray:
-    """Return the stress at the nodes of one element per displacement of each node, (n, 3, 3, n, 3) [Pa/m].
+def nodal_stress(of: Solids) -> np.ndarray:
+    """Return the stress at the nodes of one element, alone in ``of``, per displacement of each node, (n, 3, 3, n, 3) [Pa/m].
 
     Local.  The stress at the quadrature points of the stiffness, fitted by the functions of the corners: docs/theory.md,
     eq. (13.6).  Entry [a, i, j, b, k] is sigma_ij at node a for u_k of node b.
-
-    Parameters
-    ----------
-    points : (n, 3) nodes of the element [m]
-    others : as in :func:`microslip.elements.stiffness`
     """
-    unit = _unit_displacements(len(points))
-    found = stress(kind, np.broadcast_to(points, unit.shape), unit, material, 0.0, integration, incompatible_modes)
-    return _at_nodes(found, kind, integration)
+    return _at_nodes(stress(*_under_unit_displacements(of)), of)
 
 
-def nodal_strain(
-    kind: str, points: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
-) -> np.ndarray:
+def nodal_strain(of: Solids) -> np.ndarray:
     """Return the strain at the nodes of one element per displacement of each node, (n, 3, 3, n, 3) [1/m].
 
     Local.  As the stress, docs/theory.md, eq. (13.6).
     """
-    unit = _unit_displacements(len(points))
-    found = strain(kind, np.broadcast_to(points, unit.shape), unit, material, integration, incompatible_modes)
-    return _at_nodes(found, kind, integration)
+    return _at_nodes(strain(*_under_unit_displacements(of)), of)
 
 
-def _unit_displacements(n: int) -> np.ndarray:
-    """Return a displacement of one node along one axis, for each, (3 n, n, 3) [m]."""
-    return np.eye(3 * n).reshape(3 * n, n, 3)
+def _under_unit_displacements(of: Solids) -> tuple[Solids, np.ndarray]:
+    """Return one element 3 n times, and for each a displacement of one node along one axis, (3 n, n, 3) [m]."""
+    unit = np.eye(3 * of.n).reshape(3 * of.n, of.n, 3)
+    return replace(of, points=np.broadcast_to(of.points, unit.shape)), unit
 
 
-def _at_nodes(at_points: np.ndarray, kind: str, integration: str) -> np.ndarray:
+def _at_nodes(at_points: np.ndarray, of: Solids) -> np.ndarray:
     """Return tensors (3 n, n_q, 3, 3) of unit displacements, fitted to the nodes, (n, 3, 3, n, 3)."""
-    n = len(at_points) // 3
-    return np.einsum("aq,uqij->aiju", fit(kind, integration), at_points).reshape(n, 3, 3, n, 3)
+    return np.einsum("aq,uqij->aiju", fit(of.kind, of.integration), at_points).reshape(of.n, 3, 3, of.n, 3)
 
 
 def fit(kind: str, integration: str = "full") -> np.ndarray:

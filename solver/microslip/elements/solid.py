@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from .kinds import KINDS, Kind
@@ -11,20 +14,65 @@ from .quadrature import Rule, rules
 _CHUNK_ENTRIES = 2**18  # of the largest intermediate array: 2 MiB stay in a core's cache, larger ones do not
 
 
-def stiffness(
-    kind: str, points: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
-) -> np.ndarray:
-    """Return the stiffness matrices of elements of one kind.
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """Elements of one kind and material, and how their stiffness is integrated.  Local.
+
+    Raises
+    ------
+    ValueError : unknown kind or integration; when they are used
+    """
+
+    kind: str  # a key of ``KINDS``
+    points: np.ndarray  # (n_elements, n, 3) nodes of each element [m]
+    material: Material
+    integration: str = "full"  # a key of ``INTEGRATIONS``
+    incompatible_modes: bool = True  # hex8 only: three condensed bubble modes a direction, without which it locks in bending
+
+    @property
+    def n(self) -> int:
+        """Nodes of an element."""
+        return self.points.shape[1]
+
+    @property
+    def has_bubbles(self) -> bool:
+        return self.incompatible_modes and self.kind == "hex8"
+
+    @property
+    def n_functions(self) -> int:
+        """Shape functions of an element, with the bubbles."""
+        return self.n + 3 if self.has_bubbles else self.n
+
+    @property
+    def rule(self) -> Rule:
+        """The quadrature of the stiffness."""
+        return rules(self.kind, self.integration)[0]
+
+    def parts(self, n_entries: int) -> Iterator[tuple[slice, Solids]]:
+        """Yield the elements some at a time, at ``n_entries`` in memory for each."""
+        for chunk in _chunks(len(self.points), n_entries):
+            yield chunk, replace(self, points=self.points[chunk])
+
+    def elastic(self) -> Elastic:
+        """Return what the material is at the quadrature points, in model axes."""
+        return self.material.at(KINDS[self.kind].values(self.rule.points) @ self.points)
+
+    def gradients(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return dN_a / dx_i at the quadrature points, (n_elements, n_q, 3, n), and w det J, (n_elements, n_q)."""
+        return _gradients(KINDS[self.kind], self.points, self.rule)
+
+    def functions(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the same, the gradients with those of the bubbles behind them, (n_elements, n_q, 3, n_functions)."""
+        dN, volumes = self.gradients()
+        if self.has_bubbles:
+            dN = np.concatenate([dN, _incompatible_gradients(KINDS[self.kind], self.points, self.rule, volumes)], axis=-1)
+        return dN, volumes
+
+
+def stiffness(of: Solids) -> np.ndarray:
+    """Return the stiffness matrices of elements.
 
     Local.
-
-    Parameters
-    ----------
-    kind : a key of ``KINDS``
-    points : (n_elements, n, 3) nodes of each element [m]
-    material : what they are made of
-    integration : a key of ``INTEGRATIONS``
-    incompatible_modes : hex8 only: add three condensed bubble modes a direction, without which it locks in bending
 
     Returns
     -------
@@ -32,24 +80,17 @@ def stiffness(
 
     Raises
     ------
-    ValueError : unknown kind or integration, or an element with det J <= 0 (``jacobian_minimum`` finds them first)
+    ValueError : an element with det J <= 0 (``jacobian_minimum`` finds them first)
 
     Notes
     -----
     docs/theory.md, eq. (2.1): with Lame's constants and G_ai,bj = integral of dN_a/dx_i dN_b/dx_j,
     ``K_ai,bj = lam G_ai,bj + mu G_aj,bi + mu delta_ij G_ak,bk``; of anisotropic materials eq. (2.12).
     """
-    rule = rules(kind, integration)[0]
-    with_modes = incompatible_modes and kind == "hex8"
-    n_elements, n = points.shape[:2]
-    n_functions = n + 3 if with_modes else n
-    K = np.empty((n_elements, 3 * n, 3 * n))
-    for chunk in _chunks(n_elements, 9 * n_functions**2):
-        dN, volumes = _gradients(KINDS[kind], points[chunk], rule)
-        if with_modes:
-            dN = np.concatenate([dN, _incompatible_gradients(KINDS[kind], points[chunk], rule, volumes)], axis=-1)
-        whole = _local(material, kind, points[chunk], rule).stiffness(dN, volumes)
-        K[chunk] = _condense(whole, 3 * n) if with_modes else whole
+    K = np.empty((len(of.points), 3 * of.n, 3 * of.n))
+    for chunk, part in of.parts(9 * of.n_functions**2):
+        dN, volumes = part.functions()
+        K[chunk] = _without_bubbles(part.elastic().stiffness(dN, volumes), 3 * of.n)
     return K
 
 
@@ -60,7 +101,7 @@ def mass(kind: str, points: np.ndarray, density: float, integration: str = "full
 
     Parameters
     ----------
-    kind, points, integration : as in ``stiffness``
+    kind, points, integration : as of ``Solids``
     density : [kg/m3]
 
     Returns
@@ -158,12 +199,9 @@ def _incompatible_gradients(kind: Kind, points: np.ndarray, rule: Rule, volumes:
     return at_centre * (det * rule.weights / volumes)[:, :, None, None]
 
 
-def _local(material: Material, kind: str, points: np.ndarray, rule: Rule) -> Elastic:
-    """Return what a material is at the quadrature points of some elements, in model axes."""
-    return material.at(KINDS[kind].values(rule.points) @ points)
-
-
-def _condense(K: np.ndarray, n_kept: int) -> np.ndarray:
-    """Return the stiffness that the first ``n_kept`` DOFs see where no force acts on the others."""
+def _without_bubbles(K: np.ndarray, n_kept: int) -> np.ndarray:
+    """Return the stiffness that the first ``n_kept`` DOFs see where no force acts on the others, if there are any."""
+    if K.shape[-1] == n_kept:
+        return K
     kept, rest = slice(0, n_kept), slice(n_kept, None)
     return K[:, kept, kept] - K[:, kept, rest] @ np.linalg.solve(K[:, rest, rest], K[:, rest, kept])

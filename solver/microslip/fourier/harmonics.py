@@ -65,6 +65,15 @@ class Harmonics:
         """Whether there is none above the mean: nothing moves to and fro."""
         return self.highest == 0
 
+    @property
+    def vibrate_about_a_mean(self) -> bool:
+        """Whether there is a mean, and others above it."""
+        return self.has_mean and not self.is_constant
+
+    def samples(self, n: int) -> int:
+        """Return how many samples a period has that is to have ``n``: of a constant motion one says all."""
+        return 1 if self.is_constant else n
+
     @cached_property
     def numbers(self) -> np.ndarray:
         """The harmonics, those of the complex amplitudes, (n_harmonics,).  Read-only."""

@@ -13,10 +13,10 @@ from mpi4py import MPI
 
 from ..receptance.columns import ActiveColumns
 from .clustered import of_wide_slip
-from .direct import WholeInverse
 from .gmres import Gmres, kept
 from .linearisation import Gatherer, Linearisation
 from .preconditioner import PairsPreconditioner, applied
+from .whole_inverse import WholeInverse
 
 MANY_KRYLOV = 50  # GMRES iterations beyond which the next adjoints are preconditioned
 DIRECT = 100  # rows of the active pairs, all harmonics, up to which a factor is cheaper than GMRES

@@ -33,9 +33,9 @@ class HarmonicBalance:
     @classmethod
     def of_all(cls, model: ReducedModel, law: Law, n_samples: int) -> HarmonicBalance:
         """Return the equation of a model whose pairs, on all ranks, have this law.  Local."""
-        # a constant motion is one sample: the kept period then holds the one step there is, and the state says which pairs slid
+        # of a constant motion the kept period holds the one step there is, and the state says which pairs slid
         own = law.take(np.arange(model.n_pairs)[model.owned])
-        return cls(model, own, 1 if model.harmonics.is_constant else n_samples)
+        return cls(model, own, model.harmonics.samples(n_samples))
 
     # -- what it is made of --------------------------------------------------------------------------------------
 

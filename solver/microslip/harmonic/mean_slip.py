@@ -46,7 +46,7 @@ def is_held_by_its_joint_alone(model: ReducedModel, law: Law) -> bool:
     k_t^1/2 G_tt k_t^1/2, which is k / (k + rest) for that motion, lies so close to 1.  A joint that is only stiff beside a
     structure that holds itself is not meant: springs of ``HOLD`` k_t would be stiffer than the structure.
     """
-    if not model.harmonics.has_mean or model.harmonics.is_constant:
+    if not model.harmonics.vibrate_about_a_mean:
         return False
     tangential = (3 * np.arange(model.n_pairs)[:, None] + np.arange(2)).ravel()
     n_owned = model.owned.stop - model.owned.start

@@ -10,10 +10,10 @@ from petsc4py import PETSc
 
 from ..receptance.columns import ActiveColumns
 from .clustered import LARGE, of_wide_slip
-from .direct import LARGEST, WholeInverse
 from .gmres import Gmres
 from .linearisation import Border, Exactness, Gatherer, Linearisation, Step
 from .preconditioner import PairsPreconditioner, applied
+from .whole_inverse import LARGEST, WholeInverse
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py.MPI import MAX
 from petsc4py import PETSc
 
-from ..assembly.large import tangent_about
+from ..assembly.large_displacements import tangent_about
 from ..assembly.moved import moved_supports
 from ..assembly.prestress import constant_forces, stiffness_at_rest
 from ..assembly.pretension import Bolts, pretension
@@ -22,7 +22,7 @@ from ..parallel.agree import on_root
 from ..statics.bolts import BoltsAtRest, Cuts, cuts_of
 from ..statics.equilibrium import Flexibility, Rest, equilibrium, stuck_forces
 from ..statics.flight import which_flies
-from ..statics.large import About, Sought, large_equilibrium
+from ..statics.large_displacements import About, Sought, large_equilibrium
 from ..statics.loaded import Loaded
 from ..statics.pressed import check_pressed
 from ..statics.rest import at_rest, in_words, of_larger_area, referred_to, touches_from_none

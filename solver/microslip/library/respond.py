@@ -16,6 +16,7 @@ from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
 from ..parallel.errors import CaseError
 from ..parallel.words import nearest
+from ..receptance.motions import ActingForces
 from ..receptance.reduced_model import ReducedModel
 from ..reduction.choose_modes import choose_modes
 from ..reduction.settings import ReductionSettings
@@ -115,7 +116,7 @@ def found_again(prepared: Prepared, find: Callable[[], Structure]) -> Prepared:
     """Return what was prepared, such that it asks for its structure where its fields need it.  Local."""
     settings = reduction_settings(prepared.scene)
 
-    def displacements(model: ReducedModel, points: Sequence[tuple[float, float, np.ndarray]]) -> list[np.ndarray]:
+    def displacements(model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
         return reduced(find(), settings).displacements(model, points)
 
     return replace(prepared, whole=find, reduction=replace(prepared.reduction, displacements=displacements))

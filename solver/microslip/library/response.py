@@ -18,6 +18,7 @@ from ..parallel.errors import CaseError
 from ..points.branch import QUANTITIES, Branch
 from ..points.error_parts import total
 from ..points.quantities import LABELS, TEXT, Quantity
+from ..receptance.motions import ActingForces
 from ..reduction.expand import node_fields
 from ..results.measures import AMPLITUDE, Shown
 from ..results.record import COMPLETE, STOPPED, LevelResult, ResultFile, level_result
@@ -208,7 +209,7 @@ class Response:
             )
         )
         p = found.p[i].reshape(-1, found.p.shape[-1])
-        at = level, 2.0 * np.pi * found.frequency[i], p
+        at = ActingForces(level, 2.0 * np.pi * found.frequency[i], p)
         (u_owned,) = self.prepared.reduction.displacements(self.prepared.model, [at])
         if system.dof is None:
             return float(found.frequency[i]), np.concatenate(system.comm.allgather(u_owned))

@@ -13,7 +13,7 @@ from ..continuation.levels import ResponseProblem, follow_level, levels_of_slip
 from ..observe.log import RunLog
 from ..observe.observer import Observers
 from ..parallel.agree import on_root
-from ..parallel.groups import Counter, Reports, dealt, split
+from ..parallel.rank_groups import Counter, Reports, dealt, split
 from ..parallel.watchdog import unwatched
 from ..points.branch import NOTHING, Branch
 

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from . import mumps, other_package
 from .analysis import FactorMemory, scaled_memory
+from .ordering import Elimination
 
 
 class DirectSolver(Protocol):
@@ -38,15 +39,14 @@ def factorise(
     prefix: str,
     what: str,
     *,
-    last: np.ndarray | None = None,
-    order: np.ndarray | None = None,
+    known: Elimination = Elimination(),  # noqa: B008  frozen
     shift: tuple[float, PETSc.Mat] | None = None,
     later: Callable[[FactorMemory], float] | None = None,
 ) -> tuple[DirectSolver, dict[str, Any]]:
     """Factor A by MUMPS, :func:`.mumps.factorise`, or by what the options of ``prefix`` name.  Collective."""
     if other_package.is_asked_for(prefix):
         return other_package.factorise(A, prefix, what, shift)
-    return mumps.factorise(A, prefix, what, last=last, order=order, shift=shift, later=later)
+    return mumps.factorise(A, prefix, what, known=known, shift=shift, later=later)
 
 
 def foreseen(graph: PETSc.Mat, n_dof_each: int, entries_owned: int) -> FactorMemory | None:

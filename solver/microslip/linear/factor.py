@@ -16,6 +16,7 @@ from .dense import column_norms, diagonal_owned, multiply
 from .direct import factorise
 from .free_motion import explain_singular, is_singular
 from .mumps import SINGULAR
+from .ordering import Elimination
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -69,7 +70,7 @@ class Factor:
         """
         self.A, self.what, self.prefix = A, what, prefix
         self.comm = A.comm.tompi4py()
-        self.solver, self.info = factorise(A, prefix, what, last=last, later=later)
+        self.solver, self.info = factorise(A, prefix, what, known=Elimination(last), later=later)
         self.diagonal_owned = diagonal_owned(A)
         self.info.update(solves=0, refined=0, solve_seconds=0.0, residual=0.0)
         if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.solver):

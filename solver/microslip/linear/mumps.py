@@ -16,7 +16,7 @@ from ..parallel.memory import gigabytes, refuse_beyond, shortage
 from ._mumps import BUILT_FOR, Instance, upper_triangle
 from .analysis import count, factor_memory
 from .inverse_entries import inverse_entries
-from .ordering import elimination_order
+from .ordering import Elimination, elimination_order
 from .out_of_core import disks, room_on_disk, write_to_disk
 from .to_owners import ToOwners
 
@@ -130,8 +130,7 @@ def factorise(
     prefix: str,
     what: str,
     *,
-    last: np.ndarray | None = None,
-    order: np.ndarray | None = None,
+    known: Elimination = Elimination(),  # noqa: B008  frozen
     shift: tuple[float, PETSc.Mat] | None = None,
     later: Callable[[FactorMemory], float] | None = None,
 ) -> tuple[MumpsFactor, dict[str, Any]]:
@@ -144,8 +143,7 @@ def factorise(
     ----------
     prefix : of the PETSc options, read last
     what : how messages call A
-    last : (m,) rows that are eliminated last: those of a joint
-    order : of elimination, of a factor made before of a matrix with this pattern
+    known : of the order of elimination
     shift : (sigma, M): A - sigma M is factored as L D L^T, every negative pivot counted, those of the last front too, and nothing
         else kept
     later : bytes that this rank takes beside the factor, of which it is told the size, while the factor is kept
@@ -161,7 +159,7 @@ def factorise(
     CaseError : MUMPS refused its options, or is not the version that this program was built for
     """
     start = perf_counter()
-    factor = analysed(A, prefix, what, last=last, order=order, shift=shift)
+    factor = analysed(A, prefix, what, known=known, shift=shift)
     try:
         info = _factored(factor, what, later or (lambda _: 0.0))
     except BaseException:
@@ -191,8 +189,7 @@ def analysed(
     prefix: str,
     what: str,
     *,
-    last: np.ndarray | None = None,
-    order: np.ndarray | None = None,
+    known: Elimination = Elimination(),  # noqa: B008  frozen
     shift: tuple[float, PETSc.Mat] | None = None,
 ) -> MumpsFactor:
     """Hand a matrix to MUMPS and let it be analysed.  Collective; arguments as of :func:`factorise`."""
@@ -201,8 +198,9 @@ def analysed(
     try:
         _set_controls(mumps, comm.size, prefix, is_inertia=shift is not None)
         starts, columns, entries = on_each(comm, _handed_over, A, shift, what)
+        order = known.order
         if mumps.icntl(7) == _GIVEN and order is None:
-            order = elimination_order(comm, (starts, columns), np.empty(0, dtype=int) if last is None else last)
+            order = elimination_order(comm, (starts, columns), np.empty(0, dtype=int) if known.last is None else known.last)
         del starts, columns
         if order is not None and mumps.icntl(7) == _GIVEN:
             mumps.set_order(order)

@@ -5,6 +5,8 @@ The columns of G_static then pass the top of the elimination tree alone: docs/th
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pymetis
 import scipy.sparse as sp
@@ -14,6 +16,14 @@ from ..parallel.agree import on_root
 from ._mumps import repeats
 
 Rows = tuple[np.ndarray, np.ndarray]  # (n_owned + 1,) starts and columns, rising, of a rank's rows
+
+
+@dataclass(frozen=True, eq=False)
+class Elimination:
+    """What is known of the order in which a symmetric matrix is eliminated before it is factored."""
+
+    last: np.ndarray | None = None  # (m,) rows that come last: those of a joint
+    order: np.ndarray | None = None  # all of it, of a factor made before of a matrix with this pattern
 
 
 def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> np.ndarray:

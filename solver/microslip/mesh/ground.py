@@ -10,9 +10,10 @@ import scipy.sparse as sp
 from .. import elements
 from ..parallel.errors import MeshError
 from ..parallel.words import place
+from .cells import cells_of
 from .contact_points import ContactPoints
 from .data import Mesh, on_nodes
-from .overlap import FAR, cells_of
+from .overlap import FAR
 from .settings import GroundPlane, Joint
 from .surface import Surface
 

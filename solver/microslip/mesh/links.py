@@ -15,7 +15,7 @@ from .attached import Attached, attach
 from .data import Mesh
 from .equations import solve_equations, translations
 from .locate import find_node
-from .points import of_distributing, of_rigid
+from .reference_points import of_distributing, of_rigid
 from .settings import MeshSettings, Point
 from .ties import Follower, check_joints, of_tie
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..elements import Material
+from ..elements import Material, Solids
 
 Vector = tuple[float, float, float]
 GEOMETRY = "geometry"  # the gap of a joint: what the mesh has
@@ -26,6 +26,10 @@ class Body:
     density: float  # kg/m3
     integration: str = "full"  # "full", "reduced", "reduced-both"
     incompatible_modes: bool = True  # in 8-node hexahedra
+
+    def solids(self, kind: str, points: np.ndarray) -> Solids:
+        """Return elements of the body, whose nodes are at ``points`` (n_elements, n, 3) [m].  Local."""
+        return Solids(kind, points, self.material, self.integration, self.incompatible_modes)
 
 
 @dataclass(frozen=True, kw_only=True)

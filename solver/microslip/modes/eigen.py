@@ -11,9 +11,9 @@ import numpy as np
 from ..linear.dense import column_norms, gram, multiply
 from ..parallel.errors import CaseError, ConvergenceError
 from .block_lanczos import BlockLanczos
-from .dense import dense_modes
 from .inertia import count_below, find_gap
 from .krylov_schur import SlepcSearch, is_asked_for
+from .lapack import dense_modes
 from .limits import SHARE
 from .rayleigh import orthonormalised, sharpened
 from .user_order import user_order

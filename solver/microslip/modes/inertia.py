@@ -7,6 +7,7 @@ from petsc4py import PETSc
 
 from ..linear.direct import factorise
 from ..linear.mumps import SINGULAR
+from ..linear.ordering import Elimination
 from ..parallel.errors import ConvergenceError
 
 _GAP = 1e-6  # (next - last) / last of omega_n^2 that parts two modes; closer ones count as equal
@@ -39,7 +40,7 @@ def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float, order: np.ndarray | 
     ConvergenceError : sigma is an eigenvalue to working precision; on every rank
     ResourceError : not enough memory
     """
-    solver, info = factorise(K_L, "modes_inertia_", "K_L - sigma M", order=order, shift=(sigma, M))
+    solver, info = factorise(K_L, "modes_inertia_", "K_L - sigma M", known=Elimination(order=order), shift=(sigma, M))
     solver.destroy()
     if info["code"] in SINGULAR or info["null"] > 0:
         raise ConvergenceError(

@@ -1,1 +1,1 @@
-"""Who watches a run: log, screen, reports to the result files.  Nothing here changes a result."""
+"""Who watches a run: log, screen, what stops it, what it left out.  Nothing here changes a result."""

@@ -1,1 +1,1 @@
-"""Agreement between ranks, start of PETSc, log of rank 0.  Imported by every stage, imports none."""
+"""What every room may use, no physics: agreement between ranks, errors, the end of a run, files, signals, memory, words."""

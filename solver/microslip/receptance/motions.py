@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +11,14 @@ from ..fourier.amplitudes import to_complex
 from .damping import Flexibility
 from .family import ModalFamily
 from .reduced_model import ReducedModel
+
+
+class ActingForces(NamedTuple):
+    """What acts on a structure at a point: all its motion follows from that."""
+
+    level: float  # N
+    omega: float  # rad/s
+    p: np.ndarray  # (3 n_pairs, N_H) N, of the full set of harmonics 0 to H
 
 
 def linear_motion(model: ReducedModel, level: float, omega: float, rows: slice | None = None) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..fourier.harmonics import Harmonics
-from ..receptance.motions import modal_forces
+from ..receptance.motions import ActingForces, modal_forces
 from ..receptance.reduced_model import ReducedModel
 
 if TYPE_CHECKING:
@@ -19,14 +19,11 @@ if TYPE_CHECKING:
     from .reduction import Reduction
 
 
-def displacements(
-    linearised: Linearised, modes: Modes, model: ReducedModel, points: Sequence[tuple[float, float, np.ndarray]]
-) -> list[np.ndarray]:
+def displacements(linearised: Linearised, modes: Modes, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
     """Return the harmonics of u on this rank's rows at some points, (n_owned, N_H) each [m].
 
     Collective: static solves with N_H right-hand sides a point, all at once.  u = K_L^-1 (f - R^T p) + phi c(omega) phi^T
-    (f - R^T p); docs/theory.md, section 4.  ``points`` are level, omega and p (3 n_pairs, N_H) [N] of the full set of harmonics 0
-    to H, whatever those of the model.
+    (f - R^T p); docs/theory.md, section 4.  The harmonics of the points may be others than the model's.
     """
     system, forces, dynamic = linearised.system, [], []
     first, last = system.K.getOwnershipRange()
@@ -61,7 +58,7 @@ def peak_displacements(
     """
     peaks = [branch.peak for branch in branches]
     at = [(branch, branch.points[peak]) for branch, peak in zip(branches, peaks)]
-    points = [(branch.level, point.omega, _whole(model.comm.bcast(point.p))) for branch, point in at]
+    points = [ActingForces(branch.level, point.omega, _whole(model.comm.bcast(point.p))) for branch, point in at]
     fields = (node_fields(system, u_owned) for u_owned in reduction.displacements(model, points))
     return [(peak, np.empty((0, 3, 0)) if u is None else u) for peak, u in zip(peaks, fields)]
 

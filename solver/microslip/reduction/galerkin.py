@@ -26,7 +26,7 @@ from ..parallel.agree import on_root
 from ..parallel.ownership import rows_of, split_evenly
 from ..points.selection import AllPairs
 from ..receptance.family import ModalFamily
-from ..receptance.motions import modal_motion
+from ..receptance.motions import ActingForces, modal_motion
 from ..receptance.observed import Observed
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
@@ -61,7 +61,7 @@ def reduce_on_basis(
     family = modal_family(system, omega_n, phi_owned, settings.damping)
     structure = structure_of_family(system.comm, family, observed(system))
 
-    def displacements(model: ReducedModel, points: Sequence[tuple[float, float, np.ndarray]]) -> list[np.ndarray]:
+    def displacements(model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
         found = []
         for level, omega, p in points:
             full = model.with_harmonics(Harmonics.full(p.shape[-1]))

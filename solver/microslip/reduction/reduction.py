@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from ..points.selection import Selection
+from ..receptance.motions import ActingForces
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
 
-Expansion = Callable[[ReducedModel, Sequence[tuple[float, float, np.ndarray]]], list[np.ndarray]]
-"""Collective: level, omega and p of some points -> u of each, owned rows."""
+Expansion = Callable[[ReducedModel, Sequence[ActingForces]], list[np.ndarray]]  # collective; u of each point, owned rows
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""What a run keeps on disk as it goes, and how the same command goes on from it."""
+"""What a run keeps on disk as it goes, how the same command goes on from it, and what runs of one structure share."""

@@ -20,6 +20,7 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.ownership import split_evenly
 from ..receptance.modes_left_out import BetterModel
+from ..receptance.motions import ActingForces
 from ..receptance.reduced_model import ReducedModel
 from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.static_columns import StaticColumns
@@ -70,7 +71,7 @@ class Rebuilt:
         """Return the static columns of further pairs, as StaticColumns asks for them."""
         return self.structure.statics.G_static.solve(pairs)
 
-    def displacements(self, model: ReducedModel, points: Sequence[tuple[float, float, np.ndarray]]) -> list[np.ndarray]:
+    def displacements(self, model: ReducedModel, points: Sequence[ActingForces]) -> list[np.ndarray]:
         """Return full displacements, as a Reduction does."""
         return self.reduction.displacements(model, points)
 

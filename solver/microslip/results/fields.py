@@ -17,7 +17,7 @@ from ..elements import KINDS
 from ..mesh.data import ElementBlock, Mesh
 from ..parallel.errors import CaseError
 from ..parallel.files import written_whole
-from .reader import Reader, opened
+from .checked_datasets import Reader, opened
 from .writer import write_array, write_texts
 
 

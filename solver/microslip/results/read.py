@@ -14,9 +14,9 @@ from ..parallel.apart import Died, read_apart
 from ..parallel.errors import CaseError
 from ..points.branch import CLOSES_TO, QUANTITIES
 from ..points.quantities import TEXT, Quantity, axis_lengths
+from .checked_datasets import Reader, attribute, opened
 from .fields import read_fields, read_run
 from .origin import InputFile, Origin
-from .reader import Reader, attribute, opened
 from .record import BOLT_UNITS, COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Bolts, Joint, LevelResult, LinearCurve, ResultFile
 
 

@@ -17,7 +17,7 @@ from .checks import absent, contradictions, missing_files
 from .messages import in_words
 from .overrides import overridden
 from .schema import Scene
-from .text import as_toml
+from .toml_text import as_toml
 
 _LARGEST_FILE = 10_000_000  # bytes
 _MOST_MISTAKES, _LONGEST = 100, 1000  # that are said at once; letters of one

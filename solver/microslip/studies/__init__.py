@@ -1,1 +1,1 @@
-"""Studies of a scene beside its run: methods compared, time integration, speed against accuracy, batches."""
+"""Stories told with the library beside a run: check, new, compare, verify, trade, export, diff, batches."""

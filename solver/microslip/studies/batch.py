@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..parallel.ending import conclude_part
 from ..parallel.errors import CaseError, Interrupted
-from ..parallel.groups import Counter, Groups, dealt, split
+from ..parallel.rank_groups import Counter, Groups, dealt, split
 from ..parallel.signals import obey_signals
 from ..parallel.watchdog import unwatched
 from ..run import RunOptions, run

@@ -16,9 +16,9 @@ from ...parallel.agree import on_root
 from ...parallel.words import place
 from . import model_content as content
 from .marks import marks_of_file
+from .model_mesh import likely_units, whole_mesh
 from .picture import draw
 from .plausible import SI, suspicion
-from .whole import likely_units, whole_mesh
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -1,1 +1,1 @@
-"""Several methods at the same points."""
+"""Several methods at the same points of the same structure: differences, unknowns and times."""

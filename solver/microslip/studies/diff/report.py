@@ -11,7 +11,7 @@ from typing import Any
 from ...observe.screen_table import screen_table
 from ...parallel.words import listed
 from ...results.record import COMPLETE, ResultFile
-from .asked import Change
+from .compared_inputs import Change
 from .compared_levels import LevelDifference
 from .story import Difference
 

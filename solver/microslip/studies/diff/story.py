@@ -10,7 +10,7 @@ from ...parallel.errors import CaseError
 from ...results.measures import Shown
 from ...results.read import read_results
 from ...results.record import COMPLETE, Joint, LevelResult, ResultFile
-from .asked import Change, facts_changed, inputs_changed, keys_changed
+from .compared_inputs import Change, facts_changed, inputs_changed, keys_changed
 from .compared_levels import LevelDifference, compare_level
 
 TOLERANCE = 1e-6  # of the peak, beyond what the points resolve

@@ -9,7 +9,7 @@ from ...formats.model import FileMaterial, FileModel, FileStatics, Finding
 from ...formats.units import UNITS, times
 from ...mesh.data import Mesh
 from ...mesh.settings import MeshSettings, TouchingFaces
-from ...scene.text import key_text, value_text
+from ...scene.toml_text import key_text, value_text
 from .candidates import Candidate
 from .places import Place
 

@@ -15,8 +15,8 @@ from ...parallel.files import written_whole
 from ...parallel.words import listed, nearest
 from ...scene.checks import absent
 from ..check.model_content import table
+from ..check.model_mesh import likely_units, whole_mesh
 from ..check.plausible import SI
-from ..check.whole import likely_units, whole_mesh
 from .candidates import find_candidates
 from .places import farthest, held_groups
 from .scene_text import First, text_of

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...continuation.accuracy import Accuracy, accuracy_of
-from ...continuation.grid import at_frequencies
+from ...continuation.grid import solved_at, task_at
 from ...continuation.levels import ResponseProblem, frequency_sweep
 from ...continuation.problems import ForcedResponse
+from ...continuation.settings import ResponseSettings
 from ...error_estimate.correction import Estimate
 from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
@@ -140,10 +141,9 @@ class Bench:
         """Return a new choice of harmonics and samples for a branch of a setting; the scene's own are left to it."""
         if setting.accuracy is None:
             return None
-        own = self.scene.solver
-        stated = {name: getattr(own, name) for name in own.model_fields_set - {"harmonics", "samples", "tolerance"}}
-        solver = type(own)(**stated | {"accuracy": setting.accuracy})
-        return accuracy_of(response_settings(self.scene.model_copy(update={"solver": solver})), problem.equation)
+        own = response_settings(self.scene)
+        free = replace(own, accuracy=setting.accuracy, keeps=frozenset(), tolerance=ResponseSettings.tolerance)
+        return accuracy_of(free, problem.equation)
 
     def run(self, knob: str, value: str, setting: Setting, omegas: Mapping[float, Sequence[float]], bars: bool = True) -> Run:
         """Return what a setting does at the frequencies of each level, timed; a failure is part of it."""
@@ -188,11 +188,8 @@ class Bench:
             accuracy = self.accuracy_of(setting, problem)
             better = prepared.response.better
             estimator = TimedEstimator(better) if better and (bars or accuracy) else None
-            branches.append(
-                at_frequencies(
-                    problem, response.selection, list(points), tolerance=setting.tolerance, estimator=estimator, accuracy=accuracy
-                )
-            )
+            task = task_at(problem, response.selection, list(points), setting.tolerance, estimator, accuracy)
+            branches.append(solved_at(task, list(points)))
             if estimator is not None and accuracy is None:
                 spent += estimator.spent
         (wall, cpu), (wall_of_bars, cpu_of_bars) = self.comm.bcast((Stopwatch.read() - start, spent))

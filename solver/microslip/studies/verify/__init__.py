@@ -1,1 +1,1 @@
-"""Time integration beside harmonic balance."""
+"""Time integration beside harmonic balance: the same model marched to its steady state at some points."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ...results.record import ResultFile
-from ...scene.text import value_text
+from ...scene.toml_text import value_text
 
 NOT_STATED = "not stated"
 

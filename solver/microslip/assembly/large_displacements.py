@@ -10,7 +10,7 @@ from petsc4py import PETSc
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock
 from ..mesh.settings import MeshSettings, Statics
-from .blocks import BlockSum, element_chunks, node_pattern
+from .node_blocks import BlockSum, element_chunks, node_pattern
 from .prestress import add_to_nodes, displacement_at_nodes, moved_at_nodes, on_rows, owned_nodes, with_change
 from .system import System
 
@@ -66,10 +66,10 @@ def _about(
     """
     statics, body, points = settings.statics, settings.bodies[block.body], block.points[chunk]
     assert statics is not None, "a scene with [statics]"
-    warmer, how = statics.temperatures.get(block.body, 0.0), (body.integration, body.incompatible_modes)
+    warmer, of = statics.temperatures.get(block.body, 0.0), body.solids(block.kind, points)
     moved = free + held
-    resisted, K_T = elements.large_displacements(block.kind, points, moved, body.material, warmer, *how, with_stress=is_stressed)
-    K = elements.stiffness(block.kind, points, body.material, *how)
+    resisted, K_T = elements.large_displacements(of, moved, warmer, is_stressed)
+    K = elements.stiffness(of)
     spin = np.einsum("eab,ij->eaibj", elements.mass(block.kind, points, body.density, body.integration), statics.spin)
     moving = held if is_stressed else held + free
     left = (K_T @ free.reshape(len(K_T), -1, 1)).reshape(free.shape) - resisted + np.einsum("eaibj,ebj->eai", spin, moving)

@@ -4,24 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from .materials import Elastic, Material
-from .prestress import _functions
-from .quadrature import rules
-from .solid import _chunks, _condense, _local
+from .materials import Elastic
+from .solid import Solids, _without_bubbles
 
 _BUBBLE_STEPS = 20  # of Newton's method for the bubbles of hex8
 _BUBBLES_REST = 1e-13  # their forces, over the largest of the elements
 
 
 def large_displacements(
-    kind: str,
-    points: np.ndarray,
-    u: np.ndarray,
-    material: Material,
-    warmer: float = 0.0,
-    integration: str = "full",
-    incompatible_modes: bool = True,
-    with_stress: bool = True,
+    of: Solids, u: np.ndarray, warmer: float = 0.0, with_stress: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the forces by which elements resist a displacement, (n_elements, n, 3) [N], and their derivative by it.
 
@@ -31,30 +22,29 @@ def large_displacements(
     Parameters
     ----------
     u : (n_elements, n, 3) displacements of the nodes [m]
+    warmer : temperature above that without stress [K]
     with_stress : whether K has K_sigma in it; without, it is positive in any case
-    others : as in :func:`microslip.elements.stress`
 
     Returns
     -------
     f : (n_elements, n, 3) [N]
     K : (n_elements, 3 n, 3 n) [N/m], symmetric: K_F + K_sigma, with the stress S
     """
-    rule = rules(kind, integration)[0]
-    n = points.shape[1]
-    f, K = np.empty(points.shape), np.empty((len(points), 3 * n, 3 * n))
-    for chunk in _chunks(len(points), 9 * (n + 3) ** 2):
-        dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes)
-        of = (_local(material, kind, points[chunk], rule), warmer, with_stress)
+    n = of.n
+    f, K = np.empty(of.points.shape), np.empty((len(of.points), 3 * n, 3 * n))
+    for chunk, part in of.parts(9 * (n + 3) ** 2):
+        dN, volumes = part.functions()
+        state = (part.elastic(), warmer, with_stress)
         bubbles = np.zeros((len(volumes), dN.shape[-1] - n, 3))
-        forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *of)
+        forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *state)
         for _ in range(_BUBBLE_STEPS if bubbles.size else 0):
             left = forces[:, n:]
             if np.abs(left).max() <= _BUBBLES_REST * np.abs(forces).max():
                 break
             step = np.linalg.solve(whole[:, 3 * n :, 3 * n :], left.reshape(len(left), -1, 1))
             bubbles = bubbles - step.reshape(left.shape)
-            forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *of)
-        f[chunk], K[chunk] = forces[:, :n], _condense(whole, 3 * n) if bubbles.size else whole
+            forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *state)
+        f[chunk], K[chunk] = forces[:, :n], _without_bubbles(whole, 3 * n)
     return f, K
 
 

@@ -1,0 +1,88 @@
+"""Strain and stress in solids, stiffness about a state that has it, and the forces of warm ones (docs/theory.md, section 12)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .materials import Elastic
+from .solid import Solids, _without_bubbles
+
+
+def stress(of: Solids, u: np.ndarray, warmer: float = 0.0) -> np.ndarray:
+    """Return the stress at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [Pa].
+
+    Local.
+
+    Parameters
+    ----------
+    u : (n_elements, n, 3) displacements of the nodes [m]
+    warmer : temperature above that without stress [K], whose expansion stresses nothing by itself
+
+    Notes
+    -----
+    The elasticity times eps - alpha dT.  The bubbles of hex8 follow from the nodes, as in its stiffness.
+    """
+    found = strain(of, u)
+    for chunk, part in of.parts(9 * (of.n + 3) ** 2):
+        found[chunk] = part.elastic().stress(found[chunk], warmer)
+    return found
+
+
+def strain(of: Solids, u: np.ndarray) -> np.ndarray:
+    """Return the strain at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [-].  Local; as :func:`stress`."""
+    found = np.empty((len(of.points), len(of.rule.weights), 3, 3))
+    for chunk, part in of.parts(9 * (of.n + 3) ** 2):
+        dN, volumes = part.functions()
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], part.elastic())[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
+        found[chunk] = 0.5 * (slopes + slopes.swapaxes(-1, -2))
+    return found
+
+
+def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic) -> np.ndarray:
+    """Return the amplitudes of all functions, (n_elements, m, 3), under displacements of the nodes: no force acts on bubbles."""
+    n = 3 * u.shape[1]
+    if n == 3 * dN.shape[-1]:
+        return u
+    K = local.stiffness(dN, volumes)
+    right = -K[:, n:, :n] @ u.reshape(len(u), n, 1)
+    return np.concatenate([u, np.linalg.solve(K[:, n:, n:], right).reshape(len(u), -1, 3)], axis=1)
+
+
+def deformed_stiffness(of: Solids, u: np.ndarray) -> np.ndarray:
+    """Return the stiffness of elements about a displaced state, without that of its stress, (n_elements, 3 n, 3 n) [N/m].
+
+    Local.  docs/theory.md, eq. (12.11): with F = 1 + du/dx the strain of a small motion v is sym(F^T dv/dx).
+    ``u`` (n_elements, n, 3) are the displacements of the nodes [m].
+    """
+    K = np.empty((len(of.points), 3 * of.n, 3 * of.n))
+    for chunk, part in of.parts(9 * (of.n + 3) ** 2):
+        (dN, volumes), local = part.functions(), part.elastic()
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local)[:, None]
+        K[chunk] = _without_bubbles(local.stiffness_about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes), 3 * of.n)
+    return K
+
+
+def stress_stiffness(of: Solids, stress: np.ndarray) -> np.ndarray:
+    """Return what a stress (n_elements, n_q, 3, 3) [Pa] adds to the stiffness, (n_elements, n, n) [N/m].
+
+    Local.  docs/theory.md, eq. (12.5): entry a, b couples u_x of a and b, u_y, u_z alike.  ``stress`` is that of :func:`stress`.
+    """
+    found = np.empty((len(of.points), of.n, of.n))
+    for chunk, part in of.parts(9 * of.n**2):
+        dN, volumes = part.gradients()
+        weighted = (stress[chunk] * volumes[..., None, None]) @ dN
+        found[chunk] = (dN.swapaxes(-1, -2) @ weighted).sum(axis=1)
+    return found
+
+
+def thermal_forces(of: Solids, warmer: float) -> np.ndarray:
+    """Return the nodal forces of elements that are held while they are warm, turned round, (n_elements, n, 3) [N].
+
+    Local.  docs/theory.md, eq. (12.2); ``warmer`` [K] than without stress.
+    """
+    found = np.empty(of.points.shape)
+    for chunk, part in of.parts(9 * of.n**2):
+        dN, volumes = part.gradients()
+        held = part.elastic().stress(np.zeros((3, 3)), warmer)
+        found[chunk] = -((volumes[..., None, None] * (held @ dN)).sum(axis=1)).swapaxes(-1, -2)
+    return found

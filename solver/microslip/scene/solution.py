@@ -1,0 +1,101 @@
+"""The tables that say what is solved: range, method and steps."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from .scene_table import LARGEST_NUMBER, Frequency, NotNegative, Positive, Table, no_duplicates, rising
+
+DEFAULT_ACCURACY = 1e-3
+DEFAULT_INTERFACE_MODES = 40  # all there are where the joint has fewer
+
+Method = Literal[
+    "adaptive", "adaptive-energy", "receptance", "full", "craig-bampton", "rubin", "joint-interface-modes", "trial-vectors"
+]
+
+
+class Response(Table):
+    """[response]: levels and frequencies of the curves."""
+
+    levels: Annotated[tuple[Positive, ...], AfterValidator(no_duplicates)] = Field(
+        min_length=1, description="a list of load levels in N, numbers above 0, each once"
+    )
+    frequencies: Annotated[tuple[Frequency, Frequency], AfterValidator(rising)] | None = Field(
+        None, description="two frequencies in Hz, above 0 and at most 1e9, the lower one first"
+    )
+    mode: int | None = Field(None, ge=1, description="the number of a mode, a whole number of at least 1")
+    span: Annotated[tuple[Positive, Positive], AfterValidator(rising)] | None = Field(
+        None, description="two factors of the mode's frequency, above 0, the lower one first"
+    )
+    points: int = Field(100, ge=2, le=10_000_000, description="the number of points a level, a whole number of at least 2")
+    at: Annotated[tuple[Frequency, ...], AfterValidator(no_duplicates)] = Field(
+        (), description="a list of frequencies in Hz, above 0, each once"
+    )
+    direction: Literal["up", "down"] = Field("up", description='the direction of the sweep, "up" or "down"')
+    fields: bool = Field(True, description="true or false: write modes and the motion at the peaks on the mesh")
+
+    @model_validator(mode="after")
+    def _range(self):
+        if self.exactly_one("frequencies", "mode") == "mode" and self.span is None:
+            raise ValueError("span is missing: with mode, expected " + str(Response.model_fields["span"].description))
+        if self.frequencies is None:
+            return self
+        if self.span is not None:
+            raise ValueError("span belongs to mode; with frequencies it means nothing")
+        low, high = self.frequencies
+        for frequency in self.at:
+            if not low <= frequency <= high:
+                raise ValueError(f"at holds {frequency:g} Hz, outside frequencies = [{low:g}, {high:g}]")
+        return self
+
+
+class Solver(Table):
+    """[solver]: the method and its accuracy."""
+
+    method: Method = Field("receptance", description="a method's name")
+    accuracy: float | None = Field(
+        None, gt=0, lt=1, description="the error of the response that is accepted, over its peak, a number above 0 and below 1"
+    )
+    modes: int | None = Field(None, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
+    harmonics: int = Field(3, ge=0, le=10_000, description="the highest harmonic, a whole number of at least 0")
+    samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")
+    between_samples: Literal["path", "return-map"] = Field(
+        "path", description='"path": the contact law follows the motion between samples; "return-map": it knows samples alone'
+    )
+    energy_tolerance: NotNegative = Field(1e-10, description="the energy in J per cycle and pair, a number of at least 0")
+    tolerance: float = Field(1e-8, gt=0, lt=1, description="the relative tolerance of a point, a number above 0 and below 1")
+    condensed: bool = Field(False, description="true or false: rubin with relative interface DOFs only")
+    interface_modes: int = Field(
+        DEFAULT_INTERFACE_MODES, ge=1, le=LARGEST_NUMBER, description="the shapes of the joint, a whole number of at least 1"
+    )
+    in_point_check: bool = Field(False, description="true or false: check all pairs inside the point")
+    error_bars: bool = Field(True, description="true or false: estimate the error of every point")
+    verify_modes: bool = Field(True, description="true or false: prove by a count that no mode is missed")
+
+    @model_validator(mode="after")
+    def _sampled(self):
+        if self.samples <= 2 * self.harmonics:
+            raise ValueError(
+                f"samples = {self.samples} do not resolve harmonics = {self.harmonics}; "
+                f"at least {2 * self.harmonics + 1} are needed, {max(128, 16 * self.harmonics)} are advised"
+            )
+        return self
+
+
+class Continuation(Table):
+    """[continuation]: lengths of the steps along the curve; each that is left out follows from [response] points."""
+
+    ds: Positive | None = Field(None, le=1, description="the first step as a fraction of the curve, above 0 and at most 1")
+    ds_min: Positive | None = Field(None, le=1, description="the shortest step as a fraction of the curve, above 0 and at most 1")
+    ds_max: Positive | None = Field(None, le=1, description="the longest step as a fraction of the curve, above 0 and at most 1")
+
+    @model_validator(mode="after")
+    def _ordered(self):
+        given = [(key, getattr(self, key)) for key in ("ds_min", "ds", "ds_max") if getattr(self, key) is not None]
+        for (lower, small), (upper, large) in pairwise(given):
+            if small > large:
+                raise ValueError(f"{lower} = {small:g} is above {upper} = {large:g}; ds_min <= ds <= ds_max is needed")
+        return self
