@@ -33,25 +33,47 @@ def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSet
     """
     statics = settings.statics
     assert statics is not None, "a scene with [statics]"
-    first, last = owned_nodes(dmesh)
+    total = nodal_loads(dmesh, mesh, settings)
     moved = None if statics.is_large else moved_at_nodes(dmesh, system)
+    if moved is not None:
+        total += _of_moved(dmesh, settings, moved)
+    if system.constraints is None:
+        return on_rows(dmesh, system, total)
+    on_points, on_places = place_loads(system.constraints, statics)
+    found = on_rows(dmesh, system, total, on_points)
+    return found if system.constraints.attached is None else found + system.constraints.of_places(dmesh.comm, on_places)
+
+
+def nodal_loads(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings) -> np.ndarray:
+    """Return the constant loads on this rank's nodes, those that supports hold too, (n_owned_nodes, 3) [N].
+
+    Collective on ``dmesh.comm``: one broadcast.  Those of points and of masses at nodes are in ``place_loads``.
+
+    Raises
+    ------
+    MeshError : a group that is no surface, or a place without a node; on every rank
+    """
+    statics = settings.statics
+    assert statics is not None, "a scene with [statics]"
+    first, last = owned_nodes(dmesh)
     nodes, values = on_root(dmesh.comm, _forces_on_nodes, mesh, statics)
     total = np.zeros((last - first, 3))
     add_to_nodes(total, dmesh.rank_order[nodes] - first, values)
     for block in dmesh.blocks:
-        body = settings.bodies[block.body]
         for chunk in element_chunks(block):
-            add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, body, statics))
-            if moved is not None and moved[block.nodes[chunk]].any():
-                add_to_nodes(total, block.nodes[chunk] - first, _forces_of_moved(block, chunk, body, moved[block.nodes[chunk]]))
-    constraints = system.constraints
-    if constraints is None:
-        return on_rows(dmesh, system, total)
-    found = on_rows(dmesh, system, total, _on_points(constraints, statics))
-    if constraints.attached is not None:
-        outward = (constraints.attached.points - np.array(statics.axis_point)) @ statics.spin
-        found = found + constraints.of_places(dmesh.comm, constraints.attached.forces(outward))
-    return found
+            add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, settings.bodies[block.body], statics))
+    return total
+
+
+def place_loads(constraints: Constraints, statics: Statics) -> tuple[np.ndarray, np.ndarray]:
+    """Return constant forces and moments on the points, (n_points, 6) [N, N m], and those of masses on places, (n_places, 3) [N].
+
+    Local; the same on every rank.
+    """
+    on_points, attached = _on_points(constraints, statics), constraints.attached
+    if attached is None:
+        return on_points, np.zeros((len(constraints.dof), 3))
+    return on_points, attached.forces((attached.points - np.array(statics.axis_point)) @ statics.spin)
 
 
 def on_rows(dmesh: DistributedMesh, system: System, nodal: np.ndarray, on_points: np.ndarray | None = None) -> np.ndarray:
@@ -109,11 +131,20 @@ def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, sta
     return total
 
 
-def _forces_of_moved(block: LocalBlock, chunk: slice, body: Body, moved: np.ndarray) -> np.ndarray:
-    """Return the forces -K u of supports moved by u (n_elements, n, 3) [m] on the nodes of some elements, eq. (12.12).  Local."""
-    of = (body.material, body.integration, body.incompatible_modes)
-    K = elements.stiffness(block.kind, block.points[chunk], *of)
-    return -(K @ moved.reshape(len(K), -1, 1)).reshape(moved.shape)
+def _of_moved(dmesh: DistributedMesh, settings: MeshSettings, moved: np.ndarray) -> np.ndarray:
+    """Return the forces -K d of supports moved by d (n_nodes, 3) [m], rank-ordered, on this rank's nodes, eq. (12.12).  Local."""
+    first, last = owned_nodes(dmesh)
+    total = np.zeros((last - first, 3))
+    for block in dmesh.blocks:
+        body, at_moved = settings.bodies[block.body], np.flatnonzero(moved[block.nodes].any(axis=(1, 2)))
+        for chunk in element_chunks(block):
+            nodes = block.nodes[at_moved[chunk]]
+            if not len(nodes):
+                break
+            of = (body.material, body.integration, body.incompatible_modes)
+            K = elements.stiffness(block.kind, block.points[at_moved[chunk]], *of)
+            add_to_nodes(total, nodes - first, -(K @ moved[nodes].reshape(len(K), -1, 1)).reshape(nodes.shape + (3,)))
+    return total
 
 
 def stiffness_at_rest(
