@@ -10,6 +10,7 @@ from petsc4py import PETSc
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock, Mesh
 from ..mesh.locate import find_node
+from ..mesh.points import forces_of_moment
 from ..mesh.settings import Body, MeshSettings, Statics
 from ..mesh.surface import outward_faces
 from ..parallel.agree import on_root
@@ -96,7 +97,7 @@ def _on_points(constraints: Constraints, statics: Statics) -> np.ndarray:
     on_points = np.zeros((len(names), 6))
     for force in statics.forces:
         if force.point is not None:
-            on_points[names.index(force.point), :3] += force.force
+            on_points[names.index(force.point)] += [*(force.force or (0.0,) * 3), *(force.moment or (0.0,) * 3)]
     for row, point in zip(on_points, constraints.points, strict=True):
         row[:3] += point.mass * (np.array(point.position) - np.array(statics.axis_point)) @ statics.spin
     return on_points
@@ -108,9 +109,14 @@ def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarr
     for i, one in enumerate(statics.forces, 1):
         if one.point is not None:
             continue
-        own = find_node(mesh, position=one.position, node=one.node, group=one.group, where=f"[[statics.forces]] {i}")
+        where = f"[[statics.forces]] {i}"
+        own = find_node(mesh, position=one.position, node=one.node, group=one.group, where=where)
         nodes.append(own)
-        values.append(np.tile(np.array(one.force) / len(own), (len(own), 1)))
+        if one.moment is not None:
+            assert one.group is not None, "a moment on a group"
+            values.append(forces_of_moment(mesh, one.group, one.moment, f"{mesh.path}: {where}"))
+        else:
+            values.append(np.tile(np.array(one.force) / len(own), (len(own), 1)))
     for group, pressure in statics.pressures:
         for kind, faces in outward_faces(mesh, group).items():
             nodes.append(faces.ravel())
@@ -125,9 +131,10 @@ def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, sta
     if statics.speed > 0.0:
         outward = (points - np.array(statics.axis_point)) @ statics.spin
         total += elements.mass(block.kind, points, body.density, body.integration) @ outward
-    warmer = statics.temperatures.get(block.body, 0.0)
-    if warmer != 0.0 and body.material.expands and not statics.is_large:
-        total += elements.thermal_forces(block.kind, points, body.material, warmer, body.integration)
+    warmer = block.warmth(chunk)
+    if np.any(warmer) and body.material.expands and not statics.is_large:
+        of = (body.material, warmer, body.integration, body.incompatible_modes)
+        total += elements.thermal_forces(block.kind, points, *of)
     return total
 
 
@@ -212,15 +219,14 @@ def _softening(constraints: Constraints, statics: Statics) -> np.ndarray:
 def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u: np.ndarray) -> np.ndarray:
     """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
     points = block.points[chunk]
-    warmer = statics.temperatures.get(block.body, 0.0)
-    modes = body.incompatible_modes
+    warmer, modes = block.warmth(chunk), body.incompatible_modes
     stress = elements.stress(block.kind, points, u, body.material, warmer, body.integration, modes)
     sigma = elements.stress_stiffness(block.kind, points, stress, body.integration)
     mass = elements.mass(block.kind, points, body.density, body.integration)
     change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
     if statics.deforms:
         of = (body.material, body.integration, modes)
-        turned = elements.deformed_stiffness(block.kind, points, u, *of) - elements.stiffness(block.kind, points, *of)
+        turned = elements.deformed_stiffness(block.kind, points, u, *of, warmer) - elements.stiffness(block.kind, points, *of)
         change += turned.reshape(change.shape)
     return change
 

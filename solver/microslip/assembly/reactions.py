@@ -100,8 +100,8 @@ def _resisted(
             by = u[block.nodes[rows]] if seen is None else u[block.nodes[rows]] + seen(block, i, rows)
             of = (body.material, body.integration, body.incompatible_modes)
             if settings.statics.is_large:
-                warmer = settings.statics.temperatures.get(block.body, 0.0)
-                forces, _ = elements.large_displacements(block.kind, block.points[rows], by, body.material, warmer, *of[1:])
+                warm = (body.material, block.warmth(rows), *of[1:])
+                forces, _ = elements.large_displacements(block.kind, block.points[rows], by, *warm)
             else:
                 K = elements.stiffness(block.kind, block.points[rows], *of)
                 forces = (K @ by.reshape(len(K), -1, 1)).reshape(by.shape)

@@ -10,9 +10,10 @@ from scipy.spatial import cKDTree
 from ..contact.laws import LAWS
 from ..parallel.csv_table import read_table
 from ..parallel.errors import CaseError, MeshError
-from ..parallel.words import nearest, place
+from ..parallel.words import place
 from .contact_points import ContactPoints
 from .data import Mesh
+from .nodal_fields import field_at_nodes
 from .settings import GEOMETRY, Joint
 
 FAR = 0.1  # of the extent of a joint's points: a row this far from all of them is a mistake
@@ -57,26 +58,20 @@ def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: str) -> np.
         raise CaseError(f'{where} is no value of law = "{joint.law}", which takes {", ".join(LAWS[joint.law].per_point)}')
     if name == "gap" and joint.gap == GEOMETRY:
         raise CaseError(f'{where}: the joint takes its gap from the mesh, gap = "geometry"; state one of them')
-    if field not in mesh.fields:
-        near = nearest(field, mesh.fields)
-        held = f"it has: {', '.join(mesh.fields)}" if mesh.fields else "it has no field of one number a node at all"
-        raise MeshError(
-            f"{where} = {field!r}: there is no such field in the mesh; " + (f"nearest is {near!r}; " if near else "") + held
-        )
-    nodes = np.unique(points.side1.indices)
-    missing = nodes[np.isnan(mesh.fields[field][nodes])]
-    if len(missing):
-        raise MeshError(
-            f"{where} = {field!r} has no value at {len(missing)} nodes of the joint, the first is {mesh.numbers[missing[0]]}"
-        )
-    of_nodes, first = mesh.fields[field][points.side1.indices], points.side1.indptr[:-1]
-    found = points.side1 @ np.nan_to_num(mesh.fields[field])
-    found = np.clip(found, np.minimum.reduceat(of_nodes, first), np.maximum.reduceat(of_nodes, first))
+    of_nodes = field_at_nodes(mesh, field, np.unique(points.side1.indices), where, "the joint")
+    found = _interpolated(points, of_nodes)
     above = name.endswith("stiffness") or (name == "preload" and "n0" in LAWS[joint.law].above_0)
     if found.min() < 0.0 or (above and found.min() == 0.0):
         at = place(points.position[np.argmin(found)])
         raise MeshError(f"{where} = {field!r} is {found.min():g} at {at} m; it must be {'above 0' if above else 'at least 0'}")
     return found
+
+
+def _interpolated(points: ContactPoints, of_nodes: np.ndarray) -> np.ndarray:
+    """Return values of nodes (n_nodes,) at the points, as the first surface interpolates, within those of the nodes it takes."""
+    own, first = of_nodes[points.side1.indices], points.side1.indptr[:-1]
+    found = points.side1 @ np.nan_to_num(of_nodes)
+    return np.clip(found, np.minimum.reduceat(own, first), np.maximum.reduceat(own, first))
 
 
 def _from_file(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray, values: Values) -> Values:

@@ -178,7 +178,7 @@ def _statics(scene: Scene) -> list[str]:
         return found
     if statics.rotation_speed > 0.0 and scene.model.axis is None:
         found.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
-    acting = (any(one.pressure for one in statics.pressures), any(one.temperature for one in statics.temperatures))
+    acting = (any(one.pressure for one in statics.pressures), any(one.temperature != 0.0 for one in statics.temperatures))
     if not (statics.rotation_speed or statics.forces or statics.bolts or statics.displacements or any(acting)):
         found.append(
             "[statics] loads nothing: state rotation_speed, forces, pressures, temperatures, bolts or displacements, or leave "
@@ -296,16 +296,18 @@ def remarks(scene: Scene) -> list[str]:
 def _points(scene: Scene) -> list[str]:
     """Points that are not there, that cannot be held, or whose inertia would have to turn with the structure."""
     found, points = [], {point.name: point for point in scene.points}
-    used = [*_numbered(scene, "supports", "loads", "outputs")]
+    used = [*_numbered(scene, "supports", "loads", "outputs", "masses")]
     if scene.statics is not None:
         used += [(f"[[statics.forces]] {i}", force) for i, force in enumerate(scene.statics.forces, 1)]
-    for where, entry in used:
-        if entry.point is not None and entry.point not in points and scene.model.mesh is not None and not scene.awaits_file:
-            near = nearest(entry.point, points)
+    named = [(where, entry.point) for where, entry in used if entry.point is not None]
+    named += [(where, name) for where, spring in _numbered(scene, "springs") for name in spring.points]
+    for where, name in named:
+        if name not in points and scene.model.mesh is not None and not scene.awaits_file:
+            near = nearest(name, points)
             hint = (
                 f'nearest is "{near}"' if near else f"known: {', '.join(points)}" if points else "there are no [[points]] at all"
             )
-            found.append(f'{where} point = "{entry.point}": there is no such point; {hint}')
+            found.append(f'{where} point = "{name}": there is no such point; {hint}')
     for where, support in _numbered(scene, "supports"):
         if support.point in points and points[support.point].connection == "distributing":
             found.append(
