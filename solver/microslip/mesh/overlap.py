@@ -23,7 +23,7 @@ from .data import Mesh
 from .near import pairs_within, trees_by_size
 from .projection import project_on_surface
 from .settings import GEOMETRY, MORTAR, Joint
-from .surface import Surface, on_mesh
+from .surface import Surface, face_size, on_mesh
 
 NEAR = 0.1  # of the size of the larger faces: how far apart the surfaces of a joint may lie, where it states no tolerance
 FAR = 0.1  # of the mesh's diagonal, the same where the gap is that of the mesh
@@ -129,7 +129,7 @@ def reach_of(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> float
         return joint.tolerance
     if joint.gap == GEOMETRY:
         return FAR * mesh.diagonal
-    return NEAR * max(np.sqrt(side.areas.sum() / sum(map(len, side.faces.values()))) for side in (first, second))
+    return NEAR * max(face_size(side) for side in (first, second))
 
 
 def cells_of(mesh: Mesh, kind: str, faces: np.ndarray) -> Cells:
