@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -20,6 +21,7 @@ from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.deformed import stretched
 from ..mesh.settings import MeshSettings
 from ..parallel.agree import on_root
+from ..parallel.errors import ConvergenceError
 from ..statics.balance import Balance, balance_of
 from ..statics.bolts import BoltsAtRest, Cuts, cuts_of
 from ..statics.equilibrium import Flexibility, Rest, equilibrium, stuck_forces
@@ -124,13 +126,23 @@ def brought_to_rest(unloaded: Unloaded, pairs: ContactPairs, known: System | Non
         loaded = replace(loaded, pairs=pairs)
         said = _said_of_large(unloaded, pairs, rest, n_steps)
     else:
-        rest = equilibrium(unloaded.flexibility, pairs, forces, statics.steps, unloaded.cuts, flies)
+        rest = _rest(unloaded, pairs, flies)
         K = _stiffness(unloaded, rest, known)
     check_pressed(loaded, rest)
     acting = acting_at_rest(unloaded.shares, unloaded.mesh, settings, system, rest.u_owned, _seen(unloaded, rest))
     balance = balance_of(loaded, rest, acting)
     said += in_words(pairs, rest, balance)
     return AtRest(replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts, balance, tuple(said))
+
+
+def _rest(unloaded: Unloaded, pairs: ContactPairs, flies: Callable[[], str]) -> Rest:
+    """Return the rest with small displacements.  Collective; ConvergenceError names the scene."""
+    assert unloaded.settings.statics is not None, "a scene with [statics]"
+    steps = unloaded.settings.statics.steps
+    try:
+        return equilibrium(unloaded.flexibility, pairs, unloaded.forces_owned, steps, unloaded.cuts, flies)
+    except ConvergenceError as problem:
+        raise ConvergenceError(f"{unloaded.where}: {problem}") from problem
 
 
 def _about(unloaded: Unloaded, pairs: ContactPairs, u_owned: np.ndarray, share: float, is_stressed: bool) -> About:

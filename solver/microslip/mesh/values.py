@@ -82,7 +82,8 @@ def _closed_or_open(values: Values) -> Values:
     both = (values.gap > 0.0) & (values.preload > 0.0)
     net = values.preload - values.normal_stiffness * values.gap
     preload = np.where(both, np.maximum(net, 0.0), values.preload)
-    return replace(values, preload=preload, gap=np.where(both, np.maximum(-net, 0.0) / values.normal_stiffness, values.gap))
+    gap = np.divide(np.maximum(-net, 0.0), values.normal_stiffness, out=values.gap.copy(), where=both)
+    return replace(values, preload=preload, gap=gap)
 
 
 def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: str) -> np.ndarray:

@@ -27,7 +27,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_outputs(scene),
         *_surfaces(scene),
         *_statics(scene),
-        *_pressed_bodies(scene),
+        *_volumes_as_faces(scene),
         *_points(scene),
         *_bars(scene),
         *_mode(scene),
@@ -203,16 +203,23 @@ def _statics(scene: Scene) -> list[str]:
     return found
 
 
-def _pressed_bodies(scene: Scene) -> list[str]:
-    """Pressures on the elements of a body, whose outside would all be pressed."""
+def _volumes_as_faces(scene: Scene) -> list[str]:
+    """Pressures, joints, ties and bolts that name the elements of a body where faces are meant."""
     bodies = {body.group for body in scene.bodies.values()}
-    pressures = (
-        [(f"[[statics.pressures]] {i}", one.group) for i, one in enumerate(scene.statics.pressures, 1)] if scene.statics else []
-    )
-    pressures += [(where, load.group) for where, load in _numbered(scene, "loads") if load.pressure is not None]
+    used = [(where, group, "a joint has faces") for where, joint in _numbered(scene, "joints") for group in joint.surfaces or ()]
+    used += [
+        (where, group, "a tie has faces or their nodes") for where, tie in _numbered(scene, "ties") for group in tie.surfaces
+    ]
+    used += [
+        (where, load.group, "a pressure acts on faces") for where, load in _numbered(scene, "loads") if load.pressure is not None
+    ]
+    if scene.statics is not None:
+        pressures, bolts = enumerate(scene.statics.pressures, 1), enumerate(scene.statics.bolts, 1)
+        used += [(f"[[statics.pressures]] {i}", one.group, "a pressure acts on faces") for i, one in pressures]
+        used += [(f"[[statics.bolts]] {i}", one.group, "a bolt is cut by faces across its shank") for i, one in bolts]
     return [
-        f'{where} group = "{group}": these are the elements of a body, and a pressure acts on faces; name a group of them'
-        for where, group in pressures
+        f'{where} group = "{group}": these are the elements of a body, and {what}; name a group of them'
+        for where, group, what in used
         if group in bodies
     ]
 
