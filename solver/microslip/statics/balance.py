@@ -17,6 +17,8 @@ from ..parallel.words import listed, place
 from .equilibrium import TOLERANCE, Rest
 from .loaded import Loaded
 
+_ROUNDING = 1e-9  # of the forces: less is not shown
+
 
 @dataclass(frozen=True, eq=False)
 class JointsAtRest:
@@ -188,7 +190,7 @@ def _joints_in_words(joints: JointsAtRest) -> list[str]:
     lines = []
     sizes = _against(joints.size)
     for i, name in enumerate(joints.names):
-        size, reach = sizes[i] or 1.0, joints.reach[i]
+        size, reach = sizes[i] or 1.0, joints.reach[i] or 1.0
         off, turned = np.linalg.norm(_between(joints)[i].reshape(2, 3), axis=1) / (size, size * reach)
         carried = f"{_shown(joints.on_first[i, :3], size)} N and {_shown(joints.on_first[i, 3:], size * reach)} N m"
         lines.append(
@@ -202,11 +204,10 @@ def _bodies_in_words(bodies: BodiesAtRest) -> list[str]:
     lines = []
     sizes = _against(bodies.size)
     for i, name in enumerate(bodies.names):
-        size, reach = sizes[i] or 1.0, bodies.reach[i]
-        by = {"loads": bodies.loads, "joints": bodies.joints, "supports": bodies.supports}
-        acting = ", ".join(
-            f"{what} {_shown(forces[i, :3], size)} N" for what, forces in by.items() if np.abs(forces[i, :3]).max() > 1e-9 * size
-        )
+        size, reach = sizes[i] or 1.0, bodies.reach[i] or 1.0
+        by = {"loads": bodies.loads[i, :3], "joints": bodies.joints[i, :3], "supports": bodies.supports[i, :3]}
+        felt = {what: force for what, force in by.items() if np.abs(force).max() > _ROUNDING * size}
+        acting = ", ".join(f"{what} {_shown(force, size)} N" for what, force in felt.items())
         left, turned = np.linalg.norm(bodies.left[i].reshape(2, 3), axis=1) / (size, size * reach)
         lines.append(
             f"  {name}: {acting or 'no forces'}; what is left over is {left:.1e} of the forces, {turned:.1e} of their "
@@ -222,4 +223,4 @@ def _open(share: float) -> str:
 
 def _shown(vector: np.ndarray, size: float) -> str:
     """Return three numbers, without what is rounding beside ``size``."""
-    return place(np.where(np.abs(vector) > 1e-9 * size, vector, 0.0))
+    return place(np.where(np.abs(vector) > _ROUNDING * size, vector, 0.0))
