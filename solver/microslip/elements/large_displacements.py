@@ -12,7 +12,7 @@ _BUBBLES_REST = 1e-13  # their forces, over the largest of the elements
 
 
 def large_displacements(
-    of: Solids, u: np.ndarray, warmer: float = 0.0, with_stress: bool = True
+    of: Solids, u: np.ndarray, warmer: float | np.ndarray = 0.0, with_stress: bool = True
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the forces by which elements resist a displacement, (n_elements, n, 3) [N], and their derivative by it.
 
@@ -34,7 +34,7 @@ def large_displacements(
     f, K = np.empty(of.points.shape), np.empty((len(of.points), 3 * n, 3 * n))
     for chunk, part in of.parts(9 * (n + 3) ** 2):
         dN, volumes = part.functions()
-        state = (part.elastic(), warmer, with_stress)
+        state = (part.elastic(), part.at_points(warmer, chunk), with_stress)
         bubbles = np.zeros((len(volumes), dN.shape[-1] - n, 3))
         forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *state)
         for _ in range(_BUBBLE_STEPS if bubbles.size else 0):
@@ -49,7 +49,7 @@ def large_displacements(
 
 
 def _forces_and_tangent(
-    dN: np.ndarray, volumes: np.ndarray, moved: np.ndarray, local: Elastic, warmer: float, with_stress: bool
+    dN: np.ndarray, volumes: np.ndarray, moved: np.ndarray, local: Elastic, warmer: float | np.ndarray, with_stress: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return forces (n_elements, m, 3) and tangent (n_elements, 3 m, 3 m) of m functions with amplitudes ``moved`` [m]."""
     F = np.eye(3) + (dN @ moved[:, None]).swapaxes(-1, -2)

@@ -57,6 +57,11 @@ class Solids:
         """Return what the material is at the quadrature points, in model axes."""
         return self.material.at(KINDS[self.kind].values(self.rule.points) @ self.points)
 
+    def at_points(self, of_nodes: float | np.ndarray, chunk: slice) -> float | np.ndarray:
+        """Return values at the quadrature points, (n_elements, n_q), from those of the nodes of more elements, of which these are
+        the ``chunk``; one number alone stays what it is."""
+        return of_nodes[chunk] @ KINDS[self.kind].values(self.rule.points).T if isinstance(of_nodes, np.ndarray) else of_nodes
+
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
         """Return dN_a / dx_i at the quadrature points, (n_elements, n_q, 3, n), and w det J, (n_elements, n_q)."""
         return _gradients(KINDS[self.kind], self.points, self.rule)

@@ -8,7 +8,7 @@ from .materials import Elastic
 from .solid import Solids, _without_bubbles
 
 
-def stress(of: Solids, u: np.ndarray, warmer: float = 0.0) -> np.ndarray:
+def stress(of: Solids, u: np.ndarray, warmer: float | np.ndarray = 0.0) -> np.ndarray:
     """Return the stress at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [Pa].
 
     Local.
@@ -16,48 +16,51 @@ def stress(of: Solids, u: np.ndarray, warmer: float = 0.0) -> np.ndarray:
     Parameters
     ----------
     u : (n_elements, n, 3) displacements of the nodes [m]
-    warmer : temperature above that without stress [K], whose expansion stresses nothing by itself
+    warmer : temperature above that without stress [K], one or of nodes (n_elements, n), interpolated as displacements are
 
     Notes
     -----
     The elasticity times eps - alpha dT.  The bubbles of hex8 follow from the nodes, as in its stiffness.
     """
-    found = strain(of, u)
+    found = strain(of, u, warmer)
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
-        found[chunk] = part.elastic().stress(found[chunk], warmer)
+        found[chunk] = part.elastic().stress(found[chunk], part.at_points(warmer, chunk))
     return found
 
 
-def strain(of: Solids, u: np.ndarray) -> np.ndarray:
+def strain(of: Solids, u: np.ndarray, warmer: float | np.ndarray = 0.0) -> np.ndarray:
     """Return the strain at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [-].  Local; as :func:`stress`."""
     found = np.empty((len(of.points), len(of.rule.weights), 3, 3))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         dN, volumes = part.functions()
-        slopes = dN @ _amplitudes(dN, volumes, u[chunk], part.elastic())[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
+        amplitudes = _amplitudes(dN, volumes, u[chunk], part.elastic(), part.at_points(warmer, chunk))
+        slopes = dN @ amplitudes[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
         found[chunk] = 0.5 * (slopes + slopes.swapaxes(-1, -2))
     return found
 
 
-def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic) -> np.ndarray:
+def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic, warm: float | np.ndarray = 0.0) -> np.ndarray:
     """Return the amplitudes of all functions, (n_elements, m, 3), under displacements of the nodes: no force acts on bubbles."""
     n = 3 * u.shape[1]
     if n == 3 * dN.shape[-1]:
         return u
     K = local.stiffness(dN, volumes)
     right = -K[:, n:, :n] @ u.reshape(len(u), n, 1)
+    if isinstance(warm, np.ndarray):  # one temperature moves no bubble
+        right += _held(dN, volumes, local, warm)[:, n // 3 :].reshape(len(u), -1, 1)
     return np.concatenate([u, np.linalg.solve(K[:, n:, n:], right).reshape(len(u), -1, 3)], axis=1)
 
 
-def deformed_stiffness(of: Solids, u: np.ndarray) -> np.ndarray:
+def deformed_stiffness(of: Solids, u: np.ndarray, warmer: float | np.ndarray = 0.0) -> np.ndarray:
     """Return the stiffness of elements about a displaced state, without that of its stress, (n_elements, 3 n, 3 n) [N/m].
 
     Local.  docs/theory.md, eq. (12.11): with F = 1 + du/dx the strain of a small motion v is sym(F^T dv/dx).
-    ``u`` (n_elements, n, 3) are the displacements of the nodes [m].
+    ``u`` (n_elements, n, 3) are the displacements of the nodes [m], ``warmer`` as in :func:`stress`.
     """
     K = np.empty((len(of.points), 3 * of.n, 3 * of.n))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         (dN, volumes), local = part.functions(), part.elastic()
-        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local)[:, None]
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local, part.at_points(warmer, chunk))[:, None]
         K[chunk] = _without_bubbles(local.stiffness_about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes), 3 * of.n)
     return K
 
@@ -75,14 +78,26 @@ def stress_stiffness(of: Solids, stress: np.ndarray) -> np.ndarray:
     return found
 
 
-def thermal_forces(of: Solids, warmer: float) -> np.ndarray:
+def thermal_forces(of: Solids, warmer: float | np.ndarray) -> np.ndarray:
     """Return the nodal forces of elements that are held while they are warm, turned round, (n_elements, n, 3) [N].
 
-    Local.  docs/theory.md, eq. (12.2); ``warmer`` [K] than without stress.
+    Local.  docs/theory.md, eq. (12.2); ``warmer`` [K] than without stress, one or those of the nodes, (n_elements, n), as in
+    :func:`stress`.  Bubbles of hex8 give way to it.
     """
-    found = np.empty(of.points.shape)
-    for chunk, part in of.parts(9 * of.n**2):
-        dN, volumes = part.gradients()
-        held = part.elastic().stress(np.zeros((3, 3)), warmer)
-        found[chunk] = -((volumes[..., None, None] * (held @ dN)).sum(axis=1)).swapaxes(-1, -2)
+    found, n = np.empty(of.points.shape), of.n
+    for chunk, part in of.parts(9 * (n + 3) ** 2):
+        local, warm = part.elastic(), part.at_points(warmer, chunk)
+        dN, volumes = part.functions() if isinstance(warm, np.ndarray) else part.gradients()
+        forces = _held(dN, volumes, local, warm)
+        if dN.shape[-1] > n:
+            K, on_bubbles = local.stiffness(dN, volumes), forces[:, n:].reshape(len(forces), -1, 1)
+            K_kb, K_bb = K[:, : 3 * n, 3 * n :], K[:, 3 * n :, 3 * n :]
+            forces = forces[:, :n] - (K_kb @ np.linalg.solve(K_bb, on_bubbles)).reshape(-1, n, 3)
+        found[chunk] = forces
     return found
+
+
+def _held(dN: np.ndarray, volumes: np.ndarray, local: Elastic, warm: float | np.ndarray) -> np.ndarray:
+    """Return what expansion pushes with by each function of gradients (n_elements, n_q, 3, m), (n_elements, m, 3) [N]."""
+    held = local.stress(np.zeros((3, 3)), warm)
+    return -((volumes[..., None, None] * (held @ dN)).sum(axis=1)).swapaxes(-1, -2)
