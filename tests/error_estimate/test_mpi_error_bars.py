@@ -124,7 +124,7 @@ def test_a_branch_has_bars_as_its_points_have():
 
 
 @pytest.mark.ranks(1, 2, 3)
-@pytest.mark.parametrize(("name", "level"), [("chain", 100.0), ("chain", 40.0)])
+@pytest.mark.parametrize(("name", "level"), [("chain", 100.0), pytest.param("chain", 40.0, marks=pytest.mark.ranks(1, 2))])
 @pytest.mark.parametrize("direct", [0, 10**6])
 def test_adjoints_solve_the_transposed_system(monkeypatch, name, level, direct):
     monkeypatch.setattr(adjoint_solver, "DIRECT", direct)
