@@ -133,6 +133,7 @@ def test_dofs_without_mass_follow_their_springs(shared_path):
     structure.linearised.destroy()
 
 
+@pytest.mark.ranks(1, 2)
 def test_one_mass_has_the_exact_amplitude_also_where_ranks_own_nothing(shared_path):
     """One harmonic, 4096 samples: docs/validation.md; the sampled loop converges as N_t^-2."""
     data = {"m": 1.0, "c": 0.02, "k": 1.0, "k_t": 1.0, "muN": 1.0}
@@ -145,7 +146,7 @@ def test_one_mass_has_the_exact_amplitude_also_where_ranks_own_nothing(shared_pa
             [0.8],
             (1.05, 1.55),
             at=at,
-            points=20,
+            points=10,
             harmonics=1,
             samples=4096,
             method="receptance",

@@ -151,6 +151,7 @@ def test_a_finer_surface_on_a_coarser_one_bears_uniform_traction_exactly():
         assert error < 1e-10 if exact else 0.01 < error < 0.3
 
 
+@pytest.mark.ranks(1, 2)
 def test_other_meshes_converge(loose):
     one = mesh_of(("one", "hex20", *box("hex20", (3, 3, 6), size=(1.0, 1.0, 2.0))))
     wanted = frequencies(system_of(one, tied(one)), 9)[6:]

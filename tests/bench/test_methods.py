@@ -2,6 +2,7 @@
 
 import csv
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import comparison
@@ -43,7 +44,7 @@ def chain_problem(level):
     for load in system["loads"]:
         load.setdefault("phase", 0.0)
     model, parameters = reduced(system, COMM, 3)
-    return forced(model, parameters, 128, level), np.linspace(*system["omega"], 15)
+    return forced(model, parameters, 128, level), np.linspace(*system["omega"], 15)[3:10]
 
 
 @pytest.mark.parametrize("level", [0.1, 10.0, 30.0])
@@ -54,7 +55,7 @@ def test_methods_agree_at_every_frequency(level):
     with methods.contact_counter() as watch:
         row = methods.condensed_at(problem, points, list(range(len(points))), 1e-11, watch)
     peak = max(np.abs(point.response).max() for point in points)
-    assert row.failure is None and row.index == list(range(15))
+    assert row.failure is None and row.index == list(range(7))
     for point, other, response in zip(points, checked, row.response):
         assert response == pytest.approx(point.response, abs=1e-8 * peak)
         assert other.response == pytest.approx(point.response, abs=1e-8 * peak)
@@ -120,14 +121,14 @@ def test_plain_rubin_meets_receptance_and_comes_closer_with_more_modes(level):
     pairs = structure.pairs
     N0 = np.where(np.arange(9) % 2 == 0, pairs.N0, 100.0 * pairs.N0)  # the others hold the upper box
     problem = forced(model, replace(pairs.law, N0=N0), 64, level)
-    omegas = model.omega_n[0] * np.linspace(0.95, 1.05, 9)
+    omegas = model.omega_n[0] * np.linspace(0.96, 1.04, 5)
     points = at_frequencies(problem, AllPairs(), omegas, tolerance=1e-9).points
     assert (max(np.count_nonzero(point.state) for point in points) > 3) == (level > 1.0)
     peak, errors = max(np.abs(point.response).max() for point in points), []
     for n_modes in (6, 24):
         rubin = build_rubin(*two_boxes(n_modes)[:2])
         with methods.contact_counter() as watch:
-            row = methods.rubin_at(rubin, problem, points, [2, 4, 6], 1e-9, watch)
+            row = methods.rubin_at(rubin, problem, points, [1, 2, 3], 1e-9, watch)
         assert row.failure is None and set(row.unknowns) == {(n_modes + 6 * 9 + 1) * 7}
         errors.append(max(np.abs(response - points[i].response).max() for i, response in zip(row.index, row.response)) / peak)
     assert errors[1] < 0.1 * errors[0] and errors[1] < 1e-3
@@ -236,6 +237,9 @@ def test_one_command_writes_table_numbers_and_plot(tmp_path, monkeypatch, capsys
     monkeypatch.setattr(
         "sys.argv", ["methods.py", str(path), "--dense-points", "3", "--rubin-points", "0", "--out", str(tmp_path / "out")]
     )
+    rates = methods.machine.memory_bandwidth, methods.machine.matrix_product_rate
+    monkeypatch.setattr(methods.machine, "memory_bandwidth", partial(rates[0], n=1000))  # a rate, of no machine
+    monkeypatch.setattr(methods.machine, "matrix_product_rate", partial(rates[1], n=100))
     methods.main()
     assert "condensed full set" in capsys.readouterr().out
     with open(tmp_path / "out" / "bench_methods.csv") as file:

@@ -59,6 +59,7 @@ def test_one_cluster_is_the_whole_preconditioner(problem, monkeypatch):
     assert ClusteredPreconditioner(at).apply(b) == pytest.approx(exact, abs=1e-9 * max(1.0, np.abs(exact).max(initial=0.0)))
 
 
+@pytest.mark.ranks(1, 2)
 def test_clusters_leave_gmres_little_to_do(problem, monkeypatch):
     monkeypatch.setattr(clustered, "LOCAL", 8)
     monkeypatch.setattr(clustered, "REGIONS", 6)
@@ -83,6 +84,7 @@ def test_clusters_are_of_neighbours(problem):
     assert within < 0.75 * distance.mean()
 
 
+@pytest.mark.ranks(1, 2)
 def test_the_curve_is_the_same_with_it(problem, monkeypatch):
     plain = at_frequencies(problem, AllPairs(), synthetic.frequencies(3), tolerance=1e-9)
     made = []

@@ -1,4 +1,4 @@
-"""Groups of ranks as a user starts them: options, a level that fails, a signal."""
+"""Groups of ranks as a user starts them: options and a signal; a level that fails: tests/parallel/test_mpi_groups.py."""
 
 import os
 import re
@@ -7,24 +7,9 @@ import subprocess
 import sys
 import time
 
-import h5py
-import numpy as np
-import pytest
 from matrix_scenes import write_matrix_scene
 from oracles import scenes
 from processes import LIMIT, MPIRUN, environment, microslip
-
-
-def test_a_level_that_newton_cannot_finish_keeps_all_that_converged(tmp_path):
-    write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.4, 0.02], (1.0, 1.6), outputs=[0], points=12)
-    arguments = ("run", "scene.toml", "--groups", "2", "--out", "out", "--", "-hb_snes_max_it", "1")
-    done = microslip(*arguments, ranks=2, cwd=tmp_path)
-    assert done.returncode == 3 and "Traceback" not in done.stderr and done.stderr.count("microslip: error: ") == 1
-    assert "level 0.4 N ends after" in done.stderr and "what converged is in out" in done.stderr
-    levels, frequencies = np.loadtxt(tmp_path / "out" / "frf.csv", delimiter=",", skiprows=1, usecols=(0, 2)).T
-    assert frequencies[levels == 0.02].max() == pytest.approx(1.6 / (2 * np.pi)) and (np.diff(levels) <= 0.0).all()
-    with h5py.File(tmp_path / "out" / "results.h5") as file:
-        assert [file[f"levels/{name}"].attrs["status"] for name in ("0000", "0001")] == ["failed", "complete"]
 
 
 def test_two_scenes_on_two_groups_and_an_option_that_nobody_read(tmp_path):

@@ -42,7 +42,7 @@ def test_the_scenes_of_jobs_are_sound(program, name, said):
 
 
 def test_a_run_leaves_curves_and_pictures_and_nothing_for_paraview(tmp_path):
-    write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02, 0.4], (1.0, 1.6), outputs=[0, 2], points=12)
+    write_matrix_scene(tmp_path, scenes.spatial_mass(), [0.02, 0.1], (1.0, 1.6), outputs=[0, 2], points=6)
     done = microslip("run", "scene.toml", "--out", "out", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     written = {path.name for path in (tmp_path / "out").iterdir() if path.is_file()}
@@ -59,10 +59,10 @@ def test_a_run_leaves_curves_and_pictures_and_nothing_for_paraview(tmp_path):
         "error.png",
     }
     rows = (tmp_path / "out" / "frf.csv").read_text().splitlines()
-    assert len(rows) > 2 * 2 * 12 // 2 and not any("nan" in row for row in rows)
+    assert len(rows) > 2 * 2 * 6 // 2 and not any("nan" in row for row in rows)
 
 
-def test_statics_run_from_scene_to_pictures(tmp_path):
+def test_statics_run_from_scene_to_pictures(tmp_path, program):
     system = scenes.spatial_mass()
     system["loads"] = [{**load, "harmonic": 0, "phase": 0.0} for load in system["loads"]]
     write_matrix_scene(tmp_path, system, [0.02, 4.0], (1.0, 1.6), outputs=[0, 2], points=4, harmonics=0)
@@ -86,4 +86,4 @@ def test_statics_run_from_scene_to_pictures(tmp_path):
         assert "mean_m" in said and "amplitude_m" not in said
     assert "further points of [response]: harmonics = 0, constant loads have the same response at every frequency" in log
     assert "error bars: they are those of harmonic 1, and harmonics = 0" in log
-    assert microslip("plot", "out/results.h5", cwd=tmp_path).returncode == 0
+    assert program("plot", tmp_path / "out" / "results.h5")[0] == 0

@@ -76,11 +76,11 @@ def test_a_set_solves_the_rows_of_the_full_set_that_it_has(chosen):
     """A branch on a part of the harmonics: its residual in the full set vanishes in these rows, and its energy closes."""
     harmonics, full = Harmonics(chosen), Harmonics.up_to(5)
     system = scene("chain")
-    found = branch(system, COMM, 20.0, H=harmonics, points=30, tolerance=1e-11)
+    found = branch(system, COMM, 20.0, low=530.0, high=590.0, H=harmonics, points=8, tolerance=1e-11)
     assert found.failure is None
     model, parameters = reduced(system, COMM, full)
     equation = forced(model, parameters, 128, 20.0).equation
-    for point in found.points[::6]:
+    for point in found.points[::2]:
         U_all = COMM.bcast(point.U)
         U = full_of(U_all, full)[model.owned]
         forces = equation.contact_forces(U, equation.every_pair, tangents=False)
@@ -88,7 +88,7 @@ def test_a_set_solves_the_rows_of_the_full_set_that_it_has(chosen):
         size = np.abs(U_all).max()
         assert np.abs(full.carry(r, harmonics)).max(initial=0.0) < 1e-8 * size
         assert abs(point.input - point.damping - point.friction) < 1e-8 * point.input
-    assert max(amplitude(point) for point in found.points) > 0.0
+    assert any(point.state.any() for point in found.points) and max(amplitude(point) for point in found.points) > 0.0
 
 
 def full_of(U, full):
@@ -175,9 +175,9 @@ def test_statics_are_those_of_a_dense_contact_problem_at_every_frequency(name, l
         system["loads"] = [{**load, "vector": -np.asarray(load["vector"])} for load in system["loads"]]
     u = static_solution(system, abs(level))
     low, high = system["omega"]
-    starts = np.linspace(low, high, 4)[:-1]
+    starts = np.linspace(low, high, 3)[:-1]
     branches = [branch(system, COMM, abs(level), low=start, H=0, points=5, tolerance=1e-12) for start in starts]
-    assert [one.failure for one in branches] == [None] * 3
+    assert [one.failure for one in branches] == [None] * 2
     points = [point for one in branches for point in one.points]
     assert [point.omega for point in points] == pytest.approx(starts)  # one each: it stands for all frequencies
     exact = float(system["output"] @ u)
@@ -288,7 +288,7 @@ def test_symmetry_sees_static_coupling_that_no_mode_shows():
 def test_odd_harmonics_alone_give_the_solution_of_the_full_set(system, level):
     full, odd = Harmonics.up_to(7), Harmonics.odd_up_to(7)
     model, parameters = reduced(system, COMM, full)
-    omegas = np.linspace(*system["omega"], 9)
+    omegas = np.linspace(*system["omega"], 9)[2:6]
     found = []
     for of in (model, model.with_harmonics(odd)):
         problem = forced(of, parameters, 128, level)
@@ -299,4 +299,4 @@ def test_odd_harmonics_alone_give_the_solution_of_the_full_set(system, level):
         assert a.response == pytest.approx(b.response, abs=1e-10 * size)
         assert np.abs(full.carry(a.response, Harmonics((0, 2, 4, 6)))).max() < 1e-10 * size
         assert np.array_equal(a.state, b.state) and a.friction == pytest.approx(b.friction, rel=1e-8, abs=1e-12)
-    assert len(found[0].points) == 9
+    assert len(found[0].points) == 4

@@ -22,8 +22,8 @@ from microslip.results.read import read_results
 from microslip.results.table import ResponseTable
 from microslip.scene.read import read_scene
 
-LEVELS = [0.1, 0.4, 0.02, 0.2]  # N, neither rising nor falling
-AT = [1.1, 1.2, 1.3, 1.45]  # rad/s
+LEVELS = [0.05, 0.2, 0.02, 0.1]  # N, neither rising nor falling
+AT = [1.2, 1.45]  # rad/s
 
 
 # -- the parts ---------------------------------------------------------------------------------------------------------
@@ -142,7 +142,7 @@ def write(comm, folder, name="scene", levels=LEVELS):
     def files():
         place = folder / name
         place.mkdir(parents=True)
-        path = write_matrix_scene(place, scenes.spatial_mass(), levels, (1.0, 1.6), at=AT, outputs=[0, 2], points=12)
+        path = write_matrix_scene(place, scenes.spatial_mass(), levels, (1.0, 1.6), at=AT, outputs=[0, 2], points=6)
         return path.rename(place / f"{name}.toml")
 
     return str(on_root(comm, files))
@@ -213,6 +213,7 @@ def test_a_level_that_ends_early_leaves_the_others_whole(comm, shared_path, prog
     assert failed.status == "failed" and "no convergence beyond" in failed.failure
     assert [level.status for level in whole] == ["complete", "complete"]
     assert all((level.asked == 1).sum() == len(AT) for level in whole)
+    assert all(level.frequency.max() == pytest.approx(1.6 / (2.0 * np.pi)) for level in whole)
 
 
 def test_a_full_disk_ends_all_groups_with_one_message(comm, shared_path, program, monkeypatch):
@@ -229,7 +230,7 @@ def test_a_full_disk_ends_all_groups_with_one_message(comm, shared_path, program
 
 @pytest.mark.slow
 def test_scenes_side_by_side(comm, shared_path, program):
-    a, b = write(comm, shared_path, "a", [0.4]), write(comm, shared_path, "b", [0.2, 0.1])
+    a, b = write(comm, shared_path, "a", [0.2]), write(comm, shared_path, "b", [0.1, 0.05])
     bad = write(comm, shared_path, "bad", [0.1])
     on_root(comm, lambda: (shared_path / "bad" / "K.mtx").write_text("not a matrix\n"))
     status, out, err = program("run", a, bad, b, "--out", "out", "--groups", str(min(2, comm.size)))

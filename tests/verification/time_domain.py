@@ -43,7 +43,7 @@ def system_of(case: Case) -> dict:
     return system
 
 
-def balanced(case: Case, omegas, H: int, n_samples: int) -> list:
+def balanced(case: Case, omegas, H: int, n_samples: int, points: int = 60) -> list:
     """Return the points of the branch at ``omegas``, in rising order."""
     found = branch(
         system_of(case),
@@ -54,7 +54,7 @@ def balanced(case: Case, omegas, H: int, n_samples: int) -> list:
         H=H,
         n_samples=n_samples,
         at=tuple(omegas),
-        points=60,
+        points=points,
     )
     assert found.failure is None, found.failure
     return sorted((point for point in found.points if point.asked), key=lambda point: point.omega)
