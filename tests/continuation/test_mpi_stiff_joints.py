@@ -95,6 +95,13 @@ def test_a_curve_of_a_body_on_its_joint_alone_begins_while_all_of_it_slips():
     assert found.failure is None and HELD in found.points[0].notes and (found.points[0].state == 1).all()
 
 
+def test_a_body_on_one_pair_goes_on_where_that_begins_to_slip():
+    found = branch(structures.free_body(n_pairs=1), COMM, 0.06, low=0.62, high=0.7, points=6, tolerance=1e-8)
+    sticks = [not point.state.any() for point in found.points]
+    assert found.failure is None and sticks[0] and not all(sticks)
+    assert all(HELD in point.notes for point, stuck in zip(found.points, sticks) if not stuck)
+
+
 def test_resonance_without_damping_is_named():
     system = structures.coincident(2, zeta=0.0, k_t=3.0)  # omega_n = 2, the same to the last bit
     model, parameters = reduced(system, COMM, 3)

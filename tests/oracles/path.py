@@ -11,7 +11,7 @@ import numpy as np
 
 from .compiled import arguments, compiled
 
-PLAIN, JUMPS = 12, 40  # periods marched one by one, and jumps beyond them
+PLAIN, MORE, JUMPS = 12, 500, 40  # periods marched one by one, of those that creep, and jumps beyond them
 REPEATS = 1e-14  # change of T in a period, over the pair's forces, of a cycle that repeats
 
 
@@ -65,6 +65,11 @@ def steady(du, N, k_t, mu, separate, w0=0.0):
     slow = (found.change > 0.5 * before) & (found.change > 1e-15 * size) & (before > 0.0)  # little a period, and much in all
     found.change[slow] /= np.maximum(1.0 - found.change[slow] / before[slow], 1e-6)
     T, slowest = found.T[0, creeps], np.zeros(len(creeps))
+    for _ in range(MORE if len(creeps) else 0):  # a jump may lead beyond the end of the way, to where nothing moves the slider
+        one = period(T, creeps)
+        T = one.T[0]
+        if np.all(one.change <= 1e-15 * size[creeps]):
+            break
     for _ in range(JUMPS if len(creeps) else 0):  # Aitken's formula
         one = period(T, creeps)
         two = period(one.T[0], creeps)

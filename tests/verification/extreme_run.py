@@ -44,6 +44,7 @@ class Outcome:
     status: str = SOLVED
     words: str = ""  # the program's own, of a refusal or a failure; else what is wrong
     expected: bool = False  # a refusal that the case expects
+    has_answer: bool = True  # as the case says
     n_points: int = 0
     states: tuple[int, ...] = ()  # seen at any point
     errors: dict[str, float] = field(default_factory=dict)  # the largest of each kind over the points
@@ -56,7 +57,7 @@ class Outcome:
 
 def run_case(case: Case) -> Outcome:
     """Return the outcome of a case; nothing is raised.  Local: the program runs on this process alone."""
-    outcome, start, cpu = Outcome(case.name, case.family), time.perf_counter(), time.process_time()
+    outcome, start, cpu = Outcome(case.name, case.family, has_answer=case.has_answer), time.perf_counter(), time.process_time()
     try:
         with tempfile.TemporaryDirectory() as folder:
             _solve_and_judge(case, outcome, Path(folder))

@@ -97,7 +97,7 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     try:
         found, ds, notes = step(was, state.earlier, state.before, now, state.ds, task.steps)
     except ConvergenceError:
-        held = hold(was, now.moved, MOVED) if task.may_hold else None
+        held = hold(was, now.moved, MOVED, now.sticks) if task.may_hold else None
         if held is None:
             raise
         return replace(state, solver=held, now=now, ds=0.25 * task.steps.ds)

@@ -14,12 +14,13 @@ MOSTLY = 0.8  # share of the pairs that slip or are open, from which the mean of
 MOVED = 0.5  # share of the pairs whose sliders move, or have come to rest elsewhere, from which it is held where Newton fails
 
 
-def hold(solver: PointSolver, moving: float, least: float) -> PointSolver | None:
+def hold(solver: PointSolver, moving: float, least: float, anyhow: bool = False) -> PointSolver | None:
     """Return the solver with the mean slip held about the state of rest; None where it is, or nothing asks for it.
 
-    Collective.  ``moving`` is a share of the pairs, ``least`` that from which it is held, if nothing but its joint holds a body.
+    Collective.  ``moving`` is a share of the pairs, ``least`` that from which it is held, if nothing but its joint holds a body;
+    ``anyhow`` from any share on.
     """
-    if solver.equation.held is not None or moving < least or not solver.is_loose:
+    if solver.equation.held is not None or (moving < least and not anyhow) or not solver.is_loose:
         return None
     return solver.holding(np.zeros((solver.equation.n_owned, 2)))
 
