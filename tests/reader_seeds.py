@@ -274,7 +274,7 @@ SEEDS: dict[str, Callable[[Path], list[bytes]]] = {
     "exodus": _exodus,
     "vtu": _by_meshio(".vtu", ({"binary": False}, {"binary": True, "compression": None}, {"binary": True})),
     "vtk": _by_meshio(".vtk", ({"binary": False}, {"binary": True})),
-    "fem": _by_meshio(".fem", ({"file_format": "nastran"},)),
+    "fem": lambda folder: [bdf(plain("hex8")).encode()],
     "mtx": _with_data(_mtx, "model_STIF1.mtx"),
     "npz": _npz,
     "mat": _mat,

@@ -8,6 +8,7 @@ import os
 import re
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from .supports import equations, supports
 _OTHER_REFERENCES = "elements nodes_with_elements properties masses materials loads constraints aero sets optimization".split()
 _MOST_FILES, _DEEPEST = 10_000, 50  # included, all together and within each other
 _RANGE = re.compile(r"\b(\d{1,18})[\s,+*]+THRU[\s,+*]+(\d{1,18})\b", re.IGNORECASE)
+_END = re.compile(rb"^[^\S\n]*ENDDATA", re.MULTILINE | re.IGNORECASE)
 _LONGEST_RANGE = 2**22  # numbers in any file
 _OF_ANY = 2**24  # bytes that they may have whatever their size
 _SOLIDS = {"CTETRA": "tet", "CPENTA": "wedge", "CHEXA": "hex", "CPYRAM": "pyramid"}
@@ -43,10 +45,17 @@ def read_bdf(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, includes that are not there or leave its folder
     """
-    plain, cards = _plain_and_others(path)
+    text = _Files(path).text(path)
+    plain, cards = _plain_and_others(text)
     if not (cards.nodes or len(plain.numbers)) or not (cards.elements or plain.solids):
         raise MeshError("the file holds no grid points and elements that this program reads")
-    return model_of(plain, cards)
+    model = model_of(plain, cards)
+    if _END.search(text) is None:
+        effect = "it is not there: what follows in a file that was cut is missing"
+        model = replace(
+            model, findings=(*model.findings, Finding(word="ENDDATA", where="the last line", effect=effect, changes=False))
+        )
+    return model
 
 
 def model_of(plain: Plain, cards: Any) -> FileModel:
@@ -87,9 +96,8 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
     )
 
 
-def _plain_and_others(path: str) -> tuple[Plain, Any]:
+def _plain_and_others(text: bytes) -> tuple[Plain, Any]:
     """Return the plain cards of a file, and pyNastran's reading of the others."""
-    text = _Files(path).text(path)
     plain = take_plain(text)
     cards = _cards(plain.rest)
     if plain.meets(cards.nodes, cards.elements):  # a number that stands twice: pyNastran says where
