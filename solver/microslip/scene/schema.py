@@ -21,6 +21,8 @@ WHOLE_MODELS = (
     ".rst",
     ".bdf",
     ".nas",
+    ".fem",
+    ".op2",
     ".dat",
     ".e",
     ".exo",
