@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import re
+import sys
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -109,7 +110,8 @@ def _plain_and_others(text: bytes) -> tuple[Plain, Any]:
 def _cards(text: str) -> Any:
     """Return pyNastran's reading of the text of a file."""
     try:
-        from pyNastran.bdf.bdf import BDF
+        with streams_kept():
+            from pyNastran.bdf.bdf import BDF
     except ImportError:
         raise MeshError("Nastran bulk data is read by pyNastran; install it: pip install pyNastran") from None
     if not text.strip():
@@ -122,6 +124,24 @@ def _cards(text: str) -> Any:
         cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
         follow_references(cards)
     return cards
+
+
+@contextlib.contextmanager
+def streams_kept() -> Iterator[None]:
+    """Keep standard output and error as they are while pyNastran is imported.  Local.
+
+    On terminals, as Open MPI's ranks have them, its logger exchanges them for streams of colorama, which end whatever the program
+    writes from then on, and the program itself, with the sequence for plain text.
+    """
+    kept = sys.stdout, sys.stderr
+    with contextlib.suppress(ImportError):
+        from colorama import initialise  # type: ignore[import-untyped]
+
+        initialise.atexit_done = True
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = kept
 
 
 @contextlib.contextmanager

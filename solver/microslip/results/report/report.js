@@ -4,7 +4,9 @@
   const data = JSON.parse(document.getElementById("data").textContent);
   const at = (id) => document.getElementById(id);
   const font = { family: "system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif", size: 12, color: "#1c2330" };
-  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"] };
+  // Newer plotly has a button that sends the chart to a server.
+  const removed = ["lasso2d", "select2d", "autoScale2d", "sendChartToCloud", "sendDataToCloud"];
+  const config = { responsive: true, displaylogo: false, plotlyServerURL: "", modeBarButtonsToRemove: removed };
 
   // -- curves -----------------------------------------------------------------------------------------------------------
 
@@ -12,7 +14,7 @@
     const figure = data.figures[div.dataset.figure];
     const axis = { gridcolor: "#e8eaef", linecolor: "#98a2b3", zeroline: false, showline: true, automargin: true };
     const layout = {
-      font, margin: { l: 64, r: 14, t: 12, b: 48 }, hovermode: "closest", hoverdistance: 40, plot_bgcolor: "#fff", paper_bgcolor: "#fff",
+      font, margin: { l: 64, r: 36, t: 12, b: 48 }, modebar: { orientation: "v" }, hovermode: "closest", hoverdistance: 40, plot_bgcolor: "#fff", paper_bgcolor: "#fff",
       legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, showlegend: figure.data.length > 1,
       xaxis: { ...axis, ...figure.layout.xaxis }, yaxis: { ...axis, ...figure.layout.yaxis },
     };
