@@ -283,6 +283,7 @@ SEEDS: dict[str, Callable[[Path], list[bytes]]] = {
     "op2": _with_data(_matrix("op2"), "mymatrix.op2"),
     "dmig": _with_data(_matrix("pch"), "dmig.pch"),
     "full": _matrix("full"),
+    "sub": _matrix("sub"),
     "harwell_boeing": _matrix("rua"),
     "petsc": _petsc,
     "scene": _scenes,
