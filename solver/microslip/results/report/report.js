@@ -147,10 +147,11 @@
     };
   }
 
-  function layout3d(range, eye, high) {
+  function layout3d(div, range, eye, high) {
+    const below = { orientation: "h", x: 0, y: 0, yanchor: "top", font: { ...font, size: 11 } }; // many bodies would hide a narrow view
     return {
       font, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#fff", uirevision: "kept", scene: scene(range, eye, high),
-      legend: { x: 0, y: 1, bgcolor: "#ffffffcc" }, showlegend: true,
+      legend: div.clientWidth < 560 ? below : { x: 0, y: 1, bgcolor: "#ffffffcc" }, showlegend: true,
     };
   }
 
@@ -175,7 +176,7 @@
     traces.push({ type: "scatter3d", mode: "lines", x: lines[0], y: lines[1], z: lines[2], line: { color: "#39414d", width: 1 }, name: "edges", hoverinfo: "skip" });
     if (joint)
       traces.push({ type: "mesh3d", x: joint.xyz[0], y: joint.xyz[1], z: joint.xyz[2], ...joint.corners, color: "#c0392b", flatshading: true, name: "contact surfaces", showlegend: true, hoverinfo: "name" });
-    Plotly.newPlot(div, traces, layout3d(ranges(xyz, 0.02 * view.diagonal), eye(-1.0), 1.85), config);
+    Plotly.newPlot(div, traces, layout3d(div, ranges(xyz, 0.02 * view.diagonal), eye(-1.0), 1.85), config);
   }
 
   function startMotion(view, xyz, bodies, joint) {
@@ -228,7 +229,7 @@
     const drawn = () => { at("times").textContent = one().kind === "mode" ? "" : "× " + Number(times().toPrecision(2)); };
     function redraw() {
       drawn();
-      const before = div.layout ? div.layout.scene.camera : null, layout = layout3d(alone.checked ? near : range, eye(turn), alone.checked ? 1.6 : 2.3);
+      const before = div.layout ? div.layout.scene.camera : null, layout = layout3d(div, alone.checked ? near : range, eye(turn), alone.checked ? 1.6 : 2.3);
       if (before) layout.scene.camera = before;
       return Plotly.react(div, looks(), layout, config);
     }
