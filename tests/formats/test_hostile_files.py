@@ -141,9 +141,14 @@ def test_a_property_that_stands_twice_is_found(tmp_path, second, changes):
 
 
 def test_cards_of_optistruct_are_read_or_found(tmp_path):
-    (tmp_path / "m.fem").write_text(bdf(plain(), ("CBUSH,77,7,101,102",)))
+    """The words before its bulk data are its own; of two sets of supports the chosen one holds."""
+    head, _, bulk = bdf(plain(), ("CBUSH,77,7,101,102", "SPC1,2,1,102")).partition("BEGIN BULK")
+    sets = head[head.index("SET 1") :]
+    asked = "SCREEN OUT\nDISPLACEMENT(H3D) = ALL\n$HMNAME LOADSTEP 1\nSUBCASE 1\n  LABEL x\n  ANALYSIS MODES\n  SPC =    1\n"
+    (tmp_path / "m.fem").write_text(f"{sets}{asked}BEGIN BULK{bulk}")
     model = read_model(tmp_path / "m.fem")
-    assert model.supports and model.materials and [one.word for one in model.findings if one.changes] == ["CBUSH"]
+    assert [one.fix for one in model.supports] == [("x", "y", "z")] and len(model.groups["SET 2"].nodes) == 8
+    assert [one.word for one in model.findings if one.changes] == ["CBUSH"]
 
 
 def test_cells_that_meshio_leaves_out_are_refused(tmp_path):

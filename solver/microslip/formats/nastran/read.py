@@ -27,6 +27,10 @@ from .supports import equations, supports
 _OTHER_REFERENCES = "elements nodes_with_elements properties masses materials loads constraints aero sets optimization".split()
 _MOST_FILES, _DEEPEST = 10_000, 50  # included, all together and within each other
 _RANGE = re.compile(r"\b(\d{1,18})[\s,+*]+THRU[\s,+*]+(\d{1,18})\b", re.IGNORECASE)
+_BEGIN = re.compile(r"^([^\S\n]*BEGIN[^\S\n]+BULK.*)$", re.MULTILINE | re.IGNORECASE)
+_CASE = re.compile(  # what is looked at in the case control of OptiStruct: a set goes on behind a comma
+    r"^[^\S\n]*(?:(?:SUBCASE|SPC|MPC)\b.*|SET\s+\d+\s*=(?:.*,[^\S\n]*\n)*.*)$", re.MULTILINE | re.IGNORECASE
+)
 _END = re.compile(rb"^[^\S\n]*ENDDATA", re.MULTILINE | re.IGNORECASE)
 _LONGEST_RANGE = 2**22  # numbers in any file
 _OF_ANY = 2**24  # bytes that they may have whatever their size
@@ -51,7 +55,7 @@ def read_bdf(path: str) -> FileModel:
     if not (cards.nodes or len(plain.numbers)) or not (cards.elements or plain.solids):
         raise MeshError("the file holds no grid points and elements that this program reads")
     model = model_of(plain, cards)
-    if _END.search(text) is None:
+    if b"ENDDATA" not in text and _END.search(text) is None:
         effect = "it is not there: what follows in a file that was cut is missing"
         model = replace(
             model, findings=(*model.findings, Finding(word="ENDDATA", where="the last line", effect=effect, changes=False))
@@ -183,10 +187,15 @@ def _source(text: str) -> tuple[Any, bool]:
     """Return what pyNastran reads, and whether it has an executive and a case control.
 
     Gmsh writes bulk data alone, with or without its first line, and meshio ends the names of quadratic elements with a stroke.
+    OptiStruct has no CEND, and words of its own before the bulk data; supports, equations and sets are chosen as in Nastran.
     """
     if re.search(r"^[^\S\n]*CEND", text, re.MULTILINE | re.IGNORECASE):
         return io.StringIO(text), True
-    text = re.sub(r"^[^\S\n]*BEGIN[^\S\n]+BULK.*$", "", text, flags=re.MULTILINE | re.IGNORECASE)
+    head, begin, bulk = _BEGIN.split(text, maxsplit=1) if _BEGIN.search(text) else ("", "", text)
+    chosen = "\n".join(found[0] for found in _CASE.finditer(head))
+    if chosen:
+        return io.StringIO(f"SOL 103\nCEND\n{chosen}\n{begin}{bulk}"), True
+    text = bulk if begin else text
     text = re.sub(r"^(CHEXA|CTETRA|CPENTA)_", r"\1 ", text, flags=re.MULTILINE)
     return io.StringIO(re.sub(r"^CPYRA_", "CPYRAM", text, flags=re.MULTILINE)), False
 
