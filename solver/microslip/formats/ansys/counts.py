@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from ...parallel.errors import MeshError
 from .blocks import FIELDS, Blocks
 from .commands import Command, numbers_behind
 
+_BLANK = re.compile(rb"\n[ \t\r]*(?=\n)")
 _FIRST_LINE = 8  # nodes of an element on its first line, of 19 fields
 
 
@@ -72,4 +75,5 @@ def _check_elements(heads: list[Command], n_lines: int, blocks: Blocks) -> None:
 
 def _n_lines(block: bytes) -> int:
     """Return how many lines hold numbers, without -1 at the end."""
-    return sum(1 for line in block.removesuffix(b"-1").split(b"\n") if line.strip())
+    block = block.removesuffix(b"-1").strip()
+    return block.count(b"\n") + 1 - len(_BLANK.findall(block)) if block else 0
