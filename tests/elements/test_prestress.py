@@ -53,6 +53,40 @@ def test_a_body_free_to_expand_has_no_stress_and_its_forces_are_in_balance(kind)
     assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
 
 
+EXACT = ("tet10", "hex8", "hex20", "wedge15", "pyramid13")  # have all quadratic motions; hex8 by its bubbles
+
+
+@pytest.mark.parametrize("kind", EXACT)
+@pytest.mark.parametrize("is_large", [False, True])
+def test_a_linear_temperature_stresses_nothing(kind, is_large):
+    """theta = g . x: u = alpha ((g . x) x - g |x|^2 / 2) has the strain alpha theta 1."""
+    points, nodes = bent_box(kind)
+    g = np.array([3.0, -2.0, 5.0])
+    theta = points @ g
+    u = STEEL.expansion * (theta[:, None] * points - 0.5 * g * (points**2).sum(axis=1)[:, None])
+    forces = np.zeros_like(points)
+    np.add.at(forces, nodes, elements.thermal_forces(kind, points[nodes], STEEL, theta[nodes]))
+    assert np.abs(forces.sum(axis=0)).max() < 1e-12 * np.abs(forces).sum()
+    stress = elements.stress(kind, points[nodes], u[nodes], STEEL, theta[nodes])
+    assert np.abs(stress).max() < 1e-9 * YOUNG * STEEL.expansion * np.abs(theta).max()
+    if is_large:  # of small strains: what is left is of their square
+        resisted, _ = elements.large_displacements(kind, points[nodes], u[nodes], STEEL, theta[nodes])
+        held, _ = elements.large_displacements(kind, points[nodes], 0.0 * u[nodes], STEEL, theta[nodes])
+        assert np.abs(resisted).max() < 1e-2 * np.abs(held).max()
+    else:
+        K, _ = small_fe.assemble(kind, points, nodes, YOUNG, POISSON, 1.0)
+        assert K @ u.ravel() == pytest.approx(forces.ravel(), abs=1e-9 * np.abs(forces).max())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_one_temperature_at_all_nodes_is_that_of_the_body(kind):
+    points, nodes = bent_box(kind)
+    u, warm = 1e-3 * np.random.default_rng(7).standard_normal(points[nodes].shape), np.full(nodes.shape, WARMER)
+    for function, of in ((elements.stress, (u,)), (elements.thermal_forces, ())):
+        one, each = (function(kind, points[nodes], *of, STEEL, warmer) for warmer in (WARMER, warm))
+        assert each == pytest.approx(one, abs=1e-9 * np.abs(one).max())
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_energy_of_the_stress_stiffness_is_that_of_a_linear_motion(kind):
     """u K_sigma u = V tr(H S H^T) for u = H x under a constant stress S."""

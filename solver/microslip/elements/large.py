@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .materials import Elastic, Material
-from .prestress import _functions
+from .prestress import _at_points, _functions
 from .quadrature import rules
 from .solid import _chunks, _condense, _local
 
@@ -18,7 +18,7 @@ def large_displacements(
     points: np.ndarray,
     u: np.ndarray,
     material: Material,
-    warmer: float = 0.0,
+    warmer: float | np.ndarray = 0.0,
     integration: str = "full",
     incompatible_modes: bool = True,
     with_stress: bool = True,
@@ -44,7 +44,7 @@ def large_displacements(
     f, K = np.empty(points.shape), np.empty((len(points), 3 * n, 3 * n))
     for chunk in _chunks(len(points), 9 * (n + 3) ** 2):
         dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes)
-        of = (_local(material, kind, points[chunk], rule), warmer, with_stress)
+        of = (_local(material, kind, points[chunk], rule), _at_points(kind, rule, warmer, chunk), with_stress)
         bubbles = np.zeros((len(volumes), dN.shape[-1] - n, 3))
         forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *of)
         for _ in range(_BUBBLE_STEPS if bubbles.size else 0):
@@ -59,7 +59,7 @@ def large_displacements(
 
 
 def _forces_and_tangent(
-    dN: np.ndarray, volumes: np.ndarray, moved: np.ndarray, local: Elastic, warmer: float, with_stress: bool
+    dN: np.ndarray, volumes: np.ndarray, moved: np.ndarray, local: Elastic, warmer: float | np.ndarray, with_stress: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return forces (n_elements, m, 3) and tangent (n_elements, 3 m, 3 m) of m functions with amplitudes ``moved`` [m]."""
     F = np.eye(3) + (dN @ moved[:, None]).swapaxes(-1, -2)

@@ -15,7 +15,7 @@ def stress(
     points: np.ndarray,
     u: np.ndarray,
     material: Material,
-    warmer: float = 0.0,
+    warmer: float | np.ndarray = 0.0,
     integration: str = "full",
     incompatible_modes: bool = True,
 ) -> np.ndarray:
@@ -26,29 +26,36 @@ def stress(
     Parameters
     ----------
     u : (n_elements, n, 3) displacements of the nodes [m]
-    warmer : temperature above that without stress [K], whose expansion stresses nothing by itself
+    warmer : temperature above that without stress [K], one or of nodes (n_elements, n), interpolated as displacements are
     others : as in :func:`microslip.elements.stiffness`
 
     Notes
     -----
     The elasticity times eps - alpha dT.  The bubbles of hex8 follow from the nodes, as in its stiffness.
     """
-    found = strain(kind, points, u, material, integration, incompatible_modes)
+    found = strain(kind, points, u, material, integration, incompatible_modes, warmer)
     rule = rules(kind, integration)[0]
     for chunk in _chunks(len(points), 9 * (points.shape[1] + 3) ** 2):
-        found[chunk] = _local(material, kind, points[chunk], rule).stress(found[chunk], warmer)
+        found[chunk] = _local(material, kind, points[chunk], rule).stress(found[chunk], _at_points(kind, rule, warmer, chunk))
     return found
 
 
 def strain(
-    kind: str, points: np.ndarray, u: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
+    kind: str,
+    points: np.ndarray,
+    u: np.ndarray,
+    material: Material,
+    integration: str = "full",
+    incompatible_modes: bool = True,
+    warmer: float | np.ndarray = 0.0,
 ) -> np.ndarray:
     """Return the strain at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [-].  Local; as :func:`stress`."""
     rule = rules(kind, integration)[0]
     found = np.empty((len(points), len(rule.weights), 3, 3))
     for chunk in _chunks(len(points), 9 * (points.shape[1] + 3) ** 2):
         dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes)
-        amplitudes = _amplitudes(dN, volumes, u[chunk], _local(material, kind, points[chunk], rule))
+        local, warm = _local(material, kind, points[chunk], rule), _at_points(kind, rule, warmer, chunk)
+        amplitudes = _amplitudes(dN, volumes, u[chunk], local, warm)
         slopes = dN @ amplitudes[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
         found[chunk] = 0.5 * (slopes + slopes.swapaxes(-1, -2))
     return found
@@ -62,18 +69,31 @@ def _functions(kind: str, points: np.ndarray, rule: Rule, incompatible_modes: bo
     return dN, volumes
 
 
-def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic) -> np.ndarray:
+def _at_points(kind: str, rule: Rule, warmer: float | np.ndarray, chunk: slice) -> float | np.ndarray:
+    """Return temperatures at the quadrature points, (n_elements, n_q), from those of the nodes; one alone stays what it is."""
+    return warmer[chunk] @ KINDS[kind].values(rule.points).T if isinstance(warmer, np.ndarray) else warmer
+
+
+def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic, warm: float | np.ndarray = 0.0) -> np.ndarray:
     """Return the amplitudes of all functions, (n_elements, m, 3), under displacements of the nodes: no force acts on bubbles."""
     n = 3 * u.shape[1]
     if n == 3 * dN.shape[-1]:
         return u
     K = local.stiffness(dN, volumes)
     right = -K[:, n:, :n] @ u.reshape(len(u), n, 1)
+    if isinstance(warm, np.ndarray):  # one temperature moves no bubble
+        right += _held(dN, volumes, local, warm)[:, n // 3 :].reshape(len(u), -1, 1)
     return np.concatenate([u, np.linalg.solve(K[:, n:, n:], right).reshape(len(u), -1, 3)], axis=1)
 
 
 def deformed_stiffness(
-    kind: str, points: np.ndarray, u: np.ndarray, material: Material, integration: str = "full", incompatible_modes: bool = True
+    kind: str,
+    points: np.ndarray,
+    u: np.ndarray,
+    material: Material,
+    integration: str = "full",
+    incompatible_modes: bool = True,
+    warmer: float | np.ndarray = 0.0,
 ) -> np.ndarray:
     """Return the stiffness of elements about a displaced state, without that of its stress, (n_elements, 3 n, 3 n) [N/m].
 
@@ -82,7 +102,7 @@ def deformed_stiffness(
     Parameters
     ----------
     u : (n_elements, n, 3) displacements of the nodes [m]
-    others : as in :func:`microslip.elements.stiffness`
+    others : as in :func:`stress`
     """
     rule = rules(kind, integration)[0]
     n = 3 * points.shape[1]
@@ -90,7 +110,7 @@ def deformed_stiffness(
     for chunk in _chunks(len(points), 9 * (points.shape[1] + 3) ** 2):
         dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes)
         local = _local(material, kind, points[chunk], rule)
-        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local)[:, None]
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local, _at_points(kind, rule, warmer, chunk))[:, None]
         whole = local.stiffness_about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes)
         K[chunk] = _condense(whole, n) if whole.shape[-1] > n else whole
     return K
@@ -110,15 +130,34 @@ def stress_stiffness(kind: str, points: np.ndarray, stress: np.ndarray, integrat
     return found
 
 
-def thermal_forces(kind: str, points: np.ndarray, material: Material, warmer: float, integration: str = "full") -> np.ndarray:
+def thermal_forces(
+    kind: str,
+    points: np.ndarray,
+    material: Material,
+    warmer: float | np.ndarray,
+    integration: str = "full",
+    incompatible_modes: bool = True,
+) -> np.ndarray:
     """Return the nodal forces of elements that are held while they are warm, turned round, (n_elements, n, 3) [N].
 
-    Local.  docs/theory.md, eq. (12.2); ``warmer`` [K] than without stress.
+    Local.  docs/theory.md, eq. (12.2); ``warmer`` [K] than without stress, one or those of the nodes, (n_elements, n), as in
+    :func:`stress`.  Bubbles of hex8 give way to it.
     """
-    rule = rules(kind, integration)[0]
+    rule, n = rules(kind, integration)[0], points.shape[1]
     found = np.empty(points.shape)
-    for chunk in _chunks(len(points), 9 * points.shape[1] ** 2):
-        dN, volumes = _gradients(KINDS[kind], points[chunk], rule)
-        held = _local(material, kind, points[chunk], rule).stress(np.zeros((3, 3)), warmer)
-        found[chunk] = -((volumes[..., None, None] * (held @ dN)).sum(axis=1)).swapaxes(-1, -2)
+    for chunk in _chunks(len(points), 9 * (n + 3) ** 2):
+        local, warm = _local(material, kind, points[chunk], rule), _at_points(kind, rule, warmer, chunk)
+        dN, volumes = _functions(kind, points[chunk], rule, incompatible_modes and isinstance(warm, np.ndarray))
+        forces = _held(dN, volumes, local, warm)
+        if dN.shape[-1] > n:
+            K, on_bubbles = local.stiffness(dN, volumes), forces[:, n:].reshape(len(forces), -1, 1)
+            K_kb, K_bb = K[:, : 3 * n, 3 * n :], K[:, 3 * n :, 3 * n :]
+            forces = forces[:, :n] - (K_kb @ np.linalg.solve(K_bb, on_bubbles)).reshape(-1, n, 3)
+        found[chunk] = forces
     return found
+
+
+def _held(dN: np.ndarray, volumes: np.ndarray, local: Elastic, warm: float | np.ndarray) -> np.ndarray:
+    """Return what expansion pushes with by each function of gradients (n_elements, n_q, 3, m), (n_elements, m, 3) [N]."""
+    held = local.stress(np.zeros((3, 3)), warm)
+    return -((volumes[..., None, None] * (held @ dN)).sum(axis=1)).swapaxes(-1, -2)

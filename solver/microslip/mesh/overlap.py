@@ -21,9 +21,10 @@ from ..parallel.words import place
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh
 from .near import pairs_within, trees_by_size
+from .penetration import check_sunk
 from .projection import project_on_surface
 from .settings import GEOMETRY, MORTAR, Joint
-from .surface import Surface, on_mesh
+from .surface import Surface, face_size, on_mesh
 
 NEAR = 0.1  # of the size of the larger faces: how far apart the surfaces of a joint may lie, where it states no tolerance
 FAR = 0.1  # of the mesh's diagonal, the same where the gap is that of the mesh
@@ -129,7 +130,7 @@ def reach_of(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> float
         return joint.tolerance
     if joint.gap == GEOMETRY:
         return FAR * mesh.diagonal
-    return NEAR * max(np.sqrt(side.areas.sum() / sum(map(len, side.faces.values()))) for side in (first, second))
+    return NEAR * max(face_size(side) for side in (first, second))
 
 
 def cells_of(mesh: Mesh, kind: str, faces: np.ndarray) -> Cells:
@@ -375,6 +376,8 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, sh
     foot = project_on_surface(mesh.points, second.faces, mesh.points[first.nodes])
     worst = int(np.argmax(foot.distance))
     near = foot.distance <= reach
+    if covered <= _LEAST and not near.any():
+        check_sunk(mesh, joint, first, second, foot)
     if covered <= _LEAST and near.any():  # they lie on each other: what is wrong is where they look
         normals2 = np.einsum("pk,pki->pi", foot.weights, on_mesh(mesh, second)[foot.nodes])
         normals2 /= np.linalg.norm(normals2, axis=1, keepdims=True)

@@ -345,15 +345,24 @@ class Point(Table):
 class Mass(Table):
     """[[masses]]: a point mass at each node of a group."""
 
-    group: str = Field(min_length=1, description="the name of a group in the mesh")
-    mass: NotNegative = Field(description="the mass in kg of each of its nodes, a number of at least 0")
+    group: str | None = Field(None, min_length=1, description="the name of a group in the mesh")
+    point: str | None = Field(None, min_length=1, description="the name of one of the [[points]]")
+    mass: NotNegative = Field(description="the mass in kg of each of its nodes, or of the point, a number of at least 0")
+
+    @model_validator(mode="after")
+    def _place(self):
+        self.exactly_one("group", *["point"] * (self.point is not None))
+        return self
 
 
 class Spring(Table):
     """[[springs]]: nodes on springs and dampers to ground, or two nodes joined by one."""
 
-    groups: Annotated[tuple[str, ...], AfterValidator(_no_duplicates), Field(min_length=1, max_length=2)] = Field(
-        description="the name of a group whose nodes have springs to ground, or of two groups of one node each, in a list"
+    groups: Annotated[tuple[str, ...], AfterValidator(_no_duplicates), Field(max_length=2)] = Field(
+        (), description="the name of a group whose nodes have springs to ground, or of two groups of one node each, in a list"
+    )
+    points: Annotated[tuple[str, ...], AfterValidator(_no_duplicates), Field(max_length=2)] = Field(
+        (), description="the names of one or two of the [[points]] that it holds, in a list, in place of groups or beside one"
     )
     direction: Direction | None = Field(
         None,
@@ -366,7 +375,11 @@ class Spring(Table):
     def _directed(self):
         if not {"stiffness", "damping"} & self.model_fields_set:
             raise ValueError(f"stiffness is missing: expected {Spring.model_fields['stiffness'].description}; or damping")
-        if len(self.groups) == 1 and self.direction is None:
+        if not self.groups and not self.points:
+            raise ValueError(f"groups is missing: expected {Spring.model_fields['groups'].description}; or points")
+        if len(self.groups) + len(self.points) > 2:
+            raise ValueError("groups and points: a spring has two ends at most")
+        if len(self.groups) + len(self.points) == 1 and self.direction is None:
             raise ValueError(f"direction is missing: expected {Spring.model_fields['direction'].description}")
         return self
 
@@ -403,7 +416,7 @@ class Joint(Table):
     )
     normal_stiffness: Positive | None = Field(None, description="the stiffness per unit area in N/m3, a number above 0")
     preload: NotNegative | Literal["static"] | None = Field(
-        None, description='the contact pressure at rest in Pa, a number of at least 0, or "static"'
+        None, description='the contact pressure at rest in Pa, a number of at least 0 (open ones have a gap), or "static"'
     )
     gap: NotNegative | Literal["geometry"] = Field(
         0.0, description='the distance at rest in m, a number of at least 0, or "geometry": that of the mesh'
@@ -497,17 +510,23 @@ class Joint(Table):
 
 
 class Force(Table):
-    """[[statics.forces]]: a constant force, shared by its nodes."""
+    """[[statics.forces]]: a constant force, shared by its nodes, or a moment."""
 
     position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is loaded")
     node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
     group: str | None = Field(None, min_length=1, description="the name of a group in the mesh; its nodes share the force")
     point: str | None = Field(None, min_length=1, description="the name of one of the [[points]]")
-    force: Direction = Field(description="the force [x, y, z] in N, three numbers, not all 0")
+    force: Direction | None = Field(None, description="the force [x, y, z] in N, three numbers, not all 0")
+    moment: Direction | None = Field(None, description="the moment [x, y, z] in N m, three numbers, not all 0")
 
     @model_validator(mode="after")
     def _place(self):
         self.exactly_one("position", "node", "group", *["point"] * (self.point is not None))
+        if self.moment is None and self.force is None:
+            raise ValueError(f"force is missing: expected {Force.model_fields['force'].description}; or moment")
+        self.exactly_one("force", *["moment"] * (self.moment is not None))
+        if self.moment is not None and self.group is None and self.point is None:
+            raise ValueError("moment acts on a group of nodes or on a point; a node alone bears none")
         return self
 
 
@@ -522,7 +541,14 @@ class Temperature(Table):
     """[[statics.temperatures]]: a body that is warmer than where it is free of stress."""
 
     group: str = Field(min_length=1, description="the name of a group of volume elements in the mesh, of one of the bodies")
-    temperature: float = Field(description="the temperature in K above that without stress, a number")
+    temperature: float | None = Field(None, description="the temperature in K above that without stress, a number")
+    field: str | None = Field(None, min_length=1, description="the name of a field of the mesh that has it at the nodes")
+    file: str | None = Field(None, min_length=1, description="the path of a CSV file with the columns node and temperature")
+
+    @model_validator(mode="after")
+    def _one(self):
+        self.exactly_one("temperature", "field", "file")
+        return self
 
 
 class MovedSupport(Table):
