@@ -87,7 +87,7 @@ def in_format(folder: Path, ending: str) -> str:
     K, M, dofs = calculix_blocks()
     WRITERS[ending][0](folder / f"K.{ending}", K, dofs)
     write = WRITERS[ending][0]
-    write(folder / f"M.{ending}", M, dofs, **({"symbol": "M"} if ending == "full" else {}))
+    write(folder / f"M.{ending}", M, dofs, **({"symbol": "M"} if ending in ("full", "sub") else {}))
     lines = ["[model]", f'stiffness = "K.{ending}"', f'mass = "M.{ending}"']
     if ending not in WITH_DOFS:
         write_dofs(folder / "dofs.csv", dofs)

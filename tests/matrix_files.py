@@ -155,6 +155,21 @@ def write_full(path: Path, A, dofs, symbol="K") -> None:
     path.write_bytes(b"".join(first) + entries + _record(np.full(len(nodes), 3)) + _record(held))
 
 
+def write_sub(path: Path, A, dofs, symbol="K", n_modes=0, is_triangle=False) -> None:
+    """Write a .sub that holds two matrices, of which the other is seven times this one; the last rows are those of modes."""
+    A = sp.csr_matrix(A).toarray()
+    n, modes = len(A), np.arange(n_modes) + 3 * (dofs.nodes.max() + 5)
+    rows = np.r_[3 * (dofs.nodes - 1) + dofs.directions, modes][:n]
+    parts = (A, 7.0 * A) if symbol == "K" else (7.0 * A, A)
+    head = np.zeros(80, dtype="<i4")
+    head[[0, 1, 2, 4, 10, 11, 43]] = 8, n, 2, 3, 1, 1, n_modes
+    start = 103 + 83
+    head[[30, 31, 21]] = start, start + 6, start + 6 + n + 3
+    matrices = [_record(part[i, : i + 1] if is_triangle else part[i]) for i in range(n) for part in parts]
+    whole = [_record(np.zeros(100, dtype="<i4")), _record(head), _record(np.array([1, 2, 3])), _record(rows), *matrices]
+    path.write_bytes(b"".join(whole))
+
+
 def _record(values: np.ndarray) -> bytes:
     """Return a record of Ansys: words, kind, content, words."""
     is_number = values.dtype.kind == "f"
@@ -176,5 +191,6 @@ WRITERS = {  # ending: how to write it, and what it keeps of 16 digits
     "abaqus.mtx": (write_abaqus, 1e-14),
     "sti": (write_calculix, 1e-12),
     "full": (write_full, 1e-15),
+    "sub": (write_sub, 1e-15),
 }
-WITH_DOFS = ("pch", "abaqus.mtx", "sti", "full")
+WITH_DOFS = ("pch", "abaqus.mtx", "sti", "full", "sub")

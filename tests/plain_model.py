@@ -10,6 +10,8 @@ import numpy as np
 import scipy.io
 from box_meshes import box
 
+from microslip.formats.via_meshio import load_meshio
+
 YOUNG, POISSON, DENSITY = 2.1e11, 0.3, 7800.0
 OFFSET = 100  # node numbers begin after it, with a hole in the middle
 SCENE = {
@@ -278,6 +280,14 @@ def exodus(model: Plain, path, hdf5: bool = False) -> None:
             one[:] = array
             if name in kinds:
                 one.elem_type = kinds[name]
+
+
+def write_vtk(model: Plain, path) -> None:
+    """Write a file .vtu or .vtk: the bodies as an array of the cells, the sets as arrays of the points."""
+    cells = [("hexahedron", block) for block in model.elements]
+    parts = [np.full(len(block), k) for k, block in enumerate(model.elements, 1)]
+    sets = {name: np.isin(np.arange(len(model.points)), nodes).astype(int) for name, nodes in model.sets.items()}
+    load_meshio().Mesh(model.points, cells, cell_data={"part": parts}, point_data=sets).write(path)
 
 
 def _letters(names: list[str]) -> np.ndarray:

@@ -276,6 +276,7 @@ TARGETS = {
     "op2": Target(".op2", _matrix, ("K       ", "\4\0\0\0", "\2\0\0\0")),
     "dmig": Target(".pch", _matrix, ("DMIG", "DMIG*", "KAAX", "*       ", "1.5D+03", "UACCEL")),
     "full": Target(".full", _matrix, ("\0\0\0\x80",)),
+    "sub": Target(".sub", _matrix, ("\0\0\0\x80",)),
     "harwell_boeing": Target(".rua", _matrix, ("RUA", "RSA", "(16I5)", "(4E20.12)", "(1I1)", "(0I0)")),
     "petsc": Target(".petsc", _matrix, ("\0\x12\x7b\x50", "\xff\xff\xff\xff")),
     "scene": Target(

@@ -1,5 +1,6 @@
 """Input files of Abaqus and CalculiX: parts, includes, sets, surfaces, properties and connections, findings, and what is damaged."""
 
+import contextlib
 import os
 import sys
 from pathlib import Path
@@ -660,14 +661,11 @@ def test_a_link_out_of_the_folder_is_outside_and_circles_of_several_files_are_fo
 
 
 @pytest.mark.parametrize("step", [211, 307])
-def test_every_truncation_and_every_slip_is_one_message_or_a_model(tmp_path, step):
+def test_every_truncation_is_one_message_and_every_slip_that_or_a_model(tmp_path, step):
     whole = inp(plain("hex20"), ("*Tie, name=t", "BAR_BOTTOM, PLATE_TOP", "*Mass, elset=m", "1."))
-    n_models = n_refused = 0
+    loose = range(whole.index("*End Assembly") + 13, len(whole))  # no part, instance or assembly is open there
     for at in range(step, len(whole), step):
-        for text in (whole[:at], whole[:at] + ",x=" + whole[at + 3 :]):
-            try:
-                read(tmp_path, text)
-                n_models += 1
-            except MeshError:
-                n_refused += 1
-    assert n_models and n_refused
+        with contextlib.suppress(MeshError) if at in loose else pytest.raises(MeshError):
+            read(tmp_path, whole[:at])
+        with contextlib.suppress(MeshError):
+            assert len(read(tmp_path, whole[:at] + ",x=" + whole[at + 3 :]).points)

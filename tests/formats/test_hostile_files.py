@@ -14,7 +14,8 @@ import matplotlib
 import numpy as np
 import pytest
 from kept_results import kept
-from plain_model import bdf, exodus, inp, plain
+from plain_model import POISSON, YOUNG, bdf, exodus, inp, plain
+from reader_seeds import SEEDS
 from reader_targets import TARGETS, verdict
 from scene_files import GOOD
 
@@ -88,6 +89,78 @@ VTK = "# vtk DataFile Version 4.2\ntitle\nASCII\nDATASET UNSTRUCTURED_GRID\n"
 )
 def test_counts_and_numbers_that_no_file_can_hold_are_refused(tmp_path, name, content, said):
     assert said in read(tmp_path, name, content)
+
+
+@pytest.mark.parametrize(
+    "name, old, new, said",
+    [
+        ("ansys", "SOLID,6,6", "SOLID,9,9", "EBLOCK counts 9 elements and holds 6"),
+        ("ansys", "SOLID,6,6", "SOLID,3,3", "holds 6 lines, and 3 make the 3 elements that it counts"),
+        ("ansys", "1132,32", "1132,40", "NBLOCK counts 40 nodes and holds 32"),
+        ("ansys", "1132,32", "1132,31", "NBLOCK counts 31 nodes and holds 32"),
+        ("ansys", "NODE,       8\n", "NODE,       9\n", "CMBLOCK BAR_BOTTOM counts 9 numbers and holds 8"),
+        ("ansys", "       -1\nCMBLOCK", "CMBLOCK", "EBLOCK ends without -1"),
+        ("ansys_input", "eblock,19,solid,,3", "eblock,19,solid,,4", "EBLOCK counts 4 elements and holds 3"),
+        ("abaqus", "*End Assembly\n", "", "*ASSEMBLY has no *END ASSEMBLY"),
+        ("abaqus", "*End Step\n", "*Step\n*End Step\n", "*STEP within another"),
+        ("abaqus", "\n2, ", "\n2\n2, ", "every line must hold a number and three coordinates"),
+        ("calculix", "\n", "", "does not end; the file is truncated"),
+        ("dmig", "\n", "", "does not end; the file is truncated"),
+    ],
+)
+def test_what_a_file_counts_and_opens_is_there(tmp_path, name, old, new, said):
+    text = min((one.decode() for one in SEEDS[name](tmp_path)[:2]), key=len)
+    at = text.rfind(old) if said.startswith("does not end") else text.find(old)
+    assert at >= 0
+    assert said in read(tmp_path, name, text[:at] + new + text[at + len(old) :])
+
+
+@pytest.mark.parametrize("kind, n_lines", [("hex8", 1), ("hex20", 2)])
+def test_an_element_that_lacks_a_node_does_not_take_one_of_the_next(tmp_path, kind, n_lines):
+    lines, n = inp(plain(kind)).splitlines(), int(kind[3:])
+    last = next(i for i, line in enumerate(lines) if line.startswith("*Element")) + n_lines
+    lines[last] = lines[last].rpartition(",")[0]
+    assert f"element 1 has {n - 1} nodes, and {n} are due" in read(tmp_path, "abaqus", "\n".join(lines))
+
+
+@pytest.mark.parametrize(
+    "name, write, last", [("fem", bdf, "ENDDATA"), ("nastran", bdf, "ENDDATA"), ("abaqus", inp, "*End Step")]
+)
+def test_files_that_do_not_end_are_said_to(tmp_path, name, write, last):
+    path = tmp_path / f"m{TARGETS[name].ending}"
+    for text, n in ((write(plain()), 0), (write(plain()).replace(last, ""), 1)):
+        path.write_text(text)
+        assert [one.word for one in read_model(path).findings].count(last.upper()) == n
+
+
+@pytest.mark.parametrize("second, changes", [("1., 0.3", True), (f"{YOUNG}, {POISSON}", False)])
+def test_a_property_that_stands_twice_is_found(tmp_path, second, changes):
+    (tmp_path / "m.inp").write_text(inp(plain()).replace("*Elastic\n", f"*Elastic\n{second}\n*Elastic\n"))
+    (found,) = (one for one in read_model(tmp_path / "m.inp").findings if one.word == "*ELASTIC")
+    assert found.changes == changes and "of material 'Steel' again, after line" in found.effect
+
+
+def test_cards_of_optistruct_are_read_or_found(tmp_path):
+    """The words before its bulk data are its own; of two sets of supports the chosen one holds."""
+    head, _, bulk = bdf(plain(), ("CBUSH,77,7,101,102", "SPC1,2,1,102")).partition("BEGIN BULK")
+    sets = head[head.index("SET 1") :]
+    asked = "SCREEN OUT\nDISPLACEMENT(H3D) = ALL\n$HMNAME LOADSTEP 1\nSUBCASE 1\n  LABEL x\n  ANALYSIS MODES\n  SPC =    1\n"
+    (tmp_path / "m.fem").write_text(f"{sets}{asked}BEGIN BULK{bulk}")
+    model = read_model(tmp_path / "m.fem")
+    assert [one.fix for one in model.supports] == [("x", "y", "z")] and len(model.groups["SET 2"].nodes) == 8
+    assert [one.word for one in model.findings if one.changes] == ["CBUSH"]
+
+
+def test_cells_that_meshio_leaves_out_are_refused(tmp_path):
+    points = "POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\n"
+    said = read(
+        tmp_path,
+        "vtk",
+        VTK.replace("4.2", "5.1")
+        + points
+        + "CELLS 3 8\nOFFSETS vtktypeint64\n0 4 8\nCONNECTIVITY vtktypeint64\n0 1 2 3 0 1 2 3\nCELL_TYPES 2\n10\n41\n",
+    )
+    assert "VTK's type 41" in said
 
 
 @pytest.mark.slow

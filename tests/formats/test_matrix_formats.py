@@ -53,6 +53,53 @@ def test_op4_of_any_machine_with_several_matrices(tmp_path, order, is_big):
         read(path, "M", "Y")
 
 
+def test_a_superelement_of_ansys_has_rows_of_modes_and_may_be_a_triangle(tmp_path):
+    A, path = matrix(), tmp_path / "se.sub"
+    matrix_files.write_sub(path, A, DOFS[np.arange(6)], n_modes=3, is_triangle=True)
+    found = read(path)
+    np.testing.assert_array_equal(found.matrix.toarray(), A)
+    np.testing.assert_array_equal(read(path, "M").matrix.toarray(), 7.0 * A)
+    np.testing.assert_array_equal(found.dofs.keys(), [*DOFS.keys()[:6], 0, 0, 0])
+    with pytest.raises(CaseError, match="the file holds no C"):
+        read(path, "C")
+
+
+@pytest.mark.parametrize(
+    "place, value, said",
+    [
+        (0, 9, "not of a superelement with full"),
+        (9, 1, "a form that is not"),
+        (2, 1, "a form that"),
+        (43, 10, "does not fit its 9 rows"),
+    ]
+    + [
+        (21, 186, "is of the kind"),
+        (31, 186, "does not fit"),
+        (12, 1, "a form that is not"),
+        (1, 8, "holds 9 numbers where 8 are due"),
+    ],
+)
+def test_a_superelement_of_another_form_is_refused(tmp_path, place, value, said):
+    path = tmp_path / "se.sub"
+    matrix_files.write_sub(path, matrix(), DOFS)
+    content = np.frombuffer(path.read_bytes(), dtype="<i4").copy()
+    content[103 + 2 + place] = value
+    path.write_bytes(content.tobytes())
+    with pytest.raises(CaseError, match=said):
+        read(path)
+
+
+def test_superelements_whose_matrices_come_one_after_the_other_are_refused(tmp_path):
+    """Were the rows in another order than documented, the matrices would not be symmetric."""
+    A, path = matrix(), tmp_path / "se.sub"
+    matrix_files.write_sub(path, A, DOFS)
+    content, n = path.read_bytes(), 4 * (2 * N + 3)
+    rows = [content[-n * k : len(content) - n * (k - 1)] for k in range(2 * N, 0, -1)]
+    path.write_bytes(content[: -n * 2 * N] + b"".join(rows[::2] + rows[1::2]))
+    with pytest.raises(CaseError, match="is not symmetric"):
+        read(path)
+
+
 def test_dmig_in_small_fields_and_between_commas(tmp_path):
     path = tmp_path / "k.dmig"
     path.write_text(
@@ -192,7 +239,6 @@ HUGE = "999999999999"
         ("K.op2", "nothing", "does not begin as OUTPUT2"),
         ("K.rua", "title\n1 1 1 1 0\n", "is not a Harwell-Boeing file"),
         ("K.full", "nothing at all", "no record at word 0"),
-        ("K.sub", "", "a .sub of Ansys is not read; write its matrices with APDL"),
         ("K.txt", "", "ending '.txt' is not one of " + ", ".join(ENDINGS)),
     ],
 )

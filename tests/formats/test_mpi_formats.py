@@ -1,6 +1,8 @@
 """Every model file that states materials, bodies and supports gives the response of the same model as a mesh with a scene."""
 
+import shutil
 import sys
+from pathlib import Path
 from types import ModuleType
 
 import mapdl_archive
@@ -8,29 +10,45 @@ import meshio
 import numpy as np
 import pytest
 from mpi4py import MPI
-from plain_model import DENSITY, POISSON, SCENE, YOUNG, bdf, cdb, exodus, inp, plain, tables, unv
+from plain_model import DENSITY, POISSON, SCENE, YOUNG, bdf, cdb, ds_dat, exodus, inp, plain, tables, unv, write_vtk
 
 import microslip
 from microslip.parallel.agree import on_root
 from microslip.scene.read import scene_of
 
 comm = MPI.COMM_WORLD
+DATA = Path(__file__).parents[1] / "data"
 STEEL = {"young": YOUNG, "poisson": POISSON, "density": DENSITY}
 WRITERS = {
     ".cdb": lambda path: path.write_text(cdb(plain())),
     ".inp": lambda path: path.write_text(inp(plain())),
     ".bdf": lambda path: path.write_text(bdf(plain())),
+    ".fem": lambda path: path.write_text(bdf(plain())),
+    ".dat": lambda path: path.write_text(ds_dat(plain())),
+    ".vtu": lambda path: write_vtk(plain(), path),
+    ".vtk": lambda path: write_vtk(plain(), path),
     ".unv": lambda path: path.write_text(unv(plain())),
     ".exo": lambda path: exodus(plain(), path),
     ".e": lambda path: exodus(plain(), path, hdf5=True),
 }
-SURFACES = {".bdf": ("SET 1", "SET 2")}  # where names of sets are numbers
-MESH_ALONE = (".unv", ".exo", ".e")  # the scene states the rest
-BY_SCENE = {
-    "materials": {"steel": STEEL},
-    "bodies": {name: {"group": name, "material": "steel"} for name in ("bar", "plate")},
-    "supports": ({"group": "PLATE_BASE", "fix": ("x", "y", "z")},),
+SURFACES = {  # where sets have other names
+    **dict.fromkeys((".bdf", ".fem"), ("SET 1", "SET 2")),
+    ".dat": ("CONTA174 real 3", "TARGE170 real 3"),
+    **dict.fromkeys((".vtu", ".vtk"), ("BAR_BOTTOM=1", "PLATE_TOP=1")),
 }
+MESH_ALONE = (".unv", ".exo", ".e", ".vtu", ".vtk")  # the scene states the rest
+
+
+def by_scene(bar="bar", plate="plate", held="PLATE_BASE"):
+    """Return what a file that is a mesh alone leaves to the scene; the names are those of its groups."""
+    return {
+        "materials": {"steel": STEEL},
+        "bodies": {name: {"group": group, "material": "steel"} for name, group in (("bar", bar), ("plate", plate))},
+        "supports": ({"group": held, "fix": ("x", "y", "z")},),
+    }
+
+
+BY_VALUES = by_scene("part=1", "part=2", "PLATE_BASE=1")  # groups of VTK files are values of their arrays
 
 
 def response_of(scene):
@@ -59,20 +77,39 @@ def expected(folder):
         meshio.write(folder / "plain.msh", mesh, file_format="gmsh22", binary=False)
 
     on_root(comm, write)
-    return response_of(scene_of({"model": {"mesh": "plain.msh"}, **BY_SCENE, **SCENE}, folder / "plain.toml"))
+    return response_of(scene_of({"model": {"mesh": "plain.msh"}, **by_scene(), **SCENE}, folder / "plain.toml"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ending", WRITERS)
 def test_a_model_file_gives_the_response_of_mesh_and_scene(expected, folder, ending):
     on_root(comm, lambda: (WRITERS[ending](folder / f"model{ending}"), None)[1])
-    stated = {**tables(f"model{ending}"), **(BY_SCENE if ending in MESH_ALONE else {})}
+    own = BY_VALUES if ending.startswith(".vt") else by_scene()
+    stated = {**tables(f"model{ending}"), **(own if ending in MESH_ALONE else {})}
     if ending in SURFACES:
         stated["joints"] = ({**stated["joints"][0], "surfaces": SURFACES[ending]},)
     omega, frequency, amplitude = response_of(scene_of(stated, folder / f"model{ending}.toml"))
     np.testing.assert_allclose(omega, expected[0], rtol=1e-8)
     np.testing.assert_allclose(frequency, expected[1], rtol=1e-8)
     np.testing.assert_allclose(amplitude, expected[2], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_geometry_in_nastrans_output_runs_to_its_curve(folder):
+    """A brick as MSC Nastran wrote it, and the same from its bulk data, on ground by friction where it is held in the file."""
+    on_root(comm, lambda: [shutil.copy(DATA / f"chexa20.{ending}", folder) for ending in ("op2", "bdf")] and None)
+    curves = []
+    for ending, of_apex in (("op2", ()), ("bdf", ("ABSNMVS", "ABSTRCT", "MDLPRM"))):
+        scene = {
+            "model": {"mesh": f"chexa20.{ending}", "take": ("materials", "bodies"), "ignore": of_apex},
+            "joints": ({**SCENE["joints"][0], "surfaces": ("SPC xyz",), "against": "ground"},),
+            "loads": ({"node": 7, "direction": (1.0, 0.3, 0.2)},),
+            "outputs": ({"name": "corner", "node": 7, "direction": (1.0, 0.0, 0.0)},),
+            "response": {**SCENE["response"], "levels": (0.1,)},
+        }
+        curves.append(response_of(scene_of({**SCENE, **scene}, folder / f"chexa20_{ending}.toml")))
+    for own, other in zip(*curves, strict=True):
+        np.testing.assert_allclose(own, other, rtol=1e-5)
 
 
 class Result:

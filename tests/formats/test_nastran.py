@@ -1,5 +1,6 @@
 """Nastran bulk data: every solid, what the cards say, what changes the answer, and what is damaged."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from plain_model import bdf, plain, tables
 
 from microslip import elements
+from microslip.formats.nastran.read import streams_kept
 from microslip.formats.read import read_model
 from microslip.library.complete import complete, held_by
 from microslip.parallel.errors import CaseError
@@ -301,3 +303,11 @@ def test_included_files_are_read(tmp_path):
     whole = read_model(written(tmp_path, text=text))
     parts = read_model(written(tmp_path, text=text[:at] + "INCLUDE 'more.inc'\n" + text[text.index("CHEXA") :]))
     np.testing.assert_array_equal(parts.points, whole.points)
+
+
+def test_the_streams_of_the_program_stay_its_own(monkeypatch):
+    """pyNastran's logger exchanges them on terminals."""
+    kept = sys.stdout, sys.stderr
+    with streams_kept():
+        monkeypatch.setattr(sys, "stdout", None)
+    assert (sys.stdout, sys.stderr) == kept

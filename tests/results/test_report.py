@@ -72,6 +72,14 @@ def test_page_is_whole_and_asks_no_other_machine(whole):
     assert links == [attrs["id"] for tag, attrs in parsed.tags if tag == "section"] and "motion" in links
 
 
+def test_no_button_sends_the_chart_anywhere(whole):
+    """Plotly 7 has one that uploads it."""
+    library = pytest.importorskip("plotly.offline").get_plotlyjs()
+    removed = re.search(r"const removed = \[(.*)\]", whole[1])[1]
+    assert set(re.findall(r'name:"(send\w+)"', library)) <= set(re.findall(r'"(\w+)"', removed))
+    assert "form-action 'none'" in whole[1]
+
+
 def test_texts_of_the_user_are_texts(whole):
     """Title, names of outputs, groups and joints, the scene, notes: none opens a tag or ends a script."""
     parsed = Page(whole[1])

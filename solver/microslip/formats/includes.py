@@ -14,7 +14,7 @@ _ABAQUS = re.compile(
     _KEYWORD + rb'[^\n]*?(?<=[,\n])[ \t]*INPUT[ \t]*=[ \t]*("[^"\n]*"|[^,\r\n]*)(?=[,\r\n])', re.IGNORECASE | re.MULTILINE
 )
 _NASTRAN = re.compile(rb"^[ \t]*INCLUDE[ \t]*([^\r\n$]*)(?=[\r\n$])", re.IGNORECASE | re.MULTILINE)
-_OF_ENDING = {".inp": (b"INPUT", _ABAQUS), **dict.fromkeys((".bdf", ".nas", ".dat"), (b"INCLUDE", _NASTRAN))}
+_OF_ENDING = {".inp": (b"INPUT", _ABAQUS), **dict.fromkeys((".bdf", ".nas", ".fem", ".dat"), (b"INCLUDE", _NASTRAN))}
 
 
 def included_files(path: str | os.PathLike[str]) -> tuple[Path, ...]:

@@ -269,14 +269,18 @@ def _nodes_4(cursor: _Text | _Binary) -> tuple[np.ndarray, np.ndarray]:
 
 def _elements_4(cursor: _Text | _Binary, physical: dict[tuple[int, int], np.ndarray]) -> list[tuple]:
     """Return (kind, element numbers, node numbers, physical tags) of every entity's elements."""
+    n_blocks, n_elements = cursor.sizes(4)[:2]
     blocks = []
-    for _ in range(cursor.sizes(4)[0]):
+    for _ in range(n_blocks):
         dimension, entity, gmsh_type = (int(value) for value in cursor.ints(3))
         n = int(cursor.sizes(1)[0])
         kind, n_nodes = _kind(gmsh_type)
         rows = cursor.sizes(n * (1 + n_nodes)).reshape(n, 1 + n_nodes)
         blocks.append((kind, rows[:, 0], rows[:, 1:], physical.get((dimension, entity), ())))
     cursor.finish()
+    n_held = sum(len(numbers) for _, numbers, _, _ in blocks)
+    if n_held != n_elements:
+        raise MeshError(f"$Elements announces {n_elements} elements and holds {n_held}; the file is damaged")
     return blocks
 
 

@@ -29,7 +29,7 @@ READERS = {
     ".inp": read_inp,
     ".cdb": read_cdb,
     ".rst": read_rst,
-    **dict.fromkeys((".bdf", ".nas"), read_bdf),
+    **dict.fromkeys((".bdf", ".nas", ".fem"), read_bdf),
     ".dat": _read_dat,
     ".op2": read_op2_model,
     **dict.fromkeys((".e", ".exo", ".ex2"), read_exodus),

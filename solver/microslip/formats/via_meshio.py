@@ -13,7 +13,7 @@ from ..parallel.errors import MeshError
 from .model import KINDS, Cells, FileModel, Group, names_of_tags
 
 # Formats that can refer to other files through HDF5 (.xdmf, .h5, .med, .cgns, .e) are left out on purpose.
-FORMATS = {".vtu": "vtu", ".vtk": "vtk", ".fem": "nastran"}
+FORMATS = {".vtu": "vtu", ".vtk": "vtk"}
 _KINDS = {
     "vertex": "point",
     "line": "line2",
@@ -35,7 +35,7 @@ _KINDS = {
     "pyramid13": "pyramid13",
     "pyramid14": "pyramid14",
 }
-_REFERENCES = ("nastran:ref", "gmsh:physical", "cell_tags")  # the format's own word for a group
+_REFERENCES = ("gmsh:physical", "cell_tags")  # the format's own word for a group
 _MOST_VALUES = 1000  # an integer array with more values numbers its cells, it does not group them
 
 
@@ -43,20 +43,19 @@ def read_other(path: str) -> FileModel:
     """Read a file through meshio.  Local.
 
     Groups are the format's named sets, its references ("3"), and further integer arrays on cells or points
-    ("name=3").  Node and cell numbers are those of the file for Nastran, ``GlobalNodeIds`` and ``GlobalCellIds``
-    where VTK files have them, otherwise positions from 1.
+    ("name=3").  Node and cell numbers are ``GlobalNodeIds`` and ``GlobalCellIds`` where the file has them, otherwise positions
+    from 1.
 
     Raises
     ------
     MeshError without the file's name: whatever meshio did not like.
     """
     file_format = FORMATS[os.path.splitext(path)[1].lower()]
-    text = _nastran_text(path) if file_format == "nastran" else None
-    mesh = _read_quietly(path if text is None else io.StringIO(text), file_format)
+    mesh = _read_quietly(path, file_format)
     points = np.asarray(mesh.points, dtype=float)
     if points.shape[1:] != (3,):
         raise MeshError(f"the points have {points.shape[-1]} coordinates, not 3")
-    node_numbers, cell_numbers = _nastran_numbers(text) if text else _global_ids(mesh)
+    node_numbers, cell_numbers = _global_ids(mesh)
     n_cells = sum(len(block.data) for block in mesh.cells)
     has_numbers = len(node_numbers) == len(points) and len(cell_numbers) == n_cells
     if not has_numbers:
@@ -97,12 +96,12 @@ def load_meshio():
     return meshio
 
 
-def _read_quietly(source, file_format: str):
-    """Return what meshio reads; anything else it does becomes a MeshError."""
+def _read_quietly(path: str, file_format: str):
+    """Return what meshio reads; anything else it does becomes a MeshError, and what it leaves out, too."""
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), np.errstate(all="ignore"):
-            return load_meshio().read(source, file_format=file_format)
+            mesh = load_meshio().read(path, file_format=file_format)
     except (KeyboardInterrupt, MemoryError):
         raise
     except ImportError:
@@ -113,28 +112,10 @@ def _read_quietly(source, file_format: str):
         raise MeshError(
             f"it cannot be read as {file_format}; it is truncated, damaged or another format ({cause[:200]})"
         ) from None
-
-
-def _nastran_text(path: str) -> str:
-    """Return a bulk data file with the frame that meshio wants and Gmsh leaves out."""
-    with open(path, encoding="utf-8", errors="replace") as file:
-        text = file.read()
-    begin = "" if re.search(r"^BEGIN BULK", text, re.MULTILINE) else "BEGIN BULK\n"
-    end = "" if re.search(r"^ENDDATA", text, re.MULTILINE) else "\nENDDATA\n"
-    return begin + text + end
-
-
-def _nastran_numbers(text: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the numbers of nodes and elements in the order of the file."""
-    nodes: list[int] = []
-    elements: list[int] = []
-    for line in text.splitlines():
-        card = re.match(r"(GRID|C[A-Z]+\d?R?)(\*?)\s*(,?)", line)
-        if card:
-            number = line.split(",")[1] if card[3] else line[8 : 24 if card[2] else 16]
-            if number.strip().isdigit() and card[1] not in ("CORD1R", "CORD2R", "CORD2C", "CONM2"):
-                (nodes if card[1] == "GRID" else elements).append(int(number))
-    return np.array(nodes, dtype=np.int64), np.array(elements, dtype=np.int64)
+    left_out = re.search(r"cannot\s+handle\s+\(type\s+(\d+)", said.getvalue())
+    if left_out:
+        raise MeshError(f"it holds cells of VTK's type {left_out[1]}, which meshio leaves out; write solids and faces alone")
+    return mesh
 
 
 def _global_ids(mesh) -> tuple[np.ndarray, np.ndarray]:

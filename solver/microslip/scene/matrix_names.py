@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from .schema import Model
 
 KEYS = ("stiffness", "mass", "damping", "recovery")
-_WITH_NODES = (".sti", ".mas", ".pch", ".dmig", ".bdf", ".full")
+_WITH_NODES = (".sti", ".mas", ".pch", ".dmig", ".bdf", ".full", ".sub")
 
 
 def split_name(stated: str, folder: Path) -> tuple[str, str | None]:

@@ -48,7 +48,7 @@ __all__ = [
 ]
 
 # endings of files that may state more than a mesh
-WHOLE_MODELS = (".inp", ".cdb", ".rst", ".bdf", ".nas", ".dat", ".e", ".exo", ".ex2", ".unv")
+WHOLE_MODELS = (".inp", ".cdb", ".rst", ".bdf", ".nas", ".fem", ".op2", ".dat", ".e", ".exo", ".ex2", ".unv")
 
 
 class Scene(Table):

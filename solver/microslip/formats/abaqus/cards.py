@@ -69,6 +69,11 @@ class Card:
             raise MeshError(self._no_numbers())
         return values, counts[counts > 0]
 
+    def goes_on(self) -> np.ndarray:
+        """Return which data lines that are not empty end in a comma, (n_lines,) bool."""
+        lines = [line.rstrip() for piece in self.pieces for line in piece.text.split(b"\n")]
+        return np.array([line.endswith(b",") for line in lines if line.strip(b", \t")], dtype=bool)
+
     def _no_numbers(self) -> str:
         for words, where in self.lines():
             if values_of(",".join(words).encode()) is None:
@@ -213,6 +218,8 @@ def _bare(word: str) -> str:
 
 def _fields_per_line(text: bytes) -> np.ndarray:
     """Return how many words stand on each line, (n_lines,)."""
+    if not text:
+        return np.zeros(0, dtype=np.int64)
     is_separator = _IS_SEPARATOR[np.frombuffer(text, dtype=np.uint8)]
     begins = ~is_separator
     begins[1:] &= is_separator[:-1]

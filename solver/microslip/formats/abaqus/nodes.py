@@ -101,8 +101,9 @@ def axes_of(x: np.ndarray, in_plane: np.ndarray, where: str) -> np.ndarray:
 def read_elements(card: Card) -> Elements:
     """Return the elements of an *ELEMENT card.
 
-    An element takes lines until it has its nodes, and what the last of them holds beyond is passed over, as in CalculiX; types
-    whose number of nodes is not known here take a line, and those that end in a comma the next one too.
+    An element takes lines until it has its nodes, and what the last of them holds beyond is passed over, as in CalculiX; but
+    where a line before it ends without a comma nodes are missing, and the last line is that of another element. Types whose
+    number of nodes is not known here take a line, and those that end in a comma the next one too.
 
     Raises
     ------
@@ -129,21 +130,34 @@ def _rows(card: Card, word: str, n_nodes: int) -> np.ndarray:
         raise MeshError(f"{card.where}: *ELEMENT, TYPE={word} holds something else than whole numbers{_DAMAGED}")
     if (counts == width).all():
         return values.astype(np.int64).reshape(-1, width)
-    starts: list[int] = []
-    ends, total = np.cumsum(counts).tolist(), len(counts)
-    i = 0
-    while i < total:
-        start = ends[i - 1] if i else 0
-        starts.append(start)
-        while i < total and ends[i] - start < width:
-            i += 1
-        if i == total:
-            raise MeshError(
-                f"{card.where}: *ELEMENT, TYPE={word}: the {len(values)} numbers do not make elements of a number and {n_nodes} "
-                f"nodes: the last has {ends[-1] - start - 1} nodes{_DAMAGED}"
-            )
-        i += 1
-    return values.astype(np.int64)[np.array(starts, dtype=np.int64)[:, None] + np.arange(width)]
+    begins = np.cumsum(counts) - counts  # of lines, in values
+    first, last = _lines_of(counts, width).T
+    starts, what = begins[first], f"{card.where}: *ELEMENT, TYPE={word}"
+    held = begins[last] + counts[last] - starts
+    beyond = np.flatnonzero((held > width) & (last > first))
+    goes_on = card.goes_on() if len(beyond) else np.zeros(0, dtype=bool)
+    for i in beyond:
+        own = goes_on[first[i] : last[i]]
+        if not own.all():
+            n = begins[first[i] + np.argmin(own) + 1] - starts[i] - 1
+            raise MeshError(f"{what}: element {values[starts[i]]:.0f} has {n} nodes, and {n_nodes} are due{_DAMAGED}")
+    if len(held) and held[-1] < width:
+        raise MeshError(
+            f"{what}: the {len(values)} numbers do not make elements of a number and {n_nodes} nodes: the last has "
+            f"{held[-1] - 1} nodes{_DAMAGED}"
+        )
+    return values.astype(np.int64)[starts[:, None] + np.arange(width)]
+
+
+def _lines_of(counts: np.ndarray, width: int) -> np.ndarray:
+    """Return the first and the last line (n, 2) of each element, which takes lines until it has ``width`` numbers."""
+    found, first, n_held = [], 0, 0
+    for i, count in enumerate(counts.tolist()):
+        n_held += count
+        if n_held >= width or i + 1 == len(counts):
+            found.append((first, i))
+            first, n_held = i + 1, 0
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
 def _with_names(card: Card, word: str, n_nodes: int) -> Elements:

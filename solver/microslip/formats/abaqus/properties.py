@@ -25,12 +25,17 @@ def take_materials(model: Gathered) -> None:
     MeshError : a value that is no number
     """
     name = ""
+    stated: dict[str, str] = {}  # where the properties of the material stand
     for _, card in model.cards:
         if card.keyword == "MATERIAL":
-            name = _spelled(model, card.parameters.get("NAME", ""))
+            name, stated = _spelled(model, card.parameters.get("NAME", "")), {}
             model.materials[name] = FileMaterial()
         elif card.keyword in ("ELASTIC", "DENSITY", "EXPANSION") and name:
-            model.materials[name] = _with(model, model.materials[name], name, card)
+            known, model.materials[name] = model.materials[name], _with(model, model.materials[name], name, card)
+            if card.keyword in stated:
+                effect = f"of material {name!r} again, after {stated[card.keyword]}: the last is taken"
+                model.findings.add(f"*{card.keyword}", card.where, effect, known != model.materials[name], "materials")
+            stated[card.keyword] = card.where
 
 
 def _spelled(model: Gathered, name: str) -> str:

@@ -83,6 +83,8 @@ def _steps(played: list[tuple[Scope, Card]]) -> tuple[list[tuple[Scope, Card]], 
     is_inside = False
     for scope, card in played:
         if card.keyword == "STEP":
+            if is_inside:
+                raise MeshError(f"{card.where}: *STEP within another; *END STEP is missing before it")
             steps.append(Step(len(steps) + 1, []))
             is_inside = True
         (steps[-1].cards if is_inside else before).append((scope, card))
@@ -111,6 +113,9 @@ def _find_rest(model: Gathered) -> None:
         elif card.keyword not in _TAKEN:
             model.findings.add_card(card)
     last = model.first_vibration
+    if model.steps and model.steps[-1].cards[-1][1].keyword != "END STEP":
+        effect = "it is not there: what follows in a file that was cut is missing"
+        model.findings.add("*END STEP", "the last line", effect, False)
     for step in model.steps:
         for _, card in step.cards:
             counts = last is not None and step.number <= last.number

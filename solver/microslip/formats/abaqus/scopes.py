@@ -37,7 +37,7 @@ def in_scopes(cards: list[Card]) -> tuple[list[tuple[Scope, Card]], Scope]:
 
     Raises
     ------
-    MeshError : instances of parts that there are not, parts that do not end
+    MeshError : instances of parts that there are not, parts, instances or an assembly that do not end
     """
     model = Scope("")
     parts, rest = _parts(cards)
@@ -67,6 +67,9 @@ def _parts(cards: list[Card]) -> tuple[dict[str, list[Card]], list[Card]]:
             (rest if inside is None else inside).append(card)
     if inside is not None:
         raise MeshError(f"{inside[0].where}: *PART has no *END PART; the file is truncated")
+    opened = [card for card in rest if card.keyword == "ASSEMBLY"]
+    if len(opened) > sum(card.keyword == "END ASSEMBLY" for card in rest):
+        raise MeshError(f"{opened[-1].where}: *ASSEMBLY has no *END ASSEMBLY; the file is truncated")
     return parts, rest
 
 

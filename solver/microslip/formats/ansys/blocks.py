@@ -80,6 +80,7 @@ def blocks_of_text(lines: list[str]) -> Blocks:
             nodes.append(_nodes(block))
         elif word == "EBLOCK":
             rows.append(_elements(block, fields[1].upper() == "SOLID" if len(fields) > 1 else False))
+            _check_count(fields, len(rows[-1][0]), i + 1)
         else:
             components.setdefault(fields[1].upper(), {})[fields[0]] = _component(block)
         i = end
@@ -89,6 +90,13 @@ def blocks_of_text(lines: list[str]) -> Blocks:
     elements, counts, flat = (np.concatenate(column) for column in zip(*rows, strict=True))
     start = np.concatenate([[0], np.cumsum(counts)])
     return Blocks(numbers, points, angles, elements, start, flat, components["NODE"], components["ELEM"])
+
+
+def _check_count(fields: list[str], n_held: int, line: int) -> None:
+    """Raise MeshError unless a block of elements holds as many as it counts, where it counts them."""
+    count = fields[-1] if len(fields) > 3 else ""
+    if count.isdigit() and int(count) != n_held:
+        raise MeshError(f"line {line}: EBLOCK counts {count} elements and holds {n_held}; the file is truncated or damaged")
 
 
 @dataclass(frozen=True)

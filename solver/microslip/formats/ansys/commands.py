@@ -20,6 +20,7 @@ class Command:
     fields: tuple[str, ...]
     line: int  # from 1; 0 of a file without lines
     block: tuple[str, ...] = ()  # lines of a block of types, without its format
+    behind: int = 0  # byte of the file at which the next line begins
 
     @property
     def where(self) -> str:
@@ -64,7 +65,16 @@ def commands(path: str) -> Iterator[Command]:
             word = word.upper()
             if word:
                 block = word if word in _BLOCKS else ""
-                yield Command(word, tuple(fields), number, lines.block() if word == "ETBLOCK" else ())
+                behind = lines.at
+                yield Command(word, tuple(fields), number, lines.block() if word == "ETBLOCK" else (), behind)
+
+
+def numbers_behind(content: bytes, command: Command) -> bytes:
+    """Return the lines of numbers of a block, behind its format.  Local."""
+    start = content.find(b"\n", command.behind) + 1 or len(content)
+    other = _NO_NUMBER.search(content, start)
+    end = len(content) if other is None else content.rfind(b"\n", start, other.start()) + 1
+    return content[start : max(end, start)].strip()
 
 
 class _Lines:

@@ -17,6 +17,7 @@ from .attached import attached, known_nodes, nodes_of_solids, rigid_regions
 from .blocks import Blocks, blocks_of_archive, blocks_of_text
 from .commands import Command, commands
 from .content import findings_of_loads, gather
+from .counts import check_held
 from .elements import add_elements, cells_and_bodies
 from .input_file import as_archived
 
@@ -38,7 +39,9 @@ def read_cdb(path: str) -> FileModel:
     said = tuple(commands(path))
     _check_counts(path, said)
     _refuse_exponents(path)
-    return model_of(_archive(path), said)
+    blocks = _archive(path)
+    check_held(path, said, blocks)
+    return model_of(blocks, said)
 
 
 def read_input(path: str) -> FileModel:

@@ -39,7 +39,7 @@ def read_abaqus(wanted: Wanted) -> FileMatrix:
         if n_columns not in (3, 5):
             raise wanted.error("its lines are neither node, dof, node, dof, value nor row, column, value")
         file.seek(position)
-        table = table_of(file, n_columns, wanted)
+        table = table_of(file, n_columns, wanted, has_no_count=True)
     if (table[:, :-1] % 1.0).any() or not (abs(table[:, :-1]) < LARGEST).all():
         raise wanted.error("nodes and degrees of freedom must be whole numbers")
     return (_labelled if n_columns == 5 else _numbered)(table, wanted)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...parallel.errors import CaseError
+from .ansys_records import Records
 from .file_matrix import DofMap, FileMatrix, Wanted, from_coordinates
 
-_INTEGERS, _NUMBERS = 0x80000000, 0x0  # kinds of records; all others are compressed
 _POINTERS = {"K": 18, "M": 26, "C": 28, "DOF": 35}  # places of the low words in the head
 _LUMPED, _UNSYMMETRIC = 10, 13
 _EXPORT = "write the matrices with APDL: *SMAT,K,D,IMPORT,FULL,file.full,STIFF and *EXPORT,K,MMF,K.mtx, and the same for MASS"
@@ -23,9 +23,7 @@ def read_full(wanted: Wanted) -> FileMatrix:
     name = wanted.choose(["K", "M", "C"]) if wanted.name is not None else wanted.symbol
     if name not in ("K", "M", "C"):
         raise CaseError(f"{wanted.where}: a .full holds K, M and C")
-    n_words = wanted.size // 4
-    words = np.memmap(wanted.path, "<i4", "r", shape=(n_words,)) if n_words else np.empty(0, dtype="<i4")
-    records = _Records(words, wanted)
+    records = Records.of(wanted, _EXPORT)
     head = records.integers(records.follow(0))
     if len(head) < 40 or head[0] != -4:
         raise wanted.error(f"it is not of symbolic assembly; {_EXPORT}")
@@ -48,38 +46,7 @@ def read_full(wanted: Wanted) -> FileMatrix:
     )
 
 
-class _Records:
-    """Records of words: length, kind, content, length."""
-
-    def __init__(self, words: np.ndarray, wanted: Wanted) -> None:
-        self.words, self.wanted = words, wanted
-
-    def length(self, at: int) -> int:
-        """Return the words of the record at a place; CaseError where none fits there."""
-        n = int(self.words[at]) if 0 <= at < len(self.words) - 2 else -1
-        if n < 0 or at + n + 3 > len(self.words) or self.words[at + 2 + n] != n:
-            raise self.wanted.error(f"it is truncated or damaged: no record at word {at}")
-        return n
-
-    def follow(self, at: int) -> int:
-        """Return where the record after this one begins."""
-        return at + self.length(at) + 3
-
-    def integers(self, at: int) -> np.ndarray:
-        return self._content(at, _INTEGERS)
-
-    def numbers(self, at: int) -> np.ndarray:
-        return self._content(at, _NUMBERS).view("<f8")
-
-    def _content(self, at: int, kind: int) -> np.ndarray:
-        n = self.length(at)
-        found = int(self.words[at + 1]) & 0xFFFFFFFF
-        if found != kind or (kind == _NUMBERS and n % 2):
-            raise self.wanted.error(f"the record at word {at} is of the kind {found:#x}, which is not read; {_EXPORT}")
-        return self.words[at + 2 : at + 2 + n]
-
-
-def _dofs(records: _Records, start: int, n: int, wanted: Wanted) -> tuple[DofMap | None, np.ndarray]:
+def _dofs(records: Records, start: int, n: int, wanted: Wanted) -> tuple[DofMap | None, np.ndarray]:
     """Return node and direction of the equations, where all nodes have the same ones, and which are not constrained."""
     labels_at = records.follow(records.follow(0))
     labels = records.integers(labels_at)
@@ -95,7 +62,7 @@ def _dofs(records: _Records, start: int, n: int, wanted: Wanted) -> tuple[DofMap
     return DofMap(np.repeat(nodes[has], len(labels)).astype(np.int64), np.tile(labels, has.sum()).astype(np.int64)), is_free
 
 
-def _block(records: _Records, start: int, n: int, wanted: Wanted) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _block(records: Records, start: int, n: int, wanted: Wanted) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return rows, columns and values of one triangle: for each equation a record of its columns, and one of their values."""
     columns, values = [], []
     at = start

@@ -19,7 +19,7 @@ def read_calculix(wanted: Wanted) -> FileMatrix:
     CaseError : a file is at fault
     """
     with open(wanted.path, "rb") as file:
-        table = table_of(file, 3, wanted)
+        table = table_of(file, 3, wanted, has_no_count=True)
     n, dofs = int(table[:, :2].max()) if len(table) else 0, _dofs(wanted)
     wanted.check_rows(n)
     if dofs is not None:

@@ -60,7 +60,7 @@ def _cards(wanted: Wanted) -> tuple[dict[str, tuple[int, int]], dict[str, list]]
 
 def _logical(wanted: Wanted) -> Iterator[tuple[int, list[str]]]:
     """Return line and fields of each DMIG card with its continuations."""
-    fields, start, is_inside = [], 0, False
+    fields, start, is_inside, line = [], 0, False, ""
     with open(wanted.path, encoding="latin-1") as file:
         for number, line in enumerate(file, 1):
             if len(line) > 4096:
@@ -74,6 +74,8 @@ def _logical(wanted: Wanted) -> Iterator[tuple[int, list[str]]]:
             is_inside = line[:8].upper().startswith(("DMIG ", "DMIG*", "DMIG,"))
             if is_inside:
                 fields, start = _fields(line), number
+    if is_inside and not line.endswith("\n"):
+        raise wanted.error(f"its last line, '{line[:60].strip()}', does not end; the file is truncated")
     if is_inside:
         yield start, fields
 

@@ -13,6 +13,7 @@ from ...parallel.errors import CaseError, ResourceError
 from ...parallel.files import refuse_devices
 from .abaqus import is_abaqus, read_abaqus
 from .ansys_full import read_full
+from .ansys_sub import read_sub
 from .coordinates import read_calculix
 from .dmig import read_dmig
 from .file_matrix import FileMatrix, Wanted
@@ -34,13 +35,6 @@ def _read_mtx(wanted: Wanted) -> FileMatrix:
     return (read_abaqus if is_abaqus(wanted, head) else read_matrix_market)(wanted)
 
 
-def _refuse_sub(wanted: Wanted) -> FileMatrix:
-    raise CaseError(
-        f"{wanted.where}: a .sub of Ansys is not read; write its matrices with APDL: *DMAT,K,D,IMPORT,SUB,file.sub,STIFF and "
-        "*EXPORT,K,MMF,K.mtx, the same for MASS, and the DOFs of its rows into a CSV file, [model] dofs"
-    )
-
-
 READERS: dict[str, Callable[[Wanted], FileMatrix]] = {
     ".mtx": _read_mtx,
     ".npz": read_npz,
@@ -53,7 +47,7 @@ READERS: dict[str, Callable[[Wanted], FileMatrix]] = {
     ".dmig": read_dmig,
     ".bdf": read_dmig,
     ".full": read_full,
-    ".sub": _refuse_sub,
+    ".sub": read_sub,
     ".rb": read_harwell_boeing,
     ".rsa": read_harwell_boeing,
     ".rua": read_harwell_boeing,
@@ -61,7 +55,7 @@ READERS: dict[str, Callable[[Wanted], FileMatrix]] = {
     ".petsc": read_petsc,
     ".bin": read_petsc,
 }
-ENDINGS = tuple(ending for ending in READERS if ending != ".sub")
+ENDINGS = tuple(READERS)
 
 
 def read_matrix(path: Path, key: str, symbol: str, name: str | None = None) -> FileMatrix:

@@ -14,8 +14,10 @@ _BLOCK = 1 << 26  # bytes read at a time
 _LONGEST = 4096  # characters of a line
 
 
-def table_of(file: IO[bytes], n_columns: int, wanted: Wanted) -> np.ndarray:
+def table_of(file: IO[bytes], n_columns: int, wanted: Wanted, has_no_count: bool = False) -> np.ndarray:
     """Return the numbers of the rest of a file, (n_lines, n_columns); blanks or commas between them.  Local.
+
+    Where nothing counts the lines, ``has_no_count``, the last of them has to end: a number that is cut is another number.
 
     Raises
     ------
@@ -29,6 +31,8 @@ def table_of(file: IO[bytes], n_columns: int, wanted: Wanted) -> np.ndarray:
         rest = block[cut:]
         if len(rest) > _LONGEST:
             raise wanted.error(f"it has lines of more than {_LONGEST} characters")
+    if rest.strip() and has_no_count:
+        raise wanted.error(f"its last line, '{rest[:60].decode('latin-1').strip()}', does not end; the file is truncated")
     parts.append(_table(rest, n_columns, wanted))
     return np.concatenate(parts)
 

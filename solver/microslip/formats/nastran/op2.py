@@ -9,7 +9,7 @@ import numpy as np
 from ...parallel.errors import MeshError
 from ..model import FileModel
 from .plain import Plain
-from .read import follow_references, model_of, read_by_pynastran
+from .read import follow_references, model_of, read_by_pynastran, streams_kept
 
 _WRITE_IT = "Nastran writes it with PARAM,POST,-1 and without PARAM,OGEOM,NO; the bulk data, .bdf, hold it, too"
 
@@ -40,7 +40,8 @@ def _shorten(material: Any) -> None:
 def _geometry(path: str) -> Any:
     """Return pyNastran's reading of the geometry, its results passed over."""
     try:
-        from pyNastran.op2.op2_geom import OP2Geom
+        with streams_kept():
+            from pyNastran.op2.op2_geom import OP2Geom
     except ImportError:
         raise MeshError("Nastran's .op2 is read by pyNastran; install it: pip install pyNastran") from None
     cards = OP2Geom(debug=None)

@@ -6,8 +6,10 @@ import contextlib
 import io
 import os
 import re
+import sys
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +27,11 @@ from .supports import equations, supports
 _OTHER_REFERENCES = "elements nodes_with_elements properties masses materials loads constraints aero sets optimization".split()
 _MOST_FILES, _DEEPEST = 10_000, 50  # included, all together and within each other
 _RANGE = re.compile(r"\b(\d{1,18})[\s,+*]+THRU[\s,+*]+(\d{1,18})\b", re.IGNORECASE)
+_BEGIN = re.compile(r"^([^\S\n]*BEGIN[^\S\n]+BULK.*)$", re.MULTILINE | re.IGNORECASE)
+_CASE = re.compile(  # what is looked at in the case control of OptiStruct: a set goes on behind a comma
+    r"^[^\S\n]*(?:(?:SUBCASE|SPC|MPC)\b.*|SET\s+\d+\s*=(?:.*,[^\S\n]*\n)*.*)$", re.MULTILINE | re.IGNORECASE
+)
+_END = re.compile(rb"^[^\S\n]*ENDDATA", re.MULTILINE | re.IGNORECASE)
 _LONGEST_RANGE = 2**22  # numbers in any file
 _OF_ANY = 2**24  # bytes that they may have whatever their size
 _SOLIDS = {"CTETRA": "tet", "CPENTA": "wedge", "CHEXA": "hex", "CPYRAM": "pyramid"}
@@ -43,10 +50,17 @@ def read_bdf(path: str) -> FileModel:
     ------
     MeshError without the file's name: damaged, includes that are not there or leave its folder
     """
-    plain, cards = _plain_and_others(path)
+    text = _Files(path).text(path)
+    plain, cards = _plain_and_others(text)
     if not (cards.nodes or len(plain.numbers)) or not (cards.elements or plain.solids):
         raise MeshError("the file holds no grid points and elements that this program reads")
-    return model_of(plain, cards)
+    model = model_of(plain, cards)
+    if b"ENDDATA" not in text and _END.search(text) is None:
+        effect = "it is not there: what follows in a file that was cut is missing"
+        model = replace(
+            model, findings=(*model.findings, Finding(word="ENDDATA", where="the last line", effect=effect, changes=False))
+        )
+    return model
 
 
 def model_of(plain: Plain, cards: Any) -> FileModel:
@@ -87,9 +101,8 @@ def model_of(plain: Plain, cards: Any) -> FileModel:
     )
 
 
-def _plain_and_others(path: str) -> tuple[Plain, Any]:
+def _plain_and_others(text: bytes) -> tuple[Plain, Any]:
     """Return the plain cards of a file, and pyNastran's reading of the others."""
-    text = _Files(path).text(path)
     plain = take_plain(text)
     cards = _cards(plain.rest)
     if plain.meets(cards.nodes, cards.elements):  # a number that stands twice: pyNastran says where
@@ -101,7 +114,8 @@ def _plain_and_others(path: str) -> tuple[Plain, Any]:
 def _cards(text: str) -> Any:
     """Return pyNastran's reading of the text of a file."""
     try:
-        from pyNastran.bdf.bdf import BDF
+        with streams_kept():
+            from pyNastran.bdf.bdf import BDF
     except ImportError:
         raise MeshError("Nastran bulk data is read by pyNastran; install it: pip install pyNastran") from None
     if not text.strip():
@@ -114,6 +128,24 @@ def _cards(text: str) -> Any:
         cards.read_bdf(source, xref=False, punch=not is_whole, validate=False)
         follow_references(cards)
     return cards
+
+
+@contextlib.contextmanager
+def streams_kept() -> Iterator[None]:
+    """Keep standard output and error as they are while pyNastran is imported.  Local.
+
+    On terminals, as Open MPI's ranks have them, its logger exchanges them for streams of colorama, which end whatever the program
+    writes from then on, and the program itself, with the sequence for plain text.
+    """
+    kept = sys.stdout, sys.stderr
+    with contextlib.suppress(ImportError):
+        from colorama import initialise  # type: ignore[import-untyped]
+
+        initialise.atexit_done = True
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = kept
 
 
 @contextlib.contextmanager
@@ -155,10 +187,15 @@ def _source(text: str) -> tuple[Any, bool]:
     """Return what pyNastran reads, and whether it has an executive and a case control.
 
     Gmsh writes bulk data alone, with or without its first line, and meshio ends the names of quadratic elements with a stroke.
+    OptiStruct has no CEND, and words of its own before the bulk data; supports, equations and sets are chosen as in Nastran.
     """
     if re.search(r"^[^\S\n]*CEND", text, re.MULTILINE | re.IGNORECASE):
         return io.StringIO(text), True
-    text = re.sub(r"^[^\S\n]*BEGIN[^\S\n]+BULK.*$", "", text, flags=re.MULTILINE | re.IGNORECASE)
+    head, begin, bulk = _BEGIN.split(text, maxsplit=1) if _BEGIN.search(text) else ("", "", text)
+    chosen = "\n".join(found[0] for found in _CASE.finditer(head))
+    if chosen:
+        return io.StringIO(f"SOL 103\nCEND\n{chosen}\n{begin}{bulk}"), True
+    text = bulk if begin else text
     text = re.sub(r"^(CHEXA|CTETRA|CPENTA)_", r"\1 ", text, flags=re.MULTILINE)
     return io.StringIO(re.sub(r"^CPYRA_", "CPYRAM", text, flags=re.MULTILINE)), False
 

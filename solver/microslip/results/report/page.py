@@ -22,7 +22,7 @@ NAME = "report.html"
 # The page asks no other machine for anything, and no text in it can.  plotly compiles its shaders' bindings: unsafe-eval.
 _POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:; "
-    "worker-src blob:"
+    "worker-src blob:; form-action 'none'; base-uri 'none'"
 )
 
 

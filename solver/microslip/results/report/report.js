@@ -4,7 +4,9 @@
   const data = JSON.parse(document.getElementById("data").textContent);
   const at = (id) => document.getElementById(id);
   const font = { family: "system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif", size: 12, color: "#1c2330" };
-  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"] };
+  // Newer plotly has a button that sends the chart to a server.
+  const removed = ["lasso2d", "select2d", "autoScale2d", "sendChartToCloud", "sendDataToCloud"];
+  const config = { responsive: true, displaylogo: false, plotlyServerURL: "", modeBarButtonsToRemove: removed };
 
   // -- curves -----------------------------------------------------------------------------------------------------------
 
@@ -12,7 +14,7 @@
     const figure = data.figures[div.dataset.figure];
     const axis = { gridcolor: "#e8eaef", linecolor: "#98a2b3", zeroline: false, showline: true, automargin: true };
     const layout = {
-      font, margin: { l: 64, r: 14, t: 12, b: 48 }, hovermode: "closest", hoverdistance: 40, plot_bgcolor: "#fff", paper_bgcolor: "#fff",
+      font, margin: { l: 64, r: 36, t: 12, b: 48 }, modebar: { orientation: "v" }, hovermode: "closest", hoverdistance: 40, plot_bgcolor: "#fff", paper_bgcolor: "#fff",
       legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, showlegend: figure.data.length > 1,
       xaxis: { ...axis, ...figure.layout.xaxis }, yaxis: { ...axis, ...figure.layout.yaxis },
     };
@@ -145,10 +147,11 @@
     };
   }
 
-  function layout3d(range, eye, high) {
+  function layout3d(div, range, eye, high) {
+    const below = { orientation: "h", x: 0, y: 0, yanchor: "top", font: { ...font, size: 11 } }; // many bodies would hide a narrow view
     return {
       font, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#fff", uirevision: "kept", scene: scene(range, eye, high),
-      legend: { x: 0, y: 1, bgcolor: "#ffffffcc" }, showlegend: true,
+      legend: div.clientWidth < 560 ? below : { x: 0, y: 1, bgcolor: "#ffffffcc" }, showlegend: true,
     };
   }
 
@@ -173,7 +176,7 @@
     traces.push({ type: "scatter3d", mode: "lines", x: lines[0], y: lines[1], z: lines[2], line: { color: "#39414d", width: 1 }, name: "edges", hoverinfo: "skip" });
     if (joint)
       traces.push({ type: "mesh3d", x: joint.xyz[0], y: joint.xyz[1], z: joint.xyz[2], ...joint.corners, color: "#c0392b", flatshading: true, name: "contact surfaces", showlegend: true, hoverinfo: "name" });
-    Plotly.newPlot(div, traces, layout3d(ranges(xyz, 0.02 * view.diagonal), eye(-1.0), 1.85), config);
+    Plotly.newPlot(div, traces, layout3d(div, ranges(xyz, 0.02 * view.diagonal), eye(-1.0), 1.85), config);
   }
 
   function startMotion(view, xyz, bodies, joint) {
@@ -226,7 +229,7 @@
     const drawn = () => { at("times").textContent = one().kind === "mode" ? "" : "× " + Number(times().toPrecision(2)); };
     function redraw() {
       drawn();
-      const before = div.layout ? div.layout.scene.camera : null, layout = layout3d(alone.checked ? near : range, eye(turn), alone.checked ? 1.6 : 2.3);
+      const before = div.layout ? div.layout.scene.camera : null, layout = layout3d(div, alone.checked ? near : range, eye(turn), alone.checked ? 1.6 : 2.3);
       if (before) layout.scene.camera = before;
       return Plotly.react(div, looks(), layout, config);
     }

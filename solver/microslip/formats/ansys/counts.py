@@ -1,0 +1,79 @@
+"""What the blocks of an archive announce against what they hold, and what of them a library has read."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from ...parallel.errors import MeshError
+from .blocks import FIELDS, Blocks
+from .commands import Command, numbers_behind
+
+_BLANK = re.compile(rb"\n[ \t\r]*(?=\n)")
+_FIRST_LINE = 8  # nodes of an element on its first line, of 19 fields
+
+
+def check_held(path: str, said: tuple[Command, ...], blocks: Blocks) -> None:
+    """Raise unless the blocks are whole: as long as they announce, and read to their ends.  Local.
+
+    Raises
+    ------
+    MeshError : a block that was cut, or that counts more or fewer than it holds
+    """
+    with open(path, "rb") as file:
+        content = file.read()
+    heads = [command for command in said if command.word == "EBLOCK"]
+    n_lines = 0  # of elements, in all blocks
+    for command in said:
+        if command.word == "CMBLOCK":
+            _check_component(command, numbers_behind(content, command))
+        elif command.word == "NBLOCK":
+            _check(command, _n_lines(numbers_behind(content, command)), "nodes")
+        elif command.word == "EBLOCK" and _is_solid(command):
+            block = numbers_behind(content, command)
+            if not block.endswith(b"-1"):
+                raise MeshError(f"{command.where}: the EBLOCK ends without -1; the file is truncated or damaged")
+            n_lines += _n_lines(block)
+    if all(_is_solid(command) for command in heads):
+        _check_elements(heads, n_lines, blocks)
+
+
+def _is_solid(command: Command) -> bool:
+    """Return whether the elements of a block are in the format of solids, which is the one that is read."""
+    return command.field(1).upper() == "SOLID"
+
+
+def _check_component(command: Command, block: bytes) -> None:
+    n_held, count = len(block.split()), command.field(2)
+    if count.isdigit() and int(count) != n_held:
+        said = f"{command.where}: CMBLOCK {command.field(0)} counts {count} numbers and holds {n_held}"
+        raise MeshError(f"{said}; the file is truncated or damaged")
+
+
+def _check(command: Command, n_held: int, what: str) -> None:
+    """Raise where the last of a block's fields, its count, is another."""
+    count = command.field(len(command.fields) - 1)
+    if len(command.fields) > 3 and count.isdigit() and int(count) != n_held:
+        raise MeshError(
+            f"{command.where}: {command.word} counts {count} {what} and holds {n_held}; the file is truncated or damaged"
+        )
+
+
+def _check_elements(heads: list[Command], n_lines: int, blocks: Blocks) -> None:
+    """Raise unless the elements that were read are all that the blocks hold, by their lines, and as many as one counts."""
+    n_nodes = np.diff(blocks.start) - FIELDS
+    n_read = int((1 + (n_nodes > _FIRST_LINE)).sum())
+    if heads and n_read != n_lines:
+        raise MeshError(
+            f"{heads[0].where}: EBLOCK holds {n_lines} lines, and {n_read} make the {len(n_nodes)} elements that it counts; "
+            "the file is damaged"
+        )
+    if len(heads) == 1:
+        _check(heads[0], len(n_nodes), "elements")
+
+
+def _n_lines(block: bytes) -> int:
+    """Return how many lines hold numbers, without -1 at the end."""
+    block = block.removesuffix(b"-1").strip()
+    return block.count(b"\n") + 1 - len(_BLANK.findall(block)) if block else 0

@@ -1,0 +1,47 @@
+"""The records of Ansys' binary files."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .file_matrix import Wanted
+
+_INTEGERS, _NUMBERS = 0x80000000, 0x0  # kinds of records; all others are compressed
+
+
+class Records:
+    """Records of words: length, kind, content, length; ``advice`` tells how else Ansys writes what is not read."""
+
+    def __init__(self, words: np.ndarray, wanted: Wanted, advice: str) -> None:
+        self.words, self.wanted, self.advice = words, wanted, advice
+
+    @classmethod
+    def of(cls, wanted: Wanted, advice: str) -> Records:
+        """Return the records of a file."""
+        n_words = wanted.size // 4
+        words = np.memmap(wanted.path, "<i4", "r", shape=(n_words,)) if n_words else np.empty(0, dtype="<i4")
+        return cls(words, wanted, advice)
+
+    def length(self, at: int) -> int:
+        """Return the words of the record at a place; CaseError where none fits there."""
+        n = int(self.words[at]) if 0 <= at < len(self.words) - 2 else -1
+        if n < 0 or at + n + 3 > len(self.words) or self.words[at + 2 + n] != n:
+            raise self.wanted.error(f"it is truncated or damaged: no record at word {at}")
+        return n
+
+    def follow(self, at: int) -> int:
+        """Return where the record after this one begins."""
+        return at + self.length(at) + 3
+
+    def integers(self, at: int) -> np.ndarray:
+        return self._content(at, _INTEGERS)
+
+    def numbers(self, at: int) -> np.ndarray:
+        return self._content(at, _NUMBERS).view("<f8")
+
+    def _content(self, at: int, kind: int) -> np.ndarray:
+        n = self.length(at)
+        found = int(self.words[at + 1]) & 0xFFFFFFFF
+        if found != kind or (kind == _NUMBERS and n % 2):
+            raise self.wanted.error(f"the record at word {at} is of the kind {found:#x}, which is not read; {self.advice}")
+        return self.words[at + 2 : at + 2 + n]
