@@ -15,7 +15,7 @@ from microslip.formats.model import Equations
 from microslip.mesh.data import Outside
 from microslip.mesh.pairing import pair_contacts
 from microslip.mesh.partition import distribute
-from microslip.mesh.settings import Load, Mass, Spring, Statics
+from microslip.mesh.settings import Load, Mass, Point, Spring, Statics
 from microslip.parallel.errors import MeshError
 
 comm = MPI.COMM_WORLD
@@ -52,6 +52,32 @@ def dense(mesh, case):
     """Return K, M and the rows of the nodes."""
     system, _ = system_of(mesh, case)
     return gathered(system, system.K), gathered(system, system.M), system.dof
+
+
+KNOB = Point(name="knob", position=(0.3, 0.2, 1.4), group="top")
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_masses_and_springs_at_a_point_are_those_of_the_point(rigid):
+    """As its own mass and its springs to ground; a spring between two points acts along their line."""
+    mesh, knob = block(), replace(KNOB, rigid=rigid)
+    springs = tuple(Spring(points=("knob",), direction=tuple(axis), stiffness=k) for axis, k in zip(np.eye(3), (1e6, 2e6, 3e6)))
+    named = case_of(points=(knob,), masses=(Mass(point="knob", mass=5.0),), springs=springs)
+    own = case_of(points=(replace(knob, mass=5.0, stiffness=(1e6, 2e6, 3e6)),))
+    for found, expected in zip(dense(mesh, named)[:2], dense(mesh, own)[:2], strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+
+
+def test_a_spring_from_point_to_point_is_stretched_along_their_line():
+    mesh = block()
+    middle = np.flatnonzero(np.abs(mesh.points[:, 2] - 0.5) < 1e-9)
+    mesh = replace(mesh, node_groups={**mesh.node_groups, "middle": middle})
+    points = (KNOB, Point(name="other", position=(0.3, 0.2, 0.4), group="middle"))
+    springs = (Spring(points=("knob", "other"), stiffness=4e6),)
+    K0, K = (dense(mesh, case_of(points=points, springs=given))[0] for given in ((), springs))
+    values, vectors = np.linalg.eigh(K - K0)
+    assert np.abs(values[:-1]).max() < 1e-9 * values[-1] and values[-1] == pytest.approx(2.0 * 4e6)  # of 1 and -1 along z
+    assert np.count_nonzero(np.abs(vectors[:, -1]) > 1e-6) == 2
 
 
 def equations(*rows):

@@ -225,6 +225,16 @@ def test_penetration_at_rest_is_refused():
     pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")])  # within the tolerance, as it was drawn
     assert pairs.n_pairs == 48
     assert "joint 'joint': the sides penetrate in the mesh, by 0.01 m at " in pairs.notes[-1]
+    mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] -= 0.015
+    for gap in ({}, {"gap": 0.1, "preload": 0.0}):
+        says = (
+            r"by 0.025 m at \(.*\) m, more than 5% of the size of their faces, 0.02\d* m: .* state tolerance = 0.026 \(m\) in the"
+        )
+        with pytest.raises(MeshError, match=says):
+            pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", **gap)])
+        pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", tolerance=0.026, **gap)])
+        assert pairs.n_pairs == 48 and "penetrate" in pairs.notes[-1]
+    mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.015
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.02
     assert not any("penetrate" in note for note in pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")]).notes)
 

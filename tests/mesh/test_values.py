@@ -92,6 +92,33 @@ def test_a_field_of_the_mesh_is_interpolated():
         assert pairs.mu == pytest.approx(0.1 + 0.2 * pairs.position[:, 0])
 
 
+@pytest.mark.parametrize("pairing", ["nodes", "points", "mortar"])
+def test_nodes_of_a_file_are_interpolated_as_a_field_is(tmp_path, pairing):
+    mesh = with_field()
+    own = mesh.node_groups["lower_top"]
+    rows = "".join(f"{number},{value!r}\n" for number, value in zip(mesh.numbers[own], mesh.fields["mu"][own].tolist()))
+    path = tmp_path / "values.csv"
+    path.write_text("node,friction\n" + rows)
+    of_field, of_file = (
+        pair_contacts(mesh, [joint(pairing=pairing, **given)]) for given in ({"fields": {"friction": "mu"}}, {"parameters": path})
+    )
+    np.testing.assert_array_equal(of_file.mu, of_field.mu)
+    assert of_file.mu == pytest.approx(0.1 + 0.2 * of_file.position[:, 0])
+
+
+def test_between_nodes_with_a_gap_and_nodes_with_a_preload_the_larger_force_counts(tmp_path):
+    """Half of the nodes press with 1e6 Pa, half are open by 1e-6 m; at k = 1e12 N/m3 they are the same, turned round."""
+    mesh = two_boxes()
+    path, own = tmp_path / "values.csv", mesh.node_groups["lower_top"]
+    is_open = mesh.points[own, 0] > 0.9
+    rows = [f"{n},{0.0 if one else 1e6},{1e-6 if one else 0.0},1e12\n" for n, one in zip(mesh.numbers[own], is_open)]
+    path.write_text("node,preload,gap,normal_stiffness\n" + "".join(rows))
+    pairs = pair_contacts(mesh, [joint(parameters=path, pairing="points", preload=0.0)])
+    share = np.clip((pairs.position[:, 0] - 0.5) / 0.5, 0.0, 1.0)  # of the open nodes
+    assert pairs.N0 / pairs.area == pytest.approx(1e6 * (1.0 - 2.0 * share), abs=1.0)
+    assert pairs.N0.min() < 0.0 < pairs.N0.max()
+
+
 @pytest.mark.parametrize("pairing", ["points", "mortar"])
 def test_a_field_that_jumps_stays_within_its_values(pairing):
     """Shape functions of quadratic faces are below 0 in places, friction is not."""

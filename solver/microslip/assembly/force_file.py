@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..mesh.locate import nodes_numbered
 from ..parallel.csv_table import read_table
 from ..parallel.errors import CaseError
 
@@ -21,15 +22,7 @@ def forces_on_nodes(path: Path, numbers: np.ndarray) -> tuple[np.ndarray, np.nda
     CaseError : names the line at fault
     """
     lines, table = _read(path, *ON_NODES)
-    order = np.argsort(numbers, kind="stable")
-    at = order[np.minimum(np.searchsorted(numbers, table[:, 0], sorter=order), len(numbers) - 1)]
-    unknown = np.flatnonzero(numbers[at] != table[:, 0])
-    if len(unknown):
-        raise CaseError(
-            f"{path}, line {lines[unknown[0]]}: node = {table[unknown[0], 0]:g}: no element of a body has a node of this number; "
-            f"node numbers run from {numbers.min()} to {numbers.max()}"
-        )
-    return at, table[:, 1:4] + 1j * table[:, 4:7]
+    return nodes_numbered(numbers, table[:, 0], lines, path), table[:, 1:4] + 1j * table[:, 4:7]
 
 
 def forces_on_dofs(path: Path, n_dof: int) -> tuple[np.ndarray, np.ndarray]:

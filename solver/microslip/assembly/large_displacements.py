@@ -41,7 +41,8 @@ def tangent_about(
     held = np.zeros_like(free) if moved is None else share * moved
     pattern, (first, last) = node_pattern(dmesh), owned_nodes(dmesh)
     total, forces = BlockSum(pattern, 3), np.zeros((last - first, 3))
-    for block in dmesh.blocks:
+    for whole in dmesh.blocks:
+        block = replace(whole, warmer=share * whole.warmer)
         for chunk in element_chunks(block):
             nodes = block.nodes[chunk]
             change, left = _about(block, chunk, settings, free[nodes], held[nodes], is_stressed)
@@ -52,9 +53,8 @@ def tangent_about(
 
 
 def _share_of(statics: Statics, share: float) -> Statics:
-    """Return the statics with a share of the centrifugal forces and temperatures."""
-    warm = {name: share * value for name, value in statics.temperatures.items()}
-    return replace(statics, speed=np.sqrt(share) * statics.speed, temperatures=warm)
+    """Return the statics with a share of the centrifugal forces."""
+    return replace(statics, speed=np.sqrt(share) * statics.speed)
 
 
 def _about(
@@ -66,9 +66,8 @@ def _about(
     """
     statics, body, points = settings.statics, settings.bodies[block.body], block.points[chunk]
     assert statics is not None, "a scene with [statics]"
-    warmer, of = statics.temperatures.get(block.body, 0.0), body.solids(block.kind, points)
-    moved = free + held
-    resisted, K_T = elements.large_displacements(of, moved, warmer, is_stressed)
+    of, moved = body.solids(block.kind, points, block.warmth(chunk)), free + held
+    resisted, K_T = elements.large_displacements(of, moved, is_stressed)
     K = elements.stiffness(of)
     spin = np.einsum("eab,ij->eaibj", elements.mass(block.kind, points, body.density, body.integration), statics.spin)
     moving = held if is_stressed else held + free

@@ -10,6 +10,7 @@ from petsc4py import PETSc
 from .. import elements
 from ..mesh.data import DistributedMesh, LocalBlock, Mesh
 from ..mesh.locate import find_node
+from ..mesh.reference_points import forces_of_moment
 from ..mesh.settings import Body, MeshSettings, Statics
 from ..mesh.surface import outward_faces
 from ..parallel.agree import on_root
@@ -33,25 +34,47 @@ def constant_forces(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSet
     """
     statics = settings.statics
     assert statics is not None, "a scene with [statics]"
-    first, last = owned_nodes(dmesh)
+    total = nodal_loads(dmesh, mesh, settings)
     moved = None if statics.is_large else moved_at_nodes(dmesh, system)
+    if moved is not None:
+        total += _of_moved(dmesh, settings, moved)
+    if system.constraints is None:
+        return on_rows(dmesh, system, total)
+    on_points, on_places = place_loads(system.constraints, statics)
+    found = on_rows(dmesh, system, total, on_points)
+    return found if system.constraints.attached is None else found + system.constraints.of_places(dmesh.comm, on_places)
+
+
+def nodal_loads(dmesh: DistributedMesh, mesh: Mesh | None, settings: MeshSettings) -> np.ndarray:
+    """Return the constant loads on this rank's nodes, those that supports hold too, (n_owned_nodes, 3) [N].
+
+    Collective on ``dmesh.comm``: one broadcast.  Those of points and of masses at nodes are in ``place_loads``.
+
+    Raises
+    ------
+    MeshError : a group that is no surface, or a place without a node; on every rank
+    """
+    statics = settings.statics
+    assert statics is not None, "a scene with [statics]"
+    first, last = owned_nodes(dmesh)
     nodes, values = on_root(dmesh.comm, _forces_on_nodes, mesh, statics)
     total = np.zeros((last - first, 3))
     add_to_nodes(total, dmesh.rank_order[nodes] - first, values)
     for block in dmesh.blocks:
-        body = settings.bodies[block.body]
         for chunk in element_chunks(block):
-            add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, body, statics))
-            if moved is not None and moved[block.nodes[chunk]].any():
-                add_to_nodes(total, block.nodes[chunk] - first, _forces_of_moved(block, chunk, body, moved[block.nodes[chunk]]))
-    constraints = system.constraints
-    if constraints is None:
-        return on_rows(dmesh, system, total)
-    found = on_rows(dmesh, system, total, _on_points(constraints, statics))
-    if constraints.attached is not None:
-        outward = (constraints.attached.points - np.array(statics.axis_point)) @ statics.spin
-        found = found + constraints.of_places(dmesh.comm, constraints.attached.forces(outward))
-    return found
+            add_to_nodes(total, block.nodes[chunk] - first, element_forces(block, chunk, settings.bodies[block.body], statics))
+    return total
+
+
+def place_loads(constraints: Constraints, statics: Statics) -> tuple[np.ndarray, np.ndarray]:
+    """Return constant forces and moments on the points, (n_points, 6) [N, N m], and those of masses on places, (n_places, 3) [N].
+
+    Local; the same on every rank.
+    """
+    on_points, attached = _on_points(constraints, statics), constraints.attached
+    if attached is None:
+        return on_points, np.zeros((len(constraints.dof), 3))
+    return on_points, attached.forces((attached.points - np.array(statics.axis_point)) @ statics.spin)
 
 
 def on_rows(dmesh: DistributedMesh, system: System, nodal: np.ndarray, on_points: np.ndarray | None = None) -> np.ndarray:
@@ -74,7 +97,7 @@ def _on_points(constraints: Constraints, statics: Statics) -> np.ndarray:
     on_points = np.zeros((len(names), 6))
     for force in statics.forces:
         if force.point is not None:
-            on_points[names.index(force.point), :3] += force.force
+            on_points[names.index(force.point)] += [*(force.force or (0.0,) * 3), *(force.moment or (0.0,) * 3)]
     for row, point in zip(on_points, constraints.points, strict=True):
         row[:3] += point.mass * (np.array(point.position) - np.array(statics.axis_point)) @ statics.spin
     return on_points
@@ -86,9 +109,14 @@ def _forces_on_nodes(mesh: Mesh, statics: Statics) -> tuple[np.ndarray, np.ndarr
     for i, one in enumerate(statics.forces, 1):
         if one.point is not None:
             continue
-        own = find_node(mesh, position=one.position, node=one.node, group=one.group, where=f"[[statics.forces]] {i}")
+        where = f"[[statics.forces]] {i}"
+        own = find_node(mesh, position=one.position, node=one.node, group=one.group, where=where)
         nodes.append(own)
-        values.append(np.tile(np.array(one.force) / len(own), (len(own), 1)))
+        if one.moment is not None:
+            assert one.group is not None, "a moment on a group"
+            values.append(forces_of_moment(mesh, one.group, one.moment, f"{mesh.path}: {where}"))
+        else:
+            values.append(np.tile(np.array(one.force) / len(own), (len(own), 1)))
     for group, pressure in statics.pressures:
         for kind, faces in outward_faces(mesh, group).items():
             nodes.append(faces.ravel())
@@ -103,16 +131,25 @@ def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, sta
     if statics.speed > 0.0:
         outward = (points - np.array(statics.axis_point)) @ statics.spin
         total += elements.mass(block.kind, points, body.density, body.integration) @ outward
-    warmer = statics.temperatures.get(block.body, 0.0)
-    if warmer != 0.0 and body.material.expands and not statics.is_large:
-        total += elements.thermal_forces(body.solids(block.kind, points), warmer)
+    warmer = block.warmth(chunk)
+    if np.any(warmer) and body.material.expands and not statics.is_large:
+        total += elements.thermal_forces(body.solids(block.kind, points, warmer))
     return total
 
 
-def _forces_of_moved(block: LocalBlock, chunk: slice, body: Body, moved: np.ndarray) -> np.ndarray:
-    """Return the forces -K u of supports moved by u (n_elements, n, 3) [m] on the nodes of some elements, eq. (12.12).  Local."""
-    K = elements.stiffness(body.solids(block.kind, block.points[chunk]))
-    return -(K @ moved.reshape(len(K), -1, 1)).reshape(moved.shape)
+def _of_moved(dmesh: DistributedMesh, settings: MeshSettings, moved: np.ndarray) -> np.ndarray:
+    """Return the forces -K d of supports moved by d (n_nodes, 3) [m], rank-ordered, on this rank's nodes, eq. (12.12).  Local."""
+    first, last = owned_nodes(dmesh)
+    total = np.zeros((last - first, 3))
+    for block in dmesh.blocks:
+        body, at_moved = settings.bodies[block.body], np.flatnonzero(moved[block.nodes].any(axis=(1, 2)))
+        for chunk in element_chunks(block):
+            nodes = block.nodes[at_moved[chunk]]
+            if not len(nodes):
+                break
+            K = elements.stiffness(body.solids(block.kind, block.points[at_moved[chunk]]))
+            add_to_nodes(total, nodes - first, -(K @ moved[nodes].reshape(len(K), -1, 1)).reshape(nodes.shape + (3,)))
+    return total
 
 
 def stiffness_at_rest(
@@ -180,9 +217,8 @@ def _softening(constraints: Constraints, statics: Statics) -> np.ndarray:
 def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u: np.ndarray) -> np.ndarray:
     """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
     points = block.points[chunk]
-    warmer = statics.temperatures.get(block.body, 0.0)
-    of = body.solids(block.kind, points)
-    sigma = elements.stress_stiffness(of, elements.stress(of, u, warmer))
+    of = body.solids(block.kind, points, block.warmth(chunk))
+    sigma = elements.stress_stiffness(of, elements.stress(of, u))
     mass = elements.mass(block.kind, points, body.density, body.integration)
     change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
     if statics.deforms:

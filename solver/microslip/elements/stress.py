@@ -8,23 +8,15 @@ from .materials import Elastic
 from .solid import Solids, _without_bubbles
 
 
-def stress(of: Solids, u: np.ndarray, warmer: float = 0.0) -> np.ndarray:
+def stress(of: Solids, u: np.ndarray) -> np.ndarray:
     """Return the stress at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [Pa].
 
-    Local.
-
-    Parameters
-    ----------
-    u : (n_elements, n, 3) displacements of the nodes [m]
-    warmer : temperature above that without stress [K], whose expansion stresses nothing by itself
-
-    Notes
-    -----
-    The elasticity times eps - alpha dT.  The bubbles of hex8 follow from the nodes, as in its stiffness.
+    Local.  The elasticity times eps - alpha dT, of the displacements ``u`` (n_elements, n, 3) [m] of the nodes.  The bubbles of
+    hex8 follow from these, as in its stiffness.
     """
     found = strain(of, u)
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
-        found[chunk] = part.elastic().stress(found[chunk], warmer)
+        found[chunk] = part.elastic().stress(found[chunk], part.warmth())
     return found
 
 
@@ -33,18 +25,21 @@ def strain(of: Solids, u: np.ndarray) -> np.ndarray:
     found = np.empty((len(of.points), len(of.rule.weights), 3, 3))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         dN, volumes = part.functions()
-        slopes = dN @ _amplitudes(dN, volumes, u[chunk], part.elastic())[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
+        amplitudes = _amplitudes(dN, volumes, u[chunk], part.elastic(), part.warmth())
+        slopes = dN @ amplitudes[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
         found[chunk] = 0.5 * (slopes + slopes.swapaxes(-1, -2))
     return found
 
 
-def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic) -> np.ndarray:
+def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic, warm: float | np.ndarray) -> np.ndarray:
     """Return the amplitudes of all functions, (n_elements, m, 3), under displacements of the nodes: no force acts on bubbles."""
     n = 3 * u.shape[1]
     if n == 3 * dN.shape[-1]:
         return u
     K = local.stiffness(dN, volumes)
     right = -K[:, n:, :n] @ u.reshape(len(u), n, 1)
+    if isinstance(warm, np.ndarray):  # one temperature moves no bubble
+        right += _held(dN, volumes, local, warm)[:, n // 3 :].reshape(len(u), -1, 1)
     return np.concatenate([u, np.linalg.solve(K[:, n:, n:], right).reshape(len(u), -1, 3)], axis=1)
 
 
@@ -57,7 +52,7 @@ def deformed_stiffness(of: Solids, u: np.ndarray) -> np.ndarray:
     K = np.empty((len(of.points), 3 * of.n, 3 * of.n))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         (dN, volumes), local = part.functions(), part.elastic()
-        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local)[:, None]
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local, part.warmth())[:, None]
         K[chunk] = _without_bubbles(local.stiffness_about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes), 3 * of.n)
     return K
 
@@ -75,14 +70,25 @@ def stress_stiffness(of: Solids, stress: np.ndarray) -> np.ndarray:
     return found
 
 
-def thermal_forces(of: Solids, warmer: float) -> np.ndarray:
+def thermal_forces(of: Solids) -> np.ndarray:
     """Return the nodal forces of elements that are held while they are warm, turned round, (n_elements, n, 3) [N].
 
-    Local.  docs/theory.md, eq. (12.2); ``warmer`` [K] than without stress.
+    Local.  docs/theory.md, eq. (12.2).  Bubbles of hex8 give way to temperatures of nodes.
     """
-    found = np.empty(of.points.shape)
-    for chunk, part in of.parts(9 * of.n**2):
-        dN, volumes = part.gradients()
-        held = part.elastic().stress(np.zeros((3, 3)), warmer)
-        found[chunk] = -((volumes[..., None, None] * (held @ dN)).sum(axis=1)).swapaxes(-1, -2)
+    n, found = of.n, np.empty(of.points.shape)
+    for chunk, part in of.parts(9 * (n + 3) ** 2):
+        local, warm = part.elastic(), part.warmth()
+        dN, volumes = part.functions() if isinstance(warm, np.ndarray) else part.gradients()
+        forces = _held(dN, volumes, local, warm)
+        if dN.shape[-1] > n:
+            K, on_bubbles = local.stiffness(dN, volumes), forces[:, n:].reshape(len(forces), -1, 1)
+            K_kb, K_bb = K[:, : 3 * n, 3 * n :], K[:, 3 * n :, 3 * n :]
+            forces = forces[:, :n] - (K_kb @ np.linalg.solve(K_bb, on_bubbles)).reshape(-1, n, 3)
+        found[chunk] = forces
     return found
+
+
+def _held(dN: np.ndarray, volumes: np.ndarray, local: Elastic, warm: float | np.ndarray) -> np.ndarray:
+    """Return what expansion pushes with by each function of gradients (n_elements, n_q, 3, m), (n_elements, m, 3) [N]."""
+    held = local.stress(np.zeros((3, 3)), warm)
+    return -((volumes[..., None, None] * (held @ dN)).sum(axis=1)).swapaxes(-1, -2)

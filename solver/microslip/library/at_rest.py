@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -11,14 +12,17 @@ from petsc4py import PETSc
 
 from ..assembly.large_displacements import tangent_about
 from ..assembly.moved import moved_supports
-from ..assembly.prestress import constant_forces, stiffness_at_rest
+from ..assembly.prestress import Seen, constant_forces, stiffness_at_rest
 from ..assembly.pretension import Bolts, pretension
+from ..assembly.reactions import acting_at_rest
 from ..assembly.system import System
 from ..linear.joint_springs import linearise
 from ..mesh.data import ContactPairs, DistributedMesh, Mesh
 from ..mesh.deformed import stretched
 from ..mesh.settings import MeshSettings
 from ..parallel.agree import on_root
+from ..parallel.errors import ConvergenceError
+from ..statics.balance import Balance, balance_of
 from ..statics.bolts import BoltsAtRest, Cuts, cuts_of
 from ..statics.equilibrium import Flexibility, Rest, equilibrium, stuck_forces
 from ..statics.flight import which_flies
@@ -95,6 +99,7 @@ class AtRest:
     system: System
     pairs: ContactPairs
     bolts: BoltsAtRest | None = None
+    balance: Balance | None = None
     said: tuple[str, ...] = ()  # of the rest, for the log
 
 
@@ -121,11 +126,23 @@ def brought_to_rest(unloaded: Unloaded, pairs: ContactPairs, known: System | Non
         loaded = replace(loaded, pairs=pairs)
         said = _said_of_large(unloaded, pairs, rest, n_steps)
     else:
-        rest = equilibrium(unloaded.flexibility, pairs, forces, statics.steps, unloaded.cuts, flies)
+        rest = _rest(unloaded, pairs, flies)
         K = _stiffness(unloaded, rest, known)
     check_pressed(loaded, rest)
-    said += in_words(loaded, rest)
-    return AtRest(replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts, tuple(said))
+    acting = acting_at_rest(unloaded.shares, unloaded.mesh, settings, system, rest.u_owned, _seen(unloaded, rest))
+    balance = balance_of(loaded, rest, acting)
+    said += in_words(pairs, rest, balance)
+    return AtRest(replace(system, K=K, rest_owned=rest.u_owned), at_rest(pairs, rest), rest.bolts, balance, tuple(said))
+
+
+def _rest(unloaded: Unloaded, pairs: ContactPairs, flies: Callable[[], str]) -> Rest:
+    """Return the rest with small displacements.  Collective; ConvergenceError names the scene."""
+    assert unloaded.settings.statics is not None, "a scene with [statics]"
+    steps = unloaded.settings.statics.steps
+    try:
+        return equilibrium(unloaded.flexibility, pairs, unloaded.forces_owned, steps, unloaded.cuts, flies)
+    except ConvergenceError as problem:
+        raise ConvergenceError(f"{unloaded.where}: {problem}") from problem
 
 
 def _about(unloaded: Unloaded, pairs: ContactPairs, u_owned: np.ndarray, share: float, is_stressed: bool) -> About:
@@ -157,14 +174,20 @@ def _said_of_large(unloaded: Unloaded, pairs: ContactPairs, rest: Rest, n_steps:
 
 def _stiffness(unloaded: Unloaded, rest: Rest, known: System | None) -> PETSc.Mat:
     """Return K about a rest with small displacements: that of a known one that is the same.  Collective."""
-    system, settings, bolts = unloaded.system, unloaded.settings, unloaded.bolts
+    system, settings = unloaded.system, unloaded.settings
     assert settings.statics is not None, "a scene with [statics]"
     if known is not None and _is_same(known, rest.u_owned):
         return known.K
     if not settings.statics.stiffens:
         return system.K
-    seen = None if bolts is None or rest.bolts is None else partial(bolts.overlap.seen, shortening=rest.bolts.shortening)
-    return stiffness_at_rest(unloaded.shares, settings, system, rest.u_owned, seen)
+    return stiffness_at_rest(unloaded.shares, settings, system, rest.u_owned, _seen(unloaded, rest))
+
+
+def _seen(unloaded: Unloaded, rest: Rest) -> Seen | None:
+    """Return what elements above the cuts of bolts see beside the displacement of their nodes; None without bolts.  Local."""
+    if unloaded.bolts is None or rest.bolts is None:
+        return None
+    return partial(unloaded.bolts.overlap.seen, shortening=rest.bolts.shortening)
 
 
 def _is_same(known: System, u_owned: np.ndarray) -> bool:

@@ -27,6 +27,7 @@ from ..reduction.choose_modes import choose_modes
 from ..reduction.methods import check_size
 from ..reduction.stuck import StuckStructure, static_response
 from ..scene.schema import Scene
+from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
 from .at_rest import AtRest, Unloaded, brought_to_rest
 from .complete import read_completed
@@ -46,6 +47,7 @@ class Structure(StuckStructure):
     scene: Scene
     mesh: Mesh | None  # rank 0 only; None of a scene given as matrices whose rows belong to no nodes
     bolts: BoltsAtRest | None = None
+    balance: Balance | None = None  # of forces at rest, with [statics]
     unloaded: Unloaded | None = None  # with [statics]: before its loads act
 
     @property
@@ -129,7 +131,7 @@ def stuck_structure(
         modes, why = choose_modes(linearised, pairs, statics, settings) if known_modes is None else (known_modes(linearised), "")
     for note in filter(None, (*modes.info.get("said", ()), why)):
         log.note(note)
-    return Structure(linearised, pairs, statics, modes, scene, mesh, rest.bolts, unloaded)
+    return Structure(linearised, pairs, statics, modes, scene, mesh, rest.bolts, rest.balance, unloaded)
 
 
 def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> tuple[Structure, tuple[str, ...]]:
@@ -153,7 +155,9 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
         rest = brought_to_rest(structure.unloaded, pairs, known.system)
         if rest.system.K is known.system.K and np.array_equal(joint_stiffness(rest.pairs), joint_stiffness(structure.pairs)):
             linearised = replace(known, system=replace(known.system, rest_owned=rest.system.rest_owned))
-            found = replace(structure, linearised=linearised, pairs=rest.pairs, scene=scene, bolts=rest.bolts)
+            found = replace(
+                structure, linearised=linearised, pairs=rest.pairs, scene=scene, bolts=rest.bolts, balance=rest.balance
+            )
         else:
             found = stuck_structure(scene, structure.mesh, rest, log)
         structure.kept[_OTHER_REST] = key, found, (*rest.said, *log.notes)

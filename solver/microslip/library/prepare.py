@@ -19,6 +19,7 @@ from ..reduction.methods import METHODS, check_size, reduce_by_method
 from ..reduction.reduction import Reduction
 from ..reduction.settings import ReductionSettings
 from ..scene.schema import Scene
+from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
 from .build import Structure
 from .settings import excitation, has_error_bars, reduction_settings, response_settings
@@ -33,13 +34,15 @@ class Outline:
     has_mesh: bool
     numbers: np.ndarray | None  # (n_nodes,) of Mesh.points, the user's; on rank 0 of a scene with a mesh
     bolts: BoltsAtRest | None
+    balance: Balance | None = None  # with [statics]
 
     @classmethod
     def of(cls, structure: Structure) -> Outline:
         """Return that of a structure.  Local."""
         system, mesh = structure.linearised.system, structure.mesh
         numbers = None if mesh is None else mesh.numbers
-        return cls(system.n_dof, structure.modes.omega_n, system.dof is not None, numbers, structure.bolts)
+        has_mesh, bolts = system.dof is not None, structure.bolts
+        return cls(system.n_dof, structure.modes.omega_n, has_mesh, numbers, bolts, structure.balance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,10 @@ from ..points.branch import Branch, hertz
 from ..reduction.expand import node_fields, peak_displacements
 from ..results.fields import Fields, Motion, RunRecord, keep_fields
 from ..results.origin import Origin
-from ..results.record import BOLT_UNITS, Bolts, LinearCurve, ResultFile, joint_of
+from ..results.record import BOLT_UNITS, STATIC_TABLES, Bolts, LinearCurve, ResultFile, StaticTable, joint_of
 from ..results.vtk import peak_fields, write_fields, write_modes
 from ..results.writer import ResultWriter
+from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
 from ..version import __version__
 from .origin_of_run import origin_of
 from .prepare import Prepared
@@ -42,12 +43,24 @@ def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | No
         joint=joint_of(prepared.pairs, outline.numbers),
         linear=LinearCurve(curve.omega / (2.0 * np.pi), curve.response),
         bolts=None if bolts is None else Bolts(bolts.names, **{name: getattr(bolts, name) for name in BOLT_UNITS}),
+        at_rest=_tables(outline.balance),
         units=units.outputs,
         level_unit=units.level,
         asked=prepared.response.settings.levels,
         n_dof=outline.n_dof,
         origin=origin,
     )
+
+
+def _tables(balance: Balance | None) -> dict[str, StaticTable]:
+    """Return what files say of the equilibrium at rest; nothing without [statics].  Local."""
+    if balance is None:
+        return {}
+    parts: dict[str, JointsAtRest | BodiesAtRest] = {"joints": balance.joints, "bodies": balance.bodies}
+    return {
+        name: StaticTable(part.names, {column: getattr(part, column) for column in STATIC_TABLES[name]})
+        for name, part in parts.items()
+    }
 
 
 def extent_of(prepared: Prepared) -> Extent:

@@ -30,6 +30,7 @@ from ..mesh.settings import (
     Support,
     Tie,
     TouchingFaces,
+    Warm,
 )
 from ..parallel.errors import CaseError
 from ..points.band import Band
@@ -175,7 +176,7 @@ def _statics(scene: Scene) -> Statics | None:
         axis_point=scene.model.axis_point,
         forces=tuple(Force(**dict(force)) for force in statics.forces),
         pressures=tuple((one.group, one.pressure) for one in statics.pressures),
-        temperatures={body_of[warm.group]: warm.temperature for warm in statics.temperatures},
+        temperatures={body_of[warm.group]: _warm(warm, scene) for warm in statics.temperatures},
         bolts=tuple(
             Bolt(name=bolt.name or f"bolt {i}", group=bolt.group, force=bolt.force, shortening=bolt.shortening)
             for i, bolt in enumerate(statics.bolts, 1)
@@ -186,6 +187,13 @@ def _statics(scene: Scene) -> Statics | None:
         deforms=statics.deformed_shape,
         is_large=statics.large_displacements,
     )
+
+
+def _warm(warm: schema.Temperature, scene: Scene) -> float | Warm:
+    """Return the temperature of a body, or where those of its nodes are."""
+    if warm.temperature is not None:
+        return warm.temperature
+    return Warm(field=warm.field, file=None if warm.file is None else scene.folder / warm.file)
 
 
 def _damping(damping: schema.Damping, scene: Scene) -> ModalDamping:

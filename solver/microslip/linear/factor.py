@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .analysis import FactorMemory
 
 RESIDUAL_LIMIT = 1e-6  # |A x - b| / |b| of an answer
-_ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
+ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
 _REFINE_ABOVE = 1e-9  # one step of iterative refinement beyond this, unless rounding of A x explains it
 _N_PROBES = 4  # columns of the randomised residual
 
@@ -134,7 +134,7 @@ class Factor:
             if refined < error:
                 X_owned, error, rounding = refined_owned, refined, rounding_refined
             self.info["refined"] += X_owned.shape[1]
-        limit = max(RESIDUAL_LIMIT, min(_ROUNDING_LIMIT, 5.0 * rounding))
+        limit = max(RESIDUAL_LIMIT, min(ROUNDING_LIMIT, 5.0 * rounding))
         if not error <= limit:
             raise ConvergenceError(
                 f"{self.what}: static solve with residual |A x - b| = {error:.1e} |b|, limit {limit:.0e}; the matrix is nearly "

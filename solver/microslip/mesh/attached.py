@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,9 +76,14 @@ def attach(mesh: Mesh, settings: MeshSettings, n_places: int, outside: sp.csr_ma
     """
     motion = sp.vstack([sp.identity(3 * n_places, format="csr"), outside]).tocsr()
     is_loose = np.concatenate([np.zeros(3 * n_places, dtype=bool), loose])
-    masses = [(_nodes(mesh, one.group, n_places), one.mass) for one in settings.masses]
+    place_of = {point.name: len(mesh.points) + 2 * i for i, point in enumerate(settings.points)}
+    masses = [
+        (_nodes(mesh, one.group, n_places) if one.point is None else np.array([place_of[one.point]]), one.mass)
+        for one in settings.masses
+    ]
     nodes = np.concatenate([np.zeros(0, dtype=np.int64), *(own for own, _ in masses)])
-    springs = [_ends(mesh, spring, i, n_places) for i, spring in enumerate(settings.springs, 1)]
+    position = _positions(mesh, settings)
+    springs = [_ends(mesh, spring, i, n_places, place_of, position) for i, spring in enumerate(settings.springs, 1)]
     ends = np.concatenate([np.zeros((0, 2), dtype=np.int64), *(own for own, _ in springs)])
     along = np.concatenate([np.zeros((0, 3)), *(direction for _, direction in springs)])
     for what, at, used in (
@@ -87,7 +93,7 @@ def attach(mesh: Mesh, settings: MeshSettings, n_places: int, outside: sp.csr_ma
     ):
         _check_led(mesh, what, at, used, is_loose, n_places)
     return Attached(
-        _position(mesh, nodes, n_places),
+        position[nodes],
         np.concatenate([np.zeros(0), *(np.full(len(own), mass) for own, mass in masses)]),
         motion[rows_of(nodes)],
         (_along(ends[:, 0], along, motion) - _along(ends[:, 1], along, motion)).tocsr(),
@@ -112,37 +118,37 @@ def _check_led(mesh: Mesh, what: str, nodes: np.ndarray, used: np.ndarray, is_lo
         )
 
 
-def _nodes(mesh: Mesh, group: str, n_places: int) -> np.ndarray:
+def _nodes(mesh: Mesh, group: str | None, n_places: int) -> np.ndarray:
     """Return the places of a group's nodes, those outside the elements after all others."""
+    assert group is not None, "a group in place of a point"
     outside = mesh.outside.groups.get(group, np.zeros(0, dtype=np.int64))
     return np.concatenate([mesh.node_groups.get(group, np.zeros(0, dtype=np.int64)), n_places + outside])
 
 
-def _position(mesh: Mesh, nodes: np.ndarray, n_places: int) -> np.ndarray:
-    is_outside = nodes >= n_places
-    points = np.zeros((len(nodes), 3))
-    points[~is_outside] = mesh.points[nodes[~is_outside]]
-    points[is_outside] = mesh.outside.points[nodes[is_outside] - n_places]
-    return points
+def _positions(mesh: Mesh, settings: MeshSettings) -> np.ndarray:
+    """Return where the places are, and behind them the nodes outside the elements, (n, 3) [m]; a point's two places are one."""
+    points = np.array([one.position for one in settings.points], dtype=float).reshape(-1, 3)
+    return np.concatenate([mesh.points, np.repeat(points, 2, axis=0), mesh.outside.points])
 
 
-def _ends(mesh: Mesh, spring: Spring, number: int, n_places: int) -> tuple[np.ndarray, np.ndarray]:
+def _ends(
+    mesh: Mesh, spring: Spring, number: int, n_places: int, place_of: Mapping[str, int], position: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return both ends of each spring, (n, 2), the second -1 on ground, and the directions, (n, 3)."""
     where = f"{mesh.path}: [[springs]] {number}"
-    first, *other = (_nodes(mesh, group, n_places) for group in spring.groups)
+    of_groups = [_nodes(mesh, group, n_places) for group in spring.groups]
+    first, *other = of_groups + [np.array([place_of[name]]) for name in spring.points]
     if other:
-        for group, nodes in zip(spring.groups, (first, other[0]), strict=True):
+        for group, nodes in zip(spring.groups, of_groups):
             if len(nodes) != 1:
                 raise MeshError(f"{where} groups: {group!r} holds {len(nodes)} nodes; a spring has one at each end")
     ends = np.stack([first, other[0] if other else np.full(len(first), -1)], axis=1)
     if spring.direction is not None:
         direction = np.asarray(spring.direction, dtype=float)
     else:
-        direction = np.diff(_position(mesh, ends[0][::-1], n_places), axis=0)[0]
+        direction = position[ends[0, 0]] - position[ends[0, 1]]
         if not np.linalg.norm(direction) > 1e-12 * mesh.diagonal:
-            raise MeshError(
-                f"{where}: its two nodes lie on each other, at {place(_position(mesh, first, n_places)[0])} m; state direction"
-            )
+            raise MeshError(f"{where}: its two nodes lie on each other, at {place(position[first[0]])} m; state direction")
     return ends, np.tile(direction / np.linalg.norm(direction), (len(ends), 1))
 
 

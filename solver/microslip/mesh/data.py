@@ -76,6 +76,11 @@ class LocalBlock:
     nodes: np.ndarray  # (n_elements, n_nodes_of_kind) rank-ordered node numbers
     points: np.ndarray  # (n_elements, n_nodes_of_kind, 3) m
     numbers: np.ndarray  # (n_elements,) the user's element numbers
+    warmer: float | np.ndarray = 0.0  # K above the temperature without stress; of the nodes, (n_elements, n_nodes_of_kind)
+
+    def warmth(self, rows: slice | np.ndarray) -> float | np.ndarray:
+        """Return the temperature of some elements, of all nodes or one [K].  Local."""
+        return self.warmer[rows] if isinstance(self.warmer, np.ndarray) else self.warmer
 
 
 @dataclass(frozen=True)

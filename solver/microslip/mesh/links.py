@@ -70,7 +70,7 @@ def find_links(mesh: Mesh, settings: MeshSettings) -> Links:
         nodes outside the elements that nothing leads
     """
     links = _ties_and_points(mesh, settings)
-    if mesh.equations is None and not settings.attached:
+    if mesh.equations is None and not settings.masses and not settings.springs:
         return links
     n_outside, n_dof = len(mesh.outside.points), 3 * links.n_places
     is_fixed = np.concatenate([fixed_places(mesh, settings, links).ravel(), _fixed_outside(mesh, settings).ravel()])

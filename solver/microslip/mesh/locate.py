@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from ..parallel.errors import CaseError, MeshError
@@ -45,6 +47,24 @@ def find_node(mesh: Mesh, *, position=None, node: int | None = None, group: str 
     if group is not None:
         return mesh.node_groups[group]
     raise CaseError(f"{where} needs a position, a node or a group; dof is for scenes given as matrices")
+
+
+def nodes_numbered(numbers: np.ndarray, named: np.ndarray, lines: list[int], path: Path) -> np.ndarray:
+    """Return the nodes (n,), as indices into the user's ``numbers`` (n_nodes,), that the lines of a file name.  Local.
+
+    Raises
+    ------
+    CaseError : names the line whose node no body has
+    """
+    order = np.argsort(numbers, kind="stable")
+    at = order[np.minimum(np.searchsorted(numbers, named, sorter=order), len(numbers) - 1)]
+    unknown = np.flatnonzero(numbers[at] != named)
+    if len(unknown):
+        raise CaseError(
+            f"{path}, line {lines[unknown[0]]}: node = {named[unknown[0]]:g}: no element of a body has a node of this number; "
+            f"node numbers run from {numbers.min()} to {numbers.max()}"
+        )
+    return at
 
 
 def nearest_node(mesh: Mesh, position) -> tuple[int, float]:

@@ -21,7 +21,7 @@ from .data import Mesh
 from .projection import project_on_surface
 from .settings import GEOMETRY, MORTAR, Joint
 from .shared_parts import Shared, joined, shared_parts
-from .surface import Surface, on_mesh
+from .surface import Surface, face_size, on_mesh
 
 NEAR = 0.1  # of the size of the larger faces: how far apart the surfaces of a joint may lie, where it states no tolerance
 FAR = 0.1  # of the mesh's diagonal, the same where the gap is that of the mesh
@@ -90,7 +90,7 @@ def reach_of(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -> float
         return joint.tolerance
     if joint.gap == GEOMETRY:
         return FAR * mesh.diagonal
-    return NEAR * max(np.sqrt(side.areas.sum() / sum(map(len, side.faces.values()))) for side in (first, second))
+    return NEAR * max(face_size(side) for side in (first, second))
 
 
 def _is_whole(face: np.ndarray, share: np.ndarray, moments: np.ndarray) -> np.ndarray:

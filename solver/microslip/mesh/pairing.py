@@ -19,12 +19,12 @@ from .ground import grounded
 from .listed import listed_nodes
 from .matching import NotMatching, matching_nodes
 from .overlap import overlapping_faces
+from .penetration import check_penetration
 from .projected import projected_nodes
 from .settings import GEOMETRY, MORTAR, Joint
 from .surface import Surface, face_keys, outward_faces, surface_of
 from .values import Values, values_of
 
-PENETRATION = 1e-6  # of the mesh's diagonal: what the mesh may penetrate at rest and count as touching
 PAIRINGS = {"nodes": matching_nodes, "projected": projected_nodes, "points": overlapping_faces, MORTAR: overlapping_faces}
 _ALONG = 0.99  # |cosine| above which a normal has no useful projection of an axis
 
@@ -44,9 +44,10 @@ def pair_contacts(mesh: Mesh, joints: Sequence[Joint]) -> ContactPairs:
     parts, faces, notes, n_pairs = [], [], [], 0
     for joint in joints:
         points = contact_points(mesh, joint)
+        penetration = check_penetration(mesh, joint, points)
         parts.append(_columns(mesh, joint, points))
         faces += [own + n_pairs for own in points.faces]
-        notes += [note for note in (points.note, _penetration(mesh, joint, points)) if note]
+        notes += [note for note in (points.note, penetration) if note]
         n_pairs += points.n_points
     joined = {name: _stacked([part[name] for part in parts]) for name in parts[0] if name not in ("joint", "own")}
     joined["own"] = joined_columns([(len(part["area"]), part["own"]) for part in parts])
@@ -131,7 +132,7 @@ def _check_faces(mesh: Mesh, joints: Sequence[Joint]) -> None:
 def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
     """Return the columns of ContactPairs of one joint."""
     node1, node2 = heaviest(points.side1), heaviest(points.side2)
-    values = values_of(mesh, joint, points, node1)
+    values = values_of(mesh, joint, points)
     k_n = values.normal_stiffness * points.area
     columns = {
         "joint": (joint.name,) * points.n_points,
@@ -143,7 +144,7 @@ def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
         "frame": contact_frames(points.z, joint.tangent, f"{mesh.path}: joint {joint.name!r}"),
         "area": points.area,
         "mu": values.friction,
-        "N0": _preload(mesh, joint, points, values, k_n),
+        "N0": _preload(joint, points, values, k_n),
         "k_t": values.tangential_stiffness * points.area,
         "k_n": k_n,
         "separate": np.full(points.n_points, joint.separate),
@@ -154,43 +155,11 @@ def _columns(mesh: Mesh, joint: Joint, points: ContactPoints) -> dict:
     return columns | {"own": by_law} | {name: by_law.pop(name) for name in columns.keys() & by_law.keys()}
 
 
-def _preload(mesh: Mesh, joint: Joint, points: ContactPoints, values: Values, k_n: np.ndarray) -> np.ndarray:
-    """Return N0 of each pair [N], below 0 of a gap.
-
-    Raises
-    ------
-    MeshError : the gap is that of the mesh, and the surfaces penetrate
-    """
+def _preload(joint: Joint, points: ContactPoints, values: Values, k_n: np.ndarray) -> np.ndarray:
+    """Return N0 of each pair [N], below 0 of a gap."""
     if joint.gap != GEOMETRY:
         return np.where(values.gap > 0.0, -values.gap * k_n, values.preload * points.area)
-    deepest = _deepest(mesh, points)
-    if deepest is not None:
-        raise MeshError(
-            f"{mesh.path}: joint {joint.name!r}: the sides penetrate at rest, {_how_deep(points, deepest)}; move them apart, or "
-            "state the gap as a number in place of the mesh's"
-        )
     return -np.maximum(points.distance, 0.0) * k_n
-
-
-def _penetration(mesh: Mesh, joint: Joint, points: ContactPoints) -> str:
-    """Say how far the sides of a joint penetrate whose gap is not that of the mesh; empty where they do not."""
-    deepest = _deepest(mesh, points)
-    if deepest is None or joint.gap == GEOMETRY:
-        return ""
-    return (
-        f'joint {joint.name!r}: the sides penetrate in the mesh, {_how_deep(points, deepest)}; without gap = "geometry" that '
-        "does not count: they touch, or have the gap stated"
-    )
-
-
-def _deepest(mesh: Mesh, points: ContactPoints) -> int | None:
-    """Return the point at which the sides penetrate most, None where that is not more than rounding of the mesh."""
-    deepest = int(np.argmin(points.distance)) if points.n_points else 0
-    return deepest if points.n_points and points.distance[deepest] < -PENETRATION * mesh.diagonal else None
-
-
-def _how_deep(points: ContactPoints, deepest: int) -> str:
-    return f"by {-points.distance[deepest]:.3g} m at {place(points.position[deepest])} m"
 
 
 def contact_frames(z: np.ndarray, tangent=None, where: str = "") -> np.ndarray:

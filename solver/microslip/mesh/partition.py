@@ -13,6 +13,7 @@ from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 from .data import DistributedMesh, LocalBlock, Mesh
 from .settings import MeshSettings
+from .warm import temperatures_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -40,7 +41,7 @@ def distribute(mesh: Mesh | None, settings: MeshSettings, comm: MPI.Comm) -> Dis
         assert mesh is not None, "rank 0 has it"
         elements = _dual_graph(mesh)
         order, rank_order, node_ranges = _order(mesh, elements, comm.size)
-        shares.extend(_shares(mesh, settings.body_of, order, rank_order, node_ranges))
+        shares.extend(_shares(mesh, settings, order, rank_order, node_ranges))
         return node_ranges, rank_order
 
     node_ranges, rank_order = on_root(comm, plan)
@@ -115,9 +116,9 @@ def _incidence(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
     return node, np.repeat(np.arange(len(n_nodes)), n_nodes)
 
 
-def _shares(mesh: Mesh, body_of: dict[str, str], order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
+def _shares(mesh: Mesh, settings: MeshSettings, order, rank_order, node_ranges) -> list[tuple[LocalBlock, ...]]:
     """Return every rank's blocks: all elements that touch one of its nodes, along the element order."""
-    n_ranks = len(node_ranges) - 1
+    n_ranks, body_of, warm = len(node_ranges) - 1, settings.body_of, temperatures_of(mesh, settings)
     position = _inverse(order)
     shares: list[list[LocalBlock]] = [[] for _ in range(n_ranks)]
     start = 0
@@ -130,7 +131,8 @@ def _shares(mesh: Mesh, body_of: dict[str, str], order, rank_order, node_ranges)
         for rank in range(n_ranks):
             mine = along[(owner[along] == rank).any(axis=1)]
             if len(mine):
-                shares[rank].append(
-                    LocalBlock(block.kind, body_of[block.group], nodes[mine], mesh.points[block.nodes[mine]], block.numbers[mine])
-                )
+                of_mesh, warmer = block.nodes[mine], warm.get(body_of[block.group], 0.0)
+                warmer = warmer[of_mesh] if isinstance(warmer, np.ndarray) else warmer
+                body = body_of[block.group]
+                shares[rank].append(LocalBlock(block.kind, body, nodes[mine], mesh.points[of_mesh], block.numbers[mine], warmer))
     return [tuple(share) for share in shares]

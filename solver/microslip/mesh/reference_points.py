@@ -5,6 +5,8 @@ Degrees of freedom are counted as in ``ties``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -22,7 +24,7 @@ _SLENDER = 1e-8  # a group's least over its largest second moment, below which i
 def of_rigid(mesh: Mesh, point: Point, at: int, n_places: int) -> Follower:
     """Return how the nodes of a group follow a point as a rigid body: docs/theory.md, eq. (2.7)."""
     nodes = mesh.node_groups[point.group]
-    _second_moments(mesh, point, nodes, np.ones(len(nodes)) / len(nodes))
+    _second_moments(mesh, point.group, nodes, np.ones(len(nodes)) / len(nodes), _what(mesh, point))
     arms = mesh.points[nodes] - np.array(point.position)
     blocks = np.concatenate([np.tile(np.eye(3), (len(nodes), 1, 1)), -_cross(arms)], axis=2).reshape(-1, 6)
     columns = np.arange(3 * at, 3 * at + 6)
@@ -37,7 +39,7 @@ def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Followe
     """Return how a point follows the weighted mean of its nodes: docs/theory.md, eq. (2.8)."""
     nodes = mesh.node_groups[point.group]
     share = _shares(mesh, point.group, nodes) if point.by_area else np.full(len(nodes), 1.0 / len(nodes))
-    J, centre = _second_moments(mesh, point, nodes, share)
+    J, centre = _second_moments(mesh, point.group, nodes, share, _what(mesh, point))
     arms = mesh.points[nodes] - centre
     turn = np.linalg.inv(J) @ (share[:, None, None] * _cross(arms))  # (n, 3, 3): theta = sum turn_i u_i
     move = share[:, None, None] * np.eye(3) - _cross(np.array(point.position) - centre) @ turn
@@ -47,6 +49,25 @@ def of_distributing(mesh: Mesh, point: Point, at: int, n_places: int) -> Followe
     weights.eliminate_zeros()
     note = f"point {point.name!r} follows the mean of {len(nodes)} nodes of {point.group!r}"
     return Follower(f"point {point.name!r}", np.arange(3 * at, 3 * at + 6), weights, _star(nodes), note)
+
+
+def forces_of_moment(mesh: Mesh, group: str, moment: Sequence[float], what: str) -> np.ndarray:
+    """Return forces on the nodes of a group with a moment and no resultant, as a distributing point passes it on, (n, 3) [N].
+
+    Local, rank 0.  docs/theory.md, eq. (2.8).  ``what`` names it in messages.
+
+    Raises
+    ------
+    MeshError : the nodes lie on a line
+    """
+    nodes = mesh.node_groups[group]
+    share = _shares(mesh, group, nodes)
+    J, centre = _second_moments(mesh, group, nodes, share, what)
+    return share[:, None] * np.cross(np.linalg.solve(J, np.asarray(moment, dtype=float)), mesh.points[nodes] - centre)
+
+
+def _what(mesh: Mesh, point: Point) -> str:
+    return f"{mesh.path}: point {point.name!r}"
 
 
 def _shares(mesh: Mesh, group: str, nodes: np.ndarray) -> np.ndarray:
@@ -62,7 +83,7 @@ def _shares(mesh: Mesh, group: str, nodes: np.ndarray) -> np.ndarray:
     return share / share.sum()
 
 
-def _second_moments(mesh: Mesh, point: Point, nodes: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _second_moments(mesh: Mesh, group: str, nodes: np.ndarray, share: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the second moments J (3, 3) [m2] of the nodes about their centre, and that; MeshError where they lie on a line."""
     centre = share @ mesh.points[nodes]
     arms = mesh.points[nodes] - centre
@@ -70,8 +91,8 @@ def _second_moments(mesh: Mesh, point: Point, nodes: np.ndarray, share: np.ndarr
     least, *_, most = np.linalg.eigvalsh(J)
     if not least > _SLENDER * most:
         raise MeshError(
-            f"{mesh.path}: point {point.name!r}: the {len(nodes)} nodes of {point.group!r} lie on a line, about which they and "
-            "the point could turn freely; connect it to a group of three nodes at least that do not"
+            f"{what}: the {len(nodes)} nodes of {group!r} lie on a line, about which nothing there bears a moment, and they "
+            "could turn freely; name a group of three nodes at least that do not"
         )
     return J, centre
 

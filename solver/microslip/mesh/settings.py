@@ -27,9 +27,9 @@ class Body:
     integration: str = "full"  # "full", "reduced", "reduced-both"
     incompatible_modes: bool = True  # in 8-node hexahedra
 
-    def solids(self, kind: str, points: np.ndarray) -> Solids:
-        """Return elements of the body, whose nodes are at ``points`` (n_elements, n, 3) [m].  Local."""
-        return Solids(kind, points, self.material, self.integration, self.incompatible_modes)
+    def solids(self, kind: str, points: np.ndarray, warmer: float | np.ndarray = 0.0) -> Solids:
+        """Return elements of the body, whose nodes are at ``points`` (n_elements, n, 3) [m], so much warmer [K].  Local."""
+        return Solids(kind, points, self.material, self.integration, self.incompatible_modes, warmer)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,17 +81,19 @@ class Point:
 
 @dataclass(frozen=True, kw_only=True)
 class Mass:
-    """A point mass at each node of a group."""
+    """A point mass at each node of a group, or at a point."""
 
-    group: str
+    group: str | None = None
+    point: str | None = None
     mass: float  # kg
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spring:
-    """A spring and a damper along a direction: of each node of a group to ground, or between the single nodes of two groups."""
+    """A spring and a damper along a direction: of each node of a group to ground, or between two single nodes or points."""
 
-    groups: tuple[str, ...]
+    groups: tuple[str, ...] = ()
+    points: tuple[str, ...] = ()
     direction: Vector | None = None  # None: along the line between the two nodes
     stiffness: float = 0.0  # N/m
     damping: float = 0.0  # N s/m
@@ -196,13 +198,22 @@ class Output:
 
 @dataclass(frozen=True, kw_only=True)
 class Force:
-    """A constant force at nodes of a mesh."""
+    """A constant force at nodes of a mesh, or a moment."""
 
     position: Vector | None = None  # m
     node: int | None = None
     group: str | None = None
     point: str | None = None
-    force: Vector  # N, of all its nodes together
+    force: Vector | None = None  # N, of all its nodes together
+    moment: Vector | None = None  # N m, of all nodes of a group together, or of a point
+
+
+@dataclass(frozen=True, kw_only=True)
+class Warm:
+    """Temperatures at the nodes of a body, K above that without stress: a field of the mesh, or a file."""
+
+    field: str | None = None
+    file: Path | None = None  # columns node, temperature
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,7 +235,7 @@ class Statics:
     axis_point: Vector = (0.0, 0.0, 0.0)  # m
     forces: tuple[Force, ...] = ()
     pressures: tuple[tuple[str, float], ...] = ()  # group of faces, Pa
-    temperatures: Mapping[str, float] = field(default_factory=dict)  # by body, K above that without stress
+    temperatures: Mapping[str, float | Warm] = field(default_factory=dict)  # by body, K above that without stress
     bolts: tuple[Bolt, ...] = ()
     displacements: tuple[tuple[str, Vector], ...] = ()  # group of supported nodes, m
     steps: int = 10
@@ -263,7 +274,7 @@ class MeshSettings:
     @property
     def attached(self) -> list[tuple[str, str]]:
         """The groups of masses and springs, each after the key that names it; their nodes may belong to no element."""
-        named = [(f"[[masses]] {i} group", mass.group) for i, mass in enumerate(self.masses, 1)]
+        named = [(f"[[masses]] {i} group", mass.group) for i, mass in enumerate(self.masses, 1) if mass.group is not None]
         return named + [(f"[[springs]] {i} groups", group) for i, one in enumerate(self.springs, 1) for group in one.groups]
 
     @property

@@ -60,6 +60,11 @@ def on_mesh(mesh: Mesh, side: Surface) -> np.ndarray:
     return normals
 
 
+def face_size(side: Surface) -> float:
+    """Return the root of the mean area of a surface's faces [m].  Local."""
+    return float(np.sqrt(side.areas.sum() / sum(map(len, side.faces.values()))))
+
+
 def outward_faces(mesh: Mesh, group: str) -> dict[str, np.ndarray]:
     """Return the faces of the group by kind, as the elements list them: corners counter-clockwise seen from outside."""
     outer: dict[str, np.ndarray] = {}

@@ -10,9 +10,10 @@ from scipy.spatial import cKDTree
 from ..contact.laws import LAWS
 from ..parallel.csv_table import read_table
 from ..parallel.errors import CaseError, MeshError
-from ..parallel.words import nearest, place
+from ..parallel.words import place
 from .contact_points import ContactPoints
 from .data import Mesh
+from .nodal_fields import field_at_nodes
 from .settings import GEOMETRY, Joint
 
 FAR = 0.1  # of the extent of a joint's points: a row this far from all of them is a mistake
@@ -33,8 +34,10 @@ class Values:
 COLUMNS = tuple(Values.__dataclass_fields__)
 
 
-def values_of(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray) -> Values:
-    """Return the values of a joint's points; ``node1`` is the node of the first surface that each belongs to.  Local, rank 0.
+def values_of(mesh: Mesh, joint: Joint, points: ContactPoints) -> Values:
+    """Return the values of a joint's points: what the joint states, fields of the mesh, and then its file.  Local, rank 0.
+
+    What nodes have, by a field or by rows of the file, is interpolated as the first surface does it.
 
     Raises
     ------
@@ -43,43 +46,74 @@ def values_of(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray
     """
     stated = {name: getattr(joint, name) for name in COLUMNS}
     stated["gap"] = 0.0 if joint.gap == GEOMETRY else joint.gap
-    values = Values(**{name: np.full(points.n_points, float(value)) for name, value in stated.items()})
-    if joint.fields:
-        values = replace(values, **{name: _of_field(mesh, joint, points, name) for name in joint.fields})
-        _check_open(f"{mesh.path}: joint {joint.name!r} fields", points, values)
-    return values if joint.parameters is None else _from_file(mesh, joint, points, node1, values)
+    of_nodes = {name: _of_field(mesh, joint, points, name) for name in joint.fields}
+    table, lines = ({}, []) if joint.parameters is None else _checked_table(joint)
+    if "node" in table:
+        rows = _rows_of_nodes(mesh, joint, points, table, lines)
+        for name in COLUMNS:
+            if name in table:
+                values = of_nodes.get(name, np.full(len(mesh.points), float(stated[name]))).copy()
+                values[rows] = table[name]
+                of_nodes[name] = values
+    if of_nodes:
+        where = joint.parameters or f"{mesh.path}: joint {joint.name!r} fields"
+        _check_open(where, mesh.points, *(of_nodes.get(name, stated[name]) for name in ("gap", "preload")), _taken(points))
+    found = Values(
+        **{
+            name: _interpolated(points, of_nodes[name]) if name in of_nodes else np.full(points.n_points, float(stated[name]))
+            for name in COLUMNS
+        }
+    )
+    if not table or "node" in table:
+        return _closed_or_open(found)
+    rows = _nearest_rows(joint, points, table, lines)
+    found = replace(found, **{name: table[name][rows] for name in COLUMNS if name in table})
+    _check_open(joint.parameters, points.position, found.gap, found.preload, np.arange(points.n_points))
+    return found
+
+
+def _taken(points: ContactPoints) -> np.ndarray:
+    """Return the nodes of the first surface that points take something from, rising."""
+    return np.unique(points.side1.indices)
+
+
+def _closed_or_open(values: Values) -> Values:
+    """Return values with a preload or a gap at each point: between a node of either kind, what is more of them in force."""
+    both = (values.gap > 0.0) & (values.preload > 0.0)
+    net = values.preload - values.normal_stiffness * values.gap
+    preload = np.where(both, np.maximum(net, 0.0), values.preload)
+    gap = np.divide(np.maximum(-net, 0.0), values.normal_stiffness, out=values.gap.copy(), where=both)
+    return replace(values, preload=preload, gap=gap)
 
 
 def _of_field(mesh: Mesh, joint: Joint, points: ContactPoints, name: str) -> np.ndarray:
-    """Return a value that a field of the mesh has, as the first surface interpolates it, within those of the nodes it takes."""
+    """Return a field of the mesh that a value is taken from, (n_nodes,)."""
     field, where = joint.fields[name], f"{mesh.path}: joint {joint.name!r} fields: {name}"
     if name not in LAWS[joint.law].per_point:
         raise CaseError(f'{where} is no value of law = "{joint.law}", which takes {", ".join(LAWS[joint.law].per_point)}')
     if name == "gap" and joint.gap == GEOMETRY:
         raise CaseError(f'{where}: the joint takes its gap from the mesh, gap = "geometry"; state one of them')
-    if field not in mesh.fields:
-        near = nearest(field, mesh.fields)
-        held = f"it has: {', '.join(mesh.fields)}" if mesh.fields else "it has no field of one number a node at all"
-        raise MeshError(
-            f"{where} = {field!r}: there is no such field in the mesh; " + (f"nearest is {near!r}; " if near else "") + held
-        )
-    nodes = np.unique(points.side1.indices)
-    missing = nodes[np.isnan(mesh.fields[field][nodes])]
-    if len(missing):
-        raise MeshError(
-            f"{where} = {field!r} has no value at {len(missing)} nodes of the joint, the first is {mesh.numbers[missing[0]]}"
-        )
-    of_nodes, first = mesh.fields[field][points.side1.indices], points.side1.indptr[:-1]
-    found = points.side1 @ np.nan_to_num(mesh.fields[field])
-    found = np.clip(found, np.minimum.reduceat(of_nodes, first), np.maximum.reduceat(of_nodes, first))
+    taken = _taken(points)
+    found = field_at_nodes(mesh, field, taken, where, "the joint")
     above = name.endswith("stiffness") or (name == "preload" and "n0" in LAWS[joint.law].above_0)
-    if found.min() < 0.0 or (above and found.min() == 0.0):
-        at = place(points.position[np.argmin(found)])
-        raise MeshError(f"{where} = {field!r} is {found.min():g} at {at} m; it must be {'above 0' if above else 'at least 0'}")
+    least = taken[np.argmin(found[taken])]
+    if found[least] < 0.0 or (above and found[least] == 0.0):
+        raise MeshError(
+            f"{where} = {field!r} is {found[least]:g} at {place(mesh.points[least])} m; it must be "
+            f"{'above 0' if above else 'at least 0'}"
+        )
     return found
 
 
-def _from_file(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray, values: Values) -> Values:
+def _interpolated(points: ContactPoints, of_nodes: np.ndarray) -> np.ndarray:
+    """Return values of nodes (n_nodes,) at the points, as the first surface interpolates, within those of the nodes it takes."""
+    own, first = of_nodes[points.side1.indices], points.side1.indptr[:-1]
+    found = points.side1 @ np.nan_to_num(of_nodes)
+    return np.clip(found, np.minimum.reduceat(own, first), np.maximum.reduceat(own, first))
+
+
+def _checked_table(joint: Joint) -> tuple[dict[str, np.ndarray], list[int]]:
+    """Return the columns of the joint's file, and the line of each row."""
     assert joint.parameters is not None, "a joint with a file of values"
     table, lines = read_table(joint.parameters, (), (*PLACES, *COLUMNS), "contact point")
     given = [name for name in COLUMNS if name in table]
@@ -93,23 +127,17 @@ def _from_file(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarra
             raise CaseError(f"{joint.parameters}, line {lines[bad]}: {name} = {table[name][bad]:g}; it must be {least}")
     if "gap" in given and joint.gap == GEOMETRY:
         raise CaseError(f'{joint.parameters}: the joint takes its gap from the mesh, gap = "geometry"; leave the column gap out')
-    pairs, rows = (_by_node if "node" in table else _by_place)(mesh, joint, points, node1, table, lines)
-    changed = {}
-    for name in given:
-        changed[name] = getattr(values, name).copy()
-        changed[name][pairs] = table[name][rows]
-    found = replace(values, **changed)
-    _check_open(joint.parameters, points, found)
-    return found
+    return table, lines
 
 
-def _check_open(where, points: ContactPoints, found: Values) -> None:
-    """Raise CaseError for a point with a gap and a preload."""
-    both = np.flatnonzero((found.gap > 0.0) & (found.preload > 0.0))
+def _check_open(where, places: np.ndarray, gap: np.ndarray | float, preload: np.ndarray | float, used: np.ndarray) -> None:
+    """Raise CaseError for a node or a point with a gap and a preload, of the ``used`` (n,) ones of all places (m, 3) [m]."""
+    gap, preload = (np.broadcast_to(one, len(places))[used] for one in (gap, preload))
+    both = np.flatnonzero((gap > 0.0) & (preload > 0.0))
     if len(both):
         raise CaseError(
-            f"{where}: the point at {place(points.position[both[0]])} m has a gap of {found.gap[both[0]]:g} m and "
-            f"a preload of {found.preload[both[0]]:g} Pa ({len(both)} in all): an open point carries none; keep one of them"
+            f"{where}: the point at {place(places[used[both[0]]])} m has a gap of {gap[both[0]]:g} m and "
+            f"a preload of {preload[both[0]]:g} Pa ({len(both)} in all): an open point carries none; keep one of them"
         )
 
 
@@ -127,27 +155,26 @@ def _check_law(joint: Joint, table: dict, given: list[str], lines: list[int]) ->
         )
 
 
-def _by_node(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray, table: dict, lines: list[int]):
-    """Return pairs and the rows of the table that name their node."""
+def _rows_of_nodes(mesh: Mesh, joint: Joint, points: ContactPoints, table: dict, lines: list[int]) -> np.ndarray:
+    """Return the nodes that the rows of the table name, (n_rows,), nodes of the first surface."""
     if {"x", "y", "z"} & table.keys():
         raise CaseError(f"{joint.parameters}: the header names node and x, y, z; a point is found by one of them")
-    numbers = mesh.numbers[node1]
-    unknown = np.flatnonzero(~np.isin(table["node"], numbers))
+    taken = _taken(points)
+    unknown = np.flatnonzero(~np.isin(table["node"], mesh.numbers[taken]))
     if len(unknown):
         raise MeshError(
             f"{joint.parameters}, line {lines[unknown[0]]}: node {table['node'][unknown[0]]:g} is no node of "
             f"{joint.surfaces[0]!r}, the first surface of joint {joint.name!r} ({len(unknown)} such rows)"
         )
-    named, first, count = np.unique(table["node"], return_index=True, return_counts=True)
+    named, count = np.unique(table["node"], return_counts=True)
     if (count > 1).any():
         raise CaseError(f"{joint.parameters}: node {named[np.argmax(count)]:g} has {count.max()} rows; each needs one")
-    at = np.minimum(np.searchsorted(named, numbers), len(named) - 1)
-    has_row = named[at] == numbers
-    return np.flatnonzero(has_row), first[at[has_row]]
+    order = np.argsort(mesh.numbers[taken])
+    return taken[order][np.searchsorted(mesh.numbers[taken][order], table["node"])]
 
 
-def _by_place(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray, table: dict, lines: list[int]):
-    """Return all pairs and the row of the table that is nearest to each."""
+def _nearest_rows(joint: Joint, points: ContactPoints, table: dict, lines: list[int]) -> np.ndarray:
+    """Return the row of the table that is nearest to each point, (n_points,)."""
     missing = [name for name in "xyz" if name not in table]
     if missing:
         raise CaseError(f"{joint.parameters}: the header must name node, or x, y and z in m; {', '.join(missing)} is missing")
@@ -160,4 +187,4 @@ def _by_place(mesh: Mesh, joint: Joint, points: ContactPoints, node1: np.ndarray
             f"{joint.parameters}, line {lines[farthest]}: {place(places[farthest])} m is {distance[farthest]:.3g} m from the "
             f"nearest contact point of joint {joint.name!r}, more than {FAR:.0%} of the joint's extent; places are in metres"
         )
-    return np.arange(points.n_points), cKDTree(places).query(points.position)[1]
+    return cKDTree(places).query(points.position)[1]

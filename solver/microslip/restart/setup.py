@@ -22,6 +22,7 @@ from ..receptance.modes_left_out import ModesLeftOut
 from ..receptance.observed import Observed
 from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.structural_coupling import StructuralCoupling
+from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
 from ..statics.bolts import BoltsAtRest
 from .records import Arrays
 
@@ -40,8 +41,7 @@ def to_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
         "selection": [type(reduction.selection).__name__, vars(reduction.selection)],
         "has_bars": better is not None,
     }
-    if outline.bolts is not None:
-        arrays |= over("bolts", numbers_of(outline.bolts))
+    arrays |= of_rest(outline)
     if better is not None:
         arrays |= {} if better.is_solved else over("better", of_reduced(better.structure))
         arrays |= {} if better.left_out is None else over("left_out", numbers_of(better.left_out))
@@ -49,9 +49,21 @@ def to_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
 
 
 def texts_of_pairs(pairs: ContactPairs, outline: Outline) -> dict[str, Any]:
-    """Return the texts of pairs, and the names of bolts.  Local."""
+    """Return the texts of pairs, and the names of bolts, joints and bodies at rest.  Local."""
     texts: dict[str, Any] = {"joint": list(pairs.joint), "laws": list(map(str, pairs.laws))}
-    return texts if outline.bolts is None else texts | {"bolts": list(outline.bolts.names)}
+    return texts | {name: list(table.names) for name, table in _tables_of(outline).items()}
+
+
+def of_rest(outline: Outline) -> Arrays:
+    """Return the arrays of bolts and of the equilibrium at rest.  Local."""
+    tables = [over(name, numbers_of(table)) for name, table in _tables_of(outline).items()]
+    return {name: values for table in tables for name, values in table.items()}
+
+
+def _tables_of(outline: Outline) -> dict[str, BoltsAtRest | JointsAtRest | BodiesAtRest]:
+    found: dict[str, Any] = {} if outline.bolts is None else {"bolts": outline.bolts}
+    balance = outline.balance
+    return found if balance is None else found | {"across_joints": balance.joints, "on_bodies": balance.bodies}
 
 
 def pairs_of(arrays: Arrays, texts: Mapping[str, Any]) -> ContactPairs:
@@ -70,10 +82,13 @@ def pairs_of(arrays: Arrays, texts: Mapping[str, Any]) -> ContactPairs:
 
 def outline_of(arrays: Arrays, texts: Mapping[str, Any]) -> Outline:
     """Return the outline of the structure; its node numbers on rank 0 alone, if that passes them.  Local."""
-    kept, bolts = under("outline", arrays), None
+    kept, bolts, balance = under("outline", arrays), None, None
     if "bolts" in texts:
         bolts = BoltsAtRest(tuple(texts["bolts"]), **under("bolts", arrays))
-    return Outline(int(kept["n_dof"]), kept["omega_n"], bool(kept["has_mesh"]), kept.get("numbers"), bolts)
+    if "across_joints" in texts:
+        joints = JointsAtRest(tuple(texts["across_joints"]), **under("across_joints", arrays))
+        balance = Balance(joints, BodiesAtRest(tuple(texts["on_bodies"]), **under("on_bodies", arrays)))
+    return Outline(int(kept["n_dof"]), kept["omega_n"], bool(kept["has_mesh"]), kept.get("numbers"), bolts, balance)
 
 
 def selection_of(texts: Mapping[str, Any]) -> Selection:
@@ -116,7 +131,7 @@ def numbers_of(of: Any) -> Arrays:
     found: Arrays = {}
     for field in fields(of):
         value = getattr(of, field.name)
-        if field.name in _OF_MESH or value is None or isinstance(value, BoltsAtRest):
+        if field.name in _OF_MESH or value is None or isinstance(value, (BoltsAtRest, Balance)):
             continue
         if is_dataclass(value):
             found |= over(field.name, numbers_of(value))

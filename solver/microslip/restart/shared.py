@@ -29,7 +29,7 @@ from ..reduction.modal_structure import modal_family
 from ..reduction.reduction import Reduction
 from .records import Arrays
 from .restore import KeptSetup, Rebuilt, exact_structure
-from .setup import left_out_of, numbers_of, of_reduced, outline_of, pairs_of, texts_of_pairs
+from .setup import left_out_of, numbers_of, of_reduced, of_rest, outline_of, pairs_of, texts_of_pairs
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -77,8 +77,7 @@ def shared_arrays(prepared: Prepared) -> tuple[Arrays, dict[str, Any]]:
         "n_proved": max(structure.modes.n_proved, n_kept if settings.verify_modes else 0),
         "has_bars": better is not None,
     }
-    if prepared.outline.bolts is not None:
-        arrays |= over("bolts", numbers_of(prepared.outline.bolts))
+    arrays |= of_rest(prepared.outline)
     if better is not None and better.left_out is not None:
         arrays |= over("left_out", numbers_of(better.left_out))
     return arrays, texts

@@ -56,6 +56,8 @@ def variables_of(results: ResultFile, fields: Fields | None) -> dict[str, Any]:
         found["linear"] = {"frequency_Hz": results.linear.frequency, "response_per_N": results.linear.response}
     if results.bolts is not None:
         found["bolts"] = {"names": _cells(results.bolts.names), **{name: getattr(results.bolts, name) for name in BOLT_UNITS}}
+    if results.at_rest:
+        found["statics"] = {name: {"names": _cells(one.names), **one.columns} for name, one in results.at_rest.items()}
     if fields is not None:
         _add_fields(found, fields)
     return found

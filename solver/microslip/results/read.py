@@ -17,7 +17,20 @@ from ..points.quantities import TEXT, Quantity, axis_lengths
 from .checked_datasets import Reader, attribute, opened
 from .fields import read_fields, read_run
 from .origin import InputFile, Origin
-from .record import BOLT_UNITS, COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Bolts, Joint, LevelResult, LinearCurve, ResultFile
+from .record import (
+    BOLT_UNITS,
+    COMPLETE,
+    JOINT_QUANTITIES,
+    RUNNING,
+    STATIC_TABLES,
+    STOPPED,
+    Bolts,
+    Joint,
+    LevelResult,
+    LinearCurve,
+    ResultFile,
+    StaticTable,
+)
 
 
 def read_results(path: str, motion: bool = True) -> ResultFile:
@@ -80,6 +93,7 @@ def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
         int(reader.array("structure/n_dof", "i8", ())) if "structure/n_dof" in reader else 0,
         _origin(reader),
         asked=_asked(reader),
+        at_rest={name: _static(reader, name) for name in STATIC_TABLES if f"statics/{name}" in reader},
     )
 
 
@@ -96,6 +110,15 @@ def _bolts(reader: Reader) -> Bolts | None:
         return None
     names = tuple(reader.texts("statics/bolts/names"))
     return Bolts(names, **{name: reader.array(f"statics/bolts/{name}", "f8", (len(names),)) for name in BOLT_UNITS})
+
+
+def _static(reader: Reader, name: str) -> StaticTable:
+    """Return a table of the equilibrium at rest."""
+    names = tuple(reader.texts(f"statics/{name}/names"))
+    columns = STATIC_TABLES[name].items()
+    return StaticTable(
+        names, {key: reader.array(f"statics/{name}/{key}", "f8", (len(names), width)) for key, (_, width) in columns}
+    )
 
 
 def _origin(reader: Reader) -> Origin | None:

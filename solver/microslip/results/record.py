@@ -112,6 +112,19 @@ class Bolts:
     force: np.ndarray  # N, at rest under all loads
 
 
+@dataclass(frozen=True, eq=False)
+class StaticTable:
+    """A table of the equilibrium at rest: rows with names, columns of ``STATIC_TABLES``."""
+
+    names: tuple[str, ...]
+    columns: Mapping[str, np.ndarray]  # (n_rows, width) each
+
+
+# unit and width of the columns of each table; six numbers are a force and its moment
+STATIC_TABLES: dict[str, dict[str, tuple[str, int]]] = {
+    "joints": {"about": ("m", 3), "on_first": ("N, N m", 6), "on_second": ("N, N m", 6)},
+    "bodies": {"about": ("m", 3), "loads": ("N, N m", 6), "joints": ("N, N m", 6), "supports": ("N, N m", 6)},
+}
 BOLT_UNITS = {"area": "m2", "shortening": "m", "tightened": "N", "force": "N"}
 
 
@@ -137,6 +150,7 @@ class ResultFile:
     n_dof: int = 0  # of the structure; 0: an earlier version wrote the file
     origin: Origin | None = None  # None: an earlier version wrote the file
     asked: tuple[float, ...] = ()  # levels that the run is of [N]; none: an earlier version wrote the file
+    at_rest: Mapping[str, StaticTable] = field(default_factory=dict)  # by keys of ``STATIC_TABLES``; none without [statics]
 
     @property
     def missing(self) -> tuple[float, ...]:

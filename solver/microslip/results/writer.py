@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import h5py
@@ -14,7 +15,20 @@ from ..parallel.files import make_folder, written_whole
 from ..points.branch import QUANTITIES, Branch, Point
 from ..points.quantities import LABELS, TEXT, Quantity, axis_lengths
 from .origin import Origin
-from .record import BOLT_UNITS, COMPLETE, JOINT_QUANTITIES, RUNNING, STOPPED, Bolts, Joint, LevelResult, ResultFile, level_result
+from .record import (
+    BOLT_UNITS,
+    COMPLETE,
+    JOINT_QUANTITIES,
+    RUNNING,
+    STATIC_TABLES,
+    STOPPED,
+    Bolts,
+    Joint,
+    LevelResult,
+    ResultFile,
+    StaticTable,
+    level_result,
+)
 from .table import ResponseTable
 
 if TYPE_CHECKING:
@@ -57,6 +71,8 @@ class ResultWriter:
             _write_joint(file.create_group("joint"), head.joint)
             if head.bolts is not None:
                 _write_bolts(file.create_group("statics/bolts"), head.bolts)
+            for name, static in head.at_rest.items():
+                _write_static(file.create_group(f"statics/{name}"), static, STATIC_TABLES[name])
             file.create_group("levels")
         return table
 
@@ -161,6 +177,12 @@ def _write_bolts(group: h5py.Group, bolts: Bolts) -> None:
     write_texts(group, "names", bolts.names)
     for name, unit in BOLT_UNITS.items():
         write_array(group, name, getattr(bolts, name), unit)
+
+
+def _write_static(group: h5py.Group, table: StaticTable, columns: Mapping[str, tuple[str, int]]) -> None:
+    write_texts(group, "names", table.names)
+    for name, (unit, _) in columns.items():
+        write_array(group, name, table.columns[name], unit)
 
 
 def _write_level(group: h5py.Group, level: LevelResult, unit: str) -> None:

@@ -27,7 +27,7 @@ def contradictions(scene: Scene) -> list[str]:
         *_outputs(scene),
         *_surfaces(scene),
         *_statics(scene),
-        *_pressed_bodies(scene),
+        *_volumes_as_faces(scene),
         *_points(scene),
         *_bars(scene),
         *_mode(scene),
@@ -178,7 +178,7 @@ def _statics(scene: Scene) -> list[str]:
         return found
     if statics.rotation_speed > 0.0 and scene.model.axis is None:
         found.append("[statics] rotation_speed: [model] axis is missing, the direction of the axis of rotation [x, y, z]")
-    acting = (any(one.pressure for one in statics.pressures), any(one.temperature for one in statics.temperatures))
+    acting = (any(one.pressure for one in statics.pressures), any(one.temperature != 0.0 for one in statics.temperatures))
     if not (statics.rotation_speed or statics.forces or statics.bolts or statics.displacements or any(acting)):
         found.append(
             "[statics] loads nothing: state rotation_speed, forces, pressures, temperatures, bolts or displacements, or leave "
@@ -203,16 +203,23 @@ def _statics(scene: Scene) -> list[str]:
     return found
 
 
-def _pressed_bodies(scene: Scene) -> list[str]:
-    """Pressures on the elements of a body, whose outside would all be pressed."""
+def _volumes_as_faces(scene: Scene) -> list[str]:
+    """Pressures, joints, ties and bolts that name the elements of a body where faces are meant."""
     bodies = {body.group for body in scene.bodies.values()}
-    pressures = (
-        [(f"[[statics.pressures]] {i}", one.group) for i, one in enumerate(scene.statics.pressures, 1)] if scene.statics else []
-    )
-    pressures += [(where, load.group) for where, load in _numbered(scene, "loads") if load.pressure is not None]
+    used = [(where, group, "a joint has faces") for where, joint in _numbered(scene, "joints") for group in joint.surfaces or ()]
+    used += [
+        (where, group, "a tie has faces or their nodes") for where, tie in _numbered(scene, "ties") for group in tie.surfaces
+    ]
+    used += [
+        (where, load.group, "a pressure acts on faces") for where, load in _numbered(scene, "loads") if load.pressure is not None
+    ]
+    if scene.statics is not None:
+        pressures, bolts = enumerate(scene.statics.pressures, 1), enumerate(scene.statics.bolts, 1)
+        used += [(f"[[statics.pressures]] {i}", one.group, "a pressure acts on faces") for i, one in pressures]
+        used += [(f"[[statics.bolts]] {i}", one.group, "a bolt is cut by faces across its shank") for i, one in bolts]
     return [
-        f'{where} group = "{group}": these are the elements of a body, and a pressure acts on faces; name a group of them'
-        for where, group in pressures
+        f'{where} group = "{group}": these are the elements of a body, and {what}; name a group of them'
+        for where, group, what in used
         if group in bodies
     ]
 
@@ -296,16 +303,18 @@ def remarks(scene: Scene) -> list[str]:
 def _points(scene: Scene) -> list[str]:
     """Points that are not there, that cannot be held, or whose inertia would have to turn with the structure."""
     found, points = [], {point.name: point for point in scene.points}
-    used = [*_numbered(scene, "supports", "loads", "outputs")]
+    used = [*_numbered(scene, "supports", "loads", "outputs", "masses")]
     if scene.statics is not None:
         used += [(f"[[statics.forces]] {i}", force) for i, force in enumerate(scene.statics.forces, 1)]
-    for where, entry in used:
-        if entry.point is not None and entry.point not in points and scene.model.mesh is not None and not scene.awaits_file:
-            near = nearest(entry.point, points)
+    named = [(where, entry.point) for where, entry in used if entry.point is not None]
+    named += [(where, name) for where, spring in _numbered(scene, "springs") for name in spring.points]
+    for where, name in named:
+        if name not in points and scene.model.mesh is not None and not scene.awaits_file:
+            near = nearest(name, points)
             hint = (
                 f'nearest is "{near}"' if near else f"known: {', '.join(points)}" if points else "there are no [[points]] at all"
             )
-            found.append(f'{where} point = "{entry.point}": there is no such point; {hint}')
+            found.append(f'{where} point = "{name}": there is no such point; {hint}')
     for where, support in _numbered(scene, "supports"):
         if support.point in points and points[support.point].connection == "distributing":
             found.append(

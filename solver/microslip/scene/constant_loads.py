@@ -8,17 +8,23 @@ from .scene_table import Direction, Name, NotNegative, Number, Positive, Table, 
 
 
 class Force(Table):
-    """[[statics.forces]]: a constant force, shared by its nodes."""
+    """[[statics.forces]]: a constant force, shared by its nodes, or a moment."""
 
     position: Vector | None = Field(None, description="three coordinates [x, y, z] in m; the nearest node is loaded")
     node: Number | None = Field(None, description="a node number of the mesh, a whole number of at least 0")
     group: str | None = Field(None, min_length=1, description="the name of a group in the mesh; its nodes share the force")
     point: str | None = Field(None, min_length=1, description="the name of one of the [[points]]")
-    force: Direction = Field(description="the force [x, y, z] in N, three numbers, not all 0")
+    force: Direction | None = Field(None, description="the force [x, y, z] in N, three numbers, not all 0")
+    moment: Direction | None = Field(None, description="the moment [x, y, z] in N m, three numbers, not all 0")
 
     @model_validator(mode="after")
     def _place(self):
         self.exactly_one("position", "node", "group", *["point"] * (self.point is not None))
+        if self.moment is None and self.force is None:
+            raise ValueError(f"force is missing: expected {Force.model_fields['force'].description}; or moment")
+        self.exactly_one("force", *["moment"] * (self.moment is not None))
+        if self.moment is not None and self.group is None and self.point is None:
+            raise ValueError("moment acts on a group of nodes or on a point; a node alone bears none")
         return self
 
 
@@ -33,7 +39,14 @@ class Temperature(Table):
     """[[statics.temperatures]]: a body that is warmer than where it is free of stress."""
 
     group: str = Field(min_length=1, description="the name of a group of volume elements in the mesh, of one of the bodies")
-    temperature: float = Field(description="the temperature in K above that without stress, a number")
+    temperature: float | None = Field(None, description="the temperature in K above that without stress, a number")
+    field: str | None = Field(None, min_length=1, description="the name of a field of the mesh that has it at the nodes")
+    file: str | None = Field(None, min_length=1, description="the path of a CSV file with the columns node and temperature")
+
+    @model_validator(mode="after")
+    def _one(self):
+        self.exactly_one("temperature", "field", "file")
+        return self
 
 
 class MovedSupport(Table):

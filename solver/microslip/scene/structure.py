@@ -245,15 +245,24 @@ class Point(Table):
 class Mass(Table):
     """[[masses]]: a point mass at each node of a group."""
 
-    group: str = Field(min_length=1, description="the name of a group in the mesh")
-    mass: NotNegative = Field(description="the mass in kg of each of its nodes, a number of at least 0")
+    group: str | None = Field(None, min_length=1, description="the name of a group in the mesh")
+    point: str | None = Field(None, min_length=1, description="the name of one of the [[points]]")
+    mass: NotNegative = Field(description="the mass in kg of each of its nodes, or of the point, a number of at least 0")
+
+    @model_validator(mode="after")
+    def _place(self):
+        self.exactly_one("group", *["point"] * (self.point is not None))
+        return self
 
 
 class Spring(Table):
     """[[springs]]: nodes on springs and dampers to ground, or two nodes joined by one."""
 
-    groups: Annotated[tuple[str, ...], AfterValidator(no_duplicates), Field(min_length=1, max_length=2)] = Field(
-        description="the name of a group whose nodes have springs to ground, or of two groups of one node each, in a list"
+    groups: Annotated[tuple[str, ...], AfterValidator(no_duplicates), Field(max_length=2)] = Field(
+        (), description="the name of a group whose nodes have springs to ground, or of two groups of one node each, in a list"
+    )
+    points: Annotated[tuple[str, ...], AfterValidator(no_duplicates), Field(max_length=2)] = Field(
+        (), description="the names of one or two of the [[points]] that it holds, in a list, in place of groups or beside one"
     )
     direction: Direction | None = Field(
         None,
@@ -266,6 +275,10 @@ class Spring(Table):
     def _directed(self):
         if not {"stiffness", "damping"} & self.model_fields_set:
             raise ValueError(f"stiffness is missing: expected {Spring.model_fields['stiffness'].description}; or damping")
-        if len(self.groups) == 1 and self.direction is None:
+        if not self.groups and not self.points:
+            raise ValueError(f"groups is missing: expected {Spring.model_fields['groups'].description}; or points")
+        if len(self.groups) + len(self.points) > 2:
+            raise ValueError("groups and points: a spring has two ends at most")
+        if len(self.groups) + len(self.points) == 1 and self.direction is None:
             raise ValueError(f"direction is missing: expected {Spring.model_fields['direction'].description}")
         return self

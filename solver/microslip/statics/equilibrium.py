@@ -89,7 +89,7 @@ def equilibrium(
 
     Parameters
     ----------
-    which_flies : says which bodies the loads move freely; collective
+    which_flies : says which bodies the loads move freely, and what would hold them; collective
 
     Raises
     ------
@@ -214,7 +214,7 @@ class Contact:
             if found is None:
                 step *= 0.5
                 if step < SHORTEST / n_steps:
-                    raise ConvergenceError(self._why_not(loading, now, share, loading.which_flies()))
+                    raise ConvergenceError(self._why_not(loading, now, share, n_steps))
                 continue
             now, share, n_taken, step = found, next_share, n_taken + 1, min(2.0 * step, 1.0 / n_steps)
         return now, n_taken
@@ -322,16 +322,19 @@ class Contact:
         step = -residual - (columns @ dp.ravel()).reshape(residual.shape)
         return step if np.isfinite(step).all() else None
 
-    def _why_not(self, loading: Loading, now: State, share: float, flies: str) -> str:
-        """Say what is open where the load ends at which there is equilibrium, and what moves beyond it.  Local."""
+    def _why_not(self, loading: Loading, now: State, share: float, n_steps: int) -> str:
+        """Say what is open where the load ends at which there is equilibrium, what moves beyond it, and what would hold it.
+
+        Collective.
+        """
+        flies = loading.which_flies() or (
+            "no body flies off as a whole; what bends, rocks or slides on the way lets go: more friction or preload holds it, a "
+            f"support, or more [statics] steps than {n_steps}, which follow the path of the loads more closely"
+        )
         du, pairs = now.du + SHORTEST * loading.rising, self.pairs
         is_open = pairs.N0 - pairs.k_n * du[:, 2] <= 0.0
         joints = [f"{np.count_nonzero(is_open[own])} of {len(own)} pairs of {name!r}" for name, own in _by_joint(pairs)]
-        return (
-            f"[statics]: no equilibrium beyond {share:.1%} of {loading.name}, where {', '.join(joints)} are open"
-            f"{': ' if flies else ''}{flies}: a body that nothing presses on flies off, or slides where friction cannot hold it; "
-            "check the directions of loads and axis, state more friction or a support, or smaller [statics] steps"
-        )
+        return f"[statics]: no equilibrium beyond {share:.1%} of {loading.name}, where {', '.join(joints)} are open: {flies}"
 
 
 def _by_joint(pairs: ContactPairs) -> list[tuple[str, np.ndarray]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -16,6 +16,8 @@ from .loaded import Loaded
 
 _BALANCED = 1e-6  # what is left of the loads over themselves: below it rigid bodies are in equilibrium
 _TAKES_PART = 0.3  # of the largest motion: bodies that move less are carried along
+_TIMES = tuple(2.0**k for k in range(1, 8))  # the friction stated, in the search for what would hold a body
+_HALVINGS = 6  # of that search, to 1 or 2 %
 _ROUNDS = 40  # in which edges are added to the cones, each straight against the motion of the last
 
 
@@ -31,7 +33,9 @@ class _Rigid:
 
 
 def which_flies(loaded: Loaded) -> str:
-    """Return in words which bodies contact and friction cannot hold, and how they move; "" where rigid ones would be held.
+    """Return in words which bodies contact and friction cannot hold, how they move, and what would hold them.
+
+    "" where rigid bodies would be held.
 
     Collective on ``loaded.system.comm``.
 
@@ -45,11 +49,12 @@ def which_flies(loaded: Loaded) -> str:
 
     def words() -> str:
         assert gathered is not None, "called on rank 0"
-        rigid = _rigid_motions(loaded)
-        q = _motions(system, rigid, loaded.pairs, np.concatenate(gathered))
+        rigid, forces = _rigid_motions(loaded), np.concatenate(gathered)
+        q = _motions(system, rigid, loaded.pairs, forces)
         size = np.linalg.norm(q, axis=1)
         order = [i for i in np.argsort(-size, kind="stable") if size[i] > _TAKES_PART * size.max()]
-        return "; ".join(_in_words(rigid.names[i], q[i], rigid.middle[i]) for i in order)
+        moving = "; ".join(_in_words(rigid.names[i], q[i], rigid.middle[i]) for i in order)
+        return f"{moving}: {_what_holds(system, rigid, loaded.pairs, forces)}" if moving else ""
 
     return on_root(system.comm, words)
 
@@ -93,6 +98,29 @@ def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndar
         cones, size = np.concatenate([cones, _against(pairs, B, Z, q)]), left
     q = Z @ q
     return _without_lift(q, Z, B, _per_newton(pairs)).reshape(-1, 6)
+
+
+def _what_holds(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndarray) -> str:
+    """Say how much friction would hold the bodies, or that none would.  Local, rank 0."""
+
+    def is_held(times: float) -> bool:
+        return not _motions(system, rigid, replace(pairs, mu=times * pairs.mu), forces).any()
+
+    enough = next((times for times in _TIMES if is_held(times)), None)
+    if enough is None:
+        return (
+            "no friction would hold it there: turn the loads or the axis round if they should press it on, hold it against that "
+            "motion by [[supports]], or let a load, a bolt or a stated preload press its joints"
+        )
+    least, stated = 0.5 * enough, pairs.mu[pairs.mu > 0.0]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (least + enough)
+        least, enough = (least, middle) if is_held(middle) else (middle, enough)
+    if np.ptp(stated) == 0.0:
+        needed = f"a friction of {np.ceil(100.0 * enough * stated[0]) / 100.0:g} would (stated: {stated[0]:g})"
+    else:
+        needed = f"{np.ceil(10.0 * enough) / 10.0:g} times the friction would"
+    return f"it slides where friction cannot hold it, and {needed}; or hold it by [[supports]], or press its joints more"
 
 
 def _by_row(system: System, rigid: _Rigid) -> np.ndarray:

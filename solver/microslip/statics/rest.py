@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..assembly.system import System
 from ..contact.laws import ELASTIC_COULOMB, about_rest, are_springs, friction_limit
-from ..mesh.connected import connected_parts
-from ..mesh.data import ContactPairs, Mesh
-from ..parallel.agree import on_root
+from ..mesh.data import ContactPairs
 from ..parallel.errors import CaseError
-from ..parallel.words import listed
+from .balance import Balance
+from .balance import in_words as balance_in_words
 from .equilibrium import Rest
-from .loaded import Loaded
 
 
 def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
@@ -72,24 +70,9 @@ def referred_to(pairs: ContactPairs, N: np.ndarray) -> ContactPairs:
     return replace(pairs, k_t=k_t, k_n=k_n, own={**pairs.own, "reference": reference})
 
 
-@dataclass(frozen=True)
-class Resultant:
-    """Forces on a part [N], and their moments about the middle of the points [N m]."""
-
-    force: np.ndarray  # (3,)
-    moment: np.ndarray  # (3,)
-    size: float  # N, the sum of the magnitudes of what was added
-
-
-def in_words(loaded: Loaded, rest: Rest) -> list[str]:
-    """Return a line for each joint, and one for each body that nothing but joints holds: do its forces balance?  Collective."""
-    forces = loaded.system.comm.gather(loaded.forces_owned)
-
-    def lines() -> list[str]:
-        assert forces is not None, "called on rank 0"
-        return _of_joints(loaded.pairs, rest) + _of_bolts(rest) + _of_bodies(loaded, rest, np.concatenate(forces))
-
-    return on_root(loaded.system.comm, lines)
+def in_words(pairs: ContactPairs, rest: Rest, balance: Balance) -> list[str]:
+    """Return lines on each joint, each bolt and each body: what is closed, what slid, whether forces balance.  Local."""
+    return _of_joints(pairs, rest) + _of_bolts(rest) + balance_in_words(balance)
 
 
 def _of_joints(pairs: ContactPairs, rest: Rest) -> list[str]:
@@ -124,30 +107,6 @@ def _of_bolts(rest: Rest) -> list[str]:
     ]
 
 
-def _of_bodies(loaded: Loaded, rest: Rest, forces: np.ndarray) -> list[str]:
-    """Return a line for each part without a support: loads and contact forces on it, and what is left over."""
-    system, mesh = loaded.system, loaded.mesh
-    assert mesh is not None, "a scene with a mesh"
-    carried = rest.force.copy()
-    carried[:, 2] += np.maximum(np.nan_to_num(loaded.pairs.N0), 0.0)  # what a stated preload presses with balances itself
-    contact = -(system.R.T @ carried.ravel())
-    part, part_names = connected_parts(mesh, loaded.body_of)
-    lines = []
-    for own in loose_parts(system, part, len(part_names)):
-        nodes = np.flatnonzero(np.isin(part, own))
-        applied, pressed = (_resultant(system, mesh, nodes, values) for values in (forces, contact))
-        size = max(applied.size, pressed.size) or 1.0
-        reach = float(np.abs(mesh.points[nodes] - mesh.points[nodes].mean(axis=0)).max())
-        left = np.linalg.norm(applied.force + pressed.force) / size
-        turned = np.linalg.norm(applied.moment + pressed.moment) / (size * reach)
-        shown = ", ".join(f"{value:.6g}" for value in applied.force)
-        lines.append(
-            f"  {listed([part_names[i] for i in own])}: loads of ({shown}) N, carried by its joints; what is left over is "
-            f"{left:.1e} of the forces, {turned:.1e} of their moments"
-        )
-    return lines
-
-
 def loose_parts(system: System, part: np.ndarray, n_parts: int) -> tuple[np.ndarray, ...]:
     """Return the connected parts that nothing but joints holds, those that are tied together in one array.  Local, rank 0.
 
@@ -158,27 +117,3 @@ def loose_parts(system: System, part: np.ndarray, n_parts: int) -> tuple[np.ndar
         return system.constraints.loose
     held = np.unique(part[(system.dof < 0).any(axis=1)])
     return tuple(np.array([i]) for i in range(n_parts) if i not in held)
-
-
-def _resultant(system: System, mesh: Mesh, nodes: np.ndarray, values: np.ndarray) -> Resultant:
-    """Return the resultant of forces on the system's rows, (n_dof,), over ``nodes`` and the points connected to them.  Local.
-
-    What a dependent node bears acts on what it follows, with the same resultant.
-    """
-    assert system.dof is not None, "a structure with a mesh"
-    values = np.append(values, 0.0)  # row -1: fixed or dependent
-    points, forces = mesh.points[nodes], values[system.dof[nodes]]
-    constraints = system.constraints
-    own = () if constraints is None else [i for i, node in enumerate(constraints.group_nodes) if node in nodes]
-    if constraints is None or not own:
-        return resultant(points, forces)
-    at = np.array([constraints.points[i].position for i in own])
-    of_points = values[constraints.free[len(mesh.points) :]].reshape(-1, 6)[list(own)]
-    found = resultant(np.concatenate([points, at]), np.concatenate([forces, of_points[:, :3]]))
-    return replace(found, moment=found.moment + of_points[:, 3:].sum(axis=0))
-
-
-def resultant(points: np.ndarray, forces: np.ndarray) -> Resultant:
-    """Return the sum of forces (n, 3) [N] at points (n, 3) [m].  Local."""
-    moments = np.cross(points - points.mean(axis=0), forces)
-    return Resultant(forces.sum(axis=0), moments.sum(axis=0), float(np.linalg.norm(forces, axis=1).sum()))

@@ -15,7 +15,7 @@ from ...formats.units import UNITS
 from ...library.settings import mesh_settings, reduction_settings, response_settings
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
-from ...mesh.settings import MeshSettings
+from ...mesh.settings import Mass, MeshSettings, Spring
 from ...modes.limits import FEW, refuse_too_many
 from ...parallel.words import place
 from ...reduction.facts import Counts
@@ -55,8 +55,8 @@ def description(
         *content.axes(scene.orientations, scene.bodies),
         *content.groups(mesh, settings.bodies),
         *_supports(mesh, settings),
-        *content.table("masses", [f"{one.group}: {one.mass:.6g} kg a node" for one in settings.masses]),
-        *content.table("springs", [content.spring(one.groups, one.stiffness, one.damping) for one in settings.springs]),
+        *content.table("masses", [_mass(one) for one in settings.masses]),
+        *content.table("springs", [content.spring(_ends(one), one.stiffness, one.damping) for one in settings.springs]),
         *content.table("equations", [] if mesh.equations is None else [f"{len(mesh.equations.where)} of the file"]),
         f"unknowns   {n_dof} DOF free, {int(is_fixed.sum())} fixed{following}",
         *(f"           {note}" for note in links.notes),
@@ -68,6 +68,14 @@ def description(
         *_solution(scene, n_dof, pairs.n_pairs),
     ]
     return lines
+
+
+def _mass(one: Mass) -> str:
+    return f"{one.group}: {one.mass:.6g} kg a node" if one.point is None else f"point {one.point}: {one.mass:.6g} kg"
+
+
+def _ends(one: Spring) -> tuple[str, ...]:
+    return (*one.groups, *(f"point {name}" for name in one.points))
 
 
 def _suspected(scene: Scene, file: FileModel, mesh: Mesh, stated: Container[str], mass: float) -> list[str]:

@@ -1,0 +1,138 @@
+"""What acts on nodes and points of a structure at rest beside contact: its loads, and how elements resist where it is held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import elements
+from ..mesh.data import DistributedMesh, Mesh
+from ..mesh.settings import MeshSettings, Statics
+from .blocks import element_chunks
+from .constraints import Constraints
+from .prestress import Seen, add_to_nodes, nodal_loads, owned_nodes, place_loads
+from .system import System
+
+
+@dataclass(frozen=True, eq=False)
+class Acting:
+    """Forces at rest on all nodes, in the order of ``Mesh.points``, and on the points connected to them."""
+
+    loads: np.ndarray  # (n_nodes, 3) N, of [statics]
+    on_points: np.ndarray  # (n_points, 6) N, N m
+    resisted: np.ndarray  # (n_nodes, 3) N, how elements resist where something holds; 0 elsewhere
+    is_held: np.ndarray  # (n_nodes, 3) bool: supports, springs, ties, points or equations act there
+    places: np.ndarray  # (n_nodes, 3) m, where forces act: in the deformed shape with large displacements
+    points: np.ndarray  # (n_points, 3) m, the same of points
+
+
+def acting_at_rest(
+    dmesh: DistributedMesh,
+    mesh: Mesh | None,
+    settings: MeshSettings,
+    system: System,
+    u_owned: np.ndarray,
+    seen: Seen | None = None,
+) -> Acting | None:
+    """Return what acts at rest beside contact, on rank 0; None elsewhere.
+
+    Collective on ``dmesh.comm``: every rank gathers the displacement ``u_owned`` (n_dof_owned,) [m], rank 0 the forces.  Only
+    elements at nodes that something holds are gone through.  docs/theory.md, eq. (12.15).
+
+    Parameters
+    ----------
+    mesh : the whole mesh on rank 0, None elsewhere
+    seen : what elements above the cuts of bolts see beside the displacement of their nodes, as in ``stiffness_at_rest``
+    """
+    statics, comm, constraints = settings.statics, dmesh.comm, system.constraints
+    assert statics is not None, "a scene with [statics]"
+    whole = np.concatenate(comm.allgather(u_owned))
+    u = system.at_nodes(whole) + (0.0 if system.moved is None else system.moved)
+    to_mesh, is_held = np.argsort(dmesh.rank_order), held_places(system)
+    loads = nodal_loads(dmesh, mesh, settings)
+    resisted = _resisted(dmesh, settings, u[to_mesh], is_held[to_mesh].any(axis=1), seen)
+    if statics.is_large:
+        loads += _farther_out(dmesh, settings, u[to_mesh])
+    gathered = comm.gather((loads, resisted))
+    if gathered is None:
+        return None
+    assert mesh is not None, "rank 0 has the mesh"
+    loads, resisted = (np.concatenate(one)[dmesh.rank_order] for one in zip(*gathered))
+    if constraints is None:
+        found = loads, np.zeros((0, 6)), np.zeros((0, 3))
+    else:
+        found = _with_places(loads, constraints, statics, whole)
+    loads, on_points, points = found
+    places = mesh.points + u if statics.is_large else mesh.points
+    return Acting(loads, on_points, np.where(is_held, resisted, 0.0), is_held, places, points)
+
+
+def held_places(system: System) -> np.ndarray:
+    """Return where more than elements, loads and contact acts, (n_nodes, 3) bool: what is held, follows or leads.  Local."""
+    assert system.dof is not None, "a structure with a mesh"
+    constraints = system.constraints
+    if constraints is None:
+        return system.dof < 0
+    n_nodes = len(system.dof)
+    is_led = np.diff(constraints.T.tocsc().indptr) > 1  # columns that move more than one row
+    free = constraints.free[:n_nodes]
+    found = (free < 0) | np.append(is_led, False)[free]
+    if constraints.attached is not None:
+        sprung = np.unique(constraints.attached.stretch.indices)
+        found.ravel()[sprung[sprung < found.size]] = True
+    return found
+
+
+def _resisted(
+    dmesh: DistributedMesh, settings: MeshSettings, u: np.ndarray, is_held: np.ndarray, seen: Seen | None
+) -> np.ndarray:
+    """Return K u, or f_int(u), of elements at held nodes on this rank's nodes, (n_owned_nodes, 3) [N]; all rank-ordered."""
+    assert settings.statics is not None
+    first, last = owned_nodes(dmesh)
+    total = np.zeros((last - first, 3))
+    for i, block in enumerate(dmesh.blocks):
+        body, at_held = settings.bodies[block.body], np.flatnonzero(is_held[block.nodes].any(axis=1))
+        for chunk in element_chunks(block):
+            rows = at_held[chunk]
+            if not len(rows):
+                break
+            by = u[block.nodes[rows]] if seen is None else u[block.nodes[rows]] + seen(block, i, rows)
+            of = body.solids(block.kind, block.points[rows], block.warmth(rows))
+            if settings.statics.is_large:
+                forces, _ = elements.large_displacements(of, by)
+            else:
+                K = elements.stiffness(of)
+                forces = (K @ by.reshape(len(K), -1, 1)).reshape(by.shape)
+            add_to_nodes(total, block.nodes[rows] - first, forces)
+    return total
+
+
+def _farther_out(dmesh: DistributedMesh, settings: MeshSettings, u: np.ndarray) -> np.ndarray:
+    """Return the centrifugal forces of a displacement, M S u, on this rank's nodes, (n_owned_nodes, 3) [N]."""
+    assert settings.statics is not None
+    first, last = owned_nodes(dmesh)
+    total = np.zeros((last - first, 3))
+    for block in dmesh.blocks:
+        body = settings.bodies[block.body]
+        for chunk in element_chunks(block):
+            mass = elements.mass(block.kind, block.points[chunk], body.density, body.integration)
+            add_to_nodes(total, block.nodes[chunk] - first, mass @ u[block.nodes[chunk]] @ settings.statics.spin)
+    return total
+
+
+def _with_places(
+    loads: np.ndarray, constraints: Constraints, statics: Statics, whole: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return loads on nodes with those of masses there, forces and moments on points, where points are.  Local, rank 0."""
+    n_nodes, positions = len(loads), np.array([one.position for one in constraints.points]).reshape(-1, 3)
+    of_points, of_places = place_loads(constraints, statics)
+    if statics.is_large:
+        u_points = (constraints.T[constraints.n_nodal :] @ whole).reshape(-1, 6)[:, :3]
+        mass = np.array([one.mass for one in constraints.points]).reshape(-1, 1)
+        of_points[:, :3] += mass * u_points @ statics.spin
+        positions = positions + u_points
+        if constraints.attached is not None:
+            moved = (constraints.attached.motion @ constraints.at_places @ whole).reshape(-1, 3)
+            of_places = of_places + constraints.attached.forces(moved @ statics.spin)
+    return loads + of_places[:n_nodes], of_points + of_places[n_nodes:].reshape(-1, 6), positions

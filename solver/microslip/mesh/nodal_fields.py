@@ -1,0 +1,30 @@
+"""Fields of the mesh file: one number a node.  Local, rank 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..parallel.errors import MeshError
+from ..parallel.words import nearest
+from .data import Mesh
+
+
+def field_at_nodes(mesh: Mesh, field: str, nodes: np.ndarray, where: str, what: str) -> np.ndarray:
+    """Return a field of the mesh at all nodes, (n_nodes,), which has numbers at ``nodes`` (n,), those of ``what``.
+
+    Raises
+    ------
+    MeshError : no such field, or no number at one of these nodes
+    """
+    if field not in mesh.fields:
+        near = nearest(field, mesh.fields)
+        held = f"it has: {', '.join(mesh.fields)}" if mesh.fields else "it has no field of one number a node at all"
+        raise MeshError(
+            f"{where} = {field!r}: there is no such field in the mesh; " + (f"nearest is {near!r}; " if near else "") + held
+        )
+    missing = nodes[np.isnan(mesh.fields[field][nodes])]
+    if len(missing):
+        raise MeshError(
+            f"{where} = {field!r} has no value at {len(missing)} nodes of {what}, the first is {mesh.numbers[missing[0]]}"
+        )
+    return mesh.fields[field]

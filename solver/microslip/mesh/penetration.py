@@ -1,0 +1,53 @@
+"""Sides of a joint that lie in each other in the mesh.  Local, rank 0."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..parallel.errors import MeshError
+from ..parallel.words import place
+from .contact_points import ContactPoints
+from .data import Mesh
+from .settings import GEOMETRY, Joint
+from .surface import face_size, surface_of
+
+ROUNDING = 1e-6  # of the mesh's diagonal: what the mesh may penetrate at rest and count as touching
+DRAWN = 0.05  # of the size of the larger faces: as deep as meshes of one curved surface lie in each other
+
+
+def check_penetration(mesh: Mesh, joint: Joint, points: ContactPoints) -> str:
+    """Say how far the sides of a joint penetrate; empty where they do not.
+
+    Where the gap is that of the mesh nothing may penetrate.  Elsewhere what counts as touching may: within the tolerance that
+    the joint states, or as deep as meshes that draw one surface differently.
+
+    Raises
+    ------
+    MeshError : they penetrate more than that
+    """
+    deepest = int(np.argmin(points.distance)) if points.n_points else 0
+    if not points.n_points or points.distance[deepest] >= -ROUNDING * mesh.diagonal:
+        return ""
+    depth = -float(points.distance[deepest])
+    how = f"by {depth:.3g} m at {place(points.position[deepest])} m"
+    where = f"{mesh.path}: joint {joint.name!r}: the sides penetrate at rest, {how}"
+    if joint.gap == GEOMETRY:
+        raise MeshError(f"{where}; move them apart, or state the gap as a number in place of the mesh's")
+    size = max((face_size(surface_of(mesh, group)) for group in joint.surfaces), default=0.0)
+    allowed = joint.tolerance if joint.tolerance is not None or not size else DRAWN * size
+    if allowed is not None and depth > allowed:
+        bound = f"{DRAWN:.0%} of the size of their faces" if joint.tolerance is None else "the joint's tolerance"
+        raise MeshError(
+            f"{where}, more than {bound}, {allowed:.3g} m: move the bodies apart; where they are only drawn so, state "
+            f"tolerance = {_rounded_up(depth):g} (m) in the joint, and they touch there, or have the gap stated"
+        )
+    return (
+        f'joint {joint.name!r}: the sides penetrate in the mesh, {how}; without gap = "geometry" that does not count: they '
+        "touch, or have the gap stated"
+    )
+
+
+def _rounded_up(depth: float) -> float:
+    """Return the next number of two digits above a length."""
+    unit = 10.0 ** (np.floor(np.log10(depth)) - 1.0)
+    return float(np.ceil(1.01 * depth / unit) * unit)

@@ -1,0 +1,215 @@
+"""Equilibrium at rest: what each joint carries from side to side, and what acts on each body (docs/theory.md, (12.15))."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..assembly.reactions import Acting
+from ..linear.factor import RESIDUAL_LIMIT, ROUNDING_LIMIT
+from ..mesh.connected import connected_parts
+from ..mesh.data import ContactPairs
+from ..parallel.agree import on_root
+from ..parallel.errors import ConvergenceError
+from ..parallel.words import listed, place
+from .equilibrium import TOLERANCE, Rest
+from .loaded import Loaded
+
+
+@dataclass(frozen=True, eq=False)
+class JointsAtRest:
+    """What joints carry at rest, the same on every rank; each row a force [N] and its moment [N m]."""
+
+    names: tuple[str, ...]
+    about: np.ndarray  # (n_joints, 3) m, the middle of each joint's area, about which moments are
+    on_first: np.ndarray  # (n_joints, 6) on the body of the first surface, at its nodes
+    on_second: np.ndarray  # (n_joints, 6) on that of the second; what the first one leaves, on ground
+    size: np.ndarray  # (n_joints,) N, the sum of the magnitudes
+    reach: np.ndarray  # (n_joints,) m, from the middle to the farthest point
+
+
+@dataclass(frozen=True, eq=False)
+class BodiesAtRest:
+    """What acts on bodies at rest, those tied as one, the same on every rank; each row a force [N] and its moment [N m]."""
+
+    names: tuple[str, ...]
+    about: np.ndarray  # (n_bodies, 3) m, the mean of the nodes, about which moments are
+    loads: np.ndarray  # (n_bodies, 6) of [statics]
+    joints: np.ndarray  # (n_bodies, 6) beside stated preloads, which are in balance with what made them
+    supports: np.ndarray  # (n_bodies, 6) of supports, springs to ground and equations
+    size: np.ndarray  # (n_bodies,) N, the largest sum of magnitudes of the three
+    reach: np.ndarray  # (n_bodies,) m, from the middle to the farthest node
+
+    @property
+    def left(self) -> np.ndarray:
+        """What is left over of force [N] and moment [N m], (n_bodies, 6)."""
+        return self.loads + self.joints + self.supports
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """The equilibrium of a state of rest."""
+
+    joints: JointsAtRest
+    bodies: BodiesAtRest
+
+
+def balance_of(loaded: Loaded, rest: Rest, acting: Acting | None) -> Balance:
+    """Return forces and moments across joints and on bodies at rest, eq. (12.15), the same on every rank.
+
+    Collective on ``loaded.system.comm``.  ``acting`` is that of rank 0.
+
+    Raises
+    ------
+    ConvergenceError : forces do not balance as far as any solve that is accepted makes them; on every rank
+    """
+
+    def found() -> Balance:
+        assert acting is not None and loaded.mesh is not None, "rank 0 of a structure with a mesh"
+        balance = Balance(_of_joints(loaded.pairs, rest, acting), _of_bodies(loaded, rest, acting))
+        check_balance(loaded, rest, balance)
+        return balance
+
+    return on_root(loaded.system.comm, found)
+
+
+def _of_joints(pairs: ContactPairs, rest: Rest, acting: Acting) -> JointsAtRest:
+    """Return what joints carry, with what is stated as preload."""
+    sides, names = pairs.sides(len(acting.places)), np.array(pairs.joint)
+    on_first = -_in_model_axes(pairs, rest.force)
+    found: list[tuple] = []
+    for name in dict.fromkeys(pairs.joint):
+        own = np.flatnonzero(names == name)
+        about = np.average(pairs.position[own], axis=0, weights=pairs.area[own])
+        first, second = (_of_side(side[own], sign * on_first[own], acting, about) for side, sign in zip(sides, (1.0, -1.0)))
+        second = second if sides[1][own].nnz else -first  # ground
+        size = np.linalg.norm(rest.force[own], axis=1).sum()
+        found.append((name, about, first, second, size, _farthest(pairs.position[own], about)))
+    return JointsAtRest(*_columns(found, (str, 3, 6, 6, 0, 0)))
+
+
+def _of_bodies(loaded: Loaded, rest: Rest, acting: Acting) -> BodiesAtRest:
+    """Return what acts on each body, or on several that are tied to each other."""
+    mesh, constraints, n_nodes = loaded.mesh, loaded.system.constraints, len(acting.places)
+    assert mesh is not None, "rank 0 of a structure with a mesh"
+    part, part_names = connected_parts(mesh, loaded.body_of)
+    tied = np.arange(len(part_names)) if constraints is None else constraints.clusters
+    of_points = tied[part[list(() if constraints is None else constraints.group_nodes)]]
+    contact = _contact_on_nodes(loaded.pairs, rest, n_nodes)
+    held = np.where(acting.is_held, acting.resisted - acting.loads - contact, 0.0)
+    found: list[tuple] = []
+    for i in np.unique(tied):
+        nodes, own = np.flatnonzero(tied[part] == i), np.flatnonzero(of_points == i)
+        about, at = mesh.points[nodes].mean(axis=0), acting.places[nodes]
+        borne = _resultant(acting.points[own], acting.on_points[own, :3], about)
+        borne[3:] += acting.on_points[own, 3:].sum(axis=0)
+        loads, joints, supports = (_resultant(at, forces[nodes], about) for forces in (acting.loads, contact, held))
+        sizes = [np.linalg.norm(forces[nodes], axis=1).sum() for forces in (acting.loads, contact, held)]
+        sizes[0] += np.linalg.norm(acting.on_points[own, :3], axis=1).sum()
+        name = listed([part_names[k] for k in np.flatnonzero(tied == i)])
+        found.append((name, about, loads + borne, joints, supports - borne, max(sizes), _farthest(mesh.points[nodes], about)))
+    return BodiesAtRest(*_columns(found, (str, 3, 6, 6, 6, 0, 0)))
+
+
+def _in_model_axes(pairs: ContactPairs, force: np.ndarray) -> np.ndarray:
+    """Return forces (n_pairs, 3) of pair frames along the model's axes."""
+    return np.einsum("pji,pj->pi", pairs.frame, force)
+
+
+def _contact_on_nodes(pairs: ContactPairs, rest: Rest, n_nodes: int) -> np.ndarray:
+    """Return the contact forces on nodes, -R^T f_nl, (n_nodes, 3) [N]: what a stated preload presses balances itself."""
+    carried = rest.force.copy()
+    carried[:, 2] += np.maximum(np.nan_to_num(pairs.N0), 0.0)
+    first, second = pairs.sides(n_nodes)
+    return (second - first).T @ _in_model_axes(pairs, carried)
+
+
+def _of_side(side: sp.csr_matrix, forces: np.ndarray, acting: Acting, about: np.ndarray) -> np.ndarray:
+    """Return force and moment, (6,), of forces on contact points as the nodes of one side bear them."""
+    return _resultant(acting.places, side.T @ forces, about)
+
+
+def _resultant(points: np.ndarray, forces: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """Return the sum of forces (n, 3) [N] at points (n, 3) [m] and of their moments about a point, (6,)."""
+    return np.concatenate([forces.sum(axis=0), np.cross(points - about, forces).sum(axis=0)])
+
+
+def _farthest(points: np.ndarray, about: np.ndarray) -> float:
+    return float(np.linalg.norm(points - about, axis=1).max())
+
+
+def _columns(rows: list[tuple], widths: tuple) -> tuple:
+    """Return the columns of a table: names as a tuple, numbers as arrays, (n,) or (n, width)."""
+    columns = zip(*rows) if rows else ((),) * len(widths)
+    return tuple(
+        tuple(column) if width is str else np.array(column, dtype=float).reshape(len(rows), *filter(None, (width,)))
+        for column, width in zip(columns, widths)
+    )
+
+
+def check_balance(loaded: Loaded, rest: Rest, balance: Balance) -> None:
+    """Raise ConvergenceError for a body or a joint whose forces balance less than any accepted solve makes them.  Local."""
+    for what, table, force in (("", balance.bodies, balance.bodies.left), ("joint ", balance.joints, _between(balance.joints))):
+        for i, name in enumerate(table.names):
+            left = float(np.linalg.norm(force[i, :3]))
+            if not left <= max(ROUNDING_LIMIT * table.size[i], _of_newton(loaded.pairs, rest)):
+                shown = repr(name) if what else name
+                raise ConvergenceError(
+                    f"{loaded.where}{': ' if loaded.where else ''}[statics]: the forces on {what}{shown} do not balance: of "
+                    f"{table.size[i]:.4g} N a force of {left:.3g} N is left over at rest, and rounding leaves up to "
+                    f"{ROUNDING_LIMIT:g} of them; compare the joint's stiffnesses with the structure's"
+                )
+
+
+def _of_newton(pairs: ContactPairs, rest: Rest) -> float:
+    """Return the force that the tolerance of (12.3) leaves open [N]."""
+    return TOLERANCE * float(np.abs(rest.du).max(initial=0.0) * np.nansum(pairs.k_n + 2.0 * pairs.k_t))
+
+
+def _between(joints: JointsAtRest) -> np.ndarray:
+    """Return force [N] and moment [N m] by which the two sides of each joint differ, (n_joints, 6)."""
+    return joints.on_first + joints.on_second
+
+
+def in_words(balance: Balance) -> list[str]:
+    """Return a line for each joint, what it carries across, and one for each body: do its forces balance?  Local."""
+    return _joints_in_words(balance.joints) + _bodies_in_words(balance.bodies)
+
+
+def _joints_in_words(joints: JointsAtRest) -> list[str]:
+    lines = []
+    for i, name in enumerate(joints.names):
+        size, reach = joints.size[i] or 1.0, joints.reach[i]
+        off, turned = np.linalg.norm(_between(joints)[i].reshape(2, 3), axis=1) / (size, size * reach)
+        carried = f"{_shown(joints.on_first[i, :3], size)} N and {_shown(joints.on_first[i, 3:], size * reach)} N m"
+        lines.append(
+            f"  {name}: bears {carried} about {place(joints.about[i])} m on its first side; what its two sides differ by is "
+            f"{off:.1e} of the forces, {turned:.1e} of their moments{_open(off)}"
+        )
+    return lines
+
+
+def _bodies_in_words(bodies: BodiesAtRest) -> list[str]:
+    lines = []
+    for i, name in enumerate(bodies.names):
+        size, reach = bodies.size[i] or 1.0, bodies.reach[i]
+        by = {"loads": bodies.loads, "joints": bodies.joints, "supports": bodies.supports}
+        acting = ", ".join(f"{what} {_shown(forces[i, :3], size)} N" for what, forces in by.items() if forces[i].any())
+        left, turned = np.linalg.norm(bodies.left[i].reshape(2, 3), axis=1) / (size, size * reach)
+        lines.append(
+            f"  {name}: {acting or 'no forces'}; what is left over is {left:.1e} of the forces, {turned:.1e} of their "
+            f"moments{_open(left)}"
+        )
+    return lines
+
+
+def _open(share: float) -> str:
+    """Say that forces balance less than a solve should make them."""
+    return "" if share <= RESIDUAL_LIMIT else f": more than the {RESIDUAL_LIMIT:g} that a solve should leave"
+
+
+def _shown(vector: np.ndarray, size: float) -> str:
+    """Return three numbers, without what is rounding beside ``size``."""
+    return place(np.where(np.abs(vector) > 1e-9 * size, vector, 0.0))
