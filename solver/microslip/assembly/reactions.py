@@ -9,8 +9,8 @@ import numpy as np
 from .. import elements
 from ..mesh.data import DistributedMesh, Mesh
 from ..mesh.settings import MeshSettings, Statics
-from .blocks import element_chunks
 from .constraints import Constraints
+from .node_blocks import element_chunks
 from .prestress import Seen, add_to_nodes, nodal_loads, owned_nodes, place_loads
 from .system import System
 
