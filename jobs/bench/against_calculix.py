@@ -6,7 +6,7 @@ needs ``ccx`` (Debian: calculix-ccx).  The deck has the elements of the scene (C
 supports, contact stiffness and friction: surface to surface with a linear pressure-overclosure, geometrically linear, in the scene's
 load steps.  Compared are, of each flank, the sums of normal and of friction forces, and how far the lines of the normal forces lie apart;
 the largest pressure that each shows; the mean displacement of the blade's flanks along the radius and their turn about the engine's
-axis, in which two flanks that slide on their upper edges hardly hold the blade.  Ours with nodes in pairs, and with cells as points.
+axis, in which two flanks that slide on their upper edges hardly hold the blade.  Ours with nodes in pairs, with mortars, and with cells as points.
 """
 
 from __future__ import annotations
@@ -258,7 +258,7 @@ def main():
         print("| --- | --- | --- | --- | --- | --- | --- | --- |")
         print(row("CalculiX", reference, reference), flush=True)
         joint = scene.joints[0].name
-        for pairing, words in (("nodes", "nodes in pairs"), ("points", "cells")):
+        for pairing, words in (("nodes", "nodes in pairs"), ("mortar", "mortars"), ("points", "cells")):
             print(row(words, ours(changed(scene, {}, {joint: {"pairing": pairing}}), bodies["blade"]), reference), flush=True)
 
 

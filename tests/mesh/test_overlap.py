@@ -234,7 +234,13 @@ def test_penetration_at_rest_is_refused():
             pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", **gap)])
         pairs = pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto", tolerance=0.026, **gap)])
         assert pairs.n_pairs == 48 and "penetrate" in pairs.notes[-1]
-    mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.015
+    mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] -= 0.075
+    for pairing in ("auto", "points", "projected"):
+        with pytest.raises(
+            MeshError, match=r"the sides penetrate at rest, by 0.1 m at .*, more than 5% of .* tolerance = 0.11 \(m\)"
+        ):
+            pair_contacts(mesh, [joint(surfaces=SURFACES, pairing=pairing)])
+    mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.09
     mesh.points[np.arange(len(mesh.points)) >= TOUCH["n"], 2] += 0.02
     assert not any("penetrate" in note for note in pair_contacts(mesh, [joint(surfaces=SURFACES, pairing="auto")]).notes)
 

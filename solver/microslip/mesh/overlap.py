@@ -18,6 +18,7 @@ from ..parallel.words import place
 from .cells import Cells, cells_of, face_of
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh
+from .penetration import check_sunk
 from .projection import project_on_surface
 from .settings import GEOMETRY, MORTAR, Joint
 from .shared_parts import Shared, joined, shared_parts
@@ -130,6 +131,8 @@ def _check_covered(mesh: Mesh, joint: Joint, first: Surface, second: Surface, ce
     foot = project_on_surface(mesh.points, second.faces, mesh.points[first.nodes])
     worst, reach = int(np.argmax(foot.distance)), reach_of(mesh, joint, first, second)
     near = foot.distance <= reach
+    if covered <= _LEAST and not near.any():
+        check_sunk(mesh, joint, first, second, foot)
     if covered <= _LEAST and near.any():  # they lie on each other: what is wrong is where they look
         normals2 = np.einsum("pk,pki->pi", foot.weights, on_mesh(mesh, second)[foot.nodes])
         normals2 /= np.linalg.norm(normals2, axis=1, keepdims=True)

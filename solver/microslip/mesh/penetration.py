@@ -8,10 +8,12 @@ from ..parallel.errors import MeshError
 from ..parallel.words import place
 from .contact_points import ContactPoints
 from .data import Mesh
+from .projection import Projection
 from .settings import GEOMETRY, Joint
-from .surface import face_size, surface_of
+from .surface import Surface, face_size, surface_of
 
 ROUNDING = 1e-6  # of the mesh's diagonal: what the mesh may penetrate at rest and count as touching
+_STRAIGHT = 0.9  # of the way to the other side: nodes that lie in the other body, and not beside it
 DRAWN = 0.05  # of the size of the larger faces: as deep as meshes of one curved surface lie in each other
 
 
@@ -36,14 +38,35 @@ def check_penetration(mesh: Mesh, joint: Joint, points: ContactPoints) -> str:
     size = max((face_size(surface_of(mesh, group)) for group in joint.surfaces), default=0.0)
     allowed = joint.tolerance if joint.tolerance is not None or not size else DRAWN * size
     if allowed is not None and depth > allowed:
-        bound = f"{DRAWN:.0%} of the size of their faces" if joint.tolerance is None else "the joint's tolerance"
-        raise MeshError(
-            f"{where}, more than {bound}, {allowed:.3g} m: move the bodies apart; where they are only drawn so, state "
-            f"tolerance = {_rounded_up(depth):g} (m) in the joint, and they touch there, or have the gap stated"
-        )
+        raise MeshError(f"{where}, {_too_deep(joint, allowed, depth)}")
     return (
         f'joint {joint.name!r}: the sides penetrate in the mesh, {how}; without gap = "geometry" that does not count: they '
         "touch, or have the gap stated"
+    )
+
+
+def check_sunk(mesh: Mesh, joint: Joint, first: Surface, second: Surface, foot: Projection) -> None:
+    """Raise MeshError where most nodes of the first surface lie in the other body, farther than surfaces may be apart.
+
+    ``foot`` is that of each node of the first surface on the second.
+    """
+    points, depth = mesh.points[first.nodes], -foot.gap
+    is_sunk = (depth > _STRAIGHT * foot.distance) & (np.einsum("pi,pi->p", first.normals, foot.normals) < 0.0)
+    if joint.gap == GEOMETRY or np.mean(is_sunk) < 0.5:
+        return
+    deepest = int(np.argmax(np.where(is_sunk, depth, 0.0)))
+    allowed = joint.tolerance if joint.tolerance is not None else DRAWN * max(face_size(first), face_size(second))
+    how = f"by {depth[deepest]:.3g} m at {place(points[deepest])} m"
+    raise MeshError(
+        f"{mesh.path}: joint {joint.name!r}: the sides penetrate at rest, {how}, {_too_deep(joint, allowed, depth[deepest])}"
+    )
+
+
+def _too_deep(joint: Joint, allowed: float, depth: float) -> str:
+    bound = f"{DRAWN:.0%} of the size of their faces" if joint.tolerance is None else "the joint's tolerance"
+    return (
+        f"more than {bound}, {allowed:.3g} m: move the bodies apart; where they are only drawn so, state "
+        f"tolerance = {_rounded_up(depth):g} (m) in the joint, and they touch there, or have the gap stated"
     )
 
 

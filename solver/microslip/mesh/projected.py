@@ -10,6 +10,7 @@ from ..parallel.words import place
 from .contact_points import ContactPoints, check_opposite
 from .data import Mesh, on_nodes
 from .overlap import COVERED, reach_of
+from .penetration import check_sunk
 from .projection import project_on_surface
 from .settings import Joint
 from .surface import Surface, on_mesh
@@ -27,6 +28,8 @@ def projected_nodes(mesh: Mesh, joint: Joint, first: Surface, second: Surface) -
     reach = reach_of(mesh, joint, first, second)
     foot = project_on_surface(mesh.points, second.faces, mesh.points[first.nodes])
     near = foot.distance <= reach
+    if not near.any():
+        check_sunk(mesh, joint, first, second, foot)
     _check_near(mesh, joint, first, second, foot.distance, reach)
     kept = np.flatnonzero(near)
     kept = kept[np.argsort(mesh.numbers[first.nodes[kept]], kind="stable")]

@@ -57,7 +57,7 @@ class Joint(Table):
     )
     normal_stiffness: Positive | None = Field(None, description="the stiffness per unit area in N/m3, a number above 0")
     preload: NotNegative | Literal["static"] | None = Field(
-        None, description='the contact pressure at rest in Pa, a number of at least 0, or "static"'
+        None, description='the contact pressure at rest in Pa, a number of at least 0 (open ones have a gap), or "static"'
     )
     gap: NotNegative | Literal["geometry"] = Field(
         0.0, description='the distance at rest in m, a number of at least 0, or "geometry": that of the mesh'
