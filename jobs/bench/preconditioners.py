@@ -56,11 +56,11 @@ def solved(at: Linearisation, precondition) -> tuple[int, float]:
         out[:] = x + columns.apply(dp).ravel()
 
     def apply(x, out):
-        out[:] = x if precondition is None else precondition.apply(x.reshape(m, 3, N_H)).ravel()
+        out[:] = precondition.apply(x.reshape(m, 3, N_H)).ravel()
 
     gmres = Gmres(COMM, 3 * m * N_H, multiply, apply, RTOL)
     start = time.process_time()
-    outcome = gmres.solve(np.random.default_rng(0).standard_normal(3 * m * N_H))[1]
+    outcome = gmres.solve(np.random.default_rng(0).standard_normal(3 * m * N_H), precondition is not None)[1]
     seconds = time.process_time() - start
     gmres.destroy()
     return outcome.iterations, seconds

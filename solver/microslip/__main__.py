@@ -183,7 +183,7 @@ def _solve(command: Command, comm: MPI.Comm | None) -> int:
     from .parallel.rank_groups import refuse_too_many
     from .scene.read import read_scene
 
-    refuse_too_many(command.groups, comm.size)
+    refuse_too_many(command.groups or 1, comm.size)
     scene, *more = (on_root(comm, read_scene, file, command.settings) for file in (command.file, *command.more))
     with suppress(ImportError):  # what is missing is named with the rest, below
         initialise(list(command.petsc))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from .library.origin_of_run import origin_of
 from .library.prepare import Prepared, prepare
 from .library.result_files import extent_of, write_shapes, writer_of
 from .library.settings import units_of
+from .library.side_by_side import groups_that_pay
 from .observe.level_log import LevelLog
 from .observe.log import RunLog
 from .observe.not_computed import not_computed
@@ -44,7 +45,7 @@ class RunOptions:
     """How a scene is run, beside what it says."""
 
     petsc: tuple[str, ...] = ()  # options of PETSc
-    n_groups: int = 1  # of ranks, for the levels
+    n_groups: int | None = None  # of ranks, for the levels; None: as many as pay
     screen: bool = True  # or files alone
     fresh: bool = False  # anew, with the results that are there kept in a folder of their own
     limit: TimeLimit | None = None  # at which it stops, with what it has
@@ -81,7 +82,7 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, asked: RunOptions) -
     """Compute what is left of a run, write and draw all of it, and return why levels ended early, if some did.  Collective."""
     scene, place = restart.scene, on_root(comm, place_of, folder)
     facts = {"scene": scene.source, "method": scene.solver.method, "PETSc options": " ".join(asked.petsc) or "none", **versions()}
-    origin = origin_of(scene, comm, asked.n_groups)
+    origin = origin_of(scene, comm)
     with goes_on(place), RunLog(comm, str(place / "run.log"), screen=asked.screen, facts=facts) as log, Drawers(comm) as drawers:
         for note in restart.notes:
             log.note(note)
@@ -142,8 +143,8 @@ def follow_logged(
     """Return the branches of all levels, written and logged as they come, and say what they left out.  Collective."""
     response, units = prepared.response, units_of(prepared.scene)
     shown = shown_with(prepared.model.harmonics.highest, units.outputs[0], units.level)
-    n_groups = origin.n_groups
-    writer = writer_of(prepared, folder, asked.petsc, origin)
+    n_groups = asked.n_groups or groups_that_pay(response, prepared.outline.n_dof)
+    writer = writer_of(prepared, folder, asked.petsc, replace(origin, n_groups=n_groups))
     levels, stops = LevelLog(log, response.sweep, len(response.settings.levels), shown), Stops(log, writer.save, asked.limit)
     try:
         with stops.kept():

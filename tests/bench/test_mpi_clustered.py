@@ -45,7 +45,7 @@ def iterations(at, precondition):
         out[:] = x + at.G.apply(dp).ravel()
 
     gmres = Gmres(COMM, b.size, multiply, lambda x, out: np.copyto(out, precondition(x.reshape(rows)).ravel()), 1e-3)
-    outcome = gmres.solve(b.ravel())[1]
+    outcome = gmres.solve(b.ravel(), is_preconditioned=True)[1]
     gmres.destroy()
     assert outcome.reason > 0
     return outcome.iterations

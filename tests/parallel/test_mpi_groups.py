@@ -2,6 +2,7 @@
 
 import csv
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,8 +10,10 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 from petsc4py import PETSc
 
+from microslip.library import side_by_side
 from microslip.library.build import build
 from microslip.library.prepare import prepare
+from microslip.library.side_by_side import groups_that_pay
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ResourceError
@@ -154,11 +157,11 @@ def rows(folder):
 @pytest.mark.ranks(2, 3)
 @pytest.mark.slow
 def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
-    scene, n = write(comm, shared_path), str(min(2, comm.size))
-    for arguments in (["--out", "turn"], ["--out", "side", "--groups", n]):
+    scene = write(comm, shared_path)
+    for arguments in (["--out", "turn", "--groups", "1"], ["--out", "side"]):
         status, out, err = program("run", scene, *arguments)
         assert (status, err) == (0, "")
-    assert comm.size == 1 or f"4 levels on {n} groups of 1 " in out
+    assert comm.size == 1 or f"4 levels on {comm.size} groups of 1 rank" in out  # so few pairs go side by side unasked
     turn, side = (read_results(str(shared_path / name / "results.h5")).levels for name in ("turn", "side"))
     assert [level.level for level in side] == [level.level for level in turn] == LEVELS
     for a, b in zip(turn, side):
@@ -173,6 +176,19 @@ def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     assert keys[0] == keys[1] and len(keys[0]) == 2 * sum(len(level.frequency) for level in turn)
     log = (shared_path / "side" / "run.log").read_text()
     assert all(f"level {i + 1} of 4: {level:g} N: " in log for i, level in enumerate(LEVELS)) and log.endswith("done\n")
+
+
+def test_as_many_groups_pay_as_levels_slip_where_pairs_are_few(comm, monkeypatch):
+    monkeypatch.setattr(side_by_side, "levels_of_slip", lambda of: (2.0, 5.0))
+
+    def groups(levels, n_pairs=200, n_dof=100_000, is_constant=False):
+        model = SimpleNamespace(comm=comm, n_pairs=n_pairs, harmonics=SimpleNamespace(is_constant=is_constant))
+        return groups_that_pay(SimpleNamespace(model=model, settings=SimpleNamespace(levels=levels)), n_dof)
+
+    assert groups((1.0, 3.0, 4.0)) == min(2, comm.size) and groups((1.0, 2.0)) == 1
+    assert groups((3.0,) * 100) == comm.size
+    refused = [groups((3.0, 4.0), n_pairs=0), groups((3.0, 4.0), n_dof=600_000), groups((3.0, 4.0), n_pairs=1001, n_dof=3003)]
+    assert [*refused, groups((3.0, 4.0), is_constant=True)] == [1, 1, 1, 1]
 
 
 def test_more_groups_than_ranks_are_refused_before_anything_is_done(comm, shared_path, program):

@@ -19,7 +19,8 @@
  * Coefficients run [mean if there is one, then cos and sin of each harmonic]: there is a mean exactly if N_H is odd.  Which
  * harmonics they are, E and F alone know.
  *
- * LANES pairs are marched side by side; arrays of samples keep the lane as their last index.
+ * LANES pairs are marched side by side, as many as a register of the processor holds: comparisons of longer vectors would be taken
+ * apart number by number.  Arrays of samples keep the lane as their last index.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -33,7 +34,9 @@
 
 #define INLINED static inline __attribute__((always_inline))
 
-enum { LANES = 8 };                                 /* pairs side by side */
+#ifndef LANES
+#define LANES 2                                     /* pairs side by side */
+#endif
 enum { CHUNK = 32 };                                /* slips that a matrix product takes at once */
 enum { STICK = 0, SLIP = 1, OPEN = 2 };
 enum { MOST_PERIODS = 100 };                         /* after which a slider that still creeps is left where it is */
@@ -832,9 +835,60 @@ INLINED void sampled_map(const lane_step *s, int separate, step_map *m)
     }
 }
 
+typedef double slopes __attribute__((vector_size(4 * sizeof(double))));    /* by q_p, q_n and p below; one is not used */
+
+/* circle_map for the usual step, one that slides from its begin to its end, closed.  Writes w and the slider's map; returns 0 where
+ * the step is another.  With d = r / |r|, the normal n to it and the motion q = q_p d + q_n n in the step, eq. (3.6) reads
+ * d' = T_p d + T_n n, T_p and T_n known of q_p, q_n and the mean p of the slip distances alone. */
+INLINED int sliding_map(const aft_group *group, index_t i, index_t j, int l, const double *w, step_map *m)
+{
+    const double *u_i = group->du + 3 * i * LANES + l, *u_j = group->du + 3 * j * LANES + l;
+    const double rho_i = group->rho[i * LANES + l], rho = group->rho[j * LANES + l], d_rho = rho - rho_i;
+    const double r_x = u_i[0] - w[0], r_y = u_i[LANES] - w[1], q_x = u_j[0] - u_i[0], q_y = u_j[LANES] - u_i[LANES];
+    const double x = r_x + q_x, y = r_y + q_y, square = r_x * r_x + r_y * r_y, b = r_x * q_x + r_y * q_y - rho_i * d_rho;
+    const int at_once = b > 0.0 ? square - rho_i * rho_i >= -ON_LIMIT * rho_i * rho_i : q_x * q_x + q_y * q_y <= d_rho * d_rho;
+    if (!(rho_i > 0.0 && rho > 0.0 && x * x + y * y > rho * rho && at_once && square > 0.0))
+        return 0;
+    const double per_size = 1.0 / sqrt(square), d[2] = {r_x * per_size, r_y * per_size}, n[2] = {-d[1], d[0]};
+    const double q_p = d[0] * q_x + d[1] * q_y, q_n = n[0] * q_x + n[1] * q_y, p = 0.5 * (rho_i + rho), pp = p * p;
+    const double chord = sqrt(q_x * q_x + q_y * q_y), per_chord = chord > 0.0 ? 1.0 / chord : 0.0, half = p + 0.5 * chord;
+    const double Y = pp + chord * half, Y_pp = Y + pp, dq = q_p * half, den = Y * Y + pp * pp + dq * Y_pp;
+    if (!(den > 0.0))
+        return 0;
+    const slopes by_q_p = {1.0}, by_q_n = {0.0, 1.0}, by_p = {0.0, 0.0, 1.0}, chord_by = {q_p * per_chord, q_n * per_chord};
+    const slopes half_by = by_p + 0.5 * chord_by, pp_by = 2.0 * p * by_p, Y_by = pp_by + half * chord_by + chord * half_by;
+    const slopes Y_pp_by = Y_by + pp_by, dq_by = half * by_q_p + q_p * half_by;
+    const slopes den_by = 2.0 * (Y * Y_by + pp * pp_by) + Y_pp * dq_by + dq * Y_pp_by;
+    const double per_den = 1.0 / den, turn = half * (Y_pp + dq) * per_den, stays = 2.0 * Y * pp * per_den;
+    const slopes turn_by = ((Y_pp + dq) * half_by + half * (Y_pp_by + dq_by) - turn * den_by) * per_den;
+    const slopes stays_by = (2.0 * (pp * Y_by + Y * pp_by) - stays * den_by) * per_den;
+    const double T_p = stays + turn * q_p, T_n = turn * q_n, slope = -group->give[l] * group->k_n[l];
+    const slopes T_p_by = stays_by + q_p * turn_by + turn * by_q_p, T_n_by = q_n * turn_by + turn * by_q_n;
+    /* d turns with r, by n . dr / |r|, and q_p and q_n with it */
+    const double p_by_angle = T_p_by[0] * q_n - T_p_by[1] * q_p - T_n, n_by_angle = T_n_by[0] * q_n - T_n_by[1] * q_p + T_p;
+    m->has_area = 0;
+    for (int a = 0; a < 2; a++) {
+        const double t = T_p * d[a] + T_n * n[a], by_angle = (p_by_angle * d[a] + n_by_angle * n[a]) * per_size;
+        const double by_mean = 0.5 * slope * rho * (T_p_by[2] * d[a] + T_n_by[2] * n[a]);
+        const double along = T_p_by[0] * d[a] + T_n_by[0] * n[a], across = T_p_by[1] * d[a] + T_n_by[1] * n[a];
+        m->w[a] = u_j[a * LANES] - rho * t;
+        for (int c = 0; c < 2; c++) {
+            const double by_r = rho * by_angle * n[c], by_q = rho * (along * d[c] + across * n[c]);
+            m->slider.A[a][c] = by_r;
+            m->slider.C_i[a][c] = by_q - by_r;
+            m->slider.C_j[a][c] = (a == c) - by_q;
+        }
+        m->slider.C_i[a][2] = -by_mean;
+        m->slider.C_j[a][2] = -by_mean - slope * t;
+    }
+    return 1;
+}
+
 INLINED void map_of(const aft_group *group, index_t i, index_t j, int l, const double *w, int separate, int sampled,
                     step_map *m)
 {
+    if (!sampled && !separate && sliding_map(group, i, j, l, w, m))
+        return;
     const lane_step s = step_of(group, i, j, l, w);
     if (sampled)
         sampled_map(&s, separate, m);

@@ -89,7 +89,7 @@ class AdjointSolver:
         """Return the same by one solve for all.  Collective."""
         gmres = self._set_up(b.size)
         for _ in range(2):
-            x, outcome = gmres.solve(b.ravel())
+            x, outcome = gmres.solve(b.ravel(), self.preconditioner is not None)
             if outcome.iterations > MANY_KRYLOV or outcome.reason < 0:
                 self.preconditioner = of_wide_slip(self._at)
             if outcome.reason >= 0:
@@ -112,7 +112,5 @@ class AdjointSolver:
         out[:] = x + self._columns.apply_to_several(tau).ravel()
 
     def _precondition(self, x: np.ndarray, out: np.ndarray) -> None:
-        """Apply the preconditioner, the identity in micro-slip.  Collective."""
-        out[:] = x
-        if self.preconditioner is not None:
-            out[:] = np.concatenate([applied(self.preconditioner, x_i, self._at) for x_i in x.reshape(self._shape)])
+        """Apply the preconditioner: in micro-slip there is none.  Collective."""
+        out[:] = np.concatenate([applied(self.preconditioner, x_i, self._at) for x_i in x.reshape(self._shape)])

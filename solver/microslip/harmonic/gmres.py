@@ -38,9 +38,9 @@ class Gmres:
         self._ksp.setGMRESRestart(100)
         self._ksp.setPCSide(PETSc.PC.Side.RIGHT)  # the residual that counts is the true one
         self._ksp.setTolerances(rtol=rtol, atol=0.0, max_it=300)
-        pc = self._ksp.getPC()
-        pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(ShellPreconditioner(_on_arrays(precondition)))
+        self._preconditioner = ShellPreconditioner(_on_arrays(precondition))
+        self._is_preconditioned = False
+        self._ksp.getPC().setType(PETSc.PC.Type.NONE)
         self._ksp.setFromOptions()
         self.rtol: float = self._ksp.getTolerances()[0]  # as the options say
 
@@ -49,13 +49,22 @@ class Gmres:
         for thing in (self._ksp, self._A, self._b, self._x):
             thing.destroy()
 
-    def solve(self, b: np.ndarray, rtol: float | None = None) -> tuple[np.ndarray, Outcome]:
+    def solve(self, b: np.ndarray, is_preconditioned: bool, rtol: float | None = None) -> tuple[np.ndarray, Outcome]:
         """Return x (n_owned,), read-only and valid until the next solve, and how it ended.  Collective."""
         if rtol is not None:
             self._ksp.setTolerances(rtol=rtol)
+        if is_preconditioned != self._is_preconditioned:
+            self._switch(is_preconditioned)
         self._b.getArray()[:] = b
         self._ksp.solve(self._b, self._x)
         return self._x.getArray(readonly=True), Outcome(self._ksp.getIterationNumber(), self._ksp.getConvergedReason())
+
+    def _switch(self, is_preconditioned: bool) -> None:
+        """Take the preconditioner, or none: a call for nothing costs as much as a product of a small joint."""
+        self._is_preconditioned, pc = is_preconditioned, self._ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON if is_preconditioned else PETSc.PC.Type.NONE)
+        if is_preconditioned:
+            pc.setPythonContext(self._preconditioner)
 
     def reached(self, rtol: float) -> bool:
         """Tell whether the last solve left no more than this share of its right-hand side.  Collective."""

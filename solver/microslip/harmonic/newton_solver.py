@@ -90,7 +90,7 @@ class NewtonSolver:
         active, shape = at.forces.active_owned, b_U.shape
         of_active = b_U[active].ravel()
         b = np.concatenate([of_active, b_nu - self._border.moved]) if self.last else of_active
-        x, outcome = gmres.solve(b, rtol)
+        x, outcome = gmres.solve(b, self.preconditioner is not None, rtol)
         n = len(of_active)
         d_nu_owned = x[n:].copy() if self.last else np.zeros(border.k)
         dp_all, d_nu = self._gatherer(at.pair_forces(x[:n]), (*np.zeros(border.k), *d_nu_owned))
@@ -141,7 +141,7 @@ class NewtonSolver:
         for i in np.flatnonzero(sums[:, -1] > 0.0):
             n_nu[i] -= sums[i, 1:-1]
             G_n = equation.sum(at.G.apply_transposed(of_stuck[i])).reshape(-1, 3 * b_U.shape[-1])
-            mine_of_all = np.isin(at.forces.active, active + equation.model.owned.start)
+            mine_of_all = slice(*np.searchsorted(at.forces.active, [equation.model.owned.start, equation.model.owned.stop]))
             rows[i] = rows[i] - np.einsum("mij,mi->mj", at.P, G_n[mine_of_all]).ravel()
         return Condensed(tuple(r_nu[active].ravel() for r_nu in border.r_nu), tuple(rows), n_nu, sums[:, 0])
 
@@ -161,8 +161,7 @@ class NewtonSolver:
             out[n:] = sums[:k] + border.n_nu @ sums[k:]
 
     def _precondition(self, x: np.ndarray, out: np.ndarray) -> None:
-        """Apply the preconditioner, the identity in micro-slip.  Collective."""
-        out[:] = x
-        if self.preconditioner is not None:
-            n = len(self._border.r_nu[0])
-            out[:n] = applied(self.preconditioner, x[:n], self._at)
+        """Apply the preconditioner: in micro-slip there is none.  Collective."""
+        assert self.preconditioner is not None
+        out[:], n = x, len(self._border.r_nu[0])
+        out[:n] = applied(self.preconditioner, x[:n], self._at)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "PETSC_OPTIONS")
 
 
-def origin_of(scene: Scene, comm: MPI.Comm, n_groups: int = 1) -> Origin:
+def origin_of(scene: Scene, comm: MPI.Comm) -> Origin:
     """Return where results of a scene come from that is run now.  Collective on ``comm``; its files are hashed on rank 0.
 
     A file that cannot be read any more has no hash: it does not keep results from being written.
@@ -34,7 +34,6 @@ def origin_of(scene: Scene, comm: MPI.Comm, n_groups: int = 1) -> Origin:
         scene_path=str(scene.path),
         settings=scene.settings,
         hosts=tuple(hosts),
-        n_groups=n_groups,
         environment={name: os.environ[name] for name in _VARIABLES if name in os.environ},
         inputs=on_root(comm, _inputs, scene),
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..continuation.keeper import Keepers, keep_nothing
-from ..continuation.levels import ResponseProblem, follow_level
+from ..continuation.levels import ResponseProblem, follow_level, levels_of_slip
 from ..observe.log import RunLog
 from ..observe.observer import Observers
 from ..parallel.agree import on_root
@@ -19,6 +19,23 @@ from ..points.branch import NOTHING, Branch
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+
+MOST_PAIRS = 1000  # whose columns every group may keep: 72 MB, docs/parallel.md
+MOST_COLUMNS = 1e8  # pairs times DOFs, up to which the columns of all pairs take a few seconds
+
+
+def groups_that_pay(of: ResponseProblem, n_dof: int) -> int:
+    """Return into how many groups the ranks part for the levels: one for each of those at which pairs slip, where pairs are few.
+
+    Collective: one broadcast.  Otherwise one: the columns of all pairs, which groups want, cost too much, or there is nothing to
+    part.
+    """
+    n_pairs, size = of.model.n_pairs, of.model.comm.size
+    if size == 1 or not 0 < n_pairs <= min(MOST_PAIRS, MOST_COLUMNS / n_dof) or of.model.harmonics.is_constant:
+        return 1
+    first, _ = levels_of_slip(of)
+    return max(1, min(size, sum(level > first for level in of.settings.levels)))
 
 
 def follow_side_by_side(

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 FREE = 1e-14  # z^T A z / z^T D z of a motion that counts as free; rounding leaves up to 1e-15
 _SHIFT = 1e-9  # of D, added to A to make it invertible
+_N_TRIED = 3  # random motions of which one may have next to nothing of the free one
 _N_SOUGHT = 12  # two bodies without any support
 _ROUNDS = 4
 _HELD = 1e-3  # squared share of a free motion below which a part does not take part in it
@@ -35,14 +36,14 @@ _OF_REST = (
 
 
 def is_singular(A: PETSc.Mat, solver: DirectSolver) -> bool:
-    """Return whether the factor's softest motion strains nothing.  Collective: two solves of inverse iteration."""
-    comm = A.comm.tompi4py()
-    diagonal = diagonal_owned(A)
-    z = _random(comm, len(diagonal), 1)
-    for _ in range(2):
-        z = solver.solve(diagonal[:, None] * z)
-        z /= np.sqrt(gram(comm, z, diagonal[:, None] * z)[0, 0])
-    return not gram(comm, z, multiply(A, z))[0, 0] > FREE  # not a number: singular too
+    """Return whether the factor's softest motion strains nothing.  Collective: one pass over the factor.
+
+    A step of inverse iteration: a free motion, softer than all others by 1e9 and more, is nearly all of what it leaves.
+    """
+    comm, diagonal = A.comm.tompi4py(), diagonal_owned(A)
+    Z_owned = solver.solve(diagonal[:, None] * _random(comm, len(diagonal), _N_TRIED))
+    strains = np.diag(gram(comm, Z_owned, multiply(A, Z_owned))) / np.diag(gram(comm, Z_owned, diagonal[:, None] * Z_owned))
+    return not np.min(strains) > FREE  # not a number: singular too
 
 
 def explain_singular(A: PETSc.Mat, system: System | None, what: str) -> NoReturn:

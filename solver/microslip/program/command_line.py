@@ -58,7 +58,7 @@ class Command:
     methods: tuple[str, ...] = ()  # to compare; empty: all of them
     more: tuple[str, ...] = ()  # further scenes to run
     settings: tuple[str, ...] = ()  # KEY=VALUE, in place of what the scene says
-    groups: int = 1  # of ranks, at work side by side
+    groups: int | None = None  # of ranks, at work side by side; None: as many as pay
     walltime: float | None = None  # s that a run may take; None: what a scheduler says
     at: tuple[float, ...] = ()  # Hz, to verify; empty: around each peak
     harmonics: int | None = None  # to verify; None: those of the scene
@@ -120,7 +120,7 @@ def parse(arguments: list[str]) -> Command:
         getattr(given, "out", None),
         petsc_options(petsc),
         more=more,
-        groups=getattr(given, "groups", 1),
+        groups=getattr(given, "groups", None),
         settings=tuple(getattr(given, "settings", ())),
         **{name: getattr(given, name) for name in _KEYS if hasattr(given, name)},
     )
@@ -201,9 +201,8 @@ def _add_run(command: _Parser) -> None:
         "--groups",
         metavar="G",
         type=_count,
-        default=1,
-        help="split the ranks into G groups, each with "
-        "levels of its own; of several scenes, each with scenes of its own (default: 1)",
+        help="split the ranks into G groups, each with levels of its own (default: as many as pay); "
+        "of several scenes, each with scenes of its own (default: 1)",
     )
     command.add_argument(
         "--fresh",

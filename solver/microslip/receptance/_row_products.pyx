@@ -9,6 +9,19 @@ cdef extern from "row_products.h" nogil:
     of_double project_double "OF_THIS_PROCESSOR(project_rows_double)"
     of_float project_float "OF_THIS_PROCESSOR(project_rows_float)"
 
+    ctypedef struct modal_answer:
+        Py_ssize_t m
+        Py_ssize_t first
+        const double *c
+        Py_ssize_t n_harmonics
+        const Py_ssize_t *cosines
+        int has_mean
+        Py_ssize_t N_H
+    ctypedef void (*answer_double_of)(double *y, Py_ssize_t N, Py_ssize_t n, modal_answer modes, const double *R, Py_ssize_t n_rows) nogil
+    ctypedef void (*answer_float_of)(float *y, Py_ssize_t N, Py_ssize_t n, modal_answer modes, const float *R, Py_ssize_t n_rows) nogil
+    answer_double_of answer_double "OF_THIS_PROCESSOR(answer_rows_double)"
+    answer_float_of answer_float "OF_THIS_PROCESSOR(answer_rows_float)"
+
 ctypedef fused real:
     double
     float
@@ -43,3 +56,22 @@ def pick(const Py_ssize_t[::1] places, const Py_ssize_t[::1] columns, double uni
             row = <const double *> places[j]
             for i in range(columns.shape[0]):
                 out[j, i] = <real> (row[columns[i]] / unit)
+
+
+def answer(real[:, ::1] y, const real[:, ::1] R, const double complex[:, ::1] c, const Py_ssize_t[::1] cosines, bint has_mean,
+           Py_ssize_t N_H, Py_ssize_t first):
+    """Add to ``y`` (N, n), from its first column on, what modes answer to the forces in its columns from ``first`` on.
+
+    R (m, n_rows) are the modes in those rows, c (m, n_harmonics) their complex flexibilities, ``cosines`` (n_harmonics,) the places
+    of the harmonics among N_H coefficients; N is a multiple of N_H.
+    """
+    cdef modal_answer modes
+    if R.shape[0] == 0 or R.shape[1] == 0 or y.shape[0] == 0 or cosines.shape[0] == 0:
+        return
+    modes.m, modes.first, modes.c, modes.n_harmonics = R.shape[0], first, <const double *> &c[0, 0], cosines.shape[0]
+    modes.cosines, modes.has_mean, modes.N_H = &cosines[0], has_mean, N_H
+    with nogil:
+        if real is double:
+            answer_double(&y[0, 0], y.shape[0], y.shape[1], modes, &R[0, 0], R.shape[1])
+        else:
+            answer_float(&y[0, 0], y.shape[0], y.shape[1], modes, &R[0, 0], R.shape[1])

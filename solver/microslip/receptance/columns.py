@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from copy import copy
 from functools import cached_property
-from math import prod
 
 import numpy as np
 
 from ..parallel.ownership import rows_of
+from ._row_products import answer
 from .damping import Flexibility
 from .reduced_model import ReducedModel
 from .rows import Rows
@@ -140,7 +140,10 @@ class ActiveColumns:
         for modes, R in zip(self.modes, G.R_active):
             self.columns[:, modes] = R / R_unit
         self._rows = Rows.of(self.columns)
-        self.R_rows = [s.family.R_phi[G.model.owned_rows][G.rows] * (R_unit / self.unit) for s in G.model.shares]
+        own = [s.family.R_phi[G.model.owned_rows][G.rows] * (R_unit / self.unit) for s in G.model.shares]
+        self.R_rows: list[np.ndarray] = [np.ascontiguousarray(R.T, dtype=precision) for R in own]  # (n_modes, 3 m)
+        numbers = [s.harmonics.chosen for s in G.model.shares]
+        self.cosines = [np.array([G.model.harmonics.columns(n).start for n in of_share], dtype=np.intp) for of_share in numbers]
         self.move_to(G)
 
     def move_to(self, G: ReceptanceColumns) -> None:
@@ -149,29 +152,30 @@ class ActiveColumns:
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
-        product = self._rows.combined(p).T
-        return product[: self.n_rows] + self._dynamic(product)
+        return self._answered(self._rows.combined(p)).T
 
     def apply_to_several(self, p: np.ndarray) -> np.ndarray:
         """Return G p of several forces at once, (n, 3 m, N_H) [m], for p (n, 3 n_active, N_H) in those units.  Local."""
         n, rows, N_H = p.shape
-        together = p.swapaxes(0, 1).reshape(rows, n * N_H)
-        product = (self.columns.T @ together.astype(self.precision, copy=False)).reshape(self.columns.shape[1], n, N_H)
-        return (product[: self.n_rows] + self._dynamic(product)).swapaxes(0, 1)
+        together = p.transpose(0, 2, 1).reshape(n * N_H, rows)
+        product = self._answered(together.astype(self.precision, copy=False) @ self.columns)
+        return product.reshape(n, N_H, self.n_rows).swapaxes(1, 2)
 
-    def _dynamic(self, product: np.ndarray) -> np.ndarray:
-        """Return what the modes add, (3 m, ..., N_H), to a product whose rows beyond the pairs' are modal forces."""
-        of_shares = zip(self.model.shares, self.modes, self.R_rows, self.flexibilities)
-        return self.model.joined(
-            [_times(R, c.apply(product[modes][..., s.columns].astype(float, copy=False))) for s, modes, R, c in of_shares]
-        )
+    def _answered(self, product: np.ndarray) -> np.ndarray:
+        """Return the pairs' columns of a product (n N_H, 3 m + n_modes), with what the modes answer to the forces beside them."""
+        of_shares = zip(self.model.shares, self.modes, self.R_rows, self.flexibilities, self.cosines)
+        for share, modes, R, flexibility, cosines in of_shares:
+            if flexibility.couples_modes:
+                forces = product[:, modes].reshape(-1, self.model.N_H, modes.stop - modes.start)[:, share.columns]
+                eta = flexibility.apply(np.moveaxis(forces, 2, 0).astype(float))  # (n_modes, n, N_H of the share)
+                product.reshape(-1, self.model.N_H, product.shape[1])[:, share.columns, : self.n_rows] += (
+                    np.moveaxis(eta, 0, 2) @ R
+                )
+            else:
+                answer(product, R, flexibility.c, cosines, share.harmonics.has_mean, self.model.N_H, modes.start)
+        return product[:, : self.n_rows]
 
     def in_units(self, P: np.ndarray) -> np.ndarray:
         """Return tangents P [N/m] that give forces in units of 1 / ``unit``, in the precision of the columns.  Local."""
         found: np.ndarray = np.empty_like(P, dtype=self.precision)
         return np.multiply(P, self.unit, out=found, casting="same_kind")
-
-
-def _times(R: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return R y for y (m, ..., N_H), by one product."""
-    return (R @ y.reshape(len(y), prod(y.shape[1:]))).reshape(len(R), *y.shape[1:])

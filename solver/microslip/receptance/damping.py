@@ -121,6 +121,10 @@ class Flexibility:
         np.multiply(c[..., first:], pairs, out=y[..., first:].view(complex))
         return y
 
+    @property
+    def couples_modes(self) -> bool:
+        return self.c.ndim == 3
+
     @cached_property
     def _conjugate(self) -> np.ndarray:
         return self.c.conj()

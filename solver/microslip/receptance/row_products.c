@@ -2,6 +2,8 @@
  *
  *     combine: y = p^T A, (N, n), for p (m, N)        project: y = A x^T, (m, N), for x (N, n)
  *
+ *     answer: y += R^T c q, for modal forces q that lie in y beside the rows of R^T; c is complex, a number a mode and harmonic
+ *
  * Rows of A are of length n each, contiguous, anywhere in memory.  What such products cost is reading A: blocks of ROWS rows and CHUNK
  * bytes stay in the fastest cache while all N vectors pass.  A library's matrix product copies A into an order of its own first.
  */

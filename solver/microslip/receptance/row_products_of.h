@@ -1,4 +1,4 @@
-/* The two products of row_products.c for numbers of the type REAL. */
+/* The products of row_products.c for numbers of the type REAL. */
 
 void NAME(combine)(index_t m, const REAL *const *rows, index_t n, const REAL *p, index_t N, REAL *y)
 {
@@ -58,4 +58,23 @@ void NAME(project)(index_t m, const REAL *const *rows, index_t n, const REAL *x,
             for (index_t h = 0; h < N; h++)
                 y[j * N + h] += NAME(dot)(rows[j] + start, x + h * n + start, width);
     }
+}
+
+void NAME(answer)(REAL *y, index_t N, index_t n, modal_answer modes, const REAL *R, index_t n_rows)
+{
+    for (index_t start = 0; start < N; start += modes.N_H)
+        for (index_t h = 0; h < modes.n_harmonics; h++) {
+            const int is_mean = modes.has_mean && h == 0;
+            REAL *restrict cosine = y + (start + modes.cosines[h]) * n, *restrict sine = cosine + n;
+            for (index_t k = 0; k < modes.m; k++) {
+                const double *c = modes.c + 2 * (k * modes.n_harmonics + h);
+                const double q_c = cosine[modes.first + k], q_s = is_mean ? 0.0 : sine[modes.first + k];
+                const REAL eta_c = (REAL)(c[0] * q_c + c[1] * q_s), eta_s = (REAL)(c[0] * q_s - c[1] * q_c);
+                const REAL *R_k = R + k * n_rows;
+                for (index_t i = 0; i < n_rows; i++)
+                    cosine[i] += eta_c * R_k[i];
+                for (index_t i = 0; i < n_rows && !is_mean; i++)
+                    sine[i] += eta_s * R_k[i];
+            }
+        }
 }

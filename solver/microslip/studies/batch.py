@@ -35,7 +35,7 @@ def run_scenes(scenes: Sequence[Scene], comm: MPI.Comm, out: Path, asked: RunOpt
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise CaseError(f"two scenes are called {twice!r}, and both would write to {out / twice}; rename one of the files")
-    groups, counter, statuses = split(comm, min(asked.n_groups, len(scenes))), Counter(comm), [0]
+    groups, counter, statuses = split(comm, min(asked.n_groups or 1, len(scenes))), Counter(comm), [0]
     obey_signals(groups.is_root)
     for number in dealt(groups, counter, len(scenes)):
         statuses.append(_run(scenes[number], groups, out / names[number], asked))
@@ -54,7 +54,7 @@ def _run(scene: Scene, groups: Groups, folder: Path, asked: RunOptions) -> int:
     is_alone, began = groups.n == 1, time.perf_counter()
     if groups.is_root and not is_alone:
         print(f"{scene.name}: begun on {groups.where}", flush=True)
-    own = replace(asked, n_groups=1, screen=is_alone)
+    own = replace(asked, n_groups=None if is_alone else 1, screen=is_alone)
     status = conclude_part(groups.comm, scene.name, lambda: run(scene, groups.comm, folder, own))
     if groups.is_root and not is_alone:
         how = "done" if status == 0 else f"ended with status {status}"
