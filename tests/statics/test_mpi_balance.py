@@ -12,7 +12,7 @@ import microslip
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import ConvergenceError
 from microslip.results.read import read_results
-from microslip.statics.balance import check_balance, in_words
+from microslip.statics.balance import BodiesAtRest, check_balance, in_words
 from microslip.statics.equilibrium import Rest
 from microslip.statics.loaded import Loaded
 
@@ -159,6 +159,12 @@ def test_what_does_not_balance_is_an_error(comm, folder):
     short = replace(balance, bodies=replace(balance.bodies, joints=0.99 * balance.bodies.joints))
     with pytest.raises(ConvergenceError, match=r"bar.toml: \[statics\]: the forces on body 'bar' do not balance: of "):
         check_balance(loaded, rest, short)
+    idle = [np.concatenate([getattr(balance.bodies, name), [[1e-12] * 6]]) for name in ("loads", "joints", "supports")]
+    more = {name: np.append(getattr(balance.bodies, name), 1e-12) for name in ("size", "reach")}
+    names, about = (*balance.bodies.names, "body 'idle'"), np.concatenate([balance.bodies.about, np.zeros((1, 3))])
+    with_idle = replace(balance, bodies=BodiesAtRest(names, about, *idle, **more))
+    check_balance(loaded, rest, with_idle)  # of rounding alone
+    assert any("body 'idle': no forces; what is left over is " in line for line in in_words(with_idle))
     nearly = replace(balance, bodies=replace(balance.bodies, joints=(1.0 - 1e-5) * balance.bodies.joints))
     check_balance(loaded, rest, nearly)
     assert sum("more than the 1e-06 that a solve should leave" in line for line in in_words(nearly)) == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,31 +45,33 @@ def values_of(mesh: Mesh, joint: Joint, points: ContactPoints) -> Values:
     CaseError : the joint's file is at fault
     MeshError : it names nodes or places where the joint has no point
     """
-    stated = {name: getattr(joint, name) for name in COLUMNS}
-    stated["gap"] = 0.0 if joint.gap == GEOMETRY else joint.gap
-    of_nodes = {name: _of_field(mesh, joint, points, name) for name in joint.fields}
+    stated = {name: float(getattr(joint, name)) for name in COLUMNS if name != "gap" or joint.gap != GEOMETRY}
+    stated.setdefault("gap", 0.0)
     table, lines = ({}, []) if joint.parameters is None else _checked_table(joint)
+    of_nodes = {name: _of_field(mesh, joint, points, name) for name in joint.fields}
     if "node" in table:
-        rows = _rows_of_nodes(mesh, joint, points, table, lines)
-        for name in COLUMNS:
-            if name in table:
-                values = of_nodes.get(name, np.full(len(mesh.points), float(stated[name]))).copy()
-                values[rows] = table[name]
-                of_nodes[name] = values
+        of_nodes |= _of_rows(mesh, table, _rows_of_nodes(mesh, joint, points, table, lines), {**stated, **of_nodes})
     if of_nodes:
         where = joint.parameters or f"{mesh.path}: joint {joint.name!r} fields"
-        _check_open(where, mesh.points, *(of_nodes.get(name, stated[name]) for name in ("gap", "preload")), _taken(points))
-    found = Values(
-        **{
-            name: _interpolated(points, of_nodes[name]) if name in of_nodes else np.full(points.n_points, float(stated[name]))
-            for name in COLUMNS
-        }
-    )
+        gap, preload = (of_nodes.get(name, np.full(len(mesh.points), stated[name])) for name in ("gap", "preload"))
+        _check_open(where, mesh.points, gap, preload, _taken(points))
+    everywhere = {name: np.full(points.n_points, value) for name, value in stated.items()}
+    found = _closed_or_open(Values(**everywhere | {name: _interpolated(points, own) for name, own in of_nodes.items()}))
     if not table or "node" in table:
-        return _closed_or_open(found)
+        return found
     rows = _nearest_rows(joint, points, table, lines)
     found = replace(found, **{name: table[name][rows] for name in COLUMNS if name in table})
     _check_open(joint.parameters, points.position, found.gap, found.preload, np.arange(points.n_points))
+    return found
+
+
+def _of_rows(
+    mesh: Mesh, table: Mapping[str, np.ndarray], rows: np.ndarray, others: Mapping[str, float | np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return the values of all nodes, (n_nodes,) each: of the nodes ``rows`` those of the table, of others what they have."""
+    found = {name: np.array(np.broadcast_to(others[name], len(mesh.points))) for name in COLUMNS if name in table}
+    for name, values in found.items():
+        values[rows] = table[name]
     return found
 
 
@@ -130,9 +133,9 @@ def _checked_table(joint: Joint) -> tuple[dict[str, np.ndarray], list[int]]:
     return table, lines
 
 
-def _check_open(where, places: np.ndarray, gap: np.ndarray | float, preload: np.ndarray | float, used: np.ndarray) -> None:
+def _check_open(where, places: np.ndarray, gap: np.ndarray, preload: np.ndarray, used: np.ndarray) -> None:
     """Raise CaseError for a node or a point with a gap and a preload, of the ``used`` (n,) ones of all places (m, 3) [m]."""
-    gap, preload = (np.broadcast_to(one, len(places))[used] for one in (gap, preload))
+    gap, preload = gap[used], preload[used]
     both = np.flatnonzero((gap > 0.0) & (preload > 0.0))
     if len(both):
         raise CaseError(

@@ -17,6 +17,8 @@ from ..parallel.words import listed, place
 from .equilibrium import TOLERANCE, Rest
 from .loaded import Loaded
 
+_ROUNDING = 1e-9  # of the forces: less is not shown
+
 
 @dataclass(frozen=True, eq=False)
 class JointsAtRest:
@@ -152,15 +154,21 @@ def _columns(rows: list[tuple], widths: tuple) -> tuple:
 def check_balance(loaded: Loaded, rest: Rest, balance: Balance) -> None:
     """Raise ConvergenceError for a body or a joint whose forces balance less than any accepted solve makes them.  Local."""
     for what, table, force in (("", balance.bodies, balance.bodies.left), ("joint ", balance.joints, _between(balance.joints))):
+        sizes = _against(table.size)
         for i, name in enumerate(table.names):
             left = float(np.linalg.norm(force[i, :3]))
-            if not left <= max(ROUNDING_LIMIT * table.size[i], _of_newton(loaded.pairs, rest)):
+            if not left <= max(ROUNDING_LIMIT * sizes[i], _of_newton(loaded.pairs, rest)):
                 shown = repr(name) if what else name
                 raise ConvergenceError(
                     f"{loaded.where}{': ' if loaded.where else ''}[statics]: the forces on {what}{shown} do not balance: of "
                     f"{table.size[i]:.4g} N a force of {left:.3g} N is left over at rest, and rounding leaves up to "
                     f"{ROUNDING_LIMIT:g} of them; compare the joint's stiffnesses with the structure's"
                 )
+
+
+def _against(size: np.ndarray) -> np.ndarray:
+    """Return what the forces on each joint or body are compared with, (n,) [N]: a solve leaves its share of all there are."""
+    return np.maximum(size, RESIDUAL_LIMIT * size.max(initial=0.0))
 
 
 def _of_newton(pairs: ContactPairs, rest: Rest) -> float:
@@ -180,8 +188,9 @@ def in_words(balance: Balance) -> list[str]:
 
 def _joints_in_words(joints: JointsAtRest) -> list[str]:
     lines = []
+    sizes = _against(joints.size)
     for i, name in enumerate(joints.names):
-        size, reach = joints.size[i] or 1.0, joints.reach[i]
+        size, reach = sizes[i] or 1.0, joints.reach[i] or 1.0
         off, turned = np.linalg.norm(_between(joints)[i].reshape(2, 3), axis=1) / (size, size * reach)
         carried = f"{_shown(joints.on_first[i, :3], size)} N and {_shown(joints.on_first[i, 3:], size * reach)} N m"
         lines.append(
@@ -193,10 +202,12 @@ def _joints_in_words(joints: JointsAtRest) -> list[str]:
 
 def _bodies_in_words(bodies: BodiesAtRest) -> list[str]:
     lines = []
+    sizes = _against(bodies.size)
     for i, name in enumerate(bodies.names):
-        size, reach = bodies.size[i] or 1.0, bodies.reach[i]
-        by = {"loads": bodies.loads, "joints": bodies.joints, "supports": bodies.supports}
-        acting = ", ".join(f"{what} {_shown(forces[i, :3], size)} N" for what, forces in by.items() if forces[i].any())
+        size, reach = sizes[i] or 1.0, bodies.reach[i] or 1.0
+        by = {"loads": bodies.loads[i, :3], "joints": bodies.joints[i, :3], "supports": bodies.supports[i, :3]}
+        felt = {what: force for what, force in by.items() if np.abs(force).max() > _ROUNDING * size}
+        acting = ", ".join(f"{what} {_shown(force, size)} N" for what, force in felt.items())
         left, turned = np.linalg.norm(bodies.left[i].reshape(2, 3), axis=1) / (size, size * reach)
         lines.append(
             f"  {name}: {acting or 'no forces'}; what is left over is {left:.1e} of the forces, {turned:.1e} of their "
@@ -212,4 +223,4 @@ def _open(share: float) -> str:
 
 def _shown(vector: np.ndarray, size: float) -> str:
     """Return three numbers, without what is rounding beside ``size``."""
-    return place(np.where(np.abs(vector) > 1e-9 * size, vector, 0.0))
+    return place(np.where(np.abs(vector) > _ROUNDING * size, vector, 0.0))
