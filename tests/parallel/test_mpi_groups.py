@@ -179,16 +179,15 @@ def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
 
 
 def test_as_many_groups_pay_as_levels_slip_where_pairs_are_few(comm, monkeypatch):
-    monkeypatch.setattr(side_by_side, "levels_of_slip", lambda of: (2.0, 5.0))
-
-    def groups(levels, n_pairs=200, n_dof=100_000, is_constant=False):
-        model = SimpleNamespace(comm=comm, n_pairs=n_pairs, harmonics=SimpleNamespace(is_constant=is_constant))
+    def groups(levels, n_pairs=200, n_dof=100_000, slip=(2.0, 5.0)):
+        monkeypatch.setattr(side_by_side, "levels_of_slip", lambda of: slip)
+        model = SimpleNamespace(comm=comm, n_pairs=n_pairs)
         return groups_that_pay(SimpleNamespace(model=model, settings=SimpleNamespace(levels=levels)), n_dof)
 
     assert groups((1.0, 3.0, 4.0)) == min(2, comm.size) and groups((1.0, 2.0)) == 1
     assert groups((3.0,) * 100) == comm.size
-    refused = [groups((3.0, 4.0), n_pairs=0), groups((3.0, 4.0), n_dof=600_000), groups((3.0, 4.0), n_pairs=1001, n_dof=3003)]
-    assert [*refused, groups((3.0, 4.0), is_constant=True)] == [1, 1, 1, 1]
+    refused = [groups((3.0, 4.0), slip=None), groups((3.0, 4.0), n_dof=600_000), groups((3.0, 4.0), n_pairs=1001, n_dof=3003)]
+    assert refused == [1, 1, 1]
 
 
 def test_more_groups_than_ranks_are_refused_before_anything_is_done(comm, shared_path, program):

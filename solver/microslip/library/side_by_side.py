@@ -32,10 +32,9 @@ def groups_that_pay(of: ResponseProblem, n_dof: int) -> int:
     part.
     """
     n_pairs, size = of.model.n_pairs, of.model.comm.size
-    if size == 1 or not 0 < n_pairs <= min(MOST_PAIRS, MOST_COLUMNS / n_dof) or of.model.harmonics.is_constant:
+    if size == 1 or n_pairs > min(MOST_PAIRS, MOST_COLUMNS / n_dof) or (slip := levels_of_slip(of)) is None:
         return 1
-    first, _ = levels_of_slip(of)
-    return max(1, min(size, sum(level > first for level in of.settings.levels)))
+    return max(1, min(size, sum(level > slip[0] for level in of.settings.levels)))
 
 
 def follow_side_by_side(
