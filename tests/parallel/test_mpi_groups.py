@@ -10,7 +10,6 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 from petsc4py import PETSc
 
-from microslip.library import side_by_side
 from microslip.library.build import build
 from microslip.library.prepare import prepare
 from microslip.library.side_by_side import groups_that_pay
@@ -178,16 +177,17 @@ def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     assert all(f"level {i + 1} of 4: {level:g} N: " in log for i, level in enumerate(LEVELS)) and log.endswith("done\n")
 
 
-def test_as_many_groups_pay_as_levels_slip_where_pairs_are_few(comm, monkeypatch):
-    def groups(levels, n_pairs=200, n_dof=100_000, slip=(2.0, 5.0)):
-        monkeypatch.setattr(side_by_side, "levels_of_slip", lambda of: slip)
+def test_as_many_groups_pay_as_levels_slip_where_pairs_are_few(comm):
+    curve = SimpleNamespace(sticks_up_to=np.array([7.0, 2.0, 5.0]))
+
+    def groups(levels, n_pairs=200, n_dof=100_000):
         model = SimpleNamespace(comm=comm, n_pairs=n_pairs)
-        return groups_that_pay(SimpleNamespace(model=model, settings=SimpleNamespace(levels=levels)), n_dof)
+        return groups_that_pay(SimpleNamespace(model=model, curve=curve, settings=SimpleNamespace(levels=levels)), n_dof)
 
     assert groups((1.0, 3.0, 4.0)) == min(2, comm.size) and groups((1.0, 2.0)) == 1
     assert groups((3.0,) * 100) == comm.size
-    refused = [groups((3.0, 4.0), slip=None), groups((3.0, 4.0), n_dof=600_000), groups((3.0, 4.0), n_pairs=1001, n_dof=3003)]
-    assert refused == [1, 1, 1]
+    too_many = groups((3.0, 4.0), n_dof=600_000), groups((3.0, 4.0), n_pairs=1001, n_dof=3003)
+    assert groups((3.0, 4.0), n_pairs=0) == 1 and too_many == (1, 1)
 
 
 def test_more_groups_than_ranks_are_refused_before_anything_is_done(comm, shared_path, program):

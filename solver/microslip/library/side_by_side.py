@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..continuation.keeper import Keepers, keep_nothing
-from ..continuation.levels import ResponseProblem, follow_level, levels_of_slip
+from ..continuation.levels import ResponseProblem, follow_level
 from ..observe.log import RunLog
 from ..observe.observer import Observers
 from ..parallel.agree import on_root
@@ -26,15 +26,14 @@ MOST_COLUMNS = 1e8  # pairs times DOFs, up to which the columns of all pairs tak
 
 
 def groups_that_pay(of: ResponseProblem, n_dof: int) -> int:
-    """Return into how many groups the ranks part for the levels: one for each of those at which pairs slip, where pairs are few.
+    """Return into how many groups the ranks part for the levels: one for each at which pairs may slip, where these are few.
 
-    Collective: one broadcast.  Otherwise one: the columns of all pairs, which groups want, cost too much, or there is nothing to
-    part.
+    Local.  Otherwise one: the columns of all pairs, which groups want, cost too much, or there is nothing to part.
     """
-    n_pairs, size = of.model.n_pairs, of.model.comm.size
-    if size == 1 or n_pairs > min(MOST_PAIRS, MOST_COLUMNS / n_dof) or (slip := levels_of_slip(of)) is None:
+    if not 0 < of.model.n_pairs <= min(MOST_PAIRS, MOST_COLUMNS / n_dof):
         return 1
-    return max(1, min(size, sum(level > slip[0] for level in of.settings.levels)))
+    sticks_up_to = of.curve.sticks_up_to.min()
+    return max(1, min(of.model.comm.size, sum(level > sticks_up_to for level in of.settings.levels)))
 
 
 def follow_side_by_side(
