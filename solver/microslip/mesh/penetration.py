@@ -35,9 +35,10 @@ def check_penetration(mesh: Mesh, joint: Joint, points: ContactPoints) -> str:
     where = f"{mesh.path}: joint {joint.name!r}: the sides penetrate at rest, {how}"
     if joint.gap == GEOMETRY:
         raise MeshError(f"{where}; move them apart, or state the gap as a number in place of the mesh's")
-    size = max((face_size(surface_of(mesh, group)) for group in joint.surfaces), default=0.0)
-    allowed = joint.tolerance if joint.tolerance is not None or not size else DRAWN * size
-    if allowed is not None and depth > allowed:
+    allowed = np.inf if joint.node_pairs is not None else joint.tolerance  # pairs that a file lists have no faces
+    if allowed is None:
+        allowed = DRAWN * max(face_size(surface_of(mesh, group)) for group in joint.surfaces)
+    if depth > allowed:
         raise MeshError(f"{where}, {_too_deep(joint, allowed, depth)}")
     return (
         f'joint {joint.name!r}: the sides penetrate in the mesh, {how}; without gap = "geometry" that does not count: they '
