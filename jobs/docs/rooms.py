@@ -10,6 +10,7 @@ count.  Only where a room stands on the page is written here.
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -64,6 +65,7 @@ ENDS = (
 )  # where a user's words come in and results go out
 
 
+@cache
 def imports(path: Path, with_types: bool = False) -> set[str]:
     """Return the modules that a file imports: "numpy", "microslip.mesh.data"; for type checking alone only if asked for."""
     here = ("microslip", *path.relative_to(PACKAGE).parts[:-1])

@@ -66,9 +66,8 @@ def _about(
     """
     statics, body, points = settings.statics, settings.bodies[block.body], block.points[chunk]
     assert statics is not None, "a scene with [statics]"
-    warmer, of = block.warmth(chunk), body.solids(block.kind, points)
-    moved = free + held
-    resisted, K_T = elements.large_displacements(of, moved, warmer, is_stressed)
+    of, moved = body.solids(block.kind, points, block.warmth(chunk)), free + held
+    resisted, K_T = elements.large_displacements(of, moved, is_stressed)
     K = elements.stiffness(of)
     spin = np.einsum("eab,ij->eaibj", elements.mass(block.kind, points, body.density, body.integration), statics.spin)
     moving = held if is_stressed else held + free

@@ -133,7 +133,7 @@ def element_forces(block: LocalBlock, chunk: slice | np.ndarray, body: Body, sta
         total += elements.mass(block.kind, points, body.density, body.integration) @ outward
     warmer = block.warmth(chunk)
     if np.any(warmer) and body.material.expands and not statics.is_large:
-        total += elements.thermal_forces(body.solids(block.kind, points), warmer)
+        total += elements.thermal_forces(body.solids(block.kind, points, warmer))
     return total
 
 
@@ -217,12 +217,12 @@ def _softening(constraints: Constraints, statics: Statics) -> np.ndarray:
 def _stiffening(block: LocalBlock, chunk: slice, body: Body, statics: Statics, u: np.ndarray) -> np.ndarray:
     """Return K_sigma + K_F - K - Omega^2 K_spin of some elements, (n_elements, n, 3, n, 3) [N/m]; K_F where it is asked for."""
     points = block.points[chunk]
-    warmer, of = block.warmth(chunk), body.solids(block.kind, points)
-    sigma = elements.stress_stiffness(of, elements.stress(of, u, warmer))
+    of = body.solids(block.kind, points, block.warmth(chunk))
+    sigma = elements.stress_stiffness(of, elements.stress(of, u))
     mass = elements.mass(block.kind, points, body.density, body.integration)
     change = np.einsum("eab,ij->eaibj", sigma, np.eye(3)) - np.einsum("eab,ij->eaibj", mass, statics.spin)
     if statics.deforms:
-        turned = elements.deformed_stiffness(of, u, warmer) - elements.stiffness(of)
+        turned = elements.deformed_stiffness(of, u) - elements.stiffness(of)
         change += turned.reshape(change.shape)
     return change
 

@@ -98,9 +98,9 @@ def _resisted(
             if not len(rows):
                 break
             by = u[block.nodes[rows]] if seen is None else u[block.nodes[rows]] + seen(block, i, rows)
-            of = body.solids(block.kind, block.points[rows])
+            of = body.solids(block.kind, block.points[rows], block.warmth(rows))
             if settings.statics.is_large:
-                forces, _ = elements.large_displacements(of, by, block.warmth(rows))
+                forces, _ = elements.large_displacements(of, by)
             else:
                 K = elements.stiffness(of)
                 forces = (K @ by.reshape(len(K), -1, 1)).reshape(by.shape)

@@ -11,9 +11,7 @@ _BUBBLE_STEPS = 20  # of Newton's method for the bubbles of hex8
 _BUBBLES_REST = 1e-13  # their forces, over the largest of the elements
 
 
-def large_displacements(
-    of: Solids, u: np.ndarray, warmer: float | np.ndarray = 0.0, with_stress: bool = True
-) -> tuple[np.ndarray, np.ndarray]:
+def large_displacements(of: Solids, u: np.ndarray, with_stress: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Return the forces by which elements resist a displacement, (n_elements, n, 3) [N], and their derivative by it.
 
     Local.  docs/theory.md, eq. (12.13): with F = 1 + du/dx and E = (F^T F - 1) / 2 the stress S is that of E, and
@@ -22,7 +20,6 @@ def large_displacements(
     Parameters
     ----------
     u : (n_elements, n, 3) displacements of the nodes [m]
-    warmer : temperature above that without stress [K]
     with_stress : whether K has K_sigma in it; without, it is positive in any case
 
     Returns
@@ -34,7 +31,7 @@ def large_displacements(
     f, K = np.empty(of.points.shape), np.empty((len(of.points), 3 * n, 3 * n))
     for chunk, part in of.parts(9 * (n + 3) ** 2):
         dN, volumes = part.functions()
-        state = (part.elastic(), part.at_points(warmer, chunk), with_stress)
+        state = (part.elastic(), part.warmth(), with_stress)
         bubbles = np.zeros((len(volumes), dN.shape[-1] - n, 3))
         forces, whole = _forces_and_tangent(dN, volumes, np.concatenate([u[chunk], bubbles], axis=1), *state)
         for _ in range(_BUBBLE_STEPS if bubbles.size else 0):

@@ -16,7 +16,7 @@ _CHUNK_ENTRIES = 2**18  # of the largest intermediate array: 2 MiB stay in a cor
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """Elements of one kind and material, and how their stiffness is integrated.  Local.
+    """Elements of one kind and material, how warm they are, and how their stiffness is integrated.  Local.
 
     Raises
     ------
@@ -28,6 +28,7 @@ class Solids:
     material: Material
     integration: str = "full"  # a key of ``INTEGRATIONS``
     incompatible_modes: bool = True  # hex8 only: three condensed bubble modes a direction, without which it locks in bending
+    warmer: float | np.ndarray = 0.0  # K above the temperature without stress, one or of the nodes, (n_elements, n)
 
     @property
     def n(self) -> int:
@@ -51,16 +52,16 @@ class Solids:
     def parts(self, n_entries: int) -> Iterator[tuple[slice, Solids]]:
         """Yield the elements some at a time, at ``n_entries`` in memory for each."""
         for chunk in _chunks(len(self.points), n_entries):
-            yield chunk, replace(self, points=self.points[chunk])
+            warmer = self.warmer[chunk] if isinstance(self.warmer, np.ndarray) else self.warmer
+            yield chunk, replace(self, points=self.points[chunk], warmer=warmer)
 
     def elastic(self) -> Elastic:
         """Return what the material is at the quadrature points, in model axes."""
         return self.material.at(KINDS[self.kind].values(self.rule.points) @ self.points)
 
-    def at_points(self, of_nodes: float | np.ndarray, chunk: slice) -> float | np.ndarray:
-        """Return values at the quadrature points, (n_elements, n_q), from those of the nodes of more elements, of which these are
-        the ``chunk``; one number alone stays what it is."""
-        return of_nodes[chunk] @ KINDS[self.kind].values(self.rule.points).T if isinstance(of_nodes, np.ndarray) else of_nodes
+    def warmth(self) -> float | np.ndarray:
+        """Return the temperature at the quadrature points, (n_elements, n_q) [K], interpolated like motion; or the one."""
+        return self.warmer @ KINDS[self.kind].values(self.rule.points).T if isinstance(self.warmer, np.ndarray) else self.warmer
 
     def gradients(self) -> tuple[np.ndarray, np.ndarray]:
         """Return dN_a / dx_i at the quadrature points, (n_elements, n_q, 3, n), and w det J, (n_elements, n_q)."""

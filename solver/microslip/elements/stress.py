@@ -8,38 +8,30 @@ from .materials import Elastic
 from .solid import Solids, _without_bubbles
 
 
-def stress(of: Solids, u: np.ndarray, warmer: float | np.ndarray = 0.0) -> np.ndarray:
+def stress(of: Solids, u: np.ndarray) -> np.ndarray:
     """Return the stress at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [Pa].
 
-    Local.
-
-    Parameters
-    ----------
-    u : (n_elements, n, 3) displacements of the nodes [m]
-    warmer : temperature above that without stress [K], one or of nodes (n_elements, n), interpolated as displacements are
-
-    Notes
-    -----
-    The elasticity times eps - alpha dT.  The bubbles of hex8 follow from the nodes, as in its stiffness.
+    Local.  The elasticity times eps - alpha dT, of the displacements ``u`` (n_elements, n, 3) [m] of the nodes.  The bubbles of
+    hex8 follow from these, as in its stiffness.
     """
-    found = strain(of, u, warmer)
+    found = strain(of, u)
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
-        found[chunk] = part.elastic().stress(found[chunk], part.at_points(warmer, chunk))
+        found[chunk] = part.elastic().stress(found[chunk], part.warmth())
     return found
 
 
-def strain(of: Solids, u: np.ndarray, warmer: float | np.ndarray = 0.0) -> np.ndarray:
+def strain(of: Solids, u: np.ndarray) -> np.ndarray:
     """Return the strain at the quadrature points of the stiffness, (n_elements, n_q, 3, 3) [-].  Local; as :func:`stress`."""
     found = np.empty((len(of.points), len(of.rule.weights), 3, 3))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         dN, volumes = part.functions()
-        amplitudes = _amplitudes(dN, volumes, u[chunk], part.elastic(), part.at_points(warmer, chunk))
+        amplitudes = _amplitudes(dN, volumes, u[chunk], part.elastic(), part.warmth())
         slopes = dN @ amplitudes[:, None]  # (n_elements, n_q, 3, 3): d u_j / d x_i
         found[chunk] = 0.5 * (slopes + slopes.swapaxes(-1, -2))
     return found
 
 
-def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic, warm: float | np.ndarray = 0.0) -> np.ndarray:
+def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elastic, warm: float | np.ndarray) -> np.ndarray:
     """Return the amplitudes of all functions, (n_elements, m, 3), under displacements of the nodes: no force acts on bubbles."""
     n = 3 * u.shape[1]
     if n == 3 * dN.shape[-1]:
@@ -51,16 +43,16 @@ def _amplitudes(dN: np.ndarray, volumes: np.ndarray, u: np.ndarray, local: Elast
     return np.concatenate([u, np.linalg.solve(K[:, n:, n:], right).reshape(len(u), -1, 3)], axis=1)
 
 
-def deformed_stiffness(of: Solids, u: np.ndarray, warmer: float | np.ndarray = 0.0) -> np.ndarray:
+def deformed_stiffness(of: Solids, u: np.ndarray) -> np.ndarray:
     """Return the stiffness of elements about a displaced state, without that of its stress, (n_elements, 3 n, 3 n) [N/m].
 
     Local.  docs/theory.md, eq. (12.11): with F = 1 + du/dx the strain of a small motion v is sym(F^T dv/dx).
-    ``u`` (n_elements, n, 3) are the displacements of the nodes [m], ``warmer`` as in :func:`stress`.
+    ``u`` (n_elements, n, 3) are the displacements of the nodes [m].
     """
     K = np.empty((len(of.points), 3 * of.n, 3 * of.n))
     for chunk, part in of.parts(9 * (of.n + 3) ** 2):
         (dN, volumes), local = part.functions(), part.elastic()
-        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local, part.at_points(warmer, chunk))[:, None]
+        slopes = dN @ _amplitudes(dN, volumes, u[chunk], local, part.warmth())[:, None]
         K[chunk] = _without_bubbles(local.stiffness_about(dN, np.eye(3) + slopes.swapaxes(-1, -2), volumes), 3 * of.n)
     return K
 
@@ -78,15 +70,14 @@ def stress_stiffness(of: Solids, stress: np.ndarray) -> np.ndarray:
     return found
 
 
-def thermal_forces(of: Solids, warmer: float | np.ndarray) -> np.ndarray:
+def thermal_forces(of: Solids) -> np.ndarray:
     """Return the nodal forces of elements that are held while they are warm, turned round, (n_elements, n, 3) [N].
 
-    Local.  docs/theory.md, eq. (12.2); ``warmer`` [K] than without stress, one or those of the nodes, (n_elements, n), as in
-    :func:`stress`.  Bubbles of hex8 give way to it.
+    Local.  docs/theory.md, eq. (12.2).  Bubbles of hex8 give way to temperatures of nodes.
     """
-    found, n = np.empty(of.points.shape), of.n
+    n, found = of.n, np.empty(of.points.shape)
     for chunk, part in of.parts(9 * (n + 3) ** 2):
-        local, warm = part.elastic(), part.at_points(warmer, chunk)
+        local, warm = part.elastic(), part.warmth()
         dN, volumes = part.functions() if isinstance(warm, np.ndarray) else part.gradients()
         forces = _held(dN, volumes, local, warm)
         if dN.shape[-1] > n:

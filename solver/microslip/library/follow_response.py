@@ -35,8 +35,8 @@ def follow(
     """
     comm, columns = response.model.comm, response.model.G_static
     told, log = Observers(comm, response.settings.levels, observers, keeps_motion), log or RunLog(comm, screen=False)
-    if response.model.n_pairs > 0 and not response.model.harmonics.is_constant:
-        log.note(_in_words(*levels_of_slip(response), max(response.settings.levels)))
+    if (slip := levels_of_slip(response)) is not None:
+        log.note(_in_words(*slip, max(response.settings.levels)))
     if not in_turn(response, n_groups):
         return follow_side_by_side(response, n_groups, told, log, keepers)
     branches = follow_levels(response, told.tell, keepers)

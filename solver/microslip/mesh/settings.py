@@ -27,9 +27,9 @@ class Body:
     integration: str = "full"  # "full", "reduced", "reduced-both"
     incompatible_modes: bool = True  # in 8-node hexahedra
 
-    def solids(self, kind: str, points: np.ndarray) -> Solids:
-        """Return elements of the body, whose nodes are at ``points`` (n_elements, n, 3) [m].  Local."""
-        return Solids(kind, points, self.material, self.integration, self.incompatible_modes)
+    def solids(self, kind: str, points: np.ndarray, warmer: float | np.ndarray = 0.0) -> Solids:
+        """Return elements of the body, whose nodes are at ``points`` (n_elements, n, 3) [m], so much warmer [K].  Local."""
+        return Solids(kind, points, self.material, self.integration, self.incompatible_modes, warmer)
 
 
 @dataclass(frozen=True, kw_only=True)
