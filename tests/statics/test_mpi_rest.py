@@ -131,17 +131,17 @@ MISTAKES = {
     "cut body": (
         '[[statics.bolts]]\ngroup = "bar"\nforce = 1.0\n',
         (),
-        r'\[\[statics.bolts\]\] 1 group = "bar": these are the elements of a body, and a bolt is cut by faces across its shank',
+        r"\[\[statics.bolts\]\] 1 group = 'bar': these are the elements of a body, and a bolt is cut by faces across its shank",
     ),
     "joined body": (
         force(0.0, 0.0, -1.0),
         (('"bar_bottom", "ground_top"', '"bar", "ground_top"'),),
-        r'\[\[joints\]\] 1 .*group = "bar": these are the elements of a body, and a joint has faces',
+        r"\[\[joints\]\] 1 .*group = 'bar': these are the elements of a body, and a joint has faces",
     ),
     "pressed body": (
         '[[statics.pressures]]\ngroup = "bar"\npressure = 1.0\n',
         (),
-        r'\[\[statics.pressures\]\] 1 group = "bar": these are the elements of a body, and a pressure acts on faces',
+        r"\[\[statics.pressures\]\] 1 group = 'bar': these are the elements of a body, and a pressure acts on faces",
     ),
     "no axis": ("rotation_speed = 10.0\n", (("axis = [0.0, 0.0, 1.0]\n", ""),), "axis is missing"),
     "no expansion": (

@@ -218,7 +218,7 @@ def _volumes_as_faces(scene: Scene) -> list[str]:
         used += [(f"[[statics.pressures]] {i}", one.group, "a pressure acts on faces") for i, one in pressures]
         used += [(f"[[statics.bolts]] {i}", one.group, "a bolt is cut by faces across its shank") for i, one in bolts]
     return [
-        f'{where} group = "{group}": these are the elements of a body, and {what}; name a group of them'
+        f"{where} group = {group!r}: these are the elements of a body, and {what}; name a group of them"
         for where, group, what in used
         if group in bodies
     ]
