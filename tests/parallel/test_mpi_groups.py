@@ -10,6 +10,7 @@ from matrix_scenes import write_matrix_scene
 from oracles import scenes
 from petsc4py import PETSc
 
+from microslip.library import side_by_side
 from microslip.library.build import build
 from microslip.library.prepare import prepare
 from microslip.library.side_by_side import groups_that_pay
@@ -177,17 +178,17 @@ def test_levels_side_by_side_are_those_in_turn(comm, shared_path, program):
     assert all(f"level {i + 1} of 4: {level:g} N: " in log for i, level in enumerate(LEVELS)) and log.endswith("done\n")
 
 
-def test_as_many_groups_pay_as_levels_slip_where_pairs_are_few(comm):
-    curve = SimpleNamespace(sticks_up_to=np.array([7.0, 2.0, 5.0]))
+def test_as_many_groups_pay_as_levels_slip_where_pairs_are_few(comm, monkeypatch):
+    monkeypatch.setattr(side_by_side, "levels_of_slip", lambda of: (2.0, 5.0) if of.vibrates else None)
 
-    def groups(levels, n_pairs=200, n_dof=100_000):
-        model = SimpleNamespace(comm=comm, n_pairs=n_pairs)
-        return groups_that_pay(SimpleNamespace(model=model, curve=curve, settings=SimpleNamespace(levels=levels)), n_dof)
+    def groups(levels, n_pairs=200, n_dof=100_000, vibrates=True):
+        model, settings = SimpleNamespace(comm=comm, n_pairs=n_pairs), SimpleNamespace(levels=levels)
+        return groups_that_pay(SimpleNamespace(model=model, settings=settings, vibrates=vibrates), n_dof)
 
     assert groups((1.0, 3.0, 4.0)) == min(2, comm.size) and groups((1.0, 2.0)) == 1
     assert groups((3.0,) * 100) == comm.size
     too_many = groups((3.0, 4.0), n_dof=600_000), groups((3.0, 4.0), n_pairs=1001, n_dof=3003)
-    assert groups((3.0, 4.0), n_pairs=0) == 1 and too_many == (1, 1)
+    assert groups((3.0, 4.0), vibrates=False) == 1 and too_many == (1, 1)
 
 
 def test_more_groups_than_ranks_are_refused_before_anything_is_done(comm, shared_path, program):

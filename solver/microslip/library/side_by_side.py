@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..continuation.keeper import Keepers, keep_nothing
-from ..continuation.levels import ResponseProblem, follow_level
+from ..continuation.levels import ResponseProblem, follow_level, levels_of_slip
 from ..observe.log import RunLog
 from ..observe.observer import Observers
 from ..parallel.agree import on_root
@@ -26,14 +26,13 @@ MOST_COLUMNS = 1e8  # pairs times DOFs, up to which the columns of all pairs tak
 
 
 def groups_that_pay(of: ResponseProblem, n_dof: int) -> int:
-    """Return into how many groups the ranks part for the levels: one for each at which pairs may slip, where these are few.
+    """Return into how many groups the ranks part for the levels: one for each at which pairs slip, where these are few.
 
-    Local.  Otherwise one: the columns of all pairs, which groups want, cost too much, or there is nothing to part.
+    Collective: one broadcast.  Otherwise one: the columns of all pairs, which groups want, cost too much, or nothing vibrates.
     """
-    if not 0 < of.model.n_pairs <= min(MOST_PAIRS, MOST_COLUMNS / n_dof):
+    if of.model.n_pairs > min(MOST_PAIRS, MOST_COLUMNS / n_dof) or (slip := levels_of_slip(of)) is None:
         return 1
-    sticks_up_to = of.curve.sticks_up_to.min()
-    return max(1, min(of.model.comm.size, sum(level > sticks_up_to for level in of.settings.levels)))
+    return max(1, min(of.model.comm.size, sum(level > slip[0] for level in of.settings.levels)))
 
 
 def follow_side_by_side(
