@@ -15,6 +15,7 @@
 
 enum { ROWS = 8 };                                  /* taken together */
 enum { CHUNK = 2048 };                              /* bytes of each at a time */
+enum { PART = 256 };                                /* rows that modes answer in at a time */
 enum { LANE_BYTES = 64 };
 
 #pragma GCC diagnostic ignored "-Wpsabi"            /* lanes are never passed */

@@ -60,21 +60,32 @@ void NAME(project)(index_t m, const REAL *const *rows, index_t n, const REAL *x,
     }
 }
 
+/* What the modes answer is summed by itself and added once: with stiff springs it is the little that G p differs from them by. */
 void NAME(answer)(REAL *y, index_t N, index_t n, modal_answer modes, const REAL *R, index_t n_rows)
 {
+    REAL of_cosine[PART], of_sine[PART];
     for (index_t start = 0; start < N; start += modes.N_H)
         for (index_t h = 0; h < modes.n_harmonics; h++) {
             const int is_mean = modes.has_mean && h == 0;
-            REAL *restrict cosine = y + (start + modes.cosines[h]) * n, *restrict sine = cosine + n;
-            for (index_t k = 0; k < modes.m; k++) {
-                const double *c = modes.c + 2 * (k * modes.n_harmonics + h);
-                const double q_c = cosine[modes.first + k], q_s = is_mean ? 0.0 : sine[modes.first + k];
-                const REAL eta_c = (REAL)(c[0] * q_c + c[1] * q_s), eta_s = (REAL)(c[0] * q_s - c[1] * q_c);
-                const REAL *R_k = R + k * n_rows;
-                for (index_t i = 0; i < n_rows; i++)
-                    cosine[i] += eta_c * R_k[i];
-                for (index_t i = 0; i < n_rows && !is_mean; i++)
-                    sine[i] += eta_s * R_k[i];
+            REAL *cosine = y + (start + modes.cosines[h]) * n, *sine = is_mean ? cosine : cosine + n;
+            for (index_t from = 0; from < n_rows; from += PART) {
+                const index_t width = n_rows - from < PART ? n_rows - from : PART;
+                for (index_t i = 0; i < width; i++)
+                    of_cosine[i] = of_sine[i] = 0;
+                for (index_t k = 0; k < modes.m; k++) {
+                    const double *c = modes.c + 2 * (k * modes.n_harmonics + h);
+                    const double q_c = cosine[modes.first + k], q_s = is_mean ? 0.0 : sine[modes.first + k];
+                    const REAL eta_c = (REAL)(c[0] * q_c + c[1] * q_s), eta_s = (REAL)(c[0] * q_s - c[1] * q_c);
+                    const REAL *R_k = R + k * n_rows + from;
+                    for (index_t i = 0; i < width; i++) {
+                        of_cosine[i] += eta_c * R_k[i];
+                        of_sine[i] += eta_s * R_k[i];
+                    }
+                }
+                for (index_t i = 0; i < width; i++)
+                    cosine[from + i] += of_cosine[i];
+                for (index_t i = 0; i < width && !is_mean; i++)
+                    sine[from + i] += of_sine[i];
             }
         }
 }
