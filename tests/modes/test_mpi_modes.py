@@ -210,6 +210,22 @@ def test_a_missed_mode_is_noticed(monkeypatch, always):
     linearised.destroy()
 
 
+def test_modes_that_rounding_of_solves_left_rough_are_corrected(monkeypatch):
+    system, pairs = lattices.lattice(comm, LARGE)
+    linearised, found = linearise(system, pairs), eigen._solve
+
+    def rough(*asked):
+        theta, phi, info = found(*asked)
+        noise = multiply(linearised.K_L, np.random.default_rng(comm.rank).standard_normal(phi.shape))
+        return theta, phi + 2e-5 * np.abs(phi).max() * noise / np.abs(noise).max(), info
+
+    monkeypatch.setattr(eigen, "_solve", rough)
+    modes = lowest_modes(linearised, 12)
+    assert modes.info["residual"] < 1e-6
+    np.testing.assert_allclose(modes.omega_n, lattices.lattice_frequencies(LARGE)[:12], rtol=1e-10)
+    linearised.destroy()
+
+
 def test_wrong_modes_are_refused(monkeypatch):
     solve = BlockLanczos.lowest
 

@@ -34,6 +34,18 @@ def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray
     return scipy.linalg.solve_triangular(factor, phi_owned.T, trans="T").T
 
 
+def iterated_once(linearised: Linearised, phi_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return (eigenvalues, phi) after a step of subspace iteration whose solves are checked and refined, values rising.
+
+    Collective: one block of solves.  Where joints are far stiffer than bodies those of a search, which are not refined, leave
+    residuals above the limit.
+    """
+    comm = linearised.system.comm
+    X_owned = orthonormalised(linearised, linearised.factor.solve(multiply(linearised.M, phi_owned)))
+    eigenvalues, rotation = comm.bcast(np.linalg.eigh(gram(comm, X_owned, multiply(linearised.K_L, X_owned))))
+    return eigenvalues, X_owned @ rotation
+
+
 def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:
     """Return omega_n^2 = phi^T K_L phi for the modes in which rounding shows, the given ones otherwise, (n,) [rad2/s2].
 
