@@ -158,6 +158,10 @@ class Page:
         return self.figure.add_gridspec(n_rows, n_columns, **options)
 
     def save(self, path: str) -> str:
+        engine = self.figure.get_layout_engine()
+        if engine is not None:  # once: left to savefig, the figure is drawn twice for it
+            engine.execute(self.figure)
+            self.figure.set_layout_engine("none")
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Glyph .* missing")  # a title in letters that the font lacks: boxes
             self.figure.savefig(path, dpi=DPI)
