@@ -33,5 +33,10 @@ def mumps():
     return Extension("microslip.linear._mumps", [f"{folder}/_mumps.pyx"], include_dirs=[str(found)])
 
 
-kernels = [kernel("contact", "elastic_coulomb"), kernel("receptance", "row_products", "row_products_of.h"), mumps()]
+kernels = [
+    kernel("contact", "elastic_coulomb"),
+    kernel("receptance", "row_products", "row_products_of.h"),
+    Extension("microslip.modes._energies", ["solver/microslip/modes/_energies.pyx"], extra_compile_args=FLAGS),
+    mumps(),
+]
 setup(ext_modules=cythonize(kernels, language_level=3))
