@@ -159,10 +159,6 @@ class Page:
         return self.figure.add_gridspec(n_rows, n_columns, **options)
 
     def save(self, path: str) -> str:
-        engine = self.figure.get_layout_engine()
-        if engine is not None:  # once: left to savefig, the figure is drawn twice for it
-            engine.execute(self.figure)
-            self.figure.set_layout_engine("none")
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Glyph .* missing")  # a title in letters that the font lacks: boxes
             # savefig would draw twice to lay out; a third of zlib's work makes files a tenth larger
