@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -13,9 +15,9 @@ from ..parallel.ownership import summed
 from ..receptance.modes_left_out import KEY, LAST, SAMPLES, BetterModel, ModesLeftOut, of_samples
 from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.structural_coupling import StructuralCoupling
-from .modal_structure import owned_product, reduce_structure
+from .modal_structure import damping_beyond, owned_product, reduce_structure
 from .reduction import Reduction
-from .settings import ReductionSettings
+from .settings import ModalDamping, ReductionSettings
 from .stuck import StuckStructure
 
 
@@ -29,17 +31,16 @@ def better_model_of(stuck: StuckStructure, reduction: Reduction, settings: Reduc
     is_solved = reduction.leaves_out == "modes"
     structure = reduction.structure if is_solved else reduce_structure(stuck, settings.damping)
     key = "modes left out", stuck.modes, settings.damping
-    eta = 0.0 if settings.damping is None else settings.damping.structural
-    left_out = stuck.once(key, lambda: sample_modes_left_out(stuck.linearised, stuck.modes, structure, eta))
+    left_out = stuck.once(key, lambda: sample_modes_left_out(stuck.linearised, stuck.modes, structure, settings.damping))
     return BetterModel(structure, left_out, is_solved)
 
 
 def sample_modes_left_out(
-    linearised: Linearised, modes: Modes, structure: ReducedStructure, eta: float = 0.0
+    linearised: Linearised, modes: Modes, structure: ReducedStructure, damping: ModalDamping | None = None
 ) -> ModesLeftOut | None:
     """Return the samples for the modes beyond ``modes``; None where there are none.
 
-    Collective on the system's communicator: ``SAMPLES`` static solves, with a loss factor ``eta`` as many more as modes.
+    Collective on the system's communicator: ``SAMPLES`` static solves, with structural damping as many more as modes.
     docs/theory.md, eq. (11.3).
     """
     system, n_rows, n_out = linearised.system, linearised.system.R.shape[0], linearised.system.outputs.shape[0]
@@ -55,8 +56,13 @@ def sample_modes_left_out(
     everything = sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
     rows = owned_product(everything, Z_random, system) / np.sqrt(SAMPLES)
     W = gram(comm, Z_given, multiply(linearised.M, Z_given))
+    beyond = damping_beyond(damping, structure.one_family)
+    if system.C is not None:  # what it is of the motions that the samples are
+        C, M = (summed(comm, np.vdot(Z_random, multiply(A, Z_random))) for A in (system.C, linearised.M))
+        beyond = replace(beyond, alpha=max(beyond.alpha, float(C / M)))
+    eta = beyond.loss_factor
     coupling = structural_coupling(linearised, modes, everything, eta) if eta > 0.0 and n_rows > 0 else None
-    return of_samples(structure, rows, W[-n_out:, :-n_out], np.diag(W)[:-n_out], eta, coupling)
+    return of_samples(structure, rows, W[-n_out:, :-n_out], np.diag(W)[:-n_out], beyond, coupling)
 
 
 def structural_coupling(linearised: Linearised, modes: Modes, everything: sp.csr_matrix, eta: float) -> StructuralCoupling:

@@ -6,7 +6,7 @@ phi_k phi_k^T / omega_k^4 (docs/theory.md, section 11), so that another number n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,8 @@ from ..parallel.ownership import summed
 from ..receptance.family import ModalFamily
 from ..receptance.modes_left_out import KEY, LAST, SAMPLES, ModesLeftOut, of_samples
 from ..receptance.reduced_structure import ReducedStructure
+from .modal_structure import damping_beyond
+from .settings import ModalDamping
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
@@ -44,7 +46,12 @@ def on_random(linearised: Linearised, modes: Modes) -> OnRandom:
 
 
 def left_out_again(
-    left_out: ModesLeftOut, n_kept: int, structure: ReducedStructure, family: ModalFamily, seen: OnRandom
+    left_out: ModesLeftOut,
+    n_kept: int,
+    structure: ReducedStructure,
+    family: ModalFamily,
+    seen: OnRandom,
+    damping: ModalDamping | None,
 ) -> ModesLeftOut:
     """Return the samples beside the modes of ``structure`` from those beside ``n_kept`` modes.  Local.
 
@@ -60,4 +67,7 @@ def left_out_again(
     rows = (rows + sign * (of_modes / squares) @ seen.amplitudes[between]) * seen.scale(n)
     direct = left_out.direct + sign * (o / squares**2) @ b
     own = left_out.own + sign * (b**2 / squares[:, None] ** 2).sum(axis=0)
-    return of_samples(structure, rows, direct, own, left_out.loss_factor, left_out.coupling)
+    beyond = damping_beyond(damping, structure.one_family)
+    if damping is None or not damping.is_alone:  # as the damping matrix was seen with the modes kept
+        beyond = replace(beyond, alpha=max(beyond.alpha, left_out.damping.alpha))
+    return of_samples(structure, rows, direct, own, beyond, left_out.coupling)

@@ -12,6 +12,7 @@ from ..linear.dense import gram, multiply
 from ..parallel.errors import CaseError
 from ..receptance.damping import Damping, added, diagonal_if_possible
 from ..receptance.family import ModalFamily
+from ..receptance.modes_left_out import DampingBeyond
 from ..receptance.observed import Observed
 from ..receptance.reduced_structure import ReducedStructure
 from .settings import ModalDamping
@@ -30,6 +31,17 @@ def modal_damping(damping: ModalDamping, omega_n: np.ndarray) -> np.ndarray:
         return 2.0 * damping.ratios_of(len(omega_n)) * omega_n
     alpha, beta = damping.rayleigh
     return alpha + beta * omega_n**2
+
+
+def damping_beyond(damping: ModalDamping | None, family: ModalFamily) -> DampingBeyond:
+    """Return the damping beyond the modes of a family: as stated, with what dampers or a matrix make of the last.  Local."""
+    if damping is None:
+        return DampingBeyond(float(family.damping.diagonal[-1]))
+    beside = float(family.damping.diagonal[-1] - modal_damping(damping, family.omega_n)[-1])
+    if damping.rayleigh is not None:
+        alpha, beta = damping.rayleigh
+        return DampingBeyond(alpha + max(beside, 0.0), 0.0, beta, damping.structural)
+    return DampingBeyond(max(beside, 0.0), float(damping.ratios_of(len(family.omega_n) + 1)[-1]), 0.0, damping.structural)
 
 
 def structural_damping(K: PETSc.Mat, phi_owned: np.ndarray, eta: float, comm: MPI.Comm) -> np.ndarray:

@@ -18,7 +18,7 @@ from ..mesh.data import ContactPairs
 from ..points.selection import AllPairs, DissipatingPairs, NonStickingPairs, Selection
 from ..receptance.damping import Damping
 from ..receptance.family import ModalFamily
-from ..receptance.modes_left_out import ModesLeftOut
+from ..receptance.modes_left_out import DampingBeyond, ModesLeftOut
 from ..receptance.observed import Observed
 from ..receptance.reduced_structure import ReducedStructure
 from ..receptance.structural_coupling import StructuralCoupling
@@ -112,9 +112,10 @@ def observed_of(arrays: Mapping[str, Any]) -> Observed | None:
 def left_out_of(arrays: Arrays) -> ModesLeftOut | None:
     """Return the samples of the modes left out.  Local."""
     kept = under("left_out", arrays)
-    coupling = under("coupling", kept)
+    coupling, damping = under("coupling", kept), {name: value.item() for name, value in under("damping", kept).items()}
     whole = {name: values.item() if values.ndim == 0 else values for name, values in kept.items() if "/" not in name}
-    return ModesLeftOut(**whole, coupling=StructuralCoupling(**coupling) if coupling else None) if kept else None
+    known = StructuralCoupling(**coupling) if coupling else None
+    return ModesLeftOut(**whole, damping=DampingBeyond(**damping), coupling=known) if kept else None
 
 
 def of_reduced(reduced: ReducedStructure) -> Arrays:

@@ -27,6 +27,7 @@ from ..reduction.left_out_again import OnRandom, left_out_again, on_random
 from ..reduction.methods import SELECTIONS
 from ..reduction.modal_structure import modal_family
 from ..reduction.reduction import Reduction
+from ..reduction.settings import ModalDamping
 from .records import Arrays
 from .restore import KeptSetup, Rebuilt, exact_structure
 from .setup import left_out_of, numbers_of, of_reduced, of_rest, outline_of, pairs_of, texts_of_pairs
@@ -123,7 +124,7 @@ def made_of(kept: KeptSetup, scene: Scene, log: RunLog) -> tuple[Prepared, str] 
     reduced = replace(with_first(everything, n_modes, settings.damping), G_static=to_ask_for(everything.G_static))
     better = None
     if has_error_bars(scene):
-        better = _better(arrays, texts, reduced, known)
+        better = _better(arrays, texts, reduced, known, settings.damping)
         if better is None:
             return None
     outline = replace(outline, omega_n=rebuilt.keep_first(n_modes))
@@ -141,7 +142,9 @@ def to_ask_for(known: StaticColumns) -> StaticColumns:
     return StaticColumns(n_pairs, n_owned, lambda pairs: known.transposed(pairs).T)
 
 
-def _better(arrays: Arrays, texts: Mapping[str, Any], reduced: ReducedStructure, known: KnownStructure) -> BetterModel | None:
+def _better(
+    arrays: Arrays, texts: Mapping[str, Any], reduced: ReducedStructure, known: KnownStructure, damping: ModalDamping | None
+) -> BetterModel | None:
     """Return what error bars compare with; None where its samples are not known.  Local."""
     n, n_kept = len(reduced.one_family.omega_n), texts["n_kept"]
     left_out = left_out_of(arrays)
@@ -149,7 +152,7 @@ def _better(arrays: Arrays, texts: Mapping[str, Any], reduced: ReducedStructure,
         return BetterModel(reduced, None, True)
     if left_out is None or (left_out.coupling is not None and n != n_kept):
         return None
-    again = left_out_again(left_out, n_kept, reduced, known.reduced.one_family, OnRandom(**under("random", arrays)))
+    again = left_out_again(left_out, n_kept, reduced, known.reduced.one_family, OnRandom(**under("random", arrays)), damping)
     return BetterModel(reduced, again, True)
 
 
