@@ -140,6 +140,18 @@ def test_a_property_that_stands_twice_is_found(tmp_path, second, changes):
     assert found.changes == changes and "of material 'Steel' again, after line" in found.effect
 
 
+@pytest.mark.parametrize("second, changes", [("1., 0.3", True), (f"{YOUNG}, {POISSON}", False)])
+def test_of_a_material_that_is_stated_twice_the_first_counts(tmp_path, second, changes):
+    text = inp(plain())
+    cards = text[text.index("*Material") :].partition("*Solid")[0].partition("*Step")[0]
+    again = cards.replace("Steel", "STEEL").replace(f"{YOUNG}, {POISSON}", second)
+    (tmp_path / "m.inp").write_text(text.replace(cards, cards + again))
+    model = read_model(tmp_path / "m.inp")
+    (found,) = (one for one in model.findings if one.word == "*MATERIAL")
+    assert found.changes == changes and "as first stated" in found.effect
+    assert model.materials["Steel"].young == YOUNG and list(model.materials) == ["Steel"]
+
+
 def test_cards_of_optistruct_are_read_or_found(tmp_path):
     """The words before its bulk data are its own; of two sets of supports the chosen one holds."""
     head, _, bulk = bdf(plain(), ("CBUSH,77,7,101,102", "SPC1,2,1,102")).partition("BEGIN BULK")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from box_meshes import EDGES, KINDS, box, joint, settings
 
+from microslip.formats.read import read_model
 from microslip.formats.via_meshio import load_meshio
 from microslip.mesh.read import read_mesh
 from microslip.parallel.errors import CaseError, MeshError
@@ -194,6 +195,14 @@ def test_user_numbers_left_out_elements_and_unused_nodes(tmp_path):
     assert mesh.numbers[mesh.node_groups["base"]].tolist() == [11, 22, 33]
     assert mesh.faces[0].kind == "tri3" and mesh.faces[0].group == "base"
     assert "'spare part' belong to no body" in mesh.notes[0] and "2 nodes" in mesh.notes[1]
+
+
+def test_comments_may_stand_before_the_format(tmp_path):
+    (tmp_path / "m.msh").write_text("$Comments\na block\n$EndComments\n" + MSH)
+    (tmp_path / "n.msh").write_text(MSH)
+    one, other = (read_model(tmp_path / name) for name in ("m.msh", "n.msh"))
+    np.testing.assert_array_equal(one.points, other.points)
+    assert list(one.groups) == list(other.groups)
 
 
 def test_element_in_two_groups_counts_once(tmp_path):

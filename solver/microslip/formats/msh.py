@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from dataclasses import replace
 
@@ -40,6 +41,7 @@ _TO_VTK = {
 }
 
 
+_COMMENTS = re.compile(rb"(?:\$Comments\b.*?\$EndComments\s*)*", re.DOTALL)
 _LONGEST_HEADER = 1 << 16  # bytes of a view's names, times and counts
 
 
@@ -117,9 +119,11 @@ def _field_header(section: bytes) -> tuple[str | None, int, int]:
 
 def _format(content: bytes) -> tuple[str, bool, str]:
     """Return version, whether the file is binary, and its byte order."""
-    if not content.startswith(b"$MeshFormat"):
+    before = _COMMENTS.match(content)
+    start = before.end() if before else 0
+    if not content.startswith(b"$MeshFormat", start):
         raise MeshError("this is not a Gmsh file: it does not begin with $MeshFormat")
-    lines = content[:200].split(b"\n", 2)
+    lines = content[start : start + 200].split(b"\n", 2)
     words = lines[1].split() if len(lines) > 2 else []
     if len(words) < 3:
         raise MeshError("the file is truncated in $MeshFormat")

@@ -24,18 +24,38 @@ def take_materials(model: Gathered) -> None:
     ------
     MeshError : a value that is no number
     """
-    name = ""
-    stated: dict[str, str] = {}  # where the properties of the material stand
+    for first, *cards in _of_each_material(model):
+        name = _spelled(model, first.parameters.get("NAME", ""))
+        known, tables = model.materials.get(name), model.tables.pop(name, [])
+        model.materials[name] = FileMaterial()
+        _take_properties(model, name, cards)
+        if known is not None:  # the first statement counts, as in CalculiX; a second one that differs changes the answer
+            differs = (known, tables) != (model.materials[name], model.tables.pop(name, []))
+            model.findings.add("*MATERIAL", first.where, f"{name!r} again: as first stated is taken", differs, "materials")
+            model.materials[name] = known
+        if tables:
+            model.tables[name] = tables
+
+
+def _of_each_material(model: Gathered) -> list[list[Card]]:
+    """Return the cards of each *MATERIAL that has a name, that card first."""
+    found: list[list[Card]] = []
     for _, card in model.cards:
         if card.keyword == "MATERIAL":
-            name, stated = _spelled(model, card.parameters.get("NAME", "")), {}
-            model.materials[name] = FileMaterial()
-        elif card.keyword in ("ELASTIC", "DENSITY", "EXPANSION") and name:
-            known, model.materials[name] = model.materials[name], _with(model, model.materials[name], name, card)
-            if card.keyword in stated:
-                effect = f"of material {name!r} again, after {stated[card.keyword]}: the last is taken"
-                model.findings.add(f"*{card.keyword}", card.where, effect, known != model.materials[name], "materials")
-            stated[card.keyword] = card.where
+            found.append([card])
+        elif found and card.keyword in ("ELASTIC", "DENSITY", "EXPANSION"):
+            found[-1].append(card)
+    return [cards for cards in found if cards[0].parameters.get("NAME")]
+
+
+def _take_properties(model: Gathered, name: str, cards: list[Card]) -> None:
+    stated: dict[str, str] = {}  # where the properties stand
+    for card in cards:
+        known, model.materials[name] = model.materials[name], _with(model, model.materials[name], name, card)
+        if card.keyword in stated:
+            effect = f"of material {name!r} again, after {stated[card.keyword]}: the last is taken"
+            model.findings.add(f"*{card.keyword}", card.where, effect, known != model.materials[name], "materials")
+        stated[card.keyword] = card.where
 
 
 def _spelled(model: Gathered, name: str) -> str:
