@@ -21,7 +21,7 @@ PYTHON = /usr/bin/python3
 VENV = .venv
 IN_VENV = $(VENV)/bin/python
 PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint .ci/constraints.txt
-KERNEL = $(wildcard $(addprefix solver/microslip/contact/,*.pyx elastic_coulomb*.c elastic_coulomb.h) \
+KERNEL = $(wildcard $(addprefix solver/microslip/contact/,*.pyx elastic_coulomb*.c return_map.c *.h) \
   $(addprefix solver/microslip/receptance/,*.pyx row_products*.c row_products*.h) solver/microslip/linear/*.pyx)
 GENERATORS = $(wildcard meshes/*.py)
 

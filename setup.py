@@ -19,6 +19,13 @@ def kernel(room, name, *headers):
     return Extension(f"microslip.{room}._{name}", sources, depends=depends, extra_compile_args=FLAGS)
 
 
+def return_map():
+    """Return the extension of a step of time, which is short and the same for all processors."""
+    folder = "solver/microslip/contact"
+    sources = [f"{folder}/_return_map.pyx", f"{folder}/return_map.c"]
+    return Extension("microslip.contact._return_map", sources, depends=[f"{folder}/return_map.h"], extra_compile_args=FLAGS)
+
+
 def mumps():
     """Return the extension that calls MUMPS.  It is built with MUMPS' headers and finds the library beside PETSc when it runs."""
     stated = os.environ.get("MUMPS_INCLUDE", "")
@@ -33,5 +40,10 @@ def mumps():
     return Extension("microslip.linear._mumps", [f"{folder}/_mumps.pyx"], include_dirs=[str(found)])
 
 
-kernels = [kernel("contact", "elastic_coulomb"), kernel("receptance", "row_products", "row_products_of.h"), mumps()]
+kernels = [
+    kernel("contact", "elastic_coulomb"),
+    return_map(),
+    kernel("receptance", "row_products", "row_products_of.h"),
+    mumps(),
+]
 setup(ext_modules=cythonize(kernels, language_level=3))

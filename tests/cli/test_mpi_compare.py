@@ -32,6 +32,7 @@ def rows(folder):
 
 
 @pytest.mark.ranks(2, 3)
+@pytest.mark.pictures
 def test_all_methods_in_one_command(program, shared_path):
     status, out, err = program()
     assert (status, err) == (0, "")
