@@ -40,10 +40,5 @@ def mumps():
     return Extension("microslip.linear._mumps", [f"{folder}/_mumps.pyx"], include_dirs=[str(found)])
 
 
-kernels = [
-    kernel("contact", "elastic_coulomb"),
-    return_map(),
-    kernel("receptance", "row_products", "row_products_of.h"),
-    mumps(),
-]
+kernels = [kernel("contact", "elastic_coulomb"), return_map(), kernel("receptance", "row_products", "row_products_of.h"), mumps()]
 setup(ext_modules=cythonize(kernels, language_level=3))
