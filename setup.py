@@ -19,11 +19,10 @@ def kernel(room, name, *headers):
     return Extension(f"microslip.{room}._{name}", sources, depends=depends, extra_compile_args=FLAGS)
 
 
-def return_map():
-    """Return the extension of a step of time, which is short and the same for all processors."""
-    folder = "solver/microslip/contact"
-    sources = [f"{folder}/_return_map.pyx", f"{folder}/return_map.c"]
-    return Extension("microslip.contact._return_map", sources, depends=[f"{folder}/return_map.h"], extra_compile_args=FLAGS)
+def bridge(room, name, *called):
+    """Return the extension _NAME of a room, of a file in Cython and the C files that it calls; one for all processors."""
+    sources = [f"solver/microslip/{room}/{file}" for file in (f"_{name}.pyx", *called)]
+    return Extension(f"microslip.{room}._{name}", sources, extra_compile_args=FLAGS)
 
 
 def mumps():
@@ -40,5 +39,11 @@ def mumps():
     return Extension("microslip.linear._mumps", [f"{folder}/_mumps.pyx"], include_dirs=[str(found)])
 
 
-kernels = [kernel("contact", "elastic_coulomb"), return_map(), kernel("receptance", "row_products", "row_products_of.h"), mumps()]
+kernels = [
+    kernel("contact", "elastic_coulomb"),
+    bridge("contact", "return_map", "return_map.c"),
+    kernel("receptance", "row_products", "row_products_of.h"),
+    *(bridge(room, name) for room, name in (("assembly", "expand"), ("modes", "energies"))),
+    mumps(),
+]
 setup(ext_modules=cythonize(kernels, language_level=3))

@@ -166,6 +166,25 @@ def test_products_blocks_and_matrix_are_one_receptance(name, active):
         np.testing.assert_allclose(several, [columns.apply(s * p * columns.unit) for s in (1.0, 2.0, 0.0)], atol=1e-12)
 
 
+@pytest.mark.parametrize("unit_of_time", [1e-25, 1e25])
+@pytest.mark.parametrize("full", [False, True], ids=["modal", "full"])
+def test_single_precision_does_not_care_for_the_unit_of_time(full, unit_of_time):
+    modes, p = family(1, 4, full), random(5, 3 * len(ACTIVE), HARMONICS.n_coefficients)
+    damping = Damping(modes.damping.C / unit_of_time)
+    omega_n, R_phi = modes.omega_n / unit_of_time, modes.R_phi / unit_of_time
+    rows = (3 * ACTIVE[:, None] + np.arange(3)).ravel()
+    here, there = (
+        ActiveColumns(ReceptanceColumns(model_of(modes), omega, ACTIVE), np.float32)
+        for modes, omega in [
+            (modes, OMEGA),
+            (replace(modes, omega_n=omega_n, damping=damping, R_phi=R_phi), OMEGA / unit_of_time),
+        ]
+    )
+    expected = whole(ReceptanceColumns(model_of(modes), OMEGA, ACTIVE).apply(p)).reshape(-1, HARMONICS.n_coefficients)[rows]
+    for columns in (here, there):
+        np.testing.assert_allclose(whole(columns.apply(p * columns.unit)), expected, atol=2e-5 * np.abs(expected).max())
+
+
 @of_each_model
 def test_the_adjoint_is_the_transposed(name):
     model = MODELS[name]()

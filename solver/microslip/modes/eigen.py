@@ -101,7 +101,7 @@ def lowest_modes(
     theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify, search)
     eigenvalues, phi_owned = 1.0 / theta[:n_modes], orthonormalised(linearised, phi_owned[:, :n_modes])
     for _ in range(_CORRECTIONS):
-        if not np.any(_residuals(linearised, eigenvalues, phi_owned) > 1.0):
+        if not np.any(_residuals(linearised, eigenvalues, phi_owned)[1] > 1.0):
             break
         eigenvalues, phi_owned = iterated_once(linearised, phi_owned)
     eigenvalues = linearised.system.comm.bcast(sharpened(linearised, eigenvalues, phi_owned))
@@ -174,32 +174,30 @@ def _solve(
 def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> float:
     """Return the largest relative residual; raise if a mode is wrong or not M-orthonormal.  Collective."""
     comm = linearised.system.comm
-    error, size = _error_and_size(linearised, eigenvalues, phi_owned)
-    wrong = ~(_residuals(linearised, eigenvalues, phi_owned) <= 1.0)
+    residual, share = _residuals(linearised, eigenvalues, phi_owned)
+    wrong = ~(share <= 1.0)
     if wrong.any():
         k = int(np.argmax(wrong))
         raise ConvergenceError(
             f"mode {k + 1} at {np.sqrt(eigenvalues[k]) / (2 * np.pi):.6g} Hz: |K_L phi - omega^2 M phi| = "
-            f"{error[k] / size[k]:.1e} |omega^2 M phi|, limit {RESIDUAL_LIMIT:.0e}"
+            f"{residual[k]:.1e} |omega^2 M phi|, limit {RESIDUAL_LIMIT:.0e}"
         )
     skewness = float(np.max(np.abs(gram(comm, phi_owned, multiply(linearised.M, phi_owned)) - np.eye(len(eigenvalues)))))
     if not skewness <= 1e-8:
         raise ConvergenceError(f"modes: |phi^T M phi - I| = {skewness:.1e}, limit 1e-8; ask for fewer [solver] modes")
-    return float(np.max(error / size))
+    return float(np.max(residual))
 
 
-def _residuals(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> np.ndarray:
-    """Return the residuals of modes over their limits, with what rounding explains, (n,).  Collective."""
-    error, size = _error_and_size(linearised, eigenvalues, phi_owned)
-    rounding = column_norms(linearised.system.comm, linearised.factor.diagonal_owned[:, None] * phi_owned)
-    return error / (RESIDUAL_LIMIT * size + _ROUNDING * rounding)
+def _residuals(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return |K_L phi - omega^2 M phi| / |omega^2 M phi| of modes, and its share of the limit, (n,) each.  Collective.
 
-
-def _error_and_size(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return |K_L phi - omega^2 M phi| and |omega^2 M phi| of modes, (n,) each.  Collective."""
+    The limit is wider where rounding of K_L phi explains it.
+    """
     comm, inertia_owned = linearised.system.comm, multiply(linearised.M, phi_owned) * eigenvalues
     error = column_norms(comm, multiply(linearised.K_L, phi_owned) - inertia_owned)
-    return error, column_norms(comm, inertia_owned)
+    size = column_norms(comm, inertia_owned)
+    rounding = column_norms(comm, linearised.factor.diagonal_owned[:, None] * phi_owned)
+    return error / size, error / (RESIDUAL_LIMIT * size + _ROUNDING * rounding)
 
 
 def _signs(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:

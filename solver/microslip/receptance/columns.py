@@ -131,16 +131,16 @@ class ActiveColumns:
     def __init__(self, G: ReceptanceColumns, precision: type):
         self.model, self.precision = G.model, precision
         self.unit = max(G.model.comm.allgather(G.G_static.largest)) or 1.0  # m/N
-        R_unit = max(float(np.abs(R).max(initial=0.0)) for R in G.R_active) or 1.0
+        self._R_unit = max(float(np.abs(R).max(initial=0.0)) for R in G.R_active) or 1.0  # kg^-1/2
         self.n_rows = len(G.rows)
         ends = np.cumsum([self.n_rows] + [R.shape[1] for R in G.R_active])
         self.modes = [slice(first, last) for first, last in zip(ends, ends[1:])]  # columns of the modes of each share
         self.columns: np.ndarray = np.empty((3 * len(G.active), ends[-1]), dtype=precision)
         G.G_static.write_columns(G.rows, self.unit, self.columns[:, : self.n_rows])
         for modes, R in zip(self.modes, G.R_active):
-            self.columns[:, modes] = R / R_unit
+            self.columns[:, modes] = R / self._R_unit
         self._rows = Rows.of(self.columns)
-        own = [s.family.R_phi[G.model.owned_rows][G.rows] * (R_unit / self.unit) for s in G.model.shares]
+        own = [s.family.R_phi[G.model.owned_rows][G.rows] / self._R_unit for s in G.model.shares]
         self.R_rows: list[np.ndarray] = [np.ascontiguousarray(R.T, dtype=precision) for R in own]  # (n_modes, 3 m)
         numbers = [s.harmonics.chosen for s in G.model.shares]
         self.cosines = [np.array([G.model.harmonics.columns(n).start for n in of_share], dtype=np.intp) for of_share in numbers]
@@ -148,7 +148,7 @@ class ActiveColumns:
 
     def move_to(self, G: ReceptanceColumns) -> None:
         """Take over the frequency of ``G``, of the same pairs.  Local."""
-        self.flexibilities = G.flexibilities
+        self._flexibilities = [Flexibility(f.c * self._R_unit * (self._R_unit / self.unit)) for f in G.flexibilities]  # no unit
 
     def apply(self, p: np.ndarray) -> np.ndarray:
         """Return G p, (3 m, N_H) [m], for p (3 n_active, N_H) in units of 1 / ``unit`` [N].  Local."""
@@ -163,7 +163,7 @@ class ActiveColumns:
 
     def _answered(self, product: np.ndarray) -> np.ndarray:
         """Return the pairs' columns of a product (n N_H, 3 m + n_modes), with what the modes answer to the forces beside them."""
-        of_shares = zip(self.model.shares, self.modes, self.R_rows, self.flexibilities, self.cosines)
+        of_shares = zip(self.model.shares, self.modes, self.R_rows, self._flexibilities, self.cosines)
         for share, modes, R, flexibility, cosines in of_shares:
             if flexibility.couples_modes:
                 forces = product[:, modes].reshape(-1, self.model.N_H, modes.stop - modes.start)[:, share.columns]
