@@ -21,7 +21,7 @@ PYTHON = /usr/bin/python3
 VENV = .venv
 IN_VENV = $(VENV)/bin/python
 PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint .ci/constraints.txt
-KERNEL = $(wildcard solver/microslip/*/*.pyx $(addprefix solver/microslip/contact/,elastic_coulomb*.c elastic_coulomb.h) \
+KERNEL = $(wildcard solver/microslip/*/*.pyx $(addprefix solver/microslip/contact/,elastic_coulomb*.c return_map.c *.h) \
   $(addprefix solver/microslip/receptance/,row_products*.c row_products*.h))
 GENERATORS = $(wildcard meshes/*.py)
 

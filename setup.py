@@ -19,9 +19,10 @@ def kernel(room, name, *headers):
     return Extension(f"microslip.{room}._{name}", sources, depends=depends, extra_compile_args=FLAGS)
 
 
-def bridge(room, name):
-    """Return the extension _NAME of a room, of a file in Cython alone."""
-    return Extension(f"microslip.{room}._{name}", [f"solver/microslip/{room}/_{name}.pyx"], extra_compile_args=FLAGS)
+def bridge(room, name, *called):
+    """Return the extension _NAME of a room, of a file in Cython and the C files that it calls; one for all processors."""
+    sources = [f"solver/microslip/{room}/{file}" for file in (f"_{name}.pyx", *called)]
+    return Extension(f"microslip.{room}._{name}", sources, extra_compile_args=FLAGS)
 
 
 def mumps():
@@ -40,6 +41,7 @@ def mumps():
 
 kernels = [
     kernel("contact", "elastic_coulomb"),
+    bridge("contact", "return_map", "return_map.c"),
     kernel("receptance", "row_products", "row_products_of.h"),
     *(bridge(room, name) for room, name in (("assembly", "expand"), ("modes", "energies"))),
     mumps(),

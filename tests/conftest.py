@@ -42,16 +42,22 @@ def shared_path(tmp_path):
     return COMM.bcast(tmp_path)
 
 
+PICTURES = ("compare.report.draw_comparison", "trade.speed_plots.draw_trade", "verify.report.draw_verification")
+
+
 @pytest.fixture
-def program(comm, capfd, monkeypatch):
+def program(comm, capfd, monkeypatch, request):
     """Return what to call with the program's arguments: status and what was said on all ranks.  Collective.
 
-    It runs in this process, and draws no pictures of its results: they have tests of their own.
+    It runs in this process, and draws no pictures of a run: they have tests of their own.  Those of the studies are drawn in tests
+    that are marked ``pictures``.
     """
     from microslip.__main__ import main
 
     handlers = {number: signal.getsignal(number) for number in (*STOPPING, signal.SIGUSR1)}
     monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])
+    for name in PICTURES if request.node.get_closest_marker("pictures") is None else ():
+        monkeypatch.setattr(f"microslip.studies.{name}", lambda *drawn: None)
 
     def run(*arguments):
         status = main([str(argument) for argument in arguments])

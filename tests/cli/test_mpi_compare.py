@@ -32,6 +32,7 @@ def rows(folder):
 
 
 @pytest.mark.ranks(2, 3)
+@pytest.mark.pictures
 def test_all_methods_in_one_command(program, shared_path):
     status, out, err = program()
     assert (status, err) == (0, "")
@@ -68,6 +69,7 @@ def test_an_unknown_method_is_named_once(program):
     assert err.count("--methods: unknown method 'adaptiv'; nearest is adaptive; known: receptance, ") == 1
 
 
+@pytest.mark.ranks(1)
 def test_of_statics_the_displacement_is_compared(program, shared_path):
     system = scenes.spatial_mass()
     system["loads"] = [{**load, "harmonic": 0, "phase": 0.0} for load in system["loads"]]

@@ -57,6 +57,7 @@ def test_bad_input_is_status_2_and_one_message(program, files, arguments, messag
     assert err.count("microslip: error: ") == 1 and message in err and "Traceback" not in err
 
 
+@pytest.mark.ranks(2)
 def test_a_scene_comes_back_from_its_results_and_gives_the_same(program, comm, shared_path):
     def make():
         write_mesh(shared_path / "lap.msh")

@@ -100,7 +100,7 @@ def write(path, text):
     return path
 
 
-@pytest.mark.ranks(1, 2)
+@pytest.mark.ranks(1)
 def test_directions_of_their_own_on_a_mesh(comm, shared_path):
     """Stiffness and friction that differ by direction: another motion than with the first for both, or the second."""
     own = 'friction = [0.05, 0.03]\ntangential_stiffness = [1.0e12, 4.0e11]\nfriction_limit = "separate"'

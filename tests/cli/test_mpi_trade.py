@@ -68,6 +68,7 @@ def rows(folder):
 
 
 @pytest.mark.ranks(1, 2, 3)
+@pytest.mark.pictures
 def test_one_mass_from_scene_to_choices(program, shared_path, comm):
     seconds = "5" if comm.size == 1 else "1.5"  # several ranks on few processors may not come so far, however many
     status, out, err = program(write_mass, "--seconds", seconds, "--knobs", "harmonics,samples", "--levels", "0.8")

@@ -46,6 +46,7 @@ def rows(folder):
 
 
 @pytest.mark.ranks(2, 3)
+@pytest.mark.pictures
 def test_two_pairs_on_any_number_of_ranks(program, shared_path):
     """Two pairs: of three ranks one has none."""
     status, out, err = program()
@@ -104,6 +105,7 @@ def test_what_contradicts_the_scene_is_named_once(program):
 
 
 @pytest.mark.ranks(1)
+@pytest.mark.pictures
 def test_a_point_that_comes_to_no_steady_state_is_said_and_the_rest_kept(program, shared_path, monkeypatch):
     monkeypatch.setattr(verify, "MOST_PERIODS", 1)
     monkeypatch.setattr(verify, "ACCEPTED", 1e-9)

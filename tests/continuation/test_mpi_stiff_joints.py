@@ -64,6 +64,7 @@ def test_weights_leave_a_joint_as_stiff_as_its_structure_alone():
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_a_motion_that_shrinks_a_thousandfold_in_a_step_is_solved_by_its_own_size():
     system = structures.two_masses(zeta=1e-6)
     found = branch(system, COMM, 3.0, low=0.7, high=2.0, points=20, tolerance=1e-8)

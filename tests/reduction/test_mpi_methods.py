@@ -30,6 +30,7 @@ BASES = {
     "joint-interface-modes": {},
     "trial-vectors": {},
 }
+SAMPLES = 64  # of both codes, which agree at any number
 
 
 def reduced(scene, structure, method, **solver):
@@ -57,7 +58,7 @@ def whole(comm, tmp_path_factory):
 def curve(scene, structure, reduction, omegas, level=30.0):
     pairs = structure.pairs
     law = replace(pairs.law, sampled=scene.solver.between_samples == "return-map")
-    problem = forced(model_of(scene, reduction), law, 128, level)
+    problem = forced(model_of(scene, reduction), law, SAMPLES, level)
     found = at_frequencies(problem, reduction.selection, omegas, tolerance=1e-10)
     assert found.failure is None
     return found.points
@@ -89,7 +90,7 @@ def test_with_all_modes_every_method_meets_full(whole, reference, method):
 
 @pytest.fixture(scope="module")
 def oracle():
-    return harmonic_balance.solve(scenes.chain(), 560.0, 10.0, H=3, n_samples=128, tolerance=1e-12).u_hat
+    return harmonic_balance.solve(scenes.chain(), 560.0, 10.0, H=3, n_samples=SAMPLES, tolerance=1e-12).u_hat
 
 
 @pytest.mark.slow
@@ -144,7 +145,7 @@ def test_a_damping_matrix_and_motions_without_mass(comm, shared_path, system):
     keys = {"method": "full", "between_samples": "return-map"}  # as the oracle
     path = on_root(comm, lambda: write_matrix_scene(shared_path, system, [10.0], (540.0, 580.0), **keys))
     scene, structure = stuck(comm, path)
-    exact = harmonic_balance.solve(system, 560.0, 10.0, H=3, n_samples=128, tolerance=1e-12).u_hat
+    exact = harmonic_balance.solve(system, 560.0, 10.0, H=3, n_samples=SAMPLES, tolerance=1e-12).u_hat
     for method in ("receptance", "full", *BASES):
         reduction = reduced(scene, structure, method, **BASES.get(method, {}))
         _, point = curve(scene, structure, reduction, [555.0, 560.0], 10.0)

@@ -116,6 +116,7 @@ def test_rough_surfaces_vibrate_about_rest_as_under_the_load_as_a_mean(comm, fol
 
 
 @pytest.mark.slow
+@pytest.mark.ranks(1)
 def test_an_iwan_joint_holds_without_pressure(comm, folder):
     """It pulls, too, and slips in part: the vibration begins where its sliders stand."""
     with microslip.build(scene_of(comm, folder, force(150.0, 50.0, 300.0), (ELASTIC, IWAN)), comm) as structure:

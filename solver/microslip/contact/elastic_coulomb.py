@@ -2,7 +2,7 @@
 
 Each Jenkins element is a spring ``k_t`` in series with a slider at position ``w``, T = k_t (du_t - w).  With motion and slider
 both measured from the slider's start ``w0``, p_t = -k_t (w - w0) is exactly zero, free of roundoff, until the slider moves for
-the first time.  The march to the cycle that repeats is compiled (elastic_coulomb.c).
+the first time.  The march to the cycle that repeats is compiled (elastic_coulomb.c), and so is a step of time (return_map.c).
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ import numpy as np
 from ..fourier.coefficients import analysis_matrix, synthesis_matrix
 from ..fourier.harmonics import Harmonics
 from ._elastic_coulomb import Pairs, Sampling, leaves, march
-from .law import OPEN, SLIP, STICK, ContactCycle
+from ._return_map import SpringPairs, steps
+from .law import ContactCycle
 
 
 @dataclass(frozen=True)
@@ -226,35 +227,16 @@ class ElasticCoulomb:
 
         Of ``p_before`` (..., n, 2 or more) the tangential components count.
         """
-        closing = self.N0 - self.k_n * du[..., 2]
-        is_open = closing <= 0.0
-        N = np.where(is_open, 0.0, closing)
-        stuck = self._k_xy * (du[..., :2] - self.w0)
-        T_pred = stuck + p_before[..., :2]
-        limit = self._mu_xy * N[..., None]
-        length = np.sqrt(T_pred[..., :1] ** 2 + T_pred[..., 1:] ** 2)
-        size = np.where(self.separate[:, None], np.abs(T_pred), length)  # (..., n, 2): of the two directions
-        slides = (size > limit) | (is_open & (self.k_t > 0.0))[..., None]
-        safe = np.where(size > 0.0, size, 1.0)
-        t = T_pred / safe
-        p = np.empty(du.shape)
-        p[..., :2] = np.where(slides, limit * t - stuck, p_before[..., :2])
-        p[..., 2] = np.where(is_open, np.maximum(self.N0, 0.0) - self.k_n * du[..., 2], np.maximum(-self.N0, 0.0))
-        state = np.where(is_open, OPEN, np.where(slides.any(axis=-1), SLIP, STICK)).astype(np.uint8)
-        return p, self._step_derivative(is_open, slides, t, limit / safe), state
+        n, shape = self.n_pairs, du.shape[:-1]
+        p, L, state = np.empty(du.shape), np.empty((*shape, 3, 3)), np.empty(shape, dtype=np.uint8)
+        if n > 0:
+            given = (np.ascontiguousarray(x, dtype=np.float64).reshape(-1, n, x.shape[-1]) for x in (du, p_before))
+            steps(self._for_steps, *given, p.reshape(-1, n, 3), L.reshape(-1, n, 3, 3), state.reshape(-1, n))
+        return p, L, state
 
-    def _step_derivative(self, is_open, slides, t, alpha) -> np.ndarray:
-        """Return d p / d du of a step, (..., n, 3, 3): docs/theory.md, eq. (6.2), with alpha = mu N / |T_pred|."""
-        L = np.zeros((*slides.shape[:-1], 3, 3))
-        k, mu = self._k_xy, self._mu_xy
-        turn = np.where(slides & ~self.separate[:, None], alpha * k, 0.0)
-        for i in (0, 1):
-            for j in (0, 1):
-                L[..., i, j] = turn[..., i] * ((i == j) - t[..., i] * t[..., j])
-            L[..., i, i] -= np.where(slides[..., i], k[:, i], 0.0)
-            L[..., i, 2] = np.where(slides[..., i] & ~is_open, -mu[:, i] * self.k_n * t[..., i], 0.0)
-        L[..., 2, 2] = np.where(is_open, -self.k_n, 0.0)
-        return L
+    @cached_property
+    def _for_steps(self) -> SpringPairs:
+        return SpringPairs(self._mu_xy, self._k_xy, self.w0, self.N0, self.k_n, self.separate.view(np.uint8))
 
     # -- its limits --------------------------------------------------------------------------------------------
 

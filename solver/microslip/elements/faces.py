@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from .kinds import FACE_KINDS
 from .quadrature import collapsed, square, triangle
@@ -38,6 +37,8 @@ def point_functions(kind: str, xi: np.ndarray) -> np.ndarray:
     Local.  docs/theory.md, eq. (2.11).  In the order of the cells, each of which has one of the points.  They are orthogonal,
     and the shape functions are sums of them.
     """
+    from scipy.optimize import linear_sum_assignment  # long to import, and seldom needed
+
     points, centres = _RULES[kind].points, CELLS[kind].mean(axis=1)
     _, at = linear_sum_assignment(np.linalg.norm(points - centres[:, None], axis=2))
     return _monomials(kind, xi) @ np.linalg.inv(_monomials(kind, points[at]))

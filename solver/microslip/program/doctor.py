@@ -135,7 +135,7 @@ def _is_real(PETSc) -> bool:
 
 
 def _kernel() -> str:
-    for name in ("contact._elastic_coulomb", "receptance._row_products", "linear._mumps"):
+    for name in ("contact._elastic_coulomb", "contact._return_map", "receptance._row_products", "linear._mumps"):
         importlib.import_module(f"microslip.{name}")
     return "compiled"
 

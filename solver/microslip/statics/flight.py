@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import nnls
 
 from ..assembly.system import System
 from ..contact.laws import friction_limit
@@ -77,6 +76,8 @@ def _rigid_motions(loaded: Loaded) -> _Rigid:
 
 def _motions(system: System, rigid: _Rigid, pairs: ContactPairs, forces: np.ndarray) -> np.ndarray:
     """Return the motion of each part, (n_parts, 6); zero where all are held.  Local, rank 0."""
+    from scipy.optimize import nnls  # long to import, and seldom needed
+
     if friction_limit(pairs.laws, pairs.columns, np.zeros(pairs.n_pairs)).any():  # a law that holds without pressure
         return np.zeros((len(rigid.names), 6))
     T = _by_row(system, rigid)

@@ -169,6 +169,6 @@ class StepContact:
             dynamic = self.flexibility.between(R_phi[of_pair.ravel()], b, R_phi[rows])
             G_h = model.G[of_pair[:, :, None], rows] + dynamic.reshape(len(rows), 3, -1)
             J = np.einsum("ki,kij->kj", L_rows, G_h)
-            J[np.diag_indices_from(J)] += 1.0
+            J.ravel()[:: len(rows) + 1] += 1.0  # the diagonal
             step[b, rows] = np.linalg.solve(J, right)
         return step

@@ -1,0 +1,37 @@
+# cython: language_level=3, boundscheck=False, wraparound=False
+"""Bridge from NumPy arrays to return_map.c; the meaning of every argument is stated there."""
+
+cdef extern from "return_map.h" nogil:
+    ctypedef struct spring_pairs:
+        Py_ssize_t n
+        const double *mu
+        const double *k_t
+        const double *w0
+        const double *N0
+        const double *k_n
+        const unsigned char *separate
+    void return_steps(const spring_pairs *pairs, Py_ssize_t n_points, const double *du, const double *before, Py_ssize_t stride,
+                      double *p, double *L, unsigned char *state)
+
+
+cdef class SpringPairs:
+    """Parameters of at least one pair, kept alive for the kernel."""
+
+    cdef spring_pairs c
+    cdef object arrays
+
+    def __init__(self, const double[:, ::1] mu, const double[:, ::1] k_t, const double[:, ::1] w0, const double[::1] N0,
+                 const double[::1] k_n, const unsigned char[::1] separate):
+        self.arrays = (mu, k_t, w0, N0, k_n, separate)
+        self.c.n = mu.shape[0]
+        self.c.mu, self.c.k_t, self.c.w0 = &mu[0, 0], &k_t[0, 0], &w0[0, 0]
+        self.c.N0, self.c.k_n, self.c.separate = &N0[0], &k_n[0], &separate[0]
+
+
+def steps(SpringPairs pairs, const double[:, :, ::1] du, const double[:, :, ::1] before, double[:, :, ::1] p,
+          double[:, :, :, ::1] L, unsigned char[:, ::1] state):
+    """Write p, L and state of a step to ``du`` at one or more points, by point."""
+    if du.shape[0] > 0:
+        with nogil:
+            return_steps(&pairs.c, du.shape[0], &du[0, 0, 0], &before[0, 0, 0], before.shape[2], &p[0, 0, 0], &L[0, 0, 0, 0],
+                         &state[0, 0])

@@ -1,0 +1,19 @@
+/* The entry point of return_map.c. */
+#ifndef MICROSLIP_RETURN_MAP_H
+#define MICROSLIP_RETURN_MAP_H
+
+#include <stddef.h>
+
+typedef ptrdiff_t index_t;
+
+typedef struct {                     /* the parameters of n pairs, by pair; x and y beside each other */
+    index_t n;
+    const double *mu, *k_t, *w0;     /* (n, 2) */
+    const double *N0, *k_n;          /* (n,) */
+    const unsigned char *separate;   /* (n,) */
+} spring_pairs;
+
+void return_steps(const spring_pairs *pairs, index_t n_points, const double *du, const double *before, index_t stride, double *p,
+                  double *L, unsigned char *state);
+
+#endif
