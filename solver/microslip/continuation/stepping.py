@@ -12,7 +12,7 @@ from .corrector import BorderedSystem, Correction
 from .iterate import Iterate, PointState
 from .point_solver import Found, PointSolver
 from .predictor import difference, linear_step, predict
-from .resonances import passed_over
+from .resonances import passed_over, stay_stuck
 from .steps import ArcLength
 
 FARTHEST = 4.0  # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
@@ -70,7 +70,9 @@ def step(
     while True:
         guess, plane = predict(solver, earlier, before, now, ds)
         found, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
-        leads_on = found.failure is None and not left(solver, before, now, found, ds, may_turn=passing is not None)
+        leads_on = found.failure is None and (
+            not left(solver, before, now, found, ds, may_turn=passing is not None) or stay_stuck(solver, now, found.iterate)
+        )
         share = passed_over(solver, now, found.iterate) if leads_on else None
         if leads_on and share is None:
             return Stepped((found, selected), ds)
