@@ -19,6 +19,11 @@ def kernel(room, name, *headers):
     return Extension(f"microslip.{room}._{name}", sources, depends=depends, extra_compile_args=FLAGS)
 
 
+def bridge(room, name):
+    """Return the extension _NAME of a room, of a file in Cython alone."""
+    return Extension(f"microslip.{room}._{name}", [f"solver/microslip/{room}/_{name}.pyx"], extra_compile_args=FLAGS)
+
+
 def mumps():
     """Return the extension that calls MUMPS.  It is built with MUMPS' headers and finds the library beside PETSc when it runs."""
     stated = os.environ.get("MUMPS_INCLUDE", "")
@@ -33,5 +38,10 @@ def mumps():
     return Extension("microslip.linear._mumps", [f"{folder}/_mumps.pyx"], include_dirs=[str(found)])
 
 
-kernels = [kernel("contact", "elastic_coulomb"), kernel("receptance", "row_products", "row_products_of.h"), mumps()]
+kernels = [
+    kernel("contact", "elastic_coulomb"),
+    kernel("receptance", "row_products", "row_products_of.h"),
+    *(bridge(room, name) for room, name in (("assembly", "expand"), ("modes", "energies"))),
+    mumps(),
+]
 setup(ext_modules=cythonize(kernels, language_level=3))

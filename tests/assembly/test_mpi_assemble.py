@@ -106,7 +106,6 @@ def test_a_material_with_axes_equals_serial_assembly(kind):
 
 def test_small_pieces_give_the_same_matrices(monkeypatch):
     monkeypatch.setattr(blocks_module, "_CHUNK_BYTES", 1e5)  # 3 elements at a time
-    monkeypatch.setattr(blocks_module, "_CHUNK_NODES", 7)
     mesh, case = one_body("hex20"), settings({"block": "block"}, [("base", ["x", "z"])])
     assert_equal_matrices(system_of(mesh, case)[0], mesh, case)
 

@@ -8,9 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..mesh.data import DistributedMesh, LocalBlock
+from ._expand import expand_blocks
 
 _CHUNK_BYTES = 8e6  # of element stiffness matrices held at a time
-_CHUNK_NODES = 500  # rows of nodes that are expanded at a time
 
 
 def element_chunks(block: LocalBlock):
@@ -90,43 +90,13 @@ def expand(pattern: NodePattern, total: BlockSum, dof: np.ndarray, integer) -> t
     dof : (n_nodes, 3) row of each rank-ordered node, -1 where fixed
     integer : type of indptr and columns
     """
-    n_owned = len(pattern.indptr) - 1
-    is_free = dof >= 0
-    row_is_free = is_free[pattern.row_start : pattern.row_start + n_owned]
-    in_block = is_free.sum(axis=1, keepdims=True) if len(total.data) == 3 else is_free  # columns, by row of a block
-    before = np.concatenate([np.zeros((1, in_block.shape[1]), dtype=int), np.cumsum(in_block[pattern.indices], axis=0)])
-    n_columns = np.broadcast_to(np.diff(before[pattern.indptr], axis=0), (n_owned, 3))
-    indptr = np.concatenate([[0], np.cumsum(n_columns[row_is_free])])
-    first_row = np.concatenate([[0], np.cumsum(np.count_nonzero(row_is_free, axis=1))])
-    values, columns = np.empty(indptr[-1]), np.empty(indptr[-1], dtype=integer)
-    for start in range(0, n_owned, _CHUNK_NODES):  # small pieces stay in the cache
-        end = min(start + _CHUNK_NODES, n_owned)
-        target = slice(indptr[first_row[start]], indptr[first_row[end]])
-        own_columns, own_values = _lines(pattern, start, end, dof, total.data)
-        keep = np.repeat(row_is_free[start:end].ravel(), np.repeat(np.diff(pattern.indptr[start : end + 1]), 3))
-        keep = keep[:, None] & (own_columns >= 0)
-        kept = slice(None) if keep.all() else np.flatnonzero(keep)
-        columns[target] = own_columns.ravel()[kept]
-        values[target] = own_values.ravel()[kept]
-    return indptr.astype(integer), columns, values
-
-
-def _lines(pattern: NodePattern, start: int, end: int, dof: np.ndarray, data: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return columns and values of the rows of nodes ``start`` to ``end``, (3 n_blocks, n_components); -1 where fixed.
-
-    The three rows of a node with m blocks follow one another, m lines each: row i of the node's k-th block is line
-    ``3 * (blocks of nodes before) + i * m + k``, with an entry for each column that it couples to.
-    """
-    indptr = pattern.indptr[start : end + 1] - pattern.indptr[start]
-    blocks = slice(pattern.indptr[start], pattern.indptr[end])
-    neighbours = dof[pattern.indices[blocks]]
-    m, n_components = np.diff(indptr), len(data)
-    first = np.arange(len(neighbours)) + np.repeat(2 * indptr[:-1], m)
-    columns = np.empty((3 * len(neighbours), n_components), dtype=dof.dtype)
-    values = np.empty(columns.shape)
-    for i in range(3):
-        line = first + i * np.repeat(m, m)
-        columns[line] = neighbours if n_components == 3 else neighbours[:, i : i + 1]
-        for j in range(n_components):
-            values[line, j] = data[i % n_components, j, blocks]
-    return columns, values
+    n_owned, row_start = len(pattern.indptr) - 1, pattern.row_start
+    n_rows, n_most = np.count_nonzero(dof[row_start : row_start + n_owned] >= 0), 3 * len(total.data) * len(pattern.indices)
+    indptr, columns, values = (
+        np.empty(n_rows + 1, integer),
+        np.empty(n_most + 1, integer),
+        np.empty(n_most + 1),
+    )  # 1 to write beyond
+    rows, nodes = np.ascontiguousarray(dof, dtype=integer), pattern.indices.astype(np.int64, copy=False)
+    n = expand_blocks(pattern.indptr, nodes, total.data, rows, row_start, indptr, columns, values)
+    return indptr, columns[:n], values[:n]

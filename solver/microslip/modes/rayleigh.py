@@ -11,17 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..linear.dense import gram, multiply
 from ..parallel.ownership import summed
+from ._energies import energies
 
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
 _NOISE = 1e-11  # of omega_n^2, expected from rounding, that is let pass
-_ROWS = 10_000  # of the matrix, multiplied at a time
 
 
 def orthonormalised(linearised: Linearised, phi_owned: np.ndarray) -> np.ndarray:
@@ -64,31 +63,12 @@ def sharpened(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.nda
 
 
 def _energies(A: PETSc.Mat, X_owned: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the owned rows' part of x^T A x of every column of X (n_dof, m), (m,), in extended precision.
-
-    Collective, some rows at a time.
-    """
-    comm, (first, last) = A.comm.tompi4py(), A.getOwnershipRange()
-    everything = PETSc.IS().createStride(A.getSize()[1], 0, 1, comm=PETSc.COMM_SELF)
-    total = np.zeros(X.shape[1], dtype=np.longdouble)
-    for k in range(comm.allreduce(-(-(last - first) // _ROWS), MPI.MAX)):
-        start, end = (min(first + i * _ROWS, last) for i in (k, k + 1))
-        mine = PETSc.IS().createStride(end - start, start, 1, comm=PETSc.COMM_SELF)
-        (local,) = A.createSubMatrices(mine, everything)
-        total += _products(local.getValuesCSR(), X_owned[start - first : end - first], X)
-        local.destroy()
-        mine.destroy()
-    everything.destroy()
-    return total
-
-
-def _products(csr: tuple[np.ndarray, ...], X_rows: np.ndarray, X: np.ndarray) -> np.ndarray:
-    """Return the sums over rows i and columns j of x_i A_ij x_j, (m,).  Local."""
-    indptr, columns, values = csr
-    row, exact = np.repeat(np.arange(len(X_rows)), np.diff(indptr)), values.astype(np.longdouble)
-    found = np.zeros(X.shape[1], dtype=np.longdouble)
-    for k in range(X.shape[1]):
-        product = exact * X[columns, k]
-        product *= X_rows[row, k]
-        found[k] = product.sum()
-    return found
+    """Return the owned rows' part of x^T A x of every column of X (n_dof, m), (m,), in extended precision.  Local."""
+    starts, columns, values = A.getValuesCSR()
+    return energies(
+        starts.astype(np.int32, copy=False),
+        columns.astype(np.int32, copy=False),
+        values,
+        np.ascontiguousarray(X_owned),
+        np.ascontiguousarray(X),
+    )

@@ -12,11 +12,13 @@
 #ifndef KERNEL
 #define KERNEL(name) name##_baseline
 #endif
+#ifndef LANE_BYTES
+#define LANE_BYTES 16                               /* of a register of the processor */
+#endif
 
 enum { ROWS = 8 };                                  /* taken together */
 enum { CHUNK = 2048 };                              /* bytes of each at a time */
 enum { PART = 256 };                                /* rows that modes answer in at a time */
-enum { LANE_BYTES = 64 };
 
 #pragma GCC diagnostic ignored "-Wpsabi"            /* lanes are never passed */
 typedef double lanes_of_double __attribute__((vector_size(LANE_BYTES), aligned(sizeof(double)), may_alias));

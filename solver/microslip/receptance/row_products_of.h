@@ -32,31 +32,45 @@ void NAME(combine)(index_t m, const REAL *const *rows, index_t n, const REAL *p,
     }
 }
 
-static REAL NAME(dot)(const REAL *a, const REAL *b, index_t n)
+/* Add to sums (ROWS,) the products of ROWS rows with one vector. */
+static void NAME(dots)(const REAL *const *a, const REAL *b, index_t n, REAL *sums)
 {
-    const index_t whole = sizeof(LANES) / sizeof(REAL);
-    LANES sums = {0};
-    REAL sum = 0;
+    enum { WHOLE = sizeof(LANES) / sizeof(REAL) };
+    LANES of_lanes[ROWS] = {{0}};
     index_t i = 0;
-    for (; i + whole <= n; i += whole)
-        sums += *(const LANES *)(a + i) * *(const LANES *)(b + i);
-    for (; i < n; i++)
-        sum += a[i] * b[i];
-    for (index_t l = 0; l < whole; l++)
-        sum += sums[l];
-    return sum;
+    for (; i + WHOLE <= n; i += WHOLE) {
+        const LANES x = *(const LANES *)(b + i);
+        for (int k = 0; k < ROWS; k++)
+            of_lanes[k] += *(const LANES *)(a[k] + i) * x;
+    }
+    for (int k = 0; k < ROWS; k++) {
+        REAL sum = 0;
+        for (int l = 0; l < WHOLE; l++)
+            sum += of_lanes[k][l];
+        for (index_t rest = i; rest < n; rest++)
+            sum += a[k][rest] * b[rest];
+        sums[k] += sum;
+    }
 }
 
 void NAME(project)(index_t m, const REAL *const *rows, index_t n, const REAL *x, index_t N, REAL *y)
 {
     const index_t chunk = CHUNK / sizeof(REAL);
-    for (index_t i = 0; i < m * N; i++)
-        y[i] = 0;
-    for (index_t start = 0; start < n; start += chunk) {
-        const index_t width = n - start < chunk ? n - start : chunk;
-        for (index_t j = 0; j < m; j++)
-            for (index_t h = 0; h < N; h++)
-                y[j * N + h] += NAME(dot)(rows[j] + start, x + h * n + start, width);
+    for (index_t j = 0; j < m; j += ROWS) {
+        const index_t count = m - j < ROWS ? m - j : ROWS;
+        for (index_t i = 0; i < count * N; i++)
+            y[j * N + i] = 0;
+        for (index_t start = 0; start < n; start += chunk) {
+            const REAL *a[ROWS];
+            for (int k = 0; k < ROWS; k++)
+                a[k] = rows[k < count ? j + k : j] + start;     /* beyond the last row the first again, for nothing */
+            for (index_t h = 0; h < N; h++) {
+                REAL sums[ROWS] = {0};
+                NAME(dots)(a, x + h * n + start, n - start < chunk ? n - start : chunk, sums);
+                for (index_t k = 0; k < count; k++)
+                    y[(j + k) * N + h] += sums[k];
+            }
+        }
     }
 }
 

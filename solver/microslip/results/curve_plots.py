@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import NullLocator
 
 from ..fourier.coefficients import amplitude
 from ..points.branch import CLOSES_TO
@@ -146,7 +147,7 @@ def draw_energy(results: ResultFile, out_dir: str) -> list[str]:
 
 def _draw_closure(ax, results: ResultFile) -> None:
     """Draw the closure of all levels."""
-    ax.set_yscale("log")
+    _decades(ax)
     drawn = [(level, colour) for level, colour in _with_colours(results) if len(level.frequency)]
     works = [k for k in range(len(results.outputs)) if (results.unit_of(k), results.level_unit) == ("m", "N")]
     bound = max((level.closes_to for level, _ in drawn), default=CLOSES_TO)
@@ -197,7 +198,7 @@ def draw_error(results: ResultFile, out_dir: str) -> list[str]:
             ax.text(0.5, 0.5, f"below {_LEAST_ERROR:.0e} everywhere", transform=ax.transAxes, ha="center", color=FAINT)
             ax.set_yticks([])
             continue
-        ax.set_yscale("log")  # what is 0 lies below the axis
+        _decades(ax)  # what is 0 lies below the axis
         _curve(ax, level, bars, INK, lw=1.6)
         for values, (_, colour) in zip(parts.T, looks):  # on top, so that a part of a single point shows in its spike
             if values.max() > _SEEN * low:
@@ -216,6 +217,12 @@ def error_shares(level: LevelResult) -> tuple[np.ndarray, np.ndarray]:
 
 
 # -- shared ----------------------------------------------------------------------------------------------------
+
+
+def _decades(ax) -> None:
+    """Make the ordinate logarithmic, with ticks at decades alone: those between take half of the time of a panel."""
+    ax.set_yscale("log")
+    ax.yaxis.set_minor_locator(NullLocator())
 
 
 def _with_colours(results: ResultFile) -> list[tuple[LevelResult, np.ndarray]]:

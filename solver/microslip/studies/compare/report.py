@@ -186,4 +186,4 @@ def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Ti
     axes[0, 0].set_ylabel(f"{shown.name} [{unit}]")
     axes[1, 0].set_ylabel("difference / peak")
     with written_whole(path) as beside:
-        page.figure.savefig(beside, dpi=200, format="png")
+        page.save(beside)

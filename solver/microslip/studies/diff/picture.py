@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 
 from ...parallel.files import written_whole
 from ...results.measures import segments
-from ...results.style import DPI, INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
+from ...results.style import INK, LINEAR, RC, WIDTH, Page, level_name, plain, some, with_prefix
 from .compared_levels import LevelDifference, apart_of
 from .story import Difference
 
@@ -30,7 +30,7 @@ def draw(found: Difference, path: str) -> str | None:
     with matplotlib.rc_context(RC):
         page = _page(found, levels)
         with written_whole(path) as beside:
-            page.figure.savefig(beside, dpi=DPI, format="png")
+            page.save(beside)
     return path
 
 

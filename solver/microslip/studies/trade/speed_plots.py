@@ -56,7 +56,7 @@ def draw_trade(study: Study, scene: Titled, path: str) -> None:
     _draw_errors(left, study)
     _draw_bars(right, study)
     with written_whole(path) as beside:
-        page.figure.savefig(beside, dpi=200, format="png")
+        page.save(beside)
 
 
 def _draw_errors(axes, study: Study) -> None:

@@ -15,7 +15,7 @@ from ...observe.screen_table import screen_table
 from ...parallel.files import make_folder, written_whole
 from ...points.branch import Branch
 from ...results.measures import segments
-from ...results.style import DPI, FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, some, with_prefix
+from ...results.style import FAINT, INK, RC, WIDTH, Page, Titled, level_colours, panels, some, with_prefix
 
 COLUMNS = {
     "level_N": "level N",
@@ -191,7 +191,7 @@ def draw_verification(
     for number, check in enumerate(loops):
         _draw_loop(page.figure.add_subplot(grid[1 + number // columns, number % columns]), check, colours[check.level])
     with written_whole(path) as beside:
-        page.figure.savefig(beside, dpi=DPI, format="png")
+        page.save(beside)
 
 
 def _draw_loop(ax, check: Check, colour) -> None:

@@ -1,0 +1,73 @@
+"""What the compiled kernels take: a cycle of the contact law, and the products with the columns of the receptance.
+
+    python jobs/bench/kernels.py [--pairs 8 55 218] [--H 3 9] [--samples 128]
+
+Processor's microseconds of a call, the least of some runs, of one process.  The columns are those of all pairs of the joint in the
+rows of all; NumPy's own product stands beside them.  To compare versions, run it in each: it needs the package alone.
+"""
+
+import argparse
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is loaded
+import time
+
+import numpy as np
+from machine import facts
+
+from microslip.contact.elastic_coulomb import ElasticCoulomb
+from microslip.receptance.rows import Rows
+
+_RUNS, _SECONDS = 7, 0.1  # the least of so many, of so long each
+
+
+def least(call):
+    """Return the processor's microseconds of a call."""
+    start = time.process_time()
+    call()
+    n = max(1, int(_SECONDS / max(time.process_time() - start, 1e-6)))
+    found = []
+    for _ in range(_RUNS):
+        start = time.process_time()
+        for _ in range(n):
+            call()
+        found.append((time.process_time() - start) / n)
+    return 1e6 * min(found)
+
+
+def moving(n_pairs, H, rng):
+    """Return a law and a motion under which pairs stick, slip and open."""
+    U = np.zeros((n_pairs, 3, 2 * H + 1))
+    U[:, :, 0] = 0.1 * rng.standard_normal((n_pairs, 3))
+    U[:, :, 1:3] = rng.standard_normal((n_pairs, 3, 2))
+    U[:, :, 3:] = 0.1 * rng.standard_normal((n_pairs, 3, 2 * H - 2))
+    U[:, 2] *= 0.2
+    one = np.ones(n_pairs)
+    return ElasticCoulomb(0.3 * one, 2.0 * one, one, one, np.zeros(n_pairs, dtype=bool)), U
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pairs", type=int, nargs="+", default=[8, 55, 218])
+    parser.add_argument("--H", type=int, nargs="+", default=[3, 9])
+    parser.add_argument("--samples", type=int, default=128)
+    given = parser.parse_args()
+    rng = np.random.default_rng(1)
+    print(f"{facts()['processor']}; {given.samples} samples")
+    print(f"{'pairs':>6} {'H':>3} {'cycle':>9} {'tangents':>9} {'p^T A':>9} {'single':>9} {'A x':>9} {'NumPy A x':>10}  us")
+    for n_pairs in given.pairs:
+        A = rng.standard_normal((3 * n_pairs, 3 * n_pairs))
+        rows, single = Rows.of(A), Rows.of(A.astype(np.float32))
+        for H in given.H:
+            law, U = moving(n_pairs, H, rng)
+            x = rng.standard_normal((3 * n_pairs, 2 * H + 1))
+            times = [
+                least(lambda: law.cycle(U, given.samples, tangents=False)),  # noqa: B023  called here
+                least(lambda: law.cycle(U, given.samples)),  # noqa: B023
+                *(least(lambda: product(x)) for product in (rows.combined, single.combined, rows.times, A.__matmul__)),  # noqa: B023
+            ]
+            print(f"{n_pairs:6d} {H:3d} " + " ".join(f"{t:9.0f}" for t in times[:-1]) + f" {times[-1]:10.0f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
