@@ -67,7 +67,7 @@ def test_a_stuck_motion_passes_through_nothing():
     system, nowhere = structures.two_masses(zeta=0.0), np.sqrt(2.0 / 1.1)
     found = branch(system, COMM, 1e-3, low=1.2, high=1.5, H=1, points=10)
     assert found.failure is None and len(found.points) < 40
-    motion = COMM.bcast([float(point.U[0, 0, 1]) for point in found.points])
+    motion = COMM.bcast([float(point.U[0, 0, 1]) for point in found.points] if COMM.rank == 0 else None)
     omega = np.array([point.omega for point in found.points])
     assert np.array_equal(np.sign(motion), np.sign(motion[0]) * np.where(omega < nowhere, 1.0, -1.0))
 
