@@ -44,13 +44,13 @@ continuation. A level whose branch from the start of its range ended early is fo
 
 **What has no answer.** Damping that feeds energy in, stiffness or mass below zero: no vibration is steady. Resonance without damping: the motion is infinite. A body that neither its springs nor its joint hold: K_L is singular, and any place of the body balances the loads.
 Two of the random cases that fail, 7 and 13, have none either, in the end: a body with gaps in all of its contacts, which nothing else holds. Once it has lifted off for all of the cycle its force is zero wherever it is; its mean runs away (to $10^6$ m and more, beside vibrations of 1 m and of 49 m; in case 13 no point that was kept
-has a normal force of more than $10^{-4}$ N under loads of 45 and 93 N) until the program refuses the point or Newton fails.
+has a normal force of more than $10^{{-4}}$ N under loads of 45 and 93 N) until the program refuses the point or Newton fails.
 
-**Resonances that nothing holds.** Two frames whose joint lifts off, without damping or damped by $10^{-6}$, have a resonance at which motion is infinite, or too high for the digits there are. Their branches are followed up to it, in places to motions $10^5$ times as large as anywhere else, and begin anew beyond it, with a note (theory, section 7). The peak itself is no point.
+**Resonances that nothing holds.** Two frames whose joint lifts off, without damping or damped by $10^{{-6}}$, have a resonance at which motion is infinite, or too high for the digits there are. Their branches are followed up to it, in places to motions $10^5$ times as large as anywhere else, and begin anew beyond it, with a note (theory, section 7). The peak itself is no point.
 
 **What fails.** Friction without bound (mu = 1e6) on pairs that lift off, where a touch of pressure holds everything: forces change by all there is over a millionth of the motion, and the branch turns back at a corner each time. Such a corner can be met by bisection along the tangent, and the piece beyond it followed within that millionth; that
-was tried and passes every one of them, but solves none of these cases: without preload the branches then lead out of the range at both ends (begun further off they do the same), and the chain that lifts off far goes through closed loops of corners, 3000 points long. A joint a million times stiffer than its structure at the limit of slip: where the slider
-comes to rest depends on the way that the rule of its start (3.5) takes, and the equations are singular to nine digits there. Levels, bands and numbers of points were chosen, family by family, so that a curve begins below the resonance without the joint and has some tens of points: begun between the
+was tried and passes every one of them, but solves none of these cases: without preload the branches then lead out of the range at both ends (begun further off they do the same), and the chain that lifts off far goes through closed loops of corners, 3000 points long. A joint some 10,000 times stiffer than its structure, far beyond its limit of slip
+(random 28): Newton stands still at one corner after the other, and small steps, which lead the 3-D pair with k_t = 1e6 past its own, do not there. Levels, bands and numbers of points were chosen, family by family, so that a curve begins below the resonance without the joint and has some tens of points: begun between the
 folds of a resonance, or with steps of half a curve, more of them end with the message that a fold leads back.
 """
 
