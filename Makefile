@@ -21,8 +21,8 @@ PYTHON = /usr/bin/python3
 VENV = .venv
 IN_VENV = $(VENV)/bin/python
 PIP = $(IN_VENV) -m pip --disable-pip-version-check --quiet install --constraint .ci/constraints.txt
-KERNEL = $(wildcard $(addprefix solver/microslip/contact/,*.pyx elastic_coulomb*.c elastic_coulomb.h) \
-  $(addprefix solver/microslip/receptance/,*.pyx row_products*.c row_products*.h) solver/microslip/linear/*.pyx)
+KERNEL = $(wildcard solver/microslip/*/*.pyx $(addprefix solver/microslip/contact/,elastic_coulomb*.c elastic_coulomb.h) \
+  $(addprefix solver/microslip/receptance/,row_products*.c row_products*.h))
 GENERATORS = $(wildcard meshes/*.py)
 
 # Open MPI refuses root and more ranks than cores unless asked; a waiting rank leaves its core to others; one BLAS
