@@ -70,13 +70,6 @@ def program(comm, capfd, monkeypatch, request):
         signal.signal(number, handler)
 
 
-@pytest.fixture(scope="session")
-def common_folder(tmp_path_factory):
-    """A folder that the processes of pytest-xdist share, and that every test of the run finds again."""
-    own = tmp_path_factory.getbasetemp()
-    return own.parent if "PYTEST_XDIST_WORKER" in os.environ else own
-
-
 def pytest_collection_modifyitems(config, items):
     """Leave out what shows nothing more on this number of ranks: the mark ``ranks`` of a test or its file names the numbers.
 

@@ -8,6 +8,7 @@ from dense_model import amplitude, branch, reduced
 from mpi4py import MPI
 from oracles import harmonic_balance, scenes
 
+from microslip.continuation.point_solver import PointSolver
 from microslip.points.selection import AllPairs, DissipatingPairs, NonStickingPairs
 
 pytestmark = pytest.mark.ranks(1, 2)
@@ -143,6 +144,21 @@ def test_first_point_that_newton_misses_is_reached_over_the_level():
     assert found.failure is None and found.points[0].omega == 0.97
     assert found.points[0].notes == ("first point reached over the level, where there may be other solutions",)
     assert not any(point.notes for point in found.points[1:])
+
+
+def test_where_no_step_leads_on_many_small_newton_steps_may(monkeypatch):
+    """From its tenth solve on Newton fails until it has been patient: the curve is the same."""
+    whole, solve, solves = branch(scene("jenkins"), COMM, 0.8, H=1, points=12), PointSolver.solve, []
+
+    def failing(solver, *of):
+        found, selected = solve(solver, *of)
+        solves.append(solver.is_patient)
+        return (found if any(solves) or len(solves) < 10 else dataclasses.replace(found, failure="tired")), selected
+
+    monkeypatch.setattr(PointSolver, "solve", failing)
+    found = branch(scene("jenkins"), COMM, 0.8, H=1, points=12)
+    assert found.failure is None and any(solves)
+    assert max(map(amplitude, found.points)) == pytest.approx(max(map(amplitude, whole.points)), rel=0.05)
 
 
 @pytest.mark.ranks(2, 3)

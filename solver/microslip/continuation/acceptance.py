@@ -8,18 +8,20 @@ import numpy as np
 
 from ..contact.law import STICK
 from ..fourier.harmonics import Harmonics
-from ..parallel.errors import ConvergenceError
 from ..points.branch import Point
 from .accuracy import Accuracy, Memory, Resolution
+from .constraint_rows import Plane
 from .corrector import Correction
 from .iterate import PointState
-from .point_record import point_record
+from .point_record import Unbalanced, point_record
 from .point_solver import Found, PointSolver
 from .state import BranchState
 from .task import BranchTask
 
 MISSED = "accuracy not met: more harmonics or samples than the program uses or the scene states, or no convergence with them"
 UNBALANCED = 5e-6  # of the forces beyond which a point is not one, at a tolerance of 1e-8
+SHARPER = 1e-2  # of its tolerance, with which a point is solved again whose work or forces do not balance
+SHARPEST = 1e-13  # tolerance below which there is nothing but rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,7 @@ def accept(
 
     Raises
     ------
-    ConvergenceError : the solution is none, for want of digits; on every rank
+    Unbalanced : the solution is none, for want of digits; on every rank
     """
     solver, memory, accuracy = state.solver, state.memory, task.accuracy
     estimator = None if on_the_way else task.estimator
@@ -54,24 +56,26 @@ def accept(
         try:
             point, moves = point_record(solver.problem, solver.selection, found, asked, estimator)
             check_forces(solver, found[0], point)
-        except ConvergenceError:  # its residual alone may be to blame
+        except Unbalanced:  # its residual alone may be to blame
             tighter, memory = accuracy.tighter(solver.resolution, memory) if accuracy else (None, memory)
-            better = tighter and solve_with(solver, tighter, found)
+            tighter = tighter or replace(solver.resolution, tolerance=SHARPER * solver.tolerance)
+            better = solve_sharper(solver, tighter, found, asked) if tighter.tolerance >= SHARPEST else None
             if not better:
                 raise
             found, solver = better
             continue
         ratios, memory = judged(solver, accuracy, memory, point)
         finer, memory = accuracy.finer(solver.resolution, ratios, memory) if accuracy else (None, memory)
-        better = finer and solve_with(solver, finer, found, force_at(solver, found[0], point))
+        better = solve_with(solver, finer, found, force_at(solver, found[0], point)) if finer else None
         if not better:
             break
         found, solver = better
     missed = (MISSED,) if max(ratios.values(), default=0.0) > 1.0 else ()
     force, is_linear = force_at(solver, found[0], point), solver.is_linear and found[0].is_linear
+    next_one = replace(solver.resolution, tolerance=max(solver.tolerance, task.tolerance))
     if accuracy:
-        next_resolution, memory = accuracy.coarser(solver.resolution, ratios, memory)
-        found, solver = solver.resolved(next_resolution).still(found, solver)
+        next_one, memory = accuracy.coarser(next_one, ratios, memory)
+    found, solver = solver.resolved(next_one).still(found, solver)
     point = replace(point, seconds=solver.workspace.lap(), notes=(*point.notes, *missed, *notes))
     U = found[0].iterate.U
     now = PointState(
@@ -97,6 +101,22 @@ def solve_with(
     return None if again.failure else ((again.with_effort_of(found[0]), used), better)
 
 
+def solve_sharper(solver: PointSolver, sharper: Resolution, found: Found, asked: bool) -> tuple[Found, PointSolver] | None:
+    """Solve a point again with a smaller tolerance; None where Newton fails.  Collective.
+
+    Beside a resonance that neither damping nor friction holds the equations are all but singular at a fixed frequency.  One that
+    neither was ``asked`` for nor ends the range may move, and the amplitude is held in its place.
+    """
+    better, there = solver.resolved(sharper), found[0].iterate
+    size, along = better.norm(there.U), np.array(there.U)
+    along[..., better.harmonics.mean] = 0.0
+    if not asked and size > 0.0 and there.parameter not in (solver.sweep.start, solver.sweep.stop):
+        again, used = better.solve(there, Plane(there, along / size, (0.0,)), size, found[1])
+        if again.failure is None:
+            return (again.with_effort_of(found[0]), used), better
+    return solve_with(solver, sharper, found)
+
+
 def judged(solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point: Point) -> tuple[dict[str, float], Memory]:
     """Return what is wrong with a point for want of harmonics, samples and tolerance, over what is allowed.  Collective."""
     if accuracy is None or point.error is None:
@@ -106,12 +126,12 @@ def judged(solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point
 
 
 def check_forces(solver: PointSolver, found: Correction, point: Point) -> None:
-    """Raise ConvergenceError where a motion has outgrown the forces so far that they have no digits left.  Collective."""
+    """Raise Unbalanced where a motion has outgrown the forces so far that they have no digits left.  Collective."""
     equation, there = solver.equation, found.iterate
     loads = abs(solver.problem.at(there.parameters).level) * float(np.linalg.norm(equation.model.f))
     forces, unbalanced = loads + force_at(solver, found, point), solver.workspace.stiffest * found.gap
     if unbalanced > max(UNBALANCED, 500.0 * found.bound) * forces:
-        raise ConvergenceError(
+        raise Unbalanced(
             f"hb: at {solver.problem.where(there.parameter)} contact forces of {unbalanced:.1e} N are lost beside a motion of "
             f"{solver.norm(there.U):.1e} m, {unbalanced / forces:.1e} of all forces: a body that nothing but its joint holds, "
             "or a joint far too stiff? Hold the body, or lower the stiffness"

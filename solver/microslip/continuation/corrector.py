@@ -24,6 +24,7 @@ from .problems import Problem
 PATIENCE, LEAST_PROGRESS = 4, 0.5  # Newton gives up where so many iterations leave more than this share of the residual
 MOST_ITERATIONS = 20
 PATIENT, MOST_PATIENT_ITERATIONS = 25, 80  # the same where there is no other way left
+SHARP = 5.0  # tolerances that the motion of a point may be off by, as its last Newton step tells
 SOFT = 100.0  # k |U| over the contact forces beyond which a residual counts as force
 ROUNDING = 1e-2  # share of the tolerance that rounding may take up in a weighted row
 _NAMES = {value: name for name, value in vars(PETSc.SNES.ConvergedReason).items() if name.startswith("DIVERGED")}
@@ -142,12 +143,17 @@ class Corrector:
         return snes
 
     def _converged(self, snes, iteration: int, norms) -> PETSc.SNES.ConvergedReason | None:
-        """Tell SNES when to stop: at the tolerance, or where the residual has fallen too little for some iterations.  Local."""
-        reasons, norm = PETSc.SNES.ConvergedReason, norms[2]
+        """Tell SNES when to stop: at the tolerance, or where the residual has fallen too little for some iterations.  Local.
+
+        docs/theory.md, eq. (7.6): one more iteration follows where the last step says that the tolerance leaves more in U.
+        """
+        reasons, (_, step, norm), tolerance = PETSc.SNES.ConvergedReason, norms, snes.getTolerances()[1]
         del self._history[iteration:]
         self._history.append(norm)
-        if norm <= snes.getTolerances()[1]:
-            return reasons.CONVERGED_FNORM_ABS
+        if norm <= tolerance:
+            before = self._history[iteration - 1] if iteration > 0 else 0.0
+            is_last = before <= tolerance or step * norm <= SHARP * tolerance * before
+            return reasons.CONVERGED_FNORM_ABS if is_last else None
         if not np.isfinite(norm):
             return reasons.DIVERGED_FUNCTION_DOMAIN
         if iteration >= self._patience and norm > LEAST_PROGRESS * self._history[iteration - self._patience]:
@@ -190,7 +196,10 @@ class Corrector:
         self._snes.setJacobian(self._linearise, self._J, args=(system, exactness))
         self._pack(guess, system.scaling)
         self._snes.solve(None, self._x)
-        return self._snes.getConvergedReason()
+        reason, norm = self._snes.getConvergedReason(), self._snes.getFunctionNorm()
+        if reason <= 0 and norm <= self._snes.getTolerances()[1]:  # an iteration beyond what was asked for led no further
+            return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS
+        return reason
 
     def tangent(self, system: BorderedSystem, there: Iterate) -> tuple[np.ndarray, np.ndarray]:
         """Return the direction (d_xi, d_nu) in which the linearisation at ``there`` goes on, d_xi of this rank.  Collective.

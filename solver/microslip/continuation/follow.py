@@ -14,11 +14,13 @@ from .first_point import reach_first
 from .hold import MOSTLY, MOVED, hold, let_go
 from .iterate import Iterate, PointState, interpolate
 from .keeper import KEEPS_NOTHING, Begun, Keeper
+from .point_record import Unbalanced
 from .point_solver import Found, PointSolver, Workspace
 from .state import BranchState
 from .stepping import message, second, step
 from .steps import ArcLength
 from .task import BranchTask
+from .unbounded import BEYOND, places_beyond
 from .widen import widened
 
 FINEST_WAY = 1e-2  # of the way from a point to an asked value: the smallest step in between
@@ -108,7 +110,13 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     if sweep.beyond(found[0].iterate.parameter):
         end = _to_limit(leg, found, sweep.stop, notes)
         return replace(end.state, before=now, now=end.now, is_done=True)
-    after = _arrive(leg, found, notes)
+    try:
+        after = _arrive(leg, found, notes)
+    except Unbalanced:
+        beyond = _begun_beyond(leg)
+        if beyond is None:
+            raise
+        return beyond
     ds = next_step(task, after.state, ds, found[0].newton, (state.before, now, after.now))
     if after.state.solver.equation.held is not None and after.now.sliding < MOSTLY:
         after = let_go(after, task.steps)
@@ -117,6 +125,24 @@ def onward(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:
     if after.state.solver.resolution == was.resolution:
         return after.state.after(now, after.now, ds, earlier=state.before)
     return after.state.after(after.state.solver.again(now), after.now, ds)
+
+
+def _begun_beyond(leg: Leg) -> BranchState | None:
+    """Return the state at a first point beyond a resonance that nothing holds; None where none is found.  Collective."""
+    state, solver = leg.state, leg.state.solver
+    assert state.before is not None
+    for there in places_beyond(solver, solver.carried(state.before), leg.now):
+        guess = solver.linear_iterate(there)
+        found = solver.solve_at(guess, solver.norm(guess.U), solver.selection.first(solver.equation.model.n_pairs))
+        if found[0].failure:
+            continue
+        try:
+            after = accept(leg.task, state, found, notes=(BEYOND,))
+        except Unbalanced:  # still too near
+            continue
+        leg.emit(after.point)
+        return after.state.after(None, after.now, 0.0)
+    return None
 
 
 def next_step(

@@ -22,6 +22,10 @@ HELD = "mean slip held by springs"  # the note of such a point
 CREEPS = "a slider creeps on without end"  # and of one where a march does not come to its cycle
 
 
+class Unbalanced(ConvergenceError):
+    """A solution that is none, for want of digits: its motion has outgrown the forces."""
+
+
 def point_record(
     problem: Problem, selection: Selection, found: Found, asked: bool, estimator: ErrorEstimator | None = None
 ) -> tuple[Point, np.ndarray]:
@@ -32,7 +36,7 @@ def point_record(
 
     Raises
     ------
-    ConvergenceError : work and losses do not balance, although the residual is small beside the motion; on every rank
+    Unbalanced : work and losses do not balance, although the residual is small beside the motion; on every rank
     """
     (correction, selected), equation, at = found, problem.equation, problem.at(found[0].iterate.parameters)
     U, model = correction.iterate.U, equation.model_at(at)
@@ -82,10 +86,10 @@ def quadratures(amplitudes: np.ndarray) -> np.ndarray:
 
 
 def _check_balance(problem: Problem, found: Correction, gap: float, most: float) -> None:
-    """Raise ConvergenceError where a motion has outgrown the forces so far that its residual hides them.  Collective."""
+    """Raise Unbalanced where a motion has outgrown the forces so far that its residual hides them.  Collective."""
     gap, most = problem.equation.comm.bcast((gap, most))
     if not abs(gap) <= max(IMBALANCE, 100.0 * found.bound) * most:
-        raise ConvergenceError(
+        raise Unbalanced(
             f"hb: at {problem.where(found.iterate.parameter)} the work of the loads and the losses differ by {abs(gap):.1e} J "
             f"a cycle, {abs(gap) / most:.1e} of what they are; the motion has outgrown the forces: a resonance that neither "
             "damping nor friction holds? State [damping], or end the range before it"

@@ -158,9 +158,7 @@ class PointSolver:
         ------
         ConvergenceError : the stuck structure resonates there without damping; on every rank
         """
-        with np.errstate(divide="ignore", invalid="ignore"):
-            U_lin = self.linear_motion(guess.parameter)
-        if not np.isfinite(self.norm(U_lin)):
+        if not np.isfinite(self.norm(self.linear_motion(guess.parameter))):
             raise ConvergenceError(
                 f"hb: the stuck structure resonates without damping at {self.problem.where(guess.parameter)}: "
                 "its linear response is infinite there; state [damping], or another frequency"
@@ -178,8 +176,12 @@ class PointSolver:
         return self.solve_at(guess, self.norm(guess.U), self.selection.first(self.equation.model.n_pairs))
 
     def linear_motion(self, parameter: float) -> np.ndarray:
-        """Return the linear response at a value of the swept parameter, (n_owned, 3, N_H) [m].  Local; not to be written into."""
-        return self.equation.linear_motion(self.problem.at((parameter,)))
+        """Return the linear response at a value of the swept parameter, (n_owned, 3, N_H) [m].  Local; not to be written into.
+
+        It is not finite on a resonance without damping.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.equation.linear_motion(self.problem.at((parameter,)))
 
     def linear_iterate(self, parameter: float) -> Iterate:
         """Return the linear response at a value of the swept parameter as a guess.  Local."""

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..receptance.motions import static_motion
 from .constraint_rows import Plane
 from .iterate import Iterate, PointState
 from .point_solver import PointSolver
 
 FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola says nothing
+FAINT = 1e-2  # of the motion under the same loads at rest, below which ratios of a linear motion tell nothing
 
 
 def predict(
@@ -44,8 +46,11 @@ def difference(solver: PointSolver, a: PointState, b: PointState, size: float) -
 
 
 def linear_step(solver: PointSolver, now: PointState, ds: float) -> float:
-    """Return the change of the parameter that makes a step ``ds`` along the linear curve.  Collective."""
-    problem, parameters = solver.problem, now.iterate.parameters
-    dU = solver.equation.linear_motion_rate(problem.at(parameters), problem.rates(parameters)[0])
-    slope = solver.norm(solver.vibration(dU)) / now.size if now.size > 0.0 else 0.0
+    """Return the change of the parameter that makes a step ``ds`` along the linear curve.  Collective.
+
+    Where that curve passes through no motion, the step is measured by a share of the static one, and leads across.
+    """
+    at, rates = solver.problem.at(now.iterate.parameters), solver.problem.rates(now.iterate.parameters)
+    size = max(now.size, FAINT * solver.norm(static_motion(solver.equation.model, at.level)))
+    slope = solver.norm(solver.vibration(solver.equation.linear_motion_rate(at, rates[0]))) / size if size > 0.0 else 0.0
     return ds / float(np.hypot(slope, 1.0 / solver.sweep.scale))

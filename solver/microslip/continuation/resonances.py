@@ -12,6 +12,7 @@ from mpi4py import MPI
 from ..receptance.family import Share
 from ..receptance.motions import modal_motion
 from .iterate import Iterate, PointState
+from .linear_levels import sticks
 from .point_solver import PointSolver
 from .steps import LinearCurve
 
@@ -33,8 +34,18 @@ def passed_over(solver: PointSolver, now: PointState, there: Iterate) -> float |
     if at.omega == to.omega:
         return None
     share = turned_over(solver, now.iterate, there)
-    share = modes_passed(solver, now.iterate, there) if share is None else share
+    if share is None or stay_stuck(solver, now, there):
+        share = modes_passed(solver, now.iterate, there)
     return None if share is None else float(np.clip(share, NEAREST, FARTHEST))
+
+
+def stay_stuck(solver: PointSolver, now: PointState, there: Iterate) -> bool:
+    """Tell whether all pairs stick at a point and at the next one: both lie on the linear curve.  Collective if the first does.
+
+    That curve is a function of the frequency.  Without damping it may pass through no motion at all, where it turns round as it
+    does at a resonance.
+    """
+    return now.sticks and sticks(solver.equation, solver.problem.at(there.parameters))
 
 
 def highest_between(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

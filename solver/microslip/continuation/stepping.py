@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,12 +13,13 @@ from .corrector import BorderedSystem, Correction
 from .iterate import Iterate, PointState
 from .point_solver import Found, PointSolver
 from .predictor import difference, linear_step, predict
-from .resonances import passed_over
+from .resonances import passed_over, stay_stuck
 from .steps import ArcLength
 
 FARTHEST = 4.0  # lengths of a step asked for that it may have: on the plane normal to it, a turn of 75 degrees
 NEAREST = 1e-3  # lengths of it below which it leads nowhere
 CORNERS = 4.0 ** np.arange(1, 5)  # shortest steps in which the branch is looked for beyond a sharp corner
+TENTHS = 0.1 ** np.arange(4)  # of a step, at which the branch is looked for by many small Newton steps
 BACK = 0.05  # rad between a step and the way back, below which it is that
 PASSED = "a resonance may lie between the point before and this one, too sharp for the shortest step"
 
@@ -70,7 +72,9 @@ def step(
     while True:
         guess, plane = predict(solver, earlier, before, now, ds)
         found, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
-        leads_on = found.failure is None and not left(solver, before, now, found, ds, may_turn=passing is not None)
+        leads_on = found.failure is None and (
+            not left(solver, before, now, found, ds, may_turn=passing is not None) or stay_stuck(solver, now, found.iterate)
+        )
         share = passed_over(solver, now, found.iterate) if leads_on else None
         if leads_on and share is None:
             return Stepped((found, selected), ds)
@@ -81,6 +85,8 @@ def step(
             return passing
         if ds < steps.ds_min:
             beyond = just_ahead(solver, before, now, steps) or beyond_sharp_corner(solver, before, now, steps)
+            if beyond is None and (solver.equation.held is not None or not solver.is_loose):  # whose mean slip is not to be held
+                beyond = patiently_ahead(solver, earlier, before, now, steps)
             if beyond is None:
                 raise ConvergenceError(message(solver, now.iterate.parameter, found, steps))
             return Stepped(beyond, 8.0 * steps.ds_min)
@@ -146,6 +152,19 @@ def beyond_sharp_corner(solver: PointSolver, before: PointState, now: PointState
                 continue
             if solver.turn(moved(solver, now, -ds, *come_from), now.iterate, found.iterate, now.size) < np.pi - BACK:
                 return found, selected
+    return None
+
+
+def patiently_ahead(
+    solver: PointSolver, earlier: PointState | None, before: PointState, now: PointState, steps: ArcLength
+) -> Found | None:
+    """Return a point ahead, found by many small Newton steps, the farthest first; None if there is none.  Collective."""
+    patient = replace(solver, is_patient=True)
+    for ds in steps.ds * TENTHS:
+        guess, plane = predict(patient, earlier, before, now, ds)
+        found, selected = patient.solve(guess, plane, now.size, now.selected, now.force)
+        if found.failure is None and not left(solver, before, now, found, ds):
+            return found, selected
     return None
 
 

@@ -28,6 +28,11 @@ def linear_motion(model: ReducedModel, level: float, omega: float, rows: slice |
     return model.du_static[rows] @ (level * model.f) + dynamic
 
 
+def static_motion(model: ReducedModel, level: float) -> np.ndarray:
+    """Return du_static f, U_lin as it would be if nothing had inertia, of this rank's pairs, (3 n_owned, N_H) [m].  Local."""
+    return model.du_static[model.owned_rows] @ (level * model.f)
+
+
 def linear_motion_rate(model: ReducedModel, level: float, omega: float, d_omega: float = 1.0, d_sigma: float = 0.0) -> np.ndarray:
     """Return the rate of U_lin while omega and a damping sigma M change at given rates, (3 n_owned, N_H).  Local."""
     rates = [c.rate(d_omega, d_sigma) for c in model.flexibilities(omega)]

@@ -1,0 +1,93 @@
+"""Motions without damping: they grow without bound at a resonance that nothing holds, and pass through nothing beside it.
+
+A single pair leaves ranks without one.
+"""
+
+import numpy as np
+import pytest
+from dense_model import amplitude, branch
+from mpi4py import MPI
+from oracles import scenes
+from verification import extreme_structures as structures
+
+from microslip.contact.law import SLIP
+from microslip.continuation import acceptance, corrector
+from microslip.continuation.unbounded import BEYOND
+
+pytestmark = pytest.mark.ranks(1, 2)
+COMM = MPI.COMM_WORLD
+STIFFER = 3.0  # N/m, the contact's; the mass is 1 kg, its own spring 1 N/m
+LEVEL = 0.3  # N, a third of what lifts the mass off at rest
+
+
+def bouncing_mass():
+    """Return a mass without damping, pressed on the ground, from which it lifts off."""
+    return scenes.make_system(
+        "bouncing mass",
+        np.eye(1),
+        np.eye(1),
+        [[-1, -1, 0, -1, -1, -1]],
+        mu=0.0,
+        N0=1.0,
+        k_t=1e-3,
+        k_n=STIFFER,
+        C=np.zeros((1, 1)),
+        loads=[{"vector": np.array([1.0]), "harmonic": 1, "phase": 0.0}],
+        output=[1.0],
+        omega=(1.1, 2.6),
+        levels={},
+    )
+
+
+def falling(system):
+    return branch(system, COMM, LEVEL, points=20, down=True, tolerance=1e-8)
+
+
+def test_a_branch_begins_anew_beyond_a_resonance_that_nothing_holds():
+    """High up the preload counts for nothing: half a period lasts as long as with the contact's spring, half as without."""
+    found, resonance = falling(bouncing_mass()), 2.0 / (1.0 + 1.0 / np.sqrt(1.0 + STIFFER))
+    assert found.failure is None
+    (first,) = (i for i, point in enumerate(found.points) if BEYOND in point.notes)
+    before, beyond = found.points[:first], found.points[first:]
+    assert max(map(amplitude, before)) > 1e6
+    assert before[-1].omega == pytest.approx(resonance, rel=1e-3)  # three harmonics
+    for point in beyond:
+        assert point.omega < resonance and (point.state == SLIP).all()  # closed, without friction
+        assert amplitude(point) == pytest.approx(LEVEL / (1.0 + STIFFER - point.omega**2), rel=1e-7)
+
+
+def test_towards_it_points_are_solved_sharper(monkeypatch):
+    """At the tolerance of the scene work and losses differ long before."""
+    monkeypatch.setattr(acceptance, "SHARPEST", 1.0)
+    assert max(map(amplitude, falling(bouncing_mass()).points)) < 1e5
+
+
+def test_a_stuck_motion_passes_through_nothing():
+    """Where both masses move alike nothing stretches the joint: (k - omega^2 m) u = f for each of them alone."""
+    system, nowhere = structures.two_masses(zeta=0.0), np.sqrt(2.0 / 1.1)
+    found = branch(system, COMM, 1e-3, low=1.2, high=1.5, H=1, points=10)
+    assert found.failure is None and len(found.points) < 40
+    motion = COMM.bcast([float(point.U[0, 0, 1]) for point in found.points] if COMM.rank == 0 else None)
+    omega = np.array([point.omega for point in found.points])
+    assert np.array_equal(np.sign(motion), np.sign(motion[0]) * np.where(omega < nowhere, 1.0, -1.0))
+
+
+@pytest.mark.ranks(1)
+def test_the_motion_is_right_where_a_residual_leaves_more_in_it(monkeypatch):
+    """Without friction a pair slides at once, and its motion is that without its tangential springs."""
+    system, bound = structures.chain(mu=0.0, N0=1e3), 1e-8 * corrector.SHARP
+    sliding, C = system["K"] + system["R"].T @ np.diag([0.0, 0.0, 1.0] * 2) @ system["R"], scenes.damping_matrix(system)
+
+    def error(point):
+        Z = sliding - point.omega**2 * system["M"] + 1j * point.omega * C
+        du = (system["R"] @ np.linalg.solve(Z, system["loads"][0]["vector"])).reshape(2, 3)
+        return np.linalg.norm(point.U[..., 1] - 1j * point.U[..., 2] - du) / np.linalg.norm(du)
+
+    def worst():
+        found = branch(system, COMM, 1.0, low=0.35, high=0.7, H=1, n_samples=32, points=10, tolerance=1e-8)
+        assert found.failure is None
+        return max(map(error, found.points))
+
+    sharp = worst()
+    monkeypatch.setattr(corrector, "SHARP", np.inf)
+    assert sharp < bound < 0.5 * worst()
