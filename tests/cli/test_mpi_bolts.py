@@ -117,6 +117,12 @@ def test_forces_of_bolts_are_in_log_and_results(comm, folder, program):
     on_root(comm, check)
 
 
+def test_a_bolt_that_is_pressed_at_rest_is_warned_of(comm, folder, program):
+    on_root(comm, lambda: (folder / "pressed.toml").write_text(SCENE.replace("4000.0]", "-9e4]")))
+    status, said, _ = program("run", folder / "pressed.toml", "--out", folder / "pressed", "--set", "response.points=2")
+    assert status == 0 and "WARNING: it is pressed at rest" in said
+
+
 def test_the_check_tells_and_finds_cuts(comm, folder, program):
     def write():
         (folder / "clamp.toml").write_text(SCENE)

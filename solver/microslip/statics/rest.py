@@ -14,6 +14,8 @@ from .balance import Balance
 from .balance import in_words as balance_in_words
 from .equilibrium import Rest
 
+_PRESSED = "; WARNING: it is pressed at rest, and a bolt only pulls: it would be loose"
+
 
 def at_rest(pairs: ContactPairs, rest: Rest) -> ContactPairs:
     """Return the pairs as they vibrate about their rest: preload or gap, friction force, and no springs where they are open.
@@ -102,7 +104,7 @@ def _of_bolts(rest: Rest) -> list[str]:
         return []
     return [
         f"  bolt {name!r}: {tightened:.6g} N when tightened, {force:.6g} N at rest, {force / area:.4g} Pa in its cut; "
-        f"shortened by {delta:.6g} m"
+        f"shortened by {delta:.6g} m{_PRESSED if force <= 0.0 else ''}"
         for name, tightened, force, delta, area in zip(bolts.names, bolts.tightened, bolts.force, bolts.shortening, bolts.area)
     ]
 
