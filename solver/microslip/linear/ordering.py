@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import pymetis
 import scipy.sparse as sp
 from mpi4py import MPI
 
 from ..parallel.agree import on_root
+from ..parallel.metis import nested_dissection
 from ._mumps import repeats
 
 Rows = tuple[np.ndarray, np.ndarray]  # (n_owned + 1,) starts and columns, rising, of a rank's rows
@@ -80,6 +80,4 @@ def _dissected(graph: sp.csr_matrix, members: np.ndarray) -> np.ndarray:
     if len(members) <= 1:
         return members
     own = graph if len(members) == graph.shape[0] else graph[members][:, members]
-    adjacency = pymetis.CSRAdjacency(own.indptr.astype(np.int32), own.indices.astype(np.int32))
-    order, _ = pymetis.nested_dissection(adjacency=adjacency)
-    return members[np.asarray(order, dtype=np.int64)]
+    return members[nested_dissection(own)]

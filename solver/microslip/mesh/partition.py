@@ -9,8 +9,8 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from .. import elements
+from ..parallel import metis
 from ..parallel.agree import on_root
-from ..parallel.errors import CaseError
 from .data import DistributedMesh, LocalBlock, Mesh
 from .settings import MeshSettings
 from .warm import temperatures_of
@@ -99,14 +99,8 @@ def _parts(mesh: Mesh, graph: sp.csr_matrix, n_ranks: int) -> np.ndarray:
     n_parts = min(n_ranks, n_elements)
     if n_parts == 1:
         return np.zeros(n_elements, dtype=np.int64)
-    try:
-        import pymetis
-    except ImportError:
-        raise CaseError("several ranks need METIS; install it: pip install pymetis") from None
     weights = np.concatenate([np.full(len(block.nodes), block.nodes.shape[1]) for block in mesh.elements])
-    adjacency = pymetis.CSRAdjacency(graph.indptr.astype(np.int32), graph.indices.astype(np.int32))
-    _, part = pymetis.part_graph(n_parts, adjacency=adjacency, vweights=weights.astype(np.int32))
-    return np.asarray(part, dtype=np.int64)
+    return metis.partition(graph, n_parts, weights)
 
 
 def _incidence(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:

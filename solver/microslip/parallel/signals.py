@@ -7,10 +7,11 @@ them another second later.  Schedulers that start the ranks themselves send to a
 from __future__ import annotations
 
 import os
+import select
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from .errors import Interrupted
 from .watchdog import end_within
@@ -76,5 +77,17 @@ def _stop(number: int, frame) -> None:
         return
     _Asked.to_stop = Interrupted(f"stopped by {signal.Signals(number).name}")
     end_within(UNWINDING)
+    _drop_what_nobody_reads()
     if not _Asked.n_holding:
         raise _Asked.to_stop
+
+
+def _drop_what_nobody_reads() -> None:
+    """Send standard output and error nowhere where they are full: mpirun no longer reads them when it is told to stop.
+
+    A further line would be waited for until the launcher kills, with nothing saved.
+    """
+    for stream in (1, 2):
+        with suppress(OSError, ValueError):  # closed, or beyond what select can look at
+            if not select.select([], [stream], [], 0.0)[1]:
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
