@@ -55,7 +55,7 @@ STAGES = {  # of the log: what they are called here
     "static columns of all pairs": "static columns",
 }
 # parts of stages that differ in how they scale: a factorisation is analysed on rank 0 and computed on all ranks
-PARTS = [(mumps, "analyse", "{}: analysis"), (eigen, "count_below", "proof of modes")]
+PARTS = [(mumps, "analysed", "{}: analysis"), (eigen, "count_below", "proof of modes")]
 SIZES = (0, 8, 64, 512, 4096, 32768, 262144, 2097152)  # bytes
 
 
