@@ -22,7 +22,8 @@ def kernel(room, name, *headers):
 def bridge(room, name, *called):
     """Return the extension _NAME of a room, of a file in Cython and the C files that it calls; one for all processors."""
     sources = [f"solver/microslip/{room}/{file}" for file in (f"_{name}.pyx", *called)]
-    return Extension(f"microslip.{room}._{name}", sources, extra_compile_args=FLAGS)
+    depends = [f"{source[:-2]}.h" for source in sources[1:]]
+    return Extension(f"microslip.{room}._{name}", sources, depends=depends, extra_compile_args=FLAGS)
 
 
 def mumps():

@@ -1,6 +1,5 @@
 """Error bars against what is true: better problems solved outright; on any number of ranks, one of them without a pair."""
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +9,6 @@ from mpi4py import MPI
 from oracles import scenes
 
 from microslip.continuation.grid import solved_at, task_at
-from microslip.error_estimate import better_solution, correction
 from microslip.error_estimate.correction import corrected
 from microslip.error_estimate.estimate import Changes, ErrorEstimator
 from microslip.harmonic import adjoint_solver
@@ -213,38 +211,3 @@ def test_nothing_is_corrected_where_the_changes_are_far_from_linear(second):
     assert near.remaining == pytest.approx([SAFETY * (0.2 * 0.5 + 0.25 * 0.1 + 0.01)])
     far = corrected(linear, linear, np.full(2, second), np.zeros(2), 1.0)
     assert far.correction == 0.0 and far.remaining == pytest.approx(SAFETY * 0.6) and far.remaining == total(far.parts)
-
-
-def test_what_a_solution_found_takes_the_place_of_first_order():
-    """Of the output that is far from linear alone, shared by the parts as they were."""
-    first = corrected(np.zeros((5, 4)), np.zeros((5, 4)), np.zeros(4), np.zeros(4), 1.0)
-    parts = np.array([[0.1, 6.0, 2.0, 0.0, 0.0], [0.1, 0.3, 0.0, 0.0, 0.0]])
-    first = replace(first, parts=parts, remaining=total(parts))
-    left_out = np.array([0.1, 0.1, 0.0, 0.0])
-    is_far = first.is_far_from_linear(np.array([10.0, 10.0, 0.0, 0.0]), left_out)
-    assert is_far.tolist() == [True, False]
-    found = correction.solved(first, is_far, np.array([0.6, 5.0, 0.8, 5.0]), left_out)
-    assert found.parts == pytest.approx(np.array([[0.1, 0.75, 0.25, 0.0, 0.0], parts[1]]))
-    assert found.correction == pytest.approx([0.6 - 0.8j, 0.0])
-    assert found.remaining == pytest.approx([SAFETY * (0.1 + correction.OF_HARMONICS * 1.0), first.remaining[1]])
-
-
-def test_where_first_order_fails_the_better_problem_is_solved(monkeypatch):
-    """A mass that strikes a stop, with one harmonic: shorter bars that hold, and amplitudes with what the others change."""
-    striking = {"name": "gap", "level": 1.0, "omegas": tuple(np.linspace(0.75, 1.1, 7)), "H": 1}
-    exact = amplitudes(coarsely_solved(**{**striking, "H": 21}, n_samples=1024))
-    points = coarsely_solved(**striking)
-    monkeypatch.setattr(correction, "FAR", np.inf)
-    first, bars = total(errors(solved(**striking))), total(errors(points))
-    error, left = np.abs(amplitudes(points) - exact), np.abs(corrections(points) - exact)
-    assert np.all(bars < first) and np.all(error <= bars)
-    assert np.all(left <= [point.error_corrected[0] for point in points])
-    assert np.all(left < 0.01 * error)
-
-
-def test_where_the_better_problem_has_no_solution_bars_stay_as_they_are(monkeypatch):
-    striking = {"name": "gap", "level": 1.0, "omegas": [0.9, 0.95], "H": 1}
-    monkeypatch.setattr(better_solution, "MOST_STEPS", 0)
-    unsolved = solved(**striking)
-    monkeypatch.setattr(correction, "FAR", np.inf)
-    np.testing.assert_array_equal(errors(unsolved), errors(solved(**striking)))

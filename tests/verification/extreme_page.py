@@ -173,7 +173,7 @@ def draw(outcomes: list, path: Path) -> None:
         f"{sum(outcome.n_points for outcome in outcomes)} points of {len(outcomes)} cases, judged from the matrices alone",
         loc="right",
     )
-    axis.legend(fontsize=8, loc="upper right", bbox_to_anchor=(1.0, -0.1), ncol=2)
+    axis.legend(fontsize=8, loc="upper right", bbox_to_anchor=(1.0, -0.14), ncol=2)
     axis.spines[["top", "right"]].set_visible(False)
     figure.savefig(path, dpi=150)
     plt.close(figure)

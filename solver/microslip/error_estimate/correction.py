@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..points.error_parts import PARTS, SAFETY, total
+from ..points.error_parts import SAFETY, total
 
 OF_HARMONICS = 0.2  # share of that part which is left: the harmonics settle to a tenth, and more would follow beyond them
 OF_SAMPLES = 0.25  # the same of the samples, whose limit is extrapolated
-FAR = 0.1  # bar of a corrected amplitude, over it and without modes left out, from which the better problem is solved
-SOLVED_FOR = [PARTS.index(name) for name in ("harmonics", "samples", "pairs")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,29 +19,6 @@ class Estimate:
     parts: np.ndarray  # (n_outputs, n_parts) sizes of what they change, as in ``PARTS`` [m]
     correction: np.ndarray  # (n_outputs,) complex: what they change, signed; 0 where that is not known well enough [m]
     remaining: np.ndarray  # (n_outputs,) error bar of the amplitudes with it [m]
-
-    def is_far_from_linear(self, amplitude: np.ndarray, left_out: np.ndarray) -> np.ndarray:
-        """Return of which outputs first order, and what is known beyond it, leaves a long bar, (n_outputs,) bool.  Local.
-
-        ``amplitude`` (2 n_outputs,) [m] is their cos 1, then sin 1, ``left_out`` what modes left out change at most.
-        """
-        return self.remaining - SAFETY * _sizes(left_out) > FAR * _sizes(amplitude)
-
-
-def solved(first: Estimate, is_far: np.ndarray, change: np.ndarray, left_out: np.ndarray) -> Estimate:
-    """Return an estimate in which those outputs that are far from linear have the change that a solution found.  Local.
-
-    docs/theory.md, eq. (11.5).  ``change`` (2 n_outputs,) [m] is of their cos 1, then sin 1; the parts that it holds share it as
-    they are to first order.
-    """
-    size, beyond = _sizes(change), _sizes(left_out)
-    parts, of_all = first.parts.copy(), first.parts[:, SOLVED_FOR].sum(axis=1, keepdims=True)
-    shares = np.where(of_all > 0.0, parts[:, SOLVED_FOR] / np.where(of_all > 0.0, of_all, 1.0), [1.0, 0.0, 0.0])
-    parts[:, SOLVED_FOR] = np.where(is_far[:, None], size[:, None] * shares, parts[:, SOLVED_FOR])
-    cos, sin = np.split(change, 2)
-    remaining = SAFETY * (beyond + OF_HARMONICS * size + parts[:, PARTS.index("solver")])
-    correction = np.where(is_far, cos - 1j * sin, first.correction)
-    return Estimate(parts, correction, np.where(is_far, remaining, first.remaining))
 
 
 def corrected(parts: np.ndarray, linear: np.ndarray, second: np.ndarray, left_out: np.ndarray, unsettled: float) -> Estimate:

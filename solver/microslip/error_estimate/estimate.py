@@ -23,10 +23,9 @@ from ..harmonic.linearisation import Linearisation
 from ..harmonic.operating_point import ContactForces, OperatingPoint
 from ..parallel.ownership import rows_of
 from ..receptance.modes_left_out import BetterModel
+from ..receptance.motions import output_motion
 from ..receptance.reduced_model import ReducedModel
-from .better_solution import better_amplitude
-from .correction import Estimate, corrected, solved
-from .outputs import output_amplitude, sensitivity
+from .correction import Estimate, corrected
 
 FINER = 2  # times the samples of the better problem
 SAMPLES = 4  # of the more harmonics, each, at least
@@ -137,22 +136,7 @@ class ErrorEstimator:
         lost = 0.0 if found.is_adjoint_found else np.abs(output_amplitude(model, at, p))
         parts = [np.abs(by_basis) + left_out, changes.unsettled * by_harmonics, by_samples, by_pairs, np.abs(by_solver) + lost]
         linear = np.stack([by_basis, by_harmonics, by_samples, by_pairs, by_solver])
-        estimate = corrected(np.stack(parts), linear, found.second, left_out, changes.unsettled)
-        amplitude = output_amplitude(model, at, p)
-        is_far = equation.comm.bcast(estimate.is_far_from_linear(amplitude, left_out))
-        if is_far.any():
-            better = self.solved(exact, at, U, amplitude, changes)
-            estimate = estimate if better is None else solved(estimate, is_far, better - amplitude, left_out)
-        return estimate
-
-    def solved(
-        self, exact: HarmonicBalance, at: OperatingPoint, U: np.ndarray, before: np.ndarray, changes: Changes
-    ) -> np.ndarray | None:
-        """Return the amplitudes of the better problem solved from a point that had those ``before``, or None.  Collective."""
-        wider = changes.wider
-        more = wider.harmonics
-        finer = wider.resolved(more, max(wider.n_samples, FINER * exact.n_samples))
-        return better_amplitude(finer, at, exact.harmonics.carry(U, more) + changes.higher, before, self.forward_solver)
+        return corrected(np.stack(parts), linear, found.second, left_out, changes.unsettled)
 
     def through_the_joint(
         self, equation: HarmonicBalance, linear: Linearisation, U: np.ndarray, used: ContactForces, changes: Changes
@@ -235,6 +219,26 @@ def with_higher(
             break
         forces = wider.contact_forces(U + higher, forces.selected, tangents=False)
     return Higher(higher, forces, miss)
+
+
+def sensitivity(model: ReducedModel, omega: float) -> np.ndarray:
+    """Return B, minus the derivative of the outputs' cos 1, then sin 1, with respect to p, (2 n_outputs, 3 n_pairs, N_H).  Local.
+
+    docs/theory.md, eq. (11.1).  With A = o (K_L^-1 + phi c_1 phi^T) R^T the amplitude is u_lin - A p: the cosine moves by
+    -(Re A p_c + Im A p_s), the sine by Im A p_c - Re A p_s.
+    """
+    A = model.output_receptance(omega, 1)
+    n_out, cos = len(A), model.harmonics.columns(1).start
+    B = np.zeros((2 * n_out, A.shape[1], model.N_H))
+    B[:n_out, :, cos], B[:n_out, :, cos + 1] = A.real, A.imag
+    B[n_out:, :, cos], B[n_out:, :, cos + 1] = -A.imag, A.real
+    return B
+
+
+def output_amplitude(model: ReducedModel, at: OperatingPoint, p: np.ndarray) -> np.ndarray:
+    """Return cos 1 and then sin 1 of the outputs under loads and ``p`` (3 n_pairs, N_H), (2 n_outputs,) [m].  Local."""
+    motion = output_motion(model, at.level, at.omega, p)
+    return motion[:, model.harmonics.columns(1)].T.ravel()
 
 
 def extended(harmonics: Harmonics) -> Harmonics:

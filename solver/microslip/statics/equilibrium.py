@@ -334,7 +334,8 @@ class Contact:
         du, pairs = now.du + SHORTEST * loading.rising, self.pairs
         is_open = pairs.N0 - pairs.k_n * du[:, 2] <= 0.0
         joints = [f"{np.count_nonzero(is_open[own])} of {len(own)} pairs of {name!r}" for name, own in _by_joint(pairs)]
-        return f"[statics]: no equilibrium beyond {share:.1%} of {loading.name}, where {', '.join(joints)} are open: {flies}"
+        found_to = "the very beginning" if share < 5e-4 else f"{share:.1%}"
+        return f"[statics]: no equilibrium beyond {found_to} of {loading.name}, where {', '.join(joints)} are open: {flies}"
 
 
 def _by_joint(pairs: ContactPairs) -> list[tuple[str, np.ndarray]]:

@@ -61,8 +61,9 @@ def large_equilibrium(sought: Sought) -> tuple[Rest, About, int]:
         except (CaseError, ConvergenceError) as problem:
             step *= 0.5
             if step < SHORTEST:
+                found_to = f"{share:.1%} of the load" if share > 0.0 else "the very beginning of the load"
                 raise ConvergenceError(
-                    f"{sought.where}: [statics] large_displacements: no equilibrium beyond {share:.1%} of the load: {problem}"
+                    f"{sought.where}: [statics] large_displacements: no equilibrium beyond {found_to}: {problem}"
                 ) from problem
             continue
         rest, u, share, n_taken, step = found, found.u_owned, aim, n_taken + n_more, min(2.0 * step, 1.0)
