@@ -22,10 +22,15 @@ from scaling_model import (
     stage_model,
     weak_seconds,
 )
+from scaling_of import PARTS
 
 NETWORK = Network(latency=1e-6, bandwidth=1e9)
 SHARES = {2: [0.6, 0.4], 4: [0.3, 0.25, 0.25, 0.2]}
 NOTHING = {kind: {} for kind in KINDS}
+
+
+def test_what_is_booked_apart_is_there():
+    assert all(callable(vars(owner)[name]) for owner, name, _ in PARTS)
 
 
 def made(serial, replicated, parallel):
