@@ -1,9 +1,9 @@
 """Error bars of a joint that slips all over and lifts off in every cycle, against far more harmonics.
 
-    python jobs/bench/bars_in_lift_off.py [--harmonics 5 9 15] [--best 25]
+    python jobs/bench/bars_in_lift_off.py [--harmonics 5 9 15] [--best 25] [--modes 40]
 
 The block on the ground at 4 N, where it moves by more than 0.6 of its peak: complex amplitudes against those of the best set of
-harmonics, between its points by a spline; all over the peak.  The last row is of harmonics chosen by the scene's accuracy.  Needs
+harmonics and more modes, between its points by a spline; all over the peak.  The last row is of harmonics chosen by the scene's accuracy.  Needs
 meshes/block_on_ground.msh (the scene says how).
 """
 
@@ -56,10 +56,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--harmonics", type=int, nargs="+", default=[5, 9, 15])
     parser.add_argument("--best", type=int, default=25)
+    parser.add_argument("--modes", type=int, default=40, help="of the best")
     given = parser.parse_args()
     initialise()
     structure = microslip.build(microslip.read(SCENE))
-    best, _ = curve(structure, harmonics=given.best, samples=512, error_bars=False)
+    best, _ = curve(structure, harmonics=given.best, samples=512, modes=given.modes, error_bars=False)
     frequency, first = np.unique(best.frequency[0], return_index=True)
     true, peak = CubicSpline(frequency, amplitude(best)[first]), np.abs(amplitude(best)).max()
     print(HEAD + "\n|" + 9 * " --- |")

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from .errors import CaseError, Interrupted, MicroslipError, ResourceError
 from .petsc import refused_option
+from .signals import drop_output
 from .start import launcher_rank
 from .watchdog import unwatched
 
@@ -97,7 +98,7 @@ def expected(problem: BaseException) -> MicroslipError | None:
     if isinstance(problem, KeyboardInterrupt):
         return Interrupted("interrupted from the keyboard")
     if isinstance(problem, BrokenPipeError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is left to flush goes nowhere
+        drop_output(sys.stdout.fileno())  # with what is left to flush
         return Interrupted("the reader of the output went away")
     if isinstance(problem, OSError) and problem.errno in _DISK:
         where = f"{problem.filename}: " if problem.filename else ""

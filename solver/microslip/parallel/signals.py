@@ -90,4 +90,9 @@ def _drop_what_nobody_reads() -> None:
     for stream in (1, 2):
         with suppress(OSError, ValueError):  # closed, or beyond what select can look at
             if not select.select([], [stream], [], 0.0)[1]:
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+                drop_output(stream)
+
+
+def drop_output(stream: int) -> None:
+    """Send what is written to a file descriptor from now on nowhere.  Local."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
