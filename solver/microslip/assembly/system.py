@@ -23,7 +23,7 @@ class System:
     """
 
     comm: MPI.Comm
-    K: PETSc.Mat  # (n_dof, n_dof) N/m, without the joint springs
+    K: PETSc.Mat  # (n_dof, n_dof) N/m, without the joint springs; null where it was let go
     M: PETSc.Mat  # (n_dof, n_dof) kg
     C: PETSc.Mat | None  # N s/m, where the user gives one or has dampers; otherwise damping is modal
     R: sp.csr_matrix  # (3 n_pairs, n_dof) relative displacement, du = R u
@@ -41,7 +41,7 @@ class System:
 
     @property
     def n_dof(self) -> int:
-        return self.K.getSize()[0]
+        return self.M.getSize()[0]
 
     def at_nodes(self, u: np.ndarray) -> np.ndarray:
         """Return the displacements of the nodes, (n_nodes, 3, ...), from those of all rows, (n_dof, ...).  Local.

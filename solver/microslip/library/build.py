@@ -24,7 +24,7 @@ from ..observe.log import RunLog
 from ..parallel.agree import on_root
 from ..parallel.petsc import everyone
 from ..reduction.choose_modes import choose_modes
-from ..reduction.methods import check_size
+from ..reduction.methods import check_size, keeps_to_K_L
 from ..reduction.stuck import StuckStructure, static_response
 from ..scene.schema import Scene
 from ..statics.balance import Balance
@@ -120,10 +120,12 @@ def stuck_structure(
     refuse_too_many(settings.modes, system.n_dof, scene.path)
     check_size(settings, system)
     with log.stage("factor of the stuck structure"):
-        later = None if known_modes is not None else partial(memory_of_modes, system, settings)
+        later = None if known_modes is not None else partial(memory_of_modes, system.K, settings)
         linearised = linearise(system, pairs, str(scene.path), later)
     for note in (*linearised.factor.info["said"], of_factor(linearised.factor.info)):
         log.note(note)
+    if linearised.factor.info.get("out_of_core") and unloaded is None and keeps_to_K_L(settings):
+        linearised.let_K_go()  # memory is short
     if known_modes is None:
         refuse_modes(linearised, settings)
     with log.stage("modes"):

@@ -27,12 +27,13 @@ from ..scene.schema import Scene
 from .settings import reduction_settings
 
 if TYPE_CHECKING:
-    from ..assembly.system import System
     from ..linear.joint_springs import Linearised
 
 # bytes an entry of K, of the arrays held at once; M has a third of the entries
 HELD = (1.0 + 1.0 / 3.0) * 12.0  # K and M as PETSc keeps them
 FACTORED = KEPT + 10.5  # K_L, and the half of it that is handed to MUMPS, with places and its analysis
+ENTERED = 8.0  # the half of K_L - sigma M that MUMPS is handed, with places
+MERGED = HELD + ENTERED  # the same while it is put together from rows of K_L and M
 SHARPENED = 1e8  # bytes of some rows of K_L twice and in extended precision, for the eigenvalues
 LIBRARIES = 16e6  # bytes of MUMPS, BLAS and SLEPc and their buffers, touched at first use
 PICTURES = 30e6  # bytes of Matplotlib and its fonts, likewise
@@ -81,16 +82,16 @@ def estimate_memory(scene: Scene, coupling: Coupling, n_pairs: int, so_far: floa
     return MemoryEstimate(stages, None if factor is None else tuple(comm.allgather(factor)), _n_modes(scene, coupling.n_dof))
 
 
-def memory_of_modes(system: System, settings: ReductionSettings, factor: FactorMemory | None) -> float:
+def memory_of_modes(K: PETSc.Mat, settings: ReductionSettings, factor: FactorMemory | None) -> float:
     """Return what the modes, and the proof that none is missing, take on this rank beside the kept factor [bytes].  Local.
 
     The proof comes last, and takes the fronts of another factorisation.  ``factor`` is None where its package does not tell.
     """
-    n_owned, n_dof = system.K.getLocalSize()[0], system.n_dof
+    n_owned, n_dof = K.getLocalSize()[0], K.getSize()[0]
     n_modes = min(settings.modes or PICKED, n_dof)
     vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
-    entries = system.K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
-    proof = 0.0 if factor is None or not settings.verify_modes else FACTORED * entries + factor.out_of_core
+    entries = K.getInfo(PETSc.Mat.InfoType.LOCAL)["nz_used"]
+    proof = 0.0 if factor is None or not settings.verify_modes else of_proof(entries, factor.out_of_core)
     return vectors + max(proof, SHARPENED)
 
 
@@ -103,12 +104,12 @@ def refuse_modes(linearised: Linearised, settings: ReductionSettings) -> None:
     ------
     ResourceError : on every rank
     """
-    system = linearised.system
-    needed = memory_of_modes(system, settings, linearised.factor.info.get("memory"))
+    K_L, comm = linearised.K_L, linearised.system.comm
+    needed = memory_of_modes(K_L, settings, linearised.factor.info.get("memory"))
     advice = "ask for fewer [solver] modes, use more ranks on more machines, or a coarser mesh"
     if settings.verify_modes:
         advice += "; verify_modes = false leaves out the proof that no mode is missing, which takes a second factorisation"
-    refuse_beyond(system.comm, needed, f"{settings.where}: {min(settings.modes or PICKED, system.n_dof)} modes", advice)
+    refuse_beyond(comm, needed, f"{settings.where}: {min(settings.modes or PICKED, K_L.getSize()[0])} modes", advice)
 
 
 def of_factor(info: dict[str, Any]) -> str:
@@ -145,7 +146,7 @@ def _peaks(
     columns = min(8.0 * 128 * n_dof, COLUMNS) * (n_owned / max(n_dof, 1) + (comm.rank == 0))
     vectors = 8.0 * n_owned * (basis_size(n_modes, n_dof) + VECTORS * n_modes)
     fronts = factor.out_of_core if factor is not None else _FRONTS * _by_size(n_dof) / comm.size
-    proof = FACTORED * entries + fronts if solver.verify_modes else 0.0
+    proof = of_proof(entries, fronts) if solver.verify_modes else 0.0
     stages["modes"] = held + vectors + max(proof, SHARPENED, columns)
     held += 8.0 * n_owned * n_modes
     facts, counts = METHODS[solver.method].FACTS, Counts(n_modes, n_dof, n_pairs, len(settings.excitation.shapes))
@@ -156,6 +157,11 @@ def _peaks(
     stages["response"] = held + 2.5 * static + points
     stages["pictures"] = held + static + points + PICTURES
     return _rising(stages)
+
+
+def of_proof(entries: float, fronts: float) -> float:
+    """Return what the proof takes that no mode is missing: K_L - sigma M as it is handed over, then with its fronts.  Local."""
+    return max(MERGED * entries, ENTERED * entries + fronts)
 
 
 def _rising(stages: dict[str, float]) -> dict[str, float]:

@@ -5,6 +5,8 @@ import ctypes
 
 import numpy as np
 
+from libc.string cimport memcpy
+
 cdef extern from "dmumps_c.h" nogil:
     const char *MUMPS_VERSION
     ctypedef struct DMUMPS_STRUC_C:
@@ -34,6 +36,7 @@ cdef extern from "dmumps_c.h" nogil:
         double rinfo[40]
         double rinfog[40]
         char version_number[32]
+        char ooc_tmpdir[256]
 
 ctypedef void (*call_of)(DMUMPS_STRUC_C *) noexcept nogil
 
@@ -53,7 +56,7 @@ cdef class Instance:
 
     cdef roomy c
     cdef call_of call
-    cdef object arrays
+    cdef object arrays, __weakref__
     cdef readonly bint is_open
 
     def __init__(self, library: str, int communicator, int sym):
@@ -89,6 +92,13 @@ cdef class Instance:
 
     def set_cntl(self, int number, double value):
         self.c.id.cntl[number - 1] = value
+
+    def set_folder(self, folder: str):
+        """State where the factor's files go; ValueError if MUMPS has no room for the name."""
+        name = folder.encode()
+        if len(name) >= sizeof(self.c.id.ooc_tmpdir):
+            raise ValueError(f"a folder's name of {len(name)} bytes; MUMPS takes {sizeof(self.c.id.ooc_tmpdir) - 1}")
+        memcpy(self.c.id.ooc_tmpdir, <const char *>name, len(name) + 1)
 
     def info(self, int number) -> int:
         return self.c.id.info[number - 1]

@@ -31,6 +31,19 @@ class Linearised:
     K_L: PETSc.Mat  # (n_dof, n_dof) N/m, symmetric positive definite
     M: PETSc.Mat  # (n_dof, n_dof) kg
     factor: Factor  # of K_L
+    springs: sp.csr_matrix | None = None  # R^T K_J R [N/m], the same on every rank; None: K_L is no sum with them
+
+    def let_K_go(self) -> None:
+        """Free ``system.K``, for which few ask once K_L is there: two fifths of what the matrices take.  Collective."""
+        self.system.K.destroy()
+
+    def bring_K_back(self) -> None:
+        """Find ``system.K`` again, where it was let go, as K_L - R^T K_J R.  Collective where it was."""
+        if not self.system.K:
+            assert self.springs is not None, "K_L as linearise() makes it"
+            self.K_L.copy(result=self.system.K)
+            _add(self.system.K, -self.springs)
+            self.system.K.setOption(PETSc.Mat.Option.SPD, False)
 
     def destroy(self) -> None:
         """Free K_L and its factor; K and M belong to the system.  Collective."""
@@ -59,9 +72,11 @@ def linearise(
         if not np.isfinite(matrix.norm(PETSc.NormType.FROBENIUS)):
             raise CaseError(f"the {name} has entries that are not finite numbers; check the material data and the mesh")
     refuse_beyond(system.comm, memory_before_factor(system.K), "K_L, the stiffness with all pairs stuck", ADVICE)
-    K_L = add_springs(system.K, (system.R.T @ sp.diags(K_J) @ system.R).tocsr())
+    springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
+    K_L = add_springs(system.K, springs)
     try:
-        return Linearised(system, K_L, system.M, Factor(K_L, system, last=np.unique(system.R.indices), later=later))
+        factor = Factor(K_L, system, last=np.unique(system.R.indices), later=later)
+        return Linearised(system, K_L, system.M, factor, springs)
     except CaseError as problem:
         K_L.destroy()
         raise CaseError(f"{where}: {problem}" if where else str(problem)) from problem
@@ -99,14 +114,18 @@ def add_springs(K: PETSc.Mat, springs: sp.csr_matrix) -> PETSc.Mat:
 
     Collective on K's communicator.
     """
-    rows = K.getOwnershipRange()
-    owned = springs[slice(*rows)]
+    K_L = K.duplicate(copy=True)
+    _add(K_L, springs)
+    K_L.setOption(PETSc.Mat.Option.SPD, True)
+    return K_L
+
+
+def _add(K: PETSc.Mat, springs: sp.csr_matrix) -> None:
+    """Add a small symmetric matrix known on every rank to K.  Collective on K's communicator."""
+    owned = springs[slice(*K.getOwnershipRange())]
     owned.sort_indices()
     csr = (owned.indptr.astype(PETSc.IntType), owned.indices.astype(PETSc.IntType), owned.data)
     S = PETSc.Mat().createAIJ(K.getSizes(), csr=csr, comm=K.comm)
-    K_L = K.duplicate(copy=True)
-    K_L.axpy(1.0, S, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    K.axpy(1.0, S, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
     S.destroy()
-    K_L.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    K_L.setOption(PETSc.Mat.Option.SPD, True)
-    return K_L
+    K.setOption(PETSc.Mat.Option.SYMMETRIC, True)

@@ -17,7 +17,7 @@ from ._mumps import BUILT_FOR, Instance, upper_triangle
 from .analysis import count, factor_memory
 from .inverse_entries import inverse_entries
 from .ordering import Elimination, elimination_order
-from .out_of_core import disks, room_on_disk, write_to_disk
+from .out_of_core import disks, room_on_disk, usual_folder, write_to_disk
 from .to_owners import ToOwners
 
 if TYPE_CHECKING:
@@ -321,6 +321,7 @@ def _placed(factor: MumpsFactor, what: str, later: Callable[[FactorMemory], floa
     what_of = f"{what}: its factor ({n_dof} unknowns)"
     if factor.mumps.icntl(22) == 1:  # the user's option
         refuse_beyond(comm, memory.out_of_core, what_of, ADVICE)
+        write_to_disk(comm, factor.mumps, room_on_disk(comm, memory) or usual_folder())
         return {"memory": memory, "out_of_core": True, "said": []}
     beside = later(memory)
     lacks, kept = shortage(comm, memory.in_core + beside), {"memory": memory, "out_of_core": False, "said": []}

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
+import tempfile
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
-from ..parallel.agree import raise_together
+from ..parallel.agree import on_each
 from ..parallel.errors import ResourceError
 from ..parallel.memory import gigabytes
 
@@ -18,7 +20,8 @@ if TYPE_CHECKING:
     from ._mumps import Instance
     from .analysis import FactorMemory
 
-VARIABLE = "MUMPS_OOC_TMPDIR"  # where MUMPS writes; it reads the variable when it starts to factor
+VARIABLE = "MUMPS_OOC_TMPDIR"  # names another folder
+OWN = "microslip_factor_"  # what names of folders begin with that hold one rank's part of a factor
 _OUT_OF_CORE = 22  # ICNTL
 _IN_MEMORY = ("tmpfs", "ramfs", "rootfs")  # file systems that are no disk
 _MARGIN = 1.2  # of the estimate, for what MUMPS adds to it while it factors
@@ -36,12 +39,28 @@ def room_on_disk(comm: MPI.Comm, memory: FactorMemory) -> str | None:
     return folder if comm.allreduce(folder is not None, op=MPI.LAND) else None
 
 
-def write_to_disk(comm: MPI.Comm, mumps: Instance, folder: str | None) -> None:
-    """Make an analysed factor one that MUMPS keeps on disk, in ``folder``.  Collective on ``comm``."""
-    problem = None if folder is not None and os.access(folder, os.W_OK) else f"{folder}: cannot be written; set {VARIABLE}"
-    raise_together(comm, problem, ResourceError)
-    os.environ[VARIABLE] = str(folder)
+def usual_folder() -> str:
+    """Return the folder that is stated, or else the first of the usual ones.  Local."""
+    return _folders()[0]
+
+
+def write_to_disk(comm: MPI.Comm, mumps: Instance, folder: str) -> None:
+    """Make an analysed factor one that MUMPS keeps on disk, in a new folder of its own in ``folder``.  Collective on ``comm``.
+
+    The folder goes when the factor is freed, or else when the program ends, however it does but by being killed.
+    """
+    on_each(comm, _take_folder, mumps, folder)
     mumps.set_icntl(_OUT_OF_CORE, 1)
+
+
+def _take_folder(mumps: Instance, folder: str) -> None:
+    """Make a folder for this rank's files of a factor, and state it.  Local."""
+    try:
+        own = tempfile.mkdtemp(prefix=OWN, dir=folder)
+        weakref.finalize(mumps, shutil.rmtree, own, ignore_errors=True)
+        mumps.set_folder(own)
+    except (OSError, ValueError) as error:
+        raise ResourceError(f"{folder}: cannot be written ({error}); set {VARIABLE}") from error
 
 
 def disks(memory: FactorMemory) -> str:

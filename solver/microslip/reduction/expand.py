@@ -26,7 +26,7 @@ def displacements(linearised: Linearised, modes: Modes, model: ReducedModel, poi
     (f - R^T p); docs/theory.md, section 4.  The harmonics of the points may be others than the model's.
     """
     system, forces, dynamic = linearised.system, [], []
-    first, last = system.K.getOwnershipRange()
+    first, last = system.M.getOwnershipRange()
     loads, R_T = system.loads.tocsr()[first:last], system.R.T.tocsr()[first:last]
     for level, omega, p in points:
         full = model.with_harmonics(Harmonics.full(p.shape[-1]))

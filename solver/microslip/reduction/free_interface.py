@@ -115,7 +115,7 @@ def residual_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.nda
 def _batch_of_attachment_modes(free: FreeBodies, forces: sp.csc_matrix) -> np.ndarray:
     system, factor, phi_owned = free.linearised.system, free.linearised.factor, free.phi_owned
     comm = system.comm
-    first, last = system.K.getOwnershipRange()
+    first, last = system.M.getOwnershipRange()
     participation = gram(comm, phi_owned, forces.tocsr()[first:last].toarray())
     first_Z = factor.solve_sparse(forces) - phi_owned @ (participation / (free.omega_2 + free.alpha)[:, None])
     Z_owned = first_Z = _without(free, first_Z)

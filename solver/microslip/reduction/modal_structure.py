@@ -131,5 +131,5 @@ def modal_family(system: System, omega_n: np.ndarray, phi_owned: np.ndarray, dam
 
 def owned_product(rows: sp.csr_matrix, phi_owned: np.ndarray, system: System) -> np.ndarray:
     """Return rows @ phi on every rank, (n_rows, n_phi).  Collective: one sum."""
-    first, last = system.K.getOwnershipRange()
+    first, last = system.M.getOwnershipRange()
     return system.comm.allreduce(rows[:, first:last] @ phi_owned)

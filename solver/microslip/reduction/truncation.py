@@ -281,5 +281,5 @@ class Solved(KnownNorms):
 
 def _owned(system: System, columns: sp.spmatrix) -> sp.csr_matrix:
     """Return this rank's rows of sparse columns over all DOFs."""
-    first, last = system.K.getOwnershipRange()
+    first, last = system.M.getOwnershipRange()
     return columns.tocsr()[first:last]

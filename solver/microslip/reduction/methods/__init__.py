@@ -67,11 +67,18 @@ def check_modes(stuck: StuckStructure, settings: ReductionSettings) -> None:
         MODE_CHECKS[settings.method](stuck, settings)
 
 
+def keeps_to_K_L(settings: ReductionSettings) -> bool:
+    """Return whether nothing asks for K without the springs of the joints once K_L is there.  Local."""
+    return settings.method in SELECTIONS and (settings.damping is None or settings.damping.structural == 0.0)
+
+
 def reduce_by_method(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction by the method asked for, or in the internal-variable form (docs/theory.md, section 4).
 
     Collective; in that form static solves of a pair when it first leaves sticking.
     """
+    if not keeps_to_K_L(settings):
+        stuck.linearised.bring_K_back()
     if settings.method in REDUCTIONS:
         return REDUCTIONS[settings.method](stuck, settings)
     expand = partial(displacements, stuck.linearised, stuck.modes)

@@ -51,7 +51,7 @@ def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
 
 def fix_interface(system: System, b: np.ndarray) -> tuple[Linearised, float]:
     """Return the structure with the DOFs ``b`` held, factored, and the diagonal k that stands at b [N/m].  Collective."""
-    first, last = system.K.getOwnershipRange()
+    first, last = system.M.getOwnershipRange()
     own = b[(b >= first) & (b < last)].astype(PETSc.IntType)
     K, M = system.K.duplicate(copy=True), system.M.duplicate(copy=True)
     k = float(summed(system.comm, np.array([diagonal_owned(K).sum()]))[0]) / system.n_dof
@@ -68,7 +68,7 @@ def constraint_modes(system: System, fixed: Linearised, b: np.ndarray, k: float)
 
     Collective: a product with K and a solve for each.  docs/theory.md, eq. (8.4).
     """
-    first, last = system.K.getOwnershipRange()
+    first, last = system.M.getOwnershipRange()
     is_own = (b >= first) & (b < last)
     psi_owned = np.zeros((last - first, len(b)), order="F")
     for start in range(0, len(b), _BATCH):

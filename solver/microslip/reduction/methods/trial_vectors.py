@@ -35,7 +35,7 @@ FACTS = Facts(lambda settings, n: n.modes + min(settings.interface_modes, 3 * n.
 def reduce(stuck: StuckStructure, settings: ReductionSettings) -> Reduction:
     """Return the reduction.  Collective: 3 solves a pair."""
     system, factor, modes = stuck.linearised.system, stuck.linearised.factor, stuck.modes
-    first, last = system.K.getOwnershipRange()
+    first, last = system.M.getOwnershipRange()
     X_owned = factor.solve_sparse(system.R.T.tocsc())
     flexibility = summed(system.comm, system.R[:, first:last] @ X_owned)
     forces = derivative_forces(joint_stiffness(stuck.pairs), owned_product(system.R, modes.phi_owned, system), modes.omega_n)
