@@ -1,0 +1,229 @@
+"""Run the commands that a page of docs names, and compare the tables they make with those of the page, number by number.
+
+    python jobs/docs/reproduce.py [docs/PAGE.md ...] [--seconds 300] [--only TEXT] [--without TEXT] [--list]
+
+A command runs in a copy of the project that holds no pages, so that every table found after it, printed or written to docs/,
+is of its making.  A table of the page is compared with the one that most of its rows agree with in their first cell; times and
+memory are of the machine and are counted, not judged.  Prints a line a table, each number that differs, and which tables no
+command made.  Ends with status 1 where a number differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+COMMAND = re.compile(r"(?:[A-Z_]+=\S+ )*(?:python|microslip|mpirun) .+")
+WANTS = re.compile(r"\b(?:FOLDER|SCENE|PYTHON|READER|FILE)\b|…")  # what the reader is to fill in
+LEFT_OUT = shutil.ignore_patterns(".git", ".venv", "results", "_build", "__pycache__", "*.md")
+NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+OF_THE_MACHINE = re.compile(r"(?<![\w/])(?:s|ms|us|min|seconds?|times?|wall|clock|processor|MiB|GiB|GFlop)\b")
+ROUNDING, ITS_SPREAD = 1e-7, 100.0  # numbers below the first are of rounding: they agree within the second
+
+
+@dataclass(frozen=True)
+class Table:
+    """A Markdown table: the line it begins in, the names of its columns (none: not named) and its rows of cells."""
+
+    line: int
+    header: list[str]
+    rows: list[list[str]]
+
+    def named(self) -> list[tuple[str, list[str]]]:
+        """Return the rows, each with its name: its first cell, or the one above where that is empty."""
+        name, found = "", []
+        for row in self.rows:
+            name = row[0] or name
+            found.append((plain(name), row))
+        return found
+
+
+@dataclass
+class Comparison:
+    """What became of a table: numbers that agree, are of the machine, and differ (row, column, page, now)."""
+
+    rows: int = 0
+    equal: int = 0
+    machine: int = 0
+    differ: list[tuple[str, str, str, str]] = field(default_factory=list)
+
+    @property
+    def judged(self) -> int:
+        return self.equal + len(self.differ)
+
+
+def plain(text: str) -> str:
+    """Return a cell as it reads: one kind of minus and hyphen, no marks, no commas in numbers."""
+    text = re.sub(r"(?<=\d),(?=\d{3})", "", text.replace("\N{MINUS SIGN}", "-").replace("×", "x"))
+    return re.sub(r"[`*$\\]", "", text).strip()
+
+
+def tables(text: str) -> list[Table]:
+    """Return the Markdown tables of a text, of a page or of what a command prints."""
+    found: list[Table] = []
+    rows: list[list[str]] = []
+    for number, line in enumerate([*text.splitlines(), ""], 1):
+        if line.lstrip().startswith("|"):
+            rows.append([cell.strip() for cell in line.strip().strip("|").split("|")])
+        elif rows:
+            named = len(rows) > 1 and all(re.fullmatch(":?-+:?", cell) for cell in rows[1])
+            found.append(Table(number - len(rows), rows[0] if named else [], rows[2:] if named else rows))
+            rows = []
+    return found
+
+
+def commands(page: str) -> list[str]:
+    """Return the commands a page names, in code within its text and in blocks of their own, each once."""
+    joined = page.replace("\\\n", " ")
+    spans = re.findall(r"`([^`\n]+)`|^ {4}(\S.*)$", joined, flags=re.M)
+    found = (re.sub(r" {2,}#.*", "", inline or block).strip() for inline, block in spans)
+    return list(dict.fromkeys(re.sub(r"\s+", " ", one) for one in found if COMMAND.fullmatch(one)))
+
+
+def output(command: str, seconds: float) -> tuple[str, list[Table]]:
+    """Run a command in a copy of the project without pages; return what became of it and the tables it made."""
+    with tempfile.TemporaryDirectory() as place:
+        copy = Path(place) / "project"
+        shutil.copytree(ROOT, copy, ignore=LEFT_OUT)
+        paths = ":".join(str(copy / name) for name in ("solver", "tests", "tests/continuation", "meshes"))
+        environment = {**os.environ, "PYTHONPATH": paths, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+        try:
+            ran = subprocess.run(
+                command,
+                shell=True,
+                cwd=copy,
+                env=environment,
+                timeout=seconds,
+                capture_output=True,
+                encoding="utf-8",
+                errors="replace",
+            )
+        except subprocess.TimeoutExpired:
+            return f"stopped after {seconds:.0f} s", []
+        pages = [path.read_text(encoding="utf-8") for path in sorted((copy / "docs").glob("*.md"))]
+        said = "ran" if ran.returncode == 0 else f"status {ran.returncode}: {(ran.stderr.strip().splitlines() or [''])[-1][:100]}"
+        return said, [one for text in (ran.stdout, *pages) for one in tables(text)]
+
+
+def agree(page: str, now: str) -> bool:
+    """Return whether two numbers are the same to the digits that the coarser one prints, one unit of the last allowed."""
+    a, b = float(page), float(now)
+    if max(abs(a), abs(b)) < ROUNDING:
+        return 0.0 in (a, b) or ITS_SPREAD * min(abs(a), abs(b)) > max(abs(a), abs(b))
+    return abs(a - b) <= 1.001 * max(last_digit(page), last_digit(now))
+
+
+def last_digit(number: str) -> float:
+    """Return the worth of the last digit that a number prints."""
+    digits, _, power = number.partition("e")
+    return 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
+
+
+def columns(page: Table, made: Table) -> list[tuple[int, int]]:
+    """Return which column of a page's table is which of the other, by place, or by name where their numbers differ."""
+    width = len(made.rows[0])
+    if len(page.header) == width:
+        return [(i, i) for i in range(width)]
+    names = [plain(name) for name in made.header]
+    return [(i, names.index(plain(name))) for i, name in enumerate(page.header) if plain(name) in names]
+
+
+def compare(page: Table, made: Table) -> Comparison:
+    """Compare the numbers of the rows that two tables have in common; rows of one name are taken in their order."""
+    result, pairs = Comparison(), columns(page, made)
+    left: dict[str, list[list[str]]] = {}
+    for name, row in made.named():
+        left.setdefault(name, []).append(row)
+    for name, row in page.named():
+        if not left.get(name):
+            continue
+        other = left[name].pop(0)
+        result.rows += 1
+        for i, j in pairs:
+            if max(i, j) > 0 and i < len(row) and j < len(other):
+                compare_cells(result, name, page.header[i], row[i], other[j])
+    return result
+
+
+def compare_cells(result: Comparison, name: str, column: str, page: str, now: str) -> None:
+    """Count the numbers of a cell; where there are more in one than in the other, the cell differs as a whole."""
+    ours, theirs = NUMBER.findall(plain(page)), NUMBER.findall(plain(now))
+    if OF_THE_MACHINE.search(plain(column)) or OF_THE_MACHINE.search(name):
+        result.machine += len(ours)
+    elif len(ours) != len(theirs) or not all(agree(a, b) for a, b in zip(ours, theirs)):
+        result.differ.append((name, plain(column), page, now))
+    else:
+        result.equal += len(ours)
+
+
+def nearest(page: Table, made: list[tuple[str, Table]]) -> tuple[str, Comparison] | None:
+    """Return the command and the comparison of the table with most rows in common, then most numbers that agree."""
+    tried = [(command, compare(page, table)) for command, table in made if columns(page, table)]
+    tried = [(command, one) for command, one in tried if one.rows and one.judged + one.machine]
+    return max(tried, key=lambda one: (one[1].rows, one[1].equal, -len(one[1].differ)), default=None)
+
+
+def examined(path: Path, asked: argparse.Namespace) -> Counter:
+    """Run the commands of a page and print what became of each and of every table; return the counts."""
+    text, made = path.read_text(encoding="utf-8"), []
+    print(f"\n{path.name}", flush=True)
+    for command in commands(text):
+        if WANTS.search(command) or not re.search(asked.only, command) or (asked.without and re.search(asked.without, command)):
+            continue
+        if asked.list:
+            print(f"  {command}")
+            continue
+        said, found = output(command, asked.seconds)
+        print(f"  {command}\n    {said}, tables: {len(found)}", flush=True)
+        made += [(command, one) for one in found]
+    return Counter() if asked.list else compared(tables(text), made)
+
+
+def compared(page: list[Table], made: list[tuple[str, Table]]) -> Counter:
+    """Print a line for every table of a page, and what differs; return how many numbers agree, differ, are of the machine."""
+    counts: Counter = Counter(tables=len(page))
+    for table in page:
+        head = f"  line {table.line}, {' | '.join(table.header)[:60]}: "
+        found = nearest(table, made)
+        if found is None:
+            print(head + "no command that ran made it")
+            continue
+        one = found[1]
+        print(
+            head
+            + f"{one.rows} of {len(table.rows)} rows, {one.equal} of {one.judged} numbers agree, {one.machine} of the machine"
+        )
+        for row, column, here, now in one.differ:
+            print(f'    differs: "{row}", "{column}": {here} on the page, {now} now')
+        counts.update(made=1, equal=one.equal, differ=len(one.differ), machine=one.machine)
+    return counts
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("pages", nargs="*", type=Path, help="all of docs unless said")
+    parser.add_argument("--seconds", type=float, default=300.0, help="that a command may take")
+    parser.add_argument("--only", default="", help="commands that this regular expression is found in")
+    parser.add_argument("--without", help="commands to leave out")
+    parser.add_argument("--list", action="store_true", help="the commands, none run")
+    asked = parser.parse_args()
+    counts = sum((examined(path, asked) for path in asked.pages or sorted((ROOT / "docs").glob("*.md"))), Counter())
+    if not asked.list:
+        print(
+            f"\n{counts['made']} of {counts['tables']} tables made: {counts['equal']} numbers agree, cells that differ: "
+            f"{counts['differ']}, {counts['machine']} of the machine"
+        )
+    return int(counts["differ"] > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

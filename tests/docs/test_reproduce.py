@@ -1,0 +1,111 @@
+"""The command that compares the tables of docs with what their commands make: it compares with nothing but what they make."""
+
+import sys
+from argparse import Namespace
+from pathlib import Path
+
+import pytest
+
+sys.path.append(str(Path(__file__).parents[2] / "jobs" / "docs"))
+
+import reproduce
+from reproduce import agree, commands, compare, nearest, tables
+
+PAGE = """# A page
+
+`python jobs/bench/a.py --size 3`, and again `python jobs/bench/a.py --size 3`, `microslip`, `python` and `K`:
+
+| samples | error | wall, s |
+| ---: | ---: | ---: |
+| 32 | 2.1 %, 1,250 | 3.0 |
+| | 0.61 % | 2.0 |
+
+    python jobs/bench/b.py --long \\
+        argument          # what it does
+"""
+
+
+def made(text: str, page: str = PAGE):
+    return nearest(tables(page)[0], [("command", one) for one in tables(text)])
+
+
+def test_commands_of_a_page():
+    assert commands(PAGE) == ["python jobs/bench/a.py --size 3", "python jobs/bench/b.py --long argument"]
+
+
+def test_the_same_numbers_agree_and_times_are_not_judged():
+    _, found = made("| samples | error | wall, s |\n| --- | --- | --- |\n| 32 | 2.10 %, 1250 | 9 |\n| | 0.611 % | 7 |\n")
+    assert (found.rows, found.equal, found.differ, found.machine) == (2, 3, [], 2)
+
+
+def test_another_number_differs_and_is_named():
+    _, found = made("| 32 | 2.4 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n")
+    assert found.differ == [("32", "error", "2.1 %, 1,250", "2.4 %, 1,250")]
+    assert found.equal == 1
+
+
+def test_a_number_more_differs():
+    _, found = made("| 32 | 2.1 %, 1,250, 8 | 9 |\n")
+    assert len(found.differ) == 1 and found.rows == 1
+
+
+def test_columns_of_another_order_are_found_by_name():
+    page = "| case | a | b |\n| --- | --- | --- |\n| x | 1 | 2 |\n"
+    _, found = made("| case | b | c | a |\n| --- | --- | --- | --- |\n| x | 2 | 5 | 1 |\n", page)
+    assert (found.equal, found.differ) == (2, [])
+
+
+def test_the_table_with_most_rows_in_common_is_taken():
+    _, found = made("| 64 | 1 | 1 |\n\n| 32 | 2.1 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n\n| 32 | 7 | 7 |\n")
+    assert found.rows == 2 and not found.differ
+    assert made("no table") is None and made("| 64 | 2.1 % | 9 |\n") is None
+
+
+@pytest.mark.parametrize(
+    "page, now, same",
+    [("2.1", "2.14", True), ("2.1", "2.25", False), ("3e-1", "0.25", True), ("-3", "-5", False), ("1250", "1251", True)]
+    + [("2e-13", "4e-12", True), ("2e-13", "4e-7", False), ("0", "1e-12", True), ("0", "1", True), ("0", "2", False)],
+)
+def test_numbers_agree_to_the_digits_printed(page, now, same):
+    assert agree(page, now) == same
+
+
+def project(folder: Path, script: str) -> Path:
+    """Make a project whose page shows 1.5 and names a script; return the page."""
+    (folder / "docs").mkdir()
+    (folder / "make.py").write_text(script)
+    page = folder / "docs" / "page.md"
+    page.write_text("`python make.py`\n\n| case | value |\n| --- | --- |\n| x | 1.5 |\n")
+    return page
+
+
+WRITES = "from pathlib import Path\nPath('docs/page.md').write_text('| case | value |\\n| --- | --- |\\n| x | {} |\\n')\n"
+READS = "from pathlib import Path\nprint(Path('docs/page.md').read_text())\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "script, counts",
+    [
+        ("print('| x | 1.5 |')", {"tables": 1, "made": 1, "equal": 1}),
+        ("print('| x | 1.7 |')", {"tables": 1, "made": 1, "differ": 1}),
+        (WRITES.format("1.5"), {"tables": 1, "made": 1, "equal": 1}),
+        (WRITES.format("1.7"), {"tables": 1, "made": 1, "differ": 1}),
+        ("print('nothing')", {"tables": 1}),  # the page itself is never what a command made
+        (READS, {"tables": 1}),
+        ("import time\nprint('| x | 1.5 |', flush=True)\ntime.sleep(60)", {"tables": 1}),
+    ],
+)
+def test_a_page_is_compared_with_what_its_command_makes(tmp_path, monkeypatch, script, counts):
+    page = project(tmp_path, script)
+    monkeypatch.setattr(reproduce, "ROOT", tmp_path)
+    found = reproduce.examined(page, Namespace(seconds=2.0, only="", without=None, list=False))
+    assert {name: n for name, n in found.items() if n} == counts
+    assert "1.5" in page.read_text()
+
+
+def test_tables_know_their_line_and_rows_their_name():
+    (table,) = tables(PAGE)
+    assert table.line == 5 and table.header[1] == "error"
+    assert [name for name, _ in table.named()] == ["32", "32"]
+    assert compare(table, table).equal == 3
