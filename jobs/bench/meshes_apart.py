@@ -83,7 +83,7 @@ def finer_across(n: int) -> list[Case]:
     blade = replace(SIZES["small"], neck=2, wall=2, flank=n)
     other = replace(blade, flank=n + 1, chord=blade.chord + 1)
     across = [Case(f"{n} elements across a flank", "mortar", "blade", blade, blade)]
-    return across + [Case(f"{n + 1} elements across", "mortar", first, blade, other) for first in ("blade", "disc")]
+    return across + [Case(f"{n}; the disc {n + 1}", "mortar", first, blade, other) for first in ("blade", "disc")]
 
 
 def rows(cases: list[Case], levels, folder: Path) -> None:
@@ -92,7 +92,8 @@ def rows(cases: list[Case], levels, folder: Path) -> None:
     for case in cases:
         n_pairs, found, seconds = peaks(case.scene(folder), levels)
         exact = found if case.blade == case.disc else exact
-        cells = [f"{1e3 * value:.4f} ({100.0 * (value / own - 1.0):+.2f} %)" for value, own in zip(found, exact)]
+        is_own = exact is found
+        cells = [f"{1e3 * a:.3f} mm/N" if is_own else f"{100.0 * (a / own - 1.0):+.1f} %" for a, own in zip(found, exact)]
         print(f"| {case.name} | {case.pairing}, {case.first} | {n_pairs} | {' | '.join(cells)} | {seconds:.0f} |", flush=True)
 
 
@@ -102,7 +103,7 @@ def main():
     parser.add_argument("--across", nargs="*", type=int, default=[], help="elements of the blade across a flank")
     parser.add_argument("--levels", type=float, nargs="+", default=[1.0, 5.0, 10.0, 15.0])
     given = parser.parse_args()
-    print("| disc | pairing, first | pairs | " + " | ".join(f"{level:g} N [mm/N]" for level in given.levels) + " | s |")
+    print("| disc's mesh | contact points, first | number | " + " | ".join(f"{level:g} N" for level in given.levels) + " | s |")
     print("| --- " * (len(given.levels) + 4) + "|")
     with tempfile.TemporaryDirectory() as folder:
         for cases in [*map(discs_apart, given.size), *map(finer_across, given.across)]:

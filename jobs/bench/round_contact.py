@@ -162,7 +162,7 @@ def in_words(case: Case, cells: int) -> str:
     if not case.base:
         return f"{case.shape} on a rigid plane, nodes"
     how = {"points": "cells", "mortar": "mortar", "projected": "nodes projected"}[case.pairing]
-    return f"{case.shape} on an elastic base, {'the same mesh' if case.base == cells else 'another mesh'}, {how}"
+    return f"{case.shape} on an elastic base of {'the same' if case.base == cells else 'another'} mesh, {how}"
 
 
 def main():

@@ -40,14 +40,14 @@ def main():
     at = np.round(np.linspace(np.nanmin(frequency), np.nanmax(frequency), N_POINTS + 2)[1:-1], 6).tolist()
     reference, _ = amplitudes(structure, given.reference, "path", at)
     print(f"{facts()['processor']}; {given.scene}, reference: path, {given.reference} samples")
-    print(f"{'samples':>8} {'path':>10} {'s':>6} {'return map':>12} {'s':>6}")
+    print("| samples | path between samples | s | return map at samples alone | s |\n| ---: | ---: | ---: | ---: | ---: |")
     for n in given.samples:
-        row = f"{n:8d}"
+        cells = []
         for law in ("path", "return-map"):
             found, seconds = amplitudes(structure, n, law, at)
             error = max(np.abs(a - b).max() / np.abs(b).max() if a.shape == b.shape else np.nan for a, b in zip(found, reference))
-            row += f" {100 * error:{9 if law == 'path' else 11}.4f}% {seconds:6.2f}"
-        print(row)
+            cells.append(f"{100 * error:.2g} % | {seconds:.2f}")
+        print(f"| {n} | {' | '.join(cells)} |", flush=True)
 
 
 if __name__ == "__main__":

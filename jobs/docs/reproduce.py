@@ -24,7 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 COMMAND = re.compile(r"(?:[A-Z_]+=\S+ )*(?:python|microslip|mpirun) .+")
 WANTS = re.compile(r"\b(?:FOLDER|SCENE|PYTHON|READER|FILE)\b|…")  # what the reader is to fill in
-LEFT_OUT = shutil.ignore_patterns(".git", ".venv", "results", "_build", "__pycache__", "*.md")
+LEFT_OUT = {".": {".git", ".venv", "results"}, "docs": {"_build"}}  # of a folder; pages and compiled Python everywhere
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 OF_THE_MACHINE = re.compile(r"(?<![\w/])(?:s|ms|us|min|seconds?|times?|wall|clock|processor|MiB|GiB|GFlop)\b")
 ROUNDING, ITS_SPREAD = 1e-7, 100.0  # numbers below the first are of rounding: they agree within the second
@@ -60,6 +60,10 @@ class Comparison:
     def judged(self) -> int:
         return self.equal + len(self.differ)
 
+    def add(self, other: Comparison) -> None:
+        self.rows, self.equal, self.machine = self.rows + other.rows, self.equal + other.equal, self.machine + other.machine
+        self.differ += other.differ
+
 
 def plain(text: str) -> str:
     """Return a cell as it reads: one kind of minus and hyphen, no marks, no commas in numbers."""
@@ -89,11 +93,21 @@ def commands(page: str) -> list[str]:
     return list(dict.fromkeys(re.sub(r"\s+", " ", one) for one in found if COMMAND.fullmatch(one)))
 
 
+def copy_project(copy: Path) -> None:
+    """Copy the project without its pages, its history and what runs left."""
+
+    def left_out(folder: str, names: list[str]) -> set[str]:
+        within = LEFT_OUT.get(os.path.relpath(folder, ROOT), set())
+        return {name for name in names if name in within or name.endswith(".md") or name == "__pycache__"}
+
+    shutil.copytree(ROOT, copy, ignore=left_out)
+
+
 def output(command: str, seconds: float) -> tuple[str, list[Table]]:
     """Run a command in a copy of the project without pages; return what became of it and the tables it made."""
     with tempfile.TemporaryDirectory() as place:
         copy = Path(place) / "project"
-        shutil.copytree(ROOT, copy, ignore=LEFT_OUT)
+        copy_project(copy)
         paths = ":".join(str(copy / name) for name in ("solver", "tests", "tests/continuation", "meshes"))
         environment = {**os.environ, "PYTHONPATH": paths, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
         try:
@@ -138,19 +152,38 @@ def columns(page: Table, made: Table) -> list[tuple[int, int]]:
 
 
 def compare(page: Table, made: Table) -> Comparison:
-    """Compare the numbers of the rows that two tables have in common; rows of one name are taken in their order."""
+    """Compare the numbers of the rows that two tables have in common; of one name, the most alike or the first."""
     result, pairs = Comparison(), columns(page, made)
     left: dict[str, list[list[str]]] = {}
     for name, row in made.named():
         left.setdefault(name, []).append(row)
     for name, row in page.named():
-        if not left.get(name):
-            continue
-        other = left[name].pop(0)
-        result.rows += 1
-        for i, j in pairs:
-            if max(i, j) > 0 and i < len(row) and j < len(other):
-                compare_cells(result, name, page.header[i], row[i], other[j])
+        tried = [
+            (compared_rows(page, name, row, other, pairs), other) for other in left.get(name, []) if meshes(row) == meshes(other)
+        ]
+        if tried:
+            found, other = max(tried, key=lambda one: (alike(row, one[1]), one[0].equal))
+            left[name].remove(other)
+            result.add(found)
+    return result
+
+
+def meshes(row: list[str]) -> list[str]:
+    """Return the cells of a row that say how fine a mesh is: 8 x 8 x 16."""
+    return [plain(cell) for cell in row if re.fullmatch(r"\d+(?: x \d+)+", plain(cell))]
+
+
+def alike(row: list[str], other: list[str]) -> int:
+    """Return how many cells of words two rows have in common."""
+    return len({plain(cell) for cell in row if not NUMBER.search(cell)} & {plain(cell) for cell in other})
+
+
+def compared_rows(page: Table, name: str, row: list[str], other: list[str], pairs: list[tuple[int, int]]) -> Comparison:
+    """Compare a row of a page with one that was made; its name is known to be the same."""
+    result = Comparison(rows=1)
+    for i, j in pairs:
+        if max(i, j) > 0 and i < len(row) and j < len(other):
+            compare_cells(result, name, page.header[i], row[i], other[j])
     return result
 
 

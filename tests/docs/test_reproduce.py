@@ -55,6 +55,12 @@ def test_columns_of_another_order_are_found_by_name():
     assert (found.equal, found.differ) == (2, [])
 
 
+def test_of_rows_of_one_name_that_of_the_same_words_and_mesh_is_taken():
+    page = "| bar | of | cells | value |\n| --- | --- | --- | --- |\n| x | here | 8 x 8 | 1 |\n| | there | 8 x 8 | 2 |\n| | here | 16 x 16 | 3 |\n"
+    _, found = made("| x | here | 4 x 4 | 1 |\n| x | there | 8 x 8 | 2 |\n| x | here | 8 x 8 | 5 |\n", page)
+    assert found.rows == 2 and found.differ == [("x", "value", "1", "5")]
+
+
 def test_the_table_with_most_rows_in_common_is_taken():
     _, found = made("| 64 | 1 | 1 |\n\n| 32 | 2.1 %, 1,250 | 9 |\n| | 0.61 % | 7 |\n\n| 32 | 7 | 7 |\n")
     assert found.rows == 2 and not found.differ

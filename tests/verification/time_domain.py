@@ -12,10 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
+from microslip.parallel.petsc import initialise
+
+initialise()  # before anything imports PETSc
+
 from dense_model import amplitude, branch
 from mpi4py import MPI
 from oracles import exact, scenes, time_integration
-from verification import chain  # noqa: F401  starts PETSc
 
 
 @dataclass(frozen=True)
