@@ -1,5 +1,7 @@
 """Static columns against dense inverses of small lattices."""
 
+from dataclasses import replace
+
 import lattices
 import numpy as np
 import pytest
@@ -9,7 +11,9 @@ from mpi4py import MPI
 from microslip.linear.factor import Factor
 from microslip.linear.joint_springs import joint_stiffness, linearise
 from microslip.modes import constraint
-from microslip.modes.constraint import static_columns
+from microslip.modes.constraint import RowSums, static_columns
+from microslip.parallel.ownership import split_evenly
+from microslip.reduction.stuck import static_response
 
 comm = MPI.COMM_WORLD
 SHAPE = (6, 3, 2)
@@ -29,14 +33,16 @@ def inverse(system, pairs):
 
 
 @pytest.mark.parametrize("batch", [None, 1, 5])
-def test_flexibility_of_the_pairs(joined, batch):
+def test_flexibility_of_the_pairs(joined, batch, monkeypatch):
     linearised, pairs = joined
     system = linearised.system
+    monkeypatch.setattr(constraint, "_BATCH", batch or constraint._BATCH)
+    monkeypatch.setattr(constraint, "_FEWEST", min(batch or constraint._FEWEST, constraint._FEWEST))
     exact = system.R @ inverse(system, pairs) @ system.R.T
-    found = static_columns(linearised, system.R, system.R.T.tocsc(), batch=batch)
+    found = static_columns(linearised, system.R, system.R.T.tocsc())
     np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max())
     ranges = np.array([0] + [len(exact)] * comm.size)  # all rows on rank 0
-    found = static_columns(linearised, system.R, system.R.T.tocsc(), row_ranges=ranges, batch=batch)
+    found = static_columns(linearised, system.R, system.R.T.tocsc(), row_ranges=ranges)
     np.testing.assert_allclose(found, exact[ranges[comm.rank] : ranges[comm.rank + 1]], atol=1e-13 * abs(exact).max())
 
 
@@ -114,6 +120,46 @@ def test_wrong_and_refused_entries_are_solved_for(joined, always, monkeypatch):
         found = static_columns(linearised, R, R.T.tocsc())
         assert linearised.factor.info["solves"] == before + n_checks + len(exact)
         np.testing.assert_allclose(found, exact, atol=1e-13 * abs(exact).max())
+
+
+def test_sums_of_rows_known_beforehand_take_the_place_of_the_check(joined, always, monkeypatch):
+    """Right sums make no solve; wrong ones one, which says that the entries are right; and wrong entries do not agree with them."""
+    linearised, pairs = joined
+    R, good, some = linearised.system.R, Factor.inverse_entries, np.array([3, 4, 5, 12, 13, 14])
+    exact = R @ inverse(linearised.system, pairs) @ R.T
+    signs = np.random.default_rng(1).choice([-1.0, 1.0], len(exact))
+    sums = RowSums(signs, static_columns(linearised, R, sp.csc_matrix(R.T @ signs).T)[:, 0])
+
+    def checks(known):
+        before = linearised.factor.info["solves"]
+        found = static_columns(linearised, R, R.T.tocsc()[:, some], known=known)
+        np.testing.assert_allclose(found, exact[:, some], atol=1e-13 * abs(exact).max())
+        return linearised.factor.info["solves"] - before
+
+    assert checks(sums.of(some)) == 0
+    assert checks(replace(sums, sums=sums.sums * (1.0 + 1e-5)).of(some)) == 1
+
+    def wrong(*args):
+        entries = good(*args)
+        if entries.size:
+            entries[7] *= 1.0 + 1e-5
+        return entries
+
+    monkeypatch.setattr(Factor, "inverse_entries", wrong)
+    assert checks(sums.of(some)) == 1 + len(some)  # the check, and solves in place of the entries
+
+
+def test_columns_of_pairs_are_checked_by_one_solve_beforehand(joined, always):
+    linearised, pairs = joined
+    G, system = static_response(linearised).G_static, linearised.system
+    before = linearised.factor.info["solves"]
+    for part in np.array_split(np.arange(pairs.n_pairs), 3):
+        G.put(part, G.solve(part))
+    assert linearised.factor.info["solves"] == before and len(always) == 3
+    exact = system.R @ inverse(system, pairs) @ system.R.T
+    found = G.transposed(np.arange(pairs.n_pairs)).T
+    own = split_evenly(pairs.n_pairs, comm.size)[comm.rank :][:2] * 3
+    np.testing.assert_allclose(found, exact[slice(*own)], atol=1e-13 * abs(exact).max())
 
 
 def test_many_forces_in_a_column_are_solved_for(joined, always):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..parallel.ownership import summed
 if TYPE_CHECKING:
     from ..linear.joint_springs import Linearised
 
-_BATCH = 128  # right-hand sides at a time; more gain nothing (docs/validation.md)
+_BATCH, _FEWEST = 128, 16  # right-hand sides at a time, most and least; more gain nothing (docs/validation.md)
 _BATCH_BYTES = 2.5e8  # of a batch of solutions, over all ranks; of entries of the inverse
 _FEW = 16  # right-hand sides up to which solves are as quick as entries of the inverse
 _MOST_ENTRIES = 3  # columns of the inverse a right-hand side: each costs a sixth to a third of a solve
@@ -20,8 +21,36 @@ _MOST_ROWS = 0.1  # of the inverse, as a share: the fewer, the less of the facto
 _AGREE = 1e-9  # entries of the inverse against a solve, each column of size 1
 
 
+@dataclass(frozen=True, eq=False)
+class RowSums:
+    """What a checked solve says beforehand of left @ K_L^-1 @ right: random sums of the rows of each column.
+
+    K_L is symmetric, so that the sums w of all columns are one solution, right^T K_L^-1 left^T w.
+    """
+
+    weights: np.ndarray  # (m_l,) w, of either sign
+    sums: np.ndarray  # (m_r,) w^T left @ K_L^-1 @ right
+
+    def of(self, columns: np.ndarray) -> RowSums:
+        """Return those of some columns.  Local."""
+        return replace(self, sums=self.sums[columns])
+
+    def agree(self, product: np.ndarray) -> bool:
+        """Tell whether they are those of a product (m_l, m_r), each column of size 1.  Local.
+
+        Signs are random, so that the expected square of a sum's difference is the square of the column's: a bad column shows.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):  # a column of zeros agrees with nothing
+            difference = (self.weights @ product - self.sums) / np.linalg.norm(product, axis=0)
+        return bool(np.linalg.norm(difference) <= _AGREE * np.sqrt(len(difference)))
+
+
 def static_columns(
-    linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, row_ranges=None, batch: int | None = None
+    linearised: Linearised,
+    left: sp.csr_matrix,
+    right: sp.csc_matrix,
+    row_ranges: np.ndarray | None = None,
+    known: RowSums | None = None,
 ) -> np.ndarray:
     """Return left @ K_L^-1 @ right.
 
@@ -32,7 +61,7 @@ def static_columns(
     left : (m_l, n_dof), the same on every rank; for example R, or the output rows
     right : (n_dof, m_r), the same on every rank; for example R^T, or the loads
     row_ranges : (size + 1,); if given, rank r receives rows row_ranges[r]:row_ranges[r + 1] only
-    batch : right-hand sides solved for together
+    known : what the product is checked by; without it a solve is made for that where it takes one
 
     Returns
     -------
@@ -45,24 +74,26 @@ def static_columns(
     left, right = sp.csr_matrix(left), sp.csc_matrix(right)
     rows = slice(None) if row_ranges is None else slice(*row_ranges[linearised.system.comm.rank :][:2])
     if np.count_nonzero(np.diff(left.indptr)) < np.count_nonzero(np.diff(right.indptr)):
-        return np.ascontiguousarray(_solve_right(linearised, right.T.tocsr(), left.T.tocsc(), slice(None), batch).T[rows])
-    return _solve_right(linearised, left, right, rows, batch)
+        return np.ascontiguousarray(_solve_right(linearised, right.T.tocsr(), left.T.tocsc(), slice(None), None).T[rows])
+    return _solve_right(linearised, left, right, rows, known)
 
 
-def _solve_right(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, batch: int | None) -> np.ndarray:
+def _solve_right(
+    linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, known: RowSums | None
+) -> np.ndarray:
     """Return ``rows`` of left @ K_L^-1 @ right, solving for the columns of ``right`` that are not zero.  Collective."""
     loaded = np.flatnonzero(np.diff(right.indptr))
     product = np.zeros((len(range(*rows.indices(left.shape[0]))), right.shape[1]))
-    found = _by_inverse(linearised, left, right[:, loaded], rows)
-    product[:, loaded] = found if found is not None else _by_solves(linearised, left, right[:, loaded], rows, batch)
+    found = _by_inverse(linearised, left, right[:, loaded], rows, known and known.of(loaded))
+    product[:, loaded] = found if found is not None else _by_solves(linearised, left, right[:, loaded], rows)
     return product
 
 
-def _by_solves(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, batch: int | None) -> np.ndarray:
+def _by_solves(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice) -> np.ndarray:
     """Return ``rows`` of left @ K_L^-1 @ right by a solve for every column.  Collective."""
     comm, (n_dof, m) = linearised.system.comm, right.shape
     left_owned = left[:, slice(*linearised.K_L.getOwnershipRange())]
-    batch = batch or int(np.clip(_BATCH_BYTES / (8 * n_dof), 16, _BATCH))
+    batch = int(np.clip(_BATCH_BYTES / (8 * n_dof), _FEWEST, _BATCH))
     product = np.empty((len(range(*rows.indices(left.shape[0]))), m))
     for start in range(0, m, batch):
         columns = slice(start, start + batch)
@@ -71,8 +102,10 @@ def _by_solves(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix
     return product
 
 
-def _by_inverse(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice) -> np.ndarray | None:
-    """Return ``rows`` of left @ K_L^-1 @ right by those entries of K_L^-1 that it takes, checked against a solve.
+def _by_inverse(
+    linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, rows: slice, known: RowSums | None
+) -> np.ndarray | None:
+    """Return ``rows`` of left @ K_L^-1 @ right by those entries of K_L^-1 that it takes, checked by what is known or a solve.
 
     Collective.  None, on every rank, where solves are quicker, or entries are not to be had or not accurate.
     """
@@ -91,7 +124,8 @@ def _by_inverse(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matri
         if comm.rank == 0:
             product += (of_forced[columns].T @ (of_seen @ entries).T).T
     comm.Bcast(product)
-    return product[rows] if _agrees(linearised, left, right, product) else None
+    is_right = known is not None and comm.bcast(known.agree(product))
+    return product[rows] if is_right or _agrees(linearised, left, right, product) else None
 
 
 def _agrees(linearised: Linearised, left: sp.csr_matrix, right: sp.csc_matrix, product: np.ndarray) -> bool:

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from ..assembly.system import System
 from ..linear.joint_springs import Linearised
 from ..mesh.data import ContactPairs
-from ..modes.constraint import static_columns
+from ..modes.constraint import RowSums, static_columns
 from ..modes.eigen import Modes
 from ..parallel.memory import refuse_beyond
 from ..parallel.ownership import rows_of, split_evenly
@@ -53,17 +53,19 @@ class StuckStructure:
 
 
 def static_response(linearised: Linearised) -> Statics:
-    """Return the static response: n_loads + n_outputs solves now, those of the pairs when they first leave sticking.
+    """Return the static response: n_loads + n_outputs + 1 solves now, those of the pairs when they first leave sticking.
 
-    Collective on the system's communicator.
+    Collective on the system's communicator.  The further solve is of random forces on all pairs: by it their columns are checked.
     """
     system = linearised.system
     n_rows, n_out, n_load = system.R.shape[0], system.outputs.shape[0], system.loads.shape[1]
-    static = static_columns(linearised, seen_rows(system), sp.hstack([system.loads, system.outputs.T], format="csc"))
+    signs = np.random.default_rng(n_rows).choice([-1.0, 1.0], n_rows)
+    forces = sp.hstack([system.loads, system.outputs.T, sp.csc_matrix(system.R.T @ signs).T], format="csc")
+    static, of_signs = np.split(static_columns(linearised, seen_rows(system), forces), [n_load + n_out], axis=1)
     pair_ranges = split_evenly(n_rows // 3, system.comm.size)
     return Statics(
         pair_ranges=pair_ranges,
-        G_static=pair_columns(linearised, pair_ranges),
+        G_static=pair_columns(linearised, pair_ranges, RowSums(signs, of_signs[:n_rows, 0])),
         du_static=static[:n_rows, :n_load].copy(),
         out_static=static[n_rows : n_rows + n_out, :n_load].copy(),
         out_R=static[:n_rows, n_load:].T.copy(),
@@ -77,10 +79,10 @@ def seen_rows(system: System) -> sp.csr_matrix:
     return sp.vstack([system.R, system.outputs, system.loads.T], format="csr")
 
 
-def pair_columns(linearised: Linearised, pair_ranges: np.ndarray) -> StaticColumns:
+def pair_columns(linearised: Linearised, pair_ranges: np.ndarray, known: RowSums) -> StaticColumns:
     """Return the columns of R K_L^-1 R^T, to be solved for with the kept factor when they are needed.  Local.
 
-    Where there is no memory for them, that raises ResourceError on every rank.
+    ``known`` are random sums of the rows of all of them.  Where there is no memory for them, that raises ResourceError on every rank.
     """
     R, comm = linearised.system.R, linearised.system.comm
     R_T, n_owned = R.T.tocsc(), int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
@@ -89,7 +91,7 @@ def pair_columns(linearised: Linearised, pair_ranges: np.ndarray) -> StaticColum
         chosen = rows_of(pairs)
         if 8.0 * len(chosen) * R.shape[0] > _ASKED_FROM:
             refuse_beyond(comm, 16.0 * len(chosen) * 3 * n_owned, f"static columns of {len(pairs)} more pairs", _FEWER)
-        return static_columns(linearised, R, R_T[:, chosen], row_ranges=3 * pair_ranges)
+        return static_columns(linearised, R, R_T[:, chosen], 3 * pair_ranges, known.of(chosen))
 
     batch = FROM_DISK if linearised.factor.info.get("out_of_core") else BATCH
     return StaticColumns(R.shape[0] // 3, n_owned, solve, batch)
