@@ -79,15 +79,16 @@ class BorderedSystem:
     def equation(self) -> HarmonicBalance:
         return self.problem.equation
 
-    def residual(self, U: np.ndarray, nu_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def residual(self, U: np.ndarray, nu_owned: np.ndarray, tangents: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Return this rank's rows of r(U, omega), scaled and weighted, and the k constraints.  Collective: one gather.
 
         ``nu_owned`` (k,) are the scaled parameters on the rank that owns them and 0 elsewhere.  Rows are NaN, a failed step on
-        every rank, where a parameter is not above zero.
+        every rank, where a parameter is not above zero.  With ``tangents`` the derivatives of the contact forces, which are then
+        known when they are asked for, come of the same march.
         """
         scaling, k = self.scaling, len(nu_owned)
         parts = tuple(constraint.of_motion(U, scaling) for constraint in self.constraints)
-        forces = self.equation.contact_forces(U, self.selected, tangents=False, extras=(*parts, *nu_owned))
+        forces = self.equation.contact_forces(U, self.selected, tangents, extras=(*parts, *nu_owned))
         parts, nu = forces.extras[:k], np.array(forces.extras[k:])
         parameters = tuple(nu * scaling.parameters)
         rows = np.full(U.shape, np.nan)
@@ -113,10 +114,19 @@ class Corrector:
     ----------
     shape : (n_owned, 3, N_H) of this rank's motion
     n_parameters : k
+    tangents_at_end : the derivatives of the contact forces are asked for at a solution, too
     """
 
-    def __init__(self, comm: MPI.Comm, shape: tuple[int, int, int], tolerance: float, n_parameters: int = 1):
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        shape: tuple[int, int, int],
+        tolerance: float,
+        n_parameters: int = 1,
+        tangents_at_end: bool = False,
+    ):
         self.comm, self.shape, self.tolerance, self.k = comm, shape, tolerance, n_parameters
+        self._tangents_at_end, self._is_first = tangents_at_end, False
         self.last = comm.rank == comm.size - 1  # owns the parameters and their rows
         self.n_U = int(np.prod(shape))
         self.newton_solver = NewtonSolver(comm)
@@ -195,6 +205,7 @@ class Corrector:
         self._snes.setFunction(self._residual, self._r, args=(system,))
         self._snes.setJacobian(self._linearise, self._J, args=(system, exactness))
         self._pack(guess, system.scaling)
+        self._is_first = True
         self._snes.solve(None, self._x)
         reason, norm = self._snes.getConvergedReason(), self._snes.getFunctionNorm()
         if reason <= 0 and norm <= self._snes.getTolerances()[1]:  # an iteration beyond what was asked for led no further
@@ -241,7 +252,8 @@ class Corrector:
 
     def _residual(self, snes, x, r, system: BorderedSystem) -> None:
         values, out = x.getArray(readonly=True), r.getArray()
-        rows, constraints = system.residual(self._motion(values, system.scaling), self._nu(values))
+        tangents, self._is_first = self._is_first or self._tangents_at_end, False  # Newton linearises at the guess in any case
+        rows, constraints = system.residual(self._motion(values, system.scaling), self._nu(values), tangents)
         out[: self.n_U] = rows.ravel()
         if self.last:
             out[self.n_U :] = constraints

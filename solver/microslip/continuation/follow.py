@@ -245,7 +245,8 @@ def follow_branch(
     points of a step when the ``keeper`` has them, so that at most those are lost again which that puts off.
     ``max_points`` bounds a branch that never reaches the end of the range.
     """
-    branch, workspace = Branch(task.problem.at((task.sweep.start,)).level), Workspace(task.problem.equation)
+    branch = Branch(task.problem.at((task.sweep.start,)).level)
+    workspace = Workspace(task.problem.equation, task.estimator is not None)
     since: list[Point] = []  # the last step
 
     def take(point: Point) -> None:

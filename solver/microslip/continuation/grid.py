@@ -92,7 +92,7 @@ def solved_at(task: BranchTask, omegas: Sequence[float], on_point: Callable[[Poi
     Collective.
     """
     problem = task.problem
-    branch, workspace = Branch(problem.at((omegas[0],)).level), Workspace(problem.equation)
+    branch, workspace = Branch(problem.at((omegas[0],)).level), Workspace(problem.equation, task.estimator is not None)
     try:
         for point in _points(task, task.start(workspace), omegas):
             on_point(point)

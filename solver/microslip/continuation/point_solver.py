@@ -29,7 +29,8 @@ Found = tuple[Correction, np.ndarray]  # and the pairs that were let slip, (n_pa
 class Workspace:
     """What makes the next solve of a branch quicker and never decides where it leads: PETSc's objects, numbers known once."""
 
-    def __init__(self, equation: HarmonicBalance):
+    def __init__(self, equation: HarmonicBalance, has_bars: bool = False):
+        self._has_bars = has_bars  # which ask for tangents at every point
         stiffest = float(equation.law.stiffness.max(initial=0.0))
         self.comm, self.stiffest = equation.comm, max(equation.comm.allgather(stiffest))  # N/m, the stiffest spring of all pairs
         self.spent = 0  # Newton iterations so far
@@ -47,7 +48,7 @@ class Workspace:
         return self._corrector
 
     def _new_corrector(self, equation: HarmonicBalance) -> Corrector:
-        return Corrector(equation.comm, equation.shape, self._resolution.tolerance)
+        return Corrector(equation.comm, equation.shape, self._resolution.tolerance, tangents_at_end=self._has_bars)
 
     def newton_solver(self, equation: HarmonicBalance, resolution: Resolution) -> NewtonSolver:
         """Return what solves Newton's systems of a resolution, with the preconditioner it keeps.  Collective."""

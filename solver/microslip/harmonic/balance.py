@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..contact.law import Law
+from ..contact.law import ContactCycle, Law
 from ..fourier.harmonics import Harmonics
 from ..parallel.ownership import summed
 from ..receptance.columns import ReceptanceColumns
@@ -84,11 +84,7 @@ class HarmonicBalance:
         the same on every rank.
         """
         chosen = np.flatnonzero(selected[self.model.owned])
-        everything = len(chosen) == self.n_owned
-        law, motion = (self.law, U) if everything else (self.law.take(chosen), U[chosen])
-        found = law.cycle(motion, self.n_samples, tangents=tangents, harmonics=self.harmonics)
-        if self.held is not None:
-            hold_mean_slip(found, self.held if everything else self.held[chosen])
+        found = self._cycle(U, chosen, tangents)
         state = np.zeros(self.n_owned, dtype=np.uint8)
         state[chosen] = found.state
         active_owned = chosen[found.active]
@@ -97,7 +93,24 @@ class HarmonicBalance:
         if self.comm.size > 1:
             actives, forces, sums = zip(*self.comm.allgather((active, p_owned, np.array(extras))))
             active, p, extras = np.concatenate(actives), np.concatenate(forces), tuple(sum(sums))
-        return ContactForces(U, selected, state, bool(found.creeps.any()), active_owned, found.P, active, p, extras)
+        P = found.P if tangents else None
+        return ContactForces(U, selected, state, bool(found.creeps.any()), active_owned, P, active, p, extras)
+
+    def _cycle(self, U: np.ndarray, chosen: np.ndarray, tangents: bool) -> ContactCycle:
+        """Return the cycle of some of this rank's pairs, which is kept for the last motion: do not write into it.  Local.
+
+        Newton asks for it twice, for the residual and its derivative, and the record of a point once more.
+        """
+        key = U.tobytes(), chosen.tobytes()
+        known, found = self._known.get("cycle", (None, None))
+        if known != key or (tangents and found.P is None):
+            everything = len(chosen) == self.n_owned
+            law, motion = (self.law, U) if everything else (self.law.take(chosen), U[chosen])
+            found = law.cycle(motion, self.n_samples, tangents=tangents, harmonics=self.harmonics)
+            if self.held is not None:
+                hold_mean_slip(found, self.held if everything else self.held[chosen])
+            self._known["cycle"] = key, found
+        return found
 
     def full_force(self, forces: ContactForces) -> np.ndarray:
         """Return p of all pairs, (3 n_pairs, N_H) [N], zero where they stick.  Local."""

@@ -82,7 +82,8 @@ def seen_rows(system: System) -> sp.csr_matrix:
 def pair_columns(linearised: Linearised, pair_ranges: np.ndarray, known: RowSums) -> StaticColumns:
     """Return the columns of R K_L^-1 R^T, to be solved for with the kept factor when they are needed.  Local.
 
-    ``known`` are random sums of the rows of all of them.  Where there is no memory for them, that raises ResourceError on every rank.
+    ``known`` are random sums of the rows of all of them.  Where there is no memory for them, that raises ResourceError on every
+    rank.
     """
     R, comm = linearised.system.R, linearised.system.comm
     R_T, n_owned = R.T.tocsc(), int(pair_ranges[comm.rank + 1] - pair_ranges[comm.rank])
