@@ -59,7 +59,7 @@ def test_methods_agree_at_every_frequency(level):
     for point, other, response in zip(points, checked, row.response):
         assert response == pytest.approx(point.response, abs=1e-8 * peak)
         assert other.response == pytest.approx(point.response, abs=1e-8 * peak)
-    assert set(row.unknowns) == {2 * 3 * 7} and min(row.evaluations) >= 2
+    assert set(row.unknowns) == {2 * 3 * 7} and min(row.evaluations) >= 1
 
 
 def test_dense_jacobian_is_the_derivative_of_the_residual():

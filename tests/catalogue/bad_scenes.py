@@ -280,6 +280,12 @@ CONTRADICTIONS = [
         "accuracy = 0.01\nerror_bars = false",
         "error_bars = false: accuracy chooses",
     ),
+    lap(
+        "an accuracy that is not stated",
+        "modes = 5",
+        'modes = 5\naccuracy_of = "corrected"',
+        "accuracy_of says what accuracy counts for",
+    ),
     lap("iwan without its keys", "friction = 0.3", 'law = "iwan"', '[[joints]] 1 ("lap")', "slip_force is missing"),
     lap("key of another law", "friction = 0.3", "friction = 0.3\nchi = -0.5", '[[joints]] 1 ("lap")', "chi"),
     lap(

@@ -24,9 +24,10 @@ from microslip.continuation.follow import follow_branch
 from microslip.continuation.grid import at_frequencies, solved_at, task_at
 from microslip.continuation.point_solver import Workspace
 from microslip.continuation.task import BranchTask
+from microslip.error_estimate.correction import parts_of_corrected
 from microslip.error_estimate.estimate import ErrorEstimator
 from microslip.fourier.harmonics import Harmonics
-from microslip.points.error_parts import PARTS
+from microslip.points.error_parts import PARTS, total
 from microslip.points.selection import AllPairs
 from microslip.points.sweep import Sweep
 from microslip.receptance.modes_left_out import BetterModel
@@ -69,6 +70,33 @@ def test_a_branch_meets_the_accuracy_asked_for(level, target):
     finer = at_frequencies(fine, AllPairs(), list(between), tolerance=1e-9)
     straight = np.interp(between, omegas, np.abs(amplitudes(found.points)))
     assert np.abs(straight - np.abs(amplitudes(finer.points))).max() <= 2.0 * target * straight.max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", [1e-2, pytest.param(1e-3, marks=pytest.mark.ranks(1))])
+def test_an_accuracy_of_the_corrected_amplitude_is_met_with_fewer_harmonics(target):
+    problem, estimator = problem_of("chain", 100.0)
+    omegas, spent = list(np.linspace(LOW, HIGH, 14)), {}
+    fine, _ = problem_of("chain", 100.0, 25, 2048)
+    exact = amplitudes(at_frequencies(fine, AllPairs(), omegas, tolerance=1e-10).points)
+    for is_corrected in (False, True):
+        accuracy = Accuracy(target, Resolution(Harmonics.up_to(1), 16), is_corrected=is_corrected)
+        found = solved_at(task_at(problem, AllPairs(), omegas, 1e-9, estimator, accuracy), omegas)
+        assert found.failure is None
+        u = np.array([(one.corrected[0] if is_corrected else one.response[0, 1:3]) @ [1.0, -1.0j] for one in found.points])
+        assert np.abs(u - exact).max() <= target * np.abs(exact).max()
+        spent[is_corrected] = COMM.bcast([point.harmonics for point in found.points])
+    estimator.destroy()
+    assert np.sum(spent[True]) < np.sum(spent[False])
+
+
+def test_parts_of_a_corrected_bar_are_those_of_what_remains():
+    parts = np.array([[1.0, 50.0, 8.0, 0.0, 0.5], [1.0, 2.0, 3.0, 0.0, 0.5]])
+    remaining = np.array([3.0 * (1.0 + 0.2 * 50.0 + 0.25 * 8.0 + 4.0), total(parts)[1]])  # the first with 4 beyond first order
+    found = parts_of_corrected(parts, remaining)
+    np.testing.assert_allclose(found[0], [1.0, 14.0, 2.0, 0.0, 0.5])
+    np.testing.assert_array_equal(found[1], parts[1])  # which is not corrected
+    assert (found <= parts).all()
 
 
 def test_stated_harmonics_and_samples_stay():

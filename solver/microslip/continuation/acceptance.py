@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..contact.law import STICK
+from ..error_estimate.correction import parts_of_corrected
 from ..fourier.harmonics import Harmonics
 from ..points.branch import Point
 from .accuracy import Accuracy, Memory, Resolution
@@ -121,8 +122,10 @@ def judged(solver: PointSolver, accuracy: Accuracy | None, memory: Memory, point
     """Return what is wrong with a point for want of harmonics, samples and tolerance, over what is allowed.  Collective."""
     if accuracy is None or point.error is None:
         return {}, memory
-    amplitudes = np.hypot(point.response[:, 1::2], point.response[:, 2::2]).max(axis=1)
-    return solver.comm.bcast(accuracy.ratios(amplitudes, point.error, memory))
+    amplitudes, error = np.hypot(point.response[:, 1::2], point.response[:, 2::2]).max(axis=1), point.error
+    if accuracy.is_corrected and point.error_corrected is not None:
+        error = parts_of_corrected(error, point.error_corrected)
+    return solver.comm.bcast(accuracy.ratios(amplitudes, error, memory))
 
 
 def check_forces(solver: PointSolver, found: Correction, point: Point) -> None:

@@ -85,6 +85,7 @@ class Accuracy:
     keeps : parts whose resolution the scene states
     chooses_steps : whether the step length follows from the accuracy, or from the number of points that the scene states
     tightest : tolerance of a point whose residual is felt
+    is_corrected : whether it counts for the corrected amplitude, and what remains of its bar
     """
 
     target: float
@@ -92,13 +93,15 @@ class Accuracy:
     keeps: frozenset[str] = frozenset()
     chooses_steps: bool = True
     tightest: float = 1e-8
+    is_corrected: bool = False
 
     def allowed(self, peak: np.ndarray) -> np.ndarray:
         """Return the error that each output may have [m]."""
         return self.target * np.maximum(peak, FAINT * peak.max(initial=0.0))
 
     def ratios(self, amplitude: np.ndarray, error: np.ndarray, memory: Memory) -> tuple[dict[str, float], Memory]:
-        """Return each part over what is allowed, the worst of the outputs, from amplitudes (n_outputs,) and parts of the bar."""
+        """Return each part over what is allowed, the worst of the outputs, from amplitudes (n_outputs,) and parts of the bar that
+        counts, (n_outputs, n_parts) [m]."""
         peak = amplitude if memory.peak is None else np.maximum(memory.peak, amplitude)
         allowed, found = self.allowed(peak), {}
         used = np.minimum(error[:, PARTS.index("harmonics")], SHARES["harmonics"] * allowed)
@@ -173,7 +176,8 @@ def accuracy_of(settings: ResponseSettings, equation: HarmonicBalance, linear: b
         harmonics = Harmonics.odd_up_to(H) if not linear and symmetric(equation) else Harmonics.up_to(H)
     n_samples = settings.samples if "samples" in keeps else least_samples(harmonics.highest)
     loosest = settings.tolerance if "solver" in keeps else max(TOLERANCE * target, settings.tolerance)
-    return Accuracy(target, Resolution(harmonics, n_samples, loosest), keeps, settings.chooses_steps, settings.tolerance)
+    coarsest = Resolution(harmonics, n_samples, loosest)
+    return Accuracy(target, coarsest, keeps, settings.chooses_steps, settings.tolerance, settings.is_corrected)
 
 
 def steps_for(target: float) -> ArcLength:

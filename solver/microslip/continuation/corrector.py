@@ -118,12 +118,7 @@ class Corrector:
     """
 
     def __init__(
-        self,
-        comm: MPI.Comm,
-        shape: tuple[int, int, int],
-        tolerance: float,
-        n_parameters: int = 1,
-        tangents_at_end: bool = False,
+        self, comm: MPI.Comm, shape: tuple[int, int, int], tolerance: float, n_parameters: int = 1, tangents_at_end: bool = False
     ):
         self.comm, self.shape, self.tolerance, self.k = comm, shape, tolerance, n_parameters
         self._tangents_at_end, self._is_first = tangents_at_end, False

@@ -22,6 +22,7 @@ class ResponseSettings:
     samples: int = 128
     tolerance: float = 1e-8
     accuracy: float | None = None  # of the response over its peak; None: harmonics, samples and steps are as stated
+    is_corrected: bool = False  # whether the accuracy counts for the corrected amplitude
     keeps: frozenset[str] = frozenset()  # of harmonics, samples, solver: what is stated beside the accuracy
     chooses_steps: bool = True  # whether steps follow from the accuracy
     loaded: int = 1  # highest harmonic of the loads, at least 1

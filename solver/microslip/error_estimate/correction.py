@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..points.error_parts import SAFETY, total
+from ..points.error_parts import PARTS, SAFETY, total
 
 OF_HARMONICS = 0.2  # share of that part which is left: the harmonics settle to a tenth, and more would follow beyond them
 OF_SAMPLES = 0.25  # the same of the samples, whose limit is extrapolated
@@ -41,6 +41,23 @@ def corrected(parts: np.ndarray, linear: np.ndarray, second: np.ndarray, left_ou
     is_shorter = remaining < bar
     cos, sin = np.split(np.where(np.isfinite(second), linear.sum(axis=0) + second, 0.0), 2)
     return Estimate(sizes, np.where(is_shorter, cos - 1j * sin, 0.0), np.where(is_shorter, remaining, bar))
+
+
+def parts_of_corrected(parts: np.ndarray, remaining: np.ndarray) -> np.ndarray:
+    """Return the parts of the bar of the corrected amplitudes, (n_outputs, n_parts) [m].  Local.
+
+    What is left of the samples' part is known; what is not first order counts with the harmonics, from which most of it comes.
+    An amplitude that is not corrected has the parts that it had.
+
+    Parameters
+    ----------
+    parts : (n_outputs, n_parts) of the bar, as in ``PARTS`` [m]
+    remaining : (n_outputs,) the bar of the corrected amplitudes [m]
+    """
+    found, (modes, harmonics, samples) = parts.copy(), parts.T[:3]
+    of_harmonics = np.maximum(remaining / SAFETY - modes - OF_SAMPLES * samples, OF_HARMONICS * harmonics)
+    found[:, PARTS.index("harmonics")], found[:, PARTS.index("samples")] = of_harmonics, OF_SAMPLES * samples
+    return np.where((remaining < total(parts))[:, None], found, parts)
 
 
 def _sizes(values: np.ndarray) -> np.ndarray:

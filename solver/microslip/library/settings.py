@@ -118,6 +118,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
         samples=solver.samples,
         tolerance=solver.tolerance,
         accuracy=solver.accuracy,
+        is_corrected=solver.accuracy_of == "corrected",
         keeps=frozenset(part for part, key in KEYS.items() if not scene.chooses(key)),
         chooses_steps="points" not in response.model_fields_set,
         loaded=max((load.harmonic for load in scene.loads), default=1) or 1,

@@ -350,7 +350,11 @@ def _constant_loads(scene: Scene) -> list[str]:
 
 
 def _bars(scene: Scene) -> list[str]:
-    """Error bars that are needed and refused."""
+    """Error bars that are needed and refused; what an accuracy counts for without one."""
+    if scene.solver.accuracy_of != "amplitude" and scene.solver.accuracy is None:
+        return [
+            "[solver] accuracy_of says what accuracy counts for, which is not stated; state accuracy, or leave accuracy_of out"
+        ]
     if scene.solver.error_bars or not (scene.chooses("harmonics") or scene.chooses("samples")):
         return []
     return ["[solver] error_bars = false: accuracy chooses harmonics and samples by them; leave error_bars out, or state both"]

@@ -59,6 +59,9 @@ class Solver(Table):
     accuracy: float | None = Field(
         None, gt=0, lt=1, description="the error of the response that is accepted, over its peak, a number above 0 and below 1"
     )
+    accuracy_of: Literal["amplitude", "corrected"] = Field(
+        "amplitude", description='"amplitude": accuracy counts for what is solved for; "corrected": for the corrected amplitude'
+    )
     modes: int | None = Field(None, ge=1, le=LARGEST_NUMBER, description="the number of modes, a whole number of at least 1")
     harmonics: int = Field(3, ge=0, le=10_000, description="the highest harmonic, a whole number of at least 0")
     samples: int = Field(128, ge=1, le=10_000_000, description="the time samples per period, a whole number above 2 x harmonics")

@@ -22,7 +22,7 @@ from ...library.prepare import Prepared, prepare
 from ...library.settings import response_settings
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...parallel.errors import MicroslipError
-from ...points.branch import Branch
+from ...points.branch import Branch, Point
 from ...points.error_parts import total
 from ...receptance.modes_left_out import BetterModel
 from .study import Curve, Run, Setting
@@ -123,6 +123,7 @@ class Bench:
             "tolerance": setting.tolerance,
             "harmonics": max(setting.harmonics, self.least_harmonics),
             "accuracy": setting.accuracy,
+            "accuracy_of": setting.accuracy_of,
         }
         if setting.energy_tolerance is not None:
             changed["energy_tolerance"] = setting.energy_tolerance
@@ -143,7 +144,7 @@ class Bench:
             return None
         own = response_settings(self.scene)
         free = replace(own, accuracy=setting.accuracy, keeps=frozenset(), tolerance=ResponseSettings.tolerance)
-        return accuracy_of(free, problem.equation)
+        return accuracy_of(replace(free, is_corrected=setting.is_corrected), problem.equation)
 
     def run(self, knob: str, value: str, setting: Setting, omegas: Mapping[float, Sequence[float]], bars: bool = True) -> Run:
         """Return what a setting does at the frequencies of each level, timed; a failure is part of it."""
@@ -164,7 +165,7 @@ class Bench:
                 )
         failure = "; ".join(branch.why_ended for branch in timed.branches if branch.failure)
         unknowns = max((point.unknowns for branch in timed.branches for point in branch.points), default=0)
-        curves = self.comm.bcast(tuple(curve_of(branch) for branch in timed.branches))
+        curves = self.comm.bcast(tuple(curve_of(branch, setting.is_corrected) for branch in timed.branches))
         return Run(
             knob,
             value,
@@ -235,9 +236,16 @@ def not_run(knob: str, value: str, setting: Setting, why: str) -> Run:
     return Run(knob, value, setting, np.nan, np.nan, np.nan, np.nan, np.nan, 0, (), why)
 
 
-def curve_of(branch: Branch) -> Curve:
-    """Return the amplitude of harmonic 1 of the first output along a branch, cos - i sin.  Local."""
+def curve_of(branch: Branch, is_corrected: bool = False) -> Curve:
+    """Return the amplitude of harmonic 1 of the first output along a branch, cos - i sin, or the corrected one.  Local."""
     omega = np.array([point.omega for point in branch.points])
-    u = np.array([complex(point.response[0, 1], -point.response[0, 2]) for point in branch.points])
-    bar = np.array([np.nan if point.error is None else float(total(point.error[0])) for point in branch.points])
-    return Curve(branch.level, omega, u, bar)
+    found = [amplitude_of(point, is_corrected) for point in branch.points]
+    return Curve(branch.level, omega, np.array([u for u, _ in found], dtype=complex), np.array([bar for _, bar in found]))
+
+
+def amplitude_of(point: Point, is_corrected: bool) -> tuple[complex, float]:
+    """Return that amplitude at a point and its bar, nan where there is none [m].  Local."""
+    if is_corrected and point.corrected is not None and point.error_corrected is not None:
+        return complex(point.corrected[0, 0], -point.corrected[0, 1]), float(point.error_corrected[0])
+    bar = np.nan if point.error is None else float(total(point.error[0]))
+    return complex(point.response[0, 1], -point.response[0, 2]), bar

@@ -229,6 +229,8 @@ def settings(
         settings_of_row = [(knob, f"{value:g}", base.turned(knob, value)) for knob, value in filter(None, row)]
         first += [entry for entry in settings_of_row if entry[2].samples > 2 * entry[2].harmonics]
     later += [(ACCURACY, f"{target:g}", replace(base, accuracy=target)) for target in TARGETS[:2]]
+    of_corrected = replace(base, accuracy_of="corrected")
+    later += [(ACCURACY, f"{target:g} corrected", replace(of_corrected, accuracy=target)) for target in TARGETS[:2]]
     if "eps" in knobs and most > 0.0:
         energies = [float(f"{10.0**decade * most:.0e}") for decade in EPS]
         later += [("eps", f"{eps:g} J", replace(base, method="adaptive-energy", energy_tolerance=eps)) for eps in energies]

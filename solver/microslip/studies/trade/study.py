@@ -31,6 +31,7 @@ class Setting:
     method: str = "receptance"
     energy_tolerance: float | None = None  # J a cycle and pair; adaptive-energy
     accuracy: float | None = None
+    accuracy_of: str = "amplitude"  # or "corrected"
     mesh: str | None = None  # another file than the scene's
 
     def table(self) -> str:
@@ -40,11 +41,17 @@ class Setting:
             lines += [f"harmonics = {self.harmonics}", f"samples = {self.samples}"]
         else:
             lines.append(f"accuracy = {self.accuracy:g}")
+            lines += [f'accuracy_of = "{self.accuracy_of}"'] if self.is_corrected else []
         if self.energy_tolerance is not None:
             lines.append(f"energy_tolerance = {self.energy_tolerance:g}")
         if self.accuracy is None:
             lines.append(f"tolerance = {self.tolerance:g}")
         return "\n".join(lines)
+
+    @property
+    def is_corrected(self) -> bool:
+        """Whether what counts is the corrected amplitude."""
+        return self.accuracy_of == "corrected"
 
     def turned(self, knob: str, value: Any) -> Setting:
         """Return it with another value of a knob."""
@@ -52,7 +59,7 @@ class Setting:
 
     def __str__(self) -> str:
         if self.accuracy is not None:
-            return f"accuracy {self.accuracy:g}"
+            return f"accuracy {self.accuracy:g}{' of the corrected amplitude' if self.is_corrected else ''}"
         own = "" if self.method == "receptance" else f"{self.method}, "
         own += "" if self.energy_tolerance is None else f"eps {self.energy_tolerance:g} J, "
         return f"{own}{self.modes} modes, H = {self.harmonics}, N_t = {self.samples}, tolerance {self.tolerance:g}"
