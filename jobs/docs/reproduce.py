@@ -23,9 +23,23 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 COMMAND = re.compile(r"(?:[A-Z_]+=\S+ )*(?:python|microslip|mpirun) .+")
-WANTS = re.compile(r"\b(?:FOLDER|SCENE|PYTHON|READER|FILE)\b|…")  # what the reader is to fill in
+WANTS = re.compile(r"\b(?:FOLDER|SCENE|PYTHON|READER|FILE|MODEL|RESULTS|DIR)\b|…")  # what the reader is to fill in
 LEFT_OUT = {".": {".git", ".venv", "results"}, "docs": {"_build"}}  # of a folder; pages and compiled Python everywhere
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+LENGTH = re.compile(rf"({NUMBER.pattern}) (mm|\u00b5m|\u03bcm)(?![a-z])")
+POWERS = {"mm": -3, "\N{MICRO SIGN}m": -6, "\N{GREEK SMALL LETTER MU}m": -6}
+PEAK = re.compile(
+    r"^level \d+ of \d+: (\S+ N): .*peak (\S+ m) \((\S+ m/N)\) at (\S+ Hz), (\d+) of \d+ pairs slip, (\d+) open", flags=re.M
+)
+PEAKS = [
+    "level",
+    "peak",
+    "per newton",
+    "peak per newton",
+    "frequency of the peak",
+    "pairs that slip, open",
+    "points that slip, open",
+]
 OF_THE_MACHINE = re.compile(r"(?<![\w/])(?:s|ms|us|min|seconds?|times?|wall|clock|processor|MiB|GiB|GFlop)\b")
 ROUNDING, ITS_SPREAD = 1e-7, 100.0  # numbers below the first are of rounding: they agree within the second
 
@@ -66,9 +80,23 @@ class Comparison:
 
 
 def plain(text: str) -> str:
-    """Return a cell as it reads: one kind of minus and hyphen, no marks, no commas in numbers."""
+    """Return a cell as it reads: one kind of minus and hyphen, no marks, no commas in numbers, lengths in m, nothing in brackets
+    after words."""
     text = re.sub(r"(?<=\d),(?=\d{3})", "", text.replace("\N{MINUS SIGN}", "-").replace("×", "x"))
-    return re.sub(r"[`*$\\]", "", text).strip()
+    text = LENGTH.sub(lambda found: f"{in_powers(found[1], POWERS[found[2]])} m", text)
+    return re.sub(r"[`*$\\]|(?<=[a-z]) \(.*\)$", "", text).strip()
+
+
+def in_powers(number: str, power: int) -> str:
+    """Return a number times a power of ten, to the same digits."""
+    digits, _, own = number.partition("e")
+    return f"{digits}e{int(own or 0) + power:+03d}"
+
+
+def peaks(text: str) -> list[Table]:
+    """Return the peaks of the levels that a run prints as a table like those of the guide; none where it prints none."""
+    rows = [[level, a, b, b, f, f"{slip}, {n}", f"{slip}, {n}"] for level, a, b, f, slip, n in PEAK.findall(text)]
+    return [Table(0, PEAKS, rows)] if rows else []
 
 
 def tables(text: str) -> list[Table]:
@@ -125,7 +153,7 @@ def output(command: str, seconds: float) -> tuple[str, list[Table]]:
             return f"stopped after {seconds:.0f} s", []
         pages = [path.read_text(encoding="utf-8") for path in sorted((copy / "docs").glob("*.md"))]
         said = "ran" if ran.returncode == 0 else f"status {ran.returncode}: {(ran.stderr.strip().splitlines() or [''])[-1][:100]}"
-        return said, [one for text in (ran.stdout, *pages) for one in tables(text)]
+        return said, [one for text in (ran.stdout, *pages) for one in tables(text)] + peaks(ran.stdout)
 
 
 def agree(page: str, now: str) -> bool:

@@ -115,3 +115,14 @@ def test_tables_know_their_line_and_rows_their_name():
     assert table.line == 5 and table.header[1] == "error"
     assert [name for name, _ in table.named()] == ["32", "32"]
     assert compare(table, table).equal == 3
+
+
+def test_peaks_that_a_run_prints_are_compared_in_any_unit():
+    said = (
+        "level 1 of 2: 0.5 N: 67 points in 0.31 s; peak 8.1534e-05 m (1.6307e-04 m/N) at 724.58 Hz, 16 of 64 pairs slip, 32 open"
+    )
+    page = "| level | peak | per newton | pairs that slip, open (of 64) | friction |\n| --- | --- | --- | --- | --- |\n"
+    page += "| 0.5 N | 0.082 mm | 163 µm/N | 16, 30 | 3 % |\n"
+    found = nearest(tables(page)[0], [("command", one) for one in reproduce.peaks(said)])[1]
+    assert (found.equal, found.differ) == (2, [("0.5 N", "pairs that slip, open", "16, 30", "16, 32")])
+    assert reproduce.peaks("nothing") == []
