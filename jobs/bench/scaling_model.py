@@ -212,11 +212,11 @@ def stage_model(name: str, measured: Measured, network: Network) -> StageModel:
     return StageModel(name, alone, *parts, model.share, model.calls, model.bytes, idle)
 
 
-def exponent(small: float, large: float, n_small: float, n_large: float) -> float:
-    """Return g of time ~ n^g, from two sizes; between 0 and 3."""
+def exponent(small: float, large: float, n_small: float, n_large: float, least: float, most: float) -> float:
+    """Return g of time ~ n^g, from two sizes, as far as theory bounds it: times of milliseconds say little of larger ones."""
     if min(small, large) <= 0.0:
-        return 0.0
-    return float(np.clip(np.log(large / small) / np.log(n_large / n_small), 0.0, 3.0))
+        return least
+    return float(np.clip(np.log(large / small) / np.log(n_large / n_small), least, most))
 
 
 def weak_seconds(model: StageModel, growth: float, ranks: int, network: Network) -> float:

@@ -85,7 +85,8 @@ def test_ranks_gain_until_the_least_time_is_nearly_reached():
     assert gains_until([1.0 / n for n in RANKS]) == 1024
     assert gains_until([1.0] * len(RANKS)) == 1
     assert gains_until([1.0 / n + n / 64 for n in RANKS]) == 8
-    assert exponent(1.0, 4.0, 100, 200) == pytest.approx(2.0)
+    assert exponent(1.0, 4.0, 100, 200, 1.0, 3.0) == pytest.approx(2.0)
+    assert [exponent(1.0, large, 100, 200, 1.0, 1.5) for large in (0.0, 1.5, 4.0)] == [1.0, 1.0, 1.5]
 
 
 SAYS = """
