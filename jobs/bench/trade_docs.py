@@ -58,7 +58,7 @@ ABOUT = (
     "of one of these; what their differences leave to come, as a geometric series with the ratio seen (taken as at least 1.25 and at "
     "most 4), is what the reference itself may be wrong by. A smaller error is shown as `< ...`, a choice is made only where error and that "
     "together are within the accuracy asked.",
-    "`own %` is what a knob alone does: the difference from the finest value of the same knob, all others as in the base; of harmonics "
+    "`corrected %` is what the corrected amplitude of the error bar is off by, in the time of `+ bars s`. `own %` is what a knob alone does: the difference from the finest value of the same knob, all others as in the base; of harmonics "
     "and methods, from the reference. `time s` is the wall time of the response, `CPU s` its processor time, by which runs are ranked and compared, `+ bars s` the processor time with error bars, which a run has unless its scene says no (an accuracy always has them); the set-up of a row, modes and "
     "reduction, stands apart, and what all rows share (mesh, factor, static columns) is not in it. The time of m modes is read off a straight line "
     "between two eigensolutions that were timed. `bar %` is the largest error bar; `covered %` the share of the points under their bar, `bar/error` the "

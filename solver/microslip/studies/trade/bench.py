@@ -165,7 +165,10 @@ class Bench:
                 )
         failure = "; ".join(branch.why_ended for branch in timed.branches if branch.failure)
         unknowns = max((point.unknowns for branch in timed.branches for point in branch.points), default=0)
-        curves = self.comm.bcast(tuple(curve_of(branch, setting.is_corrected) for branch in timed.branches))
+        curves, corrected = self.comm.bcast(
+            tuple(tuple(curve_of(one, of) for one in timed.branches) for of in (setting.is_corrected, True))
+        )
+        has_bars = bars or setting.accuracy is not None
         return Run(
             knob,
             value,
@@ -178,6 +181,7 @@ class Bench:
             unknowns,
             curves,
             failure or None,
+            corrected if has_bars else (),
         )
 
     def _timed_branches(self, prepared: Prepared, setting: Setting, omegas, bars: bool) -> Timed:

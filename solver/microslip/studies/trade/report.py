@@ -41,6 +41,7 @@ COLUMNS = {
     "bar_over_error": "bar/error",
     "on_front": "front",
     "failure": "failure",
+    "corrected_percent": "corrected %",
 }
 SHOWN = (
     "knob",
@@ -54,6 +55,7 @@ SHOWN = (
     "cpu_s",
     "cpu_with_bars_s",
     "error_percent",
+    "corrected_percent",
     "rms_percent",
     "own_percent",
     "peak_percent",
@@ -91,7 +93,7 @@ def summary(study: Study) -> list[str]:
         *validation_lines(study),
         "",
         "what each knob costs and buys, in processor time of the response:",
-        *(f"  {line}" for line in sentences(study)),
+        *(f"  {line}" for line in (*sentences(study), *corrected_sentences(study))),
         "",
         "the front, nothing of what was run is both faster and better:",
         *(f"  {line}" for line in front_lines(study)),
@@ -110,11 +112,13 @@ def records(study: Study) -> list[dict]:
     front, found = {id(run) for run in study.front()}, []
     for run in study.ordered():
         own = study.own(run, run.knob) if run.failure is None else np.nan
-        found.append(_numbers(run, "all", run.curves, study.score(run), own, id(run) in front))
+        corrected = {"corrected_percent": 100 * study.error_of_corrected(run.corrected)}
+        found.append(_numbers(run, "all", run.curves, study.score(run), own, id(run) in front) | corrected)
         if len(study.reference.curves) > 1:
-            for curve in run.curves:
+            for i, curve in enumerate(run.curves):
                 part = score([curve], study.reference.curves)
-                found.append(_numbers(run, f"{curve.level:g}", [curve], part, np.nan, id(run) in front))
+                corrected = {"corrected_percent": 100 * study.error_of_corrected(run.corrected[i : i + 1])}
+                found.append(_numbers(run, f"{curve.level:g}", [curve], part, np.nan, id(run) in front) | corrected)
     for run in study.meshes:
         finest = {curve.level: curve for curve in study.meshes[-1].curves}
         found.append(_numbers(run, "all", run.curves, score(run.curves, finest), np.nan, False))
@@ -153,6 +157,7 @@ def _numbers(run: Run, level: str, curves: Sequence[Curve], found: Score, own: f
                 found.ratio,
                 "yes" if is_best else "",
                 run.failure or "",
+                np.nan,
             ),
         )
     )
@@ -197,7 +202,7 @@ def _cell(name: str, record: dict, floor: float) -> str:
         return str(value)
     if value != value:
         return "\u2013"
-    if name in ("error_percent", "own_percent", "peak_percent", "rms_percent") and value < 100.0 * floor:
+    if name in ("error_percent", "corrected_percent", "own_percent", "peak_percent", "rms_percent") and value < 100.0 * floor:
         return f"< {100.0 * floor:.2g}"
     return f"{value:.3g}" if name in ("setup_s", "seconds", "cpu_s", "cpu_with_bars_s", "covered_percent") else f"{value:.2g}"
 
@@ -289,6 +294,20 @@ def sentences(study: Study) -> list[str]:
             )
             cost = f"{run.cost:.2g} s{_beside_fixed(study, run)}"
             found.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {cost}")
+    return found
+
+
+def corrected_sentences(study: Study) -> list[str]:
+    """Say of every number of harmonics what its corrected amplitude is off by, and which one is as good without."""
+    sweep, found = study.sweep("harmonics"), []
+    for run in sweep:
+        error = study.error_of_corrected(run.corrected)
+        if not np.isfinite(error) or study.score(run).error < study.reference.floor:
+            continue
+        said = f"harmonics {run.setting.harmonics}, corrected: error {_known(study.score(run).error, study)} -> {_known(error, study)}"
+        as_good = next((one for one in sweep if study.score(one).error <= max(error, study.reference.floor)), None)
+        beside = "" if as_good is None else f"; without it takes {as_good.setting.harmonics}, {as_good.cost / run.cost:.2g}x"
+        found.append(f"{said} for {run.cpu_with_bars / run.cost:.2g}x the time{beside}")
     return found
 
 

@@ -95,6 +95,7 @@ class Run:
     unknowns: int  # the most at any point
     curves: tuple[Curve, ...]
     failure: str | None = None
+    corrected: tuple[Curve, ...] = ()  # the corrected amplitudes, of a run with error bars
 
     @property
     def cost(self) -> float:
@@ -217,6 +218,10 @@ class Study:
     def run_of_base(self) -> Run | None:
         """The run about which knobs are turned, if it is complete."""
         return next((run for run in self.complete if run.knob == BASE), None)
+
+    def error_of_corrected(self, curves: Sequence[Curve]) -> float:
+        """Return the largest error of corrected amplitudes; nan without any."""
+        return score(curves, self.reference.curves).error
 
     def sweep(self, knob: str) -> list[Run]:
         """Return the complete runs of a knob and that of the base where it is one of them, in the order of their values."""
