@@ -304,9 +304,10 @@ def corrected_sentences(study: Study) -> list[str]:
         error = study.error_of_corrected(run.corrected)
         if not np.isfinite(error) or study.score(run).error < study.reference.floor:
             continue
-        said = f"harmonics {run.setting.harmonics}, corrected: error {_known(study.score(run).error, study)} -> {_known(error, study)}"
+        errors = " -> ".join(_known(one, study) for one in (study.score(run).error, error))
         as_good = next((one for one in sweep if study.score(one).error <= max(error, study.reference.floor)), None)
         beside = "" if as_good is None else f"; without it takes {as_good.setting.harmonics}, {as_good.cost / run.cost:.2g}x"
+        said = f"harmonics {run.setting.harmonics}, corrected: error {errors}"
         found.append(f"{said} for {run.cpu_with_bars / run.cost:.2g}x the time{beside}")
     return found
 
