@@ -35,7 +35,7 @@ from ..parallel.agree import on_each, on_root
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.files import BESIDE, said_of
 from ..parallel.memory import gigabytes, shortage
-from .records import read_record, write_record
+from .records import note_record, read_record
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -65,7 +65,7 @@ class Saved:
 
     def write(self, folder: Path) -> None:
         """Write it.  Rank 0."""
-        write_record(folder / "of", vars(self), {"layout": LAYOUT})
+        note_record(folder / "of", vars(self), {"layout": LAYOUT})
 
     def is_of(self, A: PETSc.Mat) -> bool:
         """Return whether it is of a matrix with A's rows on the ranks.  Local; the same on every rank."""
