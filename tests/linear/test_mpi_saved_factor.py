@@ -121,6 +121,17 @@ def test_files_that_are_gone_are_not_taken(A, shared_path, factorised):
     factor.destroy()
 
 
+@pytest.mark.ranks(2, 3)
+def test_files_of_two_factors_are_not_taken_together(A, shared_path):
+    """Another run may have put its own in the place of those that were summed."""
+    folders = shared_path / "one", shared_path / "two"
+    for folder in folders:
+        on_root(comm, folder.mkdir)
+        save(A, folder)
+    on_root(comm, lambda: [(folders[0] / mumps.saved_file(1)).replace(folders[1] / mumps.saved_file(1)), None][1])
+    assert mumps.restored(A, "static_", str(folders[1])) is None
+
+
 @pytest.mark.parametrize("name", ["nowhere", "long" * 100])
 def test_a_place_that_MUMPS_cannot_write_to_is_said_and_the_factor_serves_on(name, A, shared_path):
     factor = Factor(A, last=np.arange(0, 60, 3))

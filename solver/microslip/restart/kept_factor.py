@@ -108,7 +108,7 @@ class KeptFactor:
         return "" if all(self.comm.allgather(found == (size, checksum))) else "a file of it is damaged"
 
     def _restored(self, A: PETSc.Mat, prefix: str) -> tuple[MumpsFactor, dict[str, Any]] | None:
-        """Return what MUMPS makes of the files."""
+        """Return what MUMPS makes of the files: of one save alone, should another run have put its own there meanwhile."""
         try:
             return mumps.restored(A, prefix, str(self.path))
         except ResourceError:  # a longer name of the folder than that by which it was kept
