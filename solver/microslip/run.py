@@ -93,6 +93,7 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, asked: RunOptions) -
         restart.share_columns(log)
         with log.stage("fields for ParaView"):
             write_shapes(prepared, branches, place, record_of(log))
+        restart.share_factor(prepared, log)  # late, while processes beside draw the pictures
         with log.stage("pictures"):
             draw(comm, place, drawers)
         prepared.close()

@@ -13,6 +13,7 @@ from ..assembly.assemble import assemble
 from ..assembly.matrices import distribute_structure, read_structure
 from ..formats.model import FileModel
 from ..linear.contact_outputs import with_contact_forces
+from ..linear.factor import KnownFactor
 from ..linear.joint_springs import Linearised, joint_stiffness, linearise
 from ..mesh.data import ContactPairs, Mesh
 from ..mesh.pairing import pair_contacts
@@ -74,12 +75,13 @@ def build(
     log: RunLog | None = None,
     known_modes: Callable[[Linearised], Modes] | None = None,
     keeps_unloaded: bool = True,
+    known_factor: KnownFactor | None = None,
 ) -> Structure:
     """Return the structure with all pairs stuck, factored, and its lowest modes.
 
     Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  ``known_modes`` returns those that an
-    earlier call has found, collectively.  With [statics], what finds another rest is kept, unless ``keeps_unloaded`` is False:
-    K before the loads act, and the mesh.
+    earlier call has found, collectively; ``known_factor`` has the factor of an earlier run.  With [statics], what finds another
+    rest is kept, unless ``keeps_unloaded`` is False: K before the loads act, and the mesh.
 
     Raises
     ------
@@ -97,7 +99,7 @@ def build(
         mesh, rest, unloaded = from_mesh(scene, file, comm, log)
     if not keeps_unloaded:
         unloaded = None  # its memory before the factor's
-    return stuck_structure(scene, mesh, rest, log, known_modes, unloaded)
+    return stuck_structure(scene, mesh, rest, log, known_modes, unloaded, known_factor)
 
 
 def stuck_structure(
@@ -107,6 +109,7 @@ def stuck_structure(
     log: RunLog,
     known_modes: Callable[[Linearised], Modes] | None = None,
     unloaded: Unloaded | None = None,
+    known_factor: KnownFactor | None = None,
 ) -> Structure:
     """Return the structure as it vibrates about its rest: factored, with its static response and its modes.  Collective.
 
@@ -121,7 +124,7 @@ def stuck_structure(
     check_size(settings, system)
     with log.stage("factor of the stuck structure"):
         later = None if known_modes is not None else partial(memory_of_modes, system.K, settings)
-        linearised = linearise(system, pairs, str(scene.path), later)
+        linearised = linearise(system, pairs, str(scene.path), later, known_factor)
     for note in (*linearised.factor.info["said"], of_factor(linearised.factor.info)):
         log.note(note)
     if linearised.factor.info.get("out_of_core") and unloaded is None and keeps_to_K_L(settings):

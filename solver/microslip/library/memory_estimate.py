@@ -18,7 +18,7 @@ from ..linear.analysis import FactorMemory
 from ..linear.direct import foreseen
 from ..linear.joint_springs import KEPT, analysis_of
 from ..modes.block_lanczos import basis_size
-from ..parallel.memory import refuse_beyond
+from ..parallel.memory import gigabytes, refuse_beyond
 from ..reduction.facts import Counts
 from ..reduction.galerkin import memory_of_basis
 from ..reduction.methods import METHODS
@@ -117,6 +117,9 @@ def of_factor(info: dict[str, Any]) -> str:
     memory = info.get("memory")
     if memory is None:
         return f"factor by {info['package']}"
+    if "kept_in" in info:
+        size = gigabytes(1e6 * info["memory_MB"])
+        return f"factor: that of an earlier run, {info['entries']} entries, {size} in {info['kept_in']}"
     foreseen = memory.out_of_core if info["out_of_core"] else memory.in_core
     return (
         f"factor: {info['entries']} entries, ordered by {info['ordering']}; memory {info['memory_MB']} MB on all ranks, "

@@ -57,6 +57,7 @@ class Prepared:
     response: ResponseProblem
     seconds: float  # of the reduction; nearly none where it was known
     close: Callable[[], None]  # frees the factor; collective
+    built: Callable[[], Structure | None]  # the structure, if it is there
 
     @property
     def structure(self) -> Structure:
@@ -87,7 +88,8 @@ def prepare(
     has_bars = has_error_bars(scene) if has_bars is None else has_bars
     better = better_model_of(structure, reduction, settings) if has_bars else None
     response = response_of(scene, pairs, reduction, structure.modes.omega_n, better)
-    return Prepared(scene, lambda: structure, Outline.of(structure), pairs, reduction, response, seconds, structure.close)
+    outline = Outline.of(structure)
+    return Prepared(scene, lambda: structure, outline, pairs, reduction, response, seconds, structure.close, lambda: structure)
 
 
 def response_of(

@@ -37,6 +37,8 @@ cdef extern from "dmumps_c.h" nogil:
         double rinfog[40]
         char version_number[32]
         char ooc_tmpdir[256]
+        char save_dir[256]
+        char save_prefix[256]
 
 ctypedef void (*call_of)(DMUMPS_STRUC_C *) noexcept nogil
 
@@ -99,6 +101,14 @@ cdef class Instance:
         if len(name) >= sizeof(self.c.id.ooc_tmpdir):
             raise ValueError(f"a folder's name of {len(name)} bytes; MUMPS takes {sizeof(self.c.id.ooc_tmpdir) - 1}")
         memcpy(self.c.id.ooc_tmpdir, <const char *>name, len(name) + 1)
+
+    def set_saved(self, folder: str, prefix: str):
+        """State where the factor is saved, or restored from: PREFIX_RANK.mumps; ValueError if MUMPS has no room for the names."""
+        place, first = folder.encode(), prefix.encode()
+        if len(place) >= sizeof(self.c.id.save_dir) or len(first) >= sizeof(self.c.id.save_prefix):
+            raise ValueError(f"a folder's name of {len(place)} bytes; MUMPS takes {sizeof(self.c.id.save_dir) - 1}")
+        memcpy(self.c.id.save_dir, <const char *>place, len(place) + 1)
+        memcpy(self.c.id.save_prefix, <const char *>first, len(first) + 1)
 
     def info(self, int number) -> int:
         return self.c.id.info[number - 1]

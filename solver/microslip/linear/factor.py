@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from ..parallel.errors import ConvergenceError
+from ..parallel.errors import CaseError, ConvergenceError, ResourceError
 from ..parallel.ownership import summed
 from ..parallel.watchdog import moved
 from .dense import column_norms, diagonal_owned, multiply
-from .direct import factorise
+from .direct import DirectSolver, factorise
 from .free_motion import explain_singular, is_singular
 from .mumps import SINGULAR
 from .ordering import Elimination
+from .random_signs import random_signs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,6 +29,20 @@ RESIDUAL_LIMIT = 1e-6  # |A x - b| / |b| of an answer
 ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
 _REFINE_ABOVE = 1e-9  # one step of iterative refinement beyond this, unless rounding of A x explains it
 _N_PROBES = 4  # columns of the randomised residual
+
+
+class KnownFactor(Protocol):
+    """A factor of K_L that an earlier run has kept.  All methods are collective, and their answers the same on every rank."""
+
+    def restore(self, A: PETSc.Mat, prefix: str) -> tuple[DirectSolver, dict[str, Any]] | None:
+        """Return the factor and its report; None where there is none."""
+
+    def drop(self, why: str) -> None:
+        """Remove it: it is at fault."""
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """Lines on why it was not used."""
 
 
 class Factor:
@@ -49,6 +64,7 @@ class Factor:
         what: str = "K_L",
         last: np.ndarray | None = None,
         later: Callable[[FactorMemory], float] | None = None,
+        known: KnownFactor | None = None,
     ):
         """Factor A.
 
@@ -62,6 +78,7 @@ class Factor:
         what : how messages call A
         last : (m,) rows that are eliminated last, so that entries of A^-1 between them come quickly
         later : bytes that this rank takes beside the factor, of which it is told the size, while the factor is kept
+        known : where the factor may be had that an earlier run has kept: one that passed all tests
 
         Raises
         ------
@@ -70,12 +87,37 @@ class Factor:
         """
         self.A, self.what, self.prefix = A, what, prefix
         self.comm = A.comm.tompi4py()
-        self.solver, self.info = factorise(A, prefix, what, known=Elimination(last), later=later)
         self.diagonal_owned = diagonal_owned(A)
-        self.info.update(solves=0, refined=0, solve_seconds=0.0, residual=0.0)
+        if known is not None and self._takes(known):
+            return
+        self.solver, self.info = factorise(A, prefix, what, known=Elimination(last), later=later)
+        self.info["said"] = (*(known.said if known is not None else ()), *self.info["said"])
+        self._begin_to_count()
         if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.solver):
             self.destroy()
             explain_singular(A, system, what)
+
+    def _takes(self, known: KnownFactor) -> bool:
+        """Take the factor that an earlier run has kept, if it is that of A: it answers to random forces.  Collective."""
+        found = known.restore(self.A, self.prefix)
+        if found is None:
+            return False
+        self.solver, self.info = found
+        self._begin_to_count()
+        first = self.A.getOwnershipRange()[0]
+        forces_owned = self.diagonal_owned[:, None] * random_signs(first, len(self.diagonal_owned), 1, key=1)
+        try:
+            self.solve(forces_owned)
+        except (ConvergenceError, CaseError, ResourceError):
+            self.destroy()
+            known.drop(f"it is not that of {self.what}")
+            return False
+        self._begin_to_count()
+        return True
+
+    def _begin_to_count(self) -> None:
+        """Count solves from here.  Local."""
+        self.info.update(solves=0, refined=0, solve_seconds=0.0, residual=0.0)
 
     def destroy(self) -> None:
         """Free the factor.  Collective."""

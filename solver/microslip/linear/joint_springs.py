@@ -14,7 +14,7 @@ from ..mesh.data import ContactPairs
 from ..parallel.errors import CaseError
 from ..parallel.memory import refuse_beyond
 from .analysis import FactorMemory
-from .factor import Factor
+from .factor import Factor, KnownFactor
 from .mumps import ADVICE
 
 # bytes an entry of K
@@ -52,12 +52,16 @@ class Linearised:
 
 
 def linearise(
-    system: System, pairs: ContactPairs, where: str = "", later: Callable[[FactorMemory], float] | None = None
+    system: System,
+    pairs: ContactPairs,
+    where: str = "",
+    later: Callable[[FactorMemory], float] | None = None,
+    known: KnownFactor | None = None,
 ) -> Linearised:
     """Return the structure with all pairs stuck, K_L of docs/theory.md, eq. (1.3), factored.
 
     Collective on ``system.comm``.  ``where`` is the scene file, for messages; ``later`` says what comes beside the
-    factor: :class:`.factor.Factor`.
+    factor, ``known`` has that of an earlier run: :class:`.factor.Factor`.
 
     Raises
     ------
@@ -75,7 +79,7 @@ def linearise(
     springs = (system.R.T @ sp.diags(K_J) @ system.R).tocsr()
     K_L = add_springs(system.K, springs)
     try:
-        factor = Factor(K_L, system, last=np.unique(system.R.indices), later=later)
+        factor = Factor(K_L, system, last=np.unique(system.R.indices), later=later, known=known)
         return Linearised(system, K_L, system.M, factor, springs)
     except CaseError as problem:
         K_L.destroy()

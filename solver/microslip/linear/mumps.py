@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from .analysis import FactorMemory
 
-ANALYSE, FACTOR, SOLVE = 1, 2, 3  # MUMPS' jobs
+ANALYSE, FACTOR, SOLVE, SAVE, RESTORE = 1, 2, 3, 7, 8  # MUMPS' jobs
 DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
 _GIVEN = 1  # ICNTL(7): the order is ours
 _FOR_INERTIA = (13, 24, 31)  # no ScaLAPACK at the root, null pivots are counted, factors are dropped as they come
@@ -36,6 +36,7 @@ _RELAXATION = (60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimat
 _WORKSPACE_TOO_SMALL = (-8, -9, -11, -12, -14, -15, -17, -20)
 _OUT_OF_MEMORY = (-5, -7, -13, -19)
 _BEYOND_OPTION, _DISK_FAILED = -19, -90
+_SAVED = "factor"  # what names of files begin with that hold one rank's part of a saved factor
 _N_ICNTL, _N_CNTL = 60, 15
 _SCREEN = 6  # Fortran's unit
 SINGULAR = (-6, -10, -40)  # structurally, numerically, not positive definite at the root
@@ -66,6 +67,17 @@ class MumpsFactor:
     def destroy(self) -> None:
         """Free the factor.  Collective."""
         self.mumps.end()
+
+    def save(self, folder: str) -> None:
+        """Write the factor, which lies in memory, into an empty folder: :func:`saved_file` of every rank.  Collective.
+
+        Raises
+        ------
+        ResourceError : it could not be written; on every rank, and nothing of it is left
+        """
+        on_each(self.comm, _set_saved, self.mumps, folder)
+        if self.mumps.run(SAVE) < 0:
+            raise ResourceError(f"{folder}: MUMPS cannot write there (INFOG(1) = {self.mumps.infog(1)})")
 
     def solve(self, B_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of A^-1 B, (n_owned, m), column-major, unchecked.
@@ -167,6 +179,46 @@ def factorise(
         raise
     factor.mumps.drop_matrix()
     return factor, info | {"seconds": perf_counter() - start}
+
+
+def restored(A: PETSc.Mat, prefix: str, folder: str) -> tuple[MumpsFactor, dict[str, Any]] | None:
+    """Return what :meth:`MumpsFactor.save` wrote for A, and its report; None, on every rank, where MUMPS does not take it.
+
+    Collective on A's communicator.  MUMPS believes what its files hold: whoever calls this knows that they are whole.
+
+    Raises
+    ------
+    CaseError : MUMPS is not the version that this program was built for
+    """
+    start, comm = perf_counter(), A.comm.tompi4py()
+    mumps = _started(comm, DEFINITE)
+    try:
+        for number in range(1, 5):  # says nothing of what it does not take; the controls of the factor come with it
+            mumps.set_icntl(number, 0)
+        on_each(comm, _set_saved, mumps, folder)
+        code = mumps.run(RESTORE)
+    except BaseException:
+        mumps.end()
+        raise
+    if code < 0:
+        mumps.end()
+        return None
+    factor = MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix)
+    info = _report(factor) | {"memory": factor_memory(mumps), "out_of_core": False, "said": ()}
+    return factor, info | {"seconds": perf_counter() - start}
+
+
+def saved_file(rank: int) -> str:
+    """Return the name of the file that holds a rank's part of a saved factor.  Local."""
+    return f"{_SAVED}_{rank}.mumps"
+
+
+def _set_saved(mumps: Instance, folder: str) -> None:
+    """State the folder of a saved factor.  Local."""
+    try:
+        mumps.set_saved(folder, _SAVED)
+    except ValueError as error:
+        raise ResourceError(f"{folder}: {error}") from error
 
 
 def failure(code: int, detail: int, what: str, prefix: str, n: int) -> CaseError | ResourceError:

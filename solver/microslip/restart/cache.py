@@ -3,6 +3,7 @@
     cache/setup-KEY/model         the reduced model of all modes that were found, samples, pairs; names the file of its modes
     cache/setup-KEY/modes-NAME    the modes themselves, for fields on the mesh
     cache/setup-KEY/columns       static columns, of the run that knew most of them
+    cache/setup-KEY/factor-N      the factor on N ranks: kept_factor.py
 
 The key is a hash of all that these depend on (identity.py).  Files are written beside, take their places whole and are never
 changed there, so that any number of runs may read and write them at a time: whoever comes last is the one who counts.  What is
@@ -17,6 +18,7 @@ import uuid
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +29,7 @@ from ..parallel.agree import on_root
 from ..parallel.errors import CaseError, ResourceError
 from ..parallel.files import make_folder
 from .kept_columns import KeptColumns, n_pairs_in
+from .kept_factor import KeptFactor
 from .place import is_part
 from .records import Arrays, read_record, write_record
 from .restore import KeptSetup
@@ -35,10 +38,11 @@ from .shared import WHY, all_found, is_shared, made_of, shared_arrays
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from ..linear.factor import Factor
     from ..scene.schema import Scene
 
 NAME, VARIABLE, OFF = "cache", "MICROSLIP_CACHE", "off"
-LARGEST = 4e9  # bytes: the set-ups used longest ago are removed beyond
+LARGEST = 4e9  # bytes: factors, and then set-ups, that were used longest ago are removed beyond
 
 
 def cache_of(folder: Path) -> Path | None:
@@ -59,6 +63,11 @@ class Cache:
     def _entry(self) -> Path:
         return self.path / f"setup-{self.key}"
 
+    @cached_property
+    def factor(self) -> KeptFactor:
+        """The factor on as many ranks as this run has."""
+        return KeptFactor(self.comm, self._entry)
+
     def prepared(self, scene: Scene, log: RunLog) -> tuple[Prepared, list[str], Path] | None:
         """Return a scene prepared from the set-up that is there, its notes, the file of its modes; None where that is none."""
         found = on_root(self.comm, self._read)
@@ -68,7 +77,7 @@ class Cache:
         modes = self._entry / texts["modes"]
         columns = KeptColumns(self.comm, self._entry / "columns")
         with log.stage("set-up of an earlier run"):
-            made = made_of(KeptSetup(found[0], texts, columns, lambda: read_modes(modes)), scene, log)
+            made = made_of(KeptSetup(found[0], texts, columns, lambda: read_modes(modes), self.factor), scene, log)
         if made is None:
             return None
         prepared, why = made
@@ -119,6 +128,10 @@ class Cache:
             take(journal, self._entry / "columns")
             make_room(self.path, self._entry)
 
+    def keep_factor(self, factor: Factor) -> str:
+        """Keep a factor that is wanted for later runs; return why that could not be, or nothing."""
+        return self.factor.keep(factor) or self._tried(lambda: make_room(self.path, self._entry))
+
     def _tried(self, write: Callable[[], None]) -> str:
         """Write on rank 0; return what went wrong, on every rank."""
 
@@ -154,12 +167,25 @@ def take(source: Path, target: Path) -> None:
 
 
 def make_room(path: Path, newest: Path) -> None:
-    """Remove the set-ups used longest ago, until the rest are no larger than ``LARGEST``.  Rank 0."""
+    """Remove the factors of the set-ups used longest ago, then set-ups, until the rest is no larger than ``LARGEST``.  Rank 0.
+
+    A factor is most of what is there and saves least: modes take longer.
+    """
     entries = sorted(filter(is_part, path.glob("setup-*")), key=lambda entry: (entry == newest, _used(entry)))
-    sizes = [sum(file.stat().st_size for file in entry.glob("*")) for entry in entries]
-    for i, entry in enumerate(entries):
-        if sum(sizes[i:]) > LARGEST:
-            shutil.rmtree(entry, ignore_errors=True)
+    factors = [factor for entry in entries for factor in entry.glob("factor-*")]
+    for part in (*factors, *entries):
+        if sum(map(size_of, entries)) <= LARGEST:
+            return
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def size_of(folder: Path) -> int:
+    """Return the bytes of all files in a folder; others may remove some of them meanwhile.  Rank 0."""
+    size = 0
+    for file in folder.rglob("*"):
+        with suppress(OSError):
+            size += file.stat().st_size if file.is_file() else 0
+    return size
 
 
 def _used(entry: Path) -> float:

@@ -100,7 +100,7 @@ class Restart:
             prepared = self._shared(log) or self._anew(log, make)
         else:
             with log.stage("set-up as it was kept"):
-                kept = KeptSetup(found[0], found[1], columns, self._read_modes)
+                kept = KeptSetup(found[0], found[1], columns, self._read_modes, None if self.cache is None else self.cache.factor)
                 prepared = as_written(self._setup, restored, kept, self.scene, log)
             for note in found[1]["notes"]:
                 log.note(note)
@@ -150,6 +150,16 @@ class Restart:
     def share_columns(self, log: RunLog) -> None:
         """Let other runs use the static columns that this one has solved for."""
         problem = "" if self.cache is None else self.cache.keep_columns(self._setup / "columns")
+        if problem:
+            log.note(problem)
+
+    def share_factor(self, prepared: Prepared, log: RunLog) -> None:
+        """Let later runs use the factor, if there is one that they lack: it is made for the fields on the mesh alone."""
+        structure = prepared.built()
+        if self.cache is None or structure is None or not self.cache.factor.is_wanted(structure.linearised.factor):
+            return
+        with log.stage("factor for other runs"):
+            problem = self.cache.keep_factor(structure.linearised.factor)
         if problem:
             log.note(problem)
 

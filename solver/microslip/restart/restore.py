@@ -10,10 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..continuation.checkpoint import under
+from ..continuation.levels import ResponseProblem
 from ..library.build import Structure, build
-from ..library.prepare import Prepared, reduced, response_of
+from ..library.prepare import Outline, Prepared, reduced, response_of
 from ..library.settings import reduction_settings
+from ..linear.factor import KnownFactor
 from ..linear.joint_springs import Linearised
+from ..mesh.data import ContactPairs
 from ..modes.eigen import Modes, lowest_modes
 from ..modes.user_order import from_user_order
 from ..observe.log import RunLog
@@ -40,10 +43,16 @@ class Rebuilt:
     """The structure of a scene, built when it is asked for, with the modes that were kept.  Collective where it is built."""
 
     def __init__(
-        self, scene: Scene, comm: MPI.Comm, log: RunLog, omega_n: np.ndarray, read_modes: Callable[[], np.ndarray | None]
+        self,
+        scene: Scene,
+        comm: MPI.Comm,
+        log: RunLog,
+        omega_n: np.ndarray,
+        read_modes: Callable[[], np.ndarray | None],
+        known_factor: KnownFactor | None = None,
     ):
         self.scene, self.comm, self.log = scene, comm, log
-        self.omega_n, self._read_modes = omega_n, read_modes
+        self.omega_n, self._read_modes, self._known_factor = omega_n, read_modes, known_factor
 
     def keep_first(self, n_modes: int) -> np.ndarray:
         """Leave the modes beyond the first ``n_modes`` out, and return the frequencies of those [rad/s].  Local."""
@@ -52,8 +61,8 @@ class Rebuilt:
 
     @cached_property
     def structure(self) -> Structure:
-        self.log.note("the structure is assembled and factored again, its modes are known")
-        return build(self.scene, self.comm, self.log, self._modes, keeps_unloaded=False)
+        self.log.note("the structure is assembled again, its modes are known")
+        return build(self.scene, self.comm, self.log, self._modes, keeps_unloaded=False, known_factor=self._known_factor)
 
     def _modes(self, linearised: Linearised) -> Modes:
         """Return the modes that were kept, the first of those in their file; found anew where that is damaged."""
@@ -75,10 +84,18 @@ class Rebuilt:
         """Return full displacements, as a Reduction does."""
         return self.reduction.displacements(model, points)
 
+    def built(self) -> Structure | None:
+        """Return the structure, if it is there.  Local."""
+        return vars(self).get("structure")
+
     def close(self) -> None:
         """Free the factor, if there is one."""
-        if "structure" in vars(self):
+        if self.built() is not None:
             self.structure.close()
+
+    def prepared(self, outline: Outline, pairs: ContactPairs, reduction: Reduction, response: ResponseProblem) -> Prepared:
+        """Return the scene made ready, with the structure behind it.  Local."""
+        return Prepared(self.scene, lambda: self.structure, outline, pairs, reduction, response, 0.0, self.close, self.built)
 
 
 @dataclass(frozen=True)
@@ -89,13 +106,14 @@ class KeptSetup:
     texts: Mapping[str, Any]
     columns: KeptColumns
     read_modes: Callable[[], np.ndarray | None]
+    factor: KnownFactor | None = None
 
 
 def restored(kept: KeptSetup, scene: Scene, log: RunLog) -> Prepared:
     """Return what was prepared when a set-up was kept.  Collective on the ranks of its columns."""
     arrays, texts, columns = kept.arrays, kept.texts, kept.columns
     comm, outline = columns.comm, outline_of(arrays, texts)
-    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, kept.read_modes)
+    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, kept.read_modes, kept.factor)
     pairs = pairs_of(arrays, texts)
     exact = texts["leaves_out"] == "modes"
     if exact:
@@ -112,7 +130,7 @@ def restored(kept: KeptSetup, scene: Scene, log: RunLog) -> Prepared:
     if known is not None:
         columns.restore(known, structure.owned_rows)
     response = response_of(scene, pairs, reduction, outline.omega_n, better)
-    return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close)
+    return rebuilt.prepared(outline, pairs, reduction, response)
 
 
 def exact_structure(arrays: Mapping[str, Any], comm: MPI.Comm, solve: Callable[[np.ndarray], np.ndarray]) -> ReducedStructure:

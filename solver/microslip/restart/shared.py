@@ -113,7 +113,7 @@ def made_of(kept: KeptSetup, scene: Scene, log: RunLog) -> tuple[Prepared, str] 
             return None
         settings = replace(settings, damping=replace(settings.damping, is_alone=False))
     outline = outline_of(arrays, texts)
-    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, kept.read_modes)
+    rebuilt = Rebuilt(scene, comm, log, outline.omega_n, kept.read_modes, kept.factor)
     everything = exact_structure(under("model", arrays), comm, rebuilt.solve)
     columns.restore(everything.G_static, everything.owned_rows)
     known = KnownStructure(everything, arrays["outputs_static"], outline.n_dof, texts["n_proved"])
@@ -130,7 +130,7 @@ def made_of(kept: KeptSetup, scene: Scene, log: RunLog) -> tuple[Prepared, str] 
     outline = replace(outline, omega_n=rebuilt.keep_first(n_modes))
     reduction = Reduction(reduced, SELECTIONS[settings.method](settings), rebuilt.displacements, "modes")
     response = response_of(scene, pairs, reduction, outline.omega_n, better)
-    return Prepared(scene, lambda: rebuilt.structure, outline, pairs, reduction, response, 0.0, rebuilt.close), why
+    return rebuilt.prepared(outline, pairs, reduction, response), why
 
 
 def to_ask_for(known: StaticColumns) -> StaticColumns:

@@ -1,0 +1,142 @@
+"""A factor saved by MUMPS and restored: the same answers and report, and a new one where what was kept is not of the matrix."""
+
+import lattices
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from lattices import distributed, split_rows
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.sparse.linalg import spsolve
+
+from microslip.linear import factor as factors
+from microslip.linear import mumps
+from microslip.linear.factor import Factor
+from microslip.parallel.agree import on_root
+from microslip.parallel.errors import ResourceError
+
+comm = MPI.COMM_WORLD
+K = lattices.lattice_stiffness((8, 5, 4))
+
+
+class Kept:
+    """What is in a folder, as a factor that an earlier run has kept."""
+
+    def __init__(self, folder):
+        self.folder, self.said = str(folder), ()
+
+    def restore(self, A, prefix):
+        return mumps.restored(A, prefix, self.folder)
+
+    def drop(self, why):
+        self.said = (why,)
+
+
+@pytest.fixture(params=[None, 0, 1], ids=["all", "rank 0 empty", "rank 1 empty"])
+def A(request):
+    found = spd(K, split_rows(K.shape[0], comm.size, request.param))
+    yield found
+    found.destroy()
+
+
+def spd(K, ranges):
+    found = distributed(comm, K, ranges)
+    found.setOption(PETSc.Mat.Option.SPD, True)
+    return found
+
+
+@pytest.fixture
+def factorised(monkeypatch):
+    """The matrices that were factored."""
+    found = []
+    factorise = factors.factorise
+    monkeypatch.setattr(factors, "factorise", lambda A, *rest, **keys: (found.append(A), factorise(A, *rest, **keys))[1])
+    return found
+
+
+def save(A, folder):
+    """Save A's factor; return its answers and its report."""
+    factor = Factor(A, last=np.arange(0, 60, 3))
+    found, info = answers(factor), dict(factor.info)
+    factor.solver.save(str(folder))
+    factor.destroy()
+    return found, info
+
+
+def answers(factor):
+    """Return the answers of a factor to dense and sparse forces, and entries of the inverse."""
+    first, last = factor.A.getOwnershipRange()
+    B = np.random.default_rng(3).standard_normal((K.shape[0], 5))
+    rows = np.arange(0, 60, 3)
+    sparse = sp.csc_matrix(np.where(np.arange(K.shape[0])[:, None] % 50 == 0, B, 0.0))
+    return factor.solve(B[first:last]), factor.solve_sparse(sparse), factor.inverse_entries(rows, rows)
+
+
+def assert_close(found, expected):
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * comm.allreduce(np.abs(other).max(initial=0.0), MPI.MAX))
+
+
+def test_a_restored_factor_answers_and_reports_as_the_one_that_was_saved(A, shared_path, factorised):
+    found, info = save(A, shared_path)
+    again = Factor(A, known=Kept(shared_path))
+    assert len(factorised) == 1 and again.solver.order is None
+    assert (again.info["solves"], again.info["refined"], again.info["residual"]) == (0, 0, 0.0)
+    assert_close(answers(again), found)
+    assert again.info["residual"] < 1e-12
+    of_run = {"seconds": 0.0, "solve_seconds": 0.0, "residual": 0.0}
+    assert again.info | of_run == info | of_run
+    again.destroy()
+
+
+def test_restored_twice_at_a_time(A, shared_path):
+    found, _ = save(A, shared_path)
+    one, two = Factor(A, known=Kept(shared_path)), Factor(A, known=Kept(shared_path))
+    assert_close(answers(one), found)
+    one.destroy()
+    assert_close(answers(two), found)
+    two.destroy()
+
+
+def test_the_factor_of_another_matrix_is_not_taken(A, shared_path, factorised):
+    stiffer = spd(1.5 * K, np.array(A.getOwnershipRanges()))
+    save(stiffer, shared_path)
+    stiffer.destroy()
+    kept = Kept(shared_path)
+    factor = Factor(A, known=kept)
+    assert len(factorised) == 2 and factor.info["said"] == kept.said == ("it is not that of K_L",)
+    X_owned = answers(factor)[0]
+    B = np.random.default_rng(3).standard_normal((K.shape[0], 5))
+    X = spsolve(K.tocsc(), B)
+    np.testing.assert_allclose(X_owned, X[slice(*A.getOwnershipRange())], rtol=0, atol=1e-10 * np.abs(X).max())
+    factor.destroy()
+
+
+def test_files_that_are_gone_are_not_taken(A, shared_path, factorised):
+    save(A, shared_path)
+    on_root(comm, lambda: (shared_path / mumps.saved_file(comm.size - 1)).unlink())
+    assert mumps.restored(A, "static_", str(shared_path)) is None
+    factor = Factor(A, known=Kept(shared_path))
+    assert len(factorised) == 2
+    factor.destroy()
+
+
+@pytest.mark.ranks(2, 3)
+def test_files_of_two_factors_are_not_taken_together(A, shared_path):
+    """Another run may have put its own in the place of those that were summed."""
+    folders = shared_path / "one", shared_path / "two"
+    for folder in folders:
+        on_root(comm, folder.mkdir)
+        save(A, folder)
+    on_root(comm, lambda: [(folders[0] / mumps.saved_file(1)).replace(folders[1] / mumps.saved_file(1)), None][1])
+    assert mumps.restored(A, "static_", str(folders[1])) is None
+
+
+@pytest.mark.parametrize("name", ["nowhere", "long" * 100])
+def test_a_place_that_MUMPS_cannot_write_to_is_said_and_the_factor_serves_on(name, A, shared_path):
+    factor = Factor(A, last=np.arange(0, 60, 3))
+    before = answers(factor)
+    with pytest.raises(ResourceError, match=f"{name[:4]}.*(INFOG|MUMPS takes 255)"):
+        factor.solver.save(str(shared_path / name))
+    assert_close(answers(factor), before)
+    factor.destroy()
