@@ -78,10 +78,11 @@ def respond(
 
     Raises
     ------
-    CaseError : something that no scene may hold; on every rank
+    CaseError : something that no scene may hold, or a structure that was closed; on every rank
     ConvergenceError : no rest with this friction and preload; on every rank
     ResourceError : not enough memory; on every rank
     """
+    structure.refuse_closed()
     given = {"friction": friction, "preload": preload}
     scene = scene_with(structure.scene, keys, given)
     if structure.scene.statics is None or all(values is None for values in given.values()):

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from petsc4py import PETSc
 
-from ..parallel.errors import ConvergenceError
+from ..parallel.errors import CaseError, ConvergenceError
 from ..parallel.ownership import summed
 from ..parallel.watchdog import moved
 from .dense import column_norms, diagonal_owned, multiply
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from ..assembly.system import System
     from .analysis import FactorMemory
+    from .direct import DirectSolver
 
 RESIDUAL_LIMIT = 1e-6  # |A x - b| / |b| of an answer
 ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
@@ -36,7 +37,6 @@ class Factor:
     Attributes
     ----------
     A : PETSc.Mat (n_dof, n_dof), kept by the caller
-    solver : DirectSolver that holds the factor
     info : ordering, entries, memory [MB], seconds of the factorisation, lines on what was done for want of memory; solves,
         seconds and worst residual since
     """
@@ -70,7 +70,8 @@ class Factor:
         """
         self.A, self.what, self.prefix = A, what, prefix
         self.comm = A.comm.tompi4py()
-        self.solver, self.info = factorise(A, prefix, what, known=Elimination(last), later=later)
+        self._solver: DirectSolver | None
+        self._solver, self.info = factorise(A, prefix, what, known=Elimination(last), later=later)
         self.diagonal_owned = diagonal_owned(A)
         self.info.update(solves=0, refined=0, solve_seconds=0.0, residual=0.0)
         if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.solver):
@@ -78,8 +79,17 @@ class Factor:
             explain_singular(A, system, what)
 
     def destroy(self) -> None:
-        """Free the factor.  Collective."""
-        self.solver.destroy()
+        """Free the factor; once more does nothing.  Collective."""
+        if self._solver is not None:
+            self._solver.destroy()
+            self._solver = None
+
+    @property
+    def solver(self) -> DirectSolver:
+        """What holds the factor.  Local; CaseError once it is freed, where MUMPS would end the process."""
+        if self._solver is None:
+            raise CaseError("the structure is closed, and its factor is freed; build it again, or close it after the last response")
+        return self._solver
 
     def solve(self, B_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of A^-1 B.
