@@ -88,7 +88,7 @@ class Factor:
     def solver(self) -> DirectSolver:
         """What holds the factor.  Local; CaseError once it is freed, where MUMPS would end the process."""
         if self._solver is None:
-            raise CaseError("the structure is closed, and its factor is freed; build it again, or close it after the last response")
+            raise CaseError("the structure is closed, and its factor is freed; build it again, or close it after all responses")
         return self._solver
 
     def solve(self, B_owned: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ...continuation.grid import at_frequencies
 from ...library.build import Structure, build
 from ...library.prepare import Prepared, prepare
-from ...library.settings import by_method, reduction_settings
+from ...library.settings import by_method, reduction_settings, units_of
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, ConvergenceError
@@ -124,7 +124,8 @@ class Comparison:
     def rows(self, method: str, prepared: Prepared) -> list[Row]:
         """Return what a method does at the frequencies of each level.  Collective."""
         rows, response = [], prepared.response
-        shown = shown_with(response.model.harmonics.highest)
+        units = units_of(self.scene)
+        shown = shown_with(response.model.harmonics.highest, units.outputs[0], units.level)
         with self.log.stage(f"response: {method}"):
             for level, omegas in self.omegas.items():
                 problem, tolerance = response.at_level(level), response.settings.tolerance
