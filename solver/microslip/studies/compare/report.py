@@ -138,10 +138,8 @@ def write_comparison(rows: Sequence[Row], scene: Titled, folder: str) -> str:
 
 def table(records: Sequence[dict], reference: Row) -> str:
     """Return the records as a table for the screen; differences are from the reference."""
-    headings = COLUMNS | {
-        "level_N": f"level {reference.shown.level_unit}".removesuffix(" 1"),
-        "peak_m": f"peak {reference.shown.unit}",
-    }
+    shown = reference.shown
+    headings = COLUMNS | {"level_N": f"level {shown.level_unit}".removesuffix(" 1"), "peak_m": f"peak {shown.unit}"}
     left_out = {"unit"} if any(entry["failure"] for entry in records) else {"unit", "failure"}
     names = [name for name in COLUMNS if name not in left_out]
     rows = [(entry["level_N"], [_cell(name, entry, reference.method) for name in names]) for entry in records]
