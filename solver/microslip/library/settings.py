@@ -40,6 +40,7 @@ from ..scene import schema
 from ..scene.joint_laws import OWN
 from ..scene.matrix_names import KEYS as KEYS_OF_MATRICES
 from ..scene.matrix_names import split_name
+from ..scene.read import changed
 from ..scene.schema import DEFAULT_ACCURACY, Scene
 
 KEYS = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # of [solver], for each part of the accuracy
@@ -325,5 +326,10 @@ def _keys_of_law(joint: schema.Joint) -> dict[str, float | None]:
 
 
 def by_method(scene: Scene, method: str) -> Scene:
-    """Return the scene with another method.  Local."""
-    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})
+    """Return the scene with another method.  Local.
+
+    Raises
+    ------
+    CaseError : the method cannot answer it
+    """
+    return changed(scene, {"solver": {"method": method}})

@@ -25,6 +25,7 @@ from ...parallel.errors import MicroslipError
 from ...points.branch import Branch
 from ...points.error_parts import total
 from ...receptance.modes_left_out import BetterModel
+from ...scene.read import changed
 from .study import Curve, Run, Setting
 
 if TYPE_CHECKING:
@@ -114,9 +115,9 @@ class Bench:
         prepared = prepare(self._first[setting.modes], self.scene_of(setting), has_bars=True)
         return replace(prepared, seconds=self.comm.bcast(prepared.seconds))
 
-    def scene_of(self, setting: Setting):
+    def scene_of(self, setting: Setting) -> Scene:
         """Return the scene with the [solver] of a setting.  Local."""
-        changed = {
+        solver = {
             "method": setting.method,
             "modes": setting.modes,
             "samples": setting.samples,
@@ -125,8 +126,8 @@ class Bench:
             "accuracy": setting.accuracy,
         }
         if setting.energy_tolerance is not None:
-            changed["energy_tolerance"] = setting.energy_tolerance
-        return self.scene.model_copy(update={"solver": self.scene.solver.model_copy(update=changed)})
+            solver["energy_tolerance"] = setting.energy_tolerance
+        return changed(self.scene, {"solver": solver})
 
     # -- response ----------------------------------------------------------------------------------------------
 

@@ -19,6 +19,7 @@ from ...parallel.versions import versions
 from ...parallel.words import nearest
 from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
+from ...scene.read import changed
 from ..compare.story import LARGEST_REFERENCE
 from .bench import Bench, Clock, not_run
 from .reference import Ladder, find_reference, frequencies
@@ -302,11 +303,10 @@ def mesh_runs(scene: Scene, comm: MPI.Comm, asked: Asked, base: Setting, log: Ru
     for mesh in dict.fromkeys([str(scene.folder / scene.model.mesh), *(str(Path(mesh).absolute()) for mesh in asked.meshes)]):
         clock = Clock(comm, 1.0)
         try:
-            solver = scene.solver.model_copy(update={"method": "receptance", "modes": base.modes})
-            other = scene.model_copy(update={"model": scene.model.model_copy(update={"mesh": mesh}), "solver": solver})
-            structure = build(other, comm, log)
+            of_mesh = changed(scene, {"model": {"mesh": mesh}, "solver": {"method": "receptance", "modes": base.modes}})
+            structure = build(of_mesh, comm, log)
             setup = clock.spent
-            bench = Bench(other, structure)
+            bench = Bench(of_mesh, structure)
             own, _, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
             benches.append((mesh, bench, setup))
         except MicroslipError as problem:
