@@ -243,6 +243,10 @@ def test_pictures(comm, folder, response):
     path = folder / "pictures" / "states.png"
     response.plot(path, "states")
     assert Path(path).stat().st_size > 10_000
+    figure = response.plot()
+    if comm.rank == 0:
+        assert figure._repr_png_().startswith(b"\x89PNG") and figure.axes[0].get_ylabel().startswith("amplitude [")
+    assert len(response["corner"].plot().axes) == 2
     with pytest.raises(CaseError, match="there is no picture 'respnse' of these results; there are response, "):
         response.plot(path, "respnse")
 
