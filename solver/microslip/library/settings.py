@@ -117,6 +117,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
         points=response.points,
         **{key: getattr(steps, key, None) for key in ("ds", "ds_min", "ds_max")},
         samples=solver.samples,
+        follows_path=solver.between_samples == "path",
         tolerance=solver.tolerance,
         accuracy=solver.accuracy,
         keeps=frozenset(part for part, key in KEYS.items() if not scene.chooses(key)),
@@ -127,7 +128,26 @@ def response_settings(scene: Scene) -> ResponseSettings:
 
 def has_error_bars(scene: Scene) -> bool:
     """Return whether the error of every point is estimated: that of harmonic 1, where there is one.  Local."""
-    return scene.solver.error_bars and not scene.is_static
+    return asks_for_bars(scene) and not scene.is_static
+
+
+def refuse_statics(scene: Scene, command: str) -> None:
+    """Raise CaseError where nothing vibrates.  Local."""
+    if scene.is_static:
+        raise CaseError(
+            f"{scene.path}: [solver] harmonics = 0 is a static balance; {command} needs a vibration: state at least 1, and a load "
+            "in harmonic 1"
+        )
+
+
+def asks_for_bars(scene: Scene) -> bool:
+    """Return whether a scene asks for error bars, possible or not.  Local."""
+    return scene.solver.error_bars
+
+
+def asks_for_fields(scene: Scene) -> bool:
+    """Return whether modes and peaks are to be written on the mesh, if there is one.  Local."""
+    return scene.response.fields
 
 
 def loads(scene: Scene) -> tuple[Load, ...]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...library.build import build
-from ...library.settings import by_method, reduction_settings
+from ...library.settings import by_method, reduction_settings, refuse_statics
 from ...modes.limits import most_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
@@ -97,11 +97,7 @@ def check_asked(scene: Scene, asked: Asked) -> None:
         raise CaseError(f"--seconds: {asked.seconds:g} is not a time above 0")
     if not scene.joints:
         raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint the response is linear, and nothing is to trade")
-    if scene.is_static:
-        raise CaseError(
-            f"{scene.path}: [solver] harmonics = 0 is a static balance; trade needs a vibration: state at least 1, "
-            "and a load in harmonic 1"
-        )
+    refuse_statics(scene, "trade")
     check_loads(scene)
     if asked.meshes and scene.model.mesh is None:
         raise CaseError(f"--meshes: {scene.path} is given as matrices; there is no other mesh of it")

@@ -15,7 +15,7 @@ from ...fourier.coefficients import amplitude, cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
 from ...library.build import Structure, build
 from ...library.prepare import prepare
-from ...library.settings import units_of
+from ...library.settings import refuse_statics, units_of
 from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
 from ...parallel.errors import CaseError, ConvergenceError
@@ -111,10 +111,7 @@ def by_what_is_asked(scene: Scene, asked: Asked) -> Scene:
         scene = changed(scene, {"solver": solver, "response": response})
     except CaseError as problem:
         raise CaseError(f"{' '.join(f'--{key}' for key in (*solver, *response))}: {problem}") from None
-    if scene.is_static:
-        raise CaseError(
-            f"{scene.path}: [solver] harmonics = 0 is a static balance; verify needs a vibration: --harmonics 1 or more"
-        )
+    refuse_statics(scene, "verify")
     return scene
 
 
