@@ -135,8 +135,8 @@ def refuse_statics(scene: Scene, command: str) -> None:
     """Raise CaseError where nothing vibrates.  Local."""
     if scene.is_static:
         raise CaseError(
-            f"{scene.path}: [solver] harmonics = 0 is a static balance; {command} needs a vibration: state at least 1, and a load "
-            "in harmonic 1"
+            f"{scene.path}: [solver] harmonics = 0 is a static balance; {command} needs a vibration: state at least 1, and a "
+            "load in harmonic 1"
         )
 
 
