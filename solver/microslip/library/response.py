@@ -95,6 +95,10 @@ class Response:
         )
         return replace(head, levels=tuple(levels))
 
+    def __repr__(self) -> str:
+        n_points = sum(len(level.frequency) for level in self.results.levels)
+        return f"<Response of {self.results.name}: {len(self.levels)} levels, {n_points} points, outputs {', '.join(self.outputs)}>"
+
     @property
     def levels(self) -> np.ndarray:
         """The levels, (n_levels,) [N]."""
@@ -204,7 +208,8 @@ class Response:
         Returns
         -------
         frequency : of the point [Hz]
-        u : (n_nodes, 3, N_H) m in the order of ``structure.mesh.points``; without a mesh (n_dof, N_H)
+        u : (n_nodes, 3, N_H) m, axes nodes, directions and coefficients, in the order of ``structure.mesh.points``; without a
+            mesh (n_dof, N_H)
         """
         found, system = self.level(level), self.prepared.structure.linearised.system
         if len(found.frequency) == 0:
