@@ -96,8 +96,8 @@ class Response:
         return replace(head, levels=tuple(levels))
 
     def __repr__(self) -> str:
-        n_points = sum(len(level.frequency) for level in self.results.levels)
-        return f"<Response of {self.results.name}: {len(self.levels)} levels, {n_points} points, outputs {', '.join(self.outputs)}>"
+        n_points, outputs = sum(len(level.frequency) for level in self.results.levels), ", ".join(self.outputs)
+        return f"<Response of {self.results.name}: {len(self.levels)} levels, {n_points} points, outputs {outputs}>"
 
     @property
     def levels(self) -> np.ndarray:

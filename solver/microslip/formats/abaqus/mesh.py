@@ -249,8 +249,8 @@ def finish(mesh: FileMesh) -> None:
     for names in every:
         names.node_numbers = _joined(part[0] for part in names.given_nodes)
         names.element_numbers = _joined(block.numbers for block in names.blocks)
-        _refuse_twice(names, [(own, where) for own, _, where in names.given_nodes], "NODE", "node")
-        _refuse_twice(names, [(block.numbers, block.where) for block in names.blocks], "ELEMENT", "element")
+        _refuse_twice([(own, where) for own, _, where in names.given_nodes], "NODE", "node")
+        _refuse_twice([(block.numbers, block.where) for block in names.blocks], "ELEMENT", "element")
         names.blocks = _merged(names.blocks)
         names.node_places, names.element_places = Places(names.node_numbers), Places(names.element_numbers)
     mesh.points = np.concatenate([np.zeros((0, 3)), *(points for names in every for _, points, _ in names.given_nodes)])
@@ -314,7 +314,7 @@ def _joined(parts: Iterable[np.ndarray]) -> np.ndarray:
     return np.concatenate([NO_NODES, *parts])
 
 
-def _refuse_twice(names: Names, parts: list[tuple[np.ndarray, str]], keyword: str, what: str) -> None:
+def _refuse_twice(parts: list[tuple[np.ndarray, str]], keyword: str, what: str) -> None:
     """Raise MeshError where a number stands twice, with the card of the second."""
     numbers = _joined(part[0] for part in parts)
     if len(numbers) < 2 or (np.diff(numbers) > 0).all():
