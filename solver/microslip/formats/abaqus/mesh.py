@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ...parallel.words import nearest
+from ...parallel.words import hint
 from ..model import NO_NODES
 from .cards import Card, values_of
 from .names import Names, Places
@@ -84,9 +84,8 @@ class FileMesh:
                 raise MeshError(f"{where}: {word[:40]} is no number of the file")
             return self._positions(names, kind, np.array([int(word)]), where)
         if word not in names.sets[kind]:
-            near = nearest(word, names.sets[kind])
-            hint = f"; nearest is {self.spelled(near)!r}" if near else ""
-            raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} is used but not defined{hint}")
+            near = hint(word, names.sets[kind], lambda near: repr(self.spelled(near)))
+            raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} is used but not defined{near}")
         key = (names.scope.name.upper(), kind, word)
         if key in within or len(within) > _DEEPEST:
             what = "is made of itself" if key in within else f"is made of sets within more than {_DEEPEST} others"

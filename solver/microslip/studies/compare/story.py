@@ -13,7 +13,7 @@ from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
-from ...parallel.words import nearest
+from ...parallel.words import hint
 from ...points.branch import Branch
 from ...reduction.methods import METHODS, check_modes
 from ...results.measures import shown_with
@@ -75,9 +75,7 @@ def known_methods(scene: Scene, methods: tuple[str, ...]) -> tuple[tuple[str, ..
     """
     for name in methods:
         if name not in METHODS:
-            near = nearest(name, METHODS)
-            hint = f"; nearest is {near}" if near else ""
-            raise CaseError(f"--methods: unknown method {name!r}{hint}; known: {', '.join(METHODS)}")
+            raise CaseError(f"--methods: unknown method {name!r}{hint(name, METHODS, str)}; known: {', '.join(METHODS)}")
     known, notes = [], []
     for name in dict.fromkeys(methods or METHODS):
         try:

@@ -16,7 +16,7 @@ from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, MicroslipError
 from ...parallel.versions import versions
-from ...parallel.words import nearest
+from ...parallel.words import hint
 from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
 from ...scene.read import changed
@@ -88,8 +88,7 @@ def check_asked(scene: Scene, asked: Asked) -> None:
     """
     for name in asked.knobs:
         if name not in KNOBS:
-            near = nearest(name, KNOBS)
-            raise CaseError(f"--knobs: unknown knob {name!r}{f'; nearest is {near}' if near else ''}; known: {', '.join(KNOBS)}")
+            raise CaseError(f"--knobs: unknown knob {name!r}{hint(name, KNOBS, str)}; known: {', '.join(KNOBS)}")
     for level in asked.levels:
         if not 0.0 < level < float("inf"):
             raise CaseError(f"--levels: {level:g} N is not a force above 0")
