@@ -15,9 +15,9 @@ from .state import BranchState
 from .steps import ArcLength
 from .task import Advance, BranchTask, Reached, Way
 
-STEPS = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)  # along a homotopy
+HOMOTOPY_STEPS = ArcLength(ds=0.2, ds_min=2e-4, ds_max=1.0)  # along a homotopy
 FROM_LEVEL, FROM_DAMPING = (1e-2, 1e-4), (1e-1, 1e-3)  # of the parameter at the end of a homotopy, where it begins
-MOST_ITERATIONS = 1500  # of Newton, on one such way; those that arrive take some hundreds
+MOST_NEWTON = 1500  # of Newton, on one such way; those that arrive take some hundreds
 MOST_POINTS = 1000
 
 
@@ -84,7 +84,7 @@ def _over(task: BranchTask, solver: PointSolver, homotopy: Problem, end: float, 
     """Solve at the end of a homotopy, where it is the problem, from near its beginning; None in vain.  Collective."""
     plain = replace(task, estimator=None, accuracy=None, is_linear=False, ways=(from_rest, patiently))
     for share in beginnings:
-        way = replace(plain, problem=homotopy, sweep=Sweep(share * end, end), steps=STEPS, tolerance=solver.tolerance)
+        way = replace(plain, problem=homotopy, sweep=Sweep(share * end, end), steps=HOMOTOPY_STEPS, tolerance=solver.tolerance)
         arrived = _end_of(way)
         if arrived is None or arrived.now is None:
             continue
@@ -104,7 +104,7 @@ def _end_of(way: BranchTask) -> BranchState | None:
         while not state.is_done and n_points < MOST_POINTS:
             found = way.ahead(way, state)
             state, n_points, newton = found.state, n_points + len(found.points), newton + found.newton
-            if found.failure or newton > MOST_ITERATIONS:
+            if found.failure or newton > MOST_NEWTON:
                 return None
     finally:
         workspace.destroy()
