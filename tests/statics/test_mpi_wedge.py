@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from damper import Damper, damper
 from msh import write_msh
+from scene_text import response, steel, table
 
 import microslip
 from microslip.parallel.agree import on_root
@@ -28,40 +29,16 @@ fix = ["x", "y", "z"]
 group = "{side}"
 material = "steel"
 """
-SCENE = """
-[model]
-mesh = "wedge.msh"
-axis = [0.0, 1.0, 0.0]
-axis_point = [0.0, 0.0, {height}]
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7850.0
-[bodies.damper]
-group = "damper"
-material = "steel"
-[statics]
-rotation_speed = {speed}
-stress_stiffening = false
-[[statics.pressures]]
-group = "outer_undersides"
-pressure = {pressure}
-[[loads]]
-group = "left_tip"
-direction = [1.0, 0.0, 0.0]
-[[outputs]]
-name = "tip"
-position = [-0.02, 0.0, 0.41]
-direction = [1.0, 0.0, 0.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [1.0]
-mode = 1
-span = [0.9, 1.1]
-[solver]
-modes = 4
-"""
+SCENE = (
+    '[model]\nmesh = "wedge.msh"\naxis = [0.0, 1.0, 0.0]\naxis_point = [0.0, 0.0, {height}]\n'
+    + steel("damper", density=DENSITY)
+    + "[statics]\nrotation_speed = {speed}\nstress_stiffening = false\n"
+    + '[[statics.pressures]]\ngroup = "outer_undersides"\npressure = {pressure}\n'
+    + table("[loads]", group="left_tip", direction=[1.0, 0.0, 0.0])
+    + table("[outputs]", name="tip", position=[-0.02, 0.0, 0.41], direction=[1.0, 0.0, 0.0])
+    + response(1.0)
+    + table("solver", modes=4)
+)
 GUIDE = '[[supports]]\ngroup = "damper_end"\nfix = ["y"]\n'  # without friction nothing else holds the damper along the axis
 
 
