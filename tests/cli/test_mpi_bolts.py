@@ -115,38 +115,16 @@ def test_a_bolt_that_is_none_is_refused_once(comm, folder, program, old, new, st
     assert error.count("microslip: error: ") == 1 and "Traceback" not in error
 
 
-BAR = """
-[model]
-mesh = "bar.msh"
-[materials.steel]
-young = 2.0e11
-poisson = 0.0
-density = 8000.0
-expansion = 1.0e-5
-[bodies.bar]
-group = "bar"
-material = "steel"
-[[supports]]
-group = "ends"
-fix = ["x", "y", "z"]
-[statics]
-LOADED
-[[loads]]
-position = [0.1, 0.0, 0.0]
-direction = [0.0, 1.0, 0.0]
-[[outputs]]
-name = "middle"
-position = [0.1, 0.0, 0.0]
-direction = [0.0, 1.0, 0.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [1.0]
-mode = 1
-span = [0.9, 1.1]
-[solver]
-modes = 4
-"""
+MIDDLE = [[0.1, 0.0, 0.0]], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], "middle"
+BAR = (
+    table("model", mesh="bar.msh")
+    + steel("bar", young=2.0e11, poisson=0.0, density=8000.0, expansion=1.0e-5)
+    + support("ends")
+    + "[statics]\nLOADED\n"
+    + driven(*MIDDLE)
+    + response(1.0)
+    + table("solver", modes=4)
+)
 
 
 def test_a_tightened_bar_rings_like_one_that_is_colder(comm, folder):
