@@ -57,7 +57,7 @@ def measure(system, pairs, order: int | None, has_solves: bool) -> tuple[float, 
     G = timed(lambda: static_columns(linearised, R, R.T.tocsc()))
     timed(lambda: count_below(linearised.K_L, linearised.M, HIGH**2, factor.solver.order))
     if has_solves:
-        timed(lambda: constraint._by_solves(linearised, R, R.T.tocsc(), slice(None), None))
+        timed(lambda: constraint._by_solves(linearised, R, R.T.tocsc(), slice(None)))
     for name in names if order is not None else ():
         options.delValue(name)
     entries = factor.info["entries"]
