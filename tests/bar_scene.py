@@ -6,6 +6,7 @@ from pathlib import Path
 
 from blocks import stacked
 from msh import write_msh
+from scene_text import driven, joint, steel, support, table
 
 from microslip.library.build import Structure, build
 from microslip.observe.log import RunLog
@@ -14,45 +15,16 @@ from microslip.scene.read import read_scene
 from microslip.scene.schema import Scene
 
 N_DOF, N_PAIRS = 135, 15
-SCENE = """
-[model]
-mesh = "bar.msh"
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7800.0
-[bodies.bar]
-group = "bar"
-material = "steel"
-[bodies.ground]
-group = "ground"
-material = "steel"
-[[supports]]
-group = "ground_base"
-fix = ["x", "y", "z"]
-[[joints]]
-name = "joint"
-surfaces = ["bar_bottom", "ground_top"]
-friction = 0.05
-tangential_stiffness = 1.0e12
-normal_stiffness = 2.0e12
-preload = 2.0e7
-[[loads]]
-position = [0.05, 0.01, 0.02]
-direction = [1.0, 0.3, 0.2]
-[[outputs]]
-name = "corner"
-position = [0.0, 0.0, 0.02]
-direction = [1.0, 0.0, 0.0]
-[damping]
-DAMPING
-[response]
-levels = [30.0]
-mode = 1
-span = [0.9, 1.1]
-points = 10
-[solver]
-"""
+SCENE = (
+    table("model", mesh="bar.msh")
+    + steel("bar", "ground")
+    + support("ground_base")
+    + joint("bar_bottom", "ground_top", friction=0.05, preload=2.0e7)
+    + driven([[0.05, 0.01, 0.02], [0.0, 0.0, 0.02]], [1.0, 0.3, 0.2], [1.0, 0.0, 0.0], "corner")
+    + "[damping]\nDAMPING\n"
+    + table("response", levels=[30.0], mode=1, span=[0.9, 1.1], points=10)
+    + "[solver]\n"
+)
 
 
 def write_bar(folder: Path, damping: str = "ratio = 0.01", divisions=(4, 2, 1), **solver) -> Path:

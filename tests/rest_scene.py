@@ -1,54 +1,21 @@
 """A bar that its joint alone holds on ground, under constant loads: scenes of the tests of statics."""
 
 import numpy as np
+from scene_text import driven, joint, response, steel, support, table
 
 import microslip
 from microslip.parallel.agree import on_root
 
 LENGTH, WIDTH, HEIGHT = 0.05, 0.01, 0.02
-SCENE = """
-[model]
-mesh = "bar.msh"
-axis = [0.0, 0.0, 1.0]
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7800.0
-expansion = 1.2e-5
-[bodies.bar]
-group = "bar"
-material = "steel"
-[bodies.ground]
-group = "ground"
-material = "steel"
-[[supports]]
-group = "ground_base"
-fix = ["x", "y", "z"]
-[[joints]]
-name = "joint"
-surfaces = ["bar_bottom", "ground_top"]
-friction = 0.3
-tangential_stiffness = 1.0e12
-normal_stiffness = 2.0e12
-preload = "static"
-[[loads]]
-position = [0.05, 0.01, 0.02]
-direction = [0.2, 0.1, 1.0]
-[[outputs]]
-name = "corner"
-position = [0.0, 0.0, 0.02]
-direction = [0.0, 0.0, 1.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [5.0]
-mode = 1
-span = [0.9, 1.1]
-points = 10
-[solver]
-modes = 8
-samples = 64
-"""
+SCENE = (
+    table("model", mesh="bar.msh", axis=[0.0, 0.0, 1.0])
+    + steel("bar", "ground", expansion=1.2e-5)
+    + support("ground_base")
+    + joint("bar_bottom", "ground_top")
+    + driven([[0.05, 0.01, 0.02], [0.0, 0.0, 0.02]], [0.2, 0.1, 1.0], [0.0, 0.0, 1.0], "corner")
+    + response(5.0, points=10)
+    + table("solver", modes=8, samples=64)
+)
 
 
 GUIDED = (  # no friction: the bar is held along the joint by a support

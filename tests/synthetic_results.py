@@ -14,7 +14,6 @@ from microslip.results.record import LinearCurve, ResultFile, joint_of
 from microslip.results.writer import ResultWriter
 
 TITLE = "Fan-blade sector, first flap mode"
-QUAD8_RING = (0, 4, 1, 5, 2, 6, 3, 7)
 
 
 def flank(n_along: int, n_across: int, side: int, radius: float = 0.16, length: float = 0.066, width: float = 0.009):

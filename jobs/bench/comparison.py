@@ -160,7 +160,8 @@ class Comparison:
         lines = ["| " + " | ".join(TITLES) + " |", "| " + " | ".join(["---"] * 2 + ["---:"] * (len(TITLES) - 2)) + " |"]
         lines += ["| " + " | ".join(cells(record)) + " |" for record in found]
         picture = "![Time a point by method and level, and differences along the highest level](img/bench_methods.png)"
-        text = machine.page("Methods side by side", [meaning(found), "", picture, "", *lines], head)
+        text = machine.page("Methods side by side", [meaning(found), "", picture], head)
+        text += "\n".join(["", "## Method by method", "", *lines, ""])
         (folder / "bench_methods.md").write_text(text)
         with open(folder / "bench_methods.csv", "w", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -58,12 +57,12 @@ def draw_all(study: Study, folder: Path) -> dict[str, str]:
         "9": (draw_rom_size, "adaptive"),
         "14": (draw_energy_map, "reference"),
     }
-    files: dict[str, bytes | Page] = {}
+    files: dict[str, Page] = {}
     with matplotlib.rc_context(RC):
         for name, (draw, of) in shared.items():
-            drawn = _by_the_program(draw, as_results(study, of))
-            if drawn:
-                files[name] = drawn
+            pages = list(draw(as_results(study, of)).values())
+            if pages:
+                files[name] = pages[0]
         for name, draw_own in own.items():
             own_page = draw_own(study)
             if own_page is not None:
@@ -75,21 +74,11 @@ def _order(name: str) -> int:
     return int(name) if name.isdigit() else 99
 
 
-def _save(page: bytes | Page, folder: Path, name: str) -> str:
-    """Write a page, or the bytes of a picture, and return the file's name."""
+def _save(page: Page, folder: Path, name: str) -> str:
+    """Write a page and return the file's name."""
     file = f"paper_fig{int(name):02d}.png" if name.isdigit() else f"paper_{name}.png"
-    if isinstance(page, bytes):
-        (folder / file).write_bytes(page)
-    else:
-        page.save(str(folder / file))
+    page.save(str(folder / file))
     return file
-
-
-def _by_the_program(draw, results: ResultFile) -> bytes | None:
-    """Return the picture that `microslip plot` makes of the same results."""
-    with tempfile.TemporaryDirectory() as folder:
-        files = draw(results, folder)
-        return Path(files[0]).read_bytes() if files else None
 
 
 def as_results(study: Study, which: str) -> ResultFile:

@@ -21,7 +21,8 @@ PICTURES = {"6": ("6", "adaptive"), "tolerance": ("tolerance", "tolerance_error"
 
 def page(study: Study, figures: dict[str, str], command: str, seconds: float) -> str:
     """Return the page as Markdown; ``figures`` are the files by figure."""
-    lines = [*head(study, command, seconds), "", "## The three claims", "", *three_claims(study), *numbers(study)]
+    lines = [*head(), "", "## The three claims", "", *three_claims(study), *numbers(study)]
+    lines += ["", "## How it was run", "", *how(study, command, seconds)]
     for name, title, paper, ours in sections(study):
         lines += ["", f"## {title}", ""]
         for picture in PICTURES.get(name, (name,)):
@@ -32,17 +33,22 @@ def page(study: Study, figures: dict[str, str], command: str, seconds: float) ->
     return "\n".join(lines) + "\n"
 
 
-def head(study: Study, command: str, seconds: float) -> list[str]:
-    """Return the title and how to read the page."""
-    model, scene = study.model, study.prepared.scene
-    n_dof = study.prepared.structure.linearised.system.n_dof
+def head() -> list[str]:
+    """Return the title and what is run again."""
     return [
         "# The paper's case study, run again",
         "",
         "Section 5 of J. Yuan, C. Schwingshackl, C. Wong, L. Salles, *On an improved adaptive reduced-order model for the "
         "computation of steady-state vibrations in large-scale non-conservative systems with friction joints*, Nonlinear Dynamics "
         "(2020), doi 10.1007/s11071-020-05890-2: a fan blade in a dovetail, four levels of excitation, figures 4 to 15, table 1.",
-        "",
+    ]
+
+
+def how(study: Study, command: str, seconds: float) -> list[str]:
+    """Return how the page was made, and what its words mean."""
+    model, scene = study.model, study.prepared.scene
+    n_dof = study.prepared.structure.linearised.system.n_dof
+    return [
         f"    {command}",
         "",
         f"made this page and its pictures in {seconds / 60.0:.0f} min. The blade is not the paper's, which is not public: it is the "

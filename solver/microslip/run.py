@@ -70,7 +70,7 @@ def run(
     with locked(comm, folder) as left:
         restart = Restart.open(comm, folder, scene, asked.petsc, asked.fresh, cache_of(folder)).noting(left)
         if restart.done is not None:
-            draw_again(restart, comm, folder, asked.screen)
+            draw_again(comm, folder, asked.screen)
             failures = restart.done
         else:
             failures = compute(restart, comm, folder, asked)
@@ -105,7 +105,7 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, asked: RunOptions) -
     return failures
 
 
-def draw_again(restart: Restart, comm: MPI.Comm, folder: Path, screen: bool) -> None:
+def draw_again(comm: MPI.Comm, folder: Path, screen: bool) -> None:
     """Draw the pictures of a run that was computed before.  Collective."""
     with RunLog(comm, screen=screen) as log, Drawers(comm) as drawers:
         log.note(f"all of it is in {folder}, nothing is left to compute (--fresh computes it anew)")

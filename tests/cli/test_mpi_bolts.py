@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from blocks import box, join
 from msh import write_msh
+from scene_text import driven, joint, response, steel, support, table
 
 import microslip
 from microslip.parallel.agree import on_root
@@ -11,66 +12,20 @@ from microslip.results.fields import read_fields
 from microslip.results.read import read_results
 
 WIDTH, GRIP, HEAD = 0.02, 0.06, 0.02  # m
-SCENE = """
-[model]
-mesh = "clamp.msh"
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7800.0
-[bodies.bolt]
-group = "bolt"
-material = "steel"
-[bodies.left]
-group = "left"
-material = "steel"
-[bodies.right]
-group = "right"
-material = "steel"
-[[supports]]
-group = "base"
-fix = ["x", "y", "z"]
-[[joints]]
-name = "left seat"
-surfaces = ["seat_left", "under_left"]
-friction = 0.3
-tangential_stiffness = 1.0e13
-normal_stiffness = 2.0e13
-preload = "static"
-[[joints]]
-name = "right seat"
-surfaces = ["seat_right", "under_right"]
-friction = 0.3
-tangential_stiffness = 1.0e13
-normal_stiffness = 2.0e13
-preload = "static"
-[statics]
-steps = 3
-[[statics.bolts]]
-name = "M16"
-group = "cut"
-force = 9000.0
-[[statics.forces]]
-group = "head_top"
-force = [0.0, 0.0, 4000.0]
-[[loads]]
-position = [0.0, 0.01, 0.08]
-direction = [1.0, 0.0, 0.0]
-[[outputs]]
-name = "head"
-position = [0.0, 0.01, 0.08]
-direction = [1.0, 0.0, 0.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [5.0]
-mode = 1
-span = [0.95, 1.05]
-points = 5
-[solver]
-modes = 4
-error_bars = false
-"""
+HEAD_AT, ALONG = [[0.0, 0.01, 0.08]], [1.0, 0.0, 0.0]
+SCENE = (
+    table("model", mesh="clamp.msh")
+    + steel("bolt", "left", "right")
+    + support("base")
+    + joint("seat_left", "under_left", name="left seat", k_t=1.0e13)
+    + joint("seat_right", "under_right", name="right seat", k_t=1.0e13)
+    + table("statics", steps=3)
+    + table("[statics.bolts]", name="M16", group="cut", force=9000.0)
+    + table("[statics.forces]", group="head_top", force=[0.0, 0.0, 4000.0])
+    + driven(HEAD_AT, ALONG, ALONG, "head")
+    + response(5.0, span=[0.95, 1.05], points=5)
+    + table("solver", modes=4, error_bars=False)
+)
 
 
 @pytest.fixture(scope="module")
@@ -160,38 +115,16 @@ def test_a_bolt_that_is_none_is_refused_once(comm, folder, program, old, new, st
     assert error.count("microslip: error: ") == 1 and "Traceback" not in error
 
 
-BAR = """
-[model]
-mesh = "bar.msh"
-[materials.steel]
-young = 2.0e11
-poisson = 0.0
-density = 8000.0
-expansion = 1.0e-5
-[bodies.bar]
-group = "bar"
-material = "steel"
-[[supports]]
-group = "ends"
-fix = ["x", "y", "z"]
-[statics]
-LOADED
-[[loads]]
-position = [0.1, 0.0, 0.0]
-direction = [0.0, 1.0, 0.0]
-[[outputs]]
-name = "middle"
-position = [0.1, 0.0, 0.0]
-direction = [0.0, 1.0, 0.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [1.0]
-mode = 1
-span = [0.9, 1.1]
-[solver]
-modes = 4
-"""
+MIDDLE = [[0.1, 0.0, 0.0]], [0.0, 1.0, 0.0], [0.0, 1.0, 0.0], "middle"
+BAR = (
+    table("model", mesh="bar.msh")
+    + steel("bar", young=2.0e11, poisson=0.0, density=8000.0, expansion=1.0e-5)
+    + support("ends")
+    + "[statics]\nLOADED\n"
+    + driven(*MIDDLE)
+    + response(1.0)
+    + table("solver", modes=4)
+)
 
 
 def test_a_tightened_bar_rings_like_one_that_is_colder(comm, folder):

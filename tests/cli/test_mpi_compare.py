@@ -73,11 +73,15 @@ def test_an_unknown_method_is_named_once(program):
 def test_of_statics_the_displacement_is_compared(program, shared_path):
     system = scenes.spatial_mass()
     system["loads"] = [{**load, "harmonic": 0, "phase": 0.0} for load in system["loads"]]
-    status, _, err = program(
-        "--methods",
-        "receptance",
-        write=lambda folder: write_matrix_scene(folder, system, [0.02], (1.0, 1.6), points=4, harmonics=0),
-    )
+
+    def still(folder):
+        return write_matrix_scene(folder, system, [0.02], (1.0, 1.6), points=4, harmonics=0)
+
+    status, out, err = program(write=still)
+    assert (status, err) == (0, "") and "adaptive-energy is left out: " in out and "adaptive-energy" not in rows(shared_path)
+    status, _, err = program("--methods", "adaptive-energy", write=still)
+    assert status == 2 and "with harmonics = 0 no pair dissipates" in err
+    status, _, err = program("--methods", "receptance", write=still)
     assert (status, err) == (0, "")
     u_lin = np.linalg.solve(scenes.stuck_stiffness(system), sum(np.asarray(load["vector"]) for load in system["loads"]))
     for entry in rows(shared_path).values():

@@ -97,11 +97,15 @@ def test_more_harmonics_and_frequencies_as_asked(program, shared_path):
 
 def test_what_contradicts_the_scene_is_named_once(program):
     for arguments, message in (
-        (("--at", "3"), "--at = 3 Hz lies outside 62.0704 to 93.9014 Hz"),
-        (("--harmonics", "5", "--samples", "10"), "--samples: 10 do not resolve 5 harmonics; at least 11 are needed"),
+        (("--at", "3"), "/scene.toml: [response]: at holds 3 Hz, outside frequencies = [62.0704, 93.9014]"),
+        (
+            ("--harmonics", "5", "--samples", "10"),
+            "/scene.toml: [solver]: samples = 10 do not resolve harmonics = 5; at least 11 are needed",
+        ),
     ):
         status, _, err = program(*arguments)
-        assert status == 2 and err.count(message) == 1
+        options = " ".join(argument for argument in arguments if argument.startswith("--"))
+        assert status == 2 and err.count(message) == 1 and f"error: {options}: " in err
 
 
 @pytest.mark.ranks(1)

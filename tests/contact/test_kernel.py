@@ -12,7 +12,9 @@ from oracles.law import friction_step, normal_contact_force, normal_force
 
 from microslip.contact.elastic_coulomb import ElasticCoulomb
 from microslip.contact.energy import pair_energy
+from microslip.contact.iwan import Iwan
 from microslip.contact.law import OPEN, SLIP, STICK
+from microslip.contact.rough import Rough
 from microslip.fourier.coefficients import analyse, synthesise
 from microslip.fourier.harmonics import Harmonics
 
@@ -167,6 +169,27 @@ def test_remainder_of_the_derivative_falls_as_the_square_of_the_step_block_by_bl
     assert np.all(np.abs(coarse[curved] / fine[curved] - 4.0) < 0.2)
     straight = ~curved & ~np.isnan(coarse)
     assert np.all(fine[straight] < 1e-10)
+
+
+ONE = np.ones(40)
+ALONG_THE_PATH = {
+    "elastic-coulomb": ElasticCoulomb(0.6 * ONE, ONE, 3.0 * ONE, 5.0 * ONE, np.zeros(40, dtype=bool)),
+    "rough": Rough(0.4 * ONE, 2.0 * ONE, 3.0 * ONE, 5.0 * ONE, np.inf * ONE, n_sliders=6),
+    "rough by a power": Rough(0.4 * ONE, 2.0 * ONE, 3.0 * ONE, 5.0 * ONE, 2.0 * ONE, n_sliders=6),
+    "iwan": Iwan(2.0 * ONE, 5.0 * ONE, 7.0 * ONE, -0.6 * ONE, 0.4 * ONE, n_sliders=6),
+}
+
+
+@pytest.mark.parametrize("name", ALONG_THE_PATH)
+def test_remainder_of_the_derivative_of_every_law_falls_as_the_square_of_the_step(name):
+    """Of the path between samples, but for the few pairs that change at one within the steps."""
+    law, (U, V) = ALONG_THE_PATH[name], 0.3 * np.random.default_rng(1).standard_normal((2, 40, 3, 5))
+    found, steps = law.cycle(U, 64), 1e-3 * 0.25 ** np.arange(4)
+    U, V, p = (values[found.active] for values in (U, V, found.p))
+    law, slope = law.take(found.active), np.einsum("nij,nj->ni", found.P, V.reshape(len(V), -1)).reshape(V.shape)
+    left = [np.abs(law.cycle(U + h * V, 64, tangents=False).p - p - h * slope).max(axis=(1, 2)) for h in steps]
+    rates = np.log2(np.array(left[:-1]) / left[1:]).min(axis=0) / 2.0
+    assert len(rates) > 30 and np.mean(np.abs(rates - 2.0) < 0.1) > 0.8
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from oracles import scenes
 from verification import extreme_structures as structures
 
 from microslip.continuation.accuracy import Accuracy, Resolution, steps_for
-from microslip.continuation.checkpoint import from_arrays, to_arrays
+from microslip.continuation.checkpoint import from_arrays, over, own_arrays, parts_of
 from microslip.continuation.follow import advance
 from microslip.continuation.point_record import HELD
 from microslip.continuation.point_solver import Workspace
@@ -43,6 +43,13 @@ def free_task():
     system = structures.free_body(rayleigh=(0.8, 0.0))
     model, law = reduced({**system, "C": 0.8 * system["M"]}, COMM, 3)
     return BranchTask(forced(model, law, 128, 17.0), AllPairs(), Sweep(0.8, 1.2), STEPS, 1e-9)
+
+
+def to_arrays(task, state):
+    """Return a state between two steps, as a run keeps it.  Collective."""
+    return own_arrays(state) | {
+        name: a for key, part in parts_of(task, state).items() for name, a in over(key, part.arrays()).items()
+    }
 
 
 def on_disk(arrays, path):

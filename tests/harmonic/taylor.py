@@ -51,25 +51,30 @@ class Place:
         )
 
 
-def remainders(there, d_xi, d_nu, steps=STEPS):
-    """Return the Taylor remainders in a direction at shrinking steps, and the size of the first-order term."""
+def assert_second_order(there, columns="both", rows="both"):
+    """Assert that the Jacobian, or a block of it, is the residual's derivative.
+
+    ``columns`` of "motion" or "parameters", ``rows`` of "motion" or "constraints".
+    """
+    d_xi = there.rng.standard_normal(there.U.shape) * (columns != "parameters")
+    d_nu = 0.05 * np.random.default_rng(5).standard_normal(len(there.nu)) * (columns != "motion")
     linear, border = there.linearise()
     first = linear.product(d_xi, there.owned(d_nu), border)
-    here, found = there.residual(np.zeros_like(d_xi), np.zeros_like(d_nu)), []
-    for h in steps:
+    here = there.residual(np.zeros_like(d_xi), np.zeros_like(d_nu))
+    seen = np.array([rows != "constraints", rows != "motion"])
+
+    def size(h):
         moved = there.residual(h * d_xi, h * d_nu)
-        found.append(there.size(*(b - a - h * s for a, b, s in zip(here, moved, first))))
-    return np.array(found), there.size(*first)
+        return there.size(*(one * (b - a - h * s) for one, a, b, s in zip(seen, here, moved, first)))
+
+    assert_square_of_step([size(h) for h in STEPS], there.size(*(one * s for one, s in zip(seen, first))))
 
 
-def assert_second_order(there, block="both"):
-    """Assert that the Jacobian, or the block of it that belongs to motion or parameters, is the residual's derivative."""
-    d_xi = there.rng.standard_normal(there.U.shape) * (block != "parameters")
-    d_nu = 0.05 * np.random.default_rng(5).standard_normal(len(there.nu)) * (block != "motion")
-    found, first = remainders(there, d_xi, d_nu)
+def assert_square_of_step(remainders, first):
+    """Assert that remainders at ``STEPS`` fall as their squares, down to rounding of ``first``, |J d|."""
     rounding = 1e-11 * first
-    rates = np.log2(np.maximum(found[:-1], rounding) / np.maximum(found[1:], rounding)) / 2.0
+    found = np.maximum(remainders, rounding)
     assert first > 0.0
     assert found[-1] <= 1e-6 * first  # a wrong derivative leaves 1.6e-5 of its error in the last step
-    seen = found[1:] > 10.0 * rounding
-    assert np.all(rates[seen] > 1.7), (found, first)
+    rates = np.log2(found[:-1] / found[1:]) / 2.0
+    assert np.all(rates[found[1:] > 10.0 * rounding] > 1.7), (found, first)

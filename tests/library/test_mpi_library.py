@@ -243,5 +243,19 @@ def test_pictures(comm, folder, response):
     path = folder / "pictures" / "states.png"
     response.plot(path, "states")
     assert Path(path).stat().st_size > 10_000
+    figure = response.plot()
+    if comm.rank == 0:
+        assert figure._repr_png_().startswith(b"\x89PNG") and figure.axes[0].get_ylabel().startswith("amplitude [")
+    assert len(response["corner"].plot().axes) == 2
     with pytest.raises(CaseError, match="there is no picture 'respnse' of these results; there are response, "):
         response.plot(path, "respnse")
+
+
+def test_a_closed_structure_refuses_what_needs_its_factor(scene, comm):
+    with microslip.build(scene, comm) as structure:
+        found = microslip.respond(structure, levels=1e-3, points=5, error_bars=False)
+    structure.close()
+    assert len(found["corner"].amplitude) == 1
+    for asks in (lambda: found.fields(1e-3), *(lambda k=k: microslip.respond(structure, **k) for k in ({}, {"modes": 8}))):
+        with pytest.raises(CaseError, match="the structure is closed, and its factor is freed; build it again"):
+            asks()

@@ -10,6 +10,7 @@ from bar_loads import LOADS, dense, reduced_model, scene_with
 from bar_scene import by
 from blocks import box
 from msh import write_msh
+from scene_text import steel, support, table
 
 import microslip
 from microslip.fourier.amplitudes import to_complex
@@ -148,28 +149,15 @@ def test_a_moving_base_is_a_moving_support(comm, shared_path):
 
 
 YOUNG, DENSITY, LENGTH, SIDE = 2.0e11, 8000.0, 1.0, 0.05
-ROD = f"""
-[model]
-mesh = "rod.msh"
-[materials.steel]
-young = {YOUNG}
-poisson = 0.0
-density = {DENSITY}
-[bodies.rod]
-group = "rod"
-material = "steel"
-[[supports]]
-group = "root"
-fix = ["x", "y", "z"]
-LOADS
-[damping]
-ratio = 0.0
-[response]
-levels = [1.0]
-frequencies = [500.0, 4000.0]
-[solver]
-modes = 80
-"""
+ROD = (
+    table("model", mesh="rod.msh")
+    + steel("rod", young=YOUNG, poisson=0.0, density=DENSITY)
+    + support("root")
+    + "LOADS\n"
+    + table("damping", ratio=0.0)
+    + table("response", levels=[1.0], frequencies=[500.0, 4000.0])
+    + table("solver", modes=80)
+)
 
 
 def rod(comm, folder, tables):

@@ -5,79 +5,28 @@ import numpy as np
 import pytest
 from blocks import box, stacked
 from msh import write_msh
+from scene_text import joint, response, steel, support, table
 
 import microslip
 from microslip.parallel.agree import on_root
 from microslip.parallel.errors import CaseError, ConvergenceError
 
 LENGTH, WIDTH, HEIGHT = 0.05, 0.01, 0.02
-SCENE = """
-[model]
-mesh = "motor.msh"
-axis = [0.0, 1.0, 0.0]
-axis_point = [0.0, 0.0, 0.3]
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7800.0
-[bodies.bar]
-group = "bar"
-material = "steel"
-[bodies.cap]
-group = "cap"
-material = "steel"
-[bodies.ground]
-group = "ground"
-material = "steel"
-[[supports]]
-group = "ground_base"
-fix = ["x", "y", "z"]
-[[ties]]
-name = "glue"
-surfaces = ["cap_bottom", "bar_top"]
-[[points]]
-name = "motor"
-position = [0.025, 0.005, 0.06]
-group = "cap_top"
-mass = 0.3
-inertia = [1e-5, 2e-5, 3e-5]
-[[points]]
-name = "end"
-position = [0.06, 0.005, 0.01]
-group = "bar_end"
-connection = "distributing"
-[[joints]]
-name = "joint"
-surfaces = ["bar_bottom", "ground_top"]
-friction = 0.3
-tangential_stiffness = 1.0e12
-normal_stiffness = 2.0e12
-preload = 2.0e7
-[[loads]]
-point = "motor"
-direction = [1.0, 0.2, 0.0]
-[[loads]]
-point = "end"
-moment = [0.0, 0.002, 0.0]
-[[outputs]]
-name = "motor"
-point = "motor"
-direction = [1.0, 0.0, 0.0]
-[[outputs]]
-name = "turn"
-point = "end"
-rotation = [0.0, 1.0, 0.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [1500.0]
-mode = 1
-span = [0.95, 1.05]
-points = 6
-[solver]
-modes = 8
-samples = 64
-"""
+SCENE = (
+    table("model", mesh="motor.msh", axis=[0.0, 1.0, 0.0], axis_point=[0.0, 0.0, 0.3])
+    + steel("bar", "cap", "ground")
+    + support("ground_base")
+    + table("[ties]", name="glue", surfaces=["cap_bottom", "bar_top"])
+    + table("[points]", name="motor", position=[0.025, 0.005, 0.06], group="cap_top", mass=0.3, inertia=[1e-5, 2e-5, 3e-5])
+    + table("[points]", name="end", position=[0.06, 0.005, 0.01], group="bar_end", connection="distributing")
+    + joint("bar_bottom", "ground_top", preload=2.0e7)
+    + table("[loads]", point="motor", direction=[1.0, 0.2, 0.0])
+    + table("[loads]", point="end", moment=[0.0, 0.002, 0.0])
+    + table("[outputs]", name="motor", point="motor", direction=[1.0, 0.0, 0.0])
+    + table("[outputs]", name="turn", point="end", rotation=[0.0, 1.0, 0.0])
+    + response(1500.0, span=[0.95, 1.05], points=6)
+    + table("solver", modes=8, samples=64)
+)
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +121,7 @@ point = "end"
 force = [0.0, 50.0, -100.0]
 """
 TURNING = (
-    ("inertia = [1e-5, 2e-5, 3e-5]\n", ""),
+    ("inertia = [1.0e-5, 2.0e-5, 3.0e-5]\n", ""),
     ("preload = 2.0e7", 'preload = "static"'),
     ("friction = 0.3", "friction = 0.9"),
 )
@@ -251,11 +200,11 @@ MISTAKES = {
     ),
     "rotation of a node": (('point = "end"\nrotation', "node = 1\nrotation"), "rotation belongs to a point; nodes do not turn"),
     "inertia": (
-        ("[1e-5, 2e-5, 3e-5]", "[1e-5, 2e-5]"),
+        ("[1.0e-5, 2.0e-5, 3.0e-5]", "[1e-5, 2e-5]"),
         r"\[\[points\]\] 1 \(\"motor\"\) inertia = .*: expected the moments of inertia",
     ),
     "negative inertia": (
-        ("[1e-5, 2e-5, 3e-5]", "[1e-5, 2e-5, 3e-5, 1e-4, 0.0, 0.0]"),
+        ("[1.0e-5, 2.0e-5, 3.0e-5]", "[1.0e-5, 2.0e-5, 3.0e-5, 1e-4, 0.0, 0.0]"),
         "inertia = .*: expected the moments of inertia",
     ),
     "names": (('name = "end"', 'name = "motor"'), r'\[\[points\]\] name = "motor" is used 2 times'),

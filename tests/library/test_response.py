@@ -77,6 +77,7 @@ def test_arrays_have_named_axes_units_and_room_for_the_longest_curve(response):
     assert du.shape == (2, max(n), 15, 3, 5) and frequency.shape == du.shape[:2]
     assert np.isfinite(frequency).sum(axis=1).tolist() == n == np.isfinite(du[:, :, 0, 0, 0]).sum(axis=1).tolist()
     assert np.array_equal(frequency[1, : n[1]], response.level(30.0).frequency)
+    assert repr(response) == f"<Response of bar: 2 levels, {sum(n)} points, outputs corner>"
     assert response.array("state").dtype == np.uint8 and response.levels.tolist() == [1e-3, 30.0] and response.failures == {}
     for ask, message in (
         (lambda: response.array("dv"), "there is no quantity 'dv'; there are frequency, response"),

@@ -1,5 +1,6 @@
 """The receptance on synthetic data: dense formulas, adjoint, rates, blocks, modal and full damping, one family and two."""
 
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -291,3 +292,13 @@ def test_one_family_serves_all_columns_without_a_copy():
     assert model.flexibilities(OMEGA) is model.flexibilities(OMEGA)
     with pytest.raises(ValueError, match="read-only"):
         model.flexibilities(OMEGA)[0].c[0] = 0.0
+
+
+def test_nothing_keeps_a_model_that_nobody_holds():
+    model = MODELS["modal"]()
+    for omega in np.arange(1.0, 9.0):
+        model.flexibilities(omega)
+    assert len(model._flexibilities) == 4 and 8.0 in model._flexibilities
+    gone = weakref.ref(model)
+    del model
+    assert gone() is None

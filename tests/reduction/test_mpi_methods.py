@@ -238,7 +238,6 @@ def test_a_floating_body_has_six_rigid_body_modes_and_attachment_modes_orthogona
     scene, structure = bar(comm, shared_path, method="rubin", modes=12)
     free = free_bodies(structure, reduction_settings(scene))
     system = structure.linearised.system
-    assert free.n_rigid == 6
     assert np.abs(free.omega_2[:6]).max() < 1e-6 * free.omega_2[6]
     Z = residual_attachment_modes(free, system.R.T.tocsc())
     M_Z = multiply(system.M, Z)

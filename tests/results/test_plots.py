@@ -57,7 +57,7 @@ def drawn_files(files):
 
 def draw_only(draw, path):
     with matplotlib.rc_context(style.RC):
-        return draw(read_results(path, motion=False), "out")
+        return [page.save(name) for name, page in draw(read_results(path, motion=False)).items()]
 
 
 def texts(page):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from blocks import box
 from msh import write_msh
+from scene_text import response, steel, support, table
 
 import microslip
 from microslip.parallel.agree import on_root
@@ -12,38 +13,17 @@ from microslip.parallel.errors import CaseError, MeshError
 YOUNG, LENGTH, SIDE, EXPANSION = 2.0e11, 0.4, 0.02, 1e-5
 INERTIA = SIDE**4 / 12.0
 SLOPE = 4000.0  # K/m across the beam
-SCENE = f"""
-[model]
-mesh = "beam.msh"
-[materials.steel]
-young = {YOUNG}
-poisson = 0.0
-density = 8000.0
-expansion = {EXPANSION}
-[bodies.beam]
-group = "beam"
-material = "steel"
-[[supports]]
-group = "hub"
-fix = ["x", "y", "z"]
-POINTS
-[[loads]]
-group = "tip"
-direction = [0.0, 0.0, 1.0]
-[[outputs]]
-name = "tip"
-position = [{LENGTH}, 0.0, 0.0]
-direction = [0.0, 0.0, 1.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [1.0]
-mode = 1
-span = [0.9, 1.1]
-[solver]
-modes = 3
-[statics]
-"""
+SCENE = (
+    table("model", mesh="beam.msh")
+    + steel("beam", young=YOUNG, poisson=0.0, density=8000.0, expansion=EXPANSION)
+    + support("hub")
+    + "POINTS\n"
+    + table("[loads]", group="tip", direction=[0.0, 0.0, 1.0])
+    + table("[outputs]", name="tip", position=[LENGTH, 0.0, 0.0], direction=[0.0, 0.0, 1.0])
+    + response(1.0)
+    + table("solver", modes=3)
+    + "[statics]\n"
+)
 WARM = '[[statics.temperatures]]\ngroup = "beam"\n'
 POINT = f"""
 [[points]]

@@ -7,6 +7,7 @@ from msh import write_msh
 from rest_scene import HEIGHT, WIDTH, force
 from rest_scene import LENGTH as BAR
 from rest_scene import scene_of as bar_scene_of
+from scene_text import response, steel, support, table
 
 import microslip
 from microslip.parallel.agree import on_root
@@ -15,37 +16,16 @@ from microslip.parallel.errors import CaseError, ConvergenceError, MeshError
 YOUNG, DENSITY, LENGTH, SIDE = 2.0e11, 8000.0, 1.0, 0.02
 GUIDED = '[[supports]]\ngroup = "beam"\nfix = ["y", "z"]\n[[supports]]\ngroup = "tip"\nfix = ["x"]\n'
 ALONG = "direction = [1.0, 0.0, 0.0]"
-SCENE = f"""
-[model]
-mesh = "KIND.msh"
-[materials.steel]
-young = {YOUNG}
-poisson = 0.0
-density = {DENSITY}
-[bodies.beam]
-group = "beam"
-material = "steel"
-[[supports]]
-group = "hub"
-fix = ["x", "y", "z"]
-SUPPORTS
-[[loads]]
-position = [0.5, 0.01, 0.01]
-DIRECTION
-[[outputs]]
-name = "middle"
-position = [0.5, 0.01, 0.01]
-DIRECTION
-[damping]
-ratio = 0.01
-[response]
-levels = [1.0]
-mode = 1
-span = [0.9, 1.1]
-[solver]
-modes = 3
-[statics]
-"""
+SCENE = (
+    '[model]\nmesh = "KIND.msh"\n'
+    + steel("beam", young=YOUNG, poisson=0.0, density=DENSITY)
+    + support("hub")
+    + "SUPPORTS\n[[loads]]\nposition = [0.5, 0.01, 0.01]\nDIRECTION\n"
+    + '[[outputs]]\nname = "middle"\nposition = [0.5, 0.01, 0.01]\nDIRECTION\n'
+    + response(1.0)
+    + table("solver", modes=3)
+    + "[statics]\n"
+)
 
 
 @pytest.fixture(scope="module")

@@ -4,67 +4,24 @@ import numpy as np
 import pytest
 from blocks import box
 from msh import write_msh
+from scene_text import driven, joint, steel, support, table
 
 import microslip
 from microslip.parallel.agree import on_root
 
 PRESSURE = 3.0e6
 SIDE = 0.02
-SCENE = """
-[model]
-mesh = "blocks.msh"
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7800.0
-[bodies.upper]
-group = "upper"
-material = "steel"
-[bodies.lower]
-group = "lower"
-material = "steel"
-[[supports]]
-group = "left"
-fix = ["x"]
-[[supports]]
-group = "right"
-fix = ["x"]
-[[supports]]
-group = "front"
-fix = ["y"]
-[[supports]]
-group = "rear"
-fix = ["y"]
-[[supports]]
-group = "base"
-fix = ["z"]
-[[joints]]
-name = "joint"
-surfaces = ["under", "on"]
-friction = 0.2
-tangential_stiffness = 1.0e13
-normal_stiffness = 2.0e13
-preload = "static"
-[[loads]]
-position = [0.02, 0.02, 0.03]
-direction = [0.0, 0.0, 1.0]
-[[outputs]]
-name = "corner"
-position = [0.0, 0.0, 0.03]
-direction = [0.0, 0.0, 1.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [1.0]
-frequencies = [100.0, 200.0]
-points = 5
-[solver]
-modes = 4
-verify_modes = false
-[[statics.pressures]]
-group = "top"
-pressure = 3.0e6
-"""
+SCENE = (
+    table("model", mesh="blocks.msh")
+    + steel("upper", "lower")
+    + "".join(support(side, axis) for side, axis in zip(("left", "right", "front", "rear", "base"), "xxyyz"))
+    + joint("under", "on", friction=0.2, k_t=1.0e13)
+    + driven([[0.02, 0.02, 0.03], [0.0, 0.0, 0.03]], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], "corner")
+    + table("damping", ratio=0.01)
+    + table("response", levels=[1.0], frequencies=[100.0, 200.0], points=5)
+    + table("solver", modes=4, verify_modes=False)
+    + table("[statics.pressures]", group="top", pressure=PRESSURE)
+)
 SIDES = {"x0": "left", "x1": "right", "y0": "front", "y1": "rear"}
 
 

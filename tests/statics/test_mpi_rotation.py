@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from blocks import box
 from msh import write_msh
+from scene_text import driven, response, steel, support, table
 
 import microslip
 from microslip.assembly.assemble import assemble
@@ -19,38 +20,15 @@ YOUNG, DENSITY, LENGTH, SIDE = 2.0e11, 8000.0, 1.0, 0.02
 SIDES = ('fix = ["x", "y", "z"]', 'fix = ["x", "y", "z"]\n[[supports]]\ngroup = "beam"\nfix = ["y", "z"]')
 END = ("[0.0, 0.0, 1.0]\n[", "[1.0, 0.0, 0.0]\n[")
 OMEGA_1 = np.sqrt(YOUNG * SIDE**2 / 12.0 / DENSITY) / LENGTH**2  # rad/s, unit of a beam's frequencies
-SCENE = f"""
-[model]
-mesh = "beam.msh"
-axis = [0.0, 0.0, 1.0]
-[materials.steel]
-young = {YOUNG}
-poisson = 0.0
-density = {DENSITY}
-[bodies.beam]
-group = "beam"
-material = "steel"
-[[supports]]
-group = "hub"
-fix = ["x", "y", "z"]
-[statics]
-STATICS
-[[loads]]
-position = [{LENGTH}, 0.0, 0.0]
-direction = [0.0, 0.0, 1.0]
-[[outputs]]
-name = "tip"
-position = [{LENGTH}, 0.0, 0.0]
-direction = [0.0, 0.0, 1.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [1.0]
-mode = 1
-span = [0.9, 1.1]
-[solver]
-modes = 4
-"""
+SCENE = (
+    table("model", mesh="beam.msh", axis=[0.0, 0.0, 1.0])
+    + steel("beam", young=YOUNG, poisson=0.0, density=DENSITY)
+    + support("hub")
+    + "[statics]\nSTATICS\n"
+    + driven([[LENGTH, 0.0, 0.0]], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], "tip")
+    + response(1.0)
+    + table("solver", modes=4)
+)
 
 
 @pytest.fixture(scope="module")

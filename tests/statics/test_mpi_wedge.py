@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from damper import Damper, damper
 from msh import write_msh
+from scene_text import joint, response, steel, support, table
 
 import microslip
 from microslip.parallel.agree import on_root
@@ -13,55 +14,16 @@ GIVEN = Damper(
     kind="hex8", n_chord=3, n_shank=2, n_thick=1, n_platform=2, n_height=1, n_aerofoil=2, n_damper=2, n_flank=1, n_length=2
 )
 DENSITY, SPEED, FRICTION = 7850.0, 500.0, 0.3
-JOINT = """
-[[joints]]
-name = "{side}"
-surfaces = ["damper_{side}", "{side}_platform"]
-friction = {friction}
-tangential_stiffness = 5.0e12
-normal_stiffness = 1.0e13
-preload = "static"
-[[supports]]
-group = "{side}_root"
-fix = ["x", "y", "z"]
-[bodies.{side}]
-group = "{side}"
-material = "steel"
-"""
-SCENE = """
-[model]
-mesh = "wedge.msh"
-axis = [0.0, 1.0, 0.0]
-axis_point = [0.0, 0.0, {height}]
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7850.0
-[bodies.damper]
-group = "damper"
-material = "steel"
-[statics]
-rotation_speed = {speed}
-stress_stiffening = false
-[[statics.pressures]]
-group = "outer_undersides"
-pressure = {pressure}
-[[loads]]
-group = "left_tip"
-direction = [1.0, 0.0, 0.0]
-[[outputs]]
-name = "tip"
-position = [-0.02, 0.0, 0.41]
-direction = [1.0, 0.0, 0.0]
-[damping]
-ratio = 0.01
-[response]
-levels = [1.0]
-mode = 1
-span = [0.9, 1.1]
-[solver]
-modes = 4
-"""
+SCENE = (
+    '[model]\nmesh = "wedge.msh"\naxis = [0.0, 1.0, 0.0]\naxis_point = [0.0, 0.0, {height}]\n'
+    + steel("damper", density=DENSITY)
+    + "[statics]\nrotation_speed = {speed}\nstress_stiffening = false\n"
+    + '[[statics.pressures]]\ngroup = "outer_undersides"\npressure = {pressure}\n'
+    + table("[loads]", group="left_tip", direction=[1.0, 0.0, 0.0])
+    + table("[outputs]", name="tip", position=[-0.02, 0.0, 0.41], direction=[1.0, 0.0, 0.0])
+    + response(1.0)
+    + table("solver", modes=4)
+)
 GUIDE = '[[supports]]\ngroup = "damper_end"\nfix = ["y"]\n'  # without friction nothing else holds the damper along the axis
 
 
@@ -76,7 +38,12 @@ def scene_of(comm, folder, name, friction=FRICTION, speed=SPEED, pressure=1e6, h
     """Return a scene of the two blades and their damper.  Collective."""
 
     def write():
-        joints = "".join(JOINT.format(side=side, friction=friction) for side in ("left", "right"))
+        joints = "".join(
+            joint(f"damper_{side}", f"{side}_platform", name=side, friction=friction, k_t=5.0e12)
+            + support(f"{side}_root")
+            + table(f"bodies.{side}", group=side, material="steel")
+            for side in ("left", "right")
+        )
         path = folder / f"{name}.toml"
         path.write_text(SCENE.format(speed=speed, pressure=pressure, height=height) + joints + more)
         return path

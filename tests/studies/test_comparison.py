@@ -1,12 +1,13 @@
 """The numbers of a comparison, its table and its files."""
 
 import csv
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from microslip.results.measures import MEAN
+from microslip.results.measures import MEAN, shown_with
 from microslip.studies.compare.report import Row, differences, energy_difference, numbers, table, write_comparison
 
 OMEGAS = 2 * np.pi * np.array([10.0, 11.0, 12.0])
@@ -45,7 +46,7 @@ def test_a_method_that_ends_early_is_compared_where_it_has_points():
     assert (found["points"], found["failure"]) == (2, "no convergence")
     nothing = numbers(Row(1.0, "rubin", 0.5, [], "no convergence"), EXACT)
     assert nothing["points"] == 0 and np.isnan(nothing["difference_percent"])
-    assert "no convergence" in table([numbers(EXACT, EXACT), nothing], "full")
+    assert "no convergence" in table([numbers(EXACT, EXACT), nothing], EXACT)
 
 
 def test_of_statics_the_displacement_is_told():
@@ -57,7 +58,14 @@ def test_of_statics_the_displacement_is_told():
 
     found = numbers(still("rubin", -2.2e-6), still("full", -2e-6))
     assert (found["peak_m"], found["difference_percent"]) == pytest.approx((-2.2e-6, 10.0))
-    assert "-2.2e-06" in table([found], "full")
+    assert "-2.2e-06" in table([found], still("full", -2e-6))
+
+
+def test_the_unit_of_the_output_is_told():
+    shown = replace(EXACT, shown=shown_with(3, "m/s2", "1"))
+    found = numbers(shown, shown)
+    assert list(found)[-1] == "unit" and found["unit"] == "m/s2" and numbers(replace(shown, points=[]), shown)["unit"] == "m/s2"
+    assert "peak" in table([found], shown) and "m/s2" in table([found], shown)
 
 
 def test_the_files_hold_every_row(tmp_path):

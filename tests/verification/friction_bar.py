@@ -20,6 +20,7 @@ from blocks import stacked
 from mpi4py import MPI
 from msh import write_msh
 from oracles.exact import FrictionBar
+from scene_text import joint, steel, support, table
 from verification import chain
 
 LENGTH, WIDTH, HEIGHT = 0.2, 0.005, 0.0005  # m
@@ -33,59 +34,6 @@ MESHES = {"hex20": (8, 16, 32, 64), "hex8": (8, 16, 32, 64), "tet10": (8, 16, 32
 
 # consistent nodal loads of a uniform pull on a flat face: share of corners and of mid-sides, by number of nodes
 PULL = {3: [1 / 3] * 3, 4: [1 / 4] * 4, 6: [0.0] * 3 + [1 / 3] * 3, 8: [-1 / 12] * 4 + [1 / 3] * 4}
-
-SCENE = """\
-title = "Bar on a friction foundation"
-
-[model]
-mesh = "bar.msh"
-
-[materials.steel]
-young = {young}
-poisson = 0.0
-density = {density}
-
-[bodies.bar]
-group = "bar"
-material = "steel"
-
-[bodies.ground]
-group = "ground"
-material = "steel"
-
-[[supports]]
-group = "ground"
-fix = ["x", "y", "z"]
-
-[[supports]]
-group = "bar_top"
-fix = ["z"]
-
-[[joints]]
-name = "foundation"
-surfaces = ["bar_bottom", "ground_top"]
-friction = {friction}
-tangential_stiffness = {k_t}
-normal_stiffness = {k_n}
-preload = {preload}
-
-{ends}
-[damping]
-ratio = 0.0
-
-[response]
-levels = {levels}
-frequencies = [{frequency}, {beyond}]
-at = [{frequency}]
-points = 2
-
-[solver]
-method = "receptance"
-modes = 4
-harmonics = {harmonics}
-samples = {samples}
-tolerance = 1e-9
-"""
 
 
 def end_shares(bar) -> dict[int, float]:
@@ -104,24 +52,16 @@ def write_case(folder: Path, kind: str, cells: tuple[int, int, int], levels, har
     bodies = stacked(kind, (LENGTH, WIDTH, HEIGHT), cells, ground_height=HEIGHT)
     write_msh(str(folder / "bar.msh"), bodies)
     shares = end_shares(bodies["bar"])
-    ends = "".join(f"[[loads]]\nnode = {node}\ndirection = [{share!r}, 0.0, 0.0]\n\n" for node, share in shares.items())
-    ends += "".join(f'[[outputs]]\nname = "end {node}"\nnode = {node}\ndirection = [1.0, 0.0, 0.0]\n\n' for node in shares)
-    (folder / "bar.toml").write_text(
-        SCENE.format(
-            young=YOUNG,
-            density=DENSITY,
-            friction=FRICTION,
-            k_t=K_T,
-            k_n=K_N,
-            preload=PRELOAD,
-            ends=ends,
-            levels=list(map(float, levels)),
-            frequency=FREQUENCY,
-            beyond=1.01 * FREQUENCY,
-            harmonics=harmonics,
-            samples=samples,
-        )
-    )
+    text = 'title = "Bar on a friction foundation"\n' + table("model", mesh="bar.msh")
+    text += steel("bar", "ground", young=YOUNG, poisson=0.0, density=DENSITY) + support("ground") + support("bar_top", "z")
+    text += joint("bar_bottom", "ground_top", name="foundation", friction=FRICTION, k_t=K_T, k_n=K_N, preload=PRELOAD)
+    text += "".join(table("[loads]", node=node, direction=[share, 0.0, 0.0]) for node, share in shares.items())
+    text += "".join(table("[outputs]", name=f"end {node}", node=node, direction=[1.0, 0.0, 0.0]) for node in shares)
+    text += table("damping", ratio=0.0)
+    band = {"frequencies": [FREQUENCY, 1.01 * FREQUENCY], "at": [FREQUENCY]}
+    text += table("response", levels=list(map(float, levels)), **band, points=2)
+    solver = {"method": "receptance", "modes": 4, "harmonics": harmonics, "samples": samples, "tolerance": 1e-9}
+    (folder / "bar.toml").write_text(text + table("solver", **solver))
     return np.array(list(shares.values()))
 
 

@@ -19,6 +19,7 @@ from blocks import box
 from mpi4py import MPI
 from msh import write_msh
 from oracles import structures
+from scene_text import driven, response, steel, support, table
 
 from microslip.library.build import build
 from microslip.scene.read import read_scene
@@ -27,49 +28,16 @@ YOUNG, DENSITY = 210e9, 7850.0  # Pa, kg/m3
 BEAM = (10.0, 0.8, 1.2)  # m
 SIDE, THICKNESS = 1.0, 0.02  # m
 
-SCENE = """\
-[model]
-mesh = "body.msh"
-
-[materials.steel]
-young = {young}
-poisson = {poisson}
-density = {density}
-
-[bodies.body]
-group = "body"
-material = "steel"
-
-{supports}
-[[loads]]
-position = {end}
-direction = [0.0, 0.0, 1.0]
-
-[[outputs]]
-name = "end"
-position = {end}
-direction = [0.0, 0.0, 1.0]
-
-[damping]
-ratio = 1e-3
-
-[response]
-levels = [1.0]
-mode = 1
-span = [0.9, 1.1]
-
-[solver]
-modes = {modes}
-"""
-
 
 def frequencies(body, supports: dict[str, str], end, poisson: float, modes: int, comm) -> np.ndarray:
     """Return the lowest frequencies [Hz] of one body held at its sides along axes, {side: "xyz"}.  Collective."""
-    held = "".join(f'[[supports]]\ngroup = "{side}"\nfix = {list(axes)}\n\n' for side, axes in supports.items())
+    text = table("model", mesh="body.msh") + steel("body", young=YOUNG, poisson=poisson, density=DENSITY)
+    text += "".join(support(side, *axes) for side, axes in supports.items())
+    text += driven([end], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0], "end") + response(1.0) + table("solver", modes=modes)
     with tempfile.TemporaryDirectory() as folder:
         write_msh(str(Path(folder) / "body.msh"), {"body": body})
         path = Path(folder) / "body.toml"
-        path.write_text(SCENE.format(young=YOUNG, poisson=poisson, density=DENSITY, supports=held, end=list(end), modes=modes))
+        path.write_text(text)
         found = build(read_scene(path), comm)
     found.linearised.destroy()
     return found.modes.omega_n / (2.0 * np.pi)

@@ -18,54 +18,8 @@ from blocks import stacked
 from lap_joint import LapJoint, lap_joint
 from mpi4py import MPI
 from msh import write_msh
+from scene_text import driven, joint, steel, support, table
 from verification import chain
-
-SCENE = """\
-[model]
-mesh = "{name}.msh"
-
-[materials.steel]
-young = 210e9
-poisson = 0.3
-density = 7850.0
-
-{bodies}
-[[supports]]
-group = "{clamp}"
-fix = ["x", "y", "z"]
-
-[[joints]]
-name = "joint"
-surfaces = ["{first}", "{second}"]
-friction = 0.3
-tangential_stiffness = {k_t}
-normal_stiffness = {k_n}
-preload = {preload}
-
-[[loads]]
-position = {loaded}
-direction = {direction}
-
-[[outputs]]
-name = "loaded"
-position = {loaded}
-direction = {direction}
-
-[damping]
-ratio = {damping}
-
-[response]
-levels = {levels}
-frequencies = {frequencies}
-at = {at}
-points = {points}
-
-[solver]
-method = "receptance"
-modes = {modes}
-harmonics = 3
-samples = 128
-"""
 
 
 @dataclass(frozen=True)
@@ -73,51 +27,28 @@ class Case:
     """A scene, its mesh, and what differs from the other scenes."""
 
     bodies: dict
-    keys: dict
+    clamp: str
+    surfaces: tuple[str, str]
+    k_t: float  # N/m3
+    preload: float  # Pa
+    loaded: list[float]  # m
+    direction: list[float]
+    response: dict
+    modes: int
 
 
 def lap(kind: str, low: float, high: float, **cells) -> Case:
     """Return the lap joint, coarse, all stuck and in micro-slip, between two frequencies [Hz]."""
-    return Case(
-        lap_joint(LapJoint(kind=kind, **cells)),
-        dict(
-            clamp="clamp",
-            first="lap_1",
-            second="lap_2",
-            k_t=1e13,
-            k_n=2e13,
-            preload=1e7,
-            loaded=[0.21, 0.01, 0.0],
-            direction=[0.0, 1.0, 0.0],
-            levels=[0.1, 2.0],
-            frequencies=[low, high],
-            points=25,
-            modes=12,
-            damping=2e-3,
-        ),
-    )
+    response = {"levels": [0.1, 2.0], "frequencies": [low, high], "points": 25}
+    bodies, surfaces = lap_joint(LapJoint(kind=kind, **cells)), ("lap_1", "lap_2")
+    return Case(bodies, "clamp", surfaces, 1e13, 1e7, [0.21, 0.01, 0.0], [0.0, 1.0, 0.0], response, 12)
 
 
 def two_elements() -> Case:
     """Return a cube of one element on a held one, sheared across: with three ranks one owns no element and no row."""
-    return Case(
-        stacked("hex8", (0.02, 0.02, 0.02), (1, 1, 1), ground_height=0.02),
-        dict(
-            clamp="ground_base",
-            first="bar_bottom",
-            second="ground_top",
-            k_t=1e12,
-            k_n=2e12,
-            preload=1e6,
-            loaded=[0.0, 0.0, 0.02],
-            direction=[1.0, 0.3, 0.0],
-            levels=[0.5, 6.0],
-            frequencies=[6700.0, 7040.0],
-            points=20,
-            modes=6,
-            damping=2e-3,
-        ),
-    )
+    response = {"levels": [0.5, 6.0], "frequencies": [6700.0, 7040.0], "points": 20}
+    bodies, surfaces = stacked("hex8", (0.02, 0.02, 0.02), (1, 1, 1), ground_height=0.02), ("bar_bottom", "ground_top")
+    return Case(bodies, "ground_base", surfaces, 1e12, 1e6, [0.0, 0.0, 0.02], [1.0, 0.3, 0.0], response, 6)
 
 
 CASES = {
@@ -130,10 +61,12 @@ CASES = {
 def write_case(folder: Path, case: Case) -> Path:
     """Write mesh and scene; return the scene's path.  Local."""
     write_msh(str(folder / "case.msh"), case.bodies)
-    bodies = "".join(f'[bodies.{name}]\ngroup = "{name}"\nmaterial = "steel"\n\n' for name in case.bodies)
-    (folder / "case.toml").write_text(
-        SCENE.format(name="case", bodies=bodies, at=np.linspace(*case.keys["frequencies"], 10)[1:-1].tolist(), **case.keys)
-    )
+    text = table("model", mesh="case.msh") + steel(*case.bodies, young=210e9, density=7850.0) + support(case.clamp)
+    text += joint(*case.surfaces, k_t=case.k_t, preload=case.preload) + driven([case.loaded], *2 * [case.direction], "loaded")
+    at = np.linspace(*case.response["frequencies"], 10)[1:-1].tolist()
+    text += table("damping", ratio=2e-3) + table("response", **case.response, at=at)
+    text += table("solver", method="receptance", modes=case.modes, harmonics=3, samples=128)
+    (folder / "case.toml").write_text(text)
     return folder / "case.toml"
 
 

@@ -8,6 +8,7 @@ from matrix_scenes import asked, branches_of, write_matrix_scene
 from mpi4py import MPI
 from msh import write_msh
 from oracles import scenes, time_integration
+from scene_text import driven, joint, response, steel, support, table
 
 from microslip.library.build import build
 from microslip.observe.log import RunLog
@@ -102,57 +103,15 @@ def test_every_method_finds_the_same_points(tmp_path):
         assert np.abs(point.response - exact.response).max() < bound * peak
 
 
-MESH_SCENE = """
-[model]
-mesh = "bar.msh"
-
-[materials.steel]
-young = 2.1e11
-poisson = 0.3
-density = 7800.0
-
-[bodies.bar]
-group = "bar"
-material = "steel"
-
-[bodies.ground]
-group = "ground"
-material = "steel"
-
-[[supports]]
-group = "ground_base"
-fix = ["x", "y", "z"]
-
-[[joints]]
-name = "joint"
-surfaces = ["bar_bottom", "ground_top"]
-friction = 0.05
-tangential_stiffness = 1.0e12
-normal_stiffness = 2.0e12
-preload = 2.0e7
-
-[[loads]]
-position = [0.1, 0.01, 0.012]
-direction = [1.0, 0.0, 0.0]
-
-[[outputs]]
-name = "corner"
-position = [0.1, 0.01, 0.012]
-direction = [1.0, 0.0, 0.0]
-
-[damping]
-ratio = 0.01
-
-[response]
-levels = [100.0, 300.0]
-mode = 1
-span = [0.9, 1.1]
-points = 40
-
-[solver]
-method = "receptance"
-modes = 12
-"""
+MESH_SCENE = (
+    table("model", mesh="bar.msh")
+    + steel("bar", "ground")
+    + support("ground_base")
+    + joint("bar_bottom", "ground_top", friction=0.05, preload=2.0e7)
+    + driven([[0.1, 0.01, 0.012]], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0], "corner")
+    + response(100.0, 300.0, points=40)
+    + table("solver", method="receptance", modes=12)
+)
 
 
 def exported(structure) -> dict:

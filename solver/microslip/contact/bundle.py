@@ -88,6 +88,7 @@ class Bundle:
         return _joined([self.take(part)._cycle_of_part(U[part], n_samples, tangents, harmonics) for part in parts])
 
     def _cycle_of_part(self, U, n_samples, tangents, harmonics) -> ContactCycle:
+        """Return eq. (3.10) of a motion U (n, 3, N_H), from the elements that come to touch; the others carry nothing.  Local."""
         n, _, N_H = U.shape
         touching = np.flatnonzero(self._touch(U, n_samples, harmonics))
         pair, elements = touching // self.size, self.elements.take(touching)

@@ -18,6 +18,7 @@ from .elastic_coulomb import ElasticCoulomb
 from .law import SLIP, STICK, ContactCycle
 
 SLIDERS = 50  # of the power law, where a joint states no number
+EXPORTED = "in each direction by itself; f_nl,z = k_n du_z"
 WEAKEST = 1e-3  # strength over that of the strongest, below which all sliders are one
 
 

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from . import iwan, rough
+from .bundle import OfElements
 from .combined import as_one
 from .elastic_coulomb import ElasticCoulomb
+from .keys import ELASTIC_COULOMB, IWAN, ROUGH
 from .law import Law
 
 Columns = Mapping[str, np.ndarray]  # of pairs, (n,) each: those of ContactPairs, and what their laws have beside them
 Keys = Mapping[str, Any]  # of a joint, numbers or None
 
-ELASTIC_COULOMB = "elastic-coulomb"
 
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Kind:
     """What the other rooms know of a law by its name."""
 
@@ -32,6 +32,7 @@ class Kind:
     about_rest: Callable[[Columns, np.ndarray, np.ndarray], Mapping[str, np.ndarray | None]] | None = None  # columns, du, memory
     pressed_to: Callable[[Columns, np.ndarray, np.ndarray], np.ndarray] | None = None  # columns, du before and as guessed
     above_0: tuple[str, ...] = ()  # columns of a file of pairs that it cannot do without
+    exported: str = ""  # what an exported model says of its elements and its normal force
     is_spring: bool = False  # until it slips or opens, from any state on: N0 - k_n du_z and k_t (du_t - w)
 
 
@@ -55,10 +56,6 @@ def _coulomb_limit(columns: Columns, N: np.ndarray) -> np.ndarray:
     return columns["mu"] * N
 
 
-def _nothing_of_its_own(keys: Keys) -> dict[str, float]:
-    return {}
-
-
 def _by_direction(keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:
     """Return what pairs of surfaces have of their own along y, where a joint states two numbers."""
     stiffness, friction = keys.get("tangential_stiffness_y"), keys.get("friction_y")
@@ -66,36 +63,38 @@ def _by_direction(keys: Keys, area: np.ndarray) -> dict[str, np.ndarray]:
     return columns if friction is None else {**columns, "mu_y": np.full_like(area, friction)}
 
 
-LAWS: dict[str, Kind] = {
+LAWS: dict[str, Kind] = {  # their keys: keys.py
     ELASTIC_COULOMB: Kind(
-        _elastic_coulomb,
-        _nothing_of_its_own,
-        _by_direction,
-        ("friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"),
-        _coulomb_limit,
-        ("friction", "preload"),
-        _about_rest,
+        of_columns=_elastic_coulomb,
+        own=lambda keys: {},
+        on_area=_by_direction,
+        per_point=("friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"),
+        limit=_coulomb_limit,
+        limits=("friction", "preload"),
+        about_rest=_about_rest,
         is_spring=True,
     ),
-    "rough": Kind(
-        rough.of_columns,
-        rough.own,
-        rough.on_area,
-        ("friction", "preload"),
-        _coulomb_limit,
-        ("friction",),
-        rough.about_rest,
-        rough.pressed_to,
-        ("n0", "kt", "kn"),
+    ROUGH: Kind(
+        of_columns=rough.of_columns,
+        own=rough.own,
+        on_area=rough.on_area,
+        per_point=("friction", "preload"),
+        limit=_coulomb_limit,
+        limits=("friction",),
+        about_rest=rough.about_rest,
+        pressed_to=rough.pressed_to,
+        above_0=("n0", "kt", "kn"),
+        exported=rough.EXPORTED,
     ),
-    "iwan": Kind(
-        iwan.of_columns,
-        iwan.own,
-        iwan.on_area,
-        ("tangential_stiffness", "normal_stiffness"),
-        iwan.limit,
+    IWAN: Kind(
+        of_columns=iwan.of_columns,
+        own=iwan.own,
+        on_area=iwan.on_area,
+        per_point=("tangential_stiffness", "normal_stiffness"),
+        limit=iwan.limit,
         about_rest=iwan.about_rest,
         above_0=("mu", "n0", "kt"),
+        exported=iwan.EXPORTED,
     ),
 }
 
@@ -161,9 +160,9 @@ def sliders_of(names: Sequence[str] | np.ndarray, columns: Columns) -> dict[str,
     """
     found: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
     for own, law, part in _parts(names, columns):
-        bundle = getattr(LAWS[law].of_columns(part), "bundle", None)
-        if bundle is not None and len(own):
-            elements = bundle.elements
+        of_pairs = LAWS[law].of_columns(part)
+        if isinstance(of_pairs, OfElements) and len(own):
+            bundle, elements = of_pairs.bundle, of_pairs.bundle.elements
             of_elements = {"k_t": elements.k_t, "limit": elements.mu * elements.N0, "rate": elements.mu * elements.k_n}
             parts = {name: bundle.of_elements(values) for name, values in of_elements.items()}
             found.append((own, parts | {"w0": elements.w0.reshape(len(own), -1, 2)}))

@@ -24,6 +24,10 @@ SLIDERS = 24  # asperities that carry a pair at rest, where a joint states no nu
 MOST_FORCE = 16.0  # normal force over that at rest up to which further asperities come into contact
 CARRIES = 1e-9  # normal force over that at the stated preload: a pair that statics leave with less has come apart
 _MOST = 200.0  # logarithm of the same, beyond which a guess of the solver is none, and its squares are no numbers
+EXPORTED = """\
+on a circle, or in each direction by itself where separate is 1;
+f_nl,z = N0 - N, N = N0 max(0, 1 - k_n du_z / (m N0))^m, m being law_exponent; inf: N = N0 exp(-k_n du_z / N0);
+open at rest (N0 <= 0): f_nl,z = -N, N = P max(0, (N0 - k_n du_z) / (m P))^m with P = law_reference"""
 MINDLIN = 2.0 * (1.0 - 0.3) / (2.0 - 0.3)  # tangential over normal stiffness at Poisson's ratio 0.3
 
 

@@ -22,9 +22,9 @@ from .steps import ArcLength
 MOST_HARMONICS, MOST_SAMPLES = 31, 4096
 LEAST_SAMPLES = 64  # fewer cost no less
 PER_HARMONIC = 4  # samples a harmonic, at least
-FAINT = 1e-3  # of the largest output: fainter ones are judged against that
+FAINT_OUTPUT = 1e-3  # of the largest output: fainter ones are judged against that
 LOW = {"harmonics": 0.05, "samples": 0.2, "solver": 0.2}  # share of what is allowed, below which less will do
-PATIENCE = 3  # points in a row
+IN_A_ROW = 3  # points in a row
 SHARES = {"harmonics": 0.4, "samples": 0.15, "solver": 0.1}  # of the accuracy; parts are estimates, some half of what is true
 BOTH = SHARES["harmonics"] + SHARES["samples"]  # together: samples may use what harmonics leave
 TOLERANCE = 1e-2  # of Newton, times the accuracy
@@ -66,7 +66,7 @@ class Memory:
 
     peak: np.ndarray | None = None  # (n_outputs,) largest amplitude so far [m]
     calm: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, 0))  # points in a row, by part
-    patience: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, PATIENCE))
+    patience: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(SHARES, IN_A_ROW))
 
     def after_too_few(self, part: str) -> Memory:
         """Return it slower to lower what had to be raised.  Local."""
@@ -97,7 +97,7 @@ class Accuracy:
 
     def allowed(self, peak: np.ndarray) -> np.ndarray:
         """Return the error that each output may have [m]."""
-        return self.target * np.maximum(peak, FAINT * peak.max(initial=0.0))
+        return self.target * np.maximum(peak, FAINT_OUTPUT * peak.max(initial=0.0))
 
     def ratios(self, amplitude: np.ndarray, error: np.ndarray, memory: Memory) -> tuple[dict[str, float], Memory]:
         """Return each part over what is allowed, the worst of the outputs, from amplitudes (n_outputs,) and parts of the bar that

@@ -47,14 +47,6 @@ class Part:
         return replace(self, arrays=lambda: arrays)
 
 
-def to_arrays(task: BranchTask, state: BranchState) -> Arrays:
-    """Return a state between two steps.  Collective: the motions of all ranks are gathered."""
-    found = own_arrays(state)
-    for name, part in parts_of(task, state).items():
-        found |= over(name, part.arrays())
-    return found
-
-
 def own_arrays(state: BranchState) -> Arrays:
     """Return the arrays of a state that none of its parts has.  Collective."""
     solver, equation, memory = state.solver, state.solver.equation, state.memory

@@ -45,10 +45,10 @@ class Plane:
     n_nu: tuple[float, ...]  # (k,) -
 
     @classmethod
-    def fixed_parameter(cls, about: Iterate, i: int = 0) -> Plane:
-        """Return the row that holds the ``i``-th parameter at its value."""
+    def fixed_parameter(cls, about: Iterate) -> Plane:
+        """Return the row that holds the first parameter at its value."""
         n_nu = np.zeros(len(about.parameters))
-        n_nu[i] = 1.0
+        n_nu[0] = 1.0
         return cls(about, np.zeros_like(about.U), tuple(n_nu))
 
     def of_motion(self, U: np.ndarray, scaling: Scaling) -> float:

@@ -19,21 +19,12 @@ from .point_solver import Found, PointSolver, Workspace
 from .state import BranchState
 from .stepping import message, second, step
 from .steps import ArcLength
-from .task import BranchTask
+from .task import Advanced, BranchTask
 from .unbounded import BEYOND, places_beyond
 from .widen import widened
 
 FINEST_WAY = 1e-2  # of the way from a point to an asked value: the smallest step in between
 Emit = Callable[[Point], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Advance:
-    """What one step on came to: the new state, the points found on the way, and why it led no further, if so."""
-
-    state: BranchState
-    points: list[Point]
-    failure: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +37,7 @@ class Leg:
     emit: Emit = lambda point: None  # hears of those that are found
 
 
-def advance(task: BranchTask, state: BranchState, on_point: Emit = lambda point: None) -> Advance:
+def advance(task: BranchTask, state: BranchState, on_point: Emit = lambda point: None) -> Advanced:
     """Take a branch one step on: to its first point, its second one, or one further step.  Collective.
 
     Nothing is raised for divergence: the points found until then are kept, and ``failure`` says why there are no more.
@@ -59,10 +50,13 @@ def advance(task: BranchTask, state: BranchState, on_point: Emit = lambda point:
         on_point(point)
 
     take = onward if state.before else to_second if state.now else to_first
+    workspace, failure = state.solver.workspace, None
+    before = workspace.spent
     try:
-        return Advance(take(task, state, emit), points)
-    except ConvergenceError as failure:
-        return Advance(replace(state, is_done=True), points, str(failure))
+        state = take(task, state, emit)
+    except ConvergenceError as problem:
+        state, failure = replace(state, is_done=True), str(problem)
+    return Advanced(state, points, failure, workspace.spent - before)
 
 
 def to_first(task: BranchTask, state: BranchState, emit: Emit) -> BranchState:

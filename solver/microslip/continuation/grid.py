@@ -25,7 +25,7 @@ from .steps import ArcLength
 from .task import BranchTask
 
 FURTHEST = 2.0  # times the last way between two points over which their secant is trusted
-STEPS = ArcLength(ds=0.1, ds_min=1e-5, ds_max=0.2)  # along the branch, to a frequency that Newton does not reach at once
+GRID_STEPS = ArcLength(ds=0.1, ds_min=1e-5, ds_max=0.2)  # along the branch, to a frequency that Newton does not reach at once
 MOST_STEPS = 1000
 
 
@@ -83,7 +83,7 @@ def task_at(
 ) -> BranchTask:
     """Return what :func:`solved_at` goes by.  Local."""
     # springs would stay for good, and compare another problem
-    return BranchTask(problem, selection, range_of(omegas), STEPS, tolerance, estimator, accuracy, may_hold=False)
+    return BranchTask(problem, selection, range_of(omegas), GRID_STEPS, tolerance, estimator, accuracy, may_hold=False)
 
 
 def solved_at(task: BranchTask, omegas: Sequence[float], on_point: Callable[[Point], None] = lambda point: None) -> Branch:
@@ -138,14 +138,14 @@ def _reach(task: BranchTask, state: BranchState, before: PointState | None, now:
 
 def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, now: PointState, omega: float) -> Accepted:
     """Return the point at which the branch, followed from ``now`` towards ``omega``, first has that frequency."""
-    start, ds, earlier, spent = now.iterate.parameter, STEPS.ds, None, Spent()
+    start, ds, earlier, spent = now.iterate.parameter, GRID_STEPS.ds, None, Spent()
     way, scale = omega - start, task.sweep.scale
     solver = replace(state.solver, sweep=Sweep(start, start + float(np.copysign(scale, way))))
     state, direction = replace(state, solver=solver), solver.sweep.direction
     if before is None or (start - before.iterate.parameter) * way <= 0.0:
-        before, (found, _, _) = None, second(solver, solver.carried(now), STEPS)
+        before, (found, _, _) = None, second(solver, solver.carried(now), GRID_STEPS)
     else:
-        found, ds, _ = step(solver, None, before, now, ds, STEPS)
+        found, ds, _ = step(solver, None, before, now, ds, GRID_STEPS)
     for _ in range(MOST_STEPS):
         there = found[0].iterate
         if (start - there.parameter) * direction > scale:
@@ -158,9 +158,9 @@ def _follow_to(task: BranchTask, state: BranchState, before: PointState | None, 
         state, solver = after.state, after.state.solver
         spent.add(after.point.newton, after.point.krylov, after.point.seconds)
         if before is not None:
-            ds = STEPS.next(ds, found[0].newton, solver.turn(before.iterate, now.iterate, after.now.iterate, now.size))
+            ds = GRID_STEPS.next(ds, found[0].newton, solver.turn(before.iterate, now.iterate, after.now.iterate, now.size))
         earlier, before, now = before, now, after.now
-        found, ds, _ = step(solver, earlier, before, now, ds, STEPS)
+        found, ds, _ = step(solver, earlier, before, now, ds, GRID_STEPS)
     where = (task.problem.where(parameter) for parameter in (omega, start))
     raise ConvergenceError("hb: {} not reached along the branch from {}; ask for frequencies closer to each other".format(*where))
 

@@ -48,7 +48,7 @@ class Keeper(Protocol):
 
 
 class KeepsNothing:
-    """The keeper that does not."""
+    """The keeper that has nothing and keeps nothing; what its methods are for, :class:`Keeper` says."""
 
     def ended(self) -> Branch | None:
         return None

@@ -264,6 +264,7 @@ def _kept_or_followed(
 
 
 def _follow_one_way(of: ResponseProblem, level: float, on_point: Callable[[Point], None], segment: int, keeper: Keeper) -> Branch:
+    """Follow a level in one direction, as finely as its accuracy asks; without pairs nothing is solved.  Collective."""
     problem, settings, steps = of.at_level(level), of.settings, of.steps
     estimator = None if of.better is None else ErrorEstimator(of.better)
     task = BranchTask(problem, of.selection, of.sweep, steps, settings.tolerance, estimator)

@@ -27,7 +27,10 @@ Found = tuple[Correction, np.ndarray]  # and the pairs that were let slip, (n_pa
 
 
 class Workspace:
-    """What makes the next solve of a branch quicker and never decides where it leads: PETSc's objects, numbers known once."""
+    """What makes the next solve of a branch quicker: PETSc's objects, numbers known once; and what its steps have spent.
+
+    It can be thrown away between any two steps, and does not decide where they lead.
+    """
 
     def __init__(self, equation: HarmonicBalance, has_bars: bool = False):
         self._has_bars = has_bars  # which ask for tangents at every point

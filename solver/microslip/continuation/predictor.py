@@ -10,7 +10,7 @@ from .iterate import Iterate, PointState
 from .point_solver import PointSolver
 
 FAR_AHEAD = 4.0  # lengths of the last step beyond which a parabola says nothing
-FAINT = 1e-2  # of the motion under the same loads at rest, below which ratios of a linear motion tell nothing
+FAINT_MOTION = 1e-2  # of the motion under the same loads at rest, below which ratios of a linear motion tell nothing
 
 
 def predict(
@@ -51,6 +51,6 @@ def linear_step(solver: PointSolver, now: PointState, ds: float) -> float:
     Where that curve passes through no motion, the step is measured by a share of the static one, and leads across.
     """
     at, rates = solver.problem.at(now.iterate.parameters), solver.problem.rates(now.iterate.parameters)
-    size = max(now.size, FAINT * solver.norm(static_motion(solver.equation.model, at.level)))
+    size = max(now.size, FAINT_MOTION * solver.norm(static_motion(solver.equation.model, at.level)))
     slope = solver.norm(solver.vibration(solver.equation.linear_motion_rate(at, rates[0]))) / size if size > 0.0 else 0.0
     return ds / float(np.hypot(slope, 1.0 / solver.sweep.scale))

@@ -19,7 +19,7 @@ from .steps import LinearCurve
 RISES = np.sqrt(2.0)  # over the higher end of a step, beyond which the motion between the ends is asked for: half power
 SEEN = 0.3  # share of the motion of an output at the ends that the peak of a mode has, at least, to be looked for
 LEAST_DAMPING = 1e-6  # ratio with which the width of an undamped mode is reckoned
-FAINT = 0.02  # of the largest amplitude of an output, below which a peak of the linear curve is not looked for
+FAINT_PEAK = 0.02  # of the largest amplitude of an output, below which a peak of the linear curve is not looked for
 TINY = 1e-300  # where the line meets 0: as high as numbers go
 NEAREST, FARTHEST = 0.1, 0.75  # shares of a step that passes over a resonance in which it is looked for
 
@@ -96,14 +96,14 @@ def modes_passed(solver: PointSolver, here: Iterate, there: Iterate) -> float | 
 def unresolved_peaks(curve: LinearCurve, omegas: np.ndarray) -> np.ndarray:
     """Return the frequencies [rad/s] of the peaks of a sampled linear curve on whose half-power width no one of ``omegas`` lies.
 
-    Local.  Peaks of any output and harmonic, from ``FAINT`` of its largest on.
+    Local.  Peaks of any output and harmonic, from ``FAINT_PEAK`` of its largest on.
     """
     found = []
     for amplitude in np.moveaxis(np.hypot(curve.response[..., 1::2], curve.response[..., 2::2]), 0, -1).reshape(
         -1, len(curve.omega)
     ):
         inner = amplitude[1:-1]
-        tops = 1 + np.flatnonzero((inner > amplitude[:-2]) & (inner >= amplitude[2:]) & (inner > FAINT * amplitude.max()))
+        tops = 1 + np.flatnonzero((inner > amplitude[:-2]) & (inner >= amplitude[2:]) & (inner > FAINT_PEAK * amplitude.max()))
         for i in tops:
             below = np.flatnonzero(amplitude < amplitude[i] / RISES)
             low, high = below[below < i].max(initial=0), below[below > i].min(initial=len(amplitude) - 1)

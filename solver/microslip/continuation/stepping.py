@@ -145,12 +145,12 @@ def beyond_sharp_corner(solver: PointSolver, before: PointState, now: PointState
         ahead = Iterate(now.iterate.U + ds / length * d_U, (now.iterate.parameter + ds / length * d_parameter,), solver.harmonics)
         t_xi, t_nu = tangent(solver, now, ahead, *normal)
         for way in (-ds, ds):
-            guess = moved(solver, now, way, t_xi, t_nu)
+            guess = along(solver, now, way, t_xi, t_nu)
             plane = Plane(guess, np.sign(way) * t_xi, (np.sign(way) * t_nu,))
             found, selected = solver.solve(guess, plane, now.size, now.selected, now.force)
             if found.failure or not NEAREST * ds <= solver.distance(now, found.iterate) <= FARTHEST * ds:
                 continue
-            if solver.turn(moved(solver, now, -ds, *come_from), now.iterate, found.iterate, now.size) < np.pi - BACK:
+            if solver.turn(along(solver, now, -ds, *come_from), now.iterate, found.iterate, now.size) < np.pi - BACK:
                 return found, selected
     return None
 
@@ -178,7 +178,7 @@ def tangent(solver: PointSolver, now: PointState, there: Iterate, n_U: np.ndarra
     return t_xi / size, t_nu / size
 
 
-def moved(solver: PointSolver, now: PointState, ds: float, t_xi: np.ndarray, t_nu: float) -> Iterate:
+def along(solver: PointSolver, now: PointState, ds: float, t_xi: np.ndarray, t_nu: float) -> Iterate:
     """Return the place a step ``ds`` along a tangent.  Local."""
     parameter = now.iterate.parameter + ds * solver.sweep.scale * t_nu
     return Iterate(now.iterate.U + ds * now.size * t_xi, (parameter,), solver.harmonics)

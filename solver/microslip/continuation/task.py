@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 from ..error_estimate.estimate import ErrorEstimator
+from ..points.branch import Point
 from ..points.selection import Selection
 from ..points.sweep import Sweep
 from .accuracy import Accuracy, Memory
@@ -16,8 +16,8 @@ from .state import BranchState
 from .steps import ArcLength
 
 Reached = tuple[Found, PointSolver]
-Advance = Callable[..., Any]  # takes a branch one step on: follow.advance, which itself begins with a first point
-Way = Callable[["BranchTask", PointSolver, Advance], Reached | None]  # collective; None in vain
+Advance = Callable[["BranchTask", BranchState], "Advanced"]  # takes a branch one step on: follow.advance
+Way = Callable[["BranchTask", PointSolver], Reached | None]  # collective; None in vain
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,7 @@ class BranchTask:
     is_linear: bool = False  # known to stay on the linear curve: scaled, not solved
     may_hold: bool = True  # the mean slip, by springs
     ways: tuple[Way, ...] | None = None  # to a first point that Newton does not reach at once; None: all there are
+    ahead: Advance | None = None  # how a homotopy is followed on the way to a first point, which itself begins with one
 
     def start(self, workspace: Workspace) -> BranchState:
         """Return the state before the first point.  Local."""
@@ -42,3 +43,13 @@ class BranchTask:
             coarsest = self.accuracy.coarsest
             solver = solver.resolved(replace(coarsest, tolerance=self.tolerance) if "solver" in self.accuracy.keeps else coarsest)
         return BranchState(solver, Memory())
+
+
+@dataclass(frozen=True, eq=False)
+class Advanced:
+    """What one step on came to: the new state, the points found on the way, and why it led no further, if so."""
+
+    state: BranchState
+    points: list[Point]
+    failure: str | None
+    newton: int  # iterations, those in vain too

@@ -175,7 +175,7 @@ class ErrorEstimator:
         loaded = np.flatnonzero(better.reshape(exact.model.n_pairs, -1).any(axis=1))
         residual = exact.residual_under(U, linear.at, loaded, better[rows_of(loaded)])
         B = -exact.gather(residual).reshape(1, -1, exact.model.N_H)
-        d_U, P_d_U, is_found = linear.solve_for(B, self.forward_solver)
+        d_U, P_d_U, is_found = linear.solve_several(B, self.forward_solver)
         there = exact.harmonics.carry(U + d_U.reshape(U.shape), more)
         begin = wider.contact_forces(there + changes.higher, exact.every_pair, tangents=False)
         found = with_higher(wider, linear.at, exact.harmonics, there, Higher(changes.higher, begin), CLOSER)

@@ -57,14 +57,14 @@ def read_msh(path: str) -> FileModel:
     version, is_binary, order = _format(content)
     names = _physical_names(content)
     if version == "2.2":
-        numbers, points = _nodes_2(_section(content, "Nodes", is_binary), is_binary, order)
-        blocks = _elements_2(_section(content, "Elements", is_binary), is_binary, order)
+        numbers, points = _nodes_2(_section(content, "Nodes"), is_binary, order)
+        blocks = _elements_2(_section(content, "Elements"), is_binary, order)
     else:
         physical = {}
         if b"$Entities" in content:
-            physical = _entities_4(_cursor(_section(content, "Entities", is_binary), is_binary, order, "Entities"))
-        numbers, points = _nodes_4(_cursor(_section(content, "Nodes", is_binary), is_binary, order, "Nodes"))
-        blocks = _elements_4(_cursor(_section(content, "Elements", is_binary), is_binary, order, "Elements"), physical)
+            physical = _entities_4(_cursor(_section(content, "Entities"), is_binary, order, "Entities"))
+        numbers, points = _nodes_4(_cursor(_section(content, "Nodes"), is_binary, order, "Nodes"))
+        blocks = _elements_4(_cursor(_section(content, "Elements"), is_binary, order, "Elements"), physical)
     found = _compose(points, numbers, blocks, names)
     return replace(found, fields=_fields(content, found.numbers, is_binary, order))
 
@@ -81,7 +81,7 @@ def _fields(content: bytes, numbers: np.ndarray, is_binary: bool, order: str) ->
                 rows = np.frombuffer(content[start : start + n * kind.itemsize], dtype=kind)
                 nodes, values = rows["node"].astype(np.int64), rows["value"].astype(float)
             else:
-                section = _section(content, "NodeData", False, at)
+                section = _section(content, "NodeData", at)
                 table = _numbers(section[header:], "NodeData")
                 at += len(section)
                 nodes, values = table[: 2 * n : 2].astype(np.int64), table[1 : 2 * n : 2]
@@ -139,7 +139,7 @@ def _format(content: bytes) -> tuple[str, bool, str]:
     return version, is_binary, "<" if not is_binary or lines[2][:4] == b"\1\0\0\0" else ">"
 
 
-def _section(content: bytes, name: str, is_binary: bool, first: int = 0) -> bytes:
+def _section(content: bytes, name: str, first: int = 0) -> bytes:
     """Return what stands between $Name and $EndName, searched from ``first`` on."""
     start = content.find(b"$" + name.encode(), first)
     if start < 0:
@@ -155,7 +155,7 @@ def _physical_names(content: bytes) -> dict[tuple[int, int], str]:
     """Return the names of the physical groups by dimension and tag."""
     names = {}
     if b"$PhysicalNames" in content:
-        for line in _section(content, "PhysicalNames", False).decode(errors="replace").splitlines()[1:]:
+        for line in _section(content, "PhysicalNames").decode(errors="replace").splitlines()[1:]:
             words = line.split(maxsplit=2)
             if len(words) == 3:
                 names[int(words[0]), int(words[1])] = words[2].strip().strip('"')

@@ -158,7 +158,7 @@ class Linearisation:
         """
         return solver.solve(self.transposed(), B)
 
-    def solve_for(self, B: np.ndarray, solver: SolverOfSeveral) -> tuple[np.ndarray, np.ndarray, bool]:
+    def solve_several(self, B: np.ndarray, solver: SolverOfSeveral) -> tuple[np.ndarray, np.ndarray, bool]:
         """Return dU and P dU with (1 + G P) dU = B, shaped as :meth:`solve_transposed` says, and whether found.  Collective."""
         return solver.solve(self, B)
 

@@ -62,6 +62,10 @@ class Structure(StuckStructure):
             self.unloaded.close()
         self.linearised.destroy()
 
+    def refuse_closed(self) -> None:
+        """Raise CaseError once the factors are freed: PETSc would end the process.  Local; the same on every rank."""
+        _ = self.linearised.factor.solver
+
     def __enter__(self) -> Structure:
         return self
 

@@ -11,7 +11,7 @@ from ..formats.read import read_model
 from ..formats.units import UNITS, Units, times
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
-from ..parallel.words import listed, nearest
+from ..parallel.words import hint, listed
 from ..scene.checks import remarks
 from ..scene.read import completed
 from ..scene.schema import Scene
@@ -154,9 +154,8 @@ def _refuse_findings(scene: Scene, model: FileModel, taken: set[str]) -> list[st
     held = {_bare(finding.word) for finding in findings}
     for bare, word in ignored.items():
         if bare not in held:
-            near = nearest(word, [finding.word for finding in findings])
-            hint = f'; nearest is "{near}"' if near else ""
-            raise CaseError(f'{scene.path}: [model] ignore: {scene.model.mesh} holds no "{word}" that is left out{hint}')
+            near = hint(word, [finding.word for finding in findings])
+            raise CaseError(f'{scene.path}: [model] ignore: {scene.model.mesh} holds no "{word}" that is left out{near}')
     answered = {model.statics.word, model.statics.large} if model.statics is not None and "statics" in taken else set()
     needed = {"statics"} if scene.statics is None and not _ignores_statics(scene, model) else set()
     of_file = [frozenset(one.surfaces) for one in _pressed_joints(scene, model)]

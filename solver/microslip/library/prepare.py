@@ -101,9 +101,9 @@ def response_of(
     ------
     CaseError : the range cannot be followed; on every rank
     """
-    law = pairs.law.followed(scene.solver.between_samples == "path")
-    model = ReducedModel.of(reduction.structure, excitation(scene))
-    return response_problem(response_settings(scene), model, law, reduction.selection, omega_n, better)
+    settings, model = response_settings(scene), ReducedModel.of(reduction.structure, excitation(scene))
+    law = pairs.law.followed(settings.follows_path)
+    return response_problem(settings, model, law, reduction.selection, omega_n, better)
 
 
 def reduced(structure: Structure, settings: ReductionSettings) -> Reduction:

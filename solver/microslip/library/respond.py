@@ -15,7 +15,7 @@ from ..mesh.data import ContactPairs
 from ..modes.limits import refuse_too_many
 from ..observe.observer import Observer
 from ..parallel.errors import CaseError
-from ..parallel.words import nearest
+from ..parallel.words import hint
 from ..receptance.motions import ActingForces
 from ..receptance.reduced_model import ReducedModel
 from ..reduction.choose_modes import choose_modes
@@ -78,10 +78,11 @@ def respond(
 
     Raises
     ------
-    CaseError : something that no scene may hold; on every rank
+    CaseError : something that no scene may hold, or a structure that was closed; on every rank
     ConvergenceError : no rest with this friction and preload; on every rank
     ResourceError : not enough memory; on every rank
     """
+    structure.refuse_closed()
     given = {"friction": friction, "preload": preload}
     scene = scene_with(structure.scene, keys, given)
     if structure.scene.statics is None or all(values is None for values in given.values()):
@@ -133,8 +134,8 @@ def scene_with(scene: Scene, keys: Mapping[str, Any], of_joints: Mapping[str, Of
     for key, value in keys.items():
         table = next((name for name, kind in TABLES.items() if key in kind.model_fields), None)
         if table is None:
-            near = nearest(key, [known for kind in TABLES.values() for known in kind.model_fields])
-            raise CaseError(f"respond: unknown key {key!r}" + (f'; nearest is "{near}"' if near else ""))
+            known = [known for kind in TABLES.values() for known in kind.model_fields]
+            raise CaseError(f"respond: unknown key {key!r}{hint(key, known)}")
         rivals = {rival: None for rival in INSTEAD_OF.get(key, ()) if rival not in keys}
         listed = (value,) if key in ("levels", "at") and np.ndim(value) == 0 else value
         tables.setdefault(table, {}).update({key: listed, **rivals})
@@ -160,8 +161,7 @@ def pairs_with(pairs: ContactPairs, of_joints: Mapping[str, OfJoints | None]) ->
             own = np.flatnonzero(joint == name)
             where = f"respond: {key} of joint {name!r}"
             if len(own) == 0:
-                near = nearest(name, names)
-                raise CaseError(f"{where}: there is no such joint" + (f'; nearest is "{near}"' if near else ""))
+                raise CaseError(f"{where}: there is no such joint{hint(name, names)}")
             numbers = np.asarray(value, dtype=float)
             if numbers.shape not in ((), (len(own),)) or not np.all(np.isfinite(numbers) & (numbers >= 0.0)):
                 raise CaseError(f"{where}: a number of at least 0 is expected, or one for each of its {len(own)} pairs")

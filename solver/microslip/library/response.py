@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +25,7 @@ from .result_files import head_of, write_shapes, writer_of
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
 _QUANTITY = {kept.name: kept for kept in QUANTITIES if kept.kind != TEXT}
 
@@ -44,6 +43,7 @@ class Curves:
     unit: str = "m"  # of the output, in place of m where it is another; the levels' is that of the loads
     corrected: np.ndarray | None = None  # (n_levels, n) complex, m: harmonic 1 with what the error bar knows of it
     error_corrected: np.ndarray | None = None  # (n_levels, n) m, the error bar of that
+    results: ResultFile | None = None  # of this output alone
 
     @property
     def amplitude(self) -> np.ndarray:
@@ -63,6 +63,11 @@ class Curves:
     def harmonic(self, n: int) -> np.ndarray:
         """Return the complex amplitude of harmonic n, cos - i sin, (n_levels, n) [m]."""
         return self.mean + 0j if n == 0 else self.coefficients[..., 2 * n - 1] - 1j * self.coefficients[..., 2 * n]
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Draw the curves into a file, or without a path nowhere; return the figure, which a notebook shows.  Local."""
+        assert self.results is not None, "curves of a response"
+        return _draw(self.results, "response", path)
 
     @property
     def peaks(self) -> tuple[np.ndarray, np.ndarray]:
@@ -89,6 +94,10 @@ class Response:
             level_result(branch, sizes, STOPPED if branch.failure else COMPLETE, head.level_unit) for branch in self.branches
         )
         return replace(head, levels=tuple(levels))
+
+    def __repr__(self) -> str:
+        n_points, outputs = sum(len(level.frequency) for level in self.results.levels), ", ".join(self.outputs)
+        return f"<Response of {self.results.name}: {len(self.levels)} levels, {n_points} points, outputs {outputs}>"
 
     @property
     def levels(self) -> np.ndarray:
@@ -139,6 +148,7 @@ class Response:
             self.results.unit_of(k),
             None if corrected is None else corrected[:, :, k, 0] - 1j * corrected[:, :, k, 1],
             None if remaining is None else remaining[:, :, k],
+            self.results.of_output(k),
         )
 
     # -- named axes ----------------------------------------------------------------------------------------------------
@@ -198,7 +208,8 @@ class Response:
         Returns
         -------
         frequency : of the point [Hz]
-        u : (n_nodes, 3, N_H) m in the order of ``structure.mesh.points``; without a mesh (n_dof, N_H)
+        u : (n_nodes, 3, N_H) m, axes nodes, directions and coefficients, in the order of ``structure.mesh.points``; without a
+            mesh (n_dof, N_H)
         """
         found, system = self.level(level), self.prepared.structure.linearised.system
         if len(found.frequency) == 0:
@@ -217,25 +228,21 @@ class Response:
 
     # -- files ---------------------------------------------------------------------------------------------------------
 
-    def plot(self, path: str | Path, picture: str = "response") -> None:
+    def plot(self, path: str | Path | None = None, picture: str = "response") -> Figure | None:
         """Draw one of the pictures of a run: response, states, slip_map, rom_size, energy, energy_map, error.
 
-        Collective; rank 0 draws.  The structure may be closed.
+        Collective; rank 0 draws, into a file, and further pages into files beside it.  Without a path nothing is written.  The
+        structure may be closed.
+
+        Returns
+        -------
+        figure : the first page, which a notebook shows; None on other ranks
 
         Raises
         ------
         CaseError : no such picture, or nothing to draw in it; on every rank
         """
-        on_root(self.prepared.model.comm, self._plot, Path(path), picture)
-
-    def _plot(self, path: Path, picture: str) -> None:
-        from ..results.plots import draw_one
-
-        with tempfile.TemporaryDirectory() as folder:
-            files = draw_one(self.results, folder, picture)
-            path.parent.mkdir(parents=True, exist_ok=True)
-            for i, file in enumerate(files):
-                shutil.move(file, path if i == 0 else path.with_stem(f"{path.stem}_{i + 1}"))
+        return on_root(self.prepared.model.comm, _draw, self.results, picture, path, share=False)
 
     def save(self, folder: str | Path) -> None:
         """Write the files of a run: tables, results.h5, fields for ParaView, pictures.  Collective; rank 0 writes.
@@ -258,6 +265,19 @@ class Response:
             writer.close()
         write_shapes(self.prepared, self.branches, folder)
         on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
+
+
+def _draw(results: ResultFile, picture: str, path: str | Path | None) -> Figure:
+    """Return the first page of a picture; with a path all are written there, and beside it."""
+    from ..results.plots import draw_one
+
+    pages = draw_one(results, picture)
+    if path is not None:
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for i, page in enumerate(pages, 1):
+            page.save(str(path if i == 1 else path.with_stem(f"{path.stem}_{i}")))
+    return pages[0].figure
 
 
 def _quantity(name: str) -> Quantity:

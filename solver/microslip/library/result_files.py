@@ -22,7 +22,7 @@ from ..statics.balance import Balance, BodiesAtRest, JointsAtRest
 from ..version import __version__
 from .origin_of_run import origin_of
 from .prepare import Prepared
-from .settings import outputs, units_of
+from .settings import asks_for_bars, asks_for_fields, outputs, reduction_settings, units_of
 
 
 def head_of(prepared: Prepared, options: Sequence[str] = (), origin: Origin | None = None) -> ResultFile:
@@ -65,18 +65,18 @@ def _tables(balance: Balance | None) -> dict[str, StaticTable]:
 
 def extent_of(prepared: Prepared) -> Extent:
     """Return how far a response reaches, for what is said of it at its end.  Local."""
-    scene, outline, damping = prepared.scene, prepared.outline, prepared.scene.damping
-    n_damped = None
-    if damping is not None and not any(spring.damping for spring in scene.springs):
-        n_damped = max([len(damping.ratios or ()), *(mode for mode, _ in damping.modes or ())])
+    scene, outline = prepared.scene, prepared.outline
+    settings, n_damped = reduction_settings(scene), None
+    if settings.damping is not None and settings.damping.is_alone:
+        n_damped = max([len(settings.damping.ratios), *(mode for mode, _ in settings.damping.of_modes)])
     return Extent(
-        method=scene.solver.method,
+        method=settings.method,
         leaves_out=prepared.reduction.leaves_out,
         omega_n=outline.omega_n,
         n_dof=outline.n_dof,
         moves=not prepared.model.harmonics.is_constant,
         n_damped=n_damped,
-        has_bars=scene.solver.error_bars,
+        has_bars=asks_for_bars(scene),
         has_mesh=outline.has_mesh,
     )
 
@@ -109,7 +109,7 @@ def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, r
 
 def _has_fields(prepared: Prepared) -> bool:
     """Return whether there is a mesh, and fields on it are wanted.  Local."""
-    return prepared.outline.has_mesh and prepared.scene.response.fields
+    return prepared.outline.has_mesh and asks_for_fields(prepared.scene)
 
 
 def _write(prepared: Prepared, branches: Sequence[Branch], folder: Path, found: tuple, run: RunRecord | None) -> None:

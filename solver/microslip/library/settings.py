@@ -40,6 +40,7 @@ from ..scene import schema
 from ..scene.joint_laws import OWN
 from ..scene.matrix_names import KEYS as KEYS_OF_MATRICES
 from ..scene.matrix_names import split_name
+from ..scene.read import changed
 from ..scene.schema import DEFAULT_ACCURACY, Scene
 
 KEYS = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # of [solver], for each part of the accuracy
@@ -116,6 +117,7 @@ def response_settings(scene: Scene) -> ResponseSettings:
         points=response.points,
         **{key: getattr(steps, key, None) for key in ("ds", "ds_min", "ds_max")},
         samples=solver.samples,
+        follows_path=solver.between_samples == "path",
         tolerance=solver.tolerance,
         accuracy=solver.accuracy,
         is_corrected=solver.accuracy_of == "corrected",
@@ -127,7 +129,26 @@ def response_settings(scene: Scene) -> ResponseSettings:
 
 def has_error_bars(scene: Scene) -> bool:
     """Return whether the error of every point is estimated: that of harmonic 1, where there is one.  Local."""
-    return scene.solver.error_bars and not scene.is_static
+    return asks_for_bars(scene) and not scene.is_static
+
+
+def refuse_statics(scene: Scene, command: str) -> None:
+    """Raise CaseError where nothing vibrates.  Local."""
+    if scene.is_static:
+        raise CaseError(
+            f"{scene.path}: [solver] harmonics = 0 is a static balance; {command} needs a vibration: state at least 1, and a "
+            "load in harmonic 1"
+        )
+
+
+def asks_for_bars(scene: Scene) -> bool:
+    """Return whether a scene asks for error bars, possible or not.  Local."""
+    return scene.solver.error_bars
+
+
+def asks_for_fields(scene: Scene) -> bool:
+    """Return whether modes and peaks are to be written on the mesh, if there is one.  Local."""
+    return scene.response.fields
 
 
 def loads(scene: Scene) -> tuple[Load, ...]:
@@ -326,5 +347,10 @@ def _keys_of_law(joint: schema.Joint) -> dict[str, float | None]:
 
 
 def by_method(scene: Scene, method: str) -> Scene:
-    """Return the scene with another method.  Local."""
-    return scene.model_copy(update={"solver": scene.solver.model_copy(update={"method": method})})
+    """Return the scene with another method.  Local.
+
+    Raises
+    ------
+    CaseError : the method cannot answer it
+    """
+    return changed(scene, {"solver": {"method": method}})

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from ..assembly.system import System
     from .analysis import FactorMemory
+    from .direct import DirectSolver
 
 RESIDUAL_LIMIT = 1e-6  # |A x - b| / |b| of an answer
 ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
@@ -51,7 +52,6 @@ class Factor:
     Attributes
     ----------
     A : PETSc.Mat (n_dof, n_dof), kept by the caller
-    solver : DirectSolver that holds the factor
     info : ordering, entries, memory [MB], seconds of the factorisation, lines on what was done for want of memory; solves,
         seconds and worst residual since
     """
@@ -87,10 +87,11 @@ class Factor:
         """
         self.A, self.what, self.prefix = A, what, prefix
         self.comm = A.comm.tompi4py()
+        self._solver: DirectSolver | None = None
         self.diagonal_owned = diagonal_owned(A)
         if known is not None and self._takes(known):
             return
-        self.solver, self.info = factorise(A, prefix, what, known=Elimination(last), later=later)
+        self._solver, self.info = factorise(A, prefix, what, known=Elimination(last), later=later)
         self.info["said"] = (*(known.said if known is not None else ()), *self.info["said"])
         self._begin_to_count()
         if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.solver):
@@ -102,7 +103,7 @@ class Factor:
         found = known.restore(self.A, self.prefix)
         if found is None:
             return False
-        self.solver, self.info = found
+        self._solver, self.info = found
         self._begin_to_count()
         first = self.A.getOwnershipRange()[0]
         forces_owned = self.diagonal_owned[:, None] * random_signs(first, len(self.diagonal_owned), 1, key=1)
@@ -120,8 +121,17 @@ class Factor:
         self.info.update(solves=0, refined=0, solve_seconds=0.0, residual=0.0)
 
     def destroy(self) -> None:
-        """Free the factor.  Collective."""
-        self.solver.destroy()
+        """Free the factor; once more does nothing.  Collective."""
+        if self._solver is not None:
+            self._solver.destroy()
+            self._solver = None
+
+    @property
+    def solver(self) -> DirectSolver:
+        """What holds the factor.  Local; CaseError once it is freed, where MUMPS would end the process."""
+        if self._solver is None:
+            raise CaseError("the structure is closed, and its factor is freed; build it again, or close it after all responses")
+        return self._solver
 
     def solve(self, B_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of A^-1 B.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..parallel.errors import MeshError
-from ..parallel.words import nearest
+from ..parallel.words import hint
 from .data import Mesh
 
 
@@ -17,11 +17,8 @@ def field_at_nodes(mesh: Mesh, field: str, nodes: np.ndarray, where: str, what: 
     MeshError : no such field, or no number at one of these nodes
     """
     if field not in mesh.fields:
-        near = nearest(field, mesh.fields)
         held = f"it has: {', '.join(mesh.fields)}" if mesh.fields else "it has no field of one number a node at all"
-        raise MeshError(
-            f"{where} = {field!r}: there is no such field in the mesh; " + (f"nearest is {near!r}; " if near else "") + held
-        )
+        raise MeshError(f"{where} = {field!r}: there is no such field in the mesh{hint(field, mesh.fields, repr)}; {held}")
     missing = nodes[np.isnan(mesh.fields[field][nodes])]
     if len(missing):
         raise MeshError(

@@ -12,7 +12,7 @@ from ..elements import Isotropic
 from ..formats.model import KINDS, Equations, FileModel, Group
 from ..formats.read import read_model
 from ..parallel.errors import MeshError
-from ..parallel.words import nearest
+from ..parallel.words import hint
 from .data import ElementBlock, FaceBlock, Mesh, Outside
 from .settings import Body, MeshSettings
 from .touching import with_found_surfaces
@@ -81,9 +81,8 @@ def _check_groups(file: FileModel, settings: MeshSettings) -> None:
 def _existing(word: str, names: list[str]) -> str:
     if not names:
         return "; it has no named groups at all (in Gmsh: Physical Volume and Physical Surface with names)"
-    near = nearest(word, names)
     shown = ", ".join(names[:30]) + (f", ... ({len(names)} in all)" if len(names) > 30 else "")
-    return (f"; nearest is {near!r}" if near else "") + f"; it has: {shown}"
+    return f"{hint(word, names, repr)}; it has: {shown}"
 
 
 def _compose(path: str, file: FileModel, settings: MeshSettings) -> Mesh:

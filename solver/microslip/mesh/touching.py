@@ -43,17 +43,17 @@ class Touching:
     share: np.ndarray  # (n_faces,) how much of each face lies on others, 0 to 1, by its points
 
 
-def find_touching(skin: Skin, tolerance: float | None = None, near: float = NEAR) -> Touching:
+def find_touching(skin: Skin, tolerance: float | None = None) -> Touching:
     """Return which faces of a skin lie on faces of other bodies, or of other connected parts.
 
     Local, rank 0.
 
     Parameters
     ----------
-    tolerance : how far apart they may lie [m]; None: ``near`` times the size of the larger of the two
+    tolerance : how far apart they may lie [m]; None: ``NEAR`` times the size of the larger of the two
     """
-    face, other = _candidates(skin, tolerance, near)
-    at, on, gap = _hits(skin, np.concatenate([face, other]), np.concatenate([other, face]), tolerance, near)
+    face, other = _candidates(skin, tolerance)
+    at, on, gap = _hits(skin, np.concatenate([face, other]), np.concatenate([other, face]), tolerance)
     share = np.bincount(at, minlength=skin.n_faces) / np.maximum(_n_places(skin), 1)
     return _paired(skin, at, on, gap, share)
 
@@ -67,21 +67,21 @@ def _paired(skin: Skin, at: np.ndarray, on: np.ndarray, gap: np.ndarray, share: 
     return Touching(pairs // n, pairs % n, mean, share)
 
 
-def _reach(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None, near: float) -> np.ndarray:
+def _reach(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None) -> np.ndarray:
     """Return how far apart pairs of faces may lie, (m,) [m]."""
     if tolerance is not None:
         return np.full(len(face), tolerance)
-    return near * np.maximum(skin.size[face], skin.size[other])
+    return NEAR * np.maximum(skin.size[face], skin.size[other])
 
 
-def _candidates(skin: Skin, tolerance: float | None, near: float) -> tuple[np.ndarray, np.ndarray]:
+def _candidates(skin: Skin, tolerance: float | None) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs of faces, each once, that look at each other, are near, and neither of one piece nor joined by a node."""
     found = [np.zeros((2, 0), dtype=np.int64)]
     several = len(np.unique(skin.part)) > 1 or len(np.unique(skin.body)) > 1
     radius, size = skin.radius, skin.size
     for mine in _by_size(radius) if several else ():
         largest = radius[mine].max()
-        reach = tolerance if tolerance is not None else near * np.maximum(size, size[mine].max())
+        reach = tolerance if tolerance is not None else NEAR * np.maximum(size, size[mine].max())
         smaller = np.flatnonzero(radius <= largest)  # the others meet these in classes of their own
         within = (radius + largest + reach)[smaller]
         lists = cKDTree(skin.centre[mine]).query_ball_point(skin.centre[smaller], within, return_sorted=False)
@@ -93,7 +93,7 @@ def _candidates(skin: Skin, tolerance: float | None, near: float) -> tuple[np.nd
         found.append(np.stack([face[kept], other[kept]]))
     face, other = np.unique(np.sort(np.concatenate(found, axis=1), axis=0), axis=1)
     apart = np.linalg.norm(skin.centre[face] - skin.centre[other], axis=1)
-    kept = apart <= radius[face] + radius[other] + _reach(skin, face, other, tolerance, near)
+    kept = apart <= radius[face] + radius[other] + _reach(skin, face, other, tolerance)
     kept[kept] = ~_share_a_node(skin, face[kept], other[kept])
     return face[kept], other[kept]
 
@@ -115,13 +115,13 @@ def _n_places(skin: Skin) -> np.ndarray:
     return np.concatenate([np.zeros(0, dtype=np.int64), *counts])
 
 
-def _hits(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None, near: float):
+def _hits(skin: Skin, face: np.ndarray, other: np.ndarray, tolerance: float | None):
     """Return the points of faces that lie on the other face of some pair (m,), each once, with the nearest.
 
     (k,) each: the face, the other face, the gap [m].
     """
     place_of, point, row = _points_of(skin, face)
-    reach = _reach(skin, face, other, tolerance, near)[row]
+    reach = _reach(skin, face, other, tolerance)[row]
     close = np.linalg.norm(point - skin.centre[other[row]], axis=1) <= skin.radius[other[row]] + reach
     place_of, point, row = place_of[close], point[close], row[close]
     distance, gap, within = _feet(skin, point, other[row], reach[close])

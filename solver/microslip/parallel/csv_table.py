@@ -10,7 +10,7 @@ import numpy as np
 
 from .errors import CaseError
 from .files import refuse_devices
-from .words import nearest
+from .words import hint
 
 
 def read_table(
@@ -63,8 +63,7 @@ def _check_header(header: list[str], needed: Sequence[str], optional: Sequence[s
     faults += [f"{name} stands there twice" for name in known if header.count(name) > 1]
     for name in header:
         if name not in known:
-            near = nearest(name, known)
-            faults.append(f'"{name[:20]}" is unknown' + (f', nearest is "{near}"' if near else ""))
+            faults.append(f'"{name[:20]}" is unknown' + hint(name, known).replace(";", ",", 1))
     if ";" in header[0]:
         faults = ["values are separated by semicolons, not by commas"]
     if faults:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 _DEEP = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){50}""")  # a.a.a: TOML's reader takes the square of its length
 _LONGEST = 200  # letters that are compared: names come from files, too
@@ -18,6 +18,16 @@ def nearest(word: str, known: Iterable[str]) -> str | None:
     if not found and len(word) > 2:
         found = [name for name in by_lower if name.startswith(word)]
     return by_lower[found[0]] if found else None
+
+
+def quoted(name: str) -> str:
+    return f'"{name}"'
+
+
+def hint(word: str, known: Iterable[str], shown: Callable[[str], str] = quoted) -> str:
+    """Return "; nearest is NAME" for a message, NAME as it is ``shown``; nothing where no known word is near.  Local."""
+    near = nearest(word, known)
+    return f"; nearest is {shown(near)}" if near else ""
 
 
 def listed(words: Iterable[str], last: str = "and") -> str:

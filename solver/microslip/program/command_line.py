@@ -10,7 +10,7 @@ from typing import NoReturn
 from ..parallel.errors import CaseError
 from ..parallel.petsc import PREFIXES
 from ..parallel.walltime import seconds_of
-from ..parallel.words import listed, nearest
+from ..parallel.words import hint, listed
 from ..version import __version__
 
 _SOLVE = ("run", "compare", "verify", "trade", "export")  # commands that PETSc options are for
@@ -102,7 +102,7 @@ def parse(arguments: list[str]) -> Command:
     if word is None and not {"-h", "--help", "--version"} & set(own):
         raise CaseError(f"a command is missing: {listed(commands, 'or')}; try: microslip --help")
     if word is not None and word not in commands:
-        raise CaseError(f"unknown command {word!r}{_near(word, commands)}; commands are {listed(commands)}")
+        raise CaseError(f"unknown command {word!r}{hint(word, commands, str)}; commands are {listed(commands)}")
     for argument in own:
         if argument.startswith(tuple(f"-{prefix}" for prefix in PREFIXES)):
             raise CaseError(f"{argument}: PETSc options follow --, as in: microslip run SCENE.toml -- {argument}")
@@ -377,17 +377,12 @@ def _time(text: str) -> float:
     return seconds
 
 
-def _near(word: str, known) -> str:
-    found = nearest(word, known)
-    return f"; nearest is {found}" if found else ""
-
-
 def _unknown(argument: str, command: _Parser) -> str:
     """Say what is wrong with an argument that a command does not take."""
     name = argument.split("=")[0]
     if name.startswith("-"):
         known = [option for action in command._actions for option in action.option_strings]
-        return f"unknown option {name}{_near(name, known)}; {command.prog} knows {listed(known)}"
+        return f"unknown option {name}{hint(name, known, str)}; {command.prog} knows {listed(known)}"
     return f"{argument!r} is one argument too many; usage: {command.usage}"
 
 
@@ -423,5 +418,4 @@ def _with_prefix(name: str) -> str:
     places = {"eps": "modes_", "st": "modes_", "snes": "hb_", "ksp": "hb_", "mat": "static_", "pc": "static_"}
     if first in places:
         return f"; perhaps -{places[first]}{name}"
-    near = nearest(first + "_", PREFIXES)
-    return f"; nearest is -{near}{rest}" if near and rest else ""
+    return hint(first + "_", PREFIXES, lambda near: f"-{near}{rest}") if rest else ""

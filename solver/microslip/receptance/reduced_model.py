@@ -6,8 +6,8 @@ Coefficients are real, in the order of fourier/harmonics.py; the complex amplitu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,8 @@ from .excitation import Excitation
 from .family import Share, shared_out
 from .reduced_structure import ReducedStructure
 
+_KEPT = 4  # frequencies of which a model keeps the flexibilities
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ReducedModel(ReducedStructure):
@@ -27,6 +29,7 @@ class ReducedModel(ReducedStructure):
     f: np.ndarray  # (n_loads, N_H) at unit level
     harmonics: Harmonics  # in whose order coefficients run
     H_recorded: int = 1  # results have the harmonics 0 to this one at least
+    _flexibilities: dict[float, tuple[DynamicFlexibility, ...]] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, structure: ReducedStructure, excitation: Excitation) -> ReducedModel:
@@ -75,7 +78,11 @@ class ReducedModel(ReducedStructure):
 
     def flexibilities(self, omega: float) -> tuple[DynamicFlexibility, ...]:
         """Return c_n of each share.  Local; kept for the last few frequencies."""
-        return _flexibilities(self, omega)
+        found = self._flexibilities.pop(omega, None) or tuple(s.family.flexibility(s.harmonics, omega) for s in self.shares)
+        self._flexibilities[omega] = found  # the last
+        if len(self._flexibilities) > _KEPT:
+            del self._flexibilities[next(iter(self._flexibilities))]
+        return found
 
     def joined(self, terms: Sequence[np.ndarray]) -> np.ndarray:
         """Return terms of the shares, each (..., N_H of its own), as one array (..., N_H); the term itself of one.  Local."""
@@ -96,11 +103,6 @@ class ReducedModel(ReducedStructure):
         family = self.shares[k].family
         A = self.out_R + self.flexibilities(omega)[k].between(family.o, i, family.R_phi)
         return A if self.observed is None else self.observed.of_forces(A, n * omega)
-
-
-@lru_cache(maxsize=4)
-def _flexibilities(model: ReducedModel, omega: float) -> tuple[DynamicFlexibility, ...]:
-    return tuple(share.family.flexibility(share.harmonics, omega) for share in model.shares)
 
 
 def _parts(structure: ReducedStructure) -> dict[str, Any]:

@@ -36,7 +36,6 @@ class FreeBodies:
     alpha: float  # 1/s2
     omega_2: np.ndarray  # (n,) eigenvalues of (K, M) [rad2/s2], of rigid bodies about 0
     phi_owned: np.ndarray  # (n_owned, n) phi^T M phi = I
-    n_rigid: int
 
     def destroy(self) -> None:
         """Free the shifted matrix and its factor.  Collective."""
@@ -70,7 +69,7 @@ def free_bodies(stuck: StuckStructure, settings: ReductionSettings) -> FreeBodie
             f"{settings.where}: [solver] modes = {n_modes}: without their joint the bodies have {n_rigid} rigid-body "
             f'modes, all of which method = "{settings.method}" needs; ask for {n_rigid} modes at least'
         )
-    return FreeBodies(shifted, alpha, found.omega_n**2 - alpha, found.phi_owned, n_rigid)
+    return FreeBodies(shifted, alpha, found.omega_n**2 - alpha, found.phi_owned)
 
 
 def check_rigid(stuck: StuckStructure, settings: ReductionSettings) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..parallel.errors import CaseError
 from ..parallel.files import make_folder
-from ..parallel.words import listed, nearest
+from ..parallel.words import hint, listed
 from .fields import Fields, read_fields
 from .joint_mesh import joint_mesh
 from .mat import write_mat
@@ -59,8 +59,7 @@ def convert(path: str, folder: Path, formats: Sequence[str], steps: int = STEPS)
     """
     for name in formats:
         if name not in FORMATS:
-            near = nearest(name, FORMATS)
-            raise CaseError(f"unknown format {name!r}{f'; nearest is {near}' if near else ''}; formats are {listed(FORMATS)}")
+            raise CaseError(f"unknown format {name!r}{hint(name, FORMATS, str)}; formats are {listed(FORMATS)}")
     results, fields = read_results(path), read_fields(path)
     make_folder(str(folder))
     if not formats:

@@ -24,6 +24,7 @@ from .style import (
     STATE_STYLES,
     WIDTH,
     Page,
+    Pages,
     level_colours,
     level_name,
     panels,
@@ -43,10 +44,10 @@ _SEEN = 3.0  # times the lower end of the axis that a part must reach
 _DECADES = 1e-7  # a logarithmic axis shows no less than this of the largest
 
 
-def draw_response(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw amplitude, and amplitude per newton with the linear curve, of every output.  Local; returns the files."""
+def draw_response(results: ResultFile) -> Pages:
+    """Draw amplitude, and amplitude per newton with the linear curve, of every output.  Local."""
     drawn = _with_colours(results)
-    files = []
+    pages: Pages = {}
     for first in range(0, len(results.outputs), _ROWS):
         outputs = list(enumerate(results.outputs))[first : first + _ROWS]
         n_rows = len(outputs)
@@ -63,8 +64,8 @@ def draw_response(results: ResultFile, out_dir: str) -> list[str]:
             ax.set_xlabel("frequency [Hz]")
         _limit(axes.ravel(), results)
         number = f"_{first // _ROWS + 1:02d}" if len(results.outputs) > _ROWS else ""
-        files.append(page.save(f"{out_dir}/response{number}.png"))
-    return files
+        pages[f"response{number}.png"] = page
+    return pages
 
 
 def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> None:
@@ -88,11 +89,11 @@ def _response_row(results: ResultFile, drawn, k: int, row, name: str) -> None:
         _choose_scale(ax, [factor * a for a in (*values, *linear)], compare=not is_linear)
 
 
-def draw_states(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw how many pairs stick, slip and are open along the curve of each level.  Local; returns the files."""
+def draw_states(results: ResultFile) -> Pages:
+    """Draw how many pairs stick, slip and are open along the curve of each level.  Local."""
     levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
     if not levels or results.joint.n_pairs == 0:
-        return []
+        return {}
     handles = [Line2D([], [], color=c, ls=s, lw=1.5, label=n) for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)]
     handles.append(Line2D([], [], color=FAINT, ls=":", lw=1.0, label="peak of the response"))
     page, axes = _panels(results, f"states of the {results.joint.n_pairs} contact pairs along the curve", levels, handles)
@@ -102,11 +103,11 @@ def draw_states(results: ResultFile, out_dir: str) -> list[str]:
         ax.axvline(level.frequency[peak(level.response)], color=FAINT, ls=":", lw=1.0, zorder=0.5)
         ax.set_ylim(-0.03 * results.joint.n_pairs, 1.05 * results.joint.n_pairs)
         ax.set_ylabel("pairs")
-    return [page.save(f"{out_dir}/states.png")]
+    return {"states.png": page}
 
 
-def draw_rom_size(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw the unknowns of the reduced model along the curve of every level.  Local; returns the files."""
+def draw_rom_size(results: ResultFile) -> Pages:
+    """Draw the unknowns of the reduced model along the curve of every level.  Local."""
     drawn = _with_colours(results)
     says = f"unknowns of the model along the curve, method {plain(results.method)}"
     page = Page(results, says, 4.6, 2.6, _level_handles(drawn, False))
@@ -118,14 +119,14 @@ def draw_rom_size(results: ResultFile, out_dir: str) -> list[str]:
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("unknowns")
     _limit([ax], results)
-    return [page.save(f"{out_dir}/rom_size.png")]
+    return {"rom_size.png": page}
 
 
-def draw_energy(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw input, damping and friction per cycle for each level, and how well they balance.  Local; returns the files."""
+def draw_energy(results: ResultFile) -> Pages:
+    """Draw input, damping and friction per cycle for each level, and how well they balance.  Local."""
     levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
     if not levels:
-        return []
+        return {}
     parts = (
         ("input", "input", INK, "-"),
         ("damping", "viscous damping", "#0072b2", "--"),
@@ -142,7 +143,7 @@ def draw_energy(results: ResultFile, out_dir: str) -> list[str]:
         largest = factor * max(getattr(level, name).max() for name, *_ in parts)
         ax.set_ylim(-0.03 * (largest or 1.0), 1.06 * (largest or 1.0))
     _draw_closure(axes[-1], results)
-    return [page.save(f"{out_dir}/energy.png")]
+    return {"energy.png": page}
 
 
 def _draw_closure(ax, results: ResultFile) -> None:
@@ -173,14 +174,14 @@ def _draw_closure(ax, results: ResultFile) -> None:
     _limit([ax], results)
 
 
-def draw_error(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw the error bar of the first output along the curve of each level, and its parts.  Local; returns the files.
+def draw_error(results: ResultFile) -> Pages:
+    """Draw the error bar of the first output along the curve of each level, and its parts.  Local.
 
     A panel shows five decades; the legend names the parts that are seen in one.
     """
     levels = some([level for level in results.levels if level.error is not None and len(level.frequency)], MOST_PANELS)
     if not levels:
-        return []
+        return {}
     shares = [error_shares(level) for level in levels]
     lowest = [max(_ERROR_DECADES * bars.max(), _LEAST_ERROR) for bars, _ in shares]
     seen = [any(parts[:, i].max() > _SEEN * low for (_, parts), low in zip(shares, lowest)) for i in range(len(PARTS))]
@@ -206,7 +207,7 @@ def draw_error(results: ResultFile, out_dir: str) -> list[str]:
         if level.error_corrected is not None:
             _curve(ax, level, level.error_corrected[:, 0] / (amplitude(level.response[:, 0]).max() or 1.0), INK, ":", lw=1.1)
         ax.set_ylim(low, 3.0 * bars.max())
-    return [page.save(f"{out_dir}/error.png")]
+    return {"error.png": page}
 
 
 def error_shares(level: LevelResult) -> tuple[np.ndarray, np.ndarray]:

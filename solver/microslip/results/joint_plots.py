@@ -17,7 +17,7 @@ from ..contact.law import STICK
 from ..contact.laws import friction_limit
 from .measures import counts, peak
 from .record import LevelResult, ResultFile
-from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, level_name, plain, some, with_prefix
+from .style import FAINT, INK, MOST_PANELS, STATE_COLOURS, STATE_NAMES, WIDTH, Page, Pages, level_name, plain, some, with_prefix
 from .unroll import Patch, patches
 
 _MM = 1e3
@@ -39,8 +39,8 @@ class JointMap:
     bar: tuple | None = None  # palette, scale and text of a colour bar
 
 
-def draw_slip_map(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw stick, slip and separation on the contact surfaces at the peak of each level.  Local; returns the files."""
+def draw_slip_map(results: ResultFile) -> Pages:
+    """Draw stick, slip and separation on the contact surfaces at the peak of each level.  Local."""
     handles = [Swatch(facecolor=c, edgecolor=FAINT, lw=0.4, label=n) for c, n in zip(STATE_COLOURS, STATE_NAMES)]
     colours = np.array([matplotlib.colors.to_rgba(c) for c in STATE_COLOURS])
     n_apart = int(np.count_nonzero(results.joint.apart))
@@ -54,11 +54,11 @@ def draw_slip_map(results: ResultFile, out_dir: str) -> list[str]:
         return (", ".join(moving) or "all stick") + (f" ({n_apart} at rest)" if n_apart else "")
 
     what = "states of the contact pairs at the peak of each level"
-    return _draw(results, f"{out_dir}/slip_map.png", JointMap(what, colour, says, handles))
+    return _draw(results, "slip_map.png", JointMap(what, colour, says, handles))
 
 
-def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw the friction loss per area and cycle at the peak of each level, in one colour scale.  Local; returns the files."""
+def draw_energy_map(results: ResultFile) -> Pages:
+    """Draw the friction loss per area and cycle at the peak of each level, in one colour scale.  Local."""
     area = results.joint.area
     per_area = bool((area > 0.0).all() and np.isfinite(results.joint.position).all())  # matrices come without areas
     share = area if per_area else np.ones_like(area)
@@ -95,17 +95,17 @@ def draw_energy_map(results: ResultFile, out_dir: str) -> list[str]:
     )
     handles = [Swatch(facecolor=_NO_LOSS, edgecolor=FAINT, lw=0.4, label="no loss")]
     what = what if len(losses) else what + ": none"
-    return _draw(results, f"{out_dir}/energy_map.png", JointMap(what, colour, says, handles, bar))
+    return _draw(results, "energy_map.png", JointMap(what, colour, says, handles, bar))
 
 
-def draw_rest(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw pressure and share of the friction limit at rest, where statics have found them.  Local; returns the files."""
+def draw_rest(results: ResultFile) -> Pages:
+    """Draw pressure and share of the friction limit at rest, where statics have found them.  Local."""
     joint = results.joint
     if not (joint.apart.any() or joint.T0.any()):
-        return []
+        return {}
     surfaces = patches(joint)
     if not surfaces:
-        return []
+        return {}
     shown = sorted(sorted(surfaces, key=lambda patch: -len(patch.pairs))[:_MOST_PATCHES], key=surfaces.index)
     without = np.isnan(joint.N0)  # pairs of a law that knows no normal force
     N = np.where(without, 0.0, np.maximum(joint.N0, 0.0))
@@ -138,7 +138,7 @@ def draw_rest(results: ResultFile, out_dir: str) -> list[str]:
         _block(page, layout, shown, rgba, i, 2)
     over = "" if without.all() else f"pressure over {most:.4g} MPa, "
     _colour_bar(page, palette, matplotlib.colors.Normalize(0.0, 1.0), f"{over}friction over its limit")
-    return [page.save(f"{out_dir}/rest.png")]
+    return {"rest.png": page}
 
 
 @dataclass(frozen=True)
@@ -220,12 +220,12 @@ def _layout(sizes: np.ndarray, level_columns: int, patch_columns: int, labelled:
     )
 
 
-def _draw(results: ResultFile, path: str, drawn: JointMap) -> list[str]:
+def _draw(results: ResultFile, name: str, drawn: JointMap) -> Pages:
     """Draw every level's surfaces in the colours of a quantity."""
     levels = some([level for level in results.levels if len(level.frequency)], MOST_PANELS)
     surfaces = patches(results.joint)
     if not levels or not surfaces:
-        return []
+        return {}
     shown = sorted(sorted(surfaces, key=lambda patch: -len(patch.pairs))[:_MOST_PATCHES], key=surfaces.index)
     labelled = len(surfaces) > 1
     layout = choose_layout(np.array([patch.size for patch in shown]), len(levels), labelled)
@@ -239,7 +239,7 @@ def _draw(results: ResultFile, path: str, drawn: JointMap) -> list[str]:
         _block(page, layout, shown, drawn.colour(level, at), i, len(levels))
     if drawn.bar:
         _colour_bar(page, *drawn.bar)
-    return [page.save(path)]
+    return {name: page}
 
 
 def _remarks(results: ResultFile, levels, surfaces, shown, layout: Layout) -> str:

@@ -13,9 +13,9 @@ from .joint_plots import draw_energy_map, draw_rest, draw_slip_map
 from .read import read_results
 from .record import ResultFile
 from .static_plots import draw_static_response, draw_static_states
-from .style import RC
+from .style import RC, Page, Pages
 
-Picture = Callable[[ResultFile, str], list[str]]
+Picture = Callable[[ResultFile], Pages]
 PICTURES: tuple[Picture, ...] = (  # in an order whose every second, third or fourth are about as much work
     draw_response,
     draw_error,
@@ -46,11 +46,12 @@ def draw_all(results_path: str, out_dir: str, share: slice = slice(None)) -> lis
     if not any(len(level.frequency) for level in results.levels):
         return []
     with matplotlib.rc_context(RC), said_of(out_dir):
-        return [file for draw in pictures_of(results)[share] for file in draw(results, out_dir)]
+        drawn = (named for draw in pictures_of(results)[share] for named in draw(results).items())
+        return [page.save(f"{out_dir}/{name}") for name, page in drawn]
 
 
-def draw_one(results: ResultFile, out_dir: str, name: str) -> list[str]:
-    """Draw the picture of this name into a folder and return its files.  Local.
+def draw_one(results: ResultFile, name: str) -> list[Page]:
+    """Return the pages of the picture of this name.  Local.
 
     Raises
     ------
@@ -59,11 +60,11 @@ def draw_one(results: ResultFile, out_dir: str, name: str) -> list[str]:
     by_name = {draw.__name__.removeprefix("draw_").removeprefix("static_"): draw for draw in pictures_of(results)}
     if name not in by_name:
         raise CaseError(f"there is no picture {name!r} of these results; there are {', '.join(by_name)}")
-    with matplotlib.rc_context(RC), said_of(out_dir):
-        files = by_name[name](results, out_dir) if any(len(level.frequency) for level in results.levels) else []
-    if not files:
+    with matplotlib.rc_context(RC):
+        pages = by_name[name](results) if any(len(level.frequency) for level in results.levels) else {}
+    if not pages:
         raise CaseError(f"there is nothing to draw in {name}")
-    return files
+    return list(pages.values())
 
 
 def pictures_of(results: ResultFile) -> tuple[Picture, ...]:

@@ -62,6 +62,7 @@ def refuse_deadly(path: str) -> None:
 
 
 def _read(path: str, reader: Reader, motion: bool) -> ResultFile:
+    """Return the results of an open file; without ``motion`` du and p of the points stay there.  CaseError: it is damaged."""
     outputs = tuple(reader.texts("outputs/name"))
     units = tuple(reader.texts("outputs/unit")) if "outputs/unit" in reader else ()
     level_unit = reader.texts("scene/level_unit")[0] if "scene/level_unit" in reader else "N"

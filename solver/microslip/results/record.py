@@ -6,7 +6,7 @@ n_pairs contact pairs, n_outputs outputs, N_H = 2 H + 1 coefficients (mean, cos 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -166,6 +166,23 @@ class ResultFile:
             response[..., 0].any() for response in responses
         )
         return shown_with(int(moves), self.unit_of(0), self.level_unit)
+
+    def of_output(self, k: int) -> ResultFile:
+        """Return the results of one output alone, with their title and levels; arrays are views.  Local."""
+        one, linear = slice(k, k + 1), self.linear
+        axes = {kept.name: kept.axes for kept in QUANTITIES}
+
+        def of_level(level: LevelResult) -> LevelResult:
+            arrays = {name: a if a is None or "outputs" not in axes[name] else a[:, one] for name, a in level.arrays.items()}
+            return replace(level, arrays=arrays)
+
+        return replace(
+            self,
+            outputs=self.outputs[one],
+            units=self.units[one],
+            linear=None if linear is None else LinearCurve(linear.frequency, linear.response[:, one]),
+            levels=tuple(map(of_level, self.levels)),
+        )
 
     def unit_of(self, output: int) -> str:
         """Return the unit of an output."""

@@ -8,19 +8,19 @@ from matplotlib.ticker import MaxNLocator
 
 from .measures import counts
 from .record import ResultFile
-from .style import INK, LINEAR, STATE_COLOURS, STATE_NAMES, STATE_STYLES, Page, plain, with_prefix
+from .style import INK, LINEAR, STATE_COLOURS, STATE_NAMES, STATE_STYLES, Page, Pages, plain, with_prefix
 
 _WIDTH = 4.6  # in
 _ROWS = 5  # outputs in one picture
 
 
-def draw_static_response(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw the displacement of every output over the load.  Local; returns the files."""
+def draw_static_response(results: ResultFile) -> Pages:
+    """Draw the displacement of every output over the load.  Local."""
     levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)
     loads = np.array([level.level for level in levels])
     handles = [Line2D([], [], color=INK, lw=1.2, marker="o", ms=3.5, label="with slip and opening")]
     handles += [Line2D([], [], label="all stuck, linear", **LINEAR)] if results.linear else []
-    files = []
+    pages: Pages = {}
     for first in range(0, len(results.outputs), _ROWS):
         outputs = list(enumerate(results.outputs))[first : first + _ROWS]
         page = Page(results, "static displacement over the load", _WIDTH, 0.35 + 2.1 * len(outputs), handles)
@@ -35,15 +35,15 @@ def draw_static_response(results: ResultFile, out_dir: str) -> list[str]:
             ax.set_ylabel(f"{plain(name, 24)} [{unit}]")
         axes[-1].set_xlabel(f"load level [{results.level_unit}]")
         number = f"_{first // _ROWS + 1:02d}" if len(results.outputs) > _ROWS else ""
-        files.append(page.save(f"{out_dir}/response{number}.png"))
-    return files
+        pages[f"response{number}.png"] = page
+    return pages
 
 
-def draw_static_states(results: ResultFile, out_dir: str) -> list[str]:
-    """Draw how many pairs stick, slip and are open over the load.  Local; returns the files."""
+def draw_static_states(results: ResultFile) -> Pages:
+    """Draw how many pairs stick, slip and are open over the load.  Local."""
     levels = sorted((level for level in results.levels if len(level.frequency)), key=lambda level: level.level)
     if not levels or results.joint.n_pairs == 0:
-        return []
+        return {}
     handles = [
         Line2D([], [], color=c, ls=s, lw=1.5, marker="o", ms=3.5, label=n)
         for c, s, n in zip(STATE_COLOURS, STATE_STYLES, STATE_NAMES)
@@ -55,4 +55,4 @@ def draw_static_states(results: ResultFile, out_dir: str) -> list[str]:
     ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_ylabel("pairs")
     ax.set_xlabel(f"load level [{results.level_unit}]")
-    return [page.save(f"{out_dir}/states.png")]
+    return {"states.png": page}

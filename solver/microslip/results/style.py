@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import textwrap
 import warnings
@@ -112,6 +113,19 @@ class Titled(Protocol):
     def title(self) -> str: ...
 
 
+class PageFigure(Figure):
+    """A figure that looks the same wherever it is drawn, and that a notebook shows, without pyplot."""
+
+    def draw(self, renderer) -> None:
+        with matplotlib.rc_context(RC):
+            super().draw(renderer)
+
+    def _repr_png_(self) -> bytes:
+        with io.BytesIO() as file:
+            FigureCanvasAgg(self).print_png(file)
+            return file.getvalue()
+
+
 class Page:
     """A figure with a heading and a legend above a field for axes; sizes in inches, ``height`` that of the field.
 
@@ -127,7 +141,7 @@ class Page:
         text_height = self.LINE * (len(title) + len(lines))
         self.top = self.MARGIN + text_height + (0.1 + self.ENTRY * math.ceil(len(handles) / columns) if handles else 0.06)
         self.width, self.height = width, height + self.top
-        self.figure = Figure(figsize=(self.width, self.height), dpi=DPI)
+        self.figure = PageFigure(figsize=(self.width, self.height), dpi=DPI)
         self.text(self.MARGIN, self.MARGIN, "\n".join(title), weight="bold")
         self.text(self.MARGIN, self.MARGIN + self.LINE * len(title), "\n".join(lines))
         if handles:
@@ -164,6 +178,9 @@ class Page:
             # savefig would draw twice to lay out; a third of zlib's work makes files a tenth larger
             FigureCanvasAgg(self.figure).print_png(path, pil_kwargs={"compress_level": 3})
         return path
+
+
+Pages = dict[str, Page]  # by the names of their files
 
 
 def legend_columns(labels: Sequence[str], width: float) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ..parallel.files import NO_FILE
-from ..parallel.words import nearest
+from ..parallel.words import hint
 from .inputs import named_files
 from .matrix_names import may_know_nodes
 from .schema import Scene, Statics
@@ -126,10 +126,8 @@ def _materials(scene: Scene) -> list[str]:
             ("orientation", body.orientation, scene.orientations),
         ):
             if wanted is not None and wanted not in tables:
-                near = nearest(wanted, tables)
-                hint = f'nearest is "{near}"; ' if near else ""
                 known = f"known: {', '.join(tables)}" if tables else f"there is no table [{key}s.NAME] at all"
-                found.append(f'[bodies.{name}] {key} = "{wanted}": there is no such {key}; {hint}{known}')
+                found.append(f'[bodies.{name}] {key} = "{wanted}": there is no such {key}{hint(wanted, tables)}; {known}')
     return found
 
 
@@ -196,8 +194,7 @@ def _statics(scene: Scene) -> list[str]:
         if scene.awaits_file:
             continue
         if warm.group not in body_of:
-            near = nearest(warm.group, body_of)
-            found.append(f"{where}: no body has this group" + (f'; nearest is "{near}"' if near else ""))
+            found.append(f"{where}: no body has this group{hint(warm.group, body_of)}")
         elif body_of[warm.group].material in scene.materials and scene.materials[body_of[warm.group].material].expansion is None:
             found.append(f"{where}: [materials.{body_of[warm.group].material}] expansion is missing, in 1/K")
     return found
@@ -261,9 +258,7 @@ def _outputs(scene: Scene) -> list[str]:
     for where, output in _numbered(scene, "outputs"):
         for key, name, known in (("body", output.body, list(scene.bodies)), ("joint", output.joint, joints)):
             if name is not None and name not in known and not scene.awaits_file:
-                near = nearest(name, known)
-                hint = f'; nearest is "{near}"' if near else ""
-                found.append(f'{where} {key} = "{name}": there is no such {key}{hint}')
+                found.append(f'{where} {key} = "{name}": there is no such {key}{hint(name, known)}')
     return found
 
 
@@ -273,9 +268,7 @@ def _surfaces(scene: Scene) -> list[str]:
     for where, surface in _numbered(scene, "surfaces"):
         for name in dict.fromkeys(surface.bodies):
             if name not in scene.bodies and not scene.awaits_file and scene.model.mesh is not None:
-                near = nearest(name, scene.bodies)
-                hint = f'; nearest is "{near}"' if near else ""
-                found.append(f'{where} bodies holds "{name}": there is no such body{hint}')
+                found.append(f'{where} bodies holds "{name}": there is no such body{hint(name, scene.bodies)}')
     return found
 
 
@@ -310,11 +303,8 @@ def _points(scene: Scene) -> list[str]:
     named += [(where, name) for where, spring in _numbered(scene, "springs") for name in spring.points]
     for where, name in named:
         if name not in points and scene.model.mesh is not None and not scene.awaits_file:
-            near = nearest(name, points)
-            hint = (
-                f'nearest is "{near}"' if near else f"known: {', '.join(points)}" if points else "there are no [[points]] at all"
-            )
-            found.append(f'{where} point = "{name}": there is no such point; {hint}')
+            known = f"; known: {', '.join(points)}" if points else "; there are no [[points]] at all"
+            found.append(f'{where} point = "{name}": there is no such point{hint(name, points) or known}')
     for where, support in _numbered(scene, "supports"):
         if support.point in points and points[support.point].connection == "distributing":
             found.append(
@@ -390,7 +380,7 @@ def absent(path: Path) -> str:
     if not folder.is_dir():
         return f"there is no folder {folder}"
     try:
-        near = nearest(path.name, [entry.name for entry in folder.iterdir()])
+        near = hint(path.name, [entry.name for entry in folder.iterdir()])
     except OSError:
-        near = None
-    return f"there is no such file in {folder}" + (f'; nearest is "{near}"' if near else "")
+        near = ""
+    return f"there is no such file in {folder}{near}"

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from ..contact.keys import ELASTIC_COULOMB, KEYS
 from ..parallel.words import listed
-from .joint_laws import LAWS_OF_KEY, NEEDED, NEEDED_WITH_PAIRS, OF_FILE, check_law
+from .joint_laws import LAWS_OF_KEY, OF_FILE, check_law
 from .scene_table import Direction, Name, NotNegative, Positive, Table, TwoPositive, Vector
 
 OfPoints = Literal["friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"]
+if TYPE_CHECKING:
+    Law = str
+else:
+    Law = Literal[tuple(KEYS)]
+_QUOTED = [f'"{name}"' for name in KEYS]
 OF_SURFACES = (
     "preload",
     "gap",
@@ -48,9 +54,7 @@ class Joint(Table):
         min_length=1,
         description="the path of a CSV file of pairs of nodes with normals and areas, of a model given as matrices",
     )
-    law: Literal["elastic-coulomb", "rough", "iwan"] = Field(
-        "elastic-coulomb", description='the contact law, "elastic-coulomb", "rough" or "iwan"'
-    )
+    law: Law = Field(ELASTIC_COULOMB, description=f"the contact law, {', '.join(_QUOTED[:-1])} or {_QUOTED[-1]}")
     friction: NotNegative | TwoPositive | None = Field(None, description="the friction coefficient, a number of at least 0")
     tangential_stiffness: Positive | TwoPositive | None = Field(
         None, description="the stiffness per unit area in N/m3, a number above 0"
@@ -99,14 +103,15 @@ class Joint(Table):
     @model_validator(mode="after")
     def _complete(self):
         has_gap = self.gap != 0.0 or self.against == "plane"
-        needed = [*NEEDED[self.law]] + ["preload"] * (not has_gap and self.law in LAWS_OF_KEY["preload"])
+        keys = KEYS[self.law]
+        needed = [*keys.needed] + ["preload"] * (not has_gap and self.law in LAWS_OF_KEY["preload"])
         kind = self.exactly_one("surfaces", "pairs", *["node_pairs"] * (self.node_pairs is not None))
         has_pairs = kind == "pairs"
         if has_pairs:
             given = sorted({*OF_FILE, *OF_SURFACES} & self.model_fields_set)
             if given:
                 raise ValueError(f"{given[0]} belongs to a joint of surfaces; a CSV file states it for each pair")
-        missing = [key for key in (NEEDED_WITH_PAIRS[self.law] if has_pairs else needed) if getattr(self, key) is None]
+        missing = [key for key in (keys.needed_with_pairs if has_pairs else needed) if getattr(self, key) is None]
         if missing:
             more = f"; and {listed(missing[1:])}" if len(missing) > 1 else ""
             raise ValueError(f"{missing[0]} is missing: expected {type(self).model_fields[missing[0]].description}{more}")

@@ -5,36 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Set
 from typing import Any
 
-ELASTIC_COULOMB, ROUGH, IWAN = "elastic-coulomb", "rough", "iwan"
+from ..contact.keys import ELASTIC_COULOMB, KEYS, ROUGH
 
-NEEDED = {  # of a joint of surfaces, beside the preload
-    ELASTIC_COULOMB: ("friction", "tangential_stiffness", "normal_stiffness"),
-    ROUGH: ("friction", "roughness_height"),
-    IWAN: ("slip_force", "tangential_stiffness", "normal_stiffness", "chi", "beta"),
-}
-NEEDED_WITH_PAIRS = {ELASTIC_COULOMB: (), ROUGH: (), IWAN: ("chi", "beta")}  # beside the columns of the file
-LAWS_OF_KEY = {  # of keys that not every law has
-    "friction": (ELASTIC_COULOMB, ROUGH),
-    "preload": (ELASTIC_COULOMB, ROUGH),
-    "gap": (ELASTIC_COULOMB,),
-    "plane_point": (ELASTIC_COULOMB,),
-    "friction_limit": (ELASTIC_COULOMB, ROUGH),
-    "tangential_stiffness": (ELASTIC_COULOMB, IWAN),
-    "normal_stiffness": (ELASTIC_COULOMB, IWAN),
-    "roughness_height": (ROUGH,),
-    "roughness_pressure": (ROUGH,),
-    "exponent": (ROUGH,),
-    "tangential_ratio": (ROUGH,),
-    "slip_force": (IWAN,),
-    "chi": (IWAN,),
-    "beta": (IWAN,),
-    "sliders": (ROUGH, IWAN),
-}
-OF_FILE = {"friction", "tangential_stiffness", "normal_stiffness", "roughness_height", "roughness_pressure"} | {
-    "tangential_ratio",
-    "slip_force",
-}  # keys whose place a CSV file of pairs takes
-OWN = ("roughness_height", "roughness_pressure", "exponent", "tangential_ratio", "slip_force", "chi", "beta", "sliders")
+LAWS_OF_KEY = {key: tuple(law for law in KEYS if key in KEYS[law].all) for keys in KEYS.values() for key in keys.all}
+OF_FILE = {key for keys in KEYS.values() for key in keys.of_file}  # keys whose place a CSV file of pairs takes
+OWN = tuple(key for key, laws in LAWS_OF_KEY.items() if ELASTIC_COULOMB not in laws)  # beside what every joint has
 
 
 def check_law(joint: Mapping[str, Any], stated: Set[str]) -> None:

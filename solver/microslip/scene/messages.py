@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from ..parallel.words import listed, nearest
+from ..parallel.words import hint, listed, nearest
 from .schema import (
     Body,
     Bolt,
@@ -204,9 +204,8 @@ def _hint(loc: tuple[int | str, ...], found: Any) -> str:
     annotation = _model(loc[: _depth(loc)]).model_fields[str(field)].annotation if field is not None else None
     words = _words(annotation)
     if words and isinstance(found, str):
-        near = nearest(found, words)
         known = f"; known: {', '.join(words)}" if annotation is Method else ""
-        return (f'; nearest is "{near}"' if near else "") + known
+        return hint(found, words) + known
     if isinstance(found, str) and _is_number(found) and not words:
         return "; without quotes"
     return ""

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..parallel.errors import CaseError
-from ..parallel.words import listed, nearest
+from ..parallel.words import hint, listed
 
 _WORD = re.compile(r"(\.{0,2}/)*[A-Za-z_][\w./-]*")  # what a shell leaves of a text in quotes: a word, the path of a file
 
@@ -80,9 +80,9 @@ def _entry(table: str, entries: tuple, words: list[str], where: str) -> tuple[in
         return names.index(word), rest
     if word.isdecimal() and 1 <= int(word) <= len(entries):
         return int(word) - 1, rest
-    near = nearest(word, [name for name in names if isinstance(name, str)])
-    hint = f'; nearest is "{near}"' if near else f"; there {'is' if len(names) == 1 else 'are'} {listed(_words_for(names))}"
-    raise CaseError(f'{where}: there is no [[{table}]] "{word}"{hint}')
+    near = hint(word, [name for name in names if isinstance(name, str)])
+    there = near or f"; there {'is' if len(names) == 1 else 'are'} {listed(_words_for(names))}"
+    raise CaseError(f'{where}: there is no [[{table}]] "{word}"{there}')
 
 
 def _words_for(names: list) -> list[str]:

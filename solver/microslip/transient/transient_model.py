@@ -44,10 +44,6 @@ class TransientModel:
         """Return the loads at unit level at the ends 1 ... ``n_steps`` of the steps of a period, (n_steps, n_loads).  Local."""
         return np.roll(synthesise(self.f, n_steps), -1, axis=1).T
 
-    def beyond_modes(self, level: np.ndarray, f: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return du - R_phi eta = level s f - G p, (..., 3 n_pairs) [m], of loads f (n_loads,) and p (..., 3 n_pairs).  Local."""
-        return level[..., None] * (self.s @ f) - p @ self.G.T
-
 
 def transient_model(model: ReducedModel, law: Law) -> TransientModel:
     """Return the model of eq. (10.1).  Collective on ``model.comm``: static columns of all pairs, and one gather."""

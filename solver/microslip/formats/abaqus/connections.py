@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ...parallel.words import nearest
+from ...parallel.words import hint
 from ..model import FileBolt, FilePoint, FileTie, Finding
 from .cards import Card, number, values_of
 from .gathered import Gathered
@@ -41,9 +41,8 @@ def surface_of(model: Gathered, scope: Scope, word: str, where: str) -> str:
     """
     names, own = model.mesh.find(scope, word)
     if own not in names.surfaces:
-        near = nearest(own, names.surfaces)
-        hint = f"; nearest is {model.mesh.spelled(near)!r}" if near else ""
-        raise MeshError(f"{where}: there is no *SURFACE {word!r}{hint}")
+        near = hint(own, names.surfaces, lambda near: repr(model.mesh.spelled(near)))
+        raise MeshError(f"{where}: there is no *SURFACE {word!r}{near}")
     return names.scope.named(model.mesh.spelled(own))
 
 

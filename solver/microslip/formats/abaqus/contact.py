@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ...parallel.words import listed, nearest
+from ...parallel.words import hint, listed
 from ..model import FileJoint, Finding
 from .cards import Card, number
 from .connections import plain, surface_of, tie
@@ -54,10 +54,8 @@ def _interaction_of(card: Card, interactions: dict[str, _Interaction]) -> _Inter
     if name in interactions:
         return interactions[name]
     if name:
-        near = nearest(name, interactions)
-        hint = f"; nearest is {near!r}" if near else ""
-        stated = card.parameters["INTERACTION"]
-        raise MeshError(f"{card.where}: *CONTACT PAIR: there is no *SURFACE INTERACTION, NAME={stated}{hint}")
+        stated, near = card.parameters["INTERACTION"], hint(name, interactions, repr)
+        raise MeshError(f"{card.where}: *CONTACT PAIR: there is no *SURFACE INTERACTION, NAME={stated}{near}")
     return _Interaction(lacks=dict.fromkeys(_KEYS, f"{card.where}: no INTERACTION"))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...parallel.errors import MeshError
-from ...parallel.words import nearest
+from ...parallel.words import hint
 from ..model import NO_NODES
 from .cards import Card, values_of
 from .names import Names, Places
@@ -84,9 +84,8 @@ class FileMesh:
                 raise MeshError(f"{where}: {word[:40]} is no number of the file")
             return self._positions(names, kind, np.array([int(word)]), where)
         if word not in names.sets[kind]:
-            near = nearest(word, names.sets[kind])
-            hint = f"; nearest is {self.spelled(near)!r}" if near else ""
-            raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} is used but not defined{hint}")
+            near = hint(word, names.sets[kind], lambda near: repr(self.spelled(near)))
+            raise MeshError(f"{where}: *{kind} {self.spelled(word)!r} is used but not defined{near}")
         key = (names.scope.name.upper(), kind, word)
         if key in within or len(within) > _DEEPEST:
             what = "is made of itself" if key in within else f"is made of sets within more than {_DEEPEST} others"
@@ -249,8 +248,8 @@ def finish(mesh: FileMesh) -> None:
     for names in every:
         names.node_numbers = _joined(part[0] for part in names.given_nodes)
         names.element_numbers = _joined(block.numbers for block in names.blocks)
-        _refuse_twice(names, [(own, where) for own, _, where in names.given_nodes], "NODE", "node")
-        _refuse_twice(names, [(block.numbers, block.where) for block in names.blocks], "ELEMENT", "element")
+        _refuse_twice([(own, where) for own, _, where in names.given_nodes], "NODE", "node")
+        _refuse_twice([(block.numbers, block.where) for block in names.blocks], "ELEMENT", "element")
         names.blocks = _merged(names.blocks)
         names.node_places, names.element_places = Places(names.node_numbers), Places(names.element_numbers)
     mesh.points = np.concatenate([np.zeros((0, 3)), *(points for names in every for _, points, _ in names.given_nodes)])
@@ -314,7 +313,7 @@ def _joined(parts: Iterable[np.ndarray]) -> np.ndarray:
     return np.concatenate([NO_NODES, *parts])
 
 
-def _refuse_twice(names: Names, parts: list[tuple[np.ndarray, str]], keyword: str, what: str) -> None:
+def _refuse_twice(parts: list[tuple[np.ndarray, str]], keyword: str, what: str) -> None:
     """Raise MeshError where a number stands twice, with the card of the second."""
     numbers = _joined(part[0] for part in parts)
     if len(numbers) < 2 or (np.diff(numbers) > 0).all():

@@ -133,7 +133,7 @@ def take_sections(model: Gathered) -> None:
             elements = model.mesh.elements(scope, card.parameter("ELSET"), card.where)
             has_section[elements] = True
             _take_section(model, scope, card, elements, words)
-    _find_without_section(model, has_section, words)
+    _find_without_section(model, has_section)
     for _, card in model.cards:
         if card.keyword == "ORIENTATION" and card not in model.axes_of_materials:
             model.findings.add("*ORIENTATION", card.where, "no material that differs by direction has it", False, "bodies")
@@ -201,7 +201,7 @@ def _orientation(model: Gathered, scope: Scope, section: Card, material: FileMat
     raise MeshError(f"{section.where}: *SOLID SECTION: there is no *ORIENTATION {wanted!r}")
 
 
-def _find_without_section(model: Gathered, has_section: np.ndarray, words: np.ndarray) -> None:
+def _find_without_section(model: Gathered, has_section: np.ndarray) -> None:
     """Add what is to be said of solids without a section, of their variants, and of elements that are no solids."""
     for first, block, nodes in model.mesh.blocks:
         n = len(nodes)

@@ -138,6 +138,7 @@ def _find_initial(model: Gathered, card: Card) -> None:
 
 
 def _composed(model: Gathered) -> FileModel:
+    """Return what was gathered, card by card, as one model: mesh, equations, tables and what is said of it.  Local."""
     mesh = model.mesh
     notes = tuple(
         f"{len(nodes)} elements of *ELEMENT, TYPE={block.word} are no cells of the mesh"

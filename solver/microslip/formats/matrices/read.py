@@ -80,7 +80,7 @@ def read_matrix(path: Path, key: str, symbol: str, name: str | None = None) -> F
     matrix.sum_duplicates()
     _check_numbers(matrix, where, found)
     if found.is_triangle:
-        matrix = _mirrored(matrix, where, found)
+        matrix = _mirrored(matrix, where)
     skew = _check_symmetry(matrix, where, found)
     return replace(found, matrix=((matrix + matrix.T) / 2.0).tocsr(), is_triangle=False, skew=skew)
 
@@ -135,7 +135,7 @@ def _check_numbers(matrix: sp.csr_matrix, where: str, found: FileMatrix) -> None
         raise CaseError(f"{where} has an entry in row {row} that is not a finite number (rows count from 0){_at(found, row)}")
 
 
-def _mirrored(matrix: sp.csr_matrix, where: str, found: FileMatrix) -> sp.csr_matrix:
+def _mirrored(matrix: sp.csr_matrix, where: str) -> sp.csr_matrix:
     """Return both triangles of a matrix of which a file holds one; where it holds both, they must be equal."""
     diagonal = sp.diags(matrix.diagonal(), format="csr")
     below, above = sp.tril(matrix, -1, format="csr"), sp.triu(matrix, 1, format="csr")

@@ -31,6 +31,7 @@ COLUMNS = {
     "difference_percent": "difference %",
     "energy_difference_percent": "of energy %",
     "failure": "failure",
+    "unit": "unit",  # of the peak, whatever its column is called
 }
 _MOST_LEVELS = 4  # in the picture
 _FLOOR = 1e-12  # of a difference on a logarithmic axis
@@ -63,7 +64,7 @@ class Row:
 
     @property
     def values(self) -> np.ndarray:
-        """Return what is told of the first output: the amplitude of harmonic 1, of statics the mean, (n,) [m]."""
+        """Return what is told of the first output: the amplitude of harmonic 1, of statics the mean, (n,), in its unit."""
         return np.array([self.shown.of(point.response[0]) for point in self.points])
 
 
@@ -88,7 +89,7 @@ def numbers(row: Row, reference: Row) -> dict:
     """Return the numbers of a row by the names of ``COLUMNS``."""
     if not row.points:
         known = {"level_N": row.level, "method": row.method, "setup_s": row.setup, "points": 0, "failure": row.failure or ""}
-        return dict.fromkeys(COLUMNS, float("nan")) | known
+        return dict.fromkeys(COLUMNS, float("nan")) | known | {"unit": row.shown.unit}
     top, unknowns = int(np.argmax(np.abs(row.values))), [point.unknowns for point in row.points]
     return dict(
         zip(
@@ -107,6 +108,7 @@ def numbers(row: Row, reference: Row) -> dict:
                 100.0 * differences(row, reference).max(initial=0.0),
                 100.0 * energy_difference(row, reference),
                 row.failure or "",
+                row.shown.unit,
             ),
         )
     )
@@ -131,16 +133,19 @@ def write_comparison(rows: Sequence[Row], scene: Titled, folder: str) -> str:
         writer.writerows({key: _number(value) for key, value in entry.items()} for entry in records)
     with matplotlib.rc_context(RC):
         draw_comparison(rows, references, scene, f"{folder}/compare.png")
-    return table(records, next(iter(references.values())).method)
+    return table(records, next(iter(references.values())))
 
 
-def table(records: Sequence[dict], reference: str) -> str:
+def table(records: Sequence[dict], reference: Row) -> str:
     """Return the records as a table for the screen; differences are from the reference."""
-    names = [name for name in COLUMNS if name != "failure" or any(entry["failure"] for entry in records)]
-    rows = [(entry["level_N"], [_cell(name, entry, reference) for name in names]) for entry in records]
+    shown = reference.shown
+    headings = COLUMNS | {"level_N": f"level {shown.level_unit}".removesuffix(" 1"), "peak_m": f"peak {shown.unit}"}
+    left_out = {"unit"} if any(entry["failure"] for entry in records) else {"unit", "failure"}
+    names = [name for name in COLUMNS if name not in left_out]
+    rows = [(entry["level_N"], [_cell(name, entry, reference.method) for name in names]) for entry in records]
     return screen_table(
-        f"differences from {reference}, in % of its peak; set-up beside factor and modes, which all share",
-        [COLUMNS[name] for name in names],
+        f"differences from {reference.method}, in % of its peak; set-up beside factor and modes, which all share",
+        [headings[name] for name in names],
         rows,
         left=("method", "failure"),
         wraps=("failure",),
@@ -172,11 +177,11 @@ def draw_comparison(rows: Sequence[Row], references: dict[float, Row], scene: Ti
     says = f"methods at the same points: {shown} of the first output; difference from the reference"
     page = Page(scene, says, WIDTH, 4.6, handles)
     axes = page.grid(2, len(levels)).subplots(sharex=True, sharey="row", squeeze=False)
-    factor, unit = with_prefix(np.concatenate([row.values for row in references.values()]), "m")
+    factor, unit = with_prefix(np.concatenate([row.values for row in references.values()]), shown.unit)
     for level, (curve, error) in zip(levels, axes.T):
         exact = references[level]
         curve.plot(exact.frequency, factor * exact.values, **LINEAR)
-        curve.set_title(f"{level:g} N")
+        curve.set_title(f"{level:g} {shown.level_unit}".removesuffix(" 1"))
         for row in rows:
             if row.level == level and row.method != reference and row.points:
                 curve.plot(row.frequency, factor * row.values, color=colours[row.method], lw=0.8)

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 from ...continuation.grid import at_frequencies
 from ...library.build import Structure, build
 from ...library.prepare import Prepared, prepare
-from ...library.settings import by_method, reduction_settings
+from ...library.settings import by_method, reduction_settings, units_of
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, ConvergenceError
 from ...parallel.versions import versions
-from ...parallel.words import nearest
+from ...parallel.words import hint
 from ...points.branch import Branch
 from ...reduction.methods import METHODS, check_modes
 from ...results.measures import shown_with
@@ -38,15 +38,17 @@ def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...]
     CaseError : an unknown method, or one that cannot be used here, too few modes for one before any is run; on every rank
     ConvergenceError : a method ended early, after everything was written; on every rank
     """
-    methods = known_methods(methods)
+    methods, notes = known_methods(scene, methods)
     facts = {"scene": scene.source, "methods": ", ".join(methods), "PETSc options": " ".join(options) or "none", **versions()}
     with RunLog(comm, str(folder / "compare.log"), facts=facts) as log:
+        for note in notes:
+            log.note(note)
         structure = build(by_method(scene, "receptance"), comm, log)
         if structure.pairs.n_pairs == 0:
             raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint every method is the same linear response")
         for method in methods:
-            check_modes(structure, reduction_settings(by_method(scene, method)))
-        comparison = Comparison(scene, structure, log)
+            check_modes(structure, reduction_settings(by_method(structure.scene, method)))
+        comparison = Comparison(structure, log)
         reference, prepared = comparison.reference("full" in methods)
         comparison.points_of(reference, prepared)
         rows = comparison.rows(reference, prepared)
@@ -64,26 +66,33 @@ def compare(scene: Scene, comm: MPI.Comm, folder: Path, methods: tuple[str, ...]
         )
 
 
-def known_methods(methods: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the methods asked for, each once, or all of them.  Local.
+def known_methods(scene: Scene, methods: tuple[str, ...]) -> tuple[tuple[str, ...], list[str]]:
+    """Return the methods asked for, each once, or all that can answer the scene, and what is said of the others.  Local.
 
     Raises
     ------
-    CaseError : a name that no method has
+    CaseError : a name that no method has, or a method asked for that cannot answer the scene
     """
     for name in methods:
         if name not in METHODS:
-            near = nearest(name, METHODS)
-            hint = f"; nearest is {near}" if near else ""
-            raise CaseError(f"--methods: unknown method {name!r}{hint}; known: {', '.join(METHODS)}")
-    return tuple(dict.fromkeys(methods)) or tuple(METHODS)
+            raise CaseError(f"--methods: unknown method {name!r}{hint(name, METHODS, str)}; known: {', '.join(METHODS)}")
+    known, notes = [], []
+    for name in dict.fromkeys(methods or METHODS):
+        try:
+            by_method(scene, name)
+            known.append(name)
+        except CaseError as problem:
+            if methods:
+                raise
+            notes.append(f"{name} is left out: {problem}")
+    return tuple(known), notes
 
 
 class Comparison:
     """What all methods share: the structure, the range and, once the reference is followed, the frequencies of each level."""
 
-    def __init__(self, scene: Scene, structure: Structure, log: RunLog):
-        self.scene, self.structure, self.log = scene, structure, log
+    def __init__(self, structure: Structure, log: RunLog):
+        self.structure, self.log = structure, log
         self.omegas: dict[float, list[float]] = {}
 
     def reference(self, asked: bool) -> tuple[str, Prepared]:
@@ -105,7 +114,7 @@ class Comparison:
     def reduced(self, method: str) -> Prepared:
         """Return the structure reduced by a method.  Collective."""
         with self.log.stage(f"reduction: {method}"):
-            return prepare(self.structure, by_method(self.scene, method), has_bars=False)
+            return prepare(self.structure, by_method(self.structure.scene, method), has_bars=False)
 
     def points_of(self, method: str, prepared: Prepared) -> None:
         """Follow the reference by arc length: its points are those of every method.  Collective.
@@ -124,7 +133,8 @@ class Comparison:
     def rows(self, method: str, prepared: Prepared) -> list[Row]:
         """Return what a method does at the frequencies of each level.  Collective."""
         rows, response = [], prepared.response
-        shown = shown_with(response.model.harmonics.highest)
+        units = units_of(self.structure.scene)
+        shown = shown_with(response.model.harmonics.highest, units.outputs[0], units.level)
         with self.log.stage(f"response: {method}"):
             for level, omegas in self.omegas.items():
                 problem, tolerance = response.at_level(level), response.settings.tolerance

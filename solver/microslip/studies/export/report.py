@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.io
 
-from ...contact.laws import ELASTIC_COULOMB
+from ...contact.laws import ELASTIC_COULOMB, LAWS
 from ...parallel.errors import CaseError
 from ...parallel.files import make_folder, written_whole
 from ...parallel.words import listed
@@ -133,7 +133,8 @@ def _as_mat(values: np.ndarray) -> np.ndarray:
 
 def readme(found: Mapping[str, Entry], fields: Mapping[str, Entry] | None, note: str, limits: Sequence[str], scene: str) -> str:
     """Return README.txt: the equation, signs, every array with shape and unit, how to run the scripts, what differs.  Local."""
-    parts = [TEXT.format(scene=scene, note=note), "model.npz and model.mat\n-----------------------\n" + _table(found)]
+    laws = "\n".join(_law(name, kind.exported) for name, kind in LAWS.items() if kind.exported)
+    parts = [TEXT.format(scene=scene, note=note, laws=laws), "model.npz and model.mat\n-----------------------\n" + _table(found)]
     if fields is not None:
         size = sum(entry.values.nbytes for entry in fields.values()) / 1e6
         mat = (
@@ -145,6 +146,12 @@ def readme(found: Mapping[str, Entry], fields: Mapping[str, Entry] | None, note:
     parts.append(SCRIPT_TEXT)
     parts.append("What differs here\n-----------------\n" + "\n".join(f"- {line}" for line in limits or ["nothing is known"]))
     return "\n\n".join(parts) + "\n"
+
+
+def _law(name: str, exported: str) -> str:
+    """Return the lines of a law beside its name."""
+    lines = exported.splitlines()
+    return "\n".join(f"    {head:<10}{line}" for head, line in zip([f'"{name}"', *[""] * len(lines)], lines))
 
 
 def _table(found: Mapping[str, Entry]) -> str:
@@ -179,10 +186,7 @@ That is law "elastic-coulomb".  A pair of another law has sliders side by side (
 
 and a normal force of its own:
 
-    "rough"   on a circle, or in each direction by itself where separate is 1;
-              f_nl,z = N0 - N, N = N0 max(0, 1 - k_n du_z / (m N0))^m, m being law_exponent; inf: N = N0 exp(-k_n du_z / N0);
-              open at rest (N0 <= 0): f_nl,z = -N, N = P max(0, (N0 - k_n du_z) / (m P))^m with P = law_reference
-    "iwan"    in each direction by itself; f_nl,z = k_n du_z
+{laws}
 
 While every pair sticks, f_nl = diag(K_J) du.  A load or motion a(t) has real coefficients mean, cos 1, sin 1, cos 2, sin 2, ...:
 a(t) = a_0 + sum_n a_cn cos(n omega t) + a_sn sin(n omega t)."""

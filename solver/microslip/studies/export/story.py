@@ -14,7 +14,7 @@ from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError
 from ...parallel.versions import versions
-from ...parallel.words import nearest
+from ...parallel.words import hint
 from ...reduction.expand import node_fields
 from ...reduction.methods import METHODS, SELECTIONS
 from ...reduction.reduction import Reduction
@@ -74,8 +74,7 @@ def known_method(name: str | None) -> None:
     if name in SELECTIONS:
         why = f"{name!r} keeps the exact static response, which no finite mass and stiffness have"
     else:
-        near = nearest(name, FINITE)
-        why = f"unknown method {name!r}" + (f"; nearest is {near}" if near else "")
+        why = f"unknown method {name!r}{hint(name, FINITE, str)}"
     raise CaseError(f"--method: {why}; methods that can be exported: {', '.join(FINITE)}")
 
 

@@ -12,7 +12,7 @@ from ...formats.units import UNITS
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError
 from ...parallel.files import written_whole
-from ...parallel.words import listed, nearest
+from ...parallel.words import hint, listed
 from ...scene.checks import absent
 from ..check.model_content import table
 from ..check.model_mesh import likely_units, whole_mesh
@@ -62,9 +62,7 @@ def _refuse(model: str, out: Path, force: bool) -> None:
             f"{model} is a scene; new takes the model file that a scene is to be written for; try: microslip check {model}"
         )
     if ending not in READERS:
-        near = nearest(ending, READERS)
-        hint = f"; nearest is {near}" if near else ""
-        raise CaseError(f"{model}: the ending {ending!r} is not known{hint}; known are {listed(READERS)}")
+        raise CaseError(f"{model}: the ending {ending!r} is not known{hint(ending, READERS, str)}; known are {listed(READERS)}")
     if not path.is_file():
         raise CaseError(f"{model}: {'that is a folder' if path.is_dir() else absent(path.absolute())}")
     if out.suffix.lower() != ".toml":

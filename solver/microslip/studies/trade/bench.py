@@ -19,12 +19,13 @@ from ...error_estimate.estimate import ErrorEstimator
 from ...fourier.harmonics import Harmonics
 from ...library.build import Structure
 from ...library.prepare import Prepared, prepare
-from ...library.settings import response_settings
+from ...library.settings import reduction_settings, response_settings
 from ...modes.eigen import Modes, first_of, lowest_modes
 from ...parallel.errors import MicroslipError
 from ...points.branch import Branch, Point
 from ...points.error_parts import total
 from ...receptance.modes_left_out import BetterModel
+from ...scene.read import changed
 from .study import Curve, Run, Setting
 
 if TYPE_CHECKING:
@@ -57,13 +58,14 @@ class Bench:
     def __init__(self, scene: Scene, structure: Structure):
         self.scene, self.structure = scene, structure
         self.comm = structure.comm
-        self.sweep = frequency_sweep(response_settings(scene), structure.modes.omega_n)
-        self.least_harmonics = max([1, *(load.harmonic for load in scene.loads)])
+        own = response_settings(scene)
+        self.sweep = frequency_sweep(own, structure.modes.omega_n)
+        self.least_harmonics = own.loaded
         self.modes: Modes = structure.modes
         self.has_all_modes = len(structure.modes.omega_n) == structure.linearised.system.n_dof
         highest = max(self.sweep.start, self.sweep.stop)
         in_range = int(np.count_nonzero(structure.modes.omega_n <= highest))
-        self.least_modes = self.comm.bcast(max(scene.response.mode or 1, in_range))  # fewer leave a resonance out
+        self.least_modes = self.comm.bcast(max(own.band.mode or 1, in_range))  # fewer leave a resonance out
         self.modes_seconds: dict[int, float] = {}  # measured, by number
         self._first: dict[int, Structure] = {}  # with so many modes
         self._prepared: dict[tuple, Prepared] = {}
@@ -81,7 +83,8 @@ class Bench:
 
     def _timed_modes(self, n_modes: int) -> tuple[Modes, float]:
         start = time.perf_counter()
-        modes = lowest_modes(self.structure.linearised, n_modes, self.scene.solver.verify_modes, fewer_will_do=True)
+        proves = reduction_settings(self.scene).verify_modes
+        modes = lowest_modes(self.structure.linearised, n_modes, proves, fewer_will_do=True)
         return modes, self.comm.bcast(time.perf_counter() - start)
 
     def setup_of_modes(self, n_modes: int) -> float:
@@ -114,9 +117,9 @@ class Bench:
         prepared = prepare(self._first[setting.modes], self.scene_of(setting), has_bars=True)
         return replace(prepared, seconds=self.comm.bcast(prepared.seconds))
 
-    def scene_of(self, setting: Setting):
+    def scene_of(self, setting: Setting) -> Scene:
         """Return the scene with the [solver] of a setting.  Local."""
-        changed = {
+        solver = {
             "method": setting.method,
             "modes": setting.modes,
             "samples": setting.samples,
@@ -126,8 +129,8 @@ class Bench:
             "accuracy_of": setting.accuracy_of,
         }
         if setting.energy_tolerance is not None:
-            changed["energy_tolerance"] = setting.energy_tolerance
-        return self.scene.model_copy(update={"solver": self.scene.solver.model_copy(update=changed)})
+            solver["energy_tolerance"] = setting.energy_tolerance
+        return changed(self.scene, {"solver": solver})
 
     # -- response ----------------------------------------------------------------------------------------------
 

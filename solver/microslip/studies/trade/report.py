@@ -126,6 +126,7 @@ def records(study: Study) -> list[dict]:
 
 
 def _numbers(run: Run, level: str, curves: Sequence[Curve], found: Score, own: float, is_best: bool) -> dict:
+    """Return a row of the table by ``COLUMNS``: a run at one level, or at all of them, and its errors.  Local."""
     setting = run.setting
     return dict(
         zip(

@@ -10,15 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...library.build import build
-from ...library.settings import by_method, reduction_settings
+from ...library.settings import by_method, reduction_settings, refuse_statics
 from ...modes.limits import most_modes
 from ...observe.log import RunLog
 from ...parallel.agree import on_root
 from ...parallel.errors import CaseError, MicroslipError
 from ...parallel.versions import versions
-from ...parallel.words import nearest
+from ...parallel.words import hint
 from ...reduction.choose_modes import choose_modes
 from ...reduction.methods import METHODS
+from ...scene.read import changed
 from ..compare.story import LARGEST_REFERENCE
 from .bench import Bench, Clock, not_run
 from .reference import Ladder, find_reference, frequencies
@@ -87,8 +88,7 @@ def check_asked(scene: Scene, asked: Asked) -> None:
     """
     for name in asked.knobs:
         if name not in KNOBS:
-            near = nearest(name, KNOBS)
-            raise CaseError(f"--knobs: unknown knob {name!r}{f'; nearest is {near}' if near else ''}; known: {', '.join(KNOBS)}")
+            raise CaseError(f"--knobs: unknown knob {name!r}{hint(name, KNOBS, str)}; known: {', '.join(KNOBS)}")
     for level in asked.levels:
         if not 0.0 < level < float("inf"):
             raise CaseError(f"--levels: {level:g} N is not a force above 0")
@@ -96,11 +96,7 @@ def check_asked(scene: Scene, asked: Asked) -> None:
         raise CaseError(f"--seconds: {asked.seconds:g} is not a time above 0")
     if not scene.joints:
         raise CaseError(f"{scene.path}: [[joints]] is missing: without a joint the response is linear, and nothing is to trade")
-    if scene.is_static:
-        raise CaseError(
-            f"{scene.path}: [solver] harmonics = 0 is a static balance; trade needs a vibration: state at least 1, "
-            "and a load in harmonic 1"
-        )
+    refuse_statics(scene, "trade")
     check_loads(scene)
     if asked.meshes and scene.model.mesh is None:
         raise CaseError(f"--meshes: {scene.path} is given as matrices; there is no other mesh of it")
@@ -304,11 +300,10 @@ def mesh_runs(scene: Scene, comm: MPI.Comm, asked: Asked, base: Setting, log: Ru
     for mesh in dict.fromkeys([str(scene.folder / scene.model.mesh), *(str(Path(mesh).absolute()) for mesh in asked.meshes)]):
         clock = Clock(comm, 1.0)
         try:
-            solver = scene.solver.model_copy(update={"method": "receptance", "modes": base.modes})
-            other = scene.model_copy(update={"model": scene.model.model_copy(update={"mesh": mesh}), "solver": solver})
-            structure = build(other, comm, log)
+            of_mesh = changed(scene, {"model": {"mesh": mesh}, "solver": {"method": "receptance", "modes": base.modes}})
+            structure = build(of_mesh, comm, log)
             setup = clock.spent
-            bench = Bench(other, structure)
+            bench = Bench(of_mesh, structure)
             own, _, _ = frequencies(bench, cheap(bench, base), asked.levels or None)
             benches.append((mesh, bench, setup))
         except MicroslipError as problem:

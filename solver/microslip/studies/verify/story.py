@@ -15,7 +15,7 @@ from ...fourier.coefficients import amplitude, cycle_work, synthesise
 from ...fourier.harmonics import Harmonics
 from ...library.build import Structure, build
 from ...library.prepare import prepare
-from ...library.settings import units_of
+from ...library.settings import refuse_statics, units_of
 from ...observe.log import RunLog
 from ...parallel.agree import on_each, on_root
 from ...parallel.errors import CaseError, ConvergenceError
@@ -23,6 +23,7 @@ from ...parallel.versions import versions
 from ...points.branch import Branch
 from ...receptance.motions import modal_motion
 from ...receptance.reduced_model import ReducedModel
+from ...scene.read import changed
 from ...transient.march import Cycle, March
 from ...transient.steady import Found, Start, coefficients, energies, from_harmonics, from_rest, samples, steady_state
 from ...transient.transient_model import TransientModel, transient_model
@@ -63,10 +64,10 @@ def verify(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
     CaseError : what is asked for contradicts the scene; on every rank
     ConvergenceError : a curve ended early, or a point came to no steady state, after everything was written; on every rank
     """
-    scene = by_what_is_asked(scene, asked)
+    source, scene = scene.source, by_what_is_asked(scene, asked)
     settings = f"{scene.solver.method}, {resolution(scene)}"
     facts = {
-        "scene": scene.source,
+        "scene": source,
         "harmonic balance": settings,
         "time integration": f"generalised-alpha, {asked.steps} steps a period",
         "PETSc options": " ".join(options) or "none",
@@ -92,7 +93,7 @@ def verify(scene: Scene, comm: MPI.Comm, folder: Path, asked: Asked = Asked(), o
         raise ConvergenceError("\n".join(failed) + f"\nwhat was computed is in {folder}")
 
 
-def by_what_is_asked(scene: Scene, asked: Asked):
+def by_what_is_asked(scene: Scene, asked: Asked) -> Scene:
     """Return the scene with the levels, harmonics, samples and frequencies asked for.  Local.
 
     Raises
@@ -104,21 +105,14 @@ def by_what_is_asked(scene: Scene, asked: Asked):
             f"{scene.path}: [damping] structural: a loss factor is defined for steady vibration alone, and has no equivalent in "
             "time; verify the scene with ratio in its place, of about half the loss factor"
         )
-    solver, response = scene.solver, scene.response
-    harmonics = scene.harmonics if asked.harmonics is None else asked.harmonics
-    n_samples = solver.samples if asked.samples is None else asked.samples
-    if n_samples <= 2 * harmonics:
-        raise CaseError(f"--samples: {n_samples} do not resolve {harmonics} harmonics; at least {2 * harmonics + 1} are needed")
-    highest = max(load.harmonic for load in scene.loads)
-    if harmonics < max(highest, 1):
-        raise CaseError(f"--harmonics {harmonics}: at least {max(highest, 1)} are needed, for loads and response")
-    given = {"harmonics": asked.harmonics, "samples": asked.samples}
-    return scene.model_copy(
-        update={
-            "solver": solver.model_copy(update={key: value for key, value in given.items() if value is not None}),
-            "response": response.model_copy(update={"levels": asked.levels or response.levels, "at": asked.at or response.at}),
-        }
-    )
+    solver = {key: value for key in ("harmonics", "samples") if (value := getattr(asked, key)) is not None}
+    response = {key: value for key in ("levels", "at") if (value := getattr(asked, key))}
+    try:
+        scene = changed(scene, {"solver": solver, "response": response})
+    except CaseError as problem:
+        raise CaseError(f"{' '.join(f'--{key}' for key in (*solver, *response))}: {problem}") from None
+    refuse_statics(scene, "verify")
+    return scene
 
 
 def ready(structure: Structure, at: tuple[float, ...]) -> ResponseProblem:
