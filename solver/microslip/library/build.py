@@ -42,6 +42,14 @@ _OTHER_REST = "other rest"  # of what a structure keeps
 
 
 @dataclass(frozen=True, eq=False)
+class Known:
+    """What an earlier run has found of a structure."""
+
+    modes: Callable[[Linearised], Modes]  # collective
+    factor: KnownFactor | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class Structure(StuckStructure):
     """The stuck structure of a scene."""
 
@@ -74,18 +82,13 @@ class Structure(StuckStructure):
 
 
 def build(
-    scene: Scene,
-    comm: MPI.Comm | None = None,
-    log: RunLog | None = None,
-    known_modes: Callable[[Linearised], Modes] | None = None,
-    keeps_unloaded: bool = True,
-    known_factor: KnownFactor | None = None,
+    scene: Scene, comm: MPI.Comm | None = None, log: RunLog | None = None, known: Known | None = None, keeps_unloaded: bool = True
 ) -> Structure:
     """Return the structure with all pairs stuck, factored, and its lowest modes.
 
-    Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  ``known_modes`` returns those that an
-    earlier call has found, collectively; ``known_factor`` has the factor of an earlier run.  With [statics], what finds another
-    rest is kept, unless ``keeps_unloaded`` is False: K before the loads act, and the mesh.
+    Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  What an earlier run has found may be
+    ``known``.  With [statics], what finds another rest is kept, unless ``keeps_unloaded`` is False: K before the loads act, and
+    the mesh.
 
     Raises
     ------
@@ -103,17 +106,11 @@ def build(
         mesh, rest, unloaded = from_mesh(scene, file, comm, log)
     if not keeps_unloaded:
         unloaded = None  # its memory before the factor's
-    return stuck_structure(scene, mesh, rest, log, known_modes, unloaded, known_factor)
+    return stuck_structure(scene, mesh, rest, log, known, unloaded)
 
 
 def stuck_structure(
-    scene: Scene,
-    mesh: Mesh | None,
-    rest: AtRest,
-    log: RunLog,
-    known_modes: Callable[[Linearised], Modes] | None = None,
-    unloaded: Unloaded | None = None,
-    known_factor: KnownFactor | None = None,
+    scene: Scene, mesh: Mesh | None, rest: AtRest, log: RunLog, known: Known | None = None, unloaded: Unloaded | None = None
 ) -> Structure:
     """Return the structure as it vibrates about its rest: factored, with its static response and its modes.  Collective.
 
@@ -127,17 +124,17 @@ def stuck_structure(
     refuse_too_many(settings.modes, system.n_dof, scene.path)
     check_size(settings, system)
     with log.stage("factor of the stuck structure"):
-        later = None if known_modes is not None else partial(memory_of_modes, system.K, settings)
-        linearised = linearise(system, pairs, str(scene.path), later, known_factor)
+        later = None if known else partial(memory_of_modes, system.K, settings)
+        linearised = linearise(system, pairs, str(scene.path), later, known.factor if known else None)
     for note in (*linearised.factor.info["said"], of_factor(linearised.factor.info)):
         log.note(note)
     if linearised.factor.info.get("out_of_core") and unloaded is None and keeps_to_K_L(settings):
         linearised.let_K_go()  # memory is short
-    if known_modes is None:
+    if not known:
         refuse_modes(linearised, settings)
     with log.stage("modes"):
         statics = static_response(linearised)
-        modes, why = choose_modes(linearised, pairs, statics, settings) if known_modes is None else (known_modes(linearised), "")
+        modes, why = (known.modes(linearised), "") if known else choose_modes(linearised, pairs, statics, settings)
     for note in filter(None, (*modes.info.get("said", ()), why)):
         log.note(note)
     return Structure(linearised, pairs, statics, modes, scene, mesh, rest.bolts, rest.balance, unloaded)

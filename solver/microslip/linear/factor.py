@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 RESIDUAL_LIMIT = 1e-6  # |A x - b| / |b| of an answer
 ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
 _REFINE_ABOVE = 1e-9  # one step of iterative refinement beyond this, unless rounding of A x explains it
+PREFIX = "static_"  # of the PETSc options
 _N_PROBES = 4  # columns of the randomised residual
 
 
@@ -60,7 +61,6 @@ class Factor:
         self,
         A: PETSc.Mat,
         system: System | None = None,
-        prefix: str = "static_",
         what: str = "K_L",
         last: np.ndarray | None = None,
         later: Callable[[FactorMemory], float] | None = None,
@@ -74,7 +74,6 @@ class Factor:
         ----------
         A : flagged as symmetric positive definite
         system : what can name the parts of the structure: ``comm``, ``parts``, ``part_names``, ``dof``; or None
-        prefix : of the PETSc options
         what : how messages call A
         last : (m,) rows that are eliminated last, so that entries of A^-1 between them come quickly
         later : bytes that this rank takes beside the factor, of which it is told the size, while the factor is kept
@@ -85,13 +84,13 @@ class Factor:
         CaseError : A is singular: the message says which part moves freely, and how; on every rank
         ResourceError : not enough memory, in memory and on disk; on every rank
         """
-        self.A, self.what, self.prefix = A, what, prefix
+        self.A, self.what = A, what
         self.comm = A.comm.tompi4py()
         self._solver: DirectSolver | None = None
         self.diagonal_owned = diagonal_owned(A)
         if known is not None and self._takes(known):
             return
-        self._solver, self.info = factorise(A, prefix, what, known=Elimination(last), later=later)
+        self._solver, self.info = factorise(A, PREFIX, what, known=Elimination(last), later=later)
         self.info["said"] = (*(known.said if known is not None else ()), *self.info["said"])
         self._begin_to_count()
         if self.info["code"] in SINGULAR or self.info["negative"] > 0 or is_singular(A, self.solver):
@@ -100,7 +99,7 @@ class Factor:
 
     def _takes(self, known: KnownFactor) -> bool:
         """Take the factor that an earlier run has kept, if it is that of A: it answers to random forces.  Collective."""
-        found = known.restore(self.A, self.prefix)
+        found = known.restore(self.A, PREFIX)
         if found is None:
             return False
         self._solver, self.info = found

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..continuation.checkpoint import under
 from ..continuation.levels import ResponseProblem
-from ..library.build import Structure, build
+from ..library.build import Known, Structure, build
 from ..library.prepare import Outline, Prepared, reduced, response_of
 from ..library.settings import reduction_settings
 from ..linear.factor import KnownFactor
@@ -62,7 +62,7 @@ class Rebuilt:
     @cached_property
     def structure(self) -> Structure:
         self.log.note("the structure is assembled again, its modes are known")
-        return build(self.scene, self.comm, self.log, self._modes, keeps_unloaded=False, known_factor=self._known_factor)
+        return build(self.scene, self.comm, self.log, Known(self._modes, self._known_factor), keeps_unloaded=False)
 
     def _modes(self, linearised: Linearised) -> Modes:
         """Return the modes that were kept, the first of those in their file; found anew where that is damaged."""
