@@ -13,7 +13,8 @@ cdef extern from "dmumps_c.h" nogil:
         int sym, par, job, comm_fortran
         int icntl[60]
         double cntl[15]
-        int n
+        int n, nblk
+        int *blkptr
         long long nnz, nnz_loc
         int *irn
         int *jcn
@@ -140,10 +141,13 @@ cdef class Instance:
         self.c.id.irn = self.c.id.jcn = self.c.id.irn_loc = self.c.id.jcn_loc = NULL
         self.c.id.a = self.c.id.a_loc = NULL
 
-    def set_order(self, int[::1] positions):
-        """State the place of every unknown in the order of elimination, from 1; none on ranks other than 0."""
-        self.arrays["order"] = positions
+    def set_order(self, int[::1] positions, int[::1] starts):
+        """State the place of every unknown in the order of elimination, and the first unknowns of blocks that MUMPS may analyse
+        as one, with one beyond the last; from 1, none on ranks other than 0."""
+        self.arrays["order"] = positions, starts
         self.c.id.perm_in = &positions[0] if positions.shape[0] else NULL
+        self.c.id.blkptr = &starts[0] if starts.shape[0] else NULL
+        self.c.id.nblk = max(starts.shape[0] - 1, 0)
 
     def set_dense(self, double[::1, :] B):
         """State the right-hand sides that the solution takes the place of, (n, m); m = 0 off rank 0 where they are not there."""

@@ -11,15 +11,15 @@ from petsc4py import PETSc
 
 from . import mumps, other_package
 from .analysis import FactorMemory, scaled_memory
-from .ordering import Elimination
+from .ordering import Elimination, Order
 
 
 class DirectSolver(Protocol):
     """The factor of a matrix A (n_dof, n_dof), rows split over the ranks; every method is collective, answers are unchecked."""
 
     @property
-    def order(self) -> np.ndarray | None:
-        """Place of every row in the order of elimination, on rank 0; None, on every rank, if the package chose it."""
+    def order(self) -> Order | None:
+        """The order of elimination; None, on every rank, if the package chose it."""
 
     def solve(self, B_owned: np.ndarray) -> np.ndarray:
         """Return this rank's rows of A^-1 B, (n_owned, m), column-major."""

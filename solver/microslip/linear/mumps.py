@@ -16,7 +16,7 @@ from ..parallel.memory import gigabytes, refuse_beyond, shortage
 from ._mumps import BUILT_FOR, Instance, upper_triangle
 from .analysis import count, factor_memory
 from .inverse_entries import inverse_entries
-from .ordering import Elimination, elimination_order
+from .ordering import Elimination, Order, elimination_order
 from .out_of_core import disks, room_on_disk, usual_folder, write_to_disk
 from .to_owners import ToOwners
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 ANALYSE, FACTOR, SOLVE, SAVE, RESTORE = 1, 2, 3, 7, 8  # MUMPS' jobs
 DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
-_GIVEN = 1  # ICNTL(7): the order is ours
+_GIVEN, _BY_BLOCKS = 1, 1  # ICNTL(7): the order is ours; ICNTL(15): rows of one pattern are analysed as one, half the work
 _FOR_INERTIA = (13, 24, 31)  # no ScaLAPACK at the root, null pivots are counted, factors are dropped as they come
 _RHS_BLOCK = 128  # right-hand sides MUMPS takes at once; its own 32 is up to twice as slow on 2 ranks
 _RELAXATION = (60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
@@ -50,14 +50,14 @@ class MumpsFactor:
     Attributes
     ----------
     mumps : the bridge; freed by :meth:`destroy`
-    order : place of every row in the order of elimination, on rank 0; None, on every rank, if MUMPS chose it
+    order : of elimination; None, on every rank, if MUMPS chose it
     """
 
     mumps: Instance
     comm: Any  # MPI.Comm
     ranges: np.ndarray  # (size + 1,) rows of the ranks
     prefix: str
-    order: np.ndarray | None = None
+    order: Order | None = None
     _to_owners: ToOwners | None = field(default=None, repr=False)
 
     @property
@@ -250,18 +250,20 @@ def analysed(
     try:
         _set_controls(mumps, comm.size, prefix, is_inertia=shift is not None)
         starts, columns, entries = on_each(comm, _handed_over, A, shift, what)
-        order = known.order
+        order = known.order if mumps.icntl(7) == _GIVEN else None
         if mumps.icntl(7) == _GIVEN and order is None:
             order = elimination_order(comm, (starts, columns), np.empty(0, dtype=int) if known.last is None else known.last)
         del starts, columns
-        if order is not None and mumps.icntl(7) == _GIVEN:
-            mumps.set_order(order)
+        if order is not None:
+            mumps.set_order(order.places, order.starts)
+        elif mumps.icntl(15) == _BY_BLOCKS:
+            mumps.set_icntl(15, 0)
         mumps.set_matrix(A.getSize()[0], *entries, comm.size > 1)
         mumps.run(ANALYSE)
     except BaseException:
         mumps.end()
         raise
-    return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order if mumps.icntl(7) == _GIVEN else None)
+    return MumpsFactor(mumps, comm, np.array(A.getOwnershipRanges()), prefix, order)
 
 
 def _started(comm: MPI.Comm, sym: int) -> Instance:
@@ -282,7 +284,7 @@ def _started(comm: MPI.Comm, sym: int) -> Instance:
 
 def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) -> None:
     """Set our controls, then the user's.  Local; the same on every rank."""
-    for number, value in ((3, 0), (4, 0), (7, _GIVEN), (18, 3 * (size > 1)), (21, size > 1), (27, _RHS_BLOCK)):
+    for number, value in ((3, 0), (4, 0), (7, _GIVEN), (15, _BY_BLOCKS), (18, 3 * (size > 1)), (21, size > 1), (27, _RHS_BLOCK)):
         mumps.set_icntl(number, value)
     for number in _FOR_INERTIA if is_inertia else ():
         mumps.set_icntl(number, 1)

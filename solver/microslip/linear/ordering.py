@@ -19,15 +19,23 @@ Rows = tuple[np.ndarray, np.ndarray]  # (n_owned + 1,) starts and columns, risin
 
 
 @dataclass(frozen=True, eq=False)
+class Order:
+    """An order of elimination.  On rank 0; both arrays are empty elsewhere."""
+
+    places: np.ndarray  # (n,) of every row, from 1
+    starts: np.ndarray  # (n_groups + 1,) first rows, from 1, of groups of one pattern, which stay together; and n + 1
+
+
+@dataclass(frozen=True, eq=False)
 class Elimination:
     """What is known of the order in which a symmetric matrix is eliminated before it is factored."""
 
     last: np.ndarray | None = None  # (m,) rows that come last: those of a joint
-    order: np.ndarray | None = None  # all of it, of a factor made before of a matrix with this pattern
+    order: Order | None = None  # all of it, of a factor made before of a matrix with this pattern
 
 
-def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> np.ndarray:
-    """Return the place of every row in the order of elimination, (n,) from 1, on rank 0; (0,) elsewhere.
+def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> Order:
+    """Return the order of elimination.
 
     Collective on ``comm``: one gather of a third of the pattern.
 
@@ -39,7 +47,7 @@ def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> np.ndarra
     """
     gathered = comm.gather((len(rows[0]) - 1, *_groups(*rows)))
 
-    def order() -> np.ndarray:
+    def order() -> Order:
         assert gathered is not None, "rank 0 has it"
         n_rows, first_of, counts, columns = zip(*gathered)
         offsets = np.concatenate([[0], np.cumsum(n_rows)])
@@ -53,10 +61,10 @@ def elimination_order(comm: MPI.Comm, rows: Rows, last: np.ndarray) -> np.ndarra
         place[np.concatenate([_dissected(graph, np.flatnonzero(~is_last)), np.flatnonzero(is_last)])] = np.arange(len(firsts))
         positions = np.empty(n, dtype=np.int32)
         positions[np.argsort(place[group], kind="stable")] = np.arange(1, n + 1)
-        return positions
+        return Order(positions, np.append(firsts, n).astype(np.int32) + 1)
 
-    found = on_root(comm, order, share=False)
-    return np.empty(0, dtype=np.int32) if found is None else found
+    nothing = np.empty(0, dtype=np.int32)
+    return on_root(comm, order, share=False) or Order(nothing, nothing)
 
 
 def _groups(starts: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

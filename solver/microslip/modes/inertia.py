@@ -7,7 +7,7 @@ from petsc4py import PETSc
 
 from ..linear.direct import factorise
 from ..linear.mumps import SINGULAR
-from ..linear.ordering import Elimination
+from ..linear.ordering import Elimination, Order
 from ..parallel.errors import ConvergenceError
 
 _GAP = 1e-6  # (next - last) / last of omega_n^2 that parts two modes; closer ones count as equal
@@ -29,7 +29,7 @@ def find_gap(eigenvalues: np.ndarray, n_wanted: int) -> tuple[int, float]:
     return first, float((1.0 - 0.5 * _GAP) * eigenvalues[first])
 
 
-def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float, order: np.ndarray | None = None) -> int:
+def count_below(K_L: PETSc.Mat, M: PETSc.Mat, sigma: float, order: Order | None = None) -> int:
     """Return how many eigenvalues omega_n^2 of (K_L, M) lie below ``sigma`` [rad2/s2]: Sylvester's law of inertia.
 
     Collective: one factorisation.  Its pivots alone are kept, which takes a quarter of the memory of a factor or less.  It is
