@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from .library.build import build
 from .library.follow_response import follow, in_turn, known_columns
 from .library.origin_of_run import origin_of
 from .library.prepare import Prepared, prepare
-from .library.result_files import extent_of, write_shapes, writer_of
+from .library.result_files import extent_of, shapes_of, write_shapes, writer_of
 from .library.settings import units_of
 from .library.side_by_side import groups_that_pay
 from .observe.level_log import LevelLog
@@ -33,7 +34,6 @@ from .results.beside import Drawers
 from .results.fields import RunRecord, StageRecord
 from .results.measures import shown_with
 from .results.origin import Origin
-from .results.plots import draw_all
 from .scene.schema import Scene
 
 if TYPE_CHECKING:
@@ -92,10 +92,10 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, asked: RunOptions) -
         drawers.begin(place / RESULTS, place)
         restart.share_columns(log)
         with log.stage("fields for ParaView"):
-            write_shapes(prepared, branches, place, record_of(log))
+            shapes = shapes_of(prepared, branches)
         restart.share_factor(prepared, log)  # late, while processes beside draw the pictures
         with log.stage("pictures"):
-            draw(comm, place, drawers)
+            draw(comm, place, drawers, partial(write_shapes, prepared, branches, shapes, place, record_of(log)))
         prepared.close()
         log.note(f"results in {folder}")
     on_root(comm, settle, folder, place, asked.fresh)
@@ -114,16 +114,28 @@ def draw_again(comm: MPI.Comm, folder: Path, screen: bool) -> None:
             draw(comm, folder, drawers)
 
 
-def draw(comm: MPI.Comm, folder: Path, drawers: Drawers) -> None:
-    """Draw the pictures of the results in a folder, shared among the ranks and the processes beside them.  Collective."""
-    on_each(comm, draw_shares, folder, drawers)
+def draw(comm: MPI.Comm, folder: Path, drawers: Drawers, write: Callable[[], None] | None = None) -> None:
+    """Draw the pictures of the results in a folder, shared among the ranks and the processes beside them.
+
+    Collective.  Rank 0, which has the least to draw, begins with what there is to ``write``.
+    """
+    on_each(comm, draw_shares, folder, drawers, write if comm.rank == 0 else None)
 
 
-def draw_shares(folder: Path, drawers: Drawers) -> None:
-    """Draw the rank's own share of the pictures, and what the processes beside it have not drawn.  Local."""
-    draw_all(str(folder / RESULTS), str(folder), drawers.own)
+def draw_shares(folder: Path, drawers: Drawers, write: Callable[[], None] | None) -> None:
+    """Write, and draw the rank's own share of the pictures and what the processes beside it have not drawn.  Local."""
+    if write is not None:
+        write()
+    draw_share(folder, drawers.own)
     for share in drawers.left():
-        draw_all(str(folder / RESULTS), str(folder), share)
+        draw_share(folder, share)
+
+
+def draw_share(folder: Path, share: slice) -> None:
+    """Draw a share of the pictures of the results in a folder.  Local."""
+    from .results.plots import draw_all  # not before: matplotlib takes a fifth of a second
+
+    draw_all(str(folder / RESULTS), str(folder), share)
 
 
 def set_up(scene: Scene, comm: MPI.Comm, log: RunLog) -> Prepared:

@@ -39,36 +39,36 @@ def pictures_in(folder):
 @pytest.mark.slow
 def test_every_picture_is_drawn_once(results, two_beside, monkeypatch):
     own = []
-    monkeypatch.setattr("microslip.run.draw_all", lambda *order: own.append(order[2]))
+    monkeypatch.setattr("microslip.run.draw_share", lambda _, share: own.append(share))
     with Drawers(COMM) as drawers:
         drawers.begin(results, results.parent)
         draw(COMM, results.parent, drawers)
-    assert own == [slice(3 * COMM.rank, None, 3 * COMM.size)]
-    theirs = [one.__name__.removeprefix("draw_") for i, one in enumerate(PICTURES) if i % 3 > 0]
+    assert own == [slice(3 * (COMM.size - COMM.rank) - 1, None, 3 * COMM.size)]
+    theirs = [one.__name__.removeprefix("draw_") for i, one in enumerate(PICTURES) if i % 3 < 2]
     assert pictures_in(results.parent) == sorted(f"{name}.png" for name in theirs if name in DRAWN)
 
 
 def test_what_a_process_does_not_draw_the_run_draws(results, two_beside, monkeypatch):
     own = []
-    monkeypatch.setattr("microslip.run.draw_all", lambda *order: own.append(order[2].start))
+    monkeypatch.setattr("microslip.run.draw_share", lambda _, share: own.append(share.start))
     with Drawers(COMM) as drawers:
         for one in drawers._processes:
             one.process.kill()
             one.process.wait()
         drawers.begin(results, results.parent)
         draw(COMM, results.parent, drawers)
-    assert own == [3 * COMM.rank + i for i in range(3)]
+    assert own == [3 * (COMM.size - COMM.rank) - 1 - i for i in range(3)]
 
 
 def test_without_cores_to_spare_ranks_draw_all_of_it(monkeypatch):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(COMM.size))
     with Drawers(COMM) as drawers:
-        assert drawers.own == slice(COMM.rank, None, COMM.size) and drawers.left() == []
+        assert drawers.own == slice(COMM.size - 1 - COMM.rank, None, COMM.size) and drawers.left() == []
 
 
 @pytest.mark.slow
 def test_what_a_process_meets_is_raised_on_every_rank(results, two_beside, monkeypatch):
-    monkeypatch.setattr("microslip.run.draw_all", lambda *order: [])
+    monkeypatch.setattr("microslip.run.draw_share", lambda *share: None)
     with Drawers(COMM) as drawers, pytest.raises(CaseError, match=r"nowhere\.h5"):
         drawers.begin(results.with_name("nowhere.h5"), results.parent)
         draw(COMM, results.parent, drawers)

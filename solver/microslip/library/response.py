@@ -21,7 +21,7 @@ from ..reduction.expand import node_fields
 from ..results.measures import AMPLITUDE, Shown
 from ..results.record import COMPLETE, STOPPED, LevelResult, ResultFile, level_result
 from .prepare import Prepared
-from .result_files import head_of, write_shapes, writer_of
+from .result_files import head_of, shapes_of, write_shapes, writer_of
 
 if TYPE_CHECKING:
     import xarray
@@ -263,7 +263,8 @@ class Response:
                 tell("level_finished", number, branch)
         finally:
             writer.close()
-        write_shapes(self.prepared, self.branches, folder)
+        shapes = shapes_of(self.prepared, self.branches)
+        on_root(comm, write_shapes, self.prepared, self.branches, shapes, folder, share=False)
         on_each(comm, draw_all, str(folder / "results.h5"), str(folder), slice(comm.rank, None, comm.size))
 
 

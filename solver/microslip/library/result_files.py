@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ..mesh.locate import find_node
 from ..observe.not_computed import Extent
-from ..parallel.agree import on_root
 from ..parallel.versions import commit, program_hash, versions
 from ..points.branch import Branch, hertz
 from ..reduction.expand import node_fields, peak_displacements
@@ -88,43 +88,53 @@ def writer_of(prepared: Prepared, folder: Path, options: Sequence[str] = (), ori
     return ResultWriter(comm, str(folder), head, prepared.model.recorded.n_coefficients)
 
 
-def write_shapes(prepared: Prepared, branches: Sequence[Branch], folder: Path, run: RunRecord | None = None) -> None:
-    """Write modes, rest and the motion at the peak of every level on the mesh, if there is one; with what the run said.
+@dataclass(frozen=True, eq=False)
+class Shapes:
+    """Fields on the mesh, in the order of its nodes."""
 
-    Collective; rank 0 writes.  Fields go to files for ParaView and into results.h5, which is there, as does ``run``.
+    modes: np.ndarray  # (n_nodes, 3, n_modes) [1/sqrt(kg)]
+    rest: np.ndarray | None  # (n_nodes, 3, 1) m; None without statics
+    peaks: Mapping[int, Motion]  # by the number of the level
+
+
+def shapes_of(prepared: Prepared, branches: Sequence[Branch]) -> Shapes | None:
+    """Return modes, rest and the motion at the peak of every level on the mesh, on rank 0; None elsewhere, or if none are wanted.
+
+    Collective: static solves for the peaks of all levels, and gathers.
     """
-    shapes = rest = None
-    peaks: dict[int, Motion] = {}
-    if _has_fields(prepared):
-        structure, system = prepared.structure, prepared.structure.linearised.system
-        shapes = node_fields(system, structure.modes.phi_owned)
-        rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
-        if rest is not None and system.moved is not None:
-            rest = rest + system.moved[:, :, None]
-        numbers = [number for number, branch in enumerate(branches) if branch.points]
-        motions = peak_displacements(system, prepared.reduction, prepared.model, [branches[number] for number in numbers])
-        peaks = {number: Motion(*motion) for number, motion in zip(numbers, motions)}
-    on_root(prepared.model.comm, _write, prepared, branches, folder, (shapes, rest, peaks), run, share=False)
+    if not (prepared.outline.has_mesh and asks_for_fields(prepared.scene)):
+        return None
+    structure, system = prepared.structure, prepared.structure.linearised.system
+    modes = node_fields(system, structure.modes.phi_owned)
+    rest = None if system.rest_owned is None else node_fields(system, system.rest_owned[:, None])
+    if rest is not None and system.moved is not None:
+        rest = rest + system.moved[:, :, None]
+    numbers = [number for number, branch in enumerate(branches) if branch.points]
+    motions = peak_displacements(system, prepared.reduction, prepared.model, [branches[number] for number in numbers])
+    return None if modes is None else Shapes(modes, rest, {number: Motion(*motion) for number, motion in zip(numbers, motions)})
 
 
-def _has_fields(prepared: Prepared) -> bool:
-    """Return whether there is a mesh, and fields on it are wanted.  Local."""
-    return prepared.outline.has_mesh and asks_for_fields(prepared.scene)
+def write_shapes(
+    prepared: Prepared, branches: Sequence[Branch], shapes: Shapes | None, folder: Path, run: RunRecord | None = None
+) -> None:
+    """Write fields to files for ParaView and into results.h5, which is there; with what the run said.  Local, on rank 0.
 
-
-def _write(prepared: Prepared, branches: Sequence[Branch], folder: Path, found: tuple, run: RunRecord | None) -> None:
-    """Write the fields of rank 0."""
-    (shapes, rest, peaks), fields = found, None
-    if _has_fields(prepared):
-        structure, modes = prepared.structure, np.moveaxis(shapes, -1, 0)
+    Raises
+    ------
+    CaseError, ResourceError : a file cannot be written
+    """
+    fields = None
+    if shapes is not None:
+        structure, modes = prepared.structure, np.moveaxis(shapes.modes, -1, 0)
         assert structure.mesh is not None, "called on rank 0"
         write_modes(str(folder / "modes.vtkhdf"), structure.mesh, structure.modes.omega_n, modes)
         motions: dict[str, np.ndarray] = {}
-        for number, motion in peaks.items():
+        for number, motion in shapes.peaks.items():
             branch = branches[number]
             motions.update(peak_fields(branch.level, hertz(branch.points[motion.point].omega), motion.u))
         write_fields(str(folder / "peak_response.vtkhdf"), structure.mesh, motions)
-        fields = Fields(structure.mesh, modes, None if rest is None else rest[:, :, 0], peaks, *_places(prepared))
+        rest = None if shapes.rest is None else shapes.rest[:, :, 0]
+        fields = Fields(structure.mesh, modes, rest, shapes.peaks, *_places(prepared))
     keep_fields(str(folder / "results.h5"), fields, run)
 
 

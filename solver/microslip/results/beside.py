@@ -43,14 +43,15 @@ class Drawers:
 
     def __init__(self, comm: MPI.Comm, most: int = MOST):
         n = min(comm.allgather(min(most, spare(comm)))) if most else 0
-        self._step, self._first = comm.size * (n + 1), comm.rank * (n + 1)
+        self._step = comm.size * (n + 1)
+        self._last = self._step - 1 - comm.rank * (n + 1)  # of the rank's shares; rank 0 comes last, which has files to write
         self._processes = [process for _ in range(n) if (process := Drawer.started()) is not None]
         self._unstarted = n - len(self._processes)
 
     @property
     def own(self) -> slice:
         """The pictures that the rank draws itself."""
-        return slice(self._first, None, self._step)
+        return slice(self._last, None, self._step)
 
     def begin(self, results: Path, folder: Path) -> None:
         """Let the processes begin with their shares of the pictures of a result file.  Local."""
@@ -78,7 +79,7 @@ class Drawers:
 
     def _shares(self) -> list[slice]:
         n = len(self._processes) + self._unstarted
-        return [slice(self._first + 1 + i, None, self._step) for i in range(n)]
+        return [slice(self._last - 1 - i, None, self._step) for i in range(n)]
 
     def close(self) -> None:
         """End those that are left.  Local."""

@@ -55,8 +55,8 @@ def peak_fields(level: float, frequency: float, u: np.ndarray) -> dict[str, np.n
 def write_fields(path: str, mesh: Mesh, fields: Mapping[str, np.ndarray]) -> None:
     """Write named point fields, (n_nodes, 3) or (n_nodes,) each, in the order of ``mesh.points``.  Local, on rank 0.
 
-    With them come ``node`` and ``element``, the numbers of the user's file, and ``body``, the element's physical
-    group, counted from 0 in the order of ``mesh.elements``.
+    They are single precision: some seven digits, for pictures.  With them come ``node`` and ``element``, the numbers of the
+    user's file, and ``body``, the element's physical group, counted from 0 in the order of ``mesh.elements``.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def write_fields(path: str, mesh: Mesh, fields: Mapping[str, np.ndarray]) -> Non
         root = vtk_root(file, "UnstructuredGrid")
         write_grid(root, mesh)
         for name, values in fields.items():
-            pack(root, f"PointData/{name}", np.asarray(values, dtype="f4" if values.dtype == "f4" else "f8"))
+            root.create_dataset(f"PointData/{name}", data=values.astype("f4"))  # packed: a fifth less, six times as long
         write_numbers(root, mesh)
 
 
