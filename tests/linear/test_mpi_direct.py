@@ -105,11 +105,13 @@ def test_the_upper_triangle_of_some_rows(first, last):
     K, M = (sp.random(9, 9, 0.4, format="csr", random_state=seed) for seed in (3, 4))
     own_K, own_M = K[first:last].sorted_indices(), M[first:last].sorted_indices()
     arrays_K, arrays_M = ((own.indptr, own.indices, own.data) for own in (own_K, own_M))
-    i, j, a = upper_triangle(first, *arrays_K, 0.5, *arrays_M)
-    expected = np.zeros((9, 9))
-    expected[first:last] = np.triu((K - 0.5 * M).toarray())[first:last]
-    assert np.array_equal(sp.coo_matrix((a, (i - 1, j - 1)), (9, 9)).toarray(), expected)
-    assert len(set(zip(i.tolist(), j.tolist()))) == len(a)
+    for scale in (np.empty(0), 2.0 ** np.arange(9)):
+        i, j, a = upper_triangle(first, *arrays_K, 0.5, *arrays_M, scale)
+        S = sp.diags(scale) if len(scale) else sp.identity(9)
+        expected = np.zeros((9, 9))
+        expected[first:last] = np.triu((S @ (K - 0.5 * M) @ S).toarray())[first:last]
+        assert np.array_equal(sp.coo_matrix((a, (i - 1, j - 1)), (9, 9)).toarray(), expected)
+        assert len(set(zip(i.tolist(), j.tolist()))) == len(a)
 
 
 @pytest.mark.parametrize("empty", [None, 0, 1])
@@ -126,6 +128,16 @@ def test_the_signs_of_pivots_count_the_modes_below(empty):
             continue
         assert count_below(A, M, sigma, factor.solver.order) == count_below(A, M, sigma) == n_below
     factor.destroy()
+
+
+def test_the_count_hears_nothing_of_the_units_of_rows():
+    """Rows from 1e-6 to 1e6 of what they were: signs of pivots stay, and none of them counts as null."""
+    units = sp.diags(10.0 ** np.random.default_rng(0).integers(-6, 7, N))
+    squares = np.linalg.eigvalsh(K.toarray())
+    sigma = 0.5 * (squares[9] + squares[10])
+    assert squares[10] - squares[9] > 1e-6 * squares[10]
+    A, M = matrix(sp.csr_matrix(units @ K @ units)), matrix(sp.csr_matrix(units @ units))
+    assert count_below(A, M, sigma) == 10
 
 
 def test_a_factor_tells_how_it_was_ordered():

@@ -186,12 +186,12 @@ cdef class Instance:
 
 
 cdef Py_ssize_t merged(int first, const int[::1] starts, const int[::1] columns, const double[::1] values, double sigma,
-                       const int[::1] starts_M, const int[::1] columns_M, const double[::1] values_M,
+                       const int[::1] starts_M, const int[::1] columns_M, const double[::1] values_M, const double[::1] scale,
                        int[::1] i, int[::1] j, double[::1] a, bint writes) except -1:
     """Count the entries of :func:`upper_triangle`, and write them if asked to."""
     cdef Py_ssize_t row, k, l, end, end_M, m = 0
     cdef int column
-    cdef bint of_K, of_M
+    cdef bint of_K, of_M, is_scaled = scale.shape[0] > 0
     for row in range(starts.shape[0] - 1):
         k, end, l, end_M = starts[row], starts[row + 1], starts_M[row], starts_M[row + 1]
         while k < end or l < end_M:
@@ -202,6 +202,8 @@ cdef Py_ssize_t merged(int first, const int[::1] starts, const int[::1] columns,
                 if writes:
                     i[m], j[m] = first + row + 1, column + 1
                     a[m] = (values[k] if of_K else 0.0) - (sigma * values_M[l] if of_M else 0.0)
+                    if is_scaled:
+                        a[m] *= scale[first + row] * scale[column]
                 m += 1
             k += of_K
             l += of_M
@@ -209,15 +211,15 @@ cdef Py_ssize_t merged(int first, const int[::1] starts, const int[::1] columns,
 
 
 def upper_triangle(int first, const int[::1] starts, const int[::1] columns, const double[::1] values, double sigma,
-                   const int[::1] starts_M, const int[::1] columns_M, const double[::1] values_M):
-    """Return rows and columns, from 1, and values of K - sigma M on and above the diagonal of rows that begin with ``first``.
+                   const int[::1] starts_M, const int[::1] columns_M, const double[::1] values_M, const double[::1] scale):
+    """Return rows and columns, from 1, and values of S (K - sigma M) S on and above the diagonal of rows that begin with ``first``.
 
-    Columns rise in the rows of both; the places are those of either.
+    Columns rise in the rows of both; the places are those of either.  ``scale`` is the diagonal of S, of all rows; empty: 1.
     """
     i, j, a = np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0)
-    cdef Py_ssize_t m = merged(first, starts, columns, values, sigma, starts_M, columns_M, values_M, i, j, a, False)
+    cdef Py_ssize_t m = merged(first, starts, columns, values, sigma, starts_M, columns_M, values_M, scale, i, j, a, False)
     i, j, a = np.empty(m, np.int32), np.empty(m, np.int32), np.empty(m)
-    merged(first, starts, columns, values, sigma, starts_M, columns_M, values_M, i, j, a, True)
+    merged(first, starts, columns, values, sigma, starts_M, columns_M, values_M, scale, i, j, a, True)
     return i, j, a
 
 

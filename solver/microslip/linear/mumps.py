@@ -15,6 +15,7 @@ from ..parallel.errors import CaseError, ResourceError
 from ..parallel.memory import gigabytes, refuse_beyond, shortage
 from ._mumps import BUILT_FOR, Instance, upper_triangle
 from .analysis import count, factor_memory
+from .dense import diagonal_owned
 from .inverse_entries import inverse_entries
 from .ordering import Elimination, Order, elimination_order
 from .out_of_core import disks, room_on_disk, usual_folder, write_to_disk
@@ -30,7 +31,9 @@ if TYPE_CHECKING:
 ANALYSE, FACTOR, SOLVE, SAVE, RESTORE = 1, 2, 3, 7, 8  # MUMPS' jobs
 DEFINITE, INDEFINITE = 1, 2  # MUMPS' SYM: without pivoting, and L D L^T with it
 _GIVEN, _BY_BLOCKS = 1, 1  # ICNTL(7): the order is ours; ICNTL(15): rows of one pattern are analysed as one, half the work
-_FOR_INERTIA = (13, 24, 31)  # no ScaLAPACK at the root, null pivots are counted, factors are dropped as they come
+# ICNTL: it is scaled here, for which MUMPS takes a tenth of its time; no ScaLAPACK at the root, null pivots are counted, factors
+# are dropped as they come
+_FOR_INERTIA = ((8, 0), (13, 1), (24, 1), (31, 1))
 _RHS_BLOCK = 128  # right-hand sides MUMPS takes at once; its own 32 is up to twice as slow on 2 ranks
 _RELAXATION = (60, 150, 400)  # ICNTL(14): per cent of memory beyond the estimate
 _WORKSPACE_TOO_SMALL = (-8, -9, -11, -12, -14, -15, -17, -20)
@@ -249,7 +252,8 @@ def analysed(
     mumps = _started(comm, INDEFINITE if shift else DEFINITE)
     try:
         _set_controls(mumps, comm.size, prefix, is_inertia=shift is not None)
-        starts, columns, entries = on_each(comm, _handed_over, A, shift, what)
+        scale = np.empty(0) if shift is None else _units(A)
+        starts, columns, entries = on_each(comm, _handed_over, A, shift, scale, what)
         order = known.order if mumps.icntl(7) == _GIVEN else None
         if mumps.icntl(7) == _GIVEN and order is None:
             order = elimination_order(comm, (starts, columns), np.empty(0, dtype=int) if known.last is None else known.last)
@@ -284,10 +288,9 @@ def _started(comm: MPI.Comm, sym: int) -> Instance:
 
 def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) -> None:
     """Set our controls, then the user's.  Local; the same on every rank."""
-    for number, value in ((3, 0), (4, 0), (7, _GIVEN), (15, _BY_BLOCKS), (18, 3 * (size > 1)), (21, size > 1), (27, _RHS_BLOCK)):
+    ours = ((3, 0), (4, 0), (7, _GIVEN), (15, _BY_BLOCKS), (18, 3 * (size > 1)), (21, size > 1), (27, _RHS_BLOCK))
+    for number, value in (*ours, *(_FOR_INERTIA if is_inertia else ())):
         mumps.set_icntl(number, value)
-    for number in _FOR_INERTIA if is_inertia else ():
-        mumps.set_icntl(number, 1)
     options = PETSc.Options(prefix)
     for number in range(1, _N_ICNTL + 1):
         if options.hasName(f"mat_mumps_icntl_{number}"):
@@ -299,16 +302,24 @@ def _set_controls(mumps: Instance, size: int, prefix: str, *, is_inertia: bool) 
             mumps.set_cntl(number, options.getReal(f"mat_mumps_cntl_{number}"))
 
 
-def _handed_over(A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, what: str) -> tuple[np.ndarray, np.ndarray, Any]:
+def _units(A: PETSc.Mat) -> np.ndarray:
+    """Return powers of two that make the diagonal of A about 1, (n_dof,): units of rows change no pivot.  Collective."""
+    diagonal = np.concatenate(A.comm.tompi4py().allgather(diagonal_owned(A)))
+    return np.exp2(-np.round(0.5 * np.log2(np.where(diagonal > 0.0, diagonal, 1.0))))
+
+
+def _handed_over(
+    A: PETSc.Mat, shift: tuple[float, PETSc.Mat] | None, scale: np.ndarray, what: str
+) -> tuple[np.ndarray, np.ndarray, Any]:
     """Return the pattern of this rank's rows of A, and rows, columns and values of its upper triangle, or of A - sigma M's.
 
-    Local.
+    Local.  The values are scaled by rows and columns, ``scale`` (n_dof,), if it is not empty.
     """
     first = A.getOwnershipRange()[0]
     try:
         starts, columns, values = _owned_rows(A)
         sigma, of_M = (0.0, _no_entries(len(starts))) if shift is None else (shift[0], _owned_rows(shift[1]))
-        return starts, columns, upper_triangle(first, starts, columns, values, sigma, *of_M)
+        return starts, columns, upper_triangle(first, starts, columns, values, sigma, *of_M, scale)
     except MemoryError as error:
         raise ResourceError(f"{what}: not enough memory to hand it to its factorisation; {ADVICE}") from error
 

@@ -100,14 +100,16 @@ def lowest_modes(
         )
     theta, phi_owned, info = _solve(linearised, n_modes, 1 if fewer_will_do else n_modes, verify, search)
     eigenvalues, phi_owned = 1.0 / theta[:n_modes], orthonormalised(linearised, phi_owned[:, :n_modes])
+    forces = _forces(linearised, phi_owned)
     for _ in range(_CORRECTIONS):
-        if not np.any(_residuals(linearised, eigenvalues, phi_owned)[1] > 1.0):
+        if not np.any(_residuals(linearised, eigenvalues, phi_owned, forces)[1] > 1.0):
             break
         eigenvalues, phi_owned = iterated_once(linearised, phi_owned)
+        forces = _forces(linearised, phi_owned)
     eigenvalues = linearised.system.comm.bcast(sharpened(linearised, eigenvalues, phi_owned))
     order = np.argsort(eigenvalues)
+    info["residual"] = _check(linearised, eigenvalues[order], phi_owned[:, order], tuple(each[:, order] for each in forces))
     eigenvalues, phi_owned = eigenvalues[order], phi_owned[:, order] * _signs(linearised, phi_owned[:, order])
-    info["residual"] = _check(linearised, eigenvalues, phi_owned)
     info["seconds"] = perf_counter() - start
     return Modes(np.sqrt(eigenvalues), np.asfortranarray(phi_owned), info)
 
@@ -171,10 +173,18 @@ def _solve(
     )
 
 
-def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> float:
+Forces = tuple[np.ndarray, ...]  # K_L phi and M phi of modes, (n_owned, n) each
+
+
+def _forces(linearised: Linearised, phi_owned: np.ndarray) -> Forces:
+    """Return K_L phi and M phi, two products.  Collective."""
+    return multiply(linearised.K_L, phi_owned), multiply(linearised.M, phi_owned)
+
+
+def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray, forces: Forces) -> float:
     """Return the largest relative residual; raise if a mode is wrong or not M-orthonormal.  Collective."""
     comm = linearised.system.comm
-    residual, share = _residuals(linearised, eigenvalues, phi_owned)
+    residual, share = _residuals(linearised, eigenvalues, phi_owned, forces)
     wrong = ~(share <= 1.0)
     if wrong.any():
         k = int(np.argmax(wrong))
@@ -182,19 +192,22 @@ def _check(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarra
             f"mode {k + 1} at {np.sqrt(eigenvalues[k]) / (2 * np.pi):.6g} Hz: |K_L phi - omega^2 M phi| = "
             f"{residual[k]:.1e} |omega^2 M phi|, limit {RESIDUAL_LIMIT:.0e}"
         )
-    skewness = float(np.max(np.abs(gram(comm, phi_owned, multiply(linearised.M, phi_owned)) - np.eye(len(eigenvalues)))))
+    skewness = float(np.max(np.abs(gram(comm, phi_owned, forces[1]) - np.eye(len(eigenvalues)))))
     if not skewness <= 1e-8:
         raise ConvergenceError(f"modes: |phi^T M phi - I| = {skewness:.1e}, limit 1e-8; ask for fewer [solver] modes")
     return float(np.max(residual))
 
 
-def _residuals(linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _residuals(
+    linearised: Linearised, eigenvalues: np.ndarray, phi_owned: np.ndarray, forces: Forces
+) -> tuple[np.ndarray, np.ndarray]:
     """Return |K_L phi - omega^2 M phi| / |omega^2 M phi| of modes, and its share of the limit, (n,) each.  Collective.
 
     The limit is wider where rounding of K_L phi explains it.
     """
-    comm, inertia_owned = linearised.system.comm, multiply(linearised.M, phi_owned) * eigenvalues
-    error = column_norms(comm, multiply(linearised.K_L, phi_owned) - inertia_owned)
+    comm, (elastic_owned, M_phi_owned) = linearised.system.comm, forces
+    inertia_owned = M_phi_owned * eigenvalues
+    error = column_norms(comm, elastic_owned - inertia_owned)
     size = column_norms(comm, inertia_owned)
     rounding = column_norms(comm, linearised.factor.diagonal_owned[:, None] * phi_owned)
     return error / size, error / (RESIDUAL_LIMIT * size + _ROUNDING * rounding)
