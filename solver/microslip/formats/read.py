@@ -3,38 +3,42 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from importlib import import_module
 
 import numpy as np
 
 from ..parallel.errors import CaseError, MeshError
 from ..parallel.words import place
-from .abaqus.read import read_inp
-from .ansys import is_input, read_cdb, read_input, read_rst
 from .bounded import bounded_memory
-from .exodus import read_exodus
 from .model import FileModel
-from .msh import read_msh
-from .nastran import read_bdf, read_op2_model
-from .unv import read_unv
-from .via_meshio import FORMATS, read_other
+from .via_meshio import FORMATS
+
+
+def _by(module: str, function: str) -> Callable[[str], FileModel]:
+    """Return a reader of this room, which is imported when a file asks for it: a run needs one of a dozen."""
+    return lambda path: getattr(import_module(f".{module}", __package__), function)(path)
 
 
 def _read_dat(path: str) -> FileModel:
     """Return what a file holds whose ending two programs share."""
+    from .ansys import is_input, read_input
+    from .nastran import read_bdf
+
     return read_input(path) if is_input(path) else read_bdf(path)
 
 
 READERS = {
-    ".msh": read_msh,
-    ".inp": read_inp,
-    ".cdb": read_cdb,
-    ".rst": read_rst,
-    **dict.fromkeys((".bdf", ".nas", ".fem"), read_bdf),
+    ".msh": _by("msh", "read_msh"),
+    ".inp": _by("abaqus.read", "read_inp"),
+    ".cdb": _by("ansys", "read_cdb"),
+    ".rst": _by("ansys", "read_rst"),
+    **dict.fromkeys((".bdf", ".nas", ".fem"), _by("nastran", "read_bdf")),
     ".dat": _read_dat,
-    ".op2": read_op2_model,
-    **dict.fromkeys((".e", ".exo", ".ex2"), read_exodus),
-    ".unv": read_unv,
-    **dict.fromkeys(FORMATS, read_other),
+    ".op2": _by("nastran", "read_op2_model"),
+    **dict.fromkeys((".e", ".exo", ".ex2"), _by("exodus", "read_exodus")),
+    ".unv": _by("unv", "read_unv"),
+    **dict.fromkeys(FORMATS, _by("via_meshio", "read_other")),
 }
 
 
