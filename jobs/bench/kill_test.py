@@ -187,7 +187,7 @@ class Test:
         n, taken = len(_POINT.findall(said)), _taken(said)
         if n or taken:
             found.told = max(n, found.told)  # a start tells again what it takes over
-        where = "set-up" if not _LEVEL.search(said) else f"point {n}" if n < goal.n_points else "files and pictures"
+        where = "set-up" if not _LEVEL.search(said) else f"point {n}" if n < goal.n_points else "pictures"
         over = "" if run.process.returncode != 0 else ", had ended"
         found.hit.append(f"{kind}: {run.seconds:.2f} s, {where}{over}")
         return run

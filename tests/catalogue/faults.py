@@ -72,9 +72,9 @@ STAGES = [
     in_stage("response", "exit-text", LAST, 70, "a library gave up"),
     in_stage("fields", "kill", FIRST, ENDED_BY_LAUNCHER, is_said=False),
     in_stage("fields", "disk", FIRST, 4, *FULL),
-    in_stage("files and pictures", "defect", LAST, 70, *DEFECT),
-    in_stage("files and pictures", "memory", FIRST, 4, "not enough memory"),
-    in_stage("files and pictures", "kill", LAST, ENDED_BY_LAUNCHER, is_said=False),
+    in_stage("pictures", "defect", LAST, 70, *DEFECT),
+    in_stage("pictures", "memory", FIRST, 4, "not enough memory"),
+    in_stage("pictures", "kill", LAST, ENDED_BY_LAUNCHER, is_said=False),
 ]
 POINTS = [
     in_point(0, "defect", LAST, 70, *DEFECT),

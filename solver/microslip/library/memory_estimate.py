@@ -158,7 +158,7 @@ def _peaks(
     static = 72.0 * n_pairs * own_pairs
     points = _bytes_a_point(n_pairs, N_H) * scene.response.points * (len(scene.response.levels) + 1) * (comm.rank == 0)
     stages["response"] = held + 2.5 * static + points
-    stages["files and pictures"] = held + static + points + PICTURES
+    stages["pictures"] = held + static + points + PICTURES
     return _rising(stages)
 
 
