@@ -100,7 +100,7 @@ def peaks(text: str) -> list[Table]:
 
 
 def tables(text: str) -> list[Table]:
-    """Return the Markdown tables of a text, of a page or of what a command prints."""
+    """Return the Markdown tables of a text that have rows, of a page or of what a command prints."""
     found: list[Table] = []
     rows: list[list[str]] = []
     for number, line in enumerate([*text.splitlines(), ""], 1):
@@ -110,7 +110,7 @@ def tables(text: str) -> list[Table]:
             named = len(rows) > 1 and all(re.fullmatch(":?-+:?", cell) for cell in rows[1])
             found.append(Table(number - len(rows), rows[0] if named else [], rows[2:] if named else rows))
             rows = []
-    return found
+    return [one for one in found if one.rows]
 
 
 def commands(page: str) -> list[str]:

@@ -117,6 +117,10 @@ def test_tables_know_their_line_and_rows_their_name():
     assert compare(table, table).equal == 3
 
 
+def test_a_table_without_rows_is_none():
+    assert tables("| a | b |\n| --- | --- |\n\n| c | d |\n| --- | --- |\n| 1 | 2 |\n")[0].header == ["c", "d"]
+
+
 def test_peaks_that_a_run_prints_are_compared_in_any_unit():
     said = (
         "level 1 of 2: 0.5 N: 67 points in 0.31 s; peak 8.1534e-05 m (1.6307e-04 m/N) at 724.58 Hz, 16 of 64 pairs slip, 32 open"

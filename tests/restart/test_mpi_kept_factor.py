@@ -28,7 +28,7 @@ TAKEN, NOT_USED = "factor: that of an earlier run, ", "is not used: "
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr("microslip.run.draw_all", lambda *files: [])
+    monkeypatch.setattr("microslip.results.plots.draw_all", lambda *files: [])
 
 
 @pytest.fixture
@@ -193,7 +193,7 @@ def made(tmp_path_factory):
     """A folder with a cache, made by a run in it, and what another friction gives without it."""
     folder = COMM.bcast(tmp_path_factory.mktemp("made"))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("microslip.run.draw_all", lambda *files: [])
+        patch.setattr("microslip.results.plots.draw_all", lambda *files: [])
         run_at(folder, "first")
         run_at(folder, "alone", FRICTION, shared=cache.OFF)
     return folder
