@@ -12,7 +12,7 @@ from microslip.continuation.point_record import HELD
 @pytest.mark.parametrize("level", [5.0, 6.0])
 def test_branch_is_followed_round_its_corners(level, tmp_path):
     case = ranks.two_elements()
-    case.keys["levels"] = [level]
+    case.response["levels"] = [level]
     done = chain.solve(ranks.write_case(tmp_path, case), MPI.COMM_SELF)  # an early end is an error there
     steps = [b.omega - a.omega for a, b in zip(done.branches[0].points, done.branches[0].points[1:])]
     assert len(steps) > 10 and min(steps) > 0.0
