@@ -2,10 +2,10 @@
 
     python jobs/docs/reproduce.py [docs/PAGE.md ...] [--seconds 300] [--only TEXT] [--without TEXT] [--list]
 
-A command runs in a copy of the project that holds no pages, so that every table found after it, printed or written to docs/,
-is of its making.  A table of the page is compared with the one that most of its rows agree with in their first cell; times and
-memory are of the machine and are counted, not judged.  Prints a line a table, each number that differs, and which tables no
-command made.  Ends with status 1 where a number differs.
+The commands of a page run in its order, in a copy of the project that holds no pages, so that every table found after one,
+printed or written to docs/, is of its making, and meshes that one makes are there for the next.  A table of the page is compared
+with the one that most of its rows agree with in their first cell; times and memory are of the machine and are counted, not judged.
+Prints a line a table, each number that differs, and which tables no command made.  Ends with status 1 where a number differs.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 COMMAND = re.compile(r"(?:[A-Z_]+=\S+ )*(?:python|microslip|mpirun) .+")
 WANTS = re.compile(r"\b(?:FOLDER|SCENE|PYTHON|READER|FILE|MODEL|RESULTS|DIR)\b|…")  # what the reader is to fill in
+MENTION = re.compile(
+    r"microslip (?!doctor)\w+|python (?:-P )?-m(?: microslip)?|mpirun (?:-n \d+|--oversubscribe)"
+)  # names one alone
 LEFT_OUT = {".": {".git", ".venv", "results"}, "docs": {"_build"}}  # of a folder; pages and compiled Python everywhere
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 LENGTH = re.compile(rf"({NUMBER.pattern}) (mm|\u00b5m|\u03bcm)(?![a-z])")
@@ -131,29 +134,28 @@ def copy_project(copy: Path) -> None:
     shutil.copytree(ROOT, copy, ignore=left_out)
 
 
-def output(command: str, seconds: float) -> tuple[str, list[Table]]:
+def output(command: str, seconds: float, copy: Path) -> tuple[str, list[Table]]:
     """Run a command in a copy of the project without pages; return what became of it and the tables it made."""
-    with tempfile.TemporaryDirectory() as place:
-        copy = Path(place) / "project"
-        copy_project(copy)
-        paths = ":".join(str(copy / name) for name in ("solver", "tests", "tests/continuation", "meshes"))
-        environment = {**os.environ, "PYTHONPATH": paths, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
-        try:
-            ran = subprocess.run(
-                command,
-                shell=True,
-                cwd=copy,
-                env=environment,
-                timeout=seconds,
-                capture_output=True,
-                encoding="utf-8",
-                errors="replace",
-            )
-        except subprocess.TimeoutExpired:
-            return f"stopped after {seconds:.0f} s", []
-        pages = [path.read_text(encoding="utf-8") for path in sorted((copy / "docs").glob("*.md"))]
-        said = "ran" if ran.returncode == 0 else f"status {ran.returncode}: {(ran.stderr.strip().splitlines() or [''])[-1][:100]}"
-        return said, [one for text in (ran.stdout, *pages) for one in tables(text)] + peaks(ran.stdout)
+    for page in (copy / "docs").glob("*.md"):  # of a command before
+        page.unlink()
+    paths = ":".join(str(copy / name) for name in ("solver", "tests", "tests/continuation", "meshes"))
+    environment = {**os.environ, "PYTHONPATH": paths, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+    try:
+        ran = subprocess.run(
+            command,
+            shell=True,
+            cwd=copy,
+            env=environment,
+            timeout=seconds,
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+        )
+    except subprocess.TimeoutExpired:
+        return f"stopped after {seconds:.0f} s", []
+    pages = [path.read_text(encoding="utf-8") for path in sorted((copy / "docs").glob("*.md"))]
+    said = "ran" if ran.returncode == 0 else f"status {ran.returncode}: {(ran.stderr.strip().splitlines() or [''])[-1][:100]}"
+    return said, [one for text in (ran.stdout, *pages) for one in tables(text)] + peaks(ran.stdout)
 
 
 def agree(page: str, now: str) -> bool:
@@ -237,16 +239,24 @@ def examined(path: Path, asked: argparse.Namespace) -> Counter:
     """Run the commands of a page and print what became of each and of every table; return the counts."""
     text, made = path.read_text(encoding="utf-8"), []
     print(f"\n{path.name}", flush=True)
-    for command in commands(text):
-        if WANTS.search(command) or not re.search(asked.only, command) or (asked.without and re.search(asked.without, command)):
-            continue
-        if asked.list:
-            print(f"  {command}")
-            continue
-        said, found = output(command, asked.seconds)
-        print(f"  {command}\n    {said}, tables: {len(found)}", flush=True)
-        made += [(command, one) for one in found]
-    return Counter() if asked.list else compared(tables(text), made)
+    chosen = [one for one in commands(text) if is_asked_for(one, asked)]
+    if asked.list:
+        print(*(f"  {command}" for command in chosen), sep="\n")
+        return Counter()
+    with tempfile.TemporaryDirectory() as place:
+        copy = Path(place) / "project"
+        copy_project(copy)
+        for command in chosen:
+            said, found = output(command, asked.seconds, copy)
+            print(f"  {command}\n    {said}, tables: {len(found)}", flush=True)
+            made += [(command, one) for one in found]
+    return compared(tables(text), made)
+
+
+def is_asked_for(command: str, asked: argparse.Namespace) -> bool:
+    """Return whether a command is one to run: whole, and among those asked for."""
+    is_whole = not WANTS.search(command) and not MENTION.fullmatch(command)
+    return is_whole and bool(re.search(asked.only, command)) and not (asked.without and re.search(asked.without, command))
 
 
 def compared(page: list[Table], made: list[tuple[str, Table]]) -> Counter:
