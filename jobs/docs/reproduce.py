@@ -4,7 +4,7 @@
 
 The commands of a page run in its order, in a copy of the project that holds no pages, so that every table found after one,
 printed or written to docs/, is of its making, and meshes that one makes are there for the next.  A table of the page is compared
-with the one that most of its rows agree with in their first cell; times and memory are of the machine and are counted, not judged.
+with the one that most of its rows agree with in their first cell; times and memory are of the machine and counted, not judged.
 Prints a line a table, each number that differs, and which tables no command made.  Ends with status 1 where a number differs.
 """
 
