@@ -107,6 +107,22 @@ class BorderedSystem:
         return linear, Border(r_nu, n_U, np.array(n_nu))
 
 
+@dataclass(frozen=True, eq=False)
+class NewtonSystem:
+    """The linearisation at an iterate of Newton's method, and the step that was solved for with it last."""
+
+    linear: Linearisation
+    border: Border
+    scaling: Scaling
+    exactness: Exactness
+    step: Step | None = None
+    as_vector: np.ndarray | None = None  # the step as this rank's part of PETSc's vector
+
+    def is_step(self, values: np.ndarray) -> bool:
+        """Return whether this rank's part of a vector is that of the step.  Local."""
+        return self.as_vector is not None and np.array_equal(values, self.as_vector)
+
+
 class Corrector:
     """SNES with a matrix-free Jacobian, kept over the points of a branch.  Collective on ``comm``.
 
@@ -255,33 +271,32 @@ class Corrector:
 
     def _linearise(self, snes, x, J, B, system: BorderedSystem, exactness: Exactness) -> None:
         """Make what a step and the products with the Jacobian are about, until the next linearisation."""
-        values, self._scaling, self._exactness = x.getArray(readonly=True), system.scaling, exactness
-        self._linear, self._border = system.linearise(self._motion(values, system.scaling), self._nu(values))
-        self._step: Step | None = None
+        values = x.getArray(readonly=True)
+        linear, border = system.linearise(self._motion(values, system.scaling), self._nu(values))
+        self._newton = NewtonSystem(linear, border, system.scaling, exactness)
         J.assemble()
 
     def _solve_step(self, b, x) -> tuple[int, int]:
         """Solve a Newton system; return GMRES iterations and PETSc's reason.  Collective."""
-        values, out = b.getArray(readonly=True), x.getArray()
-        b_U = values[: self.n_U].reshape(self.shape) / self._scaling.rows
-        self._step = self._linear.solve(b_U, self._nu(values), self._border, self.newton_solver, self._exactness)
-        self._write(out, self._step.d_xi, self._step.d_nu_owned)
-        self._stepped = out.copy()
-        return self._step.iterations, self._step.reason
+        values, out, at = b.getArray(readonly=True), x.getArray(), self._newton
+        b_U = values[: self.n_U].reshape(self.shape) / at.scaling.rows
+        step = at.linear.solve(b_U, self._nu(values), at.border, self.newton_solver, at.exactness)
+        self._write(out, step.d_xi, step.d_nu_owned)
+        self._newton = replace(at, step=step, as_vector=out.copy())
+        return step.iterations, step.reason
 
     def _multiply(self, x, y) -> None:
         """Apply the Jacobian in scaled unknowns.  Collective: one gather.
 
         The line search asks for the product with the step that was solved for last, which is known.
         """
-        values = x.getArray(readonly=True)
+        values, at = x.getArray(readonly=True), self._newton
         d_xi, d_nu = values[: self.n_U].reshape(self.shape), self._nu(values)
-        is_step = self._step is not None and np.array_equal(values, self._stepped)
-        if self.comm.allreduce(is_step, op=MPI.LAND):
-            rows, of_rows = self._step.product, self._border.rows_times(self.comm, d_xi, d_nu)
+        if self.comm.allreduce(at.is_step(values), op=MPI.LAND):
+            rows, of_rows = at.step.product, at.border.rows_times(self.comm, d_xi, d_nu)
         else:
-            rows, of_rows = self._linear.product(d_xi, d_nu, self._border)
-        self._write(y.getArray(), rows * self._scaling.rows, of_rows)
+            rows, of_rows = at.linear.product(d_xi, d_nu, at.border)
+        self._write(y.getArray(), rows * at.scaling.rows, of_rows)
 
     def _write(self, out: np.ndarray, rows: np.ndarray, last: np.ndarray) -> None:
         out[: self.n_U] = rows.ravel()
