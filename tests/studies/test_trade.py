@@ -110,6 +110,12 @@ def test_sentences_have_the_numbers_of_the_runs():
     assert said[2] == "full instead of receptance: 4x the time, +3 s of set-up, error 0.8 % -> 0.8 %"
 
 
+def test_methods_are_not_compared_with_a_base_that_was_not_run():
+    left_out = study(run("method", "full", 4.0, 8e-3, method="full"))
+    left_out.runs = [replace(one, failure="left out for want of time") if one.knob == BASE else one for one in left_out.runs]
+    assert sentences(left_out) == []
+
+
 def test_corrected_amplitudes_stand_beside_what_is_as_good_without():
     coarse = replace(run("harmonics", "1", 1.0, 3e-2, harmonics=1), corrected=(curve(4e-3),))
     said = corrected_sentences(study(coarse, run(BASE, "", 2.0, 4e-3), run("harmonics", "9", 3.0, 1e-3, harmonics=9)))
