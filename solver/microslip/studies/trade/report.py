@@ -275,13 +275,7 @@ def sentences(study: Study) -> list[str]:
     for knob in ("harmonics", "samples", "modes", "tolerance", "eps"):
         for before, after in pairwise(study.sweep(knob)):
             found.append(step_sentence(study, knob, before, after))
-    base = study.run_of_base
-    for run in study.sweep("method") if base is not None else ():  # there was no time for it
-        found.append(
-            f"{run.value} instead of {base.setting.method}: {run.cost / base.cost:.2g}x the time"
-            f"{_more_setup(base, run)}, error {percent(study.score(base).error)} -> "
-            f"{percent(study.score(run).error)}"
-        )
+    found += method_sentences(study)
     for run in study.complete:
         if run.setting.accuracy is not None:
             error = study.score(run).error
@@ -295,6 +289,18 @@ def sentences(study: Study) -> list[str]:
             cost = f"{run.cost:.2g} s{_beside_fixed(study, run)}"
             found.append(f"accuracy = {run.value}: {said}, error {percent(error)}, in {cost}")
     return found
+
+
+def method_sentences(study: Study) -> list[str]:
+    """Say of every other method what it costs and buys beside the base, where there was time for that."""
+    base = study.run_of_base
+    if base is None:
+        return []
+    return [
+        f"{run.value} instead of {base.setting.method}: {run.cost / base.cost:.2g}x the time{_more_setup(base, run)}, "
+        f"error {percent(study.score(base).error)} -> {percent(study.score(run).error)}"
+        for run in study.sweep("method")
+    ]
 
 
 def corrected_sentences(study: Study) -> list[str]:
