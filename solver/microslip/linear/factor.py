@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from ..assembly.system import System
     from .analysis import FactorMemory
-    from .direct import DirectSolver
 
 RESIDUAL_LIMIT = 1e-6  # |A x - b| / |b| of an answer
 ROUNDING_LIMIT = 1e-3  # the same where rounding of A x explains it: a soft joint under a stiff structure
