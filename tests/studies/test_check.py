@@ -8,7 +8,6 @@ from plain_model import bdf, cdb, exodus, inp, plain, unv
 from sources import ROOT
 
 from microslip.formats.model import FileMaterial, Finding
-from microslip.formats.units import UNITS
 from microslip.mesh.skin import skin_of_mesh
 from microslip.scene.read import read_scene
 from microslip.studies.check import model_content as content
@@ -18,6 +17,7 @@ from microslip.studies.check.model_file import _lines
 from microslip.studies.check.picture import draw
 from microslip.studies.check.plausible import suspicion
 from microslip.studies.check.report import _solution
+from microslip.tables.units import UNITS
 
 VOLUME, MASS = 0.05 * 0.01 * 0.025, 0.05 * 0.01 * 0.025 * 7800.0
 STEEL = {

@@ -8,13 +8,13 @@ import pytest
 from plain_model import bdf, cdb, cdb_with_contact, exodus, inp, plain, unv
 
 from microslip.formats.model import Cells, FileModel, Group
-from microslip.formats.units import UNITS
 from microslip.parallel.errors import CaseError, MeshError
 from microslip.scene.read import read_scene
 from microslip.studies.check.model_file import _lines as check_model_lines
 from microslip.studies.check.model_mesh import bodies_of, whole_mesh
 from microslip.studies.new.candidates import find_candidates
 from microslip.studies.new.story import _write
+from microslip.tables.units import UNITS
 
 WRITERS = {".cdb": cdb, ".bdf": bdf, ".unv": unv, ".inp": inp}
 

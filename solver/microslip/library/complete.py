@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from ..formats.model import FileJoint, FileMaterial, FileModel
 from ..formats.read import read_model
-from ..formats.units import UNITS, Units, times
 from ..parallel.agree import on_root
 from ..parallel.errors import CaseError
 from ..parallel.words import hint, listed
 from ..scene.checks import remarks
 from ..scene.read import completed
 from ..scene.schema import Scene
+from ..tables.units import UNITS, Units, times
 
 if TYPE_CHECKING:
     from mpi4py import MPI

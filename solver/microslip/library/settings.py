@@ -11,7 +11,6 @@ import numpy as np
 from ..assembly.settings import MatrixSettings, PairFile
 from ..continuation.settings import ResponseSettings
 from ..elements import Anisotropic, Cylindrical, Directions, Isotropic, checked, orthotropic
-from ..formats.units import UNITS
 from ..fourier.harmonics import Harmonics
 from ..mesh.settings import (
     GEOMETRY,
@@ -37,11 +36,12 @@ from ..points.band import Band
 from ..receptance.excitation import Excitation
 from ..reduction.settings import ModalDamping, ReductionSettings
 from ..scene import schema
-from ..scene.joint_laws import OWN
-from ..scene.matrix_names import KEYS as KEYS_OF_MATRICES
-from ..scene.matrix_names import split_name
 from ..scene.read import changed
 from ..scene.schema import DEFAULT_ACCURACY, Scene
+from ..tables.joint_laws import OWN
+from ..tables.matrix_names import KEYS as KEYS_OF_MATRICES
+from ..tables.matrix_names import split_name
+from ..tables.units import UNITS
 
 KEYS = {"harmonics": "harmonics", "samples": "samples", "solver": "tolerance"}  # of [solver], for each part of the accuracy
 

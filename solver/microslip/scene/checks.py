@@ -9,8 +9,8 @@ from typing import Any
 
 from ..parallel.files import NO_FILE
 from ..parallel.words import hint
+from ..tables.matrix_names import may_know_nodes
 from .inputs import named_files
-from .matrix_names import may_know_nodes
 from .schema import Scene, Statics
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .matrix_names import KEYS, split_name
+from ..tables.matrix_names import KEYS, split_name
 from .schema import Scene
 
 

@@ -10,12 +10,12 @@ from typing import Any
 
 from pydantic import Field, PrivateAttr
 
-from .constant_loads import Bolt, Force, MovedSupport, Pressure, Statics, Temperature
-from .joint import Joint
-from .scene_table import Table
+from ..tables.constant_loads import Bolt, Force, MovedSupport, Pressure, Statics, Temperature
+from ..tables.joint import Joint
+from ..tables.structure import Body, Mass, Material, Model, Orientation, Point, Spring, Support, Surface, Tie
+from ..tables.table import Table
+from ..tables.vibration import Damping, Load, Output
 from .solution import DEFAULT_ACCURACY, Continuation, Method, Response, Solver
-from .structure import Body, Mass, Material, Model, Orientation, Point, Spring, Support, Surface, Tie
-from .vibration import Damping, Load, Output
 
 __all__ = [
     "Body",

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from .scene_table import LARGEST_NUMBER, Frequency, NotNegative, Positive, Table, no_duplicates, rising
+from ..tables.table import LARGEST_NUMBER, Frequency, NotNegative, Positive, Table, no_duplicates, rising
 
 DEFAULT_ACCURACY = 1e-3
 DEFAULT_INTERFACE_MODES = 40  # all there are where the joint has fewer

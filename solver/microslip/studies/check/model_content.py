@@ -9,13 +9,13 @@ import numpy as np
 
 from ... import elements
 from ...formats.model import FileBody, FileJoint, FileMaterial, FileModel, FileOrientation, Finding
-from ...formats.units import Units
 from ...mesh.data import Mesh
 from ...mesh.settings import Body
 from ...mesh.skin import faces_of_group, skin_of_mesh
 from ...parallel.words import place
 from ...scene import schema
 from ...scene.schema import Material, Orientation
+from ...tables.units import Units
 
 MOST = 40  # groups, findings or bodies that are listed one by one
 

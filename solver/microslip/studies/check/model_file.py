@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 from ...formats.model import FileModel
 from ...formats.read import read_model
-from ...formats.units import UNITS
 from ...mesh.connected import connected_parts
 from ...mesh.data import Mesh
 from ...mesh.settings import MeshSettings
 from ...parallel.agree import on_root
 from ...parallel.words import place
+from ...tables.units import UNITS
 from . import model_content as content
 from .marks import marks_of_file
 from .model_mesh import likely_units, whole_mesh

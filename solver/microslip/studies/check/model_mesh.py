@@ -8,11 +8,11 @@ import numpy as np
 
 from ...elements import Isotropic
 from ...formats.model import KINDS, FileModel, Group
-from ...formats.units import UNITS, Units
 from ...mesh.data import Mesh
 from ...mesh.read import read_mesh
 from ...mesh.settings import Body, MeshSettings
 from ...parallel.errors import MeshError
+from ...tables.units import UNITS, Units
 from .plausible import SI, better_units, suspicion
 
 

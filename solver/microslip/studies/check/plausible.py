@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from ...formats.model import FileMaterial
-from ...formats.units import UNITS, Units
+from ...tables.units import UNITS, Units
 
 SI = "m-kg-s"
 # least and most of what structures are made of, from rubber to diamond and from cork to tungsten, and their sizes

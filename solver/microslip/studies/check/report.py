@@ -11,7 +11,6 @@ from ...assembly.matrices import GivenStructure
 from ...contact.laws import ELASTIC_COULOMB
 from ...continuation.accuracy import MOST_HARMONICS
 from ...formats.model import FileMaterial, FileModel
-from ...formats.units import UNITS
 from ...library.settings import mesh_settings, reduction_settings, response_settings
 from ...mesh.cut import cuts_through
 from ...mesh.data import ContactPairs, Mesh
@@ -21,6 +20,7 @@ from ...parallel.words import place
 from ...reduction.facts import Counts
 from ...reduction.methods import METHODS
 from ...scene.schema import DEFAULT_ACCURACY, Load, Output, Scene
+from ...tables.units import UNITS
 from . import model_content as content
 from .plausible import SI, suspicion
 

@@ -6,10 +6,10 @@ import json
 from dataclasses import dataclass
 
 from ...formats.model import FileMaterial, FileModel, FileStatics, Finding
-from ...formats.units import UNITS, times
 from ...mesh.data import Mesh
 from ...mesh.settings import MeshSettings, TouchingFaces
 from ...scene.toml_text import key_text, value_text
+from ...tables.units import UNITS, times
 from .candidates import Candidate
 from .places import Place
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from .scene_table import Direction, ModeNumber, Name, NotNegative, NotZero, Number, Ratio, Table, Vector, no_duplicates
+from .table import Direction, ModeNumber, Name, NotNegative, NotZero, Number, Ratio, Table, Vector, no_duplicates
 
 Quantity = Literal["displacement", "velocity", "acceleration", "stress", "strain", "contact_force"]
 Component = Literal["xx", "yy", "zz", "xy", "yz", "zx", "normal"]

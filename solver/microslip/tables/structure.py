@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
-from .scene_table import Direction, Name, NotNegative, Positive, Six, Table, ThreePositive, Vector, any_of, no_duplicates
+from .table import Direction, Name, NotNegative, Positive, Six, Table, ThreePositive, Vector, any_of, no_duplicates
 
 _PARALLEL = 1e-6  # sine of the angle between directions that span no plane
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]

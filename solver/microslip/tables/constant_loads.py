@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from .scene_table import Direction, Name, NotNegative, Number, Positive, Table, Vector
+from .table import Direction, Name, NotNegative, Number, Positive, Table, Vector
 
 
 class Force(Table):

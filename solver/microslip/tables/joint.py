@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 from ..contact.keys import ELASTIC_COULOMB, KEYS
 from ..parallel.words import listed
 from .joint_laws import LAWS_OF_KEY, OF_FILE, check_law
-from .scene_table import Direction, Name, NotNegative, Positive, Table, TwoPositive, Vector
+from .table import Direction, Name, NotNegative, Positive, Table, TwoPositive, Vector
 
 OfPoints = Literal["friction", "tangential_stiffness", "normal_stiffness", "preload", "gap"]
 if TYPE_CHECKING:
