@@ -1,8 +1,9 @@
-"""The case study of the paper, section 5, on an open model: figures 4 and 6 to 15, table 1, beside what it reports.
+"""The case study of the paper, section 5, on an open model: the tables of figures 4 to 15 and table 1.
 
     python jobs/paper/case_study.py [SCENE.toml] [--out DIR] [--points N] [--tolerances E ...] [--steps N ...] [--no-rubin]
 
-Without SCENE, jobs/fan_paper.toml and --out docs: `paper.md` and `img/paper_*.png`.  Any other scene goes to results/paper.
+Without SCENE, jobs/fan_paper.toml and --out docs: the tables of `paper.md`, and
+`img/paper_*.png`.  Any other scene goes to results/paper.
 One process; on the paper's mesh up to 6 GB, most of them for plain Rubin (--no-rubin: 3 GB, and one LU of its size for a step).
 
 Every level is followed by `receptance`, the condensed full set.  At the frequencies it chooses, every method is solved again
@@ -26,9 +27,10 @@ from microslip.parallel.petsc import initialise
 
 initialise()
 from mpi4py import MPI
+from page_tables import put
 from paper_figures import draw_all, remove_old
-from paper_page import page
 from paper_runs import EPSILON, Clock, study
+from paper_tables import tables
 from prepared import prepare
 
 SCENE = "jobs/fan_paper.toml"
@@ -53,8 +55,7 @@ def main() -> None:
     (folder / "img").mkdir(parents=True, exist_ok=True)
     remove_old(folder / "img")
     figures = draw_all(found, folder / "img")
-    command = " ".join(["python", "jobs/paper/case_study.py", *sys.argv[1:]])
-    (folder / "paper.md").write_text(page(found, figures, command, time.perf_counter() - start), encoding="utf-8")
+    put(folder / "paper.md", tables(found))
     print(f"{folder / 'paper.md'} and {len(figures)} figures after {time.perf_counter() - start:.0f} s")
 
 

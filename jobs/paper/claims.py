@@ -1,8 +1,9 @@
-"""Where the paper's order of its two methods appears: both run under many settings on an open model, and a page about it.
+"""Where the paper's order of its two methods appears: both run under many settings on an open model, for the page about it.
 
     python jobs/paper/claims.py [SCENE.toml] [--levels N ...] [--out DIR]
 
-Without SCENE, jobs/fan_paper.toml, its first slipping level and its last, and --out docs: `paper_claims.md` and its picture.
+Without SCENE, jobs/fan_paper.toml, its first slipping level and its last, and --out docs: the tables of
+`paper_claims.md` and its picture.
 Any other scene goes to results/paper.  A few minutes; one process.
 
 Original: `adaptive`, pairs with dp != 0 in the last solution.  Improved: `adaptive-energy` with epsilon = 1e-10 J.  Both update
@@ -25,9 +26,10 @@ sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "ben
 from microslip.parallel.petsc import initialise
 
 initialise()
-from claims_page import draw, page
 from claims_runs import all_trials, settings
+from claims_tables import draw, tables
 from mpi4py import MPI
+from page_tables import put
 from prepared import prepare
 
 SCENE = "jobs/fan_paper.toml"
@@ -49,9 +51,8 @@ def main() -> None:
     )
     (folder / "img").mkdir(parents=True, exist_ok=True)
     draw(trials, prepared.scene).save(str(folder / "img" / "paper_claims.png"))
-    command, minutes = " ".join(["python", "jobs/paper/claims.py", *sys.argv[1:]]), (time.perf_counter() - start) / 60.0
-    (folder / "paper_claims.md").write_text(page(trials, own, prepared.scene, command, minutes), encoding="utf-8")
-    print(f"{folder / 'paper_claims.md'} after {60.0 * minutes:.0f} s")
+    put(folder / "paper_claims.md", tables(trials, own))
+    print(f"{folder / 'paper_claims.md'} after {time.perf_counter() - start:.0f} s")
 
 
 if __name__ == "__main__":
