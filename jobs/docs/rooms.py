@@ -3,7 +3,7 @@
     python jobs/docs/rooms.py
 
 Imports are read from the sources.  An arrow leads from a room to one that imports it, as the values flow; one that follows from
-others, by way of a room in between, is left out, and so are those from ``parallel``.  Imports for type checking alone do not
+others, by way of a room in between, is left out, and so are those from the foundation.  Imports for type checking alone do not
 count.  Only where a room stands on the page is written here.
 """
 
@@ -19,7 +19,8 @@ PICTURE = ROOT / "docs" / "img" / "rooms.svg"
 
 # what rooms hand on; column (from 0, in widths of a box and its gap) and row
 ROOMS = {
-    "parallel": ("agreement of ranks, errors: for every room", 1.0, 0),
+    "parallel": ("agreement of ranks, errors", 0.0, 0),
+    "system": ("one machine: processes", 1.5, 0),
     "elements": ("K, M of elements", 0.0, 1),
     "fourier": ("Harmonics", 1.5, 1),
     "scene": ("what is asked: Scene", 2.0, 9),
@@ -53,6 +54,7 @@ BY_WAY_OF = {  # columns in which long arrows go down, between the boxes
     ("observe", "library"): 0.5,
     ("contact", "transient"): 1.53,
 }
+FOUNDATION = ("parallel", "system")  # for every room: the row at the top, as wide as the page
 NUMPY_ONLY = ("elements", "fourier", "contact")
 WIDTH, HEIGHT, GAP_X, GAP_Y, MARGIN = 128, 40, 12, 28, 14
 ENDS = (
@@ -110,11 +112,12 @@ def imported() -> dict[str, dict[str, set[str]]]:
 
 
 def arrows() -> list[tuple[str, str]]:
-    """Return (room, room that imports it), without those that follow from others and those from ``parallel``."""
-    direct = {room: set(others) - {"parallel"} for room, others in imported().items()}
+    """Return (room, room that imports it), without those that follow from others and those from the foundation."""
+    direct = {room: set(others) - set(FOUNDATION) for room, others in imported().items()}
     below = {room: _below(room, direct) for room in direct}
+    above = [room for room in direct if room not in FOUNDATION]
     return sorted(
-        (other, room) for room in direct for other in direct[room] if not any(other in below[one] for one in direct[room])
+        (other, room) for room in above for other in direct[room] if not any(other in below[one] for one in direct[room])
     )
 
 
@@ -156,9 +159,10 @@ def _place(room: str) -> tuple[float, float]:
 
 
 def _box(room: str) -> str:
-    (x, y), width = _place(room), WIDTH
-    if room == "parallel":
-        x, width = MARGIN, 3 * WIDTH + 2 * GAP_X
+    (x, y), width = _place(room), float(WIDTH)
+    if room in FOUNDATION:
+        width = (3 * WIDTH + (3 - len(FOUNDATION)) * GAP_X) / len(FOUNDATION)
+        x = MARGIN + FOUNDATION.index(room) * (width + GAP_X)
     fill = "#e3f1e1" if room in NUMPY_ONLY else "#fdeed8" if room in ENDS else "#e4edf8"
     middle = x + width / 2
     return (

@@ -6,6 +6,7 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from in_process import in_process
 
 from microslip.formats.model import FileBody, FileMaterial, FileSupport
 from microslip.formats.read import read_model
@@ -45,6 +46,7 @@ class Result:
 
 
 def install(monkeypatch, read):
+    in_process(monkeypatch)
     for name in ("ansys", "ansys.mapdl", "ansys.mapdl.reader"):
         monkeypatch.setitem(sys.modules, name, ModuleType(name))
     monkeypatch.setattr(sys.modules["ansys.mapdl.reader"], "read_binary", read, raising=False)
@@ -100,6 +102,7 @@ def test_other_files_are_refused(monkeypatch, file, read, message):
 
 
 def test_without_the_library_the_message_says_what_to_install(monkeypatch, file):
+    in_process(monkeypatch)
     monkeypatch.setitem(sys.modules, "ansys.mapdl.reader", None)
     with pytest.raises(MeshError, match="pip install ansys-mapdl-reader .* or write the archive: CDWRITE"):
         read_model(file)

@@ -23,7 +23,6 @@ from microslip.formats import bounded
 from microslip.formats.includes import included_files
 from microslip.formats.matrices.read import read_matrix
 from microslip.formats.read import read_model
-from microslip.parallel.apart import Died, apart
 from microslip.parallel.errors import CaseError, MeshError, MicroslipError
 from microslip.results.read import read_results, refuse_deadly
 from microslip.results.scene_back import GONE, fate
@@ -362,43 +361,7 @@ def test_exodus_in_hdf5_claims_no_more_than_it_holds(tmp_path):
         read_model(tmp_path / "file.e")
 
 
-# -- processes that die of a file ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "call, said",
-    [
-        (os.abort, r"crashes on it \(SIGABRT\)"),
-        (lambda: np.ones(2**27), "more memory"),
-        (lambda: time.sleep(60), "does not end within 1 s$"),
-        (lambda: any(iter(lambda: False, True)), "does not end within 1 s of the processor"),
-        (lambda: os._exit(0), "more memory"),
-    ],
-)
-def test_a_call_that_kills_or_fills_or_never_ends_is_named_and_does_no_harm(call, said):
-    with pytest.raises(Died, match=said):
-        apart(call, seconds=1 if said.endswith("$") else 60, memory=2**28, processor=1)
-
-
-def test_what_a_call_returns_and_raises_comes_back():
-    many = {"seconds": 60, "memory": 2**28}
-    np.testing.assert_array_equal(apart(np.arange, 5, **many), np.arange(5))
-    with pytest.raises(MeshError, match="a text"):
-        apart(_raises, MeshError("a text"), **many)
-    with pytest.raises(RuntimeError, match="Unsent: gone"):
-        apart(_raises, Unsent("gone"), **many)
-
-
-class Unsent(Exception):
-    """An error that cannot be sent from one process to another."""
-
-    def __reduce__(self):
-        raise TypeError
-
-
-def _raises(problem):
-    raise problem
+# -- memory -----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ import mapdl_archive
 import meshio
 import numpy as np
 import pytest
+from in_process import in_process
 from mpi4py import MPI
 from plain_model import DENSITY, POISSON, SCENE, YOUNG, bdf, cdb, ds_dat, exodus, inp, plain, tables, unv, write_vtk
 
@@ -131,6 +132,7 @@ class Result:
 
 @pytest.mark.slow
 def test_a_results_file_gives_the_response_of_mesh_and_scene(expected, folder, monkeypatch):
+    in_process(monkeypatch)
     for name in ("ansys", "ansys.mapdl", "ansys.mapdl.reader"):
         monkeypatch.setitem(sys.modules, name, ModuleType(name))
     monkeypatch.setattr(sys.modules["ansys.mapdl.reader"], "read_binary", Result, raising=False)

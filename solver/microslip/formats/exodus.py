@@ -13,8 +13,8 @@ import numpy as np
 import scipy.io
 
 from .. import elements
-from ..parallel.apart import Died, read_apart
 from ..parallel.errors import MeshError
+from ..system.sandbox import SandboxError, read_file
 from .hdf5 import MOST_GAIN, Storage
 from .model import KINDS, Cells, FileModel, Finding, Group
 
@@ -46,6 +46,7 @@ _SIDES = {
 }
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _MOST_BYTES = 2**33  # of one variable
+_PARTS = (FileModel, Cells, Group, Finding)
 
 
 def read_exodus(path: str) -> FileModel:
@@ -62,8 +63,8 @@ def read_exodus(path: str) -> FileModel:
     if head[:3] != b"CDF" and head != _HDF5:
         raise MeshError("it is no NetCDF file, classic or of HDF5; Exodus files are")
     try:
-        return _read(path) if head != _HDF5 else read_apart(path, _read, path, gain=MOST_GAIN)
-    except Died as problem:
+        return _read(path) if head != _HDF5 else read_file(path, _read, path, gain=MOST_GAIN, returns=_PARTS)
+    except SandboxError as problem:
         raise MeshError(f"it is truncated or damaged: {problem}") from None
 
 

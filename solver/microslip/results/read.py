@@ -10,10 +10,10 @@ import numpy as np
 from ..contact.law import OPEN
 from ..contact.laws import ELASTIC_COULOMB
 from ..formats.hdf5 import MOST_GAIN
-from ..parallel.apart import Died, read_apart
 from ..parallel.errors import CaseError
 from ..points.branch import CLOSES_TO, QUANTITIES
 from ..points.quantities import TEXT, Quantity, axis_lengths
+from ..system.sandbox import SandboxError, read_file
 from .checked_datasets import Reader, attribute, opened
 from .fields import read_fields, read_run
 from .origin import InputFile, Origin
@@ -51,14 +51,14 @@ def refuse_deadly(path: str) -> None:
     """Raise CaseError where a process dies of reading a result file, which may come from anywhere.  Local."""
     if not os.path.isfile(path):
         return  # who opens it says so
-
-    def read() -> None:
-        read_results(path), read_fields(path), read_run(path)
-
     try:
-        read_apart(path, read, gain=MOST_GAIN)
-    except Died as problem:
+        read_file(path, _try, path, gain=MOST_GAIN)
+    except SandboxError as problem:
         raise CaseError(f"{path}: cannot be read as a result file: {problem}; the file is damaged") from None
+
+
+def _try(path: str) -> None:
+    read_results(path), read_fields(path), read_run(path)
 
 
 def _read(path: str, reader: Reader, motion: bool) -> ResultFile:

@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 import re
 from itertools import islice
-from typing import Any
 
 import numpy as np
 
-from ...parallel.apart import Died, read_apart
 from ...parallel.errors import MeshError
+from ...system.sandbox import LibraryError, SandboxError, read_file
 from ..model import FileModel, Group
 from . import constraints as between
 from .attached import attached, known_nodes, nodes_of_solids, rigid_regions
@@ -105,22 +104,22 @@ def model_of(blocks: Blocks, said: tuple[Command, ...]) -> FileModel:
 
 def _archive(path: str) -> Blocks:
     try:
-        import mapdl_archive
-    except ImportError:
-        raise MeshError("Ansys archives are read by mapdl-archive; install it: pip install mapdl-archive") from None
-    try:
-        return read_apart(path, _parts, mapdl_archive, path, gain=_GAIN)
-    except Died as problem:
+        return read_file(path, _parts, path, gain=_GAIN, returns=(Blocks,))
+    except SandboxError as problem:
         raise MeshError(f"it is truncated or damaged: {problem}") from None
-    except (RuntimeError, ValueError, IndexError, OverflowError, MemoryError) as problem:
+    except LibraryError as problem:
         raise MeshError(
             f"it cannot be read as an Ansys archive; it is truncated, damaged or another format ({problem})"
         ) from None
 
 
-def _parts(library: Any, path: str) -> Blocks:
+def _parts(path: str) -> Blocks:
     """Return what the library has read."""
-    return blocks_of_archive(library.Archive(path, parse_vtk=False))
+    try:
+        import mapdl_archive
+    except ImportError:
+        raise MeshError("Ansys archives are read by mapdl-archive; install it: pip install mapdl-archive") from None
+    return blocks_of_archive(mapdl_archive.Archive(path, parse_vtk=False))
 
 
 def _check_counts(path: str, said: tuple[Command, ...]) -> None:

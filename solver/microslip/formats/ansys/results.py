@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...parallel.apart import Died, read_apart
 from ...parallel.errors import MeshError
+from ...system.sandbox import LibraryError, SandboxError, read_file
 from ..model import FileModel
 from .blocks import Blocks, blocks_of_archive
 from .commands import Command
@@ -33,24 +33,24 @@ def read_rst(path: str) -> FileModel:
     MeshError without the file's name: the library is missing, the file is damaged, or has shapes that are no solids here
     """
     try:
+        blocks, said = read_file(path, _parts, path, gain=_GAIN, returns=(Blocks,))
+    except SandboxError as problem:
+        raise MeshError(f"it is truncated or damaged: {problem}") from None
+    except LibraryError as problem:  # whatever the library makes of a damaged file
+        raise MeshError(f"it is truncated, damaged, or holds no results of Ansys ({problem})") from None
+    found = model_of(blocks, tuple(Command(one[0], one[1:], 0) for one in said))
+    return replace(found, facts=(*found.facts, _NOT_TOLD))
+
+
+def _parts(path: str) -> Told:
+    """Return what the library has read, as numbers and words alone."""
+    try:
         library = importlib.import_module(_LIBRARY)
     except ImportError:
         raise MeshError(
             "results of Ansys are read by ansys-mapdl-reader; install it: pip install ansys-mapdl-reader (with VTK some 500 MB), "
             "or write the archive: CDWRITE,DB,model,cdb"
         ) from None
-    try:
-        blocks, said = read_apart(path, _parts, library, path, gain=_GAIN)
-    except Died as problem:
-        raise MeshError(f"it is truncated or damaged: {problem}") from None
-    except Exception as problem:  # whatever the library makes of a damaged file
-        raise MeshError(f"it is truncated, damaged, or holds no results of Ansys ({problem})") from None
-    found = model_of(blocks, tuple(Command(one[0], one[1:], 0) for one in said))
-    return replace(found, facts=(*found.facts, _NOT_TOLD))
-
-
-def _parts(library: Any, path: str) -> Told:
-    """Return what the library has read, as numbers and words alone."""
     result = library.read_binary(path, parse_vtk=False)
     if not hasattr(result, "mesh") or not hasattr(result, "materials"):
         raise ValueError("it holds no mesh")

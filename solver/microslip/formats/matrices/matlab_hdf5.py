@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from ...parallel.apart import Died, read_apart
+from ...system.sandbox import SandboxError, read_file
 from ..hdf5 import MOST_GAIN, Storage
 from .file_matrix import FileMatrix, Wanted
 
@@ -31,8 +31,8 @@ def read_hdf5(wanted: Wanted) -> FileMatrix:
     except ImportError:
         raise wanted.error("a .mat of version 7.3 needs h5py; save it with -v7, or install h5py") from None
     try:
-        return read_apart(wanted.path, _matrix, wanted, gain=MOST_GAIN)
-    except Died as problem:
+        return read_file(wanted.path, _matrix, wanted, gain=MOST_GAIN, returns=(FileMatrix,))
+    except SandboxError as problem:
         raise wanted.error(str(problem)) from None
 
 

@@ -1,0 +1,1 @@
+"""What the program needs of one machine: processes, files, signals, limits; no MPI."""
