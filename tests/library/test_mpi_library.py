@@ -1,5 +1,6 @@
 """One structure, many responses: what a run gives, what a new structure gives, and nothing built twice; on any number of ranks."""
 
+import gc
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from bar_scene import N_PAIRS, write_bar
 from matrix_scenes import write_matrix_scene
 from mpi4py import MPI
 from oracles import scenes
+from petsc4py import PETSc
 
 import microslip
 from microslip.linear import factor as factors
@@ -259,3 +261,25 @@ def test_a_closed_structure_refuses_what_needs_its_factor(scene, comm):
     for asks in (lambda: found.fields(1e-3), *(lambda k=k: microslip.respond(structure, **k) for k in ({}, {"modes": 8}))):
         with pytest.raises(CaseError, match="the structure is closed, and its factor is freed; build it again"):
             asks()
+
+
+def test_a_closed_structure_leaves_no_matrix(scene, comm):
+    structure = microslip.build(scene, comm)
+    matrices = structure.linearised.K_L, structure.linearised.system.K, structure.linearised.system.M
+    assert all(matrices)
+    structure.close()
+    assert not any(matrices)
+
+
+def test_a_dropped_structure_is_freed_by_the_next_build(scene, comm, capfd):
+    dropped, kept = microslip.build(scene, comm), microslip.build(scene, comm)
+    instances = [one.linearised.factor.solver.mumps for one in (dropped, kept)]
+    del dropped
+    gc.collect()
+    assert all(one.is_open for one in instances)
+    with microslip.build(scene, comm):
+        assert [one.is_open for one in instances] == [False, True]
+        PETSc.garbage_view(comm)
+        assert "Total entries: 0" in capfd.readouterr().out or comm.rank > 0
+    assert len(microslip.respond(kept, levels=1e-3, points=5, error_bars=False)["corner"].amplitude) == 1
+    kept.close()

@@ -9,6 +9,7 @@ from msh import write_msh
 from rest_scene import HEIGHT, LENGTH, WIDTH, eccentric, force, scene_of
 
 import microslip
+from microslip.library import at_rest
 from microslip.library import build as library_build
 from microslip.linear import factor as factors
 from microslip.parallel.agree import on_root
@@ -118,14 +119,43 @@ def test_what_did_not_change_is_not_made_again(comm, folder, made):
     assert len(made) == 3  # that of the unloaded structure serves on
     again = first.fields(5.0, 4665.0)[1]
     assert again == pytest.approx(u, abs=1e-9 * np.abs(u).max()) and len(made) == 4
-    at_rest = first.prepared.structure
-    assert at_rest.modes.omega_n == pytest.approx(first.prepared.outline.omega_n, rel=1e-10) and len(made) == 4
+    again_at_rest = first.prepared.structure
+    assert again_at_rest.modes.omega_n == pytest.approx(first.prepared.outline.omega_n, rel=1e-10) and len(made) == 4
     own = microslip.respond(structure, error_bars=False, friction=0.3)
     assert own.prepared.structure is structure and len(made) == 4
     structure.close()
-    assert all(one.linearised.factor._solver is None for one in (structure, at_rest)) and "flexibility" not in vars(
+    assert all(one.linearised.factor._solver is None for one in (structure, again_at_rest)) and "flexibility" not in vars(
         structure.unloaded
     )
+
+
+@pytest.fixture
+def stiffnesses(monkeypatch):
+    """Return the list of all stiffness matrices at rest that are assembled from now on."""
+    assembled = []
+    assemble = at_rest.stiffness_at_rest
+    monkeypatch.setattr(at_rest, "stiffness_at_rest", lambda *of: assembled.append(assemble(*of)) or assembled[-1])
+    return assembled
+
+
+def test_the_matrices_of_a_rest_are_freed_with_it(comm, folder, stiffnesses):
+    structure = microslip.build(scene_of(comm, folder, STATICS, *COMMON, RANGE, name="freed"), comm)
+    for friction in (0.24, 0.26, 0.22):
+        microslip.respond(structure, error_bars=False, friction=friction)
+    assert [bool(K) for K in stiffnesses] == [True, False, False, True]  # of the structure and of its last rest
+    system, unloaded = structure.linearised.system, structure.unloaded.system
+    structure.close()
+    assert not any(stiffnesses) and not any([system.K, system.M, unloaded.K])
+    with pytest.raises(CaseError, match="the structure is closed"):
+        microslip.respond(structure, friction=0.24)
+
+
+def test_a_run_keeps_no_stiffness_of_before_the_loads(comm, folder, monkeypatch):
+    unloaded, bring = [], library_build.brought_to_rest
+    monkeypatch.setattr(library_build, "brought_to_rest", lambda of, *more: unloaded.append(of) or bring(of, *more))
+    scene = scene_of(comm, folder, STATICS, *COMMON, RANGE, name="run")
+    with library_build.build(scene, comm, keeps_unloaded=False) as structure:
+        assert not unloaded[0].system.K and structure.linearised.system.K and structure.linearised.system.M
 
 
 SERVES = {

@@ -41,7 +41,14 @@ class System:
 
     @property
     def n_dof(self) -> int:
-        return self.M.getSize()[0]
+        return self.R.shape[1]
+
+    def destroy(self, other: System | None = None) -> None:
+        """Free K, M and C, but for those that an ``other`` system shares; once more does nothing.  Collective."""
+        shared = () if other is None else (other.K, other.M, other.C)
+        for matrix in (self.K, self.M, self.C):
+            if matrix is not None and not any(matrix is one for one in shared):
+                matrix.destroy()
 
     def at_nodes(self, u: np.ndarray) -> np.ndarray:
         """Return the displacements of the nodes, (n_nodes, 3, ...), from those of all rows, (n_dof, ...).  Local.

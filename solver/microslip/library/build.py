@@ -32,6 +32,7 @@ from ..statics.balance import Balance
 from ..statics.bolts import BoltsAtRest
 from .at_rest import AtRest, Unloaded, brought_to_rest
 from .complete import read_completed
+from .dropped import free_dropped, free_if_dropped
 from .memory_estimate import memory_of_modes, of_factor, refuse_modes
 from .settings import matrix_settings, mesh_settings, outputs, reduction_settings
 
@@ -64,11 +65,14 @@ class Structure(StuckStructure):
         return self.linearised.system.comm
 
     def close(self) -> None:
-        """Free the factors.  Collective."""
+        """Free the factors and the matrices.  Collective."""
         free_other_rest(self)
+        system = self.linearised.system
         if self.unloaded is not None:
             self.unloaded.close()
+            self.unloaded.system.destroy(system)
         self.linearised.destroy()
+        system.destroy()
 
     def refuse_closed(self) -> None:
         """Raise CaseError once the factors are freed: PETSc would end the process.  Local; the same on every rank."""
@@ -88,7 +92,7 @@ def build(
 
     Collective on ``comm``, by default all ranks.  Without a ``log`` nothing is said.  What an earlier run has found may be
     ``known``.  With [statics], what finds another rest is kept, unless ``keeps_unloaded`` is False: K before the loads act, and
-    the mesh.
+    the mesh.  The memory of structures that were dropped without being closed is freed first.
 
     Raises
     ------
@@ -96,6 +100,7 @@ def build(
     """
     comm = comm or everyone()
     log = log or RunLog(comm, screen=False)
+    free_dropped(comm)
     if scene.model.mesh is None:
         mesh, rest, unloaded = *from_matrices(scene, comm, log), None
     else:
@@ -104,8 +109,9 @@ def build(
         for note in notes:
             log.note(note)
         mesh, rest, unloaded = from_mesh(scene, file, comm, log)
-    if not keeps_unloaded:
-        unloaded = None  # its memory before the factor's
+    if unloaded is not None and not keeps_unloaded:
+        unloaded.system.destroy(rest.system)  # its memory before the factor's
+        unloaded = None
     return stuck_structure(scene, mesh, rest, log, known, unloaded)
 
 
@@ -126,6 +132,7 @@ def stuck_structure(
     with log.stage("factor of the stuck structure"):
         later = None if known else partial(memory_of_modes, system.K, settings)
         linearised = linearise(system, pairs, str(scene.path), later, known.factor if known else None)
+    free_if_dropped(linearised.system.comm, linearised.factor)
     for note in (*linearised.factor.info["said"], of_factor(linearised.factor.info)):
         log.note(note)
     if linearised.factor.info.get("out_of_core") and unloaded is None and keeps_to_K_L(settings):
@@ -156,7 +163,9 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
     if key == own:
         return structure, ()
     if structure.kept.get(_OTHER_REST, (None,))[0] != key:
+        structure.refuse_closed()
         free_other_rest(structure)
+        free_dropped(structure.comm)
         known, log = structure.linearised, RunLog(structure.comm, screen=False)
         rest = brought_to_rest(structure.unloaded, pairs, known.system)
         if rest.system.K is known.system.K and np.array_equal(joint_stiffness(rest.pairs), joint_stiffness(structure.pairs)):
@@ -172,10 +181,15 @@ def at_another_rest(structure: Structure, scene: Scene, pairs: ContactPairs) -> 
 
 
 def free_other_rest(structure: Structure) -> None:
-    """Free the factor of the structure at another rest, if there is one of its own.  Collective."""
+    """Free the factor and the stiffness of the structure at another rest, if it has its own.  Collective."""
     known = structure.kept.pop(_OTHER_REST, None)
-    if known is not None and known[1].linearised.factor is not structure.linearised.factor:
-        known[1].linearised.destroy()
+    if known is None or known[1].linearised.factor is structure.linearised.factor:
+        return
+    assert structure.unloaded is not None, "a structure that keeps it"
+    at_rest, unloaded = known[1].linearised, structure.unloaded.system
+    at_rest.destroy()
+    if at_rest.system.K is not unloaded.K:
+        at_rest.system.destroy(structure.linearised.system)
 
 
 def from_mesh(scene: Scene, file: FileModel | None, comm: MPI.Comm, log: RunLog) -> tuple[Mesh | None, AtRest, Unloaded | None]:

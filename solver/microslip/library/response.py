@@ -211,7 +211,9 @@ class Response:
         u : (n_nodes, 3, N_H) m, axes nodes, directions and coefficients, in the order of ``structure.mesh.points``; without a
             mesh (n_dof, N_H)
         """
-        found, system = self.level(level), self.prepared.structure.linearised.system
+        structure = self.prepared.structure
+        structure.refuse_closed()
+        found, system = self.level(level), structure.linearised.system
         if len(found.frequency) == 0:
             raise CaseError(f"{level:g} N has no point: {found.failure}")
         i = int(

@@ -1,0 +1,56 @@
+"""Memory of structures that a script dropped without closing them: freed where all ranks pass together next.
+
+PETSc and MUMPS free by collective calls, so that no rank may free an object in the moment in which its Python name goes.
+"""
+
+from __future__ import annotations
+
+import gc
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from weakref import ref
+
+from petsc4py import PETSc
+
+from ..linear.factor import Factor
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..linear.direct import DirectSolver
+
+
+@dataclass(frozen=True, eq=False)
+class _Open:
+    """A factor that nobody has freed yet, with the ranks that have it."""
+
+    comm: MPI.Comm
+    factor: ref[Factor]
+    solver: DirectSolver
+
+    @property
+    def is_dropped(self) -> bool:
+        return self.factor() is None
+
+
+_open: list[_Open] = []
+
+
+def free_if_dropped(comm: MPI.Comm, factor: Factor) -> None:
+    """Let the next :func:`free_dropped` free a factor if nothing refers to it by then.  Local; on every rank of ``comm``."""
+    _open.append(_Open(comm, ref(factor), factor.solver))
+
+
+def free_dropped(comm: MPI.Comm) -> None:
+    """Free the factors and the PETSc objects that were dropped on all ranks of ``comm``.  Collective on ``comm``."""
+    of_comm = [one for one in _open if one.comm == comm]
+    if not of_comm:
+        return
+    gc.collect()
+    everywhere = zip(*comm.allgather([one.is_dropped for one in of_comm]))
+    for one, is_dropped in zip(of_comm, everywhere):
+        if all(is_dropped):
+            one.solver.destroy()
+            _open.remove(one)
+    if hasattr(PETSc, "garbage_cleanup"):  # before petsc4py 3.18 an object is freed with its Python name
+        PETSc.garbage_cleanup(comm)  # after MUMPS, which works on a communicator that PETSc frees with its last matrix
