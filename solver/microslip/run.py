@@ -27,7 +27,7 @@ from .parallel.versions import versions
 from .parallel.walltime import TimeLimit
 from .points.branch import Branch
 from .restart.cache import cache_of
-from .restart.folder import Restart
+from .restart.folder import Finished, Restart
 from .restart.place import RESULTS, place_of, settle
 from .results.audit import audit_text
 from .results.beside import Drawers
@@ -69,17 +69,18 @@ def run(
     """
     with locked(comm, folder) as left:
         restart = Restart.open(comm, folder, scene, asked.petsc, asked.fresh, cache_of(folder)).noting(left)
-        if restart.done is not None:
-            draw_again(comm, folder, asked.screen)
-            failures = restart.done
+        finished = restart.done
+        if finished is not None:
+            draw_again(comm, finished.place, asked.screen)
         else:
-            failures = compute(restart, comm, folder, asked)
-    if failures:
-        raise ConvergenceError("\n".join(failures) + f"\nwhat converged is in {folder}")
+            finished = compute(restart, comm, folder, asked)
+    if finished.failures:
+        stays = "" if finished.place == folder else f"; the complete results of an earlier run stay in {folder}"
+        raise ConvergenceError("\n".join(finished.failures) + f"\nwhat converged is in {finished.place}{stays}")
 
 
-def compute(restart: Restart, comm: MPI.Comm, folder: Path, asked: RunOptions) -> list[str]:
-    """Compute what is left of a run, write and draw all of it, and return why levels ended early, if some did.  Collective."""
+def compute(restart: Restart, comm: MPI.Comm, folder: Path, asked: RunOptions) -> Finished:
+    """Compute what is left of a run, write and draw all of it, and return where it is and why levels ended early.  Collective."""
     scene, place = restart.scene, on_root(comm, place_of, folder)
     facts = {"scene": scene.source, "method": scene.solver.method, "PETSc options": " ".join(asked.petsc) or "none", **versions()}
     origin = origin_of(scene, comm)
@@ -97,12 +98,12 @@ def compute(restart: Restart, comm: MPI.Comm, folder: Path, asked: RunOptions) -
         with log.stage("pictures"):
             draw(comm, place, drawers, partial(write_shapes, prepared, branches, shapes, place, record_of(log)))
         prepared.close()
-        log.note(f"results in {folder}")
-    on_root(comm, settle, folder, place, asked.fresh)
-    ended_early = [branch for branch in branches if branch.failure]
-    failures = [f"level {branch.why_ended}" for branch in ended_early]
-    restart.finish(folder, failures)
-    return failures
+        failures = [f"level {branch.why_ended}" for branch in branches if branch.failure]
+        final = restart.final_place(folder, place, failures)
+        log.note(f"results in {final}")
+    if final != place:
+        on_root(comm, settle, folder, place, asked.fresh)
+    return restart.finish(folder, final, failures)
 
 
 def draw_again(comm: MPI.Comm, folder: Path, screen: bool) -> None:

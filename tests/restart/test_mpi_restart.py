@@ -354,3 +354,31 @@ def test_a_level_that_ends_early_is_said_again_and_not_followed_again(shared_pat
         said.append(str(problem.value))
     assert said[0] == said[1] and said[0].count("ends after 5 points") == 2
     assert built == {"first": 1, "again": 0}
+
+
+@pytest.mark.ranks(1)
+def test_results_that_are_incomplete_leave_complete_ones_in_place(shared_path, built, monkeypatch):
+    complete, folder = scene_at(shared_path, "response.levels=[30.0]"), shared_path / "out"
+    run(complete, COMM, folder, RunOptions(screen=False))
+    once = (folder / "results.h5").read_bytes()
+
+    def ends_early(points):
+        said = []
+        for _ in range(2):  # the second time it is not computed again
+            with pytest.raises(
+                ConvergenceError, match=f"what converged is in {folder}/unfinished; the complete results"
+            ) as problem:
+                run(scene_at(shared_path, f"response.points={points}"), COMM, folder, RunOptions(screen=False))
+            said.append(str(problem.value))
+        assert said[0] == said[1] and (folder / "results.h5").read_bytes() == once
+        (level, *_) = read_results(str(folder / "unfinished" / "results.h5")).levels
+        assert level.status == "failed"
+
+    with monkeypatch.context() as patched:
+        patched.setattr("microslip.continuation.levels.most_points", lambda points: 5)
+        ends_early(14)
+        made = dict(built)
+        ends_early(13)
+    run(scene_at(shared_path, "response.points=14"), COMM, folder, RunOptions(screen=False))
+    assert (folder / "results.h5").read_bytes() != once and not (folder / "unfinished").exists()
+    assert built["first"] == made["first"]

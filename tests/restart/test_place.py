@@ -40,6 +40,27 @@ def test_files_of_others_stay_where_they_are(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(("earlier-1", "results.h5", *others))
 
 
+def test_what_a_user_has_in_unfinished_stays_and_stops_no_run(tmp_path):
+    place = tmp_path / "unfinished"
+    (place / "notes").mkdir(parents=True)
+    (place / "energy.png").mkdir()
+    for path in (tmp_path / "results.h5", place / "my_curve.csv", place / "notes" / "mine.txt", place / "states.png"):
+        path.write_text(path.name)
+    assert place_of(tmp_path) == place
+    (place / "results.h5").write_text("new")
+    settle(tmp_path, place)
+    assert (tmp_path / "results.h5").read_text() == "new"
+    assert sorted(path.name for path in place.iterdir()) == ["energy.png", "my_curve.csv", "notes"]
+    assert (place / "notes" / "mine.txt").is_file() and sorted(path.name for path in tmp_path.iterdir()) == [
+        "results.h5",
+        "unfinished",
+    ]
+    settle(tmp_path, place_of(tmp_path))  # and so does every later run
+    (place / "frf.csv").mkdir()
+    with pytest.raises(CaseError, match=r"unfinished/frf\.csv: cannot be written: Is a directory"):
+        place_of(tmp_path)
+
+
 def test_a_table_without_results_is_an_earlier_one_too(tmp_path):
     (tmp_path / "frf.csv").write_text("kept, where results.h5 was taken away")
     assert place_of(tmp_path) == tmp_path / "unfinished"

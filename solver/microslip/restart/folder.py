@@ -30,7 +30,7 @@ from .cache import Cache, read_modes, take
 from .identity import Identity, identity_of
 from .kept_branch import KeptBranch
 from .kept_columns import KeptColumns
-from .place import RESULTS, TABLE, is_part
+from .place import RESULTS, TABLE, UNFINISHED, is_part
 from .records import Disk, as_written, note_record, read_record, write_record
 from .restore import KeptSetup, exact_columns, restored
 from .setup import to_arrays
@@ -43,6 +43,14 @@ if TYPE_CHECKING:
 
 NAME = "restart"
 _FILES = ("identity", "done")
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A run that came to its end: where its results are, and why levels ended early, if some did."""
+
+    place: Path
+    failures: list[str]
 
 
 @dataclass(eq=False)
@@ -59,7 +67,7 @@ class Restart:
     scene: Scene
     identity: Identity  # of this run
     notes: tuple[str, ...]  # what is there, and how it differs
-    done: list[str] | None = None  # why levels ended early, of a run that was finished before; None: there is something left
+    done: Finished | None = None  # this very run, where it was finished before; None: there is something left to compute
     cache: Cache | None = None  # of set-ups that runs share
     fresh: bool = False  # nothing of it is used
     _used: set[str] = field(default_factory=set)  # names of folders that this run has used; on rank 0
@@ -185,18 +193,26 @@ class Restart:
 
     # -- the end -----------------------------------------------------------------------------------------------------
 
-    def finish(self, folder: Path, failures: list[str]) -> None:
-        """Keep that all of the run is in its folder, and remove what it has not used: that belongs to other scenes."""
+    def final_place(self, folder: Path, place: Path, failures: list[str]) -> Path:
+        """Return where results made in ``place`` stay: in ``folder``, unless levels ended early and those there are complete."""
+        stays = bool(failures) and not self.fresh and on_root(self.comm, _has_complete_results, folder)
+        return place if stays else folder
+
+    def finish(self, folder: Path, place: Path, failures: list[str]) -> Finished:
+        """Note that the run is finished, its results in ``place``; remove what it has not used: that belongs to other scenes."""
         on_each(self.comm, self._wait)
-        on_root(self.comm, self._finish, folder, failures)
+        on_root(self.comm, self._finish, folder, place, failures)
+        return Finished(place, failures)
 
     def _wait(self) -> None:
         """Wait until all files of this rank have reached the disk."""
         with said_of(str(self.path)):
             self._disk.wait()
 
-    def _finish(self, folder: Path, failures: list[str]) -> None:
-        found = {"of": self.identity.whole, "results": _hash(folder / RESULTS), "failures": failures}
+    def _finish(self, folder: Path, place: Path, failures: list[str]) -> None:
+        found = {"of": self.identity.whole, "results": _hash(place / RESULTS), "failures": failures}
+        if place != folder:
+            found |= {"place": place.name, "complete": _hash(folder / RESULTS)}
         write_record(self.path / "done", {}, found)
         for other in _parts(self.path):
             if other.name not in self._used:
@@ -240,9 +256,7 @@ def _of_branch(path: Path, branch: str) -> list[tuple[Path, Sweep]]:
     return found
 
 
-def _opened(
-    path: Path, scene: Scene, options: tuple[str, ...], fresh: bool
-) -> tuple[Identity, tuple[str, ...], list[str] | None]:
+def _opened(path: Path, scene: Scene, options: tuple[str, ...], fresh: bool) -> tuple[Identity, tuple[str, ...], Finished | None]:
     """Return the identity of a run, what there is to say of the last one in this folder, and how this one ended, if it did.
 
     Rank 0.
@@ -258,12 +272,24 @@ def _opened(
     return identity, notes, _done(path, identity)
 
 
-def _done(path: Path, identity: Identity) -> list[str] | None:
-    """Return why levels ended early, of a run that was finished and whose results are there; None of any other.  Rank 0."""
+def _done(path: Path, identity: Identity) -> Finished | None:
+    """Return a run that was finished and whose results are there; None of any other.  Rank 0."""
     found = read_record(path / "done")
-    if found is None or found[1]["of"] != identity.whole or not (path.parent / TABLE).is_file():
+    if found is None or found[1]["of"] != identity.whole:
         return None
-    return found[1]["failures"] if _hash(path.parent / RESULTS) == found[1]["results"] else None
+    place = path.parent / UNFINISHED if found[1].get("place") == UNFINISHED else path.parent
+    if not (place / TABLE).is_file() or _hash(place / RESULTS) != found[1]["results"]:
+        return None
+    return Finished(place, found[1]["failures"])
+
+
+def _has_complete_results(folder: Path) -> bool:
+    """Return whether the results in a folder are those of a run of which no level ended early.  Rank 0."""
+    found = read_record(folder / NAME / "done")
+    if found is None:
+        return False
+    complete = found[1].get("complete", "") if found[1]["failures"] else found[1]["results"]
+    return complete != "" and complete == _hash(folder / RESULTS)
 
 
 def _hash(path: Path) -> str:

@@ -35,28 +35,29 @@ def is_ours(name: str) -> bool:
 
 
 def place_of(folder: Path) -> Path:
-    """Return where files are made: beside the results of an earlier run until all are there, or in the folder itself.
+    """Return where files are made: in ``unfinished/`` while earlier results are in the folder, else in the folder itself.
 
-    What a run that was killed had half written is removed from both, and what it had drawn beside: it may be of another scene.
+    What a run that was killed had half written is removed from both, and its pictures: they may be of another scene.  Files that
+    this program does not write stay where they are.
 
     Raises
     ------
     CaseError : a folder has the name of a file
     """
-    for name in WRITTEN:
-        if (folder / name).is_dir():
-            raise CaseError(f"{folder / name}: cannot be written: Is a directory; choose another folder with --out")
     place = folder / UNFINISHED if any((folder / name).is_file() for name in (RESULTS, TABLE)) else folder
-    drawn = [path for path in place.glob("*") if path.name not in WRITTEN] if place != folder else []
-    half_written = [path for path in folder.glob(f"*{BESIDE}") if is_ours(path.name.removesuffix(BESIDE))]
-    for half in (*half_written, *drawn):
+    for path in (within / name for within in {folder, place} for name in WRITTEN):
+        if path.is_dir():
+            raise CaseError(f"{path}: cannot be written: Is a directory; choose another folder with --out")
+    half_written = [path for within in {folder, place} for path in within.glob(f"*{BESIDE}") if is_ours(path.stem)]
+    drawn = [path for path in _files_of(place) if path.name not in WRITTEN] if place != folder else []
+    for path in (*half_written, *drawn):
         with suppress(OSError):  # also a place that is taken, of which writing will tell
-            half.unlink()
+            path.unlink()
     return place
 
 
 def settle(folder: Path, place: Path, keeps_earlier: bool = False) -> None:
-    """Move the files of ``place`` to their folder, those of the earlier run before them to one of their own if they stay.
+    """Move the files of ``place`` to their folder, those of the earlier run before them to ``earlier-N/`` if they stay.
 
     Raises
     ------
@@ -66,20 +67,25 @@ def settle(folder: Path, place: Path, keeps_earlier: bool = False) -> None:
         return
     with unbroken(), said_of(str(folder)):
         if keeps_earlier:
-            _move(folder, _next_of(folder / EARLIER), only_ours=True)
+            _move(folder, _next_of(folder / EARLIER))
         for name in OPTIONAL:
             if not (place / name).exists():
                 (folder / name).unlink(missing_ok=True)
         _move(place, folder)
-        place.rmdir()
+        with suppress(OSError):  # something of its owner is in it
+            place.rmdir()
 
 
-def _move(source: Path, target: Path, only_ours: bool = False) -> None:
-    """Move the files of one folder to another, the results first."""
+def _move(source: Path, target: Path) -> None:
+    """Move the files that this program writes from one folder to another, the results first."""
     make_folder(str(target))
-    files = [path for path in source.iterdir() if path.is_file() and (is_ours(path.name) or not only_ours)]
-    for path in sorted(files, key=lambda path: path.name != RESULTS):
+    for path in sorted(_files_of(source), key=lambda path: path.name != RESULTS):
         os.replace(path, target / path.name)
+
+
+def _files_of(folder: Path) -> list[Path]:
+    """Return the files in a folder that this program writes there; none where there is no folder."""
+    return [path for path in folder.glob("*") if path.is_file() and is_ours(path.name)]
 
 
 def _next_of(path: Path) -> Path:
