@@ -1,8 +1,6 @@
 """One measurement of scaling.py, in a job of its own that mpi_counter.c is preloaded to: prints a line of JSON.
 
-'{"kind": "scene", "scene": "jobs/fan_small.toml", "level": 15, "points": 24}'    the stages: times, messages, memory, by rank
-'{"kind": "shares", "scene": ..., "ranks": [2, ..., 1024]}'                       elements of the largest rank, without these ranks
-'{"kind": "machine"}'                                                             latency and bandwidth between ranks
+'{"scene": "jobs/fan_small.toml", "level": 15, "points": 24}': times, messages, memory and shares of the work of each stage, by rank.
 """
 
 from __future__ import annotations
@@ -14,10 +12,10 @@ import json
 import sys
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -32,15 +30,10 @@ from microslip.continuation.follow import follow_branch
 from microslip.continuation.levels import arc_length_steps
 from microslip.continuation.task import BranchTask
 from microslip.library.build import build
-from microslip.library.complete import read_completed
 from microslip.library.prepare import prepare
-from microslip.library.settings import mesh_settings
 from microslip.linear import mumps
 from microslip.linear.analysis import count
 from microslip.linear.mumps import MumpsFactor
-from microslip.mesh.data import DistributedMesh, LocalBlock
-from microslip.mesh.partition import distribute
-from microslip.mesh.read import read_mesh
 from microslip.modes import eigen
 from microslip.observe.log import RunLog
 from microslip.parallel.agree import on_root
@@ -56,11 +49,10 @@ STAGES = {  # of the log: what they are called here
 }
 # parts of stages that differ in how they scale: a factorisation is analysed on rank 0 and computed on all ranks
 PARTS = [(mumps, "analysed", "{}: analysis"), (eigen, "count_below", "proof of modes")]
-SIZES = (0, 8, 64, 512, 4096, 32768, 262144, 2097152)  # bytes
 
 
 def clock() -> np.ndarray:
-    """Return wall and processor time, in all and in MPI, and what was said, as in ``NAMES``.  Local."""
+    """Return wall and processor time, in all and in MPI, and the messages, as in ``NAMES``.  Local."""
     return np.concatenate([[time.perf_counter(), time.process_time()], counters()])
 
 
@@ -157,77 +149,9 @@ def by_rank(comm: MPI.Comm, own: dict[str, dict[str, float]]) -> dict[str, dict[
     return {name: {key: [one.get(name, {}).get(key, 0.0) for one in everyone] for key in keys} for name, keys in names.items()}
 
 
-class Imagined:
-    """As many ranks as are asked for, of which this process is the first: to part a mesh as they would."""
-
-    rank = 0
-
-    def __init__(self, size: int):
-        self.size = size
-        self.shares: Sequence[tuple[LocalBlock, ...]] = ()
-
-    def bcast(self, value: Any) -> Any:
-        return value
-
-    def scatter(self, shares: Any) -> Any:
-        self.shares = shares
-        return shares[0]
-
-
-def of_shares(comm: MPI.Comm, scene: str, ranks: list[int]) -> dict:
-    """Return the elements of each of so many ranks over those of the mesh: the largest, by number of ranks.  Local."""
-    file, completed, _ = read_completed(read_scene(scene), comm)
-    settings = mesh_settings(completed)
-    mesh = read_mesh(settings, file)
-    n_all = sum(len(block.nodes) for block in mesh.elements)
-    found: dict[int, list[float]] = {}
-    for size in ranks:
-        many = Imagined(size)
-        parted = distribute(mesh, settings, cast(MPI.Comm, many))
-        assert isinstance(parted, DistributedMesh)
-        found[size] = [sum(len(block.nodes) for block in share) / n_all for share in many.shares]
-    return {"elements": found}
-
-
-def of_machine(comm: MPI.Comm) -> dict:
-    """Return wall seconds of a message (half a ping-pong) and of collectives, by bytes: the median of many.  Collective."""
-    return {"sizes": SIZES, **{name: [timed(comm, call, size) for size in SIZES] for name, call in CALLS.items()}}
-
-
-def timed(comm: MPI.Comm, call: Callable[[MPI.Comm, np.ndarray, np.ndarray], None], size: int) -> float:
-    """Return the median time of a call, on the slowest rank [s].  Collective."""
-    mine, others = np.zeros(size, dtype=np.uint8), np.zeros(size * comm.size, dtype=np.uint8)
-    times = []
-    for _ in range(20 if size > 100_000 else 200):
-        comm.Barrier()
-        start = time.perf_counter()
-        for _ in range(4):
-            call(comm, mine, others)
-        times.append((time.perf_counter() - start) / 4)
-    return comm.allreduce(float(np.median(times)), op=MPI.MAX)
-
-
-def ping_pong(comm: MPI.Comm, mine: np.ndarray, others: np.ndarray) -> None:
-    if comm.rank == 0:
-        comm.Send(mine, 1)
-        comm.Recv(mine, 1)
-    elif comm.rank == 1:
-        comm.Recv(mine, 0)
-        comm.Send(mine, 0)
-
-
-CALLS: dict[str, Callable[[MPI.Comm, np.ndarray, np.ndarray], None]] = {
-    "there and back": ping_pong,
-    "Allreduce": lambda comm, mine, others: comm.Allreduce(mine, others[: len(mine)], op=MPI.BOR),
-    "Bcast": lambda comm, mine, others: comm.Bcast(mine),
-    "Allgather": lambda comm, mine, others: comm.Allgather(mine, others),
-}
-
-
 def main() -> None:
-    request, comm = json.loads(sys.argv[1]), MPI.COMM_WORLD
-    kinds: dict[str, Callable[..., dict]] = {"scene": of_scene, "shares": of_shares, "machine": of_machine}
-    found = kinds[request.pop("kind")](comm, **request)
+    comm = MPI.COMM_WORLD
+    found = of_scene(comm, **json.loads(sys.argv[1]))
     if comm.rank == 0:
         print(json.dumps({"ranks": comm.size, **found}), flush=True)
 

@@ -1,4 +1,4 @@
-"""The model of scaling finds what its numbers were made of, and the counter counts what was said."""
+"""Work that cannot be shared is found from the work of every rank, and the counter counts every message once."""
 
 import json
 import os
@@ -7,86 +7,53 @@ import sys
 
 import numpy as np
 import pytest
-from mpi_counter import KINDS, compiled, preloading
+from mpi_counter import compiled, preloading
+from page_tables import MARKED
 from processes import LIMIT, MPIRUN, environment
-from scaling_model import (
-    RANKS,
-    Growth,
-    Measured,
-    Network,
-    Share,
-    exponent,
-    fitted_network,
-    gains_until,
-    parts_of_work,
-    stage_model,
-    weak_seconds,
-)
 from scaling_of import PARTS
+from scaling_report import ORDER, POINT, gains_until, least, parts_of_work, tables
+from sources import ROOT
 
-NETWORK = Network(latency=1e-6, bandwidth=1e9)
-SHARES = {2: [0.6, 0.4], 4: [0.3, 0.25, 0.25, 0.2]}
-NOTHING = {kind: {} for kind in KINDS}
+SHARES = {2: np.array([0.6, 0.4]), 4: np.array([0.3, 0.25, 0.25, 0.2])}
 
 
-def test_what_is_booked_apart_is_there():
+def test_the_functions_that_are_timed_exist():
     assert all(callable(vars(owner)[name]) for owner, name, _ in PARTS)
 
 
-def made(serial, replicated, parallel):
-    shares = {1: [1.0], **SHARES}
-    return {n: [serial * (r == 0) + replicated + parallel * s for r, s in enumerate(shares[n])] for n in shares}
+def work_of(serial, replicated, shared, shares):
+    return {n: serial * (np.arange(n) == 0) + replicated + shared * share for n, share in shares.items()}
 
 
 @pytest.mark.parametrize("parts", [(1.0, 0.5, 8.0), (0.0, 0.0, 3.0), (2.0, 0.0, 0.0)])
-def test_serial_replicated_and_parallel_work_are_told_apart(parts):
-    assert parts_of_work(made(*parts), SHARES) == pytest.approx(parts, abs=1e-9)
+def test_serial_replicated_and_shared_work_are_separated(parts):
+    assert parts_of_work(work_of(*parts, {1: np.ones(1), **SHARES}), SHARES) == pytest.approx(parts, abs=1e-9)
 
 
-def test_time_is_the_sum_of_its_terms_and_agrees_with_what_was_measured():
-    calls, sizes = NOTHING | {"sums": {2: 100.0, 4: 100.0}}, NOTHING | {"sums": {2: 1e6, 4: 1e6}}
-    wall = {1: 9.5, 2: 7.0}
-    model = stage_model("factor", Measured(made(1.0, 0.5, 8.0), {1: [1.0], **SHARES}, calls, sizes, wall), NETWORK)
-    assert [model.seconds(n, NETWORK) for n in (1, 2)] == pytest.approx([9.5, 7.0])
-    wire, waiting = 2 * (100 * 1e-6 + 1e6 / 1e9), model.idle * 2 * 8.0 * 0.3
-    assert waiting > 0.0
-    assert model.seconds(4, NETWORK) == pytest.approx(1.0 + 0.5 + 8.0 * 0.3 + wire + waiting)
-    ends = [model.seconds(1024, NETWORK, bound) for bound in ("best", "likely", "worst")]
-    assert ends == sorted(ends) and ends[0] > 1.5
-    assert weak_seconds(model, 1.0, 1, NETWORK) == pytest.approx(9.5)
-    assert model.gains_until(NETWORK)[0] == gains_until([model.seconds(n, NETWORK) for n in RANKS])
+def test_ranks_gain_until_what_cannot_be_shared_prevails():
+    assert least((1.0, 0.5, 8.0), 4) == pytest.approx(3.5)
+    assert gains_until((0.0, 0.0, 1.0)) == 64 and gains_until((1.0, 0.0, 0.0)) == 1
+    assert gains_until((1.0, 0.5, 8.0)) == 32  # 1.75 s; 2 s on 16 ranks, 1.63 s on 64
 
 
-def test_time_of_messages_by_latency_and_volume():
-    assert NETWORK.seconds("sums", 1, 10, 1e6) == 0.0
-    assert NETWORK.seconds("sums", 5, 10, 1e6) == pytest.approx(3 * (10e-6 + 1e-3))
-    assert NETWORK.seconds("gathers", 8, 10, 1e6) == pytest.approx(3 * 10e-6 + 1e-3)
-    assert NETWORK.seconds("exchanges", 8, 10, 1e6) == pytest.approx(7 * 10e-6 + 1e-3)
-    assert NETWORK.seconds("messages", 8, 10, 1e6) == pytest.approx(10e-6 + 1e-3)
-    sizes = np.array([0, 8, 4096, 1e6])
-    found = fitted_network(sizes, 2e-6 + sizes / 5e9)
-    assert (found.latency, found.bandwidth) == pytest.approx((2e-6, 5e9), rel=1e-2)
+def run_of(ranks, parts):
+    """Return what scaling_of.py reports where every stage has the same parts, shared evenly."""
+    even = {ranks: np.full(ranks, 1.0 / ranks)}
+    taken = work_of(*parts, even)[ranks].tolist()
+    stage = {"wall": taken, "cpu": taken, "mpi_cpu": [0.0] * ranks, "mpi_wall": [0.0] * ranks, "sums, bytes": [2e3] * ranks}
+    shares = {name: [1.0 / ranks] * ranks for name in ("flops", "entries", "pairs")}
+    return {"ranks": ranks, "points": 1, "stages": dict.fromkeys(ORDER, stage), "memory_MiB": {}, "shares": shares}
 
 
-def test_what_was_not_measured_follows_the_last_doubling_between_its_bounds():
-    share = Share({1: 1.0, 2: 0.55, 4: 0.35})
-    assert [share.at(n) for n in (1, 2, 4)] == [1.0, 0.55, 0.35]
-    best, likely, worst = (share.at(64, bound) for bound in ("best", "likely", "worst"))
-    assert best == pytest.approx(0.35 * 4 / 64) and likely == pytest.approx(0.35 * (0.35 / 0.55) ** 4)
-    assert worst == pytest.approx(0.15 + 0.8 / 64)  # 0.15 + 0.8 / P meets 0.55 and 0.35
-    assert Share().at(8) == 1 / 8
-    assert Growth({2: 10.0, 4: 20.0}).at(16) == pytest.approx(80.0)
-    assert Growth({2: 10.0, 4: 20.0}).at(16, "best") == pytest.approx(20.0)
-    assert Growth({2: 10.0, 4: 50.0}).at(8) == pytest.approx(100.0)  # no faster than the ranks
-    assert Growth({2: 7.0}).at(512) == 7.0
-
-
-def test_ranks_gain_until_the_least_time_is_nearly_reached():
-    assert gains_until([1.0 / n for n in RANKS]) == 1024
-    assert gains_until([1.0] * len(RANKS)) == 1
-    assert gains_until([1.0 / n + n / 64 for n in RANKS]) == 8
-    assert exponent(1.0, 4.0, 100, 200, 1.0, 3.0) == pytest.approx(2.0)
-    assert [exponent(1.0, large, 100, 200, 1.0, 1.5) for large in (0.0, 1.5, 4.0)] == [1.0, 1.0, 1.5]
+def test_tables_have_the_parts_and_are_those_of_the_page():
+    runs = [run_of(ranks, (0.1, 0.2, 0.8)) for ranks in (1, 2, 4)]
+    made = tables({"small": runs, "paper": runs})
+    page = (ROOT / "docs" / "scaling.md").read_text(encoding="utf-8")
+    assert {*made, "machine"} == {name for _, name, _ in MARKED.findall(page)}
+    assert "| factor | 100 ms | 200 ms | 800 ms | 700 ms | 500 ms |" in str(made["small-more"])
+    n = len(ORDER) - 1
+    assert f"| set-up of small | {1.1 * n:.3g} s | {0.7 * n:.3g} s | 1.57 |" in str(made["summary"])
+    assert POINT not in str(made["summary"])
 
 
 SAYS = """
